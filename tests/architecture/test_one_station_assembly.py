@@ -1,6 +1,5 @@
 """A station is wired in one place: what `gloc3 station` runs is what flights in virtual time run."""
 
-import ast
 import importlib
 import pkgutil
 from pathlib import Path
@@ -21,7 +20,8 @@ from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.station.vehicles import Vehicles
 from gloc3_groundstation.store.recording import Recording
 
-ROOT = Path(__file__).parents[2]
+from .constructors import constructors_of
+
 BUILDERS = {
     Station: {assembly.__name__},
     Links: {assembly.__name__},
@@ -36,26 +36,7 @@ BUILDERS = {
 
 @pytest.mark.parametrize("part", BUILDERS, ids=lambda part: part.__name__)
 def test_nothing_but_the_assembly_constructs_the_parts_of_a_station(part: type) -> None:
-    found = set()
-    for path in (
-        path for folder in ("common", "onboard", "groundstation", "sitl") for path in ROOT.glob(f"{folder}/**/*.py")
-    ):
-        text = path.read_text(encoding="utf-8")
-        if part.__name__ not in text:
-            continue
-        module = ".".join(path.relative_to(ROOT).with_suffix("").parts[1:])
-        tree = ast.parse(text)
-        names = {
-            alias.asname or alias.name
-            for node in ast.walk(tree)
-            if isinstance(node, ast.ImportFrom) and node.module == part.__module__
-            for alias in node.names
-            if alias.name == part.__name__
-        } | ({part.__name__} if module == part.__module__ else set())
-        calls = (node.func for node in ast.walk(tree) if isinstance(node, ast.Call))
-        if any(isinstance(called, ast.Name) and called.id in names for called in calls):
-            found.add(module)
-    assert found == BUILDERS[part]
+    assert constructors_of(part) == BUILDERS[part]
 
 
 def parts(setup: StationSetup) -> tuple[str, ...]:

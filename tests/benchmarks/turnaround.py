@@ -7,7 +7,8 @@ from statistics import quantiles
 from typing import Any
 
 from gloc3.mavlink.codec import Parser, shape
-from gloc3_sitl.flight.flight import Flight, FlightPlan
+from gloc3_sitl.flight.flight import Flight
+from gloc3_sitl.flight.plan import FlightPlan
 
 SECONDS = 12.0
 
@@ -17,8 +18,8 @@ async def _fly() -> list[float]:
     position, target = shape("LOCAL_POSITION_NED").id, shape("SET_POSITION_TARGET_LOCAL_NED").id
     async with Flight(FlightPlan(mission="hop")) as flight:
         arrived_s = 0.0
-        receive: Any = flight.cable.b.on_data
-        answer: Any = flight.cable.a.on_data
+        receive: Any = flight.links.cable.b.on_data
+        answer: Any = flight.links.cable.a.on_data
 
         def hear(data: bytes) -> None:
             nonlocal arrived_s
@@ -31,7 +32,7 @@ async def _fly() -> list[float]:
                 delays.append(time.perf_counter() - arrived_s)
             answer(data)
 
-        flight.cable.b.on_data, flight.cable.a.on_data = hear, take
+        flight.links.cable.b.on_data, flight.links.cable.a.on_data = hear, take
         follower = await flight.upload_and_start()
         with contextlib.suppress(TimeoutError):
             await flight.await_end(follower, within_s=SECONDS)

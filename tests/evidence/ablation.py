@@ -24,8 +24,9 @@ from gloc3.messages.frames import interpolate
 from gloc3.messages.vehicle import LandedState, Pose
 from gloc3.mission.model.states import ActionState
 from gloc3_sitl.faults.faults import schedule_faults
-from gloc3_sitl.flight.flight import Flight, FlightPlan
+from gloc3_sitl.flight.flight import Flight
 from gloc3_sitl.flight.messages import SimTruth
+from gloc3_sitl.flight.plan import FlightPlan
 
 Heard = dict[str, list[Envelope[Any]]]
 """Everything that was published, by topic below the platform's name."""

@@ -34,7 +34,8 @@ from gloc3_groundstation.store.contact_queue import ContactQueue
 from gloc3_groundstation.store.log_pull import LogPuller, Pulled, ftp_carrier
 from gloc3_sitl.demo.demo import free_ports
 from gloc3_sitl.faults.faults import schedule_faults
-from gloc3_sitl.flight.flight import STATION_RADIO, Flight, FlightPlan
+from gloc3_sitl.flight.flight import Flight
+from gloc3_sitl.flight.plan import STATION_RADIO, FlightPlan
 
 MISSION: Final = Path(__file__).with_name("store.yaml")
 SURFACE_M: Final = 0.6
@@ -110,24 +111,24 @@ async def _dive(folder: Path) -> Dive:
 
         flight.exchange.subscribe("auv/ci/mission", note)
         sound = list[int]()
-        hear = flight.modem.a.on_data
+        hear = flight.links.modem.a.on_data
         assert hear is not None
 
         def listen(data: bytes) -> None:
             sound.append(len(data))
             hear(data)
 
-        flight.modem.a.on_data = listen
+        flight.links.modem.a.on_data = listen
         schedule_faults(flight, FAULTS)
         follower = await flight.upload_and_start()
-        await _until(lambda: flight.is_below, 120.0)
+        await _until(lambda: flight.links.is_below, 120.0)
         below_s = loop.time()
         queue = ContactQueue(station)
         await asyncio.sleep(300.0)
         waiting = queue.add("auv", Plan(name="more.yaml", title="one more", text=ONE_MORE))
         await asyncio.sleep(200.0)
         words = wording.silence(station.fleet.platforms["auv"], loop.time())
-        await _until(lambda: not flight.is_below, 1500.0)
+        await _until(lambda: not flight.links.is_below, 1500.0)
         contact_s, shown_before = loop.time(), station.fleet.event_count
         await _until(lambda: _summary(station, shown_before) is not None, 10.0)
         summary_s = loop.time() - contact_s
@@ -137,7 +138,7 @@ async def _dive(folder: Path) -> Dive:
         shown = [event.text.rpartition(" (")[0] for event in station.fleet.events_after(shown_before) if event.source]
         texts = [event.text for event in heard]
         await flight.await_end(follower, 300.0)
-        north, east, _ = flight.samples[-1].position_ned_m
+        north, east, _ = flight.truth.samples[-1].position_ned_m
         queued = await asyncio.wait_for(queue.ended(waiting), 120.0)
         mission = station.fleet.platforms["auv"].mission
         is_there = mission is not None and mission.value.digest == digest_of(ONE_MORE)
@@ -190,8 +191,8 @@ async def _pull(flight: Flight, folder: Path) -> tuple[Pulled, float]:
     def came(_name: str, at: int, size: int) -> None:
         if breaks and at >= breaks[0] * size:
             breaks.pop(0)
-            flight.radio.set_conditions(Conditions(loss=1.0))
-            loop.call_later(DROP_S, flight.radio.set_conditions, STATION_RADIO)
+            flight.links.radio.set_conditions(Conditions(loss=1.0))
+            loop.call_later(DROP_S, flight.links.radio.set_conditions, STATION_RADIO)
 
     async with ftp_carrier(flight.ground.links.ways()[0][1], Address(1, 191)) as carrier:
         puller = LogPuller(flight.station, "auv", carrier, came)

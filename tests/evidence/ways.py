@@ -14,7 +14,8 @@ from gloc3.log.report.plot import plot_path
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import Vector3
 from gloc3.messages.vehicle import Pose
-from gloc3_sitl.flight.flight import Flight, FlightPlan
+from gloc3_sitl.flight.flight import Flight
+from gloc3_sitl.flight.plan import FlightPlan
 from gloc3_sitl.physics.wind import CALM, gusty
 
 WITHIN_S = 1500.0
@@ -70,8 +71,8 @@ async def _go(plan: FlightPlan) -> Way:
     seen: list[tuple[float, Vector3, Vector3]] = []
 
     def see(envelope: Envelope[Pose]) -> None:
-        if flight.samples and (not seen or envelope.t_s - seen[-1][0] >= PERIOD_S - 1e-3):
-            (north, east, _), down = flight.samples[-1].position_ned_m, flight.simulator.truth().position_ned_m[2]
+        if flight.truth.samples and (not seen or envelope.t_s - seen[-1][0] >= PERIOD_S - 1e-3):
+            (north, east, _), down = flight.truth.samples[-1].position_ned_m, flight.simulator.truth().position_ned_m[2]
             seen.append((envelope.t_s, (north, east, down), envelope.payload.position_ned_m))
 
     async with Flight(plan) as flight:

@@ -30,7 +30,8 @@ from gloc3_groundstation.desk import flights
 from gloc3_groundstation.missions.plans import Plan
 from gloc3_groundstation.station.command_client import CommandClient
 from gloc3_sitl.faults.faults import Injection, schedule_faults
-from gloc3_sitl.flight.flight import Flight, FlightPlan
+from gloc3_sitl.flight.flight import Flight
+from gloc3_sitl.flight.plan import FlightPlan
 
 T = TypeVar("T")
 
@@ -250,7 +251,7 @@ class Card:
     @property
     def position_m(self) -> tuple[float, float, float]:
         """Where the vehicle truly is: x, y, height in the frame `hold`."""
-        north, east, down = self.flight.samples[-1].position_ned_m
+        north, east, down = self.flight.truth.samples[-1].position_ned_m
         return north, -east, -down
 
     @property
@@ -299,7 +300,9 @@ class Card:
                 lines += [f"{one.t_s:8.2f}  command_server: {one.payload.text}" for one in heard[-5:]]
         texts = [f"{t_s:8.2f}  autopilot: {text}" for t_s, _, text in list(self.flight.simulator.texts)[-10:]]
         state = (
-            f"now {self.now_s:.2f} s at {tuple(round(x, 2) for x in self.position_m)}" if self.flight.samples else ""
+            f"now {self.now_s:.2f} s at {tuple(round(x, 2) for x in self.position_m)}"
+            if self.flight.truth.samples
+            else ""
         )
         return "\n".join([what, state, *sorted([*lines, *texts])])
 
@@ -311,7 +314,7 @@ class Card:
 
     def _listen_on_the_cable(self) -> None:
         """Reads along what the onboard process says to the autopilot."""
-        end = self.flight.cable.a
+        end = self.flight.links.cable.a
         receive, parser = end.on_data, Parser(is_datagram=True)
         assert receive is not None
 

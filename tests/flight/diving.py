@@ -10,8 +10,9 @@ from gloc3.clock import run_virtual
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.vehicle import Pose
 from gloc3_sitl.faults.faults import schedule_faults
-from gloc3_sitl.flight.flight import Flight, FlightPlan
+from gloc3_sitl.flight.flight import Flight
 from gloc3_sitl.flight.path_error import Sample
+from gloc3_sitl.flight.plan import FlightPlan
 
 UNDER_WATER_M = 1.0
 """Deeper than this it counts as diving."""
@@ -83,7 +84,7 @@ async def _dive(plan: FlightPlan, faults: tuple[str, ...]) -> Dive:
         flight.exchange.subscribe(f"{flight.name}/pose", poses.append)
         follower = await flight.upload_and_start()
         end = await flight.await_end(follower, within_s=3000.0)
-        samples = list(flight.samples)
+        samples = list(flight.truth.samples)
     return _judged(str(end.state), end.reason, poses, samples)
 
 

@@ -10,7 +10,8 @@ from gloc3.clock import run_virtual
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.vehicle import Pose
 from gloc3_sitl.faults.faults import schedule_faults
-from gloc3_sitl.flight.flight import Flight, FlightPlan
+from gloc3_sitl.flight.flight import Flight
+from gloc3_sitl.flight.plan import FlightPlan
 
 
 class Drive(NamedTuple):
@@ -58,7 +59,7 @@ async def _drive(plan: FlightPlan, away: tuple[float, float], faults: tuple[str,
         schedule_faults(flight, faults)
         flight.exchange.subscribe(f"{flight.name}/pose", poses.append)
         end = await flight.await_end(await flight.upload_and_start(), within_s=600.0)
-        samples, texts = list(flight.samples), list(flight.simulator.texts)
+        samples, texts = list(flight.truth.samples), list(flight.simulator.texts)
     times = np.array([sample.t_s for sample in samples])
     truth = np.array([sample.position_ned_m[:2] for sample in samples])
     told = [envelope for envelope in poses if envelope.payload.is_valid and times[0] <= envelope.t_s <= times[-1]]

@@ -20,7 +20,8 @@ from gloc3_groundstation.desk import flights
 from gloc3_groundstation.missions.plans import read_plan
 from gloc3_groundstation.station.station import Station
 from gloc3_sitl.flight.fleet_flight import FleetFlight
-from gloc3_sitl.flight.flight import Flight, FlightPlan
+from gloc3_sitl.flight.flight import Flight
+from gloc3_sitl.flight.plan import FlightPlan
 
 RADIO = Conditions(latency_s=0.05, jitter_s=0.05, loss=0.1, duplicate=0.05, reorder=0.05)
 COMPONENT = "hold"
@@ -271,9 +272,9 @@ async def _trial(seed: int, platforms: int, stations: int, span_s: float, file: 
                     full_s = loop.time() - came_s
             await asyncio.sleep(max(0.0, began_s + KILL_S - loop.time()))
             flight = fleet.flights[contested[0]]
-            flight.kill_onboard()
+            flight.process.kill()
             await asyncio.sleep(BACK_S - KILL_S)
-            flight.start_onboard()
+            flight.process.start()
             return held, full_s
 
         held, late_full_s = await upsets()

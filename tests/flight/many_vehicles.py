@@ -11,7 +11,7 @@ import msgspec
 from gloc3.clock import VirtualLoop
 from gloc3.platform.reader import whole_text
 from gloc3_sitl.flight.fleet_flight import FleetFlight
-from gloc3_sitl.flight.flight import FlightPlan
+from gloc3_sitl.flight.plan import FlightPlan
 
 SETTLE_S = 10.0
 

@@ -17,7 +17,8 @@ from gloc3.messages.frames import Quaternion, conjugate, multiply, to_rotation_v
 from gloc3.messages.perception import Odometry
 from gloc3_onboard.algorithms.odometry.chain import OdometryChain
 from gloc3_sitl.faults.faults import schedule_faults
-from gloc3_sitl.flight.flight import Flight, FlightPlan
+from gloc3_sitl.flight.flight import Flight
+from gloc3_sitl.flight.plan import FlightPlan
 
 TRUTH_PERIOD_S = 0.01
 MOMENTS_S = 4.0
@@ -156,8 +157,8 @@ async def watch(flight: Flight, truth: TrueWay) -> None:
     """Keeps the truth, until it is cancelled."""
     while True:
         now = flight.simulator.truth()
-        if flight.frame is not None and (not truth.rows or now.t_s > truth.rows[-1][0]):
-            place = flight.frame.ned_from_geo(now.latitude_deg, now.longitude_deg, now.altitude_m)
+        if flight.truth.frame is not None and (not truth.rows or now.t_s > truth.rows[-1][0]):
+            place = flight.truth.frame.ned_from_geo(now.latitude_deg, now.longitude_deg, now.altitude_m)
             truth.rows.append((now.t_s, place, now.velocity_ned_m_s, now.attitude_wxyz))
         await asyncio.sleep(TRUTH_PERIOD_S)
 

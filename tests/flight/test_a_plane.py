@@ -31,7 +31,7 @@ def plane(tmp_path: Path) -> Card:
 
 def ned_m(plane: Card) -> tuple[float, float, float]:
     """Where it truly is, from home."""
-    return plane.flight.samples[-1].position_ned_m
+    return plane.flight.truth.samples[-1].position_ned_m
 
 
 def east_m(plane: Card) -> float:

@@ -31,7 +31,7 @@ def test_a_platform_with_a_faulty_part_is_armed_by_nobody_and_the_reason_is_said
     flight.fault("crash:take_off", for_s=60.0)
     flight.until(lambda: flight.health is Health.FAULTY, 10.0, "the platform is not well")
     for _ in range(2):
-        flight.flight.autopilot_link.send_message(
+        flight.flight.process.vehicle.autopilot.send_message(
             message("COMMAND_LONG", target_system=1, target_component=1, command=ARM, param1=1.0)
         )
         flight.wait(2.0)

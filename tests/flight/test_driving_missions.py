@@ -35,7 +35,7 @@ def driven(platform: str, folder: Path, around: dict[str, Any]) -> list[Vector3]
         card.begin(MISSION, platform=platform, **around)
         card.await_state("mission", "done", 300.0)
         assert not card.flight.simulator.autopilot.craft.is_armed, "disarmed at the end"
-        return [sample.position_ned_m for sample in card.flight.samples]
+        return [sample.position_ned_m for sample in card.flight.truth.samples]
     finally:
         card.close()
 

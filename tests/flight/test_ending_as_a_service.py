@@ -43,7 +43,7 @@ def test_a_vehicle_whose_file_says_so_lands_before_the_service_ends(flight: Card
     assert flight.now_s - begin_s < 15.0
     assert len(ending.extended) > 20, "all the while the manager is asked for time"
     assert ending.said == ["the vehicle lands first; told to stop once more, it is left to its autopilot"]
-    onboard = flight.flight.onboard
+    onboard = flight.flight.process.onboard
     assert onboard is not None
     flight.run(onboard.stop())
     assert all(state is None for state in (onboard.state(name) for name in onboard.hosts))
@@ -92,7 +92,7 @@ def test_who_is_told_twice_leaves_the_landing_to_the_autopilot(flight: Card) -> 
     async def twice() -> None:
         flight.flight.loop.call_later(1.0, ending.hurried.set)
         await ending.departure.land(ending.hurried)
-        onboard = flight.flight.onboard
+        onboard = flight.flight.process.onboard
         assert onboard is not None
         await onboard.stop()
 
@@ -108,7 +108,7 @@ def test_a_component_that_works_in_flight_gets_its_settings_on_the_ground(flight
     flight.begin(mission())
     flight.await_state("sweep", "running")
     ending = Ending(flight, "hold")
-    begun, onboard = flight.flight.platform, flight.flight.onboard
+    begun, onboard = flight.flight.platform, flight.flight.process.onboard
     assert onboard is not None
     rows = [
         msgspec.structs.replace(row, settings={**row.settings, "acceleration_m_s2": 0.9})

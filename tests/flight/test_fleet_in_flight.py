@@ -19,7 +19,8 @@ from gloc3_groundstation.desk import flights
 from gloc3_groundstation.missions.plans import Plan, read_plan
 from gloc3_groundstation.station.station import Station
 from gloc3_sitl.flight.fleet_flight import FleetFlight
-from gloc3_sitl.flight.flight import Flight, FlightPlan
+from gloc3_sitl.flight.flight import Flight
+from gloc3_sitl.flight.plan import FlightPlan
 
 TOGETHER = """\
 mission: two in the hold
@@ -95,12 +96,13 @@ def test_one_waits_for_the_other_and_goes_on_when_it_has_landed(plan: Plan) -> N
                 end = await flights.follow_all(station, followers)
             assert end.is_done, end
             flown = {
-                name: max(-sample.position_ned_m[2] for sample in one.samples) for name, one in fleet.flights.items()
+                name: max(-sample.position_ned_m[2] for sample in one.truth.samples)
+                for name, one in fleet.flights.items()
             }
             assert flown["pelican"] == pytest.approx(1.5, abs=0.3)
             assert flown["heron"] == pytest.approx(2.0, abs=0.3)
             over = {
-                name: next(s.t_s for s in reversed(one.samples) if -s.position_ned_m[2] > 1.0)
+                name: next(s.t_s for s in reversed(one.truth.samples) if -s.position_ned_m[2] > 1.0)
                 for name, one in fleet.flights.items()
             }
             assert over["pelican"] > over["heron"]
@@ -114,12 +116,12 @@ def test_who_waits_for_a_lost_vehicle_follows_the_policy(plan: Plan) -> None:
             station = fleet.grounds[0].station
             await begun(station, plan)
             await until(station, "heron", "follow.out", "running")
-            fleet.flights["heron"].kill_onboard()
+            fleet.flights["heron"].process.kill()
             await until(station, "pelican", "back", "waiting")
             async with asyncio.timeout(10):
                 while not (pelican := station.fleet.get("pelican")) or pelican.mission.value.policy != "hold":  # type: ignore[union-attr]
                     await asyncio.sleep(0.1)
-            fleet.flights["heron"].start_onboard()
+            fleet.flights["heron"].process.start()
             await until(station, "pelican", "follow", "paused")
             await station.client.steer("heron", Verb.RESUME)
             await station.client.steer("pelican", Verb.RESUME)
@@ -189,7 +191,10 @@ def test_the_logs_tell_who_commanded_what(plan: Plan, tmp_path: Path) -> None:
         ("254", "Emergency", "accepted"),
     ]
     text = render_commands(commands)
-    assert "operator 254: Steer start: refused: station 255 holds control; ask for control first" in text
+    assert (
+        "operator 254 (udpout://station-2:14550): Steer start: refused: station 255 holds control; ask for control first"
+        in text
+    )
     assert "Emergency hold station 254: accepted" in text
 
 
@@ -197,7 +202,7 @@ def test_a_second_way_takes_over_when_the_first_is_cut_and_nothing_is_done_or_to
     async def work() -> None:
         async with FleetFlight([FlightPlan(mission=plan.file, name="heron")]) as fleet:
             heron, ground = fleet.flights["heron"], fleet.grounds[0]
-            station, wifi, radio = ground.station, ground.radios["heron"], heron.add_radio()
+            station, wifi, radio = ground.station, ground.radios["heron"], heron.process.add_radio()
             ground.join("heron", radio)
             asked = heard(heron)
             await flights.await_platform(station, "heron")

@@ -113,7 +113,7 @@ def test_vehicles_that_drive_are_given_plans_too(vehicle: str, near_m: float, tm
         card.begin(DRIVE, platform=vehicle)
         card.await_mode(FlightMode.MISSION, 20.0)
         card.await_state("mission", "done", 120.0)
-        way = [sample.position_ned_m[:2] for sample in card.flight.samples]
+        way = [sample.position_ned_m[:2] for sample in card.flight.truth.samples]
         assert min(dist(at, (14.0, 0.0)) for at in way) < near_m
         assert min(dist(at, (14.0, 9.0)) for at in way) < near_m
         assert not card.flight.simulator.autopilot.craft.is_armed

@@ -28,7 +28,7 @@ tasks:
 
 
 def link_bytes(flight: Card) -> int:
-    return int(flight.flight.station_link._exchange.endpoint.counters.sent_bytes)
+    return int(flight.flight.process.vehicle.stations[0]._exchange.endpoint.counters.sent_bytes)
 
 
 def bytes_a_second(flight: Card, seconds: float = 10.0) -> float:
@@ -85,9 +85,9 @@ def test_when_nobody_looks_any_more_or_the_station_is_lost_the_link_is_as_quiet_
     assert bytes_a_second(flight) == pytest.approx(before, rel=0.1)
     station.watcher.look("test", name, wants)
     flight.run(asyncio.sleep(2.0))
-    flight.flight.radio.a.conditions = Conditions(loss=1.0)
+    flight.flight.links.radio.a.conditions = Conditions(loss=1.0)
     flight.run(asyncio.sleep(LEASE_S + 1.0))
-    viewer: Any = flight.flight.onboard.hosts["viewer"]._hosted.component  # type: ignore[union-attr]
+    viewer: Any = flight.flight.process.onboard.hosts["viewer"]._hosted.component  # type: ignore[union-attr]
     assert viewer.looked_at == 0
 
 

@@ -50,7 +50,7 @@ def test_the_summary_comes_first_and_then_every_event_once_and_in_order(flight: 
 @ONE_STYLE
 def test_nothing_but_summaries_goes_by_sound_and_an_order_brings_the_vehicle_down(flight: Card) -> None:
     flight.begin(mission(SWEEP, options="silence: {expected_s: 900}, ", on_link_loss="land"), modem_period_s=15.0)
-    modem, code, heard = flight.flight.modem, AcousticCode("pelican"), list[tuple[float, bytes]]()
+    modem, code, heard = flight.flight.links.modem, AcousticCode("pelican"), list[tuple[float, bytes]]()
     for end in (modem.a, modem.b):
         receive = end.on_data
         assert receive is not None

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from gloc3.clock import run_virtual
-from gloc3_sitl.flight.flight import Flight, FlightPlan
+from gloc3_sitl.flight.flight import Flight
+from gloc3_sitl.flight.plan import FlightPlan
 
 WORLD = """\
 world: reef
@@ -41,7 +42,7 @@ async def dived(folder: Path) -> list[tuple[float, float]]:
         flight.exchange.subscribe(
             status,
             lambda _: heights.append(
-                (flight.samples[-1].position_ned_m[0], flight.simulator.truth().height_above_ground_m)
+                (flight.truth.samples[-1].position_ned_m[0], flight.simulator.truth().height_above_ground_m)
             ),
         )
         end = await flight.await_end(await flight.upload_and_start(), within_s=400.0)

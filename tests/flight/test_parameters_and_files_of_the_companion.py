@@ -46,7 +46,7 @@ def test_every_rate_and_setting_is_listed_and_a_rate_changes_while_working(fligh
     tool = begun(flight)
     fetch = tool.parameters.fetch(COMPANION, now_s=tool.now_s)
     assert tool.wait_for(fetch) is ParameterResult.DONE
-    names = {row.name for row in flight.flight.companion.parameters._rows.values()}
+    names = {row.name for row in flight.flight.process.vehicle.companion.parameters._rows.values()}
     assert set(fetch.parameters) == names
     assert all(len(name) <= 16 for name in names)
     assert len(names) > 60
@@ -74,7 +74,7 @@ def test_a_setting_is_changed_in_standby_only_and_by_whoever_holds_control_only(
     flight.wait(1.1)
     assert put(tool, "HEIGHT_MAX_M", 30.0) is ParameterResult.DONE
     assert put(tool, "HEIGHT_MIN_M", 0.1) is ParameterResult.DONE, "and what was set before stays"
-    onboard = flight.flight.onboard
+    onboard = flight.flight.process.onboard
     assert onboard is not None
     commands = [one.payload.settings for one in flight.heard["components/height/command"]]
     assert commands[-1] == {"max_m": 30.0, "min_m": 0.1}
@@ -118,7 +118,7 @@ def folder(tmp_path: Path) -> Path:
 
 def test_logs_are_read_and_nothing_else_of_the_folder_is_there(flight: Card, folder: Path) -> None:
     tool = begun(flight)
-    flight.flight.companion.share(shared_files(folder, folder, {}))
+    flight.flight.process.vehicle.companion.share(shared_files(folder, folder, {}))
     (folder / "missions" / "out.yaml").symlink_to(folder / "requests.journal")
     listed = tool.files.list(COMPANION, "/", now_s=tool.now_s)
     assert tool.wait_for(listed) is FtpError.NONE
@@ -149,7 +149,7 @@ def test_logs_are_read_and_nothing_else_of_the_folder_is_there(flight: Card, fol
 
 def test_missions_are_written_under_names_of_missions_by_whoever_may(flight: Card, folder: Path) -> None:
     tool = begun(flight)
-    flight.flight.companion.share(shared_files(folder, folder, {}))
+    flight.flight.process.vehicle.companion.share(shared_files(folder, folder, {}))
     text = GEO_HOP.encode()
     assert tool.wait_for(tool.files.write(COMPANION, "/missions/hop.yaml", text, now_s=tool.now_s)) is FtpError.NONE
     assert (folder / "missions" / "hop.yaml").read_bytes() == text
@@ -181,7 +181,7 @@ def test_missions_are_written_under_names_of_missions_by_whoever_may(flight: Car
 
 def test_metadata_name_files_whose_checksums_are_right(flight: Card, folder: Path) -> None:
     tool = begun(flight)
-    companion = flight.flight.companion
+    companion = flight.flight.process.vehicle.companion
     companion.share(shared_files(folder, folder, companion.metadata.files))
     tool.command(512, 397)
     flight.wait(0.1)
@@ -213,12 +213,12 @@ def test_metadata_name_files_whose_checksums_are_right(flight: Card, folder: Pat
 
 def test_files_opened_by_thousands_are_no_more_than_a_few(flight: Card, folder: Path) -> None:
     tool = begun(flight)
-    flight.flight.companion.share(shared_files(folder, folder, {}))
+    flight.flight.process.vehicle.companion.share(shared_files(folder, folder, {}))
     opened = Payload(operation=Operation.OPEN_FILE_READ_ONLY, size=14, data=b"/logs/log.mcap").encode()
     for encode in Tool(flight, system=200).as_strangers(2000):
         encode("FILE_TRANSFER_PROTOCOL", payload=opened)
     flight.wait(1.0)
-    (server,) = [one for one in flight.flight.companion._node._services if isinstance(one, FtpServer)]
+    (server,) = [one for one in flight.flight.process.vehicle.companion._node._services if isinstance(one, FtpServer)]
     assert server.sessions == MOST_SESSIONS, "and they make room a minute after they were used last"
     assert len(server._answered) <= MOST_CLIENTS
     refused = tool.files.read(COMPANION, "/logs/log.tlog", now_s=tool.now_s)

@@ -118,7 +118,7 @@ def test_in_the_air_nothing_is_held_against_a_start(flight: Card) -> None:
 def test_a_setup_that_cannot_be_read_anew_does_not_keep_a_start_waiting(flight: Card) -> None:
     ready(flight)
     deaf = {"PARAM_REQUEST_READ"}
-    cable = flight.flight.cable
+    cable = flight.flight.links.cable
     send = cable.b.send
     from gloc3.mavlink.codec import Parser
 

@@ -22,8 +22,8 @@ def restart_on_the_second_way(flight: Card, **policies: str) -> None:
     flight.wait(2.0)
     flight.fault("restart")
     flight.wait(0.1)
-    assert flight.flight.onboard is None
-    flight.until(lambda: flight.flight.onboard is not None, 3.0, "it is back")
+    assert flight.flight.process.onboard is None
+    flight.until(lambda: flight.flight.process.onboard is not None, 3.0, "it is back")
 
 
 def test_while_the_onboard_process_is_away_the_autopilot_holds(flight: Card) -> None:
@@ -80,7 +80,7 @@ def test_a_restart_on_the_ground_never_arms_and_never_starts(flight: Card) -> No
     flight.begin(mission(on_restart="continue"))
     flight.fault("restart", for_s=15.0)  # before the motors run, or just then: the autopilot disarms by itself
     flight.until(lambda: not flight.flight.simulator.autopilot.commander.craft.is_armed, 14.0, "disarmed")
-    flight.until(lambda: flight.flight.onboard is not None, 16.0, "it is back")
+    flight.until(lambda: flight.flight.process.onboard is not None, 16.0, "it is back")
     flight.wait(3.0)
     flight.always(lambda: not flight.autopilot.is_armed, 10.0, "it stays disarmed")
     assert flight.state("mission") == "paused"
@@ -211,7 +211,7 @@ def test_after_a_restart_the_way_goes_on_where_it_was_and_not_from_its_first_way
     flight.until(lambda: flight.position_m[1] > 3.7 and flight.position_m[0] < 4.0, 40.0, "on the third leg")
     flight.fault("restart")
     flight.wait(0.1)
-    flight.until(lambda: flight.flight.onboard is not None, 3.0, "it is back")
+    flight.until(lambda: flight.flight.process.onboard is not None, 3.0, "it is back")
     if on_restart == "hold":
         flight.await_policy("hold", 10.0)
         flight.command("resume")
@@ -236,7 +236,7 @@ def test_on_a_way_of_many_near_waypoints_a_restart_leads_no_waypoint_back(flight
     flight.until(lambda: flight.position_m[0] > 6.0, 30.0, "under way")
     flight.fault("restart")
     flight.wait(0.1)
-    flight.until(lambda: flight.flight.onboard is not None, 3.0, "it is back")
+    flight.until(lambda: flight.flight.process.onboard is not None, 3.0, "it is back")
     farthest_m = 0.0
 
     def is_done() -> bool:
@@ -266,7 +266,7 @@ def test_an_emergency_is_obeyed_while_the_components_are_still_coming_up(flight:
     flight.fault("hang:waypoints")
     flight.fault("restart")
     flight.wait(0.1)
-    flight.until(lambda: flight.flight.onboard is not None, 3.0, "it is back")
+    flight.until(lambda: flight.flight.process.onboard is not None, 3.0, "it is back")
     back_s = flight.now_s
     flight.wait(0.3)
     flight.emergency("land")

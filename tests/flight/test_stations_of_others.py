@@ -46,11 +46,11 @@ def test_an_uploaded_plan_is_a_mission_that_flies_pauses_and_ends(flight: Card) 
     assert tool.command(START) is CommandResult.ACCEPTED
     flight.await_state("fly.way", "running", 30.0)
 
-    before = flight.flight.companion.plans.refused
+    before = flight.flight.process.vehicle.companion.plans.refused
     assert second.wait_for(upload(second, HOP[:2])) is PlanResult.DENIED
     assert second.wait_for(second.missions.clear(COMPANION, now_s=tool.now_s)) is PlanResult.DENIED
     assert tool.wait_for(upload(tool, HOP[:2])) is PlanResult.DENIED, "its own station neither, while it runs"
-    assert flight.flight.companion.plans.refused == before + 3
+    assert flight.flight.process.vehicle.companion.plans.refused == before + 3
     assert any("station 250 holds control" in text for text in reasons(flight))
     assert any("is running; abort it first" in text for text in reasons(flight))
 
@@ -106,7 +106,7 @@ def test_what_is_no_command_of_an_onboard_computer_is_refused_with_a_reason(flig
         assert tool.command(command, *params) is expected, (command, params)
         assert len(reasons(flight)) == count + 1, (command, params)
         assert "station 250" in reasons(flight)[-1]
-    assert flight.flight.companion.commands.refused == 11
+    assert flight.flight.process.vehicle.companion.commands.refused == 11
 
 
 def test_a_command_for_everybody_or_for_the_autopilot_is_not_ours(flight: Card) -> None:
@@ -182,11 +182,11 @@ def test_a_plan_that_cannot_be_flown_is_refused_by_what_is_wrong_and_the_one_bef
         (item(93, frame=2, param1=-1.0), PlanResult.INVALID),
         (item(16, height_m=500.0), PlanResult.INVALID),
     ):
-        count = flight.flight.companion.reasons.said
+        count = flight.flight.process.vehicle.companion.reasons.said
         assert tool.wait_for(upload(tool, (HOP[0], wrong, HOP[3]))) is expected
         flight.wait(0.2)
         assert flight.mission.digest == before
-        assert flight.flight.companion.reasons.said > count
+        assert flight.flight.process.vehicle.companion.reasons.said > count
 
 
 def test_control_is_told_asked_for_and_handed_over(flight: Card) -> None:
@@ -237,7 +237,7 @@ def test_over_a_bad_radio_everything_arrives_once(flight: Card) -> None:
     fetch, uploading = tool.parameters.fetch(COMPANION, now_s=tool.now_s), upload(tool, plan)
     assert tool.wait_for(uploading) is PlanResult.ACCEPTED
     assert tool.wait_for(fetch) is ParameterResult.DONE
-    assert set(fetch.parameters) == set(flight.flight.companion.parameters._rows)
+    assert set(fetch.parameters) == set(flight.flight.process.vehicle.companion.parameters._rows)
     assert tool.wait_for(read := tool.missions.download(COMPANION, now_s=tool.now_s)) is PlanResult.ACCEPTED
     assert len(read.items) == len(plan)
     # the last word after one of progress may be lost, and is not asked for again
@@ -251,7 +251,7 @@ def test_over_a_bad_radio_everything_arrives_once(flight: Card) -> None:
 def test_after_the_onboard_process_has_come_up_again_the_plan_is_there(flight: Card) -> None:
     tool = begun(flight)
     assert tool.wait_for(upload(tool, HOP)) is PlanResult.ACCEPTED
-    flight.flight.kill_onboard()
+    flight.flight.process.kill()
     flight.wait(1.0)
     flight.run(restart(flight))
     again = Tool(flight)
@@ -265,14 +265,14 @@ def test_after_the_onboard_process_has_come_up_again_the_plan_is_there(flight: C
 
 async def restart(flight: Card) -> None:
     flight.heard.pop("ci/mission")
-    flight.flight.start_onboard()
+    flight.flight.process.start()
 
 
 def test_strangers_by_the_thousand_change_nothing_and_leave_nothing_behind(flight: Card) -> None:
     tool = begun(flight)
     assert tool.wait_for(upload(tool, HOP)) is PlanResult.ACCEPTED
     digest = flight.mission.digest
-    companion = flight.flight.companion
+    companion = flight.flight.process.vehicle.companion
     requests = len(flight.heard["ci/request"])
     stranger = Tool(flight, system=200)
     encoders = stranger.as_strangers(2000)

@@ -11,7 +11,7 @@ PROGRESS_S = 4.0
 
 def stop(flight: Card) -> list[str]:
     told: list[str] = []
-    onboard = flight.flight.onboard
+    onboard = flight.flight.process.onboard
     assert onboard is not None
     flight.run(onboard.stop(told.append))
     return told
@@ -25,7 +25,7 @@ def test_hold_is_confirmed_before_the_driver_leaves(flight: Card) -> None:
     begin_s = flight.now_s
     assert stop(flight) == []
     assert flight.now_s - begin_s < 3.0
-    onboard = flight.flight.onboard
+    onboard = flight.flight.process.onboard
     assert onboard is not None
     assert all(onboard.state(name) is None for name in onboard.hosts)
     left_s = next(
@@ -50,7 +50,7 @@ def test_a_driver_whose_hold_is_never_confirmed_is_left_after_a_while_with_a_wor
     flight.fault("cable_loss")
     told = stop(flight)
     assert [text for text in told if text.startswith("autopilot_driver has not left: ")], told
-    onboard = flight.flight.onboard
+    onboard = flight.flight.process.onboard
     assert onboard is not None
     assert [name for name in onboard.hosts if onboard.state(name) is not None] == ["autopilot_driver"]
     assert onboard.state("autopilot_driver") is State.WORKING

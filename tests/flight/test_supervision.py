@@ -177,7 +177,7 @@ def test_no_component_shows_another_rate_than_its_own_on_the_ground_and_in_fligh
 @pytest.mark.parametrize("style", ["px4"], indirect=True)
 def test_every_device_that_a_row_may_name_is_there_and_every_one_that_is_there_may_be_named(flight: Card) -> None:
     flight.begin(mission(), is_started=False)
-    onboard = flight.flight.onboard
+    onboard = flight.flight.process.onboard
     assert onboard is not None
     assert sorted(onboard.devices) == sorted(DEVICES)
     load_platform("pelican_rtk", is_loading_classes=True, devices=PROCESS_DEVICES)

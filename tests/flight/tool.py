@@ -5,11 +5,11 @@ from random import Random
 from typing import Any
 
 from tests.flight.card import Card
+from tests.node_runner import NodeRunner
 
 from gloc3.mavlink.codec import Encoder, MavlinkMessage, Parser, message
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.node import Node
-from gloc3.mavlink.runner import NodeRunner
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_client import CommandCall, CommandClient
 from gloc3.mavlink.services.ftp_client import FtpClient
@@ -52,7 +52,7 @@ class Tool:
         self.link.a.on_data = self._take
         self._parser, theirs = Parser(is_datagram=True), Parser(is_datagram=True)
         encoder = Encoder(*COMPANION)
-        hear = flight.companion.attach(lambda told: self.link.b.send(encoder.encode(told)))
+        hear = flight.process.vehicle.companion.attach(lambda told: self.link.b.send(encoder.encode(told)))
 
         def take(data: bytes) -> None:
             hear(theirs.receive(data))

@@ -22,7 +22,7 @@ from gloc3_groundstation.links.link_snapshot import LinkSnapshot
 from gloc3_groundstation.missions.plans import Plan
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.store.configuration import Configuration
-from gloc3_groundstation.tui.app import StationApp
+from gloc3_groundstation.tui.app import Opening, StationApp
 from gloc3_groundstation.tui.screen import SMALLEST
 from gloc3_groundstation.tui.screens.table import SCREENS
 from gloc3_groundstation.tui.widgets.lines import text_of
@@ -222,10 +222,8 @@ async def scene(
     app = StationApp(
         Desk(station, plan, links=links),
         configuration,
+        Opening(is_starting=flies, is_closing=flies, **options),
         waiting_for=lambda: "udpin://0.0.0.0:14550",
-        is_starting=flies,
-        is_closing=flies,
-        **options,
     )
     async with app.run_test(size=size) as pilot:
         here = Scene(app, pilot, platform, station, exchange)

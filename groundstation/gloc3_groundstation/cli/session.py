@@ -135,7 +135,7 @@ class Session:
         """
         if options.web is not None:
             os.environ.setdefault("TEXTUAL_COLOR_SYSTEM", "truecolor")  # read by Textual when it is loaded
-        from gloc3_groundstation.tui.app import StationApp
+        from gloc3_groundstation.tui.app import Opening, StationApp
 
         asked = self._options
         async with self._ground() as ground:
@@ -143,12 +143,14 @@ class Session:
             app = StationApp(
                 self._desk(ground),
                 asked.configuration,
-                platform=asked.platform,
+                Opening(
+                    platform=asked.platform,
+                    is_starting=options.is_starting,
+                    is_closing=options.is_closing,
+                    is_in_browser=options.web is not None,
+                    opens=options.opens,
+                ),
                 waiting_for=ground.links.describe,
-                is_starting=options.is_starting,
-                is_closing=options.is_closing,
-                is_in_browser=options.web is not None,
-                opens=options.opens,
             )
             loop = asyncio.get_running_loop()
             for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):

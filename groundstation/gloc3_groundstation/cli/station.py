@@ -3,8 +3,9 @@
 import asyncio
 import secrets
 import sys
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import msgspec
 from cyclopts import App, Parameter
@@ -14,6 +15,10 @@ from gloc3.errors import InputError, Refused
 from gloc3.mission.examples import find_mission
 from gloc3_groundstation.missions.plans import Plan, read_plan
 from gloc3_groundstation.web.server import HOST, PORT, WebOptions
+
+if TYPE_CHECKING:
+    from gloc3_groundstation.assembly import StationSetup
+    from gloc3_groundstation.store.configuration import Configuration
 
 FLAG: Final = Parameter(negative=(), show_default=False)
 
@@ -49,152 +54,175 @@ app = App(
 app["--help"].group = "Parameters"
 
 
-@app.default
-def station(
-    *,
-    mission: str | None = None,
-    link: Annotated[list[str] | None, Parameter(negative=())] = None,
-    platform: str | None = None,
-    headless: Annotated[bool, FLAG] = False,
-    json: Annotated[bool, FLAG] = False,
-    start: Annotated[bool, FLAG] = False,
-    exit_when_done: Annotated[bool, FLAG] = False,
-    override: str = "",
-    at_contact: Annotated[bool, FLAG] = False,
-    wait: float = 60.0,
-    station_id: int | None = None,
-    signing_key: Path | None = None,
-    network: Path | None = None,
-    acoustic: Annotated[list[str] | None, Parameter(negative=())] = None,
-    config: Path | None = None,
-    no_record: Annotated[bool, FLAG] = False,
-    foxglove: Annotated[bool, FLAG] = False,
-    foxglove_port: int = 8765,
-    web: Annotated[bool, FLAG] = False,
-    web_host: str = HOST,
-    web_port: int = PORT,
-) -> int:
-    """Watch and command vehicles.
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class StationOptions:
+    """What `gloc3 station` is asked for; each field is an option."""
 
-    Args:
-        mission: A mission file, or the name of an example; it is checked before anything else, and brought to the
-            platform as soon as that is heard. With --headless it is started too. In the terminal, one with errors is
-            opened at the first of them.
-        link: Where MAVLink comes from: udpin://HOST:PORT, udpout://, tcpin://, tcpout://, or serial:///dev/PORT:BAUD;
-            may be given again. Default: those of the configuration file, else udpin://0.0.0.0:14550.
-        platform: The platform to command, by name; otherwise the first that is heard.
-        headless: No terminal: narrate on stderr. Without --mission it watches until Ctrl-C.
-        json: With --headless: one JSON object a line on stdout, for everything that is narrated.
-        start: Start the mission without waiting for the key, once the platform is ready.
-        exit_when_done: Close the terminal when the mission has ended.
-        override: With --headless: why the mission shall start although pre-flight checks are red; it is logged onboard
-            with your name.
-        at_contact: With --headless: bring the mission over at the next contact with --platform, however long that takes,
-            and start nothing. In the terminal the key u queues it while nothing is heard of the vehicle.
-        wait: With --headless: give up when the platform is not heard within so many seconds; it may take as long again to
-            be ready.
-        station_id: The MAVLink system of this station: 255, and 254, 253 for further ones. Default: that of the
-            configuration file, else 255.
-        signing_key: A file with the MAVLink signing key of all links, which nobody else may read: 64 hexadecimal digits,
-            or `passphrase: ...`. Then frames without its signature are dropped and counted. Default: that of the
-            configuration file, else links are not signed.
-        network: The network file of this station, which gloc3 network makes: it reaches the platforms encrypted, under the
-            name and in the role of its certificate, beside the links. Then without --link no MAVLink link is opened.
-        acoustic: An acoustic modem, as PLATFORM=URL with udpin://, udpout:// or serial://; may be given again. Summaries
-            of a vehicle that is out of contact come there, and the emergency key's hold and land go there when nothing
-            else leads to it. ?key=FILE tags its frames.
-        config: The configuration file (TOML), made when the terminal closes if there is none: theme, links, station_id,
-            signing_key, downloads, and where the last session was. Default: gloc3/station.toml in the XDG configuration
-            directory.
-        no_record: Record nothing. Otherwise events, all that is heard (MCAP) and every MAVLink frame (.tlog) are kept
-            in gloc3/station in the XDG state directory.
-        foxglove: Serve what the vehicles tell to Foxglove while it happens, to be looked at only: open a connection to
-            ws://127.0.0.1:8765 there. A topic is asked for while somebody looks at it.
-        foxglove_port: The port for that; 0 takes any free one.
-        web: Show the terminal in a browser, at the address that is told. The station runs on when the browser's window
-            is closed, until Ctrl-C here or the key q there; one window has it at a time.
-        web_host: The address that the browser reaches it at. Anything but this computer's own lays the vehicles open to
-            whoever has the address that is told; nothing is encrypted.
-        web_port: The port for that; 0 takes any free one.
-    """
-    if json and not headless:
-        raise Refused("--json goes with --headless")
-    if override and not (headless and mission is not None):
-        raise Refused("--override goes with --headless and a --mission; in the terminal it is the key o of the checks")
-    if (start or exit_when_done) and mission is None:
-        raise Refused("--start and --exit-when-done need a --mission")
-    if at_contact and not (headless and mission is not None and platform is not None):
-        raise Refused("--at-contact goes with --headless, a --mission and a --platform")
-    if not 0.0 < wait < float("inf"):
-        raise Refused("--wait must be above 0 seconds")
-    if station_id is not None and not 200 <= station_id <= 255:
-        raise Refused("--station-id must be from 200 to 255")
-    if headless and web:
-        raise Refused("--web shows the terminal in a browser; with --headless there is none")
-    if not (headless or web) and not all(stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr)):
-        raise Refused("there is no terminal here; use --headless, or --web for a browser")
-    for name, port in (("foxglove", foxglove_port), ("web", web_port)):
-        if not 0 <= port <= 65535:
-            raise Refused(f"--{name}-port must be from 0 to 65535")
-    modems = [_modem(text) for text in acoustic or ()]
+    mission: str | None = None
+    """A mission file, or the name of an example; it is checked before anything else, and brought to the
+    platform as soon as that is heard. With --headless it is started too. In the terminal, one with errors is
+    opened at the first of them."""
+    link: Annotated[list[str] | None, Parameter(negative=())] = None
+    """Where MAVLink comes from: udpin://HOST:PORT, udpout://, tcpin://, tcpout://, or serial:///dev/PORT:BAUD;
+    may be given again. Default: those of the configuration file, else udpin://0.0.0.0:14550."""
+    platform: str | None = None
+    """The platform to command, by name; otherwise the first that is heard."""
+    headless: Annotated[bool, FLAG] = False
+    """No terminal: narrate on stderr. Without --mission it watches until Ctrl-C."""
+    json: Annotated[bool, FLAG] = False
+    """With --headless: one JSON object a line on stdout, for everything that is narrated."""
+    start: Annotated[bool, FLAG] = False
+    """Start the mission without waiting for the key, once the platform is ready."""
+    exit_when_done: Annotated[bool, FLAG] = False
+    """Close the terminal when the mission has ended."""
+    override: str = ""
+    """With --headless: why the mission shall start although pre-flight checks are red; it is logged onboard
+    with your name."""
+    at_contact: Annotated[bool, FLAG] = False
+    """With --headless: bring the mission over at the next contact with --platform, however long that takes, and
+    start nothing. In the terminal the key u queues it while nothing is heard of the vehicle."""
+    wait: float = 60.0
+    """With --headless: give up when the platform is not heard within so many seconds; it may take as long again
+    to be ready."""
+    station_id: int | None = None
+    """The MAVLink system of this station: 255, and 254, 253 for further ones. Default: that of the
+    configuration file, else 255."""
+    signing_key: Path | None = None
+    """A file with the MAVLink signing key of all links, which nobody else may read: 64 hexadecimal digits, or
+    `passphrase: ...`. Then frames without its signature are dropped and counted. Default: that of the
+    configuration file, else links are not signed."""
+    network: Path | None = None
+    """The network file of this station, which gloc3 network makes: it reaches the platforms encrypted, under
+    the name and in the role of its certificate, beside the links. Then without --link no MAVLink link is
+    opened."""
+    acoustic: Annotated[list[str] | None, Parameter(negative=())] = None
+    """An acoustic modem, as PLATFORM=URL with udpin://, udpout:// or serial://; may be given again. Summaries
+    of a vehicle that is out of contact come there, and the emergency key's hold and land go there when nothing
+    else leads to it. ?key=FILE tags its frames."""
+    config: Path | None = None
+    """The configuration file (TOML), made when the terminal closes if there is none: theme, links, station_id,
+    signing_key, downloads, and where the last session was. Default: gloc3/station.toml in the XDG configuration
+    directory."""
+    no_record: Annotated[bool, FLAG] = False
+    """Record nothing. Otherwise events, all that is heard (MCAP) and every MAVLink frame (.tlog) are kept in
+    gloc3/station in the XDG state directory."""
+    foxglove: Annotated[bool, FLAG] = False
+    """Serve what the vehicles tell to Foxglove while it happens, to be looked at only: open a connection to
+    ws://127.0.0.1:8765 there. A topic is asked for while somebody looks at it."""
+    foxglove_port: int = 8765
+    """The port for that; 0 takes any free one."""
+    web: Annotated[bool, FLAG] = False
+    """Show the terminal in a browser, at the address that is told. The station runs on when the browser's
+    window is closed, until Ctrl-C here or the key q there; one window has it at a time."""
+    web_host: str = HOST
+    """The address that the browser reaches it at. Anything but this computer's own lays the vehicles open to
+    whoever has the address that is told; nothing is encrypted."""
+    web_port: int = PORT
+    """The port for that; 0 takes any free one."""
+
+
+@app.default
+def station(options: StationOptions = StationOptions()) -> int:
+    """Watch and command vehicles."""
+    _check(options)
+    modems = tuple(_modem(text) for text in options.acoustic or ())
     plan: Plan | None = None
     opens = ""
-    if mission is not None:
-        find_mission(mission)  # a name that nothing has is wrong use; what is wrong in a file is not
+    if options.mission is not None:
+        find_mission(options.mission)  # a name that nothing has is wrong use; what is wrong in a file is not
         try:
-            plan = read_plan(mission, platform)
+            plan = read_plan(options.mission, options.platform)
         except InputError as error:
-            if headless or start or exit_when_done:
+            if options.headless or options.start or options.exit_when_done:
                 narrate(f"{error}\nthe mission did not pass the check")
                 return 1
-            opens = mission
-    from gloc3.clock import utc_now
-    from gloc3.mavlink.signing_key import read_signing_key
-    from gloc3.network.file import read_network
-    from gloc3_groundstation.assembly import StationSetup
+            opens = options.mission
     from gloc3_groundstation.cli.session import HeadlessOptions, Session, SessionOptions, TerminalOptions
     from gloc3_groundstation.store.configuration import Configuration, ConfigurationFile, default_path
-    from gloc3_groundstation.store.recording import default_root
 
-    file, configuration, problem = ConfigurationFile(config or default_path()), Configuration(), ""
+    file, configuration, problem = ConfigurationFile(options.config or default_path()), Configuration(), ""
     try:
         configuration = file.read()
     except InputError as error:
         problem = f"{error}; the station runs with its defaults and leaves the file as it is"
-    if mission is not None:
-        configuration = configuration.with_mission(str(Path(mission).resolve()) if Path(mission).is_file() else mission)
-    own = configuration.station_id if station_id is None else station_id
-    key_file = signing_key or (Path(configuration.signing_key) if configuration.signing_key else None)
+    if options.mission is not None:
+        is_file = Path(options.mission).is_file()
+        configuration = configuration.with_mission(str(Path(options.mission).resolve()) if is_file else options.mission)
+    setup = _setup(options, configuration)
+    asked = SessionOptions(
+        urls=tuple(options.link or ([] if setup.network is not None else configuration.links)),
+        modems=modems,
+        platform=options.platform,
+        plan=plan,
+        configuration=configuration,
+        problem=problem,
+        foxglove_port=options.foxglove_port if options.foxglove else None,
+    )
+    session = Session(setup, asked)
+    if options.headless:
+        run = HeadlessOptions(wait_s=options.wait, override=options.override, is_at_contact=options.at_contact)
+        return asyncio.run(session.narrate(run, data=_print_json if options.json else None))
+    page = WebOptions(host=options.web_host, port=options.web_port) if options.web else None
+    shown = TerminalOptions(is_starting=options.start, is_closing=options.exit_when_done, web=page, opens=opens)
+    return asyncio.run(session.show(shown, keep=file.write))
+
+
+def _check(options: StationOptions) -> None:
+    """Checks that the options go together.
+
+    Raises:
+        Refused: they do not, or one is out of its bounds.
+    """
+    is_flying = options.headless and options.mission is not None
+    if options.json and not options.headless:
+        raise Refused("--json goes with --headless")
+    if options.override and not is_flying:
+        raise Refused("--override goes with --headless and a --mission; in the terminal it is the key o of the checks")
+    if (options.start or options.exit_when_done) and options.mission is None:
+        raise Refused("--start and --exit-when-done need a --mission")
+    if options.at_contact and not (is_flying and options.platform is not None):
+        raise Refused("--at-contact goes with --headless, a --mission and a --platform")
+    if not 0.0 < options.wait < float("inf"):
+        raise Refused("--wait must be above 0 seconds")
+    if options.station_id is not None and not 200 <= options.station_id <= 255:
+        raise Refused("--station-id must be from 200 to 255")
+    if options.headless and options.web:
+        raise Refused("--web shows the terminal in a browser; with --headless there is none")
+    has_terminal = all(stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr))
+    if not (options.headless or options.web or has_terminal):
+        raise Refused("there is no terminal here; use --headless, or --web for a browser")
+    for name, port in (("foxglove", options.foxglove_port), ("web", options.web_port)):
+        if not 0 <= port <= 65535:
+            raise Refused(f"--{name}-port must be from 0 to 65535")
+
+
+def _setup(options: StationOptions, configuration: "Configuration") -> "StationSetup":
+    """What the station is, by the options and else by its configuration.
+
+    Raises:
+        Refused: the signing key cannot be read.
+        InputError: the network file cannot be read.
+    """
+    from gloc3.clock import utc_now
+    from gloc3.mavlink.signing_key import read_signing_key
+    from gloc3.network.file import read_network
+    from gloc3_groundstation.assembly import StationSetup
+    from gloc3_groundstation.store.recording import default_root
+
+    key_file = options.signing_key or (Path(configuration.signing_key) if configuration.signing_key else None)
     try:
         key = None if key_file is None else read_signing_key(key_file.expanduser())
     except InputError as error:
         raise Refused(str(error)) from None
-    membership = None if network is None else read_network(network.expanduser(), utc_now())
-    record = None if no_record else default_root()
-    setup = StationSetup(
+    return StationSetup(
         boot=secrets.randbits(32),
-        system=own,
-        record=record,
+        system=configuration.station_id if options.station_id is None else options.station_id,
+        record=None if options.no_record else default_root(),
         downloads=Path(configuration.downloads or ".").expanduser(),
         signing_key=key,
-        network=membership,
+        network=None if options.network is None else read_network(options.network.expanduser(), utc_now()),
     )
-    options = SessionOptions(
-        urls=tuple(link or ([] if membership is not None else configuration.links)),
-        modems=tuple(modems),
-        platform=platform,
-        plan=plan,
-        configuration=configuration,
-        problem=problem,
-        foxglove_port=foxglove_port if foxglove else None,
-    )
-    session = Session(setup, options)
-    if headless:
-        run = HeadlessOptions(wait_s=wait, override=override, is_at_contact=at_contact)
-        return asyncio.run(session.narrate(run, data=_print_json if json else None))
-    page = WebOptions(host=web_host, port=web_port) if web else None
-    shown = TerminalOptions(is_starting=start, is_closing=exit_when_done, web=page, opens=opens)
-    return asyncio.run(session.show(shown, keep=file.write))
 
 
 def _modem(text: str) -> tuple[str, str]:

@@ -5,6 +5,7 @@ from collections.abc import Awaitable, Callable
 from functools import partial
 from typing import Any, ClassVar, Final, cast
 
+import msgspec
 from msgspec.structs import replace
 from textual.app import App
 from textual.binding import Binding, BindingType
@@ -42,6 +43,21 @@ INTERRUPTED: Final = 130
 MONOCHROME: Final = "mono"
 
 
+class Opening(msgspec.Struct, frozen=True, kw_only=True):
+    """How the terminal opens and closes."""
+
+    platform: str | None = None
+    """The one in view; None for the one of the last session, or the first that is heard."""
+    is_starting: bool = False
+    """Starts the selected mission without waiting for the key."""
+    is_closing: bool = False
+    """Closes when that mission has ended, or could not be started."""
+    is_in_browser: bool = False
+    """Shown to a browser by `window`, instead of in the terminal that it was started in."""
+    opens: str = ""
+    """A mission file that is opened at the start; one with errors is shown at the first of them."""
+
+
 class StationApp(App[End | None]):
     """Renders snapshots of the fleet and hands keys to the desk; it decides nothing itself."""
 
@@ -61,39 +77,28 @@ class StationApp(App[End | None]):
         self,
         desk: Desk,
         configuration: Configuration = Configuration(),  # noqa: B008 - immutable
-        *,
-        platform: str | None = None,
+        opening: Opening = Opening(),  # noqa: B008 - immutable
         waiting_for: Callable[[], str] = lambda: "the link",
-        is_starting: bool = False,
-        is_closing: bool = False,
-        is_in_browser: bool = False,
-        opens: str = "",
     ) -> None:
         """The terminal.
 
         Args:
             desk: where keys lead to; with the mission at hand.
             configuration: how it looks, and where it was left.
-            platform: the one in view; None for the one of the last session, or the first that is heard.
+            opening: how it opens and closes.
             waiting_for: what is listened to, told while no platform is heard.
-            is_starting: starts the mission at hand without waiting for the key.
-            is_closing: closes when that mission has ended, or could not be started.
-            is_in_browser: shown to a browser by `window`, instead of in the terminal that it was started in.
-            opens: a mission file that is opened at the start; one with errors is shown at the first of them.
         """
         is_monochrome = bool(os.environ.get("NO_COLOR"))
-        driver = BrowserDriver if is_in_browser else None
+        driver = BrowserDriver if opening.is_in_browser else None
         super().__init__(driver, ansi_color=True if is_monochrome else None)
         self.desk: Final = desk
         self._configuration = configuration
         desk.missions.recent = configuration.session.missions
         desk.gamepad = configuration.gamepad
         self._is_monochrome = is_monochrome
-        self._in_view = InView(platform, configuration.session.platform)
+        self._in_view = InView(opening.platform, configuration.session.platform)
         self._waiting_for = waiting_for
-        self._is_starting = is_starting
-        self._is_closing = is_closing
-        self._opens = opens
+        self._opening = opening
         self._has_begun = desk.plan is None  # what is opened later is brought over when the operator says so
         self._was_possible: object = None
         self._tracks = Tracks()
@@ -106,7 +111,7 @@ class StationApp(App[End | None]):
         for row in SCREENS:
             self.add_mode(row.name, partial(row.screen, self.desk, SCREENS, row, self.view))
         last = [row.name for row in SCREENS if row.name == self._configuration.session.screen]
-        if self._opens:
+        if self._opening.opens:
             last = [row.name for row in SCREENS if row.screen is MissionScreen]
             self.call_after_refresh(self._open)
         self.switch_mode(last[0] if last else SCREENS[0].name)
@@ -178,7 +183,7 @@ class StationApp(App[End | None]):
         if view.platform is not None and is_ours and not self._has_begun and self.desk.plan is not None:
             self._has_begun = True
             name = view.platform.name
-            self.do(self._fly(name) if self._is_starting else self.desk.bring(name))
+            self.do(self._fly(name) if self._opening.is_starting else self.desk.bring(name))
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Greys out, or hides, the keys that make no sense now."""
@@ -303,9 +308,9 @@ class StationApp(App[End | None]):
 
     async def _open(self) -> None:
         if isinstance(self.base, MissionScreen):
-            await self.base.open(self._opens)
+            await self.base.open(self._opening.opens)
 
     async def _fly(self, name: str) -> None:
         end = await self.desk.fly(name)
-        if self._is_closing:
+        if self._opening.is_closing:
             self.exit(end)

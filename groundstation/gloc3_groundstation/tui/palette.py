@@ -2,17 +2,15 @@
 
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING, cast
+from typing import Protocol, cast
 
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 
 from gloc3_groundstation.desk.desk import Move
-from gloc3_groundstation.tui.screen import Command, StationScreen
+from gloc3_groundstation.tui.screen import Command, Offer, StationScreen
 from gloc3_groundstation.tui.screens.table import SCREENS
 from gloc3_groundstation.tui.themes import DESCRIPTIONS
-
-if TYPE_CHECKING:
-    from gloc3_groundstation.tui.app import StationApp
+from gloc3_groundstation.tui.view import View
 
 MOVES = {
     Move.START: "Start the mission",
@@ -22,6 +20,39 @@ MOVES = {
     Move.STREAM: "Upload the mission at hand",
     Move.CONTROL: "Ask for control",
 }
+
+
+class Commanded(Protocol):
+    """What the palette needs of the terminal; `StationApp` is one."""
+
+    current_mode: str
+
+    def view(self) -> View:
+        """What is shown now."""
+
+    def look_at(self, name: str) -> None:
+        """Brings a vehicle into view."""
+
+    def action_go(self, name: str) -> None:
+        """Opens a screen."""
+
+    def action_move(self, name: str) -> None:
+        """Asks the vehicle in view for something."""
+
+    def action_emergency(self) -> None:
+        """Has the vehicle in view hold."""
+
+    def action_acknowledge(self, is_all: bool = False) -> None:
+        """Takes note of an alert, or of all."""
+
+    def action_help(self) -> None:
+        """Explains the screen in view."""
+
+    def action_leave(self) -> None:
+        """Closes the terminal."""
+
+    async def take_up(self, name: str, offer: Offer) -> None:
+        """Opens a screen and does what one of its keys does."""
 
 
 class StationCommands(Provider):
@@ -41,7 +72,7 @@ class StationCommands(Provider):
                 yield Hit(score, matcher.highlight(command.title), command.run, help=command.help)
 
     def _commands(self) -> Iterator[Command]:
-        app = cast("StationApp", self.app)
+        app = cast("Commanded", self.app)
         view, screen = app.view(), self.screen
         platform = view.platform
         if isinstance(screen, StationScreen):
@@ -66,7 +97,7 @@ class StationCommands(Provider):
 
     def _elsewhere(self) -> Iterator[Command]:
         """What the keys of the screens do that are not shown."""
-        app = cast("StationApp", self.app)
+        app = cast("Commanded", self.app)
         for row in SCREENS:
             if row.name != app.current_mode:
                 for offer in row.screen.offers(row.title):

@@ -14,7 +14,7 @@ from gloc3.camera.model import CameraModel, Lens
 from gloc3.documents.document import MAX_BYTES, Document, Where, parse
 from gloc3.documents.yaml_nodes import MAX_DEPTH, MAX_NODES, Node
 from gloc3.errors import Finding, InputError
-from gloc3_onboard.calibration.lens import IN_PLACE, lens_model, size_of
+from gloc3_onboard.calibration.lens import IN_PLACE, WrittenLens, lens_model, size_of
 from gloc3_onboard.calibration.mounting import Transform, quaternion_of, transform_problem
 from gloc3_onboard.calibration.numbers import Values
 
@@ -103,12 +103,14 @@ def _camera(values: Values, number: str, name: str, mount: Transform) -> CameraM
     return lens_model(
         values,
         at,
-        size=size,
-        intrinsics=(matrix[0][0], matrix[1][1], matrix[0][2], matrix[1][2]),
-        lens=_lens(values) if given else Lens.PINHOLE,
-        coefficients=given,
-        coefficients_at=lens_at or at,
-        mount=mount,
+        WrittenLens(
+            size,
+            (matrix[0][0], matrix[1][1], matrix[0][2], matrix[1][2]),
+            _lens(values) if given else Lens.PINHOLE,
+            given,
+            lens_at or at,
+        ),
+        mount,
     )
 
 

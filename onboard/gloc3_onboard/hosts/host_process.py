@@ -17,7 +17,6 @@ from gloc3.errors import Gloc3Error, InputError, Misuse, Refused
 from gloc3.messages.envelope import Severity
 from gloc3.platform.places import Place, clock_host
 from gloc3.platform.platform import Platform
-from gloc3_onboard.event_narration import EventNarration
 from gloc3_onboard.hosts.host_clock import STEP_S, HostClock
 from gloc3_onboard.hosts.keeper import ClockState, HostKeeper
 from gloc3_onboard.hosts.loop import PlatformLoop
@@ -25,6 +24,7 @@ from gloc3_onboard.hosts.node import Node, NodeOptions
 from gloc3_onboard.hosts.offset import Estimate
 from gloc3_onboard.hosts.pipe import Order
 from gloc3_onboard.hosts.shared import Shared, renew
+from gloc3_onboard.process.event_narration import EventNarration
 from gloc3_onboard.service.manager import ServiceManager
 
 REMIND_S: Final = 10.0

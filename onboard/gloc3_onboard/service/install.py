@@ -25,7 +25,8 @@ from gloc3_onboard.cli.onboard_options import OnboardOptions
 from gloc3_onboard.hosts.shared import check_member
 from gloc3_onboard.process.process import DEVICES
 from gloc3_onboard.sensors.rig import PlatformRig
-from gloc3_onboard.service.needs import SERIAL, Node, allowed, arguments, homes, keys, modules, nodes
+from gloc3_onboard.sensors.source_url import SERIAL_GROUP
+from gloc3_onboard.service.needs import Node, allowed, arguments, homes, keys, modules, nodes
 from gloc3_onboard.service.unit import Unit
 
 SYS: Final = Path("/sys")
@@ -59,7 +60,7 @@ def usb_device(node: Node, sys: Path = SYS) -> UsbDevice | None:
         node: the device.
         sys: where Linux tells it.
     """
-    subsystem = "tty" if node.group == SERIAL else "video4linux"
+    subsystem = "tty" if node.group == SERIAL_GROUP else "video4linux"
     entry = sys / "class" / subsystem / node.path.resolve().name
     if not entry.exists():
         return None

@@ -13,7 +13,7 @@ from gloc3_sitl.autopilot.craft import Craft, Say
 from gloc3_sitl.autopilot.estimator.estimator import Estimator
 from gloc3_sitl.autopilot.estimator.sources import Fix, Source
 from gloc3_sitl.autopilot.failsafe import Failsafes
-from gloc3_sitl.autopilot.flight_log import FlightLogger
+from gloc3_sitl.autopilot.flight_log import FlightLogger, LogHeader, LogRecord
 from gloc3_sitl.autopilot.modes import Style
 from gloc3_sitl.autopilot.parameters import ParameterStore
 from gloc3_sitl.autopilot.periods import OUTER_STEPS, STEP_S
@@ -48,6 +48,20 @@ class Autopilot:
         before: itself before a reboot; what stands on its memory card outlives that.
     """
 
+    takes_odometry = True
+    """Whether odometry from outside still arrives."""
+    source_set = 1
+    """ArduPilot's set of sources in use."""
+    utc_offset_s = 0.0
+    """Seconds since 1970 at boot, where somebody has told; 0 otherwise."""
+    battery: BatteryReading | None = None
+    range: RangeReading | None = None
+    barometer: BarometerReading | None = None
+    magnetometer: MagnetometerReading | None = None
+    imu: ImuReading | None = None
+    _imu_s = -1.0
+    _count = 0
+
     def __init__(
         self,
         style: Style,
@@ -63,52 +77,43 @@ class Autopilot:
         self.vehicle: Final = vehicle
         self.tuning: Final = Tuning()
         self.parameters: Final = ParameterStore(style.parameters, self.tuning, style.derive)
-        if before is not None:
-            self.parameters.take_over(before.parameters)
         self.estimator: Final = Estimator(declination_rad=declination_rad)
         self.pilot: Final[Pilot] = Pilot() if before is None else before.pilot
         self.plans: Final[Plans] = Plans() if before is None else before.plans
         self.craft: Final = Craft(self.estimator, self.tuning, self.pilot, self.plans, say)
         self.craft.first_item = 1 if style.mission_keeps_home else 0
         if before is not None:
-            first = self.craft.first_item
-            self.craft.mission.on_upload(self.plans.mission_count, len(self.plans.mission) > first, first)
+            self._continue(before)
         self.control: Final[Control] = vehicle.control(self.craft)
         self._stopped: Final = self.control.stopped
-        self.commander: Final = Commander(
-            self.craft,
-            style,
-            Authorization(self.craft, self.parameters.__getitem__ if "COM_ARM_AUTH_REQ" in self.parameters else None),
-        )
+        ask = self.parameters.__getitem__ if "COM_ARM_AUTH_REQ" in self.parameters else None
+        self.commander: Final = Commander(self.craft, style, Authorization(self.craft, ask))
         self.calibration: Final = Calibration(self.craft)
         self.failsafes: Final = Failsafes(self.commander)
-        self.takes_odometry = True
-        """Whether odometry from outside still arrives."""
         self.servo_us: Final[dict[int, int]] = {}
         """Pulse lengths of the outputs that somebody has set, by number from 1."""
-        self.source_set = 1
-        """ArduPilot's set of sources in use."""
         self.parameters.on_change.append(self._parameter_changed)
         self.choose_sources()
-        self.battery: BatteryReading | None = None
-        self.range: RangeReading | None = None
-        self.barometer: BarometerReading | None = None
-        self.magnetometer: MagnetometerReading | None = None
-        self.imu: ImuReading | None = None
         self.others: dict[type, Any] = {}
         """The newest reading of each of the sensors that only some vehicles have, by its type."""
         self.outputs: Outputs = self._stopped
         """Of the last period, as the vehicle's body takes them."""
-        self.on_outer: list[Callable[[float], None]] = []
         self.imu_recent: Final[deque[ImuReading]] = deque(maxlen=OUTER_STEPS)
         """Those of the outer period that ends now, oldest first."""
-        """Called with the time after each outer period."""
         self.logger: Final[FlightLogger] = FlightLogger(self, () if before is None else before.logger.logs)
-        self._imu_s = -1.0
-        self._count = 0
-        self.utc_offset_s = 0.0
-        """Seconds since 1970 at boot, where somebody has told; 0 otherwise."""
-        self._take: dict[type, Callable[[Any], None]] = {
+        self.on_outer: list[Callable[[float], None]] = [self.logger.tick]
+        """Called with the time after each outer period."""
+        self._take: Final = self._receivers()
+
+    def _continue(self, before: "Autopilot") -> None:
+        """Takes up what stood on the memory card before a reboot."""
+        self.parameters.take_over(before.parameters)
+        first = self.craft.first_item
+        self.craft.mission.on_upload(self.plans.mission_count, len(self.plans.mission) > first, first)
+
+    def _receivers(self) -> dict[type, Callable[[Any], None]]:
+        """What becomes of each kind of reading, but for the IMU's."""
+        return {
             FixReading: self._take_fix,
             BarometerReading: self._take_barometer,
             MagnetometerReading: self._take_magnetometer,
@@ -122,6 +127,36 @@ class Autopilot:
     def utc_us(self) -> int:
         """Microseconds since 1970; 0 where that is not known."""
         return int((self.utc_offset_s + self.craft.now_s) * 1e6) if self.utc_offset_s else 0
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether the motors turn."""
+        return self.craft.is_armed
+
+    def log_header(self, number: int, now_s: float) -> LogHeader:
+        """The first line of a log."""
+        parameters = {name: self.parameters[name] for name in self.parameters}
+        return LogHeader(log=number, style=self.style.name, begins_s=round(now_s, 3), parameters=parameters)
+
+    def log_record(self, now_s: float, texts: Sequence[str]) -> LogRecord:
+        """The next line of a log, with what was said since the one before."""
+        inertial = self.estimator.inertial
+        n, e, d = inertial.position_ned_m
+        vn, ve, vd = inertial.velocity_ned_m_s
+        w, x, y, z = inertial.ned_from_frd
+        return LogRecord(
+            t_s=round(now_s, 3),
+            mode=self.commander.mode.name,
+            position_ned_m=(round(n, 3), round(e, 3), round(d, 3)),
+            velocity_ned_m_s=(round(vn, 3), round(ve, 3), round(vd, 3)),
+            ned_from_frd=(round(w, 5), round(x, 5), round(y, 5), round(z, 5)),
+            thrust=round(self.control.thrust, 3),
+            outputs=tuple(round(output, 3) for output in self.outputs),
+            is_landed=self.craft.is_landed,
+            failsafe=self.failsafes.cause,
+            battery=round(self.commander.battery_share, 3),
+            texts=texts,
+        )
 
     def choose_sources(self) -> None:
         """Has the estimator use what the parameters say."""

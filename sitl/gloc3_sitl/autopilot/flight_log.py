@@ -1,15 +1,12 @@
 """The onboard flight log: one JSON line ten times a second while armed, a file per flight, kept in memory."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final, Protocol
 
 import msgspec
 
 from gloc3.mavlink.services.log_server import LogEntry
 from gloc3.messages.frames import Quaternion, Vector3
-
-if TYPE_CHECKING:
-    from gloc3_sitl.autopilot.autopilot import Autopilot
 
 PERIOD_S: Final = 0.1
 _MOST_LOGS: Final = 32
@@ -69,17 +66,34 @@ class FlightLog:
             self.data.extend(b"\n")
 
 
+class LogSource(Protocol):
+    """An autopilot, as far as its log needs it."""
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether a log is written."""
+
+    @property
+    def utc_us(self) -> int:
+        """Microseconds since 1970; 0 where that is not known."""
+
+    def log_header(self, number: int, now_s: float) -> LogHeader:
+        """The first line of a log."""
+
+    def log_record(self, now_s: float, texts: Sequence[str]) -> LogRecord:
+        """The next line of a log, with what was said since the one before."""
+
+
 class FlightLogger:
     """Begins a log at arming and ends it at disarming; the oldest log makes room for a new one."""
 
-    def __init__(self, autopilot: "Autopilot", before: Sequence[FlightLog] = ()) -> None:
+    def __init__(self, source: LogSource, before: Sequence[FlightLog] = ()) -> None:
         self.logs: Final[list[FlightLog]] = list(before)
-        self._autopilot = autopilot
+        self._source = source
         self._open: FlightLog | None = None
         self._count = max((log.number for log in before), default=0)
         self._next_s = 0.0
         self._texts: list[str] = []
-        autopilot.on_outer.append(self.tick)
 
     @property
     def count(self) -> int:
@@ -116,7 +130,7 @@ class FlightLogger:
 
     def tick(self, now_s: float) -> None:
         """Writes what is due."""
-        is_armed = self._autopilot.craft.is_armed
+        is_armed = self._source.is_armed
         if self._open is None:
             if is_armed:
                 self._begin(now_s)
@@ -132,38 +146,11 @@ class FlightLogger:
         self._count += 1
         if len(self.logs) >= _MOST_LOGS:
             del self.logs[0]
-        log = self._open = FlightLog(self._count, self._autopilot.utc_us // 1_000_000)
+        log = self._open = FlightLog(self._count, self._source.utc_us // 1_000_000)
         self.logs.append(log)
         self._next_s = now_s
-        autopilot = self._autopilot
-        log.add(
-            LogHeader(
-                log=self._count,
-                style=autopilot.style.name,
-                begins_s=round(now_s, 3),
-                parameters={name: autopilot.parameters[name] for name in autopilot.parameters},
-            )
-        )
+        log.add(self._source.log_header(self._count, now_s))
 
     def _write(self, log: FlightLog, now_s: float) -> None:
-        autopilot = self._autopilot
-        inertial = autopilot.estimator.inertial
-        n, e, d = inertial.position_ned_m
-        vn, ve, vd = inertial.velocity_ned_m_s
-        w, x, y, z = inertial.ned_from_frd
-        log.add(
-            LogRecord(
-                t_s=round(now_s, 3),
-                mode=autopilot.commander.mode.name,
-                position_ned_m=(round(n, 3), round(e, 3), round(d, 3)),
-                velocity_ned_m_s=(round(vn, 3), round(ve, 3), round(vd, 3)),
-                ned_from_frd=(round(w, 5), round(x, 5), round(y, 5), round(z, 5)),
-                thrust=round(autopilot.control.thrust, 3),
-                outputs=tuple(round(output, 3) for output in autopilot.outputs),
-                is_landed=autopilot.craft.is_landed,
-                failsafe=autopilot.failsafes.cause,
-                battery=round(autopilot.commander.battery_share, 3),
-                texts=tuple(self._texts),
-            )
-        )
+        log.add(self._source.log_record(now_s, tuple(self._texts)))
         self._texts.clear()

@@ -28,3 +28,4 @@ class Verdict(NamedTuple):
 
 
 ACCEPTED: Final = Verdict(Result.ACCEPTED)
+OUT_OF_RANGE: Final = Verdict(Result.DENIED, "parameters out of range")

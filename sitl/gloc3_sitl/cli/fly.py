@@ -1,6 +1,7 @@
 """`gloc3 fly`: a mission flown in simulation, everything in one process, in virtual time."""
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
@@ -46,49 +47,53 @@ app = App(
 )
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class FlyCommandOptions:
+    """What `gloc3 fly` is asked for; each field is an option."""
+
+    platform: str | None = None
+    """A platform file, or the name of one that is installed; else the one that the mission names, or the
+    Pelican, with a receiver for satellites where the mission is on Earth."""
+    autopilot: Literal["px4", "ardupilot"] | None = None
+    """The style of the simulated autopilot; else the usual one of the vehicle."""
+    firmware: Literal["ardupilot"] | None = None
+    """A real autopilot in its place, in step with the flight's clock, whose program is on PATH; see
+    docs/firmware.md."""
+    seed: int = 0
+    """Of all chance: sensor noise, turbulence, links, boot numbers."""
+    wind: float = 0.0
+    """Mean wind in m/s from the west, gusty; 0 is calm air."""
+    waves: float = 0.0
+    """Significant height of waves from the west, in metres, for what swims."""
+    current: float = 0.0
+    """Of the water in m/s, to the north, for what swims."""
+    fault: Annotated[list[str], Parameter(negative=())] | None = None
+    """Something that goes wrong, such as link_loss@30..60; may be given several times."""
+    world: str = ""
+    """World to fly in: the name of one of ours, such as hold_hard or hold_busy, or a world file; else the one
+    that the mission's frame belongs to."""
+    out: Path | None = None
+    """Folder for log.mcap, report.json, path.svg and images, in place of an earlier flight's; without it
+    nothing is kept."""
+    json: Annotated[bool, Parameter(negative=())] = False
+    """The report on stdout as JSON."""
+    quiet: Annotated[bool, Parameter(negative=())] = False
+    """No narration on stderr."""
+
+
 @app.default
-def fly(
-    mission: str,
-    /,
-    *,
-    platform: str | None = None,
-    autopilot: Literal["px4", "ardupilot"] | None = None,
-    firmware: Literal["ardupilot"] | None = None,
-    seed: int = 0,
-    wind: float = 0.0,
-    waves: float = 0.0,
-    current: float = 0.0,
-    fault: Annotated[list[str], Parameter(negative=())] | None = None,
-    world: str = "",
-    out: Path | None = None,
-    json: Annotated[bool, Parameter(negative=())] = False,
-    quiet: Annotated[bool, Parameter(negative=())] = False,
-) -> int:
+def fly(mission: str, /, options: FlyCommandOptions = FlyCommandOptions()) -> int:
     """Fly a mission to its end and report.
 
     Args:
         mission: A mission file (.yaml, .plan, WPL), or an example by its name: hop, inspection, mapping, patrol, survey.
-        platform: A platform file, or the name of one that is installed; else the one that the mission names, or the
-            Pelican, with a receiver for satellites where the mission is on Earth.
-        autopilot: The style of the simulated autopilot; else the usual one of the vehicle.
-        firmware: A real autopilot in its place, in step with the flight's clock, whose program is on PATH; see
-            docs/firmware.md.
-        seed: Of all chance: sensor noise, turbulence, links, boot numbers.
-        wind: Mean wind in m/s from the west, gusty; 0 is calm air.
-        waves: Significant height of waves from the west, in metres, for what swims.
-        current: Of the water in m/s, to the north, for what swims.
-        fault: Something that goes wrong, such as link_loss@30..60; may be given several times.
-        world: World to fly in: the name of one of ours, such as hold_hard or hold_busy, or a world file; else the one that
-            the mission's frame belongs to.
-        out: Folder for log.mcap, report.json, path.svg and images, in place of an earlier flight's; without it
-            nothing is kept.
-        json: The report on stdout as JSON.
-        quiet: No narration on stderr.
+        options: how.
     """
     begin_s = Clock.cost_s()
-    if not 0.0 <= wind <= MOST_WIND_M_S:
+    if not 0.0 <= options.wind <= MOST_WIND_M_S:
         raise Refused(f"--wind must be from 0 to {MOST_WIND_M_S:g} m/s")
-    if seed < 0:
+    if options.seed < 0:
         raise Refused("--seed must be 0 or more")
     from gloc3.platform.reader import load_platform
     from gloc3_sitl.faults.faults import read_fault
@@ -101,42 +106,42 @@ def fly(
     from gloc3_sitl.world import World
 
     path = find_file(mission)
-    platform = platform or platform_for(path)
-    warn = None if quiet else lambda found: narrate(str(found))
+    platform = options.platform or platform_for(path)
+    warn = None if options.quiet else lambda found: narrate(str(found))
     known = load_platform(platform, is_loading_classes=True, devices=DEVICES, warn=warn)
-    check_sea(vehicle_of(known), waves, current)
-    for text in fault or ():
+    check_sea(vehicle_of(known), options.waves, options.current)
+    for text in options.fault or ():
         read_fault(text)
-    if world:
-        World.load(world)
-    if out is not None:
-        make_anew(out)
-    options = FlyOptions(
+    if options.world:
+        World.load(options.world)
+    if options.out is not None:
+        make_anew(options.out)
+    flown = FlyOptions(
         mission=path,
         platform=platform,
-        autopilot=firmware or autopilot or "",
-        is_firmware=firmware is not None,
-        seed=seed,
-        wind=gusty(wind, from_deg=270.0) if wind > 0.0 else CALM,
-        waves_m=waves,
-        current_m_s=current,
-        faults=tuple(fault or ()),
-        world=world,
-        out=out,
+        autopilot=options.firmware or options.autopilot or "",
+        is_firmware=options.firmware is not None,
+        seed=options.seed,
+        wind=gusty(options.wind, from_deg=270.0) if options.wind > 0.0 else CALM,
+        waves_m=options.waves,
+        current_m_s=options.current,
+        faults=tuple(options.fault or ()),
+        world=options.world,
+        out=options.out,
     )
     try:
-        report = run_virtual(fly_mission(options, known, None if quiet else narrate, begin_s))
+        report = run_virtual(fly_mission(flown, known, None if options.quiet else narrate, begin_s))
     except NotThere:
         raise
     except InputError as error:
         narrate(f"{error}\nthe mission did not pass the check")
         return EXIT_FAILED
     except KeyboardInterrupt:
-        narrate("gloc3 fly: interrupted" + (f"; the log so far is in {out}" if out is not None else ""))
+        narrate("gloc3 fly: interrupted" + (f"; the log so far is in {options.out}" if options.out is not None else ""))
         return 130
-    if json:
+    if options.json:
         sys.stdout.write(as_json(report).decode())
     else:
-        kept = [f"  kept     log.mcap, report.json, path.svg{', images' if report.images else ''} in {out}"]
-        print("\n".join([*as_lines(report), *(kept if out is not None else [])]))  # noqa: T201
+        kept = [f"  kept     log.mcap, report.json, path.svg{', images' if report.images else ''} in {options.out}"]
+        print("\n".join([*as_lines(report), *(kept if options.out is not None else [])]))  # noqa: T201
     return EXIT_DONE if report.mission_state == "done" else EXIT_FAILED

@@ -4,6 +4,7 @@ import asyncio
 import signal
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final, NamedTuple
 
@@ -19,11 +20,11 @@ from gloc3_sitl.cli.record import record
 from gloc3_sitl.firmware.body import BodySettings
 from gloc3_sitl.flight.truth_log import TruthLog
 from gloc3_sitl.physics.water import rough
-from gloc3_sitl.physics.wind import CALM, gusty
+from gloc3_sitl.physics.wind import CALM, Wind, gusty
 from gloc3_sitl.vehicles import MULTIROTORS
 from gloc3_sitl.vehicles.dvl_server import MOST_PORT, DvlAddress, DvlServer, read_dvl
 from gloc3_sitl.vehicles.sensor_server import SensorServer
-from gloc3_sitl.vehicles.simulator import LinkKind, Simulator
+from gloc3_sitl.vehicles.simulator import LinkKind, Simulator, SimulatorSettings
 from gloc3_sitl.vehicles.table import check_sea, style_of, vehicle_named
 from gloc3_sitl.world import World
 
@@ -73,18 +74,6 @@ class LinkRow(NamedTuple):
     kind: LinkKind
 
 
-class Extras(NamedTuple):
-    """What else was asked for."""
-
-    speed: float
-    seconds: float | None
-    sensor_port: int | None
-    dvl: DvlAddress | None
-    seed: int
-    out: Path | None
-    vehicle: str
-
-
 def read_link(text: str) -> LinkRow:
     """Reads a link: a URL, with `station=` or `companion=` before it where the port does not tell.
 
@@ -129,158 +118,188 @@ def read_parameter(text: str) -> tuple[str, float]:
         raise Refused(f"parameter {text!r} must be NAME=NUMBER") from None
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class SitlOptions:
+    """What `gloc3 sitl` is asked for; each field is an option."""
+
+    vehicle: str = PELICAN
+    """Model of the vehicle."""
+    autopilot: str | None = None
+    """Style of the autopilot: px4 or ardupilot; else the usual one of the vehicle."""
+    world: str | None = None
+    """World to be in: the name of one of ours, or a world file; else hold for the Pelican, bay for what dives,
+    and open for the others."""
+    home: str | None = None
+    """Place of departure as LAT,LON,ALT,HEADING; for worlds that can be moved."""
+    speed: float = 1.0
+    """How many times faster than real time."""
+    seed: int = 0
+    """Seed of sensor noise and turbulence."""
+    wind: float = 0.0
+    """Mean speed of a gusty wind, in m/s."""
+    wind_from: float = 0.0
+    """Bearing that the wind blows from, in degrees."""
+    waves: float = 0.0
+    """Significant height of waves from there, in metres, for what swims."""
+    current: float = 0.0
+    """Of the water in m/s, to the north, for what swims."""
+    plain_gps: bool = False
+    """Metre-level fixes in place of RTK-grade ones."""
+    no_gps: Annotated[bool, Parameter(negative=())] = False
+    """No satellites: the autopilot is set to fly by the ODOMETRY that it is sent."""
+    battery: float = 1.0
+    """Charge at the start, 1 to 0."""
+    param: Annotated[list[str] | None, Parameter(negative=())] = None
+    """An autopilot parameter as NAME=VALUE; may be given again."""
+    link: Annotated[list[str] | None, Parameter(negative=())] = None
+    """Where MAVLink goes, as udpout://HOST:PORT, udpin://, tcpin://, tcpout:// or serial://; may be given
+    again. `station=` or `companion=` before the URL chooses which telemetry begins by itself; ports 14540 to
+    14549 are companions' without it."""
+    seconds: float | None = None
+    """End after so much simulated time."""
+    sensors: int | None = None
+    """TCP port on 127.0.0.1 that serves cameras and laser scanner (0: any), as sources tcp://127.0.0.1:PORT of
+    `gloc3 onboard --device`."""
+    dvl: str | None = None
+    """Where a Doppler velocity log is served, as a50://HOST:PORT or pd6://HOST:PORT: the same is the source of
+    `gloc3 onboard auv --device dvl=…`."""
+    out: Path | None = None
+    """Folder for truth.mcap, the log of where the vehicle truly was."""
+    firmware: str | None = None
+    """A real autopilot, ardupilot or px4, in place of ours; see docs/firmware.md."""
+    firmware_binary: Path | None = None
+    """Its program; else arducopter or px4 on PATH."""
+    firmware_running: Annotated[bool, Parameter(negative=())] = False
+    """It is started by somebody else, and waited for."""
+    firmware_port: int | None = None
+    """Where our physics listens for it, in place of UDP 9002 (ArduPilot) or TCP 4560 (PX4)."""
+
+
 @app.default
-def sitl(
-    *,
-    vehicle: str = PELICAN,
-    autopilot: str | None = None,
-    world: str | None = None,
-    home: str | None = None,
-    speed: float = 1.0,
-    seed: int = 0,
-    wind: float = 0.0,
-    wind_from: float = 0.0,
-    waves: float = 0.0,
-    current: float = 0.0,
-    plain_gps: bool = False,
-    no_gps: Annotated[bool, Parameter(negative=())] = False,
-    battery: float = 1.0,
-    param: Annotated[list[str] | None, Parameter(negative=())] = None,
-    link: Annotated[list[str] | None, Parameter(negative=())] = None,
-    seconds: float | None = None,
-    sensors: int | None = None,
-    dvl: str | None = None,
-    out: Path | None = None,
-    firmware: str | None = None,
-    firmware_binary: Path | None = None,
-    firmware_running: Annotated[bool, Parameter(negative=())] = False,
-    firmware_port: int | None = None,
-) -> int:
-    """Run the simulated vehicle until Ctrl-C.
-
-    Args:
-        vehicle: Model of the vehicle.
-        autopilot: Style of the autopilot: px4 or ardupilot; else the usual one of the vehicle.
-        world: World to be in: the name of one of ours, or a world file; else hold for the Pelican, bay for what dives,
-            and open for the others.
-        home: Place of departure as LAT,LON,ALT,HEADING; for worlds that can be moved.
-        speed: How many times faster than real time.
-        seed: Seed of sensor noise and turbulence.
-        wind: Mean speed of a gusty wind, in m/s.
-        wind_from: Bearing that the wind blows from, in degrees.
-        waves: Significant height of waves from there, in metres, for what swims.
-        current: Of the water in m/s, to the north, for what swims.
-        plain_gps: Metre-level fixes in place of RTK-grade ones.
-        no_gps: No satellites: the autopilot is set to fly by the ODOMETRY that it is sent.
-        battery: Charge at the start, 1 to 0.
-        param: An autopilot parameter as NAME=VALUE; may be given again.
-        link: Where MAVLink goes, as udpout://HOST:PORT, udpin://, tcpin://, tcpout:// or serial://; may be given again.
-            `station=` or `companion=` before the URL chooses which telemetry begins by itself; ports 14540 to 14549 are
-            companions' without it.
-        seconds: End after so much simulated time.
-        sensors: TCP port on 127.0.0.1 that serves cameras and laser scanner (0: any), as sources tcp://127.0.0.1:PORT of
-            `gloc3 onboard --device`.
-        dvl: Where a Doppler velocity log is served, as a50://HOST:PORT or pd6://HOST:PORT: the same is the source of `gloc3
-            onboard auv --device dvl=…`.
-        out: Folder for truth.mcap, the log of where the vehicle truly was.
-        firmware: A real autopilot, ardupilot or px4, in place of ours; see docs/firmware.md.
-        firmware_binary: Its program; else arducopter or px4 on PATH.
-        firmware_running: It is started by somebody else, and waited for.
-        firmware_port: Where our physics listens for it, in place of UDP 9002 (ArduPilot) or TCP 4560 (PX4).
-    """
-    autopilot = style_of(vehicle, autopilot)
-    if not 0.0 < speed <= 1000.0:
-        raise Refused("--speed must be above 0, and 1000 at most")
-    if not 0.0 <= wind <= 30.0:
-        raise Refused("--wind must be from 0 to 30 m/s")
-    check_sea(vehicle, waves, current)
-    if not 0.0 <= battery <= 1.0:
-        raise Refused("--battery must be from 0 to 1")
-    if seed < 0:
-        raise Refused("--seed must be 0 or more")
-    if seconds is not None and not seconds > 0.0:
-        raise Refused("--seconds must be above 0")
-    if sensors is not None and not 0 <= sensors <= MOST_PORT:
-        raise Refused(f"--sensors must be a port from 0 to {MOST_PORT}")
-    if firmware_port is not None and not 0 <= firmware_port <= MOST_PORT:
-        raise Refused(f"--firmware-port must be a port from 0 to {MOST_PORT}")
-    dvl_address = None if dvl is None else read_dvl(dvl)
-    place, heading = (None, None) if home is None else read_home(home)
-    air = gusty(wind, wind_from) if wind > 0.0 else CALM
-    there = World.load(world or (INDOORS if vehicle in MULTIROTORS else vehicle_named(vehicle).world), place, heading)
-    there.water = rough(there.water, waves_m=waves, waves_from_deg=wind_from, current_m_s=current)
-    parameters = dict(read_parameter(text) for text in param or ())
-    if firmware is not None:
-        if battery != 1.0:
-            raise Refused("--battery: a real firmware simulates its own battery; see docs/firmware.md")
-        from gloc3_sitl.firmware.run import FirmwareOptions, run_firmware
-
-        return asyncio.run(
-            run_firmware(
-                FirmwareOptions(
-                    firmware=firmware,
-                    world=there,
-                    body=BodySettings(
-                        vehicle=vehicle, seed=seed, wind=air, is_without_gps=no_gps, is_plain_gps=plain_gps
-                    ),
-                    parameters=parameters,
-                    links=tuple(read_link(text).url for text in link or ()),
-                    binary=firmware_binary,
-                    is_running=firmware_running,
-                    port=firmware_port,
-                    speed=speed,
-                    seconds=seconds,
-                    sensor_port=sensors,
-                    dvl=dvl_address,
-                    out=out,
-                )
-            )
-        )
-    if firmware_binary is not None or firmware_running or firmware_port is not None:
+def sitl(options: SitlOptions = SitlOptions()) -> int:
+    """Run the simulated vehicle until Ctrl-C."""
+    style = style_of(options.vehicle, options.autopilot)
+    _check(options)
+    dvl = None if options.dvl is None else read_dvl(options.dvl)
+    air = gusty(options.wind, options.wind_from) if options.wind > 0.0 else CALM
+    world = _world(options)
+    parameters = dict(read_parameter(text) for text in options.param or ())
+    if options.firmware is not None:
+        return _run_firmware(options.firmware, options, world, air, dvl)
+    if options.firmware_binary is not None or options.firmware_running or options.firmware_port is not None:
         raise Refused("--firmware-binary, -running and -port need --firmware ardupilot or --firmware px4")
     simulator = Simulator(
-        there,
-        vehicle=vehicle,
-        style=autopilot,
-        seed=seed,
-        wind=air,
-        is_plain_gps=plain_gps,
-        is_without_gps=no_gps,
-        battery_remaining=battery,
-        parameters=parameters,
+        world,
+        SimulatorSettings(
+            vehicle=options.vehicle,
+            style=style,
+            seed=options.seed,
+            wind=air,
+            is_plain_gps=options.plain_gps,
+            is_without_gps=options.no_gps,
+            battery_remaining=options.battery,
+            parameters=parameters,
+        ),
     )
-    usual = (*DEFAULT_LINKS, ARDUPILOTS_LINK) if autopilot == "ardupilot" else DEFAULT_LINKS
-    links = [read_link(text) for text in link or usual]
-    title = f"{vehicle}, {autopilot}, world {simulator.world.name}"
-    return asyncio.run(_run(simulator, links, Extras(speed, seconds, sensors, dvl_address, seed, out, vehicle), title))
+    usual = (*DEFAULT_LINKS, ARDUPILOTS_LINK) if style == "ardupilot" else DEFAULT_LINKS
+    links = [read_link(text) for text in options.link or usual]
+    title = f"{options.vehicle}, {style}, world {simulator.world.name}"
+    return asyncio.run(_run(simulator, links, options, dvl, title))
 
 
-async def _run(simulator: Simulator, links: Sequence[LinkRow], extras: Extras, title: str) -> int:
+def _check(options: SitlOptions) -> None:
+    """Checks that the options are within their bounds.
+
+    Raises:
+        Refused: one is not.
+    """
+    if not 0.0 < options.speed <= 1000.0:
+        raise Refused("--speed must be above 0, and 1000 at most")
+    if not 0.0 <= options.wind <= 30.0:
+        raise Refused("--wind must be from 0 to 30 m/s")
+    check_sea(options.vehicle, options.waves, options.current)
+    if not 0.0 <= options.battery <= 1.0:
+        raise Refused("--battery must be from 0 to 1")
+    if options.seed < 0:
+        raise Refused("--seed must be 0 or more")
+    if options.seconds is not None and not options.seconds > 0.0:
+        raise Refused("--seconds must be above 0")
+    if options.sensors is not None and not 0 <= options.sensors <= MOST_PORT:
+        raise Refused(f"--sensors must be a port from 0 to {MOST_PORT}")
+    if options.firmware_port is not None and not 0 <= options.firmware_port <= MOST_PORT:
+        raise Refused(f"--firmware-port must be a port from 0 to {MOST_PORT}")
+
+
+def _world(options: SitlOptions) -> World:
+    place, heading = (None, None) if options.home is None else read_home(options.home)
+    usual = INDOORS if options.vehicle in MULTIROTORS else vehicle_named(options.vehicle).world
+    world = World.load(options.world or usual, place, heading)
+    world.water = rough(
+        world.water, waves_m=options.waves, waves_from_deg=options.wind_from, current_m_s=options.current
+    )
+    return world
+
+
+def _run_firmware(firmware: str, options: SitlOptions, world: World, air: Wind, dvl: DvlAddress | None) -> int:
+    """Runs a real autopilot on our physics, until Ctrl-C."""
+    if options.battery != 1.0:
+        raise Refused("--battery: a real firmware simulates its own battery; see docs/firmware.md")
+    from gloc3_sitl.firmware.run import FirmwareOptions, run_firmware
+
+    body = BodySettings(
+        vehicle=options.vehicle,
+        seed=options.seed,
+        wind=air,
+        is_without_gps=options.no_gps,
+        is_plain_gps=options.plain_gps,
+    )
+    run = FirmwareOptions(
+        firmware=firmware,
+        world=world,
+        body=body,
+        parameters=dict(read_parameter(text) for text in options.param or ()),
+        links=tuple(read_link(text).url for text in options.link or ()),
+        binary=options.firmware_binary,
+        is_running=options.firmware_running,
+        port=options.firmware_port,
+        speed=options.speed,
+        seconds=options.seconds,
+        sensor_port=options.sensors,
+        dvl=dvl,
+        out=options.out,
+    )
+    return asyncio.run(run_firmware(run))
+
+
+async def _run(
+    simulator: Simulator, links: Sequence[LinkRow], options: SitlOptions, dvl_at: DvlAddress | None, title: str
+) -> int:
     """Opens the links and lets the time run, until a signal or the end."""
     loop = asyncio.get_running_loop()
     stopped = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stopped.set)
     endpoints: list[Endpoint] = []
-    server = SensorServer(simulator, loop, extras.seed) if extras.sensor_port is not None else None
-    dvl = DvlServer(simulator, loop, extras.seed, extras.dvl) if extras.dvl is not None else None
-    truth = TruthLog(simulator, loop, extras.out, extras.vehicle) if extras.out is not None else None
+    server = SensorServer(simulator, loop, options.seed) if options.sensors is not None else None
+    dvl = DvlServer(simulator, loop, options.seed, dvl_at) if dvl_at is not None else None
+    truth = TruthLog(simulator, loop, options.out, options.vehicle) if options.out is not None else None
     try:
         for row in links:
             endpoints.append(await _open(simulator, row, loop))  # noqa: PERF401 # those opened are closed if one fails
         latitude, longitude, altitude = simulator.world.home
-        _tell(f"{title}; home {latitude:.7f}, {longitude:.7f}, {altitude:.1f} m; {extras.speed:g} times real time")
+        _tell(f"{title}; home {latitude:.7f}, {longitude:.7f}, {altitude:.1f} m; {options.speed:g} times real time")
         for row, endpoint in zip(links, endpoints, strict=True):
             port = "" if endpoint.local_port is None else f", port {endpoint.local_port}"
             _tell(f"{row.kind} link {row.url}{port}")
-        if server is not None and extras.sensor_port is not None:
-            await server.open(extras.sensor_port)
+        if server is not None and options.sensors is not None:
+            await server.open(options.sensors)
             _tell(f"sensors tcp://127.0.0.1:{server.port}: {', '.join(server.feeds)}")
         if dvl is not None:
             _tell(f"Doppler velocity log {(await dvl.open()).url}")
         simulator.autopilot.utc_offset_s = Clock(loop).utc_offset_s + loop.time()
-        simulator.start(loop, extras.speed)
-        await _watch(simulator, endpoints, stopped, extras.seconds)
+        simulator.start(loop, options.speed)
+        await _watch(simulator, endpoints, stopped, options.seconds)
     finally:
         simulator.stop()
         if server is not None:

@@ -18,6 +18,7 @@ from gloc3_sitl.flight.sim_imu import IMU, SimImu
 from gloc3_sitl.flight.sim_rig import SimDevice
 from gloc3_sitl.physics.wind import gusty
 from gloc3_sitl.sensors.sensor import SIZED, FaultMode
+from gloc3_sitl.vehicles.table import vehicle_of
 
 SCALED: Final = ("height", "wheels")
 """Those that can be wrong by a share."""
@@ -54,11 +55,11 @@ def _lose(link: MemoryLink, share: float) -> Ended:
 
 
 def _lose_radio(flight: Flight, given: Parsed, _: bool) -> Ended:
-    return _lose(flight.radio, given.number)
+    return _lose(flight.links.radio, given.number)
 
 
 def _lose_cable(flight: Flight, given: Parsed, _: bool) -> Ended:
-    return _lose(flight.cable, given.number)
+    return _lose(flight.links.cable, given.number)
 
 
 def _blow(flight: Flight, given: Parsed, _: bool) -> Ended:
@@ -87,7 +88,7 @@ def _check_sensor(flight: Flight, given: Parsed) -> None:
         raise Refused(f"there is no sensor {given.target!r}; {nearest(given.target, SENSORS)}")
     _check_ours(flight, given.target)
     if not flight.plan.is_firmware and given.target not in flight.simulator.sensors.names:
-        raise Refused(f"the {flight.vehicle} has no {given.target}")
+        raise Refused(f"the {vehicle_of(flight.platform)} has no {given.target}")
     if given.word == FaultMode.SCALED and given.target not in SCALED:
         raise Refused("only the height and the ways of wheels can be scaled")
 
@@ -123,8 +124,8 @@ def _crash(flight: Flight, given: Parsed, is_once: bool) -> Ended:
 
 
 def _restart(flight: Flight, _: Parsed, __: bool) -> Ended:
-    flight.kill_onboard()
-    return flight.start_onboard
+    flight.process.kill()
+    return flight.process.start
 
 
 # --- the pilot ---
@@ -184,7 +185,7 @@ _DEVICE_WORDS: Final = tuple(dict.fromkeys((*ALL, *CAMERA, *LASER, *_LIGHTS)))
 
 def _devices(flight: Flight) -> dict[str, SimDevice | SimImu]:
     """What there is in the flight's world."""
-    devices: dict[str, SimDevice | SimImu] = {"imu": flight.imu, **flight.rig.devices}
+    devices: dict[str, SimDevice | SimImu] = {"imu": flight.process.imu, **flight.rig.devices}
     return {name: device for name, device in devices.items() if not isinstance(device, NoCamera)}
 
 

@@ -141,7 +141,7 @@ class Injection:
         self._is_over = True
 
     def _tell(self, *, is_present: bool) -> None:
-        self._flight.tell(SimFault(fault=self.fault.text, is_present=is_present))
+        self._flight.truth.publish_fault(SimFault(fault=self.fault.text, is_present=is_present))
 
 
 def schedule_faults(flight: Flight, texts: tuple[str, ...]) -> list[Injection]:

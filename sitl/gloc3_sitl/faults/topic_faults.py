@@ -21,9 +21,9 @@ _JUMP_M: Final = 2.0
 
 
 def _message_type(flight: Flight, topic: str) -> type[Message]:
-    row = flight.topics.row(f"{flight.name}/{topic}")
+    row = flight.context.topics.row(f"{flight.name}/{topic}")
     if row is None:
-        raise Refused(f"there is no topic {topic!r}; {nearest(topic, [name for name, _ in flight.topics])}")
+        raise Refused(f"there is no topic {topic!r}; {nearest(topic, [name for name, _ in flight.context.topics])}")
     return row.message
 
 

@@ -10,6 +10,8 @@ from gloc3_sitl.physics.body import Situation
 from gloc3_sitl.physics.ground import PERIOD_STEPS, raise_ground
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.physics.wind import CALM, Wind
+from gloc3_sitl.sensors.battery import Battery
+from gloc3_sitl.sensors.imu import Imu
 from gloc3_sitl.sensors.range_finder import level_ground
 from gloc3_sitl.sensors.readings import Reading
 from gloc3_sitl.sensors.suite import SensorSuite
@@ -67,10 +69,9 @@ class SensedBody:
         self.sensors = SensorSuite(
             settings.seed,
             world.home,
-            pack=row.pack,
-            imu_bias_share=row.imu_bias_share,
+            imu=Imu(settings.seed, float(self.rate_hz), row.imu_bias_share),
+            battery=Battery(settings.seed, row.pack),
             is_plain_gps=settings.is_plain_gps,
-            imu_rate_hz=float(self.rate_hz),
             probe=level_ground if self._is_flat else WorldProbe(world),
             more=row.sensors(settings.seed, world.home),
         )

@@ -11,7 +11,8 @@ import msgspec
 
 from gloc3.mavlink.transport.memory import MemoryLink
 from gloc3_groundstation.assembly import GroundStation, StationSetup
-from gloc3_sitl.flight.flight import Flight, FlightPlan
+from gloc3_sitl.flight.flight import Flight
+from gloc3_sitl.flight.plan import FlightPlan
 
 STATION_ID: Final = 255
 
@@ -75,4 +76,4 @@ class FleetFlight:
 
     def _join(self, ground: FleetGround) -> None:
         for name, flight in self.flights.items():
-            ground.join(name, flight.add_radio())
+            ground.join(name, flight.process.add_radio())

@@ -8,8 +8,7 @@ This is the one place that may import all three applications. A flight reads lik
 """
 
 import asyncio
-from collections.abc import Callable, Mapping
-from pathlib import Path
+from collections.abc import Callable
 from random import Random
 from types import TracebackType
 from typing import Any, Final, Self
@@ -19,110 +18,36 @@ import msgspec
 from gloc3.clock import Clock
 from gloc3.component.context import HostContext
 from gloc3.errors import Gloc3Error, Refused
-from gloc3.exchange import Publisher
-from gloc3.log.record import PLATFORM_FILE, Recorder
-from gloc3.mavlink.codec import Frame
-from gloc3.mavlink.router import Router
-from gloc3.mavlink.transport.memory import ACOUSTIC, Conditions, MemoryEnd, MemoryLink
 from gloc3.messages.envelope import Envelope, Message
-from gloc3.messages.frames import GeoPoint, TangentPlane
 from gloc3.messages.topics import TopicTable
-from gloc3.messages.vehicle import Pose
 from gloc3.mission.examples import find_mission
 from gloc3.mission.model.model import Mission
 from gloc3.mission.reading.reader import Surroundings, load_mission
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform, whole_text
-from gloc3.store import MemoryRecords
 from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.desk.flights import End
 from gloc3_groundstation.missions.plans import Plan
 from gloc3_groundstation.station.station import Station
-from gloc3_onboard.autopilot.arm_authority import ArmAuthority
-from gloc3_onboard.autopilot.link import AutopilotLink
-from gloc3_onboard.autopilot.news import LinkNews
-from gloc3_onboard.autopilot.sensor_devices import AutopilotImu
-from gloc3_onboard.command_server.log_shelf import AtOnce, LogShelf, NoShelf, Shelf
-from gloc3_onboard.command_server.site import Background, Site
-from gloc3_onboard.companion.acoustic_link import AcousticLink
-from gloc3_onboard.companion.companion import Companion
-from gloc3_onboard.companion.files import LOGS, Folders
-from gloc3_onboard.companion.files import LogFiles as SharedLogs
-from gloc3_onboard.companion.routing import RoutedLink
-from gloc3_onboard.companion.station_link import HeartbeatSource, StationLink
-from gloc3_onboard.process.computer import SimulatedComputer
-from gloc3_onboard.process.log_files import LogFiles
-from gloc3_onboard.process.runner import HOST_DEVICES, Onboard
-from gloc3_onboard.process.storage import NoPictures, PictureFolder
-from gloc3_onboard.process.taps import ExchangeTaps
-from gloc3_onboard.sensors.sensor_watch import SensorWatch
-from gloc3_onboard.sources.asked import NOWHERE
-from gloc3_onboard.viewer.catalogue import Catalogue
-from gloc3_sitl.faults.sabotage import CycleCost, Sabotage, TappedExchange
+from gloc3_onboard.process.runner import HOST_DEVICES
+from gloc3_sitl.faults.sabotage import Sabotage, TappedExchange
 from gloc3_sitl.firmware.body import BodySettings
 from gloc3_sitl.firmware.in_step import READY_WITHIN_S, FirmwareInStep
-from gloc3_sitl.flight.messages import SimFault, SimTruth
-from gloc3_sitl.flight.mission_file import is_without_satellites, looks_down, place_for
-from gloc3_sitl.flight.path_error import Sample
-from gloc3_sitl.flight.sim_devices import NoCamera
-from gloc3_sitl.flight.sim_imu import SimImu
+from gloc3_sitl.flight.log import FlightLog
+from gloc3_sitl.flight.mission_file import is_without_satellites, place_for
+from gloc3_sitl.flight.onboard_process import FlightProcess
+from gloc3_sitl.flight.plan import FlightPlan
 from gloc3_sitl.flight.sim_rig import SIM_DEVICES, SimRig
+from gloc3_sitl.flight.truth import FlightTruth
 from gloc3_sitl.physics.water import rough
-from gloc3_sitl.physics.wind import CALM, Wind
-from gloc3_sitl.vehicles.simulator import LinkKind, Simulator
+from gloc3_sitl.vehicles.simulator import LinkKind, Simulator, SimulatorSettings
 from gloc3_sitl.vehicles.table import style_of, vehicle_of
 from gloc3_sitl.world import World
 
-TRUTH_PERIOD_S: Final = 0.1
 WEST_DEG: Final = 270.0
 DEVICES: Final = (*HOST_DEVICES, *SIM_DEVICES, "imu")
 """What the onboard process of a flight has."""
-SIMULATED: Final = "simulated"
-"""What stands for the source of a sensor."""
-FLUSH_S: Final = 1.0
-"""How long a message stays in memory: in virtual time a second is over in some milliseconds."""
-AUTOPILOT_CABLE: Final = Conditions(latency_s=0.002)
-STATION_RADIO: Final = Conditions(latency_s=0.03)
-
-
-class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):
-    """What is flown, and in which circumstances."""
-
-    mission: str
-    """A file, or the name of an example."""
-    platform: str = "pelican_rtk"
-    name: str = ""
-    """What the platform is called, where several are of one kind; empty for the name in its file."""
-    autopilot: str = ""
-    """`px4` or `ardupilot`; empty for the usual one of the vehicle."""
-    is_firmware: bool = False
-    """That autopilot's real firmware flies, in place of one of ours; `autopilot` is `ardupilot` then."""
-    seed: int = 0
-    wind: Wind = CALM
-    waves_m: float = 0.0
-    """Significant height of the waves, from the west; of what swims."""
-    current_m_s: float = 0.0
-    """Of the water, to the north."""
-    out: Path | None = None
-    """Folder for the log and the pictures; None keeps nothing."""
-    parameters: dict[str, float] = {}
-    """Of the autopilot, that differ from its defaults."""
-    battery: float = 1.0
-    """Charge at the start, 1 to 0."""
-    world: str = ""
-    """A world's name or file; where it is empty, the one that the mission's frame belongs to."""
-    is_plain_gps: bool = False
-    has_station: bool = True
-    """Whether it has a station of its own; in a fleet all are the fleet's."""
-    station_link: Conditions = STATION_RADIO
-    """Both ways between station and platform."""
-    radio_depth_m: float = float("inf")
-    """A vehicle that is deeper below its frame's origin is not reached by the station's radio."""
-    modem_period_s: float = 0.0
-    """How often a summary goes to the station by an acoustic modem; 0 where there is none."""
-    cycle_cost_s: CycleCost | None = None
-    """What a cycle of a component costs at a time, faults aside; None for nothing."""
 
 
 class Flight:
@@ -134,92 +59,66 @@ class Flight:
         self.mission_file: Final = find_mission(plan.mission)
         self.mission: Final[Mission] = load_mission(plan.mission, Surroundings.of(self.platform))
         self.loop: Final = asyncio.get_running_loop()
-        self.vehicle: Final = vehicle_of(self.platform)
-        """What stands for the platform in the simulation."""
-        self.clock: Final = Clock(self.loop)
-        self.random: Final = Random(plan.seed)
-        self.topics: Final = TopicTable.installed()
         self.exchange: Final = TappedExchange()
         self.sabotage: Final = Sabotage(self.loop, plan.cycle_cost_s)
         """What faults have the onboard process suffer."""
-        self.samples: Final[list[Sample]] = []
-        """True positions at 10 Hz, in the frame of the pose."""
-        self.onboard: Onboard | None = None
-        self._journal, self._progress, self._reports = MemoryRecords(), MemoryRecords(), MemoryRecords()
-        self.log_path = plan.out / "log.mcap" if plan.out is not None else None
-        """Of the log that is being written."""
-        self.recorder = self._open_log()
+        random = Random(plan.seed)
+        self.context: Final = HostContext(
+            self.name, self.exchange, Clock(self.loop), self.loop, TopicTable.installed(), random, self.sabotage.cost_s
+        )
+        self.log: Final = self._open_log()
         world = self._world()
-        world.water = rough(world.water, waves_m=plan.waves_m, waves_from_deg=WEST_DEG, current_m_s=plan.current_m_s)
         self.simulator: Final = self._simulator(world)
         self.rig: Final = SimRig(world, self.loop, self.simulator.truth, plan.seed)
-        self._pictures = PictureFolder(plan.out / "images", self.rig) if plan.out is not None else NoPictures()
         """The cameras and the laser scanner; they cost nothing until they are opened."""
-        self.imu: Final = SimImu(self.loop, plan.seed)
-        """The autopilot's inertial unit, as the onboard process gets it."""
-        self.cable: Final = MemoryLink(self.loop, Random(plan.seed + 1), AUTOPILOT_CABLE)
-        self.cable.a.on_data = self.simulator.attach(self.cable.a.send, LinkKind.COMPANION)
-        self.radio: Final = MemoryLink(self.loop, Random(plan.seed + 2), plan.station_link)
-        self._ground_boot = self.random.getrandbits(32)
-        self.modem: Final = MemoryLink(self.loop, Random(plan.seed + 99), ACOUSTIC, is_half_duplex=True)
-        """The acoustic modem's way; the station's end is `a`."""
-        self._acoustic: AcousticLink | None = None
-        self._further_radios: list[MemoryLink] = []
-        self._further_links: list[StationLink] = []
-        self._publisher = Publisher(self.exchange, self.platform.platform, "simulator", self.random.getrandbits(32))
-        self.frame: TangentPlane | None = None
-        """Of the pose, once one has told its origin."""
-        self.is_below = False
-        """Too deep for the radio."""
-        self._truth_timer: asyncio.TimerHandle | None = None
-        self.exchange.subscribe(f"{self.platform.platform}/pose", self._see_pose)
+        self._ground_boot = random.getrandbits(32)
+        self.process: Final = FlightProcess(
+            plan, self.platform, self.mission, self.context, self.sabotage.create, self.rig, self.log
+        )
+        """The onboard process."""
+        self.links: Final = self.process.links
+        cable = self.links.cable.a
+        cable.on_data = self.simulator.attach(cable.send, LinkKind.COMPANION)
+        self.truth: Final = FlightTruth(
+            self.exchange, self.name, self.loop, random.getrandbits(32), self.simulator.truth, self.links.sink
+        )
+
+    @property
+    def name(self) -> str:
+        """The platform's name."""
+        return self.platform.platform
 
     @property
     def autopilot(self) -> str:
         """The autopilot's style."""
-        return style_of(self.vehicle, self.plan.autopilot or None)
+        return style_of(vehicle_of(self.platform), self.plan.autopilot or None)
 
     # --- setting up ---
 
-    def _open_log(self) -> Recorder | None:
-        if self.log_path is None:
-            return None
-        self.log_path.parent.mkdir(parents=True, exist_ok=True)
-        metadata = {"platform": self.platform.platform, "autopilot": self.autopilot, "seed": str(self.plan.seed)}
-        recorder = Recorder(self.log_path, self.clock, self.topics, metadata, flush_s=FLUSH_S)
-        recorder.attach_file(PLATFORM_FILE, "application/yaml", whole_text(self.plan.platform).encode())
-        recorder.attach_file("mission.yaml", "application/yaml", self.mission.text.encode())
-        recorder.attach(self.exchange, self.loop)
-        return recorder
-
-    def cut_log(self) -> None:
-        """Ends the log that is being written, and begins the next."""
-        if self.log_path is not None and self.recorder is not None:
-            self.recorder.close()
-            self.log_path = LogFiles(self.log_path.parent).next()
-            self.recorder = self._open_log()
-
-    def _shelf(self) -> Shelf:
-        """The logs that the station may fetch."""
-        if self.plan.out is None:
-            return NoShelf()
-        unfinished: Callable[[], set[Path]] = lambda: {self.log_path} if self.log_path is not None else set()  # noqa: E731
-        return LogShelf(self.plan.out, unfinished, self.cut_log, AtOnce())
+    def _open_log(self) -> FlightLog:
+        plan = self.plan
+        metadata = {"platform": self.name, "autopilot": self.autopilot, "seed": str(plan.seed)}
+        file = whole_text(plan.platform).encode()
+        return FlightLog(plan.out, self.context, metadata, file, self.mission.text)
 
     def _world(self) -> World:
         """The world that is asked for, or the one that the mission's frame belongs to."""
-        if self.plan.world:
-            return _fitting(World.load(self.plan.world), self.mission)
-        return World.load(*place_for(self.mission, self.platform, self.vehicle))
+        plan = self.plan
+        if plan.world:
+            world = _fitting(World.load(plan.world), self.mission)
+        else:
+            world = World.load(*place_for(self.mission, self.platform, vehicle_of(self.platform)))
+        world.water = rough(world.water, waves_m=plan.waves_m, waves_from_deg=WEST_DEG, current_m_s=plan.current_m_s)
+        return world
 
     def _simulator(self, world: World) -> Simulator | FirmwareInStep:
         plan, is_without_gps = self.plan, is_without_satellites(self.platform)
+        vehicle = vehicle_of(self.platform)
         if plan.is_firmware:
-            settings = BodySettings(vehicle=self.vehicle, seed=plan.seed, wind=plan.wind, is_without_gps=is_without_gps)
-            return FirmwareInStep(world, settings, plan.parameters, plan.out)
-        return Simulator(
-            world,
-            vehicle=self.vehicle,
+            body = BodySettings(vehicle=vehicle, seed=plan.seed, wind=plan.wind, is_without_gps=is_without_gps)
+            return FirmwareInStep(world, body, plan.parameters, plan.out)
+        settings = SimulatorSettings(
+            vehicle=vehicle,
             style=plan.autopilot or None,
             seed=plan.seed,
             wind=plan.wind,
@@ -228,193 +127,38 @@ class Flight:
             battery_remaining=plan.battery,
             parameters=plan.parameters,
         )
+        return Simulator(world, settings)
+
+    # --- life ---
 
     async def __aenter__(self) -> Self:
         """Starts everything."""
         self.simulator.start(self.loop)
-        self.start_onboard()
+        self.process.start()
         if self.plan.has_station:
             self.start_station(self._ground_boot)
-        self._tell_truth()
+        self.truth.begin()
         return self
 
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Ends everything; the log is closed whatever has happened."""
-        if self._truth_timer is not None:
-            self._truth_timer.cancel()
+        self.truth.close()
         if self.plan.has_station:
             await self.ground.close()
-        self.kill_onboard()
+        self.process.kill()
         self.simulator.stop()
-        if self.recorder is not None:
-            self.recorder.close()
-
-    def start_onboard(self) -> None:
-        """Starts the onboard process, the first time or after it was killed."""
-        platform, boot = self.platform, self.random.getrandbits(32)
-        news = LinkNews(self.exchange, platform.platform, boot ^ 2, self.loop.time)
-        authority = self._authority = ArmAuthority(self.exchange, platform.platform)
-        self.autopilot_link = AutopilotLink(
-            self.loop, self.clock, say=news.say, why_not_arm=lambda: authority.why_not(self.loop.time())
-        )
-        self.imu.wire(AutopilotImu(self.autopilot_link.sensors))
-        self.station_link = StationLink(platform.platform, 1, self.loop, self.exchange, self.topics, boot)
-        own = self.autopilot_link.own
-        self.companion = Companion(own, platform, self.exchange, self.clock, self.loop, boot ^ 1)
-        if self.plan.out is not None:
-            self.companion.share(Folders({LOGS: SharedLogs(self.plan.out, is_writable=False)}), lambda: False)
-        hear = self.companion.attach(self.station_link.send)
-        self._heartbeat = HeartbeatSource(
-            self.exchange,
-            platform.platform,
-            lambda: [
-                self.station_link.send,
-                self.autopilot_link.send_message,
-                *(link.send for link in self._further_links),
-            ],
-        )
-        context = HostContext(
-            platform.platform, self.exchange, self.clock, self.loop, self.topics, self.random, self.sabotage.cost_s
-        )
-        sensors = self._sensors()
-        devices = {
-            "autopilot": self.autopilot_link,
-            "computer": SimulatedComputer(self.clock, self._watch(sensors).conditions),
-            "rig": self.rig,
-            **sensors,
-            "pictures": self._pictures,
-            "site": Site(
-                platform, self._journal, self._progress, self._reports, boot, background=Background(shelf=self._shelf())
-            ),
-            "taps": ExchangeTaps(self.exchange, self.loop, platform.platform),
-            "catalogue": Catalogue(platform, self.topics),
-        }
-        self.onboard = Onboard(platform, context, devices, self.sabotage.create)
-        if self.plan.modem_period_s:
-            self._acoustic = AcousticLink(
-                platform.platform,
-                self.exchange,
-                self.loop,
-                boot ^ 3,
-                self.modem.b.send,
-                period_s=self.plan.modem_period_s,
-            )
-            self.modem.b.on_data = self._acoustic.receive
-        station_link = self.station_link
-
-        def take(frames: list[Frame]) -> None:
-            station_link.take(frames)
-            hear(frames)
-
-        station_link.open(self._routed(self.radio.b, take))
-        for radio in self._further_radios:
-            self._link_to(radio)
-        self.autopilot_link.open(self._routed(self.cable.b, self.autopilot_link.take))
-        self.onboard.begin()
+        self.log.close()
 
     def start_station(self, boot: int) -> None:
         """Starts the ground station, the first time or after it was closed."""
         self.ground = GroundStation(StationSetup(boot=boot))
-        self.ground.attach(self.radio.a)
+        self.ground.attach(self.links.radio.a)
         if self.plan.modem_period_s:
-            self.ground.attach_modem(self.name, self.modem.a)
-
-    def add_radio(self) -> MemoryLink:
-        """One more link to a station; the station's end is `a`."""
-        number = len(self._further_radios) + 3
-        radio = MemoryLink(self.loop, Random(self.plan.seed + number), self.plan.station_link)
-        self._further_radios.append(radio)
-        if self.onboard is not None:
-            self._link_to(radio)
-        return radio
-
-    def _link_to(self, radio: MemoryLink) -> None:
-        link = StationLink(self.name, 1, self.loop, self.exchange, self.topics, self.random.getrandbits(32))
-        link.open(self._routed(radio.b, link.take))
-        self._further_links.append(link)
-
-    def _routed(self, end: MemoryEnd, take: Callable[[list[Frame]], None]) -> RoutedLink:
-        """A link in memory, from which nothing is passed on."""
-        link = RoutedLink("udpin://0.0.0.0:14550", Router(self.autopilot_link.own), self.loop, take)
-        end.on_data = link.receive
-        link.open(end)
-        return link
-
-    def _sensors(self) -> dict[str, Any]:
-        """The devices that samplers read."""
-        ground = {} if looks_down(self.platform, self.mission) else {"ground_camera": NoCamera()}
-        return {**self.rig.devices, **ground, "imu": self.imu}
-
-    def _watch(self, sensors: Mapping[str, Any]) -> SensorWatch:
-        """Looks at those that the platform has, but for a camera that is left out because nobody looks at its pictures."""
-        used = {device for row in self.platform.components for device in row.devices.values()}
-        if not looks_down(self.platform, self.mission):
-            used.discard("ground_camera")
-        watched = {name: device for name, device in sensors.items() if name in used}
-        places = {name: NOWHERE if isinstance(device, NoCamera) else SIMULATED for name, device in watched.items()}
-        return SensorWatch(places, watched, self.rig, self.loop.time)
-
-    def kill_onboard(self) -> None:
-        """The onboard process dies: no method is called, nothing is said."""
-        if self.onboard is not None:
-            self.onboard.close()
-            self._heartbeat.close()
-            self.companion.close()
-            self._authority.close()
-            self.autopilot_link.close()
-            self.station_link.close()
-            if self._acoustic is not None:
-                self._acoustic.close()
-            for link in self._further_links:
-                link.close()
-            self._further_links.clear()
-            for radio in self._further_radios:
-                radio.b.on_data = None
-            self.cable.b.on_data = self.radio.b.on_data = None
-            self.onboard = None
-
-    def tell(self, fault: SimFault) -> None:
-        """Has the log say that a fault begins or ends."""
-        self._publisher.publish(f"{self.name}/sim/fault", fault, self.loop.time())
-
-    # --- the truth ---
-
-    def _see_pose(self, envelope: Envelope[Pose]) -> None:
-        origin = envelope.payload.origin_geo
-        if self.frame is None and origin is not None:
-            self.frame = TangentPlane(GeoPoint(*origin))
-
-    def _tell_truth(self) -> None:
-        now_s = self.loop.time()
-        if self.frame is not None:
-            truth = self.simulator.truth()
-            position = self.frame.ned_from_geo(truth.latitude_deg, truth.longitude_deg, truth.altitude_m)
-            self.samples.append(Sample(truth.t_s, position))
-            self._sink(position[2])
-            message = SimTruth(
-                position_ned_m=position,
-                velocity_ned_m_s=truth.velocity_ned_m_s,
-                ned_from_frd=truth.attitude_wxyz,
-                wind_ned_m_s=truth.wind_ned_m_s,
-            )
-            self._publisher.publish(f"{self.name}/sim/truth", message, now_s, "ned")
-        self._truth_timer = self.loop.call_later(TRUTH_PERIOD_S, self._tell_truth)
-
-    def _sink(self, depth_m: float) -> None:
-        """Water takes the radio away, and gives it back."""
-        is_below = depth_m > self.plan.radio_depth_m
-        if is_below != self.is_below:
-            self.is_below = is_below
-            self.radio.set_conditions(Conditions(loss=1.0) if is_below else self.plan.station_link)
+            self.ground.attach_modem(self.name, self.links.modem.a)
 
     # --- the operator ---
-
-    @property
-    def name(self) -> str:
-        """The platform's name."""
-        return self.platform.platform
 
     @property
     def station(self) -> Station:

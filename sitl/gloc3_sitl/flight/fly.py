@@ -13,8 +13,9 @@ from gloc3.mission.checking.estimate import Figures
 from gloc3.platform.platform import Platform
 from gloc3_sitl.faults.faults import schedule_faults
 from gloc3_sitl.firmware.in_step import FirmwareInStep
-from gloc3_sitl.flight.flight import Flight, FlightPlan
+from gloc3_sitl.flight.flight import Flight
 from gloc3_sitl.flight.mission_file import MissionFile, read_mission_file
+from gloc3_sitl.flight.plan import FlightPlan
 from gloc3_sitl.flight.report import FlightReport, as_json, judge_within
 from gloc3_sitl.flight.watch import FlightWatch, Narrate
 from gloc3_sitl.physics.wind import CALM, Wind
@@ -101,9 +102,9 @@ async def _fly(options: FlyOptions, mission: MissionFile, narrate: Narrate | Non
         if isinstance(flight.simulator, FirmwareInStep) and flight.simulator.problem:
             report.mission_state, report.reason = "failed", flight.simulator.problem
         watch.land(flight.loop.time())
-        judge_within(flight.platform.limits, report, flight.samples, watch.path.flights)
-        if flight.recorder is not None:
-            flight.recorder.write_requested_path(watch.path.points_ned_m)
+        judge_within(flight.platform.limits, report, flight.truth.samples, watch.path.flights)
+        if flight.log.recorder is not None:
+            flight.log.recorder.write_requested_path(watch.path.points_ned_m)
         end_s, simulated_s = Clock.cost_s(), flight.loop.time()
     total_s = Clock.cost_s() - begin_s
     report.wall = {
@@ -118,8 +119,8 @@ async def _fly(options: FlyOptions, mission: MissionFile, narrate: Narrate | Non
             _write(options.out, report, flight, watch)
         except OSError as error:
             raise Refused(f"the folder {options.out} cannot be written: {error.strerror or error}") from error
-        if flight.recorder is not None and flight.recorder.problem:
-            raise Refused(f"{options.out}: {flight.recorder.problem}")
+        if flight.log.recorder is not None and flight.log.recorder.problem:
+            raise Refused(f"{options.out}: {flight.log.recorder.problem}")
     return report
 
 
@@ -150,7 +151,7 @@ def _write(out: Path, report: FlightReport, flight: Flight, watch: FlightWatch) 
     from gloc3.log.report.plot import plot_path
 
     (out / "report.json").write_bytes(as_json(report))
-    flown = [sample.position_ned_m for sample in flight.samples]
+    flown = [sample.position_ned_m for sample in flight.truth.samples]
     home = flown[0] if flown else None
     plot_path(
         flown, watch.path.points_ned_m, out / "path.svg", home=home, fence=flight.mission.fence, title=report.mission

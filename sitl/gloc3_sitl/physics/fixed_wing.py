@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from math import atan2, cos, exp, pi, sin, sqrt, tau
 from typing import Final
 
+from gloc3.messages.frames import Vector3
 from gloc3_sitl.physics.body import Situation
 from gloc3_sitl.physics.jsbsim_body import FOOT_M, PER_POUND, PER_POUND_FOOT, JsbsimBody
 from gloc3_sitl.physics.level_body import clipped
@@ -31,16 +32,7 @@ class FixedWing(JsbsimBody):
 
     def __init__(self, model: FixedWingModel, situation: Situation) -> None:
         self.model: Final = model
-        super().__init__(
-            model.aircraft,
-            model.foot_depth_m,
-            model.springs_n_m,
-            situation.home,
-            situation.wind,
-            situation.seed,
-            situation.rate_hz,
-            situation.heading_deg,
-        )
+        super().__init__(model.aircraft, model.foot_depth_m, model.springs_n_m, situation)
         self._servo_lag: Final = 1.0 - exp(-1.0 / (self.rate_hz * model.servo_s))
         self._motor_lag: Final = 1.0 - exp(-1.0 / (self.rate_hz * model.motor_s))
 
@@ -69,12 +61,12 @@ class FixedWing(JsbsimBody):
         self._motor_v += self._motor_lag * (wanted_v - self._motor_v)
 
         get_u, get_v, get_w, get_p, get_q, get_r = self._motion
-        u, v, w = get_u() * FOOT_M, get_v() * FOOT_M, get_w() * FOOT_M
+        u, v, w = velocity = get_u() * FOOT_M, get_v() * FOOT_M, get_w() * FOOT_M
         air = sqrt(u * u + v * v + w * w)
         thrust_n, torque_n_m = self._propel(u)
         x, y, z, roll, pitch, yaw = thrust_n, 0.0, 0.0, -torque_n_m, 0.0, 0.0
         if air > _LEAST_AIR_M_S:
-            x, y, z, roll, pitch, yaw = self._fly(air, u, v, w, get_p(), get_q(), get_r(), thrust_n, torque_n_m)
+            x, y, z, roll, pitch, yaw = self._fly(air, velocity, (get_p(), get_q(), get_r()), thrust_n, torque_n_m)
         put_x, put_y, put_z, put_l, put_m, put_n = self._forces
         put_x(x * PER_POUND)
         put_y(y * PER_POUND)
@@ -85,10 +77,11 @@ class FixedWing(JsbsimBody):
         self._advance()
 
     def _fly(
-        self, air: float, u: float, v: float, w: float, p: float, q: float, r: float, thrust_n: float, torque_n_m: float
+        self, air: float, velocity: Vector3, rates: Vector3, thrust_n: float, torque_n_m: float
     ) -> tuple[float, float, float, float, float, float]:
         """Force and moment of air and propeller, FRD."""
         m = self.model
+        (u, v, w), (p, q, r) = velocity, rates
         aileron, elevator, rudder = self._surfaces
         alpha, beta = atan2(w, u), atan2(v, sqrt(u * u + w * w))
         pressure_n = 0.5 * self._density * air * air * m.wing_m2

@@ -20,6 +20,7 @@ from gloc3.messages.frames import (
     from_yaw,
     to_euler,
 )
+from gloc3_sitl.physics.body import Situation
 from gloc3_sitl.physics.gusts import Gusts
 from gloc3_sitl.physics.truth import Motion, Truth
 from gloc3_sitl.physics.wind import CALM, Wind
@@ -65,30 +66,17 @@ class JsbsimBody:
         aircraft: Name of the JSBSim model, which holds mass, inertia and contact points.
         foot_depth_m: Depth of its feet or wheels under the centre of gravity, as in that model.
         springs_n_m: Stiffness of all of them together, as in that model.
-        home: The ground at the place of departure, and the origin of NED.
-        wind: What the air does from the start.
-        seed: Seed of the turbulence.
-        rate_hz: Steps per second; at least 120, so that contacts are stable.
-        heading_deg: Heading at the start, clockwise from north.
+        situation: Where it begins; at least 120 steps per second, so that contacts are stable.
     """
 
     near_ground_m = 1.0
     """Higher up nothing can touch the ground, and JSBSim need not look for contacts, which take almost half of its step."""
 
-    def __init__(
-        self,
-        aircraft: str,
-        foot_depth_m: float,
-        springs_n_m: float,
-        home: GeoPoint,
-        wind: Wind = CALM,
-        seed: int = 0,
-        rate_hz: int = 200,
-        heading_deg: float = 0.0,
-    ) -> None:
+    def __init__(self, aircraft: str, foot_depth_m: float, springs_n_m: float, situation: Situation) -> None:
+        rate_hz = situation.rate_hz
         if rate_hz < 120:
             raise Misuse(f"contacts need at least 120 steps per second, not {rate_hz}")
-        self.home: Final = GeoPoint(*home)
+        self.home: Final = GeoPoint(*situation.home)
         self.rate_hz: Final = rate_hz
         self.steps = 0
         """Steps done since the start."""
@@ -111,9 +99,9 @@ class JsbsimBody:
         for name in _UNUSED_MODELS:
             fdm[f"simulation/models/FG{name}/enabled"] = 0.0
         self._wire()
-        self._gusts = Gusts(seed)
-        self._wind = wind
-        self.place((0.0, 0.0, 0.0), from_yaw(heading_deg * pi / 180.0))
+        self._gusts = Gusts(situation.seed)
+        self._wind = situation.wind
+        self.place((0.0, 0.0, 0.0), from_yaw(situation.heading_deg * pi / 180.0))
         for _ in range(rate_hz // 4):
             self._run()
 
@@ -283,9 +271,8 @@ class Quadrotor(JsbsimBody):
             raise Misuse(f"no vehicle named {model!r}; there are: {', '.join(sorted(MULTIROTORS))}")
         self.model: Final[MultirotorModel] = MULTIROTORS[model]
         made = self.model
-        super().__init__(
-            made.aircraft, made.foot_depth_m, 4 * made.contact_spring_n_m, home, wind, seed, rate_hz, heading_deg
-        )
+        situation = Situation(home=home, wind=wind, seed=seed, rate_hz=rate_hz, heading_deg=heading_deg)
+        super().__init__(made.aircraft, made.foot_depth_m, 4 * made.contact_spring_n_m, situation)
 
     def _wire(self) -> None:
         """Look up JSBSim's properties and the model's constants once."""

@@ -7,7 +7,7 @@ from gloc3.errors import Misuse
 from gloc3.messages.frames import GeoPoint, Vector3
 from gloc3_sitl.physics.truth import Motion
 from gloc3_sitl.sensors.barometer import Barometer
-from gloc3_sitl.sensors.battery import Battery, Pack
+from gloc3_sitl.sensors.battery import Battery
 from gloc3_sitl.sensors.fix import PLAIN_GPS, RTK, FixSensor
 from gloc3_sitl.sensors.imu import Imu
 from gloc3_sitl.sensors.magnetometer import Magnetometer
@@ -23,11 +23,9 @@ class SensorSuite:
     Args:
         seed: Seed of all noise and biases.
         home: Where the flight begins: the place of the magnetic field.
-        pack: The vehicle's battery.
+        imu: The vehicle's inertial unit; None for a multirotor's.
+        battery: Its battery; None for the Pelican's.
         is_plain_gps: Metre-level fixes in place of RTK-grade ones.
-        battery_remaining: Charge at the start, 1 to 0.
-        imu_rate_hz: Rate of the IMU.
-        imu_bias_share: Its biases, as a share of those of a multirotor's.
         probe: What the height sensor measures.
         more: Sensors that the vehicle has beside these, or in place of one of the same name.
     """
@@ -37,20 +35,18 @@ class SensorSuite:
         seed: int,
         home: GeoPoint,
         *,
-        pack: Pack = PELICAN,
+        imu: Imu | None = None,
+        battery: Battery | None = None,
         is_plain_gps: bool = False,
-        battery_remaining: float = 1.0,
-        imu_rate_hz: float = 200.0,
-        imu_bias_share: float = 1.0,
         probe: Probe = level_ground,
         more: Sequence[Sensor[Any]] = (),
     ) -> None:
-        self.imu: Final = Imu(seed, imu_rate_hz, imu_bias_share)
+        self.imu: Final = imu or Imu(seed)
         self.barometer: Final = Barometer(seed)
         self.magnetometer: Final = Magnetometer(seed, home)
         self.height: Final = HeightSensor(seed, probe=probe)
         self.fix: Final = FixSensor(seed, home, PLAIN_GPS if is_plain_gps else RTK)
-        self.battery: Final = Battery(seed, pack, battery_remaining)
+        self.battery: Final = battery or Battery(seed, PELICAN)
         usual: tuple[Sensor[Any], ...] = (self.barometer, self.magnetometer, self.height, self.fix, self.battery)
         slow = {sensor.name: sensor for sensor in (*usual, *more)}
         self._slow: tuple[Sensor[Any], ...] = tuple(slow.values())

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from math import inf, radians
 from typing import Final
 
+import msgspec
 from msgspec.structs import replace
 
 from gloc3.clock import VIRTUAL_EPOCH_S
@@ -24,11 +25,13 @@ from gloc3_sitl.physics.body import Situation
 from gloc3_sitl.physics.ground import PERIOD_STEPS, raise_ground
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.physics.wind import CALM, Wind
+from gloc3_sitl.sensors.battery import Battery
+from gloc3_sitl.sensors.imu import Imu
 from gloc3_sitl.sensors.magnetic_field import declination_deg
 from gloc3_sitl.sensors.range_finder import level_ground
 from gloc3_sitl.sensors.readings import Reading
 from gloc3_sitl.sensors.suite import SensorSuite
-from gloc3_sitl.vehicles.table import style_of, vehicle_named
+from gloc3_sitl.vehicles.table import VehicleRow, style_of, vehicle_named
 from gloc3_sitl.world import World
 from gloc3_sitl.world.probe import WorldProbe
 
@@ -61,6 +64,26 @@ def _deaf(data: bytes) -> None:
     """Nobody is there."""
 
 
+class SimulatorSettings(msgspec.Struct, frozen=True, kw_only=True):
+    """What is simulated, but for the world."""
+
+    vehicle: str = "pelican"
+    """The name of a model."""
+    style: str | None = None
+    """`px4` or `ardupilot`; None for the usual one of the vehicle."""
+    seed: int = 0
+    """Of turbulence and of all sensor noise."""
+    wind: Wind = CALM
+    is_plain_gps: bool = False
+    """Metre-level fixes in place of RTK-grade ones."""
+    is_without_gps: bool = False
+    """No fixes at all; the autopilot is set to fly by `ODOMETRY`."""
+    battery_remaining: float = 1.0
+    """Charge at the start, 1 to 0."""
+    parameters: Mapping[str, float] = {}
+    """Autopilot parameters that differ from their defaults."""
+
+
 class Simulator:
     """One vehicle in one world.
 
@@ -69,14 +92,7 @@ class Simulator:
 
     Args:
         world: where it flies.
-        vehicle: what flies, by the name of a model.
-        style: `px4` or `ardupilot`; None for the usual one of the vehicle.
-        seed: of turbulence and of all sensor noise.
-        wind: what the air does.
-        is_plain_gps: metre-level fixes in place of RTK-grade ones.
-        is_without_gps: no fixes at all; the autopilot is set to fly by `ODOMETRY`.
-        battery_remaining: charge at the start, 1 to 0.
-        parameters: autopilot parameters that differ from their defaults.
+        settings: what flies.
 
     Raises:
         Misuse: no such autopilot style, or no such vehicle.
@@ -86,52 +102,27 @@ class Simulator:
     def __init__(
         self,
         world: World,
-        *,
-        vehicle: str = "pelican",
-        style: str | None = None,
-        seed: int = 0,
-        wind: Wind = CALM,
-        is_plain_gps: bool = False,
-        is_without_gps: bool = False,
-        battery_remaining: float = 1.0,
-        parameters: Mapping[str, float] | None = None,
+        settings: SimulatorSettings = SimulatorSettings(),  # noqa: B008 - immutable
     ) -> None:
-        row = vehicle_named(vehicle)
-        style = style_of(vehicle, style)
+        row = vehicle_named(settings.vehicle)
+        self.style: Final = style_of(settings.vehicle, settings.style)
+        """Name of the autopilot."""
         self.world: Final = world
         self._vehicle_class: Final = row.vehicle_class
         self.body: Final = row.body(
             Situation(
                 home=world.home,
-                wind=wind,
+                wind=settings.wind,
                 water=world.water,
-                seed=seed,
+                seed=settings.seed,
                 rate_hz=round(1.0 / STEP_S),
                 heading_deg=world.heading_deg,
             )
         )
-        self.sensors: Final = SensorSuite(
-            seed,
-            world.home,
-            pack=row.pack,
-            imu_bias_share=row.imu_bias_share,
-            is_plain_gps=is_plain_gps,
-            battery_remaining=battery_remaining,
-            probe=level_ground if world.is_flat else WorldProbe(world),
-            more=row.sensors(seed, world.home),
-        )
-        self.style: Final = style
-        """Name of the autopilot."""
-        self._style: Final = row.styles[style]
+        self.sensors: Final = _sensors(row, world, settings)
+        self._style: Final = row.styles[self.style]
         self.autopilot = self._new_autopilot()
-        for name, value in row.parameters.get(style, {}).items():
-            self.autopilot.parameters.set(name, value)
-        if is_without_gps:
-            self.sensors.fail("fix", "lost")
-            for name, value in WITHOUT_SATELLITES[style].items():
-                self.autopilot.parameters.set(name, value)
-        for name, value in (parameters or {}).items():
-            self.autopilot.parameters.set(name, value)
+        self._set_parameters(row, settings)
         self.autopilot.utc_offset_s = VIRTUAL_EPOCH_S
         self.texts: Final[deque[tuple[float, Severity, str]]] = deque(maxlen=200)
         """What the autopilot said last: time, severity, text."""
@@ -147,6 +138,14 @@ class Simulator:
         self._outputs = self._idle = self.autopilot.control.stopped
         self._timer: TimerHandle | None = None
         self._is_flat, self._is_diving = world.is_flat, row.is_diving
+
+    def _set_parameters(self, row: VehicleRow, settings: SimulatorSettings) -> None:
+        changed = dict(row.parameters.get(self.style, {}))
+        if settings.is_without_gps:
+            self.sensors.fail("fix", "lost")
+            changed |= WITHOUT_SATELLITES[self.style]
+        for name, value in (*changed.items(), *settings.parameters.items()):
+            self.autopilot.parameters.set(name, value)
 
     # -- time ---------------------------------------------------------------------------------------------------------
 
@@ -288,7 +287,7 @@ class Simulator:
 
     def inject(self, unit: Unit, failure: Failure) -> Verdict:
         """Makes something fail, or repairs it."""
-        return inject(self, unit, failure)
+        return inject(self.sensors, self.autopilot, unit, failure)
 
     # -- inside -------------------------------------------------------------------------------------------------------
 
@@ -299,4 +298,17 @@ class Simulator:
         self.front.say(severity, text)
 
 
-__all__ = ["PERIOD_S", "LinkKind", "Simulator"]
+def _sensors(row: VehicleRow, world: World, settings: SimulatorSettings) -> SensorSuite:
+    seed = settings.seed
+    return SensorSuite(
+        seed,
+        world.home,
+        imu=Imu(seed, bias_share=row.imu_bias_share),
+        battery=Battery(seed, row.pack, settings.battery_remaining),
+        is_plain_gps=settings.is_plain_gps,
+        probe=level_ground if world.is_flat else WorldProbe(world),
+        more=row.sensors(seed, world.home),
+    )
+
+
+__all__ = ["PERIOD_S", "LinkKind", "Simulator", "SimulatorSettings"]

@@ -28,7 +28,7 @@ from gloc3.messages.summaries import ControlState
 from gloc3_groundstation.cli import session
 from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.station.station import Station
-from gloc3_groundstation.tui.app import StationApp
+from gloc3_groundstation.tui.app import Opening, StationApp
 from gloc3_groundstation.web.server import MOST_WAITING, WebOptions, WebServer, exposure
 
 pytestmark = pytest.mark.sockets
@@ -81,7 +81,7 @@ async def served(options: WebOptions = WebOptions(port=0)) -> AsyncIterator[Serv
     platform = ScriptedPlatform(exchange)
     platform.delay_s = 0.001
     station = Station(exchange, platform.loop, "255", 11)
-    app = StationApp(Desk(station, PLAN), is_in_browser=True)
+    app = StationApp(Desk(station, PLAN), opening=Opening(is_in_browser=True))
     told: list[str] = []
     async with WebServer(lambda: app.window, options, lambda text, _: told.append(text)).serving() as url:
         ended = asyncio.create_task(app.run_async())

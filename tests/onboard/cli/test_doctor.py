@@ -16,7 +16,7 @@ from gloc3.platform.reader import load_platform
 from gloc3_onboard.cli.doctor import app
 from gloc3_onboard.cli.doctor_run import Question, examine
 from gloc3_onboard.process.computer import HostComputer
-from gloc3_sitl.vehicles.simulator import LinkKind, Simulator
+from gloc3_sitl.vehicles.simulator import LinkKind, Simulator, SimulatorSettings
 from gloc3_sitl.world import World
 
 pytestmark = pytest.mark.sockets
@@ -27,7 +27,7 @@ PELICAN = load_platform("pelican_rtk")
 async def vehicle(style: str, **parameters: float) -> AsyncIterator[str]:
     """A simulated vehicle that has stood for a while; gives where it is heard."""
     loop = asyncio.get_running_loop()
-    simulator = Simulator(World.load("hold"), style=style, parameters=parameters)
+    simulator = Simulator(World.load("hold"), SimulatorSettings(style=style, parameters=parameters))
     receivers: list[Callable[[bytes], None]] = []
     endpoint = await open_endpoint("tcpin://127.0.0.1:0", loop, lambda data: receivers[0](data))  # noqa: PLW0108
     receivers.append(simulator.attach(endpoint.send, LinkKind.COMPANION, is_datagram=endpoint.is_datagram))

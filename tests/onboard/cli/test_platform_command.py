@@ -17,7 +17,7 @@ from gloc3.messages.vehicle import Style, VehicleClass
 from gloc3.platform.reader import load_platform
 from gloc3_onboard.cli.platform_new import KINDS, Answers, Found, platform_text
 from gloc3_onboard.cli.platform_report import report_on
-from gloc3_sitl.vehicles.simulator import LinkKind, Simulator
+from gloc3_sitl.vehicles.simulator import LinkKind, Simulator, SimulatorSettings
 from gloc3_sitl.world import World
 
 ANSWERS = ["--name", "my_quad", "--mass-kg", "2.1", "--arm", "--on-stop", "land", "--yes"]
@@ -31,7 +31,7 @@ def vehicle(style: str, **parameters: float) -> Iterator[str]:
 
     async def stand() -> None:
         loop = asyncio.get_running_loop()
-        simulator = Simulator(World.load("hold"), style=style, parameters=parameters)
+        simulator = Simulator(World.load("hold"), SimulatorSettings(style=style, parameters=parameters))
         receivers: list[Callable[[bytes], None]] = []
         endpoint = await open_endpoint("tcpin://127.0.0.1:0", loop, lambda data: receivers[0](data))  # noqa: PLW0108
         receivers.append(simulator.attach(endpoint.send, LinkKind.COMPANION, is_datagram=endpoint.is_datagram))

@@ -13,7 +13,7 @@ from gloc3.messages.frames import TangentPlane, Vector3
 from gloc3_sitl.autopilot.mavlink.links import LinkKind
 from gloc3_sitl.autopilot.modes import Result
 from gloc3_sitl.autopilot.pilot import Pilot
-from gloc3_sitl.vehicles.simulator import Simulator
+from gloc3_sitl.vehicles.simulator import Simulator, SimulatorSettings
 from gloc3_sitl.world import World
 
 POSITION_AND_VELOCITY = 0b100111000000
@@ -28,7 +28,9 @@ class Bench:
     """A vehicle in the open, and what its MAVLink client sends and has heard."""
 
     def __init__(self, style: str | None = "px4", *, system: int = 1, component: int = 191, **settings: Any) -> None:
-        self.sim = Simulator(settings.pop("world", World.load("open")), style=style, **{"seed": 7, **settings})
+        self.sim = Simulator(
+            settings.pop("world", World.load("open")), SimulatorSettings(style=style, **{"seed": 7, **settings})
+        )
         self.is_px4 = self.sim.style == "px4"
         self.heard: list[MavlinkMessage] = []
         self.counts: Counter[str] = Counter()

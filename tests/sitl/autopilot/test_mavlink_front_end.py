@@ -13,7 +13,7 @@ from gloc3_sitl.autopilot.mavlink.links import LinkKind
 from gloc3_sitl.autopilot.modes import Result
 from gloc3_sitl.autopilot.surroundings import Power
 from gloc3_sitl.autopilot.verdict import Author
-from gloc3_sitl.vehicles.simulator import BOOT_S, Simulator
+from gloc3_sitl.vehicles.simulator import BOOT_S, Simulator, SimulatorSettings
 from gloc3_sitl.world import World
 
 from .bench import ARM, REPOSITION, SET_MODE, Bench
@@ -46,7 +46,7 @@ class Ear:
 
 
 def test_a_companions_link_begins_with_pose_at_25_hertz_in_px4_style() -> None:
-    sim = Simulator(World.load("open"), seed=1)
+    sim = Simulator(World.load("open"), SimulatorSettings(seed=1))
     ear = Ear(sim, LinkKind.COMPANION, 1, 191)
     sim.advance(4.0)
     ear.counts.clear()
@@ -107,7 +107,7 @@ def test_an_interval_can_be_set_asked_for_and_stopped() -> None:
 def test_every_message_that_can_be_told_is_told_on_request(style: str) -> None:
     bench = Bench(style)
     bench.take_off()
-    for name in bench.sim.front.producers:
+    for name in bench.sim.front.context.producers:
         bench.pilot.switch_on()
         bench.command(REQUEST, shape(name).id)
         if name not in ("FENCE_STATUS", "ORBIT_EXECUTION_STATUS", "WHEEL_DISTANCE"):  # there is none of them
@@ -192,7 +192,7 @@ def test_ardupilot_calibrates_its_gyro_in_progress_and_then_done() -> None:
 
 
 def test_frames_pass_between_links_by_their_addresses() -> None:
-    sim = Simulator(World.load("open"), seed=1)
+    sim = Simulator(World.load("open"), SimulatorSettings(seed=1))
     companion = Ear(sim, LinkKind.BARE, 1, 191)
     station = Ear(sim, LinkKind.BARE, 255, 190)
     other = Ear(sim, LinkKind.BARE, 254, 190)
@@ -209,7 +209,7 @@ def test_frames_pass_between_links_by_their_addresses() -> None:
 
 
 def test_each_link_has_its_own_unbroken_sequence() -> None:
-    sim = Simulator(World.load("open"), seed=1)
+    sim = Simulator(World.load("open"), SimulatorSettings(seed=1))
     sequences: list[int] = []
     parser = Parser(is_datagram=True)
 
@@ -228,7 +228,7 @@ def test_each_link_has_its_own_unbroken_sequence() -> None:
 @settings(max_examples=30)
 @given(st.binary(max_size=300))
 def test_garbage_is_survived(data: bytes) -> None:
-    BARE_BENCH.sim.front.router.links[0].parser.receive(data)
+    BARE_BENCH.sim.front.context.router.links[0].parser.receive(data)
     BARE_BENCH._receive(data)
 
 

@@ -7,7 +7,7 @@ import pytest
 from gloc3.mavlink.codec import Encoder, Parser, message
 from gloc3.mavlink.signing import Signing, is_signed_with, timestamp
 from gloc3_sitl.autopilot.mavlink.links import LinkKind
-from gloc3_sitl.vehicles.simulator import Simulator
+from gloc3_sitl.vehicles.simulator import Simulator, SimulatorSettings
 from gloc3_sitl.world import World
 
 STYLES = pytest.mark.parametrize("style", ["px4", "ardupilot"])
@@ -51,7 +51,7 @@ class Somebody:
 
 
 def simulator(style: str) -> Simulator:
-    sim = Simulator(World.load("open"), style=style, seed=1)
+    sim = Simulator(World.load("open"), SimulatorSettings(style=style, seed=1))
     sim.advance(2.0)
     return sim
 
@@ -72,7 +72,7 @@ def test_who_has_not_the_key_is_neither_heard_nor_passed_on_from_then_on(style: 
     assert not wrong.is_served()
     stranger.say("COMMAND_LONG", target_system=255, target_component=190, command=UNKNOWN)
     assert knows.senders[254] == 1, "as before"
-    assert sim.front.signing.dropped == 3
+    assert sim.front.context.signing.dropped == 3
     heartbeats = stranger.counts["HEARTBEAT", KEY]
     sim.advance(5.0)
     assert stranger.counts["HEARTBEAT", KEY] > heartbeats, "all that it sends is signed, for whoever listens"
@@ -122,7 +122,7 @@ def test_px4_takes_heartbeats_unsigned_and_ardupilot_all_on_its_first_serial_por
         sim = simulator(style)
         knows, cable = Somebody(sim, 255), Somebody(sim, 254, is_datagram=False)
         knows.set_up(KEY)
-        dropped = sim.front.signing.dropped
+        dropped = sim.front.context.signing.dropped
         Somebody(sim, 253).say("HEARTBEAT", type=6, autopilot=8)
-        assert sim.front.signing.dropped - dropped == (style == "ardupilot")
+        assert sim.front.context.signing.dropped - dropped == (style == "ardupilot")
         assert cable.is_served() is (style == "ardupilot")

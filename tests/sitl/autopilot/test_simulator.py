@@ -11,7 +11,7 @@ from gloc3.mavlink.codec import Parser
 from gloc3.mavlink.transport.memory import Conditions, MemoryLink
 from gloc3.messages.frames import GeoPoint
 from gloc3_sitl.autopilot.verdict import Author
-from gloc3_sitl.vehicles.simulator import LinkKind, Simulator
+from gloc3_sitl.vehicles.simulator import LinkKind, Simulator, SimulatorSettings
 from gloc3_sitl.world import World
 
 pytestmark = pytest.mark.thorough
@@ -28,7 +28,7 @@ def test_it_advances_in_whole_steps_and_never_back() -> None:
 def test_many_small_steps_are_the_same_as_one_large_one() -> None:
     places = []
     for step in (2.0, 0.02, 0.004):
-        simulator = Simulator(World.load("open"), seed=3)
+        simulator = Simulator(World.load("open"), SimulatorSettings(seed=3))
         for count in range(1, round(2.0 / step) + 1):
             simulator.advance(count * step)
         places.append((simulator.now_s, simulator.autopilot.estimator.position_ned_m))
@@ -40,7 +40,7 @@ def test_a_loop_in_virtual_time_drives_it_and_its_links() -> None:
 
     async def fly() -> float:
         loop = asyncio.get_running_loop()
-        simulator = Simulator(World.load("open"), seed=1)
+        simulator = Simulator(World.load("open"), SimulatorSettings(seed=1))
         link = MemoryLink(loop, Random(1), Conditions(latency_s=0.01))
         parser = Parser(is_datagram=True)
 
@@ -71,7 +71,7 @@ def test_it_can_run_faster_than_its_loop() -> None:
 
 def test_a_home_and_parameters_are_taken() -> None:
     home = GeoPoint(47.0, 8.0, 500.0)
-    simulator = Simulator(World.load("open", home, 90.0), parameters={"NAV_DLL_ACT": 2})
+    simulator = Simulator(World.load("open", home, 90.0), SimulatorSettings(parameters={"NAV_DLL_ACT": 2}))
     assert simulator.truth().latitude_deg == pytest.approx(47.0)
     assert simulator.truth().altitude_m == pytest.approx(500.0, abs=0.01)
     assert simulator.autopilot.parameters["NAV_DLL_ACT"] == 2
@@ -79,9 +79,9 @@ def test_a_home_and_parameters_are_taken() -> None:
 
 def test_styles_and_parameters_that_do_not_exist_are_named() -> None:
     with pytest.raises(Misuse, match="px4"):
-        Simulator(World.load("open"), style="px")
+        Simulator(World.load("open"), SimulatorSettings(style="px"))
     with pytest.raises(Refused, match="NAV_DLL_ACT"):
-        Simulator(World.load("open"), parameters={"NAV_DLL_AKT": 2})
+        Simulator(World.load("open"), SimulatorSettings(parameters={"NAV_DLL_AKT": 2}))
 
 
 def test_what_the_autopilot_says_is_kept() -> None:

@@ -11,7 +11,7 @@ from gloc3_sitl.autopilot.control.setpoint import MotionSetpoint
 from gloc3_sitl.autopilot.estimator.sources import ExternalOdometry
 from gloc3_sitl.autopilot.verdict import Author
 from gloc3_sitl.physics.water import rough
-from gloc3_sitl.vehicles.simulator import Simulator
+from gloc3_sitl.vehicles.simulator import Simulator, SimulatorSettings
 from gloc3_sitl.world import World
 
 GUIDED, SURFACE, ALT_HOLD, POSHOLD, MANUAL = 4, 9, 2, 16, 19
@@ -23,7 +23,7 @@ class Dive:
     def __init__(self, vehicle: str, current_ned_m_s: Vector3 = (0.0, 0.0, 0.0), waves_m: float = 0.0) -> None:
         world = World.load("bay")
         world.water = rough(replace(world.water, current_ned_m_s=current_ned_m_s), waves_m=waves_m)
-        self.simulator = Simulator(world, vehicle=vehicle, seed=4)
+        self.simulator = Simulator(world, SimulatorSettings(vehicle=vehicle, seed=4))
         self.autopilot = self.simulator.autopilot
         # Where it is moved about, the level is found from what it does for many seconds.
         self.simulator.advance(30.0 if waves_m or any(current_ned_m_s) else 12.0)
@@ -193,4 +193,4 @@ def test_the_fence_has_a_depth() -> None:
 
 def test_other_autopilots_do_not_steer_submarines() -> None:
     with pytest.raises(Misuse, match="it is steered by ardupilot"):
-        Simulator(World.load("bay"), vehicle="auv", style="px4")
+        Simulator(World.load("bay"), SimulatorSettings(vehicle="auv", style="px4"))

@@ -14,7 +14,8 @@ from gloc3.messages.perception import ImuSample, LaserScan
 from gloc3.messages.vehicle import Image
 from gloc3_sitl.faults.device_faults import CAMERA, LASER, DeviceFault, Exposure, PairExposure, Turn, seen_from, spoilt
 from gloc3_sitl.faults.faults import read_fault, schedule_faults
-from gloc3_sitl.flight.flight import Flight, FlightPlan
+from gloc3_sitl.flight.flight import Flight
+from gloc3_sitl.flight.plan import FlightPlan
 from gloc3_sitl.flight.sim_devices import SimCamera, SimLaser, SimStereoCamera
 from gloc3_sitl.flight.sim_imu import SimImu
 from gloc3_sitl.physics.truth import Truth

@@ -11,7 +11,7 @@ from gloc3.clock import run_virtual
 from gloc3_sitl.flight.sim_devices import SimCamera, SimDvl, SimLaser, SimStereoCamera
 from gloc3_sitl.flight.sim_rig import SIM_DEVICES, SimRig
 from gloc3_sitl.physics.truth import Truth
-from gloc3_sitl.vehicles.simulator import Simulator
+from gloc3_sitl.vehicles.simulator import Simulator, SimulatorSettings
 from gloc3_sitl.world import World, rig
 from gloc3_sitl.world.camera import Camera
 from gloc3_sitl.world.imager import Photo
@@ -24,7 +24,7 @@ def run(test: Callable[[SimRig, Simulator], Coroutine[Any, Any, None]], world: s
 
     async def main() -> None:
         loop = asyncio.get_running_loop()
-        simulator = Simulator(World.load(world), seed=seed)
+        simulator = Simulator(World.load(world), SimulatorSettings(seed=seed))
         simulator.start(loop)
         await test(SimRig(simulator.world, loop, simulator.truth, seed), simulator)
         simulator.stop()

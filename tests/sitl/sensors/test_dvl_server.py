@@ -7,11 +7,11 @@ import msgspec
 import pytest
 
 from gloc3.errors import Refused
-from gloc3_onboard.sources.dvl import DvlSource
-from gloc3_onboard.sources.url import parse_source
+from gloc3_onboard.sensors.registry import parse_source
+from gloc3_onboard.sensors.sources.dvl import DvlSource
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.vehicles.dvl_server import WIRES, DvlServer, read_dvl
-from gloc3_sitl.vehicles.simulator import Simulator
+from gloc3_sitl.vehicles.simulator import Simulator, SimulatorSettings
 from gloc3_sitl.world import World
 
 SPEED_M_S = 0.8
@@ -21,7 +21,7 @@ class Bay:
     """An AUV that goes ahead at a speed, five metres below the surface of a bay that is twenty deep."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        simulator = Simulator(World.load("bay"), vehicle="auv", seed=3)
+        simulator = Simulator(World.load("bay"), SimulatorSettings(vehicle="auv", seed=3))
         simulator.body.place((0.0, 0.0, 5.0), velocity_ned_m_s=(SPEED_M_S, 0.0, 0.0))
         self.world: Final = simulator.world
         self._loop, self._truth = loop, simulator.truth()

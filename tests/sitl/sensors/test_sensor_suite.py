@@ -11,6 +11,7 @@ from gloc3.errors import Misuse
 from gloc3.messages.frames import GeoPoint, TangentPlane, Vector3
 from gloc3_sitl.physics.jsbsim_body import Quadrotor
 from gloc3_sitl.physics.truth import Truth
+from gloc3_sitl.sensors.battery import Battery
 from gloc3_sitl.sensors.readings import (
     BarometerReading,
     BatteryReading,
@@ -22,6 +23,7 @@ from gloc3_sitl.sensors.readings import (
     Reading,
 )
 from gloc3_sitl.sensors.suite import SensorSuite
+from gloc3_sitl.vehicles import PELICAN
 
 pytestmark = pytest.mark.thorough
 
@@ -202,7 +204,7 @@ def test_a_pause_in_sampling_gives_one_reading_and_not_a_burst(still: Still, hom
 
 
 def test_the_charge_of_the_battery_can_be_set(still: Still, home: GeoPoint) -> None:
-    suite = SensorSuite(1, home, battery_remaining=0.5)
+    suite = SensorSuite(1, home, battery=Battery(1, PELICAN, 0.5))
     assert only(BatteryReading, suite.sample(still(), 0.0))[0].remaining == pytest.approx(0.5)
     suite.battery.remaining = 0.2
     assert only(BatteryReading, run(suite, still(), 1.0))[-1].remaining == pytest.approx(0.2, abs=0.001)

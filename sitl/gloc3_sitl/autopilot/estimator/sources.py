@@ -77,13 +77,17 @@ class Fix(msgspec.Struct, frozen=True, kw_only=True):
     satellites: int
 
 
+USUAL_DEVIATION: Final = 0.1
+"""Of odometry that comes without a deviation."""
+
+
 class ExternalOdometry(msgspec.Struct, frozen=True, kw_only=True):
     """Position, velocity and heading from outside, in the estimator's NED (or turned by an unknown heading: then without yaw)."""
 
     t_s: float
-    position_ned_m: Vector3 | None
-    velocity_ned_m_s: Vector3 | None
-    yaw_rad: float | None
-    position_deviation_m: float
-    velocity_deviation_m_s: float
-    reset_counter: int
+    position_ned_m: Vector3 | None = None
+    velocity_ned_m_s: Vector3 | None = None
+    yaw_rad: float | None = None
+    position_deviation_m: float = USUAL_DEVIATION
+    velocity_deviation_m_s: float = USUAL_DEVIATION
+    reset_counter: int = 0

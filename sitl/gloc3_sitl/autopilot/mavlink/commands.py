@@ -2,115 +2,111 @@
 
 from collections.abc import Callable, Mapping
 from math import isfinite, nan, radians
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from gloc3.mavlink.services.command_server import CommandRequest
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import GeoPoint, Vector3
 from gloc3_sitl.autopilot.behaviours.orbit import Facing, circle
+from gloc3_sitl.autopilot.mavlink.context import MOST_HEIGHT_M, FrontContext
 from gloc3_sitl.autopilot.mavlink.service_commands import SERVICE_HANDLERS
 from gloc3_sitl.autopilot.modes import Behaviour, Result
-from gloc3_sitl.autopilot.verdict import ACCEPTED, Author, Verdict
+from gloc3_sitl.autopilot.verdict import ACCEPTED, OUT_OF_RANGE, Author, Verdict
 
-if TYPE_CHECKING:
-    from gloc3_sitl.autopilot.mavlink.front import Front
-
-Handler = Callable[["Front", CommandRequest], Verdict]
+Handler = Callable[[FrontContext, CommandRequest], Verdict]
 
 ARM: Final = 400
 _FORCE: Final = 21196.0
 _MAGIC_FORCE: Final = 2989.0
 """ArduPilot's force-arming number."""
-OUT_OF_RANGE: Final = Verdict(Result.DENIED, "parameters out of range")
-MOST_HEIGHT_M: Final = 100_000.0
 _UNSUPPORTED: Final = Verdict(Result.UNSUPPORTED)
 _RELATIVE: Final = (3, 6)
 _CUSTOM_FLAG: Final = 1
 _LOOK_AT_NOTHING: Final = 197
 
 
-def handle(front: "Front", request: CommandRequest) -> Verdict:
+def handle(context: FrontContext, request: CommandRequest) -> Verdict:
     """Runs a command; unknown ones are unsupported."""
-    handler = None if request.command in front.autopilot.style.unsupported else HANDLERS.get(request.command)
-    return _UNSUPPORTED if handler is None else handler(front, request)
+    handler = None if request.command in context.autopilot.style.unsupported else HANDLERS.get(request.command)
+    return _UNSUPPORTED if handler is None else handler(context, request)
 
 
 # -- arming and modes -------------------------------------------------------------------------------------------------
 
 
-def _arm(front: "Front", request: CommandRequest) -> Verdict:
+def _arm(context: FrontContext, request: CommandRequest) -> Verdict:
     wanted, force = request.params[0], request.params[1]
     is_forced = force in (_FORCE, _MAGIC_FORCE)
     if wanted == 1.0:
-        return front.commander.arm(Author.COMMAND, is_forced=is_forced)
+        return context.commander.arm(Author.COMMAND, is_forced=is_forced)
     if wanted == 0.0:
-        return front.commander.disarm(Author.COMMAND, is_forced=is_forced)
-    return Verdict(Result.UNSUPPORTED if front.is_px4 else Result.FAILED, "param1 must be 0 or 1")
+        return context.commander.disarm(Author.COMMAND, is_forced=is_forced)
+    return Verdict(Result.UNSUPPORTED if context.is_px4 else Result.FAILED, "param1 must be 0 or 1")
 
 
-def _set_mode(front: "Front", request: CommandRequest) -> Verdict:
+def _set_mode(context: FrontContext, request: CommandRequest) -> Verdict:
     base, main, sub = request.params[:3]
     if not (isfinite(base) and isfinite(main) and isfinite(sub)) or not int(base) & _CUSTOM_FLAG:
         return OUT_OF_RANGE
     if not 0 <= main < 2**16 or not 0 <= sub < 256:
         return OUT_OF_RANGE
-    custom = int(main) << 16 | int(sub) << 24 if front.is_px4 else int(main)
-    return front.commander.set_mode(custom, Author.COMMAND)
+    custom = int(main) << 16 | int(sub) << 24 if context.is_px4 else int(main)
+    return context.commander.set_mode(custom, Author.COMMAND)
 
 
-def _take_off(front: "Front", request: CommandRequest) -> Verdict:
+def _take_off(context: FrontContext, request: CommandRequest) -> Verdict:
     height = request.params[6]
-    craft = front.craft
+    craft = context.craft
     if not isfinite(height):
-        return front.commander.take_off(nan)
-    if front.is_px4 and (not request.is_int or request.frame not in _RELATIVE):
+        return context.commander.take_off(nan)
+    if context.is_px4 and (not request.is_int or request.frame not in _RELATIVE):
         origin = craft.estimator.origin
-        return front.commander.take_off(nan if origin is None else origin.origin.altitude_m - height)
+        return context.commander.take_off(nan if origin is None else origin.origin.altitude_m - height)
     base = 0.0 if craft.home is None else craft.home.position_ned_m[2]
     if height < 0.1:
-        return Verdict(front.commander.style.refused, "take-off height must be above the ground")
-    return front.commander.take_off(base - height)
+        return Verdict(context.commander.style.refused, "take-off height must be above the ground")
+    return context.commander.take_off(base - height)
 
 
-def _land(front: "Front", request: CommandRequest) -> Verdict:
+def _land(context: FrontContext, request: CommandRequest) -> Verdict:
     del request
-    return front.commander.set_mode(front.commander.style.land_mode, Author.COMMAND)
+    return context.commander.set_mode(context.commander.style.land_mode, Author.COMMAND)
 
 
-def _return(front: "Front", request: CommandRequest) -> Verdict:
+def _return(context: FrontContext, request: CommandRequest) -> Verdict:
     del request
-    return front.commander.set_mode(front.commander.style.return_mode, Author.COMMAND)
+    return context.commander.set_mode(context.commander.style.return_mode, Author.COMMAND)
 
 
-def _loiter(front: "Front", request: CommandRequest) -> Verdict:
+def _loiter(context: FrontContext, request: CommandRequest) -> Verdict:
     del request
-    style = front.commander.style
-    return front.commander.set_mode(
+    style = context.commander.style
+    return context.commander.set_mode(
         style.position_mode if style.takeoff_in_streamed else style.hold_mode, Author.COMMAND
     )
 
 
-def _terminate(front: "Front", request: CommandRequest) -> Verdict:
+def _terminate(context: FrontContext, request: CommandRequest) -> Verdict:
     if not request.params[0] > 0.5:
         return ACCEPTED
-    front.commander.terminate()
+    context.commander.terminate()
     return ACCEPTED
 
 
 # -- places -----------------------------------------------------------------------------------------------------------
 
 
-def _place(front: "Front", request: CommandRequest, *, is_absolute: bool = False) -> Vector3 | Verdict:
+def _place(context: FrontContext, request: CommandRequest, *, is_absolute: bool = False) -> Vector3 | Verdict:
     """The NED position of parameters 5 to 7; NaN means here.
 
     The height counts from home where a COMMAND_INT says so, unless it `is_absolute` whatever the frame.
     """
-    craft = front.craft
+    craft = context.craft
     origin = craft.estimator.origin
     latitude, longitude, height = request.params[4:]
     n, e, d = craft.estimator.inertial.position_ned_m
     if origin is None:
-        return Verdict(front.commander.style.refused, "no global origin")
+        return Verdict(context.commander.style.refused, "no global origin")
     if isfinite(latitude) and isfinite(longitude):
         if abs(latitude) > 90.0 or abs(longitude) > 180.0:
             return OUT_OF_RANGE
@@ -124,11 +120,11 @@ def _place(front: "Front", request: CommandRequest, *, is_absolute: bool = False
     return (n, e, d)
 
 
-def _reposition(front: "Front", request: CommandRequest) -> Verdict:
-    place = _place(front, request)
+def _reposition(context: FrontContext, request: CommandRequest) -> Verdict:
+    place = _place(context, request)
     if isinstance(place, Verdict):
         return place
-    style, commander = front.commander.style, front.commander
+    style, commander = context.commander.style, context.commander
     if (
         style.takeoff_in_streamed
         and commander.mode.behaviour is not Behaviour.STREAMED
@@ -136,55 +132,55 @@ def _reposition(front: "Front", request: CommandRequest) -> Verdict:
     ):
         return Verdict(Result.DENIED, "not in GUIDED")
     yaw = request.params[3]
-    if not front.is_px4:
+    if not context.is_px4:
         yaw = radians(yaw) if isfinite(yaw) and yaw != 0.0 else nan
     return commander.go_to(place, yaw, request.params[0])
 
 
-def _orbit(front: "Front", request: CommandRequest) -> Verdict:
-    if front.commander.style.orbit_mode is None:
+def _orbit(context: FrontContext, request: CommandRequest) -> Verdict:
+    if context.commander.style.orbit_mode is None:
         return _UNSUPPORTED
-    place = _place(front, request, is_absolute=True)
+    place = _place(context, request, is_absolute=True)
     if isinstance(place, Verdict):
         return place
     radius, speed, facing = request.params[:3]
     known = Facing(int(facing)) if facing in list(Facing) else Facing.CENTRE
-    return front.commander.orbit(circle(place, radius, speed, known, front.craft.tuning.orbit_radius_m))
+    return context.commander.orbit(circle(place, radius, speed, known, context.craft.tuning.orbit_radius_m))
 
 
-def _set_home(front: "Front", request: CommandRequest) -> Verdict:
+def _set_home(context: FrontContext, request: CommandRequest) -> Verdict:
     if request.params[0] == 1.0:
-        return front.commander.set_home()
-    place = _place(front, request, is_absolute=front.is_px4)  # PX4 does not look at the frame
-    return place if isinstance(place, Verdict) else front.commander.set_home(place)
+        return context.commander.set_home()
+    place = _place(context, request, is_absolute=context.is_px4)  # PX4 does not look at the frame
+    return place if isinstance(place, Verdict) else context.commander.set_home(place)
 
 
-def _set_origin(front: "Front", request: CommandRequest) -> Verdict:
-    return front.set_origin(GeoPoint(*request.params[4:]))
+def _set_origin(context: FrontContext, request: CommandRequest) -> Verdict:
+    return context.set_origin(GeoPoint(*request.params[4:]))
 
 
 # -- mission ----------------------------------------------------------------------------------------------------------
 
 
-def _mission_start(front: "Front", request: CommandRequest) -> Verdict:
-    commander, craft = front.commander, front.craft
+def _mission_start(context: FrontContext, request: CommandRequest) -> Verdict:
+    commander, craft = context.commander, context.craft
     first = int(request.params[0]) if isfinite(request.params[0]) else 0
     if commander.style.takeoff_in_streamed:
         # ArduPilot: the mode must be AUTO already, or the vehicle stand.
         if not craft.is_armed:
             return Verdict(Result.FAILED, "not armed")
     elif first > 0 and first < len(craft.plans.mission):
-        front.set_current(first)
+        context.set_current(first)
     return commander.set_mode(commander.style.mission_mode, Author.COMMAND)
 
 
-def _pause_continue(front: "Front", request: CommandRequest) -> Verdict:
-    commander = front.commander
+def _pause_continue(context: FrontContext, request: CommandRequest) -> Verdict:
+    commander = context.commander
     is_continue = request.params[0] == 1.0
-    if front.is_px4:
+    if context.is_px4:
         style = commander.style
         return commander.set_mode(style.mission_mode if is_continue else style.hold_mode, Author.COMMAND)
-    flight = front.mission_flight
+    flight = context.mission_flight
     if flight is None:
         return Verdict(Result.FAILED, "not in AUTO")
     if is_continue:
@@ -194,82 +190,82 @@ def _pause_continue(front: "Front", request: CommandRequest) -> Verdict:
     return ACCEPTED
 
 
-def _set_current(front: "Front", request: CommandRequest) -> Verdict:
+def _set_current(context: FrontContext, request: CommandRequest) -> Verdict:
     index = request.params[0]
-    if not isfinite(index) or not front.set_current(int(index)):
-        return Verdict(Result.FAILED if not front.is_px4 else Result.DENIED, "no such item")
+    if not isfinite(index) or not context.set_current(int(index)):
+        return Verdict(Result.FAILED if not context.is_px4 else Result.DENIED, "no such item")
     return ACCEPTED
 
 
-def _change_speed(front: "Front", request: CommandRequest) -> Verdict:
+def _change_speed(context: FrontContext, request: CommandRequest) -> Verdict:
     speed = request.params[1]
     if not speed > 0.0:
         return ACCEPTED if speed == -1.0 else OUT_OF_RANGE
-    front.craft.tuning.limits.speed_xy_m_s = min(speed, front.craft.tuning.gains.speed_xy_m_s)
+    context.craft.tuning.limits.speed_xy_m_s = min(speed, context.craft.tuning.gains.speed_xy_m_s)
     return ACCEPTED
 
 
 # -- messages and services --------------------------------------------------------------------------------------------
 
 
-def _request_message(front: "Front", request: CommandRequest) -> Verdict:
+def _request_message(context: FrontContext, request: CommandRequest) -> Verdict:
     if not isfinite(request.params[0]):
         return OUT_OF_RANGE
-    return front.request_message(int(request.params[0]), request)
+    return context.request_message(int(request.params[0]), request)
 
 
-def _stream(front: "Front", request: CommandRequest) -> Verdict:
-    return front.stream_command(request)
+def _stream(context: FrontContext, request: CommandRequest) -> Verdict:
+    return context.stream_command(request)
 
 
-def _capabilities(front: "Front", request: CommandRequest) -> Verdict:
-    return front.request_message(148, request)
+def _capabilities(context: FrontContext, request: CommandRequest) -> Verdict:
+    return context.request_message(148, request)
 
 
-def _run_checks(front: "Front", request: CommandRequest) -> Verdict:
+def _run_checks(context: FrontContext, request: CommandRequest) -> Verdict:
     del request
-    commander = front.commander
-    if front.craft.is_armed:
+    commander = context.commander
+    if context.craft.is_armed:
         return Verdict(Result.TEMPORARILY_REJECTED, "armed")
     for problem in commander.problems():
-        front.craft.say(Severity.CRITICAL, f"{commander.style.arming_prefix}{problem}")
+        context.craft.say(Severity.CRITICAL, f"{commander.style.arming_prefix}{problem}")
     return ACCEPTED
 
 
-def _storage(front: "Front", request: CommandRequest) -> Verdict:
+def _storage(context: FrontContext, request: CommandRequest) -> Verdict:
     if request.params[0] == 2.0:
-        front.autopilot.parameters.reset()
+        context.autopilot.parameters.reset()
     return ACCEPTED
 
 
-def _source_set(front: "Front", request: CommandRequest) -> Verdict:
-    if front.is_px4:
+def _source_set(context: FrontContext, request: CommandRequest) -> Verdict:
+    if context.is_px4:
         return _UNSUPPORTED
     index = request.params[0]
     if index not in (1.0, 2.0, 3.0):
         return OUT_OF_RANGE
-    return front.use_source_set(int(index))
+    return context.use_source_set(int(index))
 
 
-def _fence_enable(front: "Front", request: CommandRequest) -> Verdict:
+def _fence_enable(context: FrontContext, request: CommandRequest) -> Verdict:
     wanted = request.params[0]
     if wanted not in (0.0, 1.0):
         return OUT_OF_RANGE
-    front.craft.tuning.fence_is_on = wanted == 1.0
+    context.craft.tuning.fence_is_on = wanted == 1.0
     return ACCEPTED
 
 
-def _look_at(front: "Front", request: CommandRequest) -> Verdict:
+def _look_at(context: FrontContext, request: CommandRequest) -> Verdict:
     """ArduPilot turns the vehicle towards a place, until the mode changes; PX4 turns a gimbal, and there is none."""
-    if front.is_px4:
+    if context.is_px4:
         return ACCEPTED
     if request.command == _LOOK_AT_NOTHING or not any(request.params[4:6]):
-        front.craft.looks_at = None
+        context.craft.looks_at = None
         return ACCEPTED
-    place = _place(front, request)
+    place = _place(context, request)
     if isinstance(place, Verdict):
         return place
-    front.craft.looks_at = place
+    context.craft.looks_at = place
     return ACCEPTED
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from math import inf, isfinite, nan
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from gloc3.mavlink import codec
 from gloc3.mavlink.message import Address, MavlinkMessage
@@ -10,15 +10,13 @@ from gloc3.mavlink.services.heartbeat import GROUND_STATION
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import GeoPoint
 from gloc3_sitl.autopilot.craft import Target
+from gloc3_sitl.autopilot.mavlink.context import FrontContext
 from gloc3_sitl.autopilot.mavlink.odometry import mocap, odometry, vision_position, vision_speed
 from gloc3_sitl.autopilot.mavlink.setpoints import attitude_setpoint, motion_setpoint
 from gloc3_sitl.autopilot.modes import Behaviour, Result
 from gloc3_sitl.autopilot.verdict import Author, Verdict
 
-if TYPE_CHECKING:
-    from gloc3_sitl.autopilot.mavlink.front import Front
-
-Listener = Callable[["Front", MavlinkMessage, Address], None]
+Listener = Callable[[FrontContext, MavlinkMessage, Address], None]
 
 _SHELL: Final = 10
 """SERIAL_CONTROL_DEV: the shell."""
@@ -33,108 +31,108 @@ _JOYSTICK_S: Final = 0.5
 """A joystick that is silent for so long is gone."""
 
 
-def _heartbeat(front: "Front", message: MavlinkMessage, sender: Address) -> None:
+def _heartbeat(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
     # PX4 asks for the type of a ground station; ArduPilot for the one system id, whatever its type.
-    if not front.is_px4 or message.type == GROUND_STATION:
-        front.station_heard(sender.system)
+    if not context.is_px4 or message.type == GROUND_STATION:
+        context.station_heard(sender.system)
 
 
-def _motion(front: "Front", message: MavlinkMessage, sender: Address) -> None:
+def _motion(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
     del sender
-    craft, style = front.craft, front.autopilot.style
-    if style.takeoff_in_streamed and front.commander.mode.behaviour is not Behaviour.STREAMED:
+    craft, style = context.craft, context.autopilot.style
+    if style.takeoff_in_streamed and context.commander.mode.behaviour is not Behaviour.STREAMED:
         return  # ArduPilot ignores them outside Guided
     craft.stream.put(motion_setpoint(message, craft, style), craft.now_s)
 
 
-def _attitude(front: "Front", message: MavlinkMessage, sender: Address) -> None:
+def _attitude(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
     del sender
-    craft, style = front.craft, front.autopilot.style
+    craft, style = context.craft, context.autopilot.style
     streamed = (Behaviour.STREAMED, Behaviour.STREAMED_ATTITUDE)
-    if style.takeoff_in_streamed and front.commander.mode.behaviour not in streamed:
+    if style.takeoff_in_streamed and context.commander.mode.behaviour not in streamed:
         return
     craft.stream.put(attitude_setpoint(message, craft.tuning.hover_thrust, style), craft.now_s)
 
 
-def _set_mode(front: "Front", message: MavlinkMessage, sender: Address) -> None:
+def _set_mode(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
     """SET_MODE (old, still in use with ArduPilot); it has no answer but the heartbeat."""
     del sender
     if message.base_mode & 1:
-        front.commander.set_mode(message.custom_mode, Author.COMMAND)
+        context.commander.set_mode(message.custom_mode, Author.COMMAND)
 
 
-def _data_stream(front: "Front", message: MavlinkMessage, sender: Address) -> None:
-    if not front.is_px4:
+def _data_stream(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
+    if not context.is_px4:
         rate = float(message.req_message_rate) if message.start_stop else 0.0
-        front.set_group(message.req_stream_id, rate, sender)
+        context.set_group(message.req_stream_id, rate, sender)
 
 
-def _manual_control(front: "Front", message: MavlinkMessage, sender: Address) -> None:
+def _manual_control(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
     """A joystick at the ground station: the same as the pilot's sticks, as long as it goes on."""
-    if not front.takes_joystick(sender):
+    if not context.takes_joystick(sender):
         return
-    pilot = front.craft.pilot
+    pilot = context.craft.pilot
     if pilot.is_on and pilot.held_until_s == inf:
         return  # a transmitter goes first
     roll, pitch, yaw = (value / 1000.0 for value in (message.y, -message.x, message.r))
     pilot.sticks(roll=roll, pitch=pitch, yaw=yaw, throttle=message.z / 1000.0)
-    pilot.held_until_s = front.craft.now_s + _JOYSTICK_S
+    pilot.held_until_s = context.craft.now_s + _JOYSTICK_S
 
 
-def _target(front: "Front", message: MavlinkMessage, sender: Address) -> None:
+def _target(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
     """Somebody to follow tells where he is; ArduPilot's way to follow is not here."""
     del sender
-    origin = front.craft.estimator.origin
+    origin = context.craft.estimator.origin
     latitude, longitude = message.lat * 1e-7, message.lon * 1e-7
-    if not front.is_px4 or origin is None or abs(latitude) > _POLE_DEG or not isfinite(message.alt):
+    if not context.is_px4 or origin is None or abs(latitude) > _POLE_DEG or not isfinite(message.alt):
         return
     n, e, _ = origin.ned_from_geo(latitude, longitude, origin.origin.altitude_m)
     velocity = (message.vel[0], message.vel[1], message.vel[2])
-    front.craft.target = Target(
-        front.craft.now_s,
+    context.craft.target = Target(
+        context.craft.now_s,
         (n, e, origin.origin.altitude_m - message.alt),
         velocity if all(map(isfinite, velocity)) else (0.0, 0.0, 0.0),
     )
 
 
-def _shell(front: "Front", message: MavlinkMessage, sender: Address) -> None:
+def _shell(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
     """There is no shell: whoever types something is told so. ArduPilot has none on this message either."""
-    if not front.is_px4 or message.device != _SHELL or not message.count:
+    if not context.is_px4 or message.device != _SHELL or not message.count:
         return
     text = _NO_SHELL.encode()
-    link = front.link_of(sender)
+    link = context.link_of(sender)
     if link is not None:
         fields = {"device": _SHELL, "flags": 1, "timeout": 0, "baudrate": 0, "count": len(text)}
         data = (*text, *bytes(_SHELL_BYTES - len(text)))
         link.send(link.encoder.encode(codec.message("SERIAL_CONTROL", data=data, **fields)))
 
 
-def _guided_item(front: "Front", message: MavlinkMessage, sender: Address) -> None:
+def _guided_item(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
     """ArduPilot's old way to be sent somewhere: a mission item that is marked as one to go to now."""
-    if front.is_px4 or message.current != _GO_NOW:
+    if context.is_px4 or message.current != _GO_NOW:
         return
-    craft, origin = front.craft, front.craft.estimator.origin
+    craft, origin = context.craft, context.craft.estimator.origin
     verdict = Verdict(Result.FAILED, "not in GUIDED")
-    if origin is not None and front.commander.mode.behaviour is Behaviour.STREAMED:
+    if origin is not None and context.commander.mode.behaviour is Behaviour.STREAMED:
         per_unit = 1e-7 if message.name == "MISSION_ITEM_INT" else 1.0
         n, e, _ = origin.ned_from_geo(message.x * per_unit, message.y * per_unit, origin.origin.altitude_m)
         base = 0.0 if craft.home is None else craft.home.position_ned_m[2]
         over_sea = message.frame in _OVER_SEA
         down = origin.origin.altitude_m - message.z if over_sea else base - message.z
         if all(map(isfinite, (n, e, down))):
-            verdict = front.commander.go_to((n, e, down), nan, nan)
-    link = front.link_of(sender)
+            verdict = context.commander.go_to((n, e, down), nan, nan)
+    link = context.link_of(sender)
     if link is not None:
         fields = {"target_system": sender.system, "target_component": sender.component}
         ack = codec.message("MISSION_ACK", type=0 if verdict.is_accepted else 1, **fields)
         link.send(link.encoder.encode(ack))
 
 
-def _override(front: "Front", message: MavlinkMessage, sender: Address) -> None:
+def _override(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
     """Sticks as pulse lengths, as long as they go on: the first four channels; 0 gives one back, the largest leaves it."""
-    if not front.takes_joystick(sender):
+    if not context.takes_joystick(sender):
         return
-    pilot = front.craft.pilot
+    pilot = context.craft.pilot
     if pilot.is_on and pilot.held_until_s == inf:
         return  # a transmitter goes first
     pulses = (message.chan1_raw, message.chan2_raw, message.chan3_raw, message.chan4_raw)
@@ -147,19 +145,19 @@ def _override(front: "Front", message: MavlinkMessage, sender: Address) -> None:
         pilot.switch_off()
         return
     pilot.sticks(roll=roll, pitch=pitch, yaw=yaw, throttle=(throttle + 1.0) / 2.0)
-    pilot.held_until_s = front.craft.now_s + _OVERRIDE_S
+    pilot.held_until_s = context.craft.now_s + _OVERRIDE_S
 
 
-def _origin(front: "Front", message: MavlinkMessage, sender: Address) -> None:
+def _origin(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
     del sender
-    front.set_origin(GeoPoint(message.latitude * 1e-7, message.longitude * 1e-7, message.altitude * 1e-3))
+    context.set_origin(GeoPoint(message.latitude * 1e-7, message.longitude * 1e-7, message.altitude * 1e-3))
 
 
-def _signing(front: "Front", message: MavlinkMessage, sender: Address) -> None:
+def _signing(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
     del sender
-    problem = front.signing.set_up(message, is_armed=front.craft.is_armed)
+    problem = context.signing.set_up(message, is_armed=context.craft.is_armed)
     if problem:
-        front.craft.say(Severity.WARNING, problem)
+        context.craft.say(Severity.WARNING, problem)
 
 
 LISTENERS: Final[Mapping[str, Listener]] = {

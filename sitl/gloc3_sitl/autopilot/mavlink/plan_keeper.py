@@ -1,16 +1,13 @@
 """Missions, fences and rally points from the ground: checked, put in force, and given back."""
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-from gloc3.mavlink.message import Address
-from gloc3.mavlink.services.mission_server import MissionServer
+from gloc3.mavlink.services.mission_server import MissionDialect, MissionServer
 from gloc3.mavlink.services.mission_transfers import PlanReceived, SetCurrentRequested
 from gloc3.mavlink.services.plan import Plan, PlanItem, PlanResult, PlanType
 from gloc3.messages.envelope import Severity
+from gloc3_sitl.autopilot.mavlink.context import FrontContext
 from gloc3_sitl.autopilot.plans import Plans, StoredItem, check_fence_item, check_mission_item, check_rally_item
-
-if TYPE_CHECKING:
-    from gloc3_sitl.autopilot.mavlink.front import Front
 
 _LOCAL_FRAMES: Final = frozenset({1, 4, 7, 8, 9, 20, 21})
 _WAYPOINT: Final = 16
@@ -34,10 +31,12 @@ def stored(item: PlanItem) -> StoredItem:
 class PlanKeeper:
     """Keeps the mission server and the autopilot's plans in step."""
 
-    def __init__(self, front: "Front", own: Address) -> None:
-        self._front = front
-        self._first = front.craft.first_item
-        self.server: Final = MissionServer(own, check=self._check, tells_current=False, is_old=not front.is_px4)
+    def __init__(self, context: FrontContext) -> None:
+        self._context = context
+        self._first = context.craft.first_item
+        self.server: Final = MissionServer(
+            context.own, check=self._check, dialect=MissionDialect(tells_current=False, is_old=not context.is_px4)
+        )
         self._home_told: object = None
 
     def take_over(self, other: "PlanKeeper") -> None:
@@ -53,8 +52,8 @@ class PlanKeeper:
                 case PlanReceived():
                     self._take(event)
                 case SetCurrentRequested(number):
-                    self._front.set_current(number)
-        home = self._front.craft.home
+                    self._context.set_current(number)
+        home = self._context.craft.home
         if self._first and home is not self._home_told and self.server.plans[PlanType.MISSION]:
             self._put_home()
 
@@ -69,24 +68,24 @@ class PlanKeeper:
                 continue  # home, whatever it says
             result, reason = checks[kind](stored(item))
             if result is not PlanResult.ACCEPTED:
-                self._front.craft.say(Severity.CRITICAL, f"{kind.name.capitalize()} rejected: item {index}: {reason}")
+                self._context.craft.say(Severity.CRITICAL, f"{kind.name.capitalize()} rejected: item {index}: {reason}")
                 return result
         if kind is PlanType.FENCE:
             try:
                 Plans().set_fence(tuple(stored(item) for item in items))
             except ValueError as error:
-                self._front.craft.say(Severity.CRITICAL, f"Fence rejected: {error}")
+                self._context.craft.say(Severity.CRITICAL, f"Fence rejected: {error}")
                 return PlanResult.INVALID
         return PlanResult.ACCEPTED
 
     def _take(self, event: PlanReceived) -> None:
-        plans, craft = self._front.autopilot.plans, self._front.craft
+        plans, craft = self._context.autopilot.plans, self._context.craft
         items = tuple(stored(item) for item in event.items)
         match event.kind:
             case PlanType.MISSION:
                 plans.set_mission(items)
                 craft.mission.on_upload(plans.mission_count, len(items) > self._first, self._first)
-                flight = self._front.mission_flight
+                flight = self._context.mission_flight
                 if flight is not None:
                     flight.skip_to(self._first)
                 self._home_told = None
@@ -95,12 +94,12 @@ class PlanKeeper:
             case PlanType.RALLY:
                 plans.set_rally(items)
         total = _TOTALS.get(event.kind, "")
-        if total in self._front.autopilot.parameters:
-            self._front.autopilot.parameters.set(total, min(len(items), 255))
+        if total in self._context.autopilot.parameters:
+            self._context.autopilot.parameters.set(total, min(len(items), 255))
 
     def _put_home(self) -> None:
         """ArduPilot's missions carry home as item 0."""
-        home = self._front.craft.home
+        home = self._context.craft.home
         self._home_told = home
         if home is None:
             return

@@ -1,16 +1,14 @@
 """Commands about the machine, not about the flight: power, calibration, failures, outputs."""
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from gloc3.mavlink.services.command_server import CommandRequest
 from gloc3_sitl.autopilot.calibration import Subject
+from gloc3_sitl.autopilot.mavlink.context import FrontContext
 from gloc3_sitl.autopilot.modes import Result
 from gloc3_sitl.autopilot.surroundings import Failure, Power, Unit
 from gloc3_sitl.autopilot.verdict import ACCEPTED, Verdict
-
-if TYPE_CHECKING:
-    from gloc3_sitl.autopilot.mavlink.front import Front
 
 _UNSUPPORTED: Final = Verdict(Result.UNSUPPORTED)
 _MOTORS: Final = 4
@@ -19,38 +17,38 @@ _TO_BOOTLOADER: Final = 3.0
 _START_COMPASS, _CANCEL_COMPASS = 42424, 42426
 
 
-def _power(front: "Front", request: CommandRequest) -> Verdict:
+def _power(context: FrontContext, request: CommandRequest) -> Verdict:
     """Reboot and shutdown, only on the ground: PX4 does both, ArduPilot only the first."""
     wanted = request.params[0]
-    if front.is_px4:
+    if context.is_px4:
         if wanted == 0.0:
             return ACCEPTED
-        if wanted not in (1.0, 2.0) or front.craft.is_armed:
-            return Verdict(Result.DENIED, "armed" if front.craft.is_armed else "not supported here")
+        if wanted not in (1.0, 2.0) or context.craft.is_armed:
+            return Verdict(Result.DENIED, "armed" if context.craft.is_armed else "not supported here")
         power = Power(int(wanted))
     else:
-        if front.craft.is_armed:
+        if context.craft.is_armed:
             return Verdict(Result.FAILED, "armed")
         if wanted not in (1.0, _TO_BOOTLOADER):
             return _UNSUPPORTED
         power = Power.REBOOT
-    front.autopilot.surroundings.switch(power)
+    context.autopilot.surroundings.switch(power)
     return ACCEPTED
 
 
-def _calibrate(front: "Front", request: CommandRequest) -> Verdict:
+def _calibrate(context: FrontContext, request: CommandRequest) -> Verdict:
     """PX4 accepts, tells the rest in texts, and stops when nothing is asked for; ArduPilot answers when it is done."""
-    calibration = front.autopilot.calibration
-    if front.is_px4 and not any(request.params):
+    calibration = context.autopilot.calibration
+    if context.is_px4 and not any(request.params):
         calibration.cancel()
         return ACCEPTED
-    if front.craft.is_armed:
-        return Verdict(front.commander.style.refused, "armed")
+    if context.craft.is_armed:
+        return Verdict(context.commander.style.refused, "armed")
     gyro, magnetometer, _, _, accelerometer, *_ = request.params
-    if not front.is_px4:
+    if not context.is_px4:
         if accelerometer == 1.0 or magnetometer:
             return Verdict(Result.FAILED, "nobody can turn the vehicle here")
-        front.begin_calibration()
+        context.begin_calibration()
         return Verdict(Result.IN_PROGRESS)
     if calibration.is_busy:
         return Verdict(Result.TEMPORARILY_REJECTED, "another calibration is under way")
@@ -68,45 +66,45 @@ def _calibrate(front: "Front", request: CommandRequest) -> Verdict:
     return ACCEPTED
 
 
-def _inject(front: "Front", request: CommandRequest) -> Verdict:
+def _inject(context: FrontContext, request: CommandRequest) -> Verdict:
     """PX4's failure injection, where SYS_FAILURE_EN allows it."""
-    if not front.is_px4:
+    if not context.is_px4:
         return _UNSUPPORTED
-    if not front.autopilot.parameters["SYS_FAILURE_EN"]:
+    if not context.autopilot.parameters["SYS_FAILURE_EN"]:
         return Verdict(Result.DENIED, "SYS_FAILURE_EN is 0")
     unit, failure = request.params[:2]
     if unit not in list(Unit) or failure not in list(Failure):
         return Verdict(Result.UNSUPPORTED, "this failure is not simulated")
-    return front.autopilot.surroundings.inject(Unit(int(unit)), Failure(int(failure)))
+    return context.autopilot.surroundings.inject(Unit(int(unit)), Failure(int(failure)))
 
 
-def _set_servo(front: "Front", request: CommandRequest) -> Verdict:
+def _set_servo(context: FrontContext, request: CommandRequest) -> Verdict:
     """ArduPilot moves a free output and refuses the motors'; PX4 has no such command."""
-    if front.is_px4:
+    if context.is_px4:
         return _UNSUPPORTED
     channel, pulse_us = request.params[:2]
     if not (_MOTORS < channel <= _CHANNELS and channel == int(channel) and 0.0 <= pulse_us < 2**16):
         return Verdict(Result.FAILED, "this output is a motor's, or there is none")
-    front.autopilot.servo_us[int(channel)] = int(pulse_us)
+    context.autopilot.servo_us[int(channel)] = int(pulse_us)
     return ACCEPTED
 
 
-def _set_relay(front: "Front", request: CommandRequest) -> Verdict:
+def _set_relay(context: FrontContext, request: CommandRequest) -> Verdict:
     """There are no relays: ArduPilot fails to set them, PX4 has no such command."""
     del request
-    return _UNSUPPORTED if front.is_px4 else Verdict(Result.FAILED, "there is no relay")
+    return _UNSUPPORTED if context.is_px4 else Verdict(Result.FAILED, "there is no relay")
 
 
-def _calibrate_compass(front: "Front", request: CommandRequest) -> Verdict:
+def _calibrate_compass(context: FrontContext, request: CommandRequest) -> Verdict:
     """ArduPilot has commands of its own for this, which end at once, as nobody can turn the vehicle here."""
-    if front.is_px4:
+    if context.is_px4:
         return _UNSUPPORTED
     return (
         ACCEPTED if request.command == _CANCEL_COMPASS else Verdict(Result.FAILED, "nobody can turn the vehicle here")
     )
 
 
-SERVICE_HANDLERS: Final[Mapping[int, Callable[["Front", CommandRequest], Verdict]]] = {
+SERVICE_HANDLERS: Final[Mapping[int, Callable[[FrontContext, CommandRequest], Verdict]]] = {
     181: _set_relay,
     183: _set_servo,
     241: _calibrate,

@@ -1,0 +1,147 @@
+"""The log and the folders of an onboard process in wall time."""
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Final, Literal
+
+from gloc3.component.context import HostContext
+from gloc3.errors import Refused
+from gloc3.mavlink.services.ftp_files import Files
+from gloc3.mavlink.signing import Signing
+from gloc3.mavlink.signing_key import read_signing_key
+from gloc3.mavlink.transport.endpoints import parse_url
+from gloc3.messages.envelope import Severity
+from gloc3.messages.frames import Vector3
+from gloc3.platform.places import Place
+from gloc3.platform.platform import Platform
+from gloc3.platform.reader import whole_text
+from gloc3.store import RecordFile
+from gloc3_onboard.assembly import Parts, Storage
+from gloc3_onboard.command_server.log_shelf import LogShelf
+from gloc3_onboard.companion.files import shared_files
+from gloc3_onboard.process.computer import start_of_computer
+from gloc3_onboard.process.event_narration import Report
+from gloc3_onboard.process.log_files import LogFiles, log_stem
+from gloc3_onboard.process.options import ProcessOptions
+from gloc3_onboard.process.run_log import RunLog
+from gloc3_onboard.process.signing_memory import SigningMemory
+from gloc3_onboard.process.storage import PictureFolder
+from gloc3_onboard.sensors.devices import Rig
+
+
+class ProcessStorage:
+    """What an onboard process keeps on disk: its log, its state, and how far the signers of its links came.
+
+    Args:
+        options: what was asked for.
+        platform: the platform file.
+        place: which process of it this is.
+        context: of the process.
+        report: receives what a person should know.
+    """
+
+    def __init__(
+        self, options: ProcessOptions, platform: Platform, place: Place, context: HostContext, report: Report
+    ) -> None:
+        self._options, self._platform, self._place = options, platform, place
+        self._context, self._report = context, report
+        self.out: Final = options.folder(platform)
+        self.logs: Final = options.logs or self.out
+        self._log: RunLog | None = None
+        self._readers = ThreadPoolExecutor(2, "logs")
+        self._signing = SigningMemory(self.out, context.clock, lambda text: report(Severity.WARNING, text))
+
+    def sign(self, url: str, number: int) -> Signing | None:
+        """What signs the link of this number, where there is a key; that of the command line is for links to stations."""
+        key = key_of(url) or (self._options.signing_key if number else None)
+        return None if key is None else self._signing.signing(key, number & 0xFF)
+
+    def files(self, metadata: Mapping[str, bytes]) -> Files:
+        """What is shared with stations of others: missions, logs and metadata.
+
+        Raises:
+            Refused: the folder cannot be written.
+        """
+        try:
+            return shared_files(self.out, self.logs, metadata)
+        except OSError as error:
+            raise Refused(f"the folder {self.out} cannot be written: {error.strerror}") from error
+
+    def open(self, path: Callable[[], Sequence[Vector3]], rig: Rig, parts: Parts) -> Storage:
+        """Begins the next log of the folder; what the vehicle keeps, then.
+
+        Args:
+            path: the path that was requested so far.
+            rig: the calibrations, for the pictures.
+            parts: lists what is opened.
+
+        Raises:
+            Refused: a folder cannot be written.
+        """
+        log = self._log = parts.add("run log", self._open_log(path))
+        parts.add("signing memory", self._signing)
+        return Storage(
+            journal=RecordFile(self.out / "requests.journal"),
+            progress=RecordFile(self.out / "progress.state"),
+            reports=RecordFile(self.out / "events.store"),
+            shelf=LogShelf(self.logs, lambda: log.unfinished, log.cut, parts.add("disk readers", self._readers)),
+            pictures=PictureFolder(self.logs / log.path.stem.replace("log", "images", 1), rig),
+            computer_start=start_of_computer(),
+            worker=ThreadPoolExecutor(1, "mission check"),
+        )
+
+    def _open_log(self, path: Callable[[], Sequence[Vector3]]) -> RunLog:
+        for folder in (self.out, self.logs):
+            if folder.is_file():
+                raise Refused(f"{folder} is a file, not a folder")
+        context = self._context
+        try:
+            for folder in (self.out, self.logs):
+                folder.mkdir(parents=True, exist_ok=True)
+            return RunLog(
+                LogFiles(self.logs, log_stem(self._platform, self._place)),
+                self._options.log_limits,
+                context.clock,
+                context.topics,
+                context.exchange.here,
+                context.loop,
+                {"platform": self._platform.platform},
+                whole_text(self._options.platform).encode(),
+                path,
+                self._report,
+            )
+        except OSError as error:
+            raise Refused(f"{error.filename or self.logs} cannot be written: {error.strerror}") from error
+
+    @property
+    def log(self) -> Path | None:
+        """The file that is being written."""
+        return None if self._log is None else self._log.path
+
+    @property
+    def problem(self) -> str:
+        """Why the log is not written any more; empty while it is."""
+        return "" if self._log is None else self._log.problem
+
+    def keep(self, link: str, direction: Literal["in", "out"], frame: bytes) -> None:
+        """Keeps a MAVLink frame, once there is a log."""
+        if self._log is not None:
+            self._log.keep(link, direction, frame)
+
+    async def close(self) -> None:
+        """Finishes the log."""
+        self._signing.close()
+        if self._log is not None:
+            await self._log.close()
+        self._readers.shutdown(cancel_futures=True)
+
+
+def key_of(url: str) -> bytes | None:
+    """The key of a link whose URL names its file.
+
+    Raises:
+        Refused: it cannot be read.
+    """
+    file = parse_url(url).key
+    return read_signing_key(Path(file).expanduser()) if file else None

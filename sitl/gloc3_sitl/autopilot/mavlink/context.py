@@ -1,0 +1,222 @@
+"""What commands and messages act on: the autopilot, its links, and the telemetry that streams on each of them."""
+
+from collections.abc import Callable
+from typing import Final
+
+from gloc3.mavlink import codec
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.parser import Frame
+from gloc3.mavlink.services.command_server import CommandRequest
+from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL, StreamScheduler
+from gloc3.messages.envelope import Severity
+from gloc3.messages.frames import GeoPoint, wrap_pi
+from gloc3_sitl.autopilot.autopilot import Autopilot
+from gloc3_sitl.autopilot.behaviours.mission import MissionFlight
+from gloc3_sitl.autopilot.mavlink import motion_telemetry
+from gloc3_sitl.autopilot.mavlink.links import Link, LinkKind, Receive, Router, Send
+from gloc3_sitl.autopilot.mavlink.rates import GROUP_PARAMETERS, GROUPS, starting_rates
+from gloc3_sitl.autopilot.mavlink.signing_keeper import SigningKeeper
+from gloc3_sitl.autopilot.mavlink.telemetry import producers
+from gloc3_sitl.autopilot.mavlink.version import version_of
+from gloc3_sitl.autopilot.modes import Result
+from gloc3_sitl.autopilot.verdict import ACCEPTED, OUT_OF_RANGE, Verdict
+
+MOST_HEIGHT_M: Final = 100_000.0
+_ALIGNING_SHARE: Final = 0.01
+_IMU: Final = {codec.shape(name).id: name for name in ("HIGHRES_IMU", "SCALED_IMU")}
+"""What is asked for at more than the rate of the outer loop."""
+
+
+class HeadingOffset:
+    """The heading of an odometer's own frame, whose x axis points wherever it was switched on."""
+
+    __slots__ = ("_offset_rad", "_resets")
+
+    def __init__(self) -> None:
+        self._offset_rad: float | None = None
+        self._resets = -1
+
+    def update(self, own_yaw_rad: float, odometer_yaw_rad: float, reset_counter: int) -> float:
+        """Heading of the odometer's x axis, from the two headings of the vehicle; it changes slowly."""
+        seen = wrap_pi(own_yaw_rad - odometer_yaw_rad)
+        if self._offset_rad is None or reset_counter != self._resets:
+            self._offset_rad = seen
+        else:
+            self._offset_rad = wrap_pi(self._offset_rad + _ALIGNING_SHARE * wrap_pi(seen - self._offset_rad))
+        self._resets = reset_counter
+        return self._offset_rad
+
+
+class FrontContext:
+    """See the module.
+
+    Args:
+        autopilot: whom the front end speaks for.
+        receive: receives each frame from any link.
+        before: itself before a reboot; the signing key outlives that.
+    """
+
+    def __init__(
+        self, autopilot: Autopilot, receive: Callable[[Frame], None], before: "FrontContext | None" = None
+    ) -> None:
+        self.autopilot: Final = autopilot
+        self.craft: Final = autopilot.craft
+        self.commander: Final = autopilot.commander
+        self.is_px4: Final = autopilot.style.name == "px4"
+        names = ("MAV_SYS_ID", "MAV_SYSID")
+        system = next(int(autopilot.parameters[name]) for name in names if name in autopilot.parameters)
+        self.own: Final = Address(system, 1)
+        self.signing: Final = SigningKeeper(self.own, autopilot.style.name)
+        if before is not None:
+            self.signing.take_over(before.signing)
+        self.router: Final = Router(self.own, receive, self.signing.passes)
+        self._streams: dict[Link, StreamScheduler] = {}
+        self.producers: Final = producers(autopilot.style.name)
+        """By name, what can be streamed or requested."""
+        self._producers = {codec.shape(name).id: produce for name, produce in self.producers.items()}
+        self.heading_offset: Final = HeadingOffset()
+        """Between an odometer's frame and north."""
+        autopilot.parameters.on_change.append(self._parameter_changed)
+
+    def offer(self, name: str, produce: Callable[[Autopilot], MavlinkMessage | None]) -> None:
+        """Has one more message streamed or requested."""
+        self._producers[codec.shape(name).id] = produce
+
+    # -- links --------------------------------------------------------------------------------------------------------
+
+    def attach(self, send: Send, kind: LinkKind, *, is_datagram: bool = True) -> Receive:
+        """Adds a link; gives what is to be called with each piece of data that comes in there."""
+        link, receive = self.router.attach(send, kind, is_datagram=is_datagram)
+        self.signing.equip(link)
+        rates = starting_rates(self.autopilot.style.name, kind)
+        for name, group in GROUP_PARAMETERS.items():
+            if name in self.autopilot.parameters and kind is not LinkKind.BARE:
+                rates.update(dict.fromkeys(GROUPS[group], self.autopilot.parameters[name]))
+        if not self.is_px4:  # PX4's heartbeat comes once a second, whatever is asked for
+            rates["HEARTBEAT"] = 0.0
+        self._streams[link] = StreamScheduler(self.own, rates)
+        return receive
+
+    def link_of(self, sender: Address) -> Link | None:
+        """The link on which somebody was heard."""
+        return next((link for link in self.router.links if sender in link.peers), None)
+
+    # -- out ----------------------------------------------------------------------------------------------------------
+
+    def stream(self, now_s: float) -> None:
+        """Sends what is due on each link."""
+        made: dict[int, MavlinkMessage | None] = {}
+        for link, streams in self._streams.items():
+            for number in streams.due(now_s):
+                if number in _IMU:
+                    rate_hz = streams.rate_hz(_IMU[number])
+                    for felt in motion_telemetry.imu_messages(_IMU[number], self.autopilot, rate_hz):
+                        link.send(link.encoder.encode(felt))
+                    continue
+                if number in made:
+                    message = made[number]
+                else:
+                    message = made[number] = self._producers[number](self.autopilot)
+                if message is not None:
+                    link.send(link.encoder.encode(message))
+
+    def send_now(self, name: str) -> None:
+        """Sends a message to everybody out of turn."""
+        message = self.producers[name](self.autopilot)
+        if message is not None:
+            self.router.send(message)
+
+    # -- what commands need -------------------------------------------------------------------------------------------
+
+    @property
+    def mission_flight(self) -> MissionFlight | None:
+        """The mission under way, in mission mode."""
+        activity = self.commander.activity
+        return activity if isinstance(activity, MissionFlight) else None
+
+    def set_current(self, index: int) -> bool:
+        """Makes another mission item the current one; false where there is none."""
+        if not self.craft.first_item <= index < len(self.autopilot.plans.mission):
+            return False
+        flight = self.mission_flight
+        if flight is not None:
+            flight.skip_to(index)
+        else:
+            self.craft.mission.current = index
+        self.send_now("MISSION_CURRENT")
+        return True
+
+    def request_message(self, number: int, request: CommandRequest) -> Verdict:
+        """Sends one message once, to whom asked."""
+        if number == codec.shape("AUTOPILOT_VERSION").id:
+            message: MavlinkMessage | None = version_of(self.autopilot.style).message()
+        elif number in self._producers:
+            message = self._producers[number](self.autopilot)
+        else:
+            return Verdict(Result.DENIED if self.is_px4 else Result.FAILED, "message is not produced here")
+        if message is None:
+            return Verdict(Result.TEMPORARILY_REJECTED, "nothing to tell yet")
+        link = self.link_of(request.sender)
+        if link is not None:
+            link.send(link.encoder.encode(message))
+        return ACCEPTED
+
+    def stream_command(self, request: CommandRequest) -> Verdict:
+        """SET_MESSAGE_INTERVAL and GET_MESSAGE_INTERVAL, for the link on which they came."""
+        link = self.link_of(request.sender)
+        if link is None:
+            return Verdict(Result.FAILED, "unknown link")
+        if self.is_px4 and request.command == SET_MESSAGE_INTERVAL and request.params[0] not in self._producers:
+            return Verdict(Result.FAILED, "message is not produced here")
+        streams = self._streams[link]
+        result = streams.command(request, self.craft.now_s)
+        for message in streams.outgoing():
+            link.send(link.encoder.encode(message))
+        return Verdict(Result.UNSUPPORTED if result is None else Result(int(result)))
+
+    def set_group(self, group: int, rate_hz: float, sender: Address | None) -> None:
+        """ArduPilot's groups of messages: all of one group, on the sender's link or on every link."""
+        names = GROUPS.get(group, ()) if group else tuple(name for row in GROUPS.values() for name in row)
+        link = None if sender is None else self.link_of(sender)
+        for streams in self._streams.values() if link is None else (self._streams[link],):
+            for name in names:
+                streams.set_rate(name, rate_hz, self.craft.now_s)
+
+    def use_source_set(self, number: int) -> Verdict:
+        """Switches ArduPilot's estimator to another set of sources."""
+        if f"EK3_SRC{number}_POSXY" not in self.autopilot.parameters:
+            return Verdict(Result.DENIED, "no such source set")
+        self.autopilot.source_set = number
+        self.autopilot.choose_sources()
+        self.craft.say(Severity.INFO, f"EKF3: using source set {number}")
+        return ACCEPTED
+
+    def begin_calibration(self) -> None:
+        """A calibration of the gyro: it takes a second and changes nothing."""
+        self.craft.say(Severity.INFO, "Calibrating; do not move the vehicle")
+
+    def set_origin(self, place: GeoPoint) -> Verdict:
+        """Fixes the estimator's origin, where there is none yet."""
+        estimator = self.autopilot.estimator
+        latitude, longitude, altitude_m = place
+        if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and abs(altitude_m) <= MOST_HEIGHT_M):
+            return OUT_OF_RANGE
+        if estimator.origin is not None:
+            return Verdict(self.commander.style.refused, "the origin is set already")
+        estimator.set_origin(place)
+        return ACCEPTED
+
+    def takes_joystick(self, sender: Address) -> bool:
+        """Whether sticks over MAVLink are taken: PX4 by COM_RC_IN_MODE, ArduPilot from its own station."""
+        if self.is_px4:
+            return self.autopilot.parameters["COM_RC_IN_MODE"] in (1.0, 2.0, 3.0)
+        return sender.system == self.craft.tuning.station_system
+
+    def station_heard(self, system: int) -> None:
+        """A ground station's heartbeat came in."""
+        self.autopilot.failsafes.station_heard(system)
+
+    def _parameter_changed(self, name: str, value: float) -> None:
+        group = GROUP_PARAMETERS.get(name)
+        if group is not None:
+            self.set_group(group, value, None)

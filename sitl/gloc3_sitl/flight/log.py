@@ -1,0 +1,65 @@
+"""The log of a flight in virtual time."""
+
+from pathlib import Path
+from typing import Final
+
+from gloc3.component.context import HostContext
+from gloc3.log.record import PLATFORM_FILE, Recorder
+from gloc3_onboard.command_server.log_shelf import AtOnce, LogShelf, NoShelf, Shelf
+from gloc3_onboard.process.log_files import LogFiles
+
+FLUSH_S: Final = 1.0
+"""How long a message stays in memory: in virtual time a second is over in some milliseconds."""
+
+
+class FlightLog:
+    """Writes what passes the flight's exchange, where there is a folder; it outlives the onboard process.
+
+    Args:
+        folder: of the log; None to write none.
+        context: of the flight.
+        metadata: what the log says of itself.
+        platform_file: goes into the log.
+        mission: its text goes into the log.
+    """
+
+    def __init__(
+        self, folder: Path | None, context: HostContext, metadata: dict[str, str], platform_file: bytes, mission: str
+    ) -> None:
+        self.path = None if folder is None else folder / "log.mcap"
+        """Of the file that is being written."""
+        self._context, self._metadata = context, metadata
+        self._platform_file, self._mission = platform_file, mission
+        self.recorder = self._open()
+
+    def _open(self) -> Recorder | None:
+        if self.path is None:
+            return None
+        context = self._context
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        recorder = Recorder(self.path, context.clock, context.topics, self._metadata, flush_s=FLUSH_S)
+        recorder.attach_file(PLATFORM_FILE, "application/yaml", self._platform_file)
+        recorder.attach_file("mission.yaml", "application/yaml", self._mission.encode())
+        recorder.attach(context.exchange, context.loop)
+        return recorder
+
+    def cut(self) -> None:
+        """Ends the file that is being written, and begins the next."""
+        if self.path is not None and self.recorder is not None:
+            self.recorder.close()
+            self.path = LogFiles(self.path.parent).next()
+            self.recorder = self._open()
+
+    def shelf(self) -> Shelf:
+        """The logs that the station may fetch."""
+        if self.path is None:
+            return NoShelf()
+        return LogShelf(self.path.parent, self._unfinished, self.cut, AtOnce())
+
+    def _unfinished(self) -> set[Path]:
+        return set() if self.path is None else {self.path}
+
+    def close(self) -> None:
+        """Finishes the log."""
+        if self.recorder is not None:
+            self.recorder.close()

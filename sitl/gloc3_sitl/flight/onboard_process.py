@@ -1,0 +1,177 @@
+"""The onboard process of a flight in virtual time: the assembly of `gloc3 onboard`, on links and devices in memory."""
+
+from collections.abc import Mapping
+from random import Random
+from typing import Any, Final
+
+from gloc3.component.context import HostContext
+from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
+from gloc3.mavlink.transport.memory import ACOUSTIC, Conditions, MemoryEnd, MemoryLink
+from gloc3.mission.model.model import Mission
+from gloc3.platform.platform import Platform
+from gloc3.store import MemoryRecords
+from gloc3_onboard.assembly import Attachment, Hosting, Sensors, Storage, Vehicle, VehicleInputs
+from gloc3_onboard.companion.files import LOGS, Folders, LogFiles
+from gloc3_onboard.process.computer import SimulatedComputer
+from gloc3_onboard.process.runner import Create, Onboard
+from gloc3_onboard.process.storage import NoPictures, PictureFolder
+from gloc3_onboard.sensors.registry import NOWHERE
+from gloc3_onboard.sensors.sources.autopilot import AutopilotImu
+from gloc3_sitl.flight.log import FlightLog
+from gloc3_sitl.flight.mission_file import looks_down
+from gloc3_sitl.flight.plan import FlightPlan
+from gloc3_sitl.flight.sim_devices import NoCamera
+from gloc3_sitl.flight.sim_imu import SimImu
+from gloc3_sitl.flight.sim_rig import SimRig
+
+AUTOPILOT_CABLE: Final = Conditions(latency_s=0.002)
+AUTOPILOT_URL: Final = "udpin://0.0.0.0:14540"
+"""What the cable is called; the onboard process's usual one."""
+BITS_PER_BYTE: Final = 10.0
+SIMULATED: Final = "simulated"
+"""What stands for the source of a sensor."""
+
+
+class FlightLinks:
+    """The links of a flight's onboard process, which outlive it; its own end is `b` of each.
+
+    Args:
+        plan: what is flown.
+        context: of the flight.
+    """
+
+    def __init__(self, plan: FlightPlan, context: HostContext) -> None:
+        loop, seed = context.loop, plan.seed
+        self.cable: Final = MemoryLink(loop, Random(seed + 1), AUTOPILOT_CABLE)
+        """To the autopilot."""
+        self.radio: Final = MemoryLink(loop, Random(seed + 2), plan.station_link)
+        """To the flight's own station."""
+        self.modem: Final = MemoryLink(loop, Random(seed + 99), ACOUSTIC, is_half_duplex=True)
+        self.further: Final[list[MemoryLink]] = []
+        """To more stations."""
+        self.is_below = False
+        """The vehicle is too deep for the radio."""
+        self._plan = plan
+
+    def add_radio(self) -> MemoryLink:
+        """One more link to a station."""
+        loop, number = self.radio.loop, len(self.further) + 3
+        radio = MemoryLink(loop, Random(self._plan.seed + number), self._plan.station_link)
+        self.further.append(radio)
+        return radio
+
+    def sink(self, depth_m: float) -> None:
+        """Water takes the radio away, and gives it back."""
+        is_below = depth_m > self._plan.radio_depth_m
+        if is_below != self.is_below:
+            self.is_below = is_below
+            self.radio.set_conditions(Conditions(loss=1.0) if is_below else self._plan.station_link)
+
+
+class FlightProcess:
+    """The onboard process of a flight, which may be killed and started again.
+
+    Args:
+        plan: what is flown.
+        platform: the platform file.
+        mission: what the platform is to do.
+        context: of the flight.
+        create: makes the components.
+        rig: the simulated sensors.
+        log: of the flight.
+    """
+
+    def __init__(
+        self,
+        plan: FlightPlan,
+        platform: Platform,
+        mission: Mission,
+        context: HostContext,
+        create: Create,
+        rig: SimRig,
+        log: FlightLog,
+    ) -> None:
+        self._plan, self._platform, self._context, self._create, self._rig = plan, platform, context, create, rig
+        self._log = log
+        self._looks_down = looks_down(platform, mission)
+        self.links: Final = FlightLinks(plan, context)
+        self.imu: Final = SimImu(context.loop, plan.seed)
+        """The autopilot's inertial unit, as the process gets it."""
+        self._ends: list[MemoryEnd] = []
+        self._storage = Storage(
+            journal=MemoryRecords(),
+            progress=MemoryRecords(),
+            reports=MemoryRecords(),
+            shelf=log.shelf(),
+            pictures=NoPictures() if plan.out is None else PictureFolder(plan.out / "images", rig),
+        )
+        self._inputs = VehicleInputs(platform=platform, context=context)
+        self.vehicle: Vehicle
+        """Its parts, in the life that is or was the last."""
+        self.onboard: Onboard | None = None
+        """Its components; None while it is dead."""
+
+    def start(self) -> None:
+        """Starts it, the first time or after it was killed."""
+        vehicle, links, plan = Vehicle(self._inputs, AUTOPILOT_URL), self.links, self._plan
+        self.vehicle = vehicle
+        self.imu.wire(AutopilotImu(vehicle.autopilot.sensors))
+        self._open(links.cable.b, vehicle.attach_autopilot())
+        if plan.has_station:
+            self._open_station(links.radio)
+        for radio in links.further:
+            self._open_station(radio)
+        if plan.modem_period_s:
+            self._open(links.modem.b, vehicle.attach_modem(period_s=plan.modem_period_s))
+        if plan.out is not None:
+            vehicle.share(Folders({LOGS: LogFiles(plan.out, is_writable=False)}))
+        sensors = self._sensors()
+        watch = sensors.watch(vehicle.parts, self._context.loop.time)
+        computer = SimulatedComputer(self._context.clock, watch.conditions)
+        self.onboard = vehicle.host(sensors, computer, self._storage, Hosting(create=self._create))
+        vehicle.begin()
+
+    def kill(self) -> None:
+        """The process dies: no method is called, nothing is sent."""
+        if self.onboard is not None:
+            self.vehicle.close()
+            for end in self._ends:
+                end.on_data = None
+            self._ends.clear()
+            self.onboard = None
+
+    def add_radio(self) -> MemoryLink:
+        """One more link to a station; the station's end is `a`."""
+        radio = self.links.add_radio()
+        if self.onboard is not None:
+            self._open_station(radio)
+        return radio
+
+    def _open(self, end: MemoryEnd, attachment: Attachment) -> None:
+        self._ends.append(end)
+        end.on_data = attachment.receive
+        attachment.open(end)
+
+    def _open_station(self, radio: MemoryLink) -> None:
+        """A radio with a limit is paced as the one that it is; else only our own frames are, as on the usual radio."""
+        number, conditions = len(self.vehicle.stations) + 1, self._plan.station_link
+        url = f"udpout://station-{number}:14550"
+        budget: LinkBudget | None = RADIO
+        if conditions.bandwidth_bit_s is not None:
+            rate_bit_s = round(conditions.bandwidth_bit_s / conditions.bits_per_byte * BITS_PER_BYTE)
+            url, budget = f"{url}?rate={rate_bit_s}", None
+        self._open(radio.b, self.vehicle.attach_station(url, budget))
+
+    def _sensors(self) -> Sensors:
+        """The simulated sensors; of a camera below, whose pictures no action looks at, none are drawn."""
+        ground = {} if self._looks_down else {"ground_camera": NoCamera()}
+        devices: Mapping[str, Any] = {**self._rig.devices, **ground, "imu": self.imu}
+        used = {device for row in self._platform.components for device in row.devices.values()}
+        if not self._looks_down:
+            used.discard("ground_camera")
+        urls = {
+            name: NOWHERE if isinstance(device, NoCamera) else SIMULATED
+            for name, device in devices.items()
+            if name in used
+        }
+        return Sensors(devices, urls, self._rig)

@@ -1,0 +1,51 @@
+"""What is flown in virtual time, and in which circumstances."""
+
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from gloc3.mavlink.transport.memory import Conditions
+from gloc3_sitl.faults.sabotage import CycleCost
+from gloc3_sitl.physics.wind import CALM, Wind
+
+STATION_RADIO: Final = Conditions(latency_s=0.03)
+
+
+class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):
+    """What is flown, and in which circumstances."""
+
+    mission: str
+    """A file, or the name of an example."""
+    platform: str = "pelican_rtk"
+    name: str = ""
+    """What the platform is called, where several are of one kind; empty for the name in its file."""
+    autopilot: str = ""
+    """`px4` or `ardupilot`; empty for the usual one of the vehicle."""
+    is_firmware: bool = False
+    """That autopilot's real firmware flies, in place of one of ours; `autopilot` is `ardupilot` then."""
+    seed: int = 0
+    wind: Wind = CALM
+    waves_m: float = 0.0
+    """Significant height of the waves, from the west; of what swims."""
+    current_m_s: float = 0.0
+    """Of the water, to the north."""
+    out: Path | None = None
+    """Folder for the log and the pictures; None keeps nothing."""
+    parameters: dict[str, float] = {}
+    """Of the autopilot, that differ from its defaults."""
+    battery: float = 1.0
+    """Charge at the start, 1 to 0."""
+    world: str = ""
+    """A world's name or file; where it is empty, the one that the mission's frame belongs to."""
+    is_plain_gps: bool = False
+    has_station: bool = True
+    """Whether it has a station of its own; in a fleet all are the fleet's."""
+    station_link: Conditions = STATION_RADIO
+    """Both ways between station and platform."""
+    radio_depth_m: float = float("inf")
+    """A vehicle that is deeper below its frame's origin is not reached by the station's radio."""
+    modem_period_s: float = 0.0
+    """How often a summary goes to the station by an acoustic modem; 0 where there is none."""
+    cycle_cost_s: CycleCost | None = None
+    """What a cycle of a component costs at a time, faults aside; None for nothing."""

@@ -19,7 +19,7 @@ test: $(READY)  ## all tests, every bar in a reduced form
 	$(BIN)/python -m tests.everything
 
 unit: $(READY)  ## the quick ones: no flights, simulators, sockets, processes, searches or pictures
-	$(BIN)/pytest -q -n 2 -p no:hypothesispytest --dist worksteal @tests/quick.txt
+	$(BIN)/python -m tests.unit
 
 check: $(READY)  ## format, lint, types, import contracts
 	$(BIN)/ruff format --check $(SOURCES)

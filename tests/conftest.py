@@ -4,11 +4,15 @@ stations record into a folder of the tests' own; Ctrl-C works; see `stalls`, too
 """
 
 import gc
+import re
 import signal
+import zlib
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+from tests.data_folders import OUTSIDE, REASON
 from tests.stalls import pytest_runtest_protocol, pytest_terminal_summary
 
 __all__ = ["pytest_runtest_protocol", "pytest_terminal_summary"]
@@ -21,6 +25,7 @@ settings.load_profile("any machine")
 def pytest_addoption(parser: pytest.Parser) -> None:
     """What the full runs ask for."""
     parser.addoption("--every-style", action="store_true", help="fly each test in both styles of autopilot")
+    parser.addoption("--part", default="0/1", help="take the files of one part of several, such as 0/2 and 1/2")
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -62,6 +67,28 @@ LONG = (
 """In the paths of tests that take longest: they come first, so that at the end no core waits for one of them."""
 
 
+LONGEST_NAME = 120
+_MARKS_OF_A_FILE = re.compile(r"^pytestmark = (\[[^\]]*\]|.*)", re.MULTILINE)
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Does not import files of another part, and those in which no test would be run: with `-m "not thorough"`, thorough ones."""
+    if collection_path.suffix != ".py" or not collection_path.is_relative_to(config.rootpath):
+        return None
+    place = collection_path.relative_to(config.rootpath).as_posix()
+    part, parts = map(int, config.getoption("part").split("/"))
+    if zlib.crc32(place.encode()) % parts != part:
+        return True
+    terms = config.option.markexpr.split(" and ")
+    left_out = {term.removeprefix("not ") for term in terms if term.startswith("not ")}
+    if len(left_out) < len(terms):
+        return None
+    if "thorough" in left_out and any(word in place for word in PERCEPTION):
+        return True
+    marks = _MARKS_OF_A_FILE.search(collection_path.read_text(encoding="utf-8"))
+    return True if marks and left_out & set(re.findall(r"mark\.(\w+)", marks[1])) else None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Marks property tests and state machines, and perception; puts first what takes long."""
     for item in items:
@@ -72,7 +99,22 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: not any(word in item.nodeid.partition("::")[0] for word in LONG))
 
 
+def pytest_make_parametrize_id(val: object) -> str | None:
+    """Of a long text its begin names a test: names are sent between processes, several times each."""
+    return repr(val[:LONGEST_NAME]) if isinstance(val, str | bytes) and len(val) > LONGEST_NAME else None
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skips what needs data that is not here, all with one reason at one place: that is one line of the summary."""
+    if item.get_closest_marker("outside") is not None and not OUTSIDE.is_dir():
+        pytest.skip(REASON)
+
+
+gc.disable()  # while files are imported and tests are made, next to nothing is garbage
+
+
 def pytest_collection_finish() -> None:
     """The thousands of tests that wait are no garbage: it costs a tenth of the time to look through them again and again."""
     gc.collect()
     gc.freeze()
+    gc.enable()

@@ -14,13 +14,11 @@ from gloc3.cli.counting import counted
 from gloc3.component.context import HostContext
 from gloc3.component.deployment import ComponentRow
 from gloc3.evaluation.requested_path import RequestedPath
-from gloc3.exchange.link_budget import budget_of
-from gloc3.exchange.tunnel.pacing import LinkBudget
+from gloc3.exchange.tunnel.pacing import LinkBudget, budget_of
 from gloc3.mavlink.codec import Frame, MavlinkMessage
 from gloc3.mavlink.router import Router
 from gloc3.mavlink.services.ftp_files import Files
-from gloc3.mavlink.signed_only import SignedOnly
-from gloc3.mavlink.signing import Signing
+from gloc3.mavlink.signing import SignedOnly, Signing
 from gloc3.mavlink.transport.endpoints import Endpoint, parse_url
 from gloc3.messages.command_interface import StationRole
 from gloc3.messages.envelope import Severity
@@ -28,6 +26,7 @@ from gloc3.messages.readiness import LinkCondition
 from gloc3.platform.platform import Platform
 from gloc3.store import Records
 from gloc3_onboard.autopilot.arm_authority import ArmAuthority
+from gloc3_onboard.autopilot.device import AutopilotDevice
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.news import LinkNews
 from gloc3_onboard.command_server.log_shelf import AtOnce, Shelf
@@ -39,17 +38,16 @@ from gloc3_onboard.companion.link_watch import LinkWatch
 from gloc3_onboard.companion.own_parameters import own_parameters
 from gloc3_onboard.companion.rate_watch import RateWatch
 from gloc3_onboard.companion.routing import Keep, RoutedLink, keep_nothing
-from gloc3_onboard.companion.station_link import HeartbeatSource, StationLink
+from gloc3_onboard.companion.station_link import HeartbeatSource, StationLink, StationLinkSettings
 from gloc3_onboard.parts import Parts
 from gloc3_onboard.process.event_narration import EventNarration, Report
 from gloc3_onboard.process.runner import Create, Member, Onboard
 from gloc3_onboard.process.taps import ExchangeTaps
 from gloc3_onboard.process.vitals import Vitals
 from gloc3_onboard.sensors.devices import Rig
+from gloc3_onboard.sensors.registry import SourceHost, make_sources, source_urls
 from gloc3_onboard.sensors.rig import PlatformRig
 from gloc3_onboard.sensors.sensor_watch import SensorWatch
-from gloc3_onboard.sources.asked import source_urls
-from gloc3_onboard.sources.factory import SourceHost, make_sources
 from gloc3_onboard.viewer.catalogue import Catalogue
 
 
@@ -209,6 +207,7 @@ class Vehicle:
             inputs.sign(autopilot_url, 0),
             lambda: authority.why_not(loop.time()),
         )
+        self.autopilot_device: Final = AutopilotDevice(self.autopilot)
         self._router = parts.add("router", Router(self.autopilot.own, self._system_restarted))
         self.path: Final = RequestedPath(exchange, name)
         parts.add("requested path", self.path, self.path.close)
@@ -278,10 +277,7 @@ class Vehicle:
             context.exchange,
             context.topics,
             self._boot(),
-            budget or budget_of(url, is_signed=signing is not None),
-            signing,
-            role,
-            wanted.address,
+            StationLinkSettings(budget or budget_of(url, is_signed=signing is not None), signing, role, wanted.address),
         )
         self.stations.append(link)
         # What observers send reaches our own command interface alone, which tells looking from commanding.
@@ -385,7 +381,7 @@ class Vehicle:
         devices = {
             **sensors.devices,
             "rig": sensors.rig,
-            "autopilot": self.autopilot,
+            "autopilot": self.autopilot_device,
             "computer": computer,
             "pictures": storage.pictures,
             "site": parts.add("site", site),

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from gloc3.cli.component import app
-from gloc3.component.deployment_check import check_deployment
+from gloc3.component.deployment import check_deployment
 from gloc3.component.description import describe, find_class, installed
 from gloc3.component.lci import State
 from gloc3.component.test_bench import Bench

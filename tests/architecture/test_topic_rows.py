@@ -4,7 +4,7 @@ from typing import Final
 
 import pytest
 
-from gloc3.component.deployment_check import TOLD_BY_HOSTS, check_deployment
+from gloc3.component.deployment import TOLD_BY_HOSTS, check_deployment
 from gloc3.messages.envelope import Message
 from gloc3.messages.topics import TopicTable, matches
 from gloc3.messages.wire import type_name

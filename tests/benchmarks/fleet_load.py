@@ -12,7 +12,7 @@ from gloc3.messages.command_interface import CiRequest
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.summaries import ComponentLine, ComponentTable, Health, MissionSummary, Summary, TableRow
 from gloc3.messages.topics import TopicTable
-from gloc3_onboard.companion.station_link import StationLink
+from gloc3_onboard.companion.station_link import StationLink, StationLinkSettings
 
 NETWORK = LinkBudget(rate_bit_s=10_000_000.0, bits_per_byte=8.0)
 KINDS = ("SS", "SS", "DP", "CC", "AD")
@@ -24,7 +24,9 @@ class Vehicle(ScriptedPlatform):
     def __init__(self, number: int, parts: int, topics: TopicTable) -> None:
         exchange = LocalExchange()
         super().__init__(exchange, f"vehicle_{number:03d}", 1000 + number)
-        self.link = StationLink(self.name, 1 + number, self.loop, exchange, topics, 1000 + number, NETWORK)
+        self.link = StationLink(
+            self.name, 1 + number, self.loop, exchange, topics, 1000 + number, StationLinkSettings(NETWORK)
+        )
         self.parts = parts
         self.step = number
         self.mission = MissionSummary(name="cargo hold", digest="d1", state="running", tasks=TASKS)

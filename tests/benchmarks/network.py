@@ -45,9 +45,20 @@ TOPIC_RATE_HZ = 100
 USUAL_S = 2.0
 NAMES = ("pose", "burst", "usual/*")
 PICTURE = Image(camera="front", width=640, height=480, data=os.urandom(640 * 480))
-RAW, LOOP, OURS, SHARED, TCP = "zenoh", "zenoh to the loop", "gloc3", "shared memory", "tcp"
-IN_FLIGHT = {SHARED: 8, TCP: 4}
+RAW, LOOP, OURS, SHARED, ZENOHS, TCP = (
+    *("zenoh", "zenoh to the loop", "gloc3"),
+    *("shared memory", "zenoh's shared memory", "tcp"),
+)
+IN_FLIGHT = {SHARED: 8, ZENOHS: 8, TCP: 4}
 """So many pictures may be under way, as suits each: the queue of a link takes three."""
+
+
+ZENOHS_SETTINGS = {
+    "transport/shared_memory/enabled": True,
+    "transport/shared_memory/mode": "init",
+    "transport/shared_memory/transport_optimization/pool_size": 1 << 26,
+}
+"""Zenoh's own shared memory, made ready at once, with place for all pictures that are under way."""
 
 
 class Wire(msgspec.Struct, array_like=True, frozen=True):
@@ -65,6 +76,7 @@ class Places(NamedTuple):
     raw: str
     ours: str
     shared: str
+    zenohs: str
     tcp: str
 
 
@@ -97,11 +109,18 @@ def topics() -> TopicTable:
 def places(folder: str) -> Places:
     """Free ports, and a socket in a folder."""
     found = []
-    for _ in range(3):
+    for _ in range(4):
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             found.append(f"tcp/127.0.0.1:{probe.getsockname()[1]}")
-    return Places(found[0], found[1], f"{UNIX}/{folder}/z", found[2])
+    return Places(found[0], found[1], f"{UNIX}/{folder}/z", found[2], found[3])
+
+
+def exchange_at(stack: ExitStack, name: str, node: Node) -> ZenohExchange:
+    """One end of what is compared, by its name."""
+    loop, settings = asyncio.get_running_loop(), ZENOHS_SETTINGS if name == ZENOHS else None
+    is_sharing = name not in (ZENOHS, TCP)
+    return stack.enter_context(open_exchange(node, loop, topics(), settings=settings, is_sharing=is_sharing))
 
 
 # --- the receiving process ---
@@ -154,14 +173,13 @@ WIRE = msgspec.msgpack.Decoder(Wire)
 
 async def receive(where: Places) -> None:
     """Listens until its input ends; a line of that asks for a report."""
-    loop, receiver, table = asyncio.get_running_loop(), Receiver(), topics()
+    loop, receiver = asyncio.get_running_loop(), Receiver()
     with ExitStack() as stack:
         raw = stack.enter_context(zenoh.open(configuration(Node(name="other", connect=(where.raw,)))))
         subscribers = [raw.declare_subscriber(f"p/{name}", receiver.take_raw) for name in NAMES]
         subscribers += [raw.declare_subscriber(f"q/{name}", receiver.take_to(loop)) for name in NAMES]
-        for place in (where.ours, where.shared, where.tcp):
-            node = Node(name="other", connect=(place,))
-            exchange = stack.enter_context(open_exchange(node, loop, table, is_sharing=place != where.tcp))
+        for way, place in zip((OURS, SHARED, ZENOHS, TCP), where[1:], strict=True):
+            exchange = exchange_at(stack, way, Node(name="other", connect=(place,)))
             for name in NAMES:
                 exchange.subscribe(f"p/{name}", receiver.take)
             exchange.subscribe("p/camera/front", partial(receiver.look, Publisher(exchange, "p", "receiver", 1)))
@@ -203,7 +221,6 @@ class Sender:
     """What sends, over all that is compared."""
 
     def __init__(self, stack: ExitStack, where: Places) -> None:
-        loop, table = asyncio.get_running_loop(), topics()
         self._raw = stack.enter_context(
             zenoh.open(configuration(Node(name="main", listen=(where.raw,), accepts=("other",))))
         )
@@ -219,9 +236,8 @@ class Sender:
         self._exchanges: dict[str, ZenohExchange] = {}
         self._publishers: dict[str, Publisher] = {}
         self._windows = {way: Window(most) for way, most in IN_FLIGHT.items()}
-        for name, place in ((OURS, where.ours), (SHARED, where.shared), (TCP, where.tcp)):
-            node = Node(name="main", listen=(place,), accepts=("other",))
-            exchange = stack.enter_context(open_exchange(node, loop, table, is_sharing=name != TCP))
+        for name, place in zip((OURS, SHARED, ZENOHS, TCP), where[1:], strict=True):
+            exchange = exchange_at(stack, name, Node(name="main", listen=(place,), accepts=("other",)))
             self._publishers[name] = Publisher(exchange, "p", "sender", 1)
             if name in self._windows:
                 exchange.subscribe("p/credit", self._windows[name].see)
@@ -332,7 +348,7 @@ async def rounds(count: int) -> list[Round]:
         for _ in range(count + 1):
             paced = {way: await sender.paced(way) for way in (RAW, LOOP, OURS)}
             rate_hz = {way: await sender.burst(way) for way in (RAW, LOOP, OURS)}
-            shown = {way: await sender.pictures(way) for way in (SHARED, TCP)}
+            shown = {way: await sender.pictures(way) for way in IN_FLIGHT}
             usual = {way: await sender.usual(way) for way in (RAW, LOOP, OURS)}
             found.append(
                 Round(
@@ -375,6 +391,8 @@ def run() -> list[str]:
         ("poses in a burst", lambda r: r.rate_hz, "/s", OURS, RAW),
         ("640×480 picture, delay p50", lambda r: r.picture_us, "µs", SHARED, TCP),
         ("640×480 pictures", lambda r: r.picture_rate_hz, "/s", SHARED, TCP),
+        ("640×480 picture, delay p50", lambda r: r.picture_us, "µs", ZENOHS, TCP),
+        ("640×480 pictures", lambda r: r.picture_rate_hz, "/s", ZENOHS, TCP),
     ):
         values = f"{ours} {typical(found, of, ours):,.0f} {unit}, {other} {typical(found, of, other):,.0f} {unit}"
         lines.append(f"{text}: {values}, ratio {ratio(found, of, ours, other):.2f}")

@@ -1,14 +1,13 @@
 """What earlier versions have written and sent, kept in `tests/data`."""
 
 import gzip
-from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import msgspec
+from tests.data_folders import OWN
 
-DATA: Final = Path(__file__).parents[1] / "data"
-LOG: Final = DATA / "log-of-0.1" / "log.mcap"
-PEER: Final = DATA / "peer-of-0.1"
+LOG: Final = OWN / "log-of-0.1" / "log.mcap"
+PEER: Final = OWN / "peer-of-0.1"
 
 
 class Example(msgspec.Struct):

@@ -12,7 +12,7 @@ import pytest
 from tests.direct_link import routed_link
 
 from gloc3.clock import VirtualLoop
-from gloc3.exchange.local import LocalExchange
+from gloc3.exchange.base import LocalExchange
 from gloc3.exchange.mavlink import MavlinkExchange
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
 from gloc3.exchange.tunnel.happenings import Happening, PeerChanged, Trouble

@@ -4,13 +4,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tests.evidence.page import ROOT, Bar, Figure, Progress
+from tests.data_folders import MISSIONS
+from tests.evidence.page import Bar, Figure, Progress
 from tests.evidence.suites import suite
 
 from gloc3.errors import InputError
 from gloc3.mission.formats import load_plan, read_plan, read_wpl, write_plan, write_wpl
 
-FILES = ROOT.parent / "shared" / "data" / "missions"
+FILES = MISSIONS
 
 
 def outcome(path: Path) -> str:

@@ -4,12 +4,14 @@ import time
 from collections.abc import Sequence
 from functools import partial
 from math import degrees, radians
+from pathlib import Path
 from typing import Any, Final
 
 import msgspec
 import numpy as np
+from tests.data_folders import LASER_LOGS
 from tests.evidence.laser_matchers import Run, constant_drive, peers, plain_drive, plain_match, zero_drive
-from tests.evidence.page import ROOT, Bar, Figure, Progress
+from tests.evidence.page import Bar, Figure, Progress
 
 from gloc3.camera.opencv import load_opencv
 from gloc3.evaluation.metrics import Alignment, evaluate
@@ -24,7 +26,7 @@ from gloc3_onboard.cli.odometry_laser import trajectory_of
 from gloc3_onboard.datasets.laser_log import LaserLog
 from gloc3_onboard.datasets.laser_logs import read_laser_log
 
-DATA: Final = ROOT.parent / "shared" / "data" / "lidar"
+DATA: Final = LASER_LOGS
 START_M, START_RAD = 0.3, radians(50.0)
 """How far off the search takes a start to be, in every row."""
 ROWS: Final = (
@@ -56,10 +58,12 @@ def _found(target: Any, source: Array) -> Planar:
     return search(source, walls, Planar(), Window(START_M, START_RAD)).pose
 
 
-def converge(distance_m: float, turn_deg: float, step: int = 1, with_peers: bool = True) -> dict[str, Any]:
+def converge(
+    distance_m: float, turn_deg: float, step: int = 1, with_peers: bool = True, dataset: Path = DATA / "mbicp"
+) -> dict[str, Any]:
     """Each scan against itself displaced: part within 10 mm and 0.5 degrees and mean milliseconds, by matcher."""
     load_opencv()
-    log, random = read_laser_log(DATA / "mbicp"), np.random.default_rng(1)
+    log, random = read_laser_log(dataset), np.random.default_rng(1)
     truths: list[Planar] = []
     pairs: list[Array] = []
     runs: dict[str, Run] = {name: Run([], []) for name in (OURS, "plain point to line")}

@@ -8,8 +8,9 @@ from time import process_time
 from typing import Any
 
 import numpy as np
+from tests.data_folders import PICTURES
 from tests.direct_link import wire
-from tests.evidence.page import ROOT, Bar, Figure, Progress
+from tests.evidence.page import Bar, Figure, Progress
 from tests.evidence.suites import suite
 
 from gloc3.clock import Clock, VirtualLoop
@@ -17,10 +18,10 @@ from gloc3.mavlink.transport.memory import Conditions, MemoryLink
 from gloc3.messages.perception import LaserScan
 from gloc3.messages.vehicle import Image
 from gloc3_onboard.autopilot.link import AutopilotLink
-from gloc3_onboard.autopilot.sensor_devices import AutopilotImu
 from gloc3_onboard.sensors.checks.frame_check import FrameCheck
 from gloc3_onboard.sensors.checks.scan_check import checked_scan
-from gloc3_onboard.sources.euroc import stereo_records
+from gloc3_onboard.sensors.sources.autopilot import AutopilotImu
+from gloc3_onboard.sensors.sources.euroc import stereo_records
 from gloc3_sitl.vehicles.simulator import LinkKind, Simulator
 from gloc3_sitl.world import World
 
@@ -28,14 +29,14 @@ TESTS = (
     "tests/onboard/components/samplers/test_bad_input_of_samplers.py",
     "tests/onboard/sensors/test_own_sensor_checks.py",
     "tests/onboard/autopilot/test_autopilot_sensors.py",
-    "tests/onboard/sources/test_source_urls.py",
-    "tests/onboard/sources/test_replays_of_logs.py",
-    "tests/onboard/sources/test_video_cameras.py",
-    "tests/onboard/sources/test_laser_scanners.py",
+    "tests/onboard/sensors/test_source_urls.py",
+    "tests/onboard/sensors/test_replays_of_logs.py",
+    "tests/onboard/sensors/test_video_cameras.py",
+    "tests/onboard/sensors/test_laser_scanners.py",
     "tests/onboard/process/test_onboard_on_logs.py",
     "tests/onboard/calibration",
 )
-REST = ROOT.parent / "shared" / "data" / "images" / "euroc_rest"
+REST = PICTURES / "euroc_rest"
 ROUNDS = 400
 
 
@@ -94,7 +95,7 @@ def imu_stamps(style: str) -> dict[str, Any]:
         last_s = new[-1].t_s if new else last_s
         if loop.time() > 2.0:
             samples += [stamped.t_s for stamped in new]
-            offsets_s.append(link.t_s_of_boot(0.0) or 0.0)
+            offsets_s.append(link.telemetry.t_s_of_boot(0.0) or 0.0)
     simulator.stop()
     link.close()
     loop.close()

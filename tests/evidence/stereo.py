@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from tests.data_folders import PICTURES
 from tests.evidence.page import ROOT, SCRATCH, Bar, Figure, Progress
 from tests.onboard.algorithms.vision.flights import Pair, fly, inspection
 from tests.onboard.algorithms.vision.moved_rest import drive, rectified
@@ -24,7 +25,7 @@ from gloc3_onboard.datasets.stereo_set import read_mono_set, read_stereo_set
 from gloc3_sitl.world.rig import FRONT_LEFT, FRONT_RIGHT
 
 SEEDS = range(10)
-IMAGES = ROOT.parent / "shared" / "data" / "images"
+IMAGES = PICTURES
 PEER = ROOT / "runs" / "peers" / "libviso2"
 """Where the sources of libviso2 are looked for (`src/viso_stereo.cpp`…); they are no part of this project."""
 LEFT = msgspec.structs.replace(FRONT_LEFT, lens=Lens.PINHOLE, distortion=(), center_px=(319.5, 239.5))

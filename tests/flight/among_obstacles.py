@@ -231,7 +231,7 @@ def scanner_platform() -> str:
     rows = whole_text("pelican").splitlines()
     rows = [row for row in rows if row.startswith(("  - {name: laser,", "  - {name: obstacles,"))]
     assert len(rows) == 2
-    return platform({"obstacles: [], ": "", "  # data processors\n": "\n".join([*rows, "  # data processors", ""])})
+    return platform({"obstacles: [], ": "", "  - {name: pose,": "\n".join([*rows, "  - {name: pose,"])})
 
 
 def _pelican(changes: dict[str, str]) -> str:

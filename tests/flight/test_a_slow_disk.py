@@ -61,7 +61,7 @@ def disks(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> li
         found.append(SlowDisk(late_s))
         return found[-1]
 
-    monkeypatch.setattr("gloc3_sitl.flight.flight.MemoryRecords", partial(disk, request.param))
+    monkeypatch.setattr("gloc3_sitl.flight.onboard_process.MemoryRecords", partial(disk, request.param))
     return found
 
 

@@ -5,11 +5,11 @@ from random import Random
 from typing import Any
 
 from tests.flight.card import Card
+from tests.node_runner import NodeRunner
 
 from gloc3.mavlink.codec import Encoder, MavlinkMessage, Parser, message
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.node import Node
-from gloc3.mavlink.runner import NodeRunner
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_client import CommandCall, CommandClient
 from gloc3.mavlink.services.ftp_client import FtpClient

@@ -17,8 +17,7 @@ from textual.widgets import Static
 
 from gloc3_groundstation.tui.themes import THEMES
 from gloc3_groundstation.tui.widgets.lines import text_of
-from gloc3_groundstation.tui.widgets.list_panel import ListPanel
-from gloc3_groundstation.tui.widgets.panel import Panel
+from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel
 
 
 def clipped(app: App[Any]) -> list[str]:

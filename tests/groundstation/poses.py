@@ -22,8 +22,7 @@ from gloc3_groundstation.tui.dialogues.save_mission import SaveMission
 from gloc3_groundstation.tui.dialogues.single_action import SingleAction
 from gloc3_groundstation.tui.dialogues.unsaved import UnsavedQuestion
 from gloc3_groundstation.tui.help import HelpScreen
-from gloc3_groundstation.tui.widgets.list_panel import ListPanel
-from gloc3_groundstation.tui.widgets.panel import Panel
+from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel
 
 from .drawn import READABLE, clipped, contrasts
 from .flown import Flight

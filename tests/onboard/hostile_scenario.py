@@ -24,7 +24,7 @@ from gloc3.messages.topics import TopicTable
 from gloc3_groundstation.links.link import Link, LinkContext, LinkSettings
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.companion.routing import RoutedLink
-from gloc3_onboard.companion.station_link import StationLink
+from gloc3_onboard.companion.station_link import StationLink, StationLinkSettings
 from gloc3_onboard.process.signing_memory import SigningMemory
 
 KEY, OTHER = bytes(range(32)), bytes(range(1, 33))
@@ -83,7 +83,7 @@ class _Scene:
         self.memory, self.cable = MemoryLink(loop, Random(1)), MemoryLink(loop, Random(2))
         self.folder = folder
         self.ours = self.remembered()
-        self.platform = StationLink("heron", 1, loop, self.here, topics, 7, signing=self.ours)
+        self.platform = StationLink("heron", 1, loop, self.here, topics, 7, StationLinkSettings(signing=self.ours))
         self.autopilot = AutopilotLink(loop, self.clock)
         vehicle = RoutedLink("udpin://:14540", router, loop, self.autopilot.take)
         self.radio = RoutedLink(

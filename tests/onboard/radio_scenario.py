@@ -10,6 +10,7 @@ from math import inf
 from random import Random
 
 import msgspec
+from tests.node_runner import NodeRunner
 
 from gloc3.clock import run_virtual
 from gloc3.exchange import LocalExchange, Publisher
@@ -18,7 +19,6 @@ from gloc3.mavlink.codec import Frame, MavlinkMessage, message, shape
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.node import Node
 from gloc3.mavlink.router import Router
-from gloc3.mavlink.runner import NodeRunner
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_client import CommandCall, CommandClient
 from gloc3.mavlink.services.command_server import CommandServer
@@ -139,7 +139,7 @@ class _Scene:
         self.autopilot = _Autopilot(cable)
         self.here, self.there = LocalExchange(), LocalExchange()
         router = Router(Address(1, 191))
-        self.station_link = StationLink("heron", 1, loop, self.here, topics, 7, RADIO)
+        self.station_link = StationLink("heron", 1, loop, self.here, topics, 7)
         vehicle = RoutedLink("serial:///dev/ttyACM0:921600", router, loop, lambda _: None)
         self.routed = RoutedLink("serial:///dev/ttyUSB0:57600", router, loop, self.station_link.take)
         for routed, end in ((vehicle, cable.a), (self.routed, self.radio.a)):

@@ -4,7 +4,7 @@ from msgspec.structs import replace
 
 from gloc3.messages.frames import Vector3
 from gloc3.messages.vehicle import AutopilotState, FlightMode, LandedState, VehicleClass
-from gloc3_onboard.autopilot import ardupilot_facts, px4_facts
+from gloc3_onboard.autopilot import ardupilot, px4
 from gloc3_onboard.sensors.devices import Answer, AutopilotSetpoint, Manners
 
 from .messages import standing
@@ -38,7 +38,7 @@ class ScriptedAutopilot:
 
     @property
     def manners(self) -> Manners:
-        classes = px4_facts.CLASSES if self.is_px4 else ardupilot_facts.CLASSES
+        classes = px4.CLASSES if self.is_px4 else ardupilot.CLASSES
         return classes[self.vehicle].manners
 
     def send_setpoint(self, setpoint: AutopilotSetpoint) -> None:

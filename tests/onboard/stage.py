@@ -4,7 +4,8 @@ from typing import Any
 
 from gloc3.component.action import ActionPerformer
 from gloc3.component.component import ActuatorDriver, Component
-from gloc3.component.ports import Actuation, Mailbox, Report
+from gloc3.component.cycle import Mailbox
+from gloc3.component.ports import Actuation, Report
 from gloc3.messages.envelope import Message
 from gloc3.mission.model.messages import ActionStatus
 

@@ -18,6 +18,7 @@ from gloc3.messages.topics import TopicTable
 from gloc3.platform.reader import load_platform
 from gloc3.store import MemoryRecords
 from gloc3_groundstation.station.command_client import CommandClient
+from gloc3_onboard.autopilot.device import AutopilotDevice
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.news import LinkNews
 from gloc3_onboard.command_server.site import Site
@@ -54,8 +55,9 @@ class VehicleStack(Generic[PeerT_co]):
         self.peer = kind(loop, cable.b, origin, parameters)
         clock, topics = Clock(loop), TopicTable.installed()
         self.link = AutopilotLink(loop, clock, say=LinkNews(self.exchange, name, 3, loop.time).say)
+        self.device = AutopilotDevice(self.link)
         devices = {
-            "autopilot": self.link,
+            "autopilot": self.device,
             "computer": SimulatedComputer(clock, list),
             "rig": PlatformRig(self.platform, Path()),
             "ground_camera": NoCamera(),

@@ -40,3 +40,13 @@ class CameraModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """The optical centre on the body."""
     frd_from_rdf: Quaternion = (0.5, 0.5, 0.5, 0.5)
     """How the camera's axes sit on the body's; (0.5, 0.5, 0.5, 0.5) looks ahead."""
+
+
+def misfit(model: CameraModel, width: int, height: int) -> str:
+    """Why a calibration is not of pictures of this size; empty if it is."""
+    if (width, height) == (model.width, model.height):
+        return ""
+    wanted = f"the calibration is for {model.width} x {model.height}"
+    if width * model.height == height * model.width:
+        return f"the pictures are {width} x {height}, {wanted}: the same shape; set the camera to that size"
+    return f"the pictures are {width} x {height}, {wanted}: calibrate the camera as it is used"

@@ -1,16 +1,17 @@
-"""The cycles of a component: periodic or begun by an input, one at a time, counted, and watched for hanging."""
+"""The cycles of a component: periodic or begun by an input, one at a time, counted, watched for hanging; and its mailbox."""
 
 import asyncio
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from math import isfinite
 from typing import Any, Final
 
 from gloc3.component.component import Component
 from gloc3.component.context import HostContext
-from gloc3.component.cycle_job import CycleJob
 from gloc3.component.deployment import ComponentRow
-from gloc3.component.ports import Mailbox
-from gloc3.component.statistics import CycleStatistics
+from gloc3.component.jobs import CycleJob
+from gloc3.component.ports import Inbox, Input, Keep
 from gloc3.component.workers import Worker
 from gloc3.errors import Refused
 from gloc3.exchange.base import Unsubscribe
@@ -29,6 +30,60 @@ REST_PERIODS: Final = 0.5
 
 _EARLY: Final = 1e-6
 """Share of a period by which a timer may come early, or be rounded."""
+
+
+class Mailbox:
+    """The bounded input queues of one component."""
+
+    def __init__(self, inputs: Sequence[Input[Any]]) -> None:
+        self._inputs = {port.name: port for port in inputs}
+        self._queues: dict[str, deque[Envelope[Any]]] = {port.name: deque() for port in inputs}
+        self._latest: dict[str, Envelope[Any]] = {}
+        self._taken: dict[str, Envelope[Any]] = {}
+        """What the last inbox holds: never changed, because a worker may be reading it."""
+        self._filled: list[str] = []
+        """The ports whose queues are not empty."""
+        self._nothing = Inbox({}, self._taken)
+        self.dropped = 0
+
+    def put(self, port: str, envelope: Envelope[Any]) -> None:
+        """Takes a message in, by the port's policy; one whose time of validity is no number is dropped."""
+        if not isfinite(envelope.t_s):
+            self.dropped += 1
+            return
+        queue = self._queues[port]
+        declared = self._inputs[port]
+        if len(queue) >= declared.depth:
+            if declared.keep is Keep.ALL:
+                self.dropped += 1
+                return
+            queue.popleft()
+        elif not queue:
+            self._filled.append(port)
+        queue.append(envelope)
+        self._latest[port] = envelope
+
+    def take(self) -> Inbox:
+        """What the next cycle reads; the queues are empty afterwards."""
+        if not self._filled:
+            return self._nothing
+        new: dict[str, Sequence[Envelope[Any]]] = {}
+        for name in self._filled:
+            queue = self._queues[name]
+            new[name] = tuple(queue)
+            queue.clear()
+        self._filled.clear()
+        self._taken = self._latest.copy()
+        self._nothing = Inbox({}, self._taken)
+        return Inbox(new, self._taken)
+
+    def clear(self) -> None:
+        """Forgets everything, as at a start: a component never works on what came before."""
+        for queue in self._queues.values():
+            queue.clear()
+        self._latest, self._taken = {}, {}
+        self._filled.clear()
+        self._nothing = Inbox({}, self._taken)
 
 
 class Cycler:
@@ -280,3 +335,50 @@ class Cycler:
             self._await_piece(left - 1, spare, piece_s)
         else:
             self._hung(self._limit_s)
+
+
+class CycleStatistics:
+    """Counts cycles; `close_window()` measures rate and mean cost since it was last called."""
+
+    def __init__(self) -> None:
+        self.cycles = 0
+        self.overruns = 0
+        self.max_s = 0.0
+        self.rate_hz = 0.0
+        """Cycles per second in the last closed window."""
+        self._mean_s: float | None = None
+        """Mean cost in the last closed window that had a cycle."""
+        self._window_total_s = 0.0
+        self._window_cycles = 0
+        self._window_start_s = 0.0
+
+    def restart(self, now_s: float) -> None:
+        """Begins anew to measure the rate, as at a start of the component."""
+        self.rate_hz = 0.0
+        self._window_cycles, self._window_total_s = 0, 0.0
+        self._window_start_s = now_s
+
+    def add(self, cost_s: float) -> None:
+        """Counts a cycle that has ended."""
+        self.cycles += 1
+        self._window_cycles += 1
+        self._window_total_s += cost_s
+        if cost_s > self.max_s:
+            self.max_s = cost_s
+
+    @property
+    def mean_s(self) -> float:
+        """Mean cost of a cycle of the last window, in seconds; in the first one, of those so far."""
+        if self._mean_s is not None:
+            return self._mean_s
+        return self._window_total_s / self._window_cycles if self._window_cycles else 0.0
+
+    def close_window(self, now_s: float, least_s: float) -> None:
+        """Measures since the last window or the start, if that is at least so long ago."""
+        span_s = now_s - self._window_start_s
+        if span_s >= least_s:
+            rate_hz = self._window_cycles / span_s
+            if self._window_cycles:
+                self._mean_s = self._window_total_s / self._window_cycles
+            self.restart(now_s)
+            self.rate_hz = rate_hz

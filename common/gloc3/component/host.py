@@ -10,10 +10,9 @@ from typing import Any, Final, NamedTuple
 
 from gloc3.component.component import Component
 from gloc3.component.context import HostContext
-from gloc3.component.deployment import Begin, ComponentRow
-from gloc3.component.deployment_check import check_row
+from gloc3.component.deployment import Begin, ComponentRow, check_row
 from gloc3.component.error_handler import ErrorHandler, describe
-from gloc3.component.function_desk import FunctionDesk
+from gloc3.component.functions import FunctionDesk
 from gloc3.component.guard import guard
 from gloc3.component.hosted import Answer, HostedComponent
 from gloc3.component.lci import CREATE, Command, State, transition

@@ -1,27 +1,25 @@
 """One life of a component under its host, from its creation to its shutdown: state, cycles, errors, status."""
 
+import asyncio
 from collections.abc import Callable
 from typing import Any, Final
 
 import msgspec
+from msgspec.structs import replace
 
 from gloc3.component.component import ActuatorDriver, Component
 from gloc3.component.context import HostContext
-from gloc3.component.cycle import Cycler
-from gloc3.component.cycle_job import CycleJob
+from gloc3.component.cycle import Cycler, CycleStatistics, Mailbox
 from gloc3.component.data_logger import DataLogger
 from gloc3.component.deployment import ComponentRow
-from gloc3.component.errands import Errands
 from gloc3.component.error_handler import ErrorHandler, Failure, describe, reason_of
-from gloc3.component.gate import Gate
 from gloc3.component.guard import guard
+from gloc3.component.jobs import CHECK_LEAVING, MAKE_SAFE, CycleJob, Gate, MethodJob
 from gloc3.component.lci import OPERATING, Command, State, Transition
-from gloc3.component.method_job import CHECK_LEAVING, MAKE_SAFE, MethodJob
 from gloc3.component.outlets import KEY, Outlets, Routed
-from gloc3.component.ports import Mailbox
-from gloc3.component.status_notifier import StatusNotifier, health_report
+from gloc3.component.workers import Errands
 from gloc3.exchange.base import Publisher, Unsubscribe
-from gloc3.messages.envelope import ComponentStatus, Envelope, Event, InternalState, Message, Severity
+from gloc3.messages.envelope import ComponentStatus, Envelope, Event, InternalState, Kind, Message, Severity
 
 HUNG: Final = "hung"
 """How the cause begins of a component whose cycle has not ended."""
@@ -308,14 +306,65 @@ class HostedComponent:
     def status(self) -> ComponentStatus:
         """The component's health as it is now."""
         is_working, rate_hz = self.state is State.WORKING, self._cycler.nominal_rate_hz
-        return health_report(
-            self.row,
-            self.component.kind,
-            self.state,
-            self.errors,
-            self._cycler.statistics,
+        return replace(
+            health_report(self.row, self.component.kind, self.state, self.errors, self._cycler.statistics),
             nominal_rate_hz=rate_hz,
             dropped=self._mailbox.dropped,
             silent=self._outlets.silent(self._loop.time(), self._working_since_s, rate_hz) if is_working else [],
-            values=self.component.status_values,
+            values={**self.component.status_values},
         )
+
+
+class StatusNotifier:
+    """The status notifier (paper §IV-A): reports the health of a component periodically and on every change.
+
+    Asks for a report at a set period; `changed()` gives one in between.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, period_s: float, report: Callable[[bool], None]) -> None:
+        self._loop = loop
+        self._period_s = period_s
+        self._report = report
+        self._timer: asyncio.TimerHandle | None = None
+
+    def start(self) -> None:
+        """Reports now and from now on."""
+        self._timer = self._loop.call_later(self._period_s, self._periodic)
+        self.changed()
+
+    def stop(self) -> None:
+        """Ends the reports."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def changed(self) -> None:
+        """Reports now, because something changed."""
+        self._report(False)
+
+    def _periodic(self) -> None:
+        self._timer = self._loop.call_later(self._period_s, self._periodic)
+        self._report(True)
+
+
+def health_report(
+    row: ComponentRow, kind: Kind, state: State | None, errors: ErrorHandler, statistics: CycleStatistics
+) -> ComponentStatus:
+    """What every component's status message says, also that of one whose host is lost."""
+    last = errors.last
+    return ComponentStatus(
+        name=row.name,
+        kind=kind,
+        state=state,
+        rate_hz=statistics.rate_hz if state in OPERATING else 0.0,
+        cycle_mean_s=statistics.mean_s,
+        cycle_max_s=statistics.max_s,
+        cycles=statistics.cycles,
+        overruns=statistics.overruns,
+        errors=errors.total,
+        cause=errors.last_cause,
+        cause_first_s=last.first_s if last else 0.0,
+        cause_last_s=last.last_s if last else 0.0,
+        is_required=row.required,
+        standby_for=row.standby_for or "",
+    )

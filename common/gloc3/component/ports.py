@@ -1,9 +1,7 @@
 """Ports: what a component's class says that it takes and gives, and the inbox that a cycle reads."""
 
-from collections import deque
 from collections.abc import Iterator, Sequence
 from enum import StrEnum
-from math import isfinite
 from typing import Any, Generic, TypeVar
 
 import msgspec
@@ -106,60 +104,6 @@ class Inbox:
         """Whether the last message of a port is at most `limit_s` old."""
         latest = self._latest.get(port.name)
         return latest is not None and now_s - latest.t_s <= limit_s
-
-
-class Mailbox:
-    """The bounded input queues of one component."""
-
-    def __init__(self, inputs: Sequence[Input[Any]]) -> None:
-        self._inputs = {port.name: port for port in inputs}
-        self._queues: dict[str, deque[Envelope[Any]]] = {port.name: deque() for port in inputs}
-        self._latest: dict[str, Envelope[Any]] = {}
-        self._taken: dict[str, Envelope[Any]] = {}
-        """What the last inbox holds: never changed, because a worker may be reading it."""
-        self._filled: list[str] = []
-        """The ports whose queues are not empty."""
-        self._nothing = Inbox({}, self._taken)
-        self.dropped = 0
-
-    def put(self, port: str, envelope: Envelope[Any]) -> None:
-        """Takes a message in, by the port's policy; one whose time of validity is no number is dropped."""
-        if not isfinite(envelope.t_s):
-            self.dropped += 1
-            return
-        queue = self._queues[port]
-        declared = self._inputs[port]
-        if len(queue) >= declared.depth:
-            if declared.keep is Keep.ALL:
-                self.dropped += 1
-                return
-            queue.popleft()
-        elif not queue:
-            self._filled.append(port)
-        queue.append(envelope)
-        self._latest[port] = envelope
-
-    def take(self) -> Inbox:
-        """What the next cycle reads; the queues are empty afterwards."""
-        if not self._filled:
-            return self._nothing
-        new: dict[str, Sequence[Envelope[Any]]] = {}
-        for name in self._filled:
-            queue = self._queues[name]
-            new[name] = tuple(queue)
-            queue.clear()
-        self._filled.clear()
-        self._taken = self._latest.copy()
-        self._nothing = Inbox({}, self._taken)
-        return Inbox(new, self._taken)
-
-    def clear(self) -> None:
-        """Forgets everything, as at a start: a component never works on what came before."""
-        for queue in self._queues.values():
-            queue.clear()
-        self._latest, self._taken = {}, {}
-        self._filled.clear()
-        self._nothing = Inbox({}, self._taken)
 
 
 def inbox_of(**messages: Envelope[Any] | Sequence[Envelope[Any]]) -> Inbox:

@@ -1,9 +1,13 @@
-"""What every middleware of the data exchanger offers, and the publisher that stamps envelopes."""
+"""What every middleware of the data exchanger offers, the publisher that stamps envelopes, and the local middleware."""
 
-from collections.abc import Callable
+import asyncio
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Protocol
 
-from gloc3.messages.envelope import Envelope, Message, Source
+from gloc3.component.guard import guard
+from gloc3.messages.envelope import CommandRequest, Envelope, FunctionRequest, Message, Source
+from gloc3.messages.topics import TopicTable, matches
 from gloc3.messages.wire import type_name
 
 Deliver = Callable[[Envelope[Any]], None]
@@ -55,3 +59,162 @@ class Publisher:
         sequence = self._sequences.get(topic, 0)
         self._sequences[topic] = sequence + 1
         self._exchange.publish(Envelope(topic, self.source, sequence, t_s, frame, type_name(type(message)), message))
+
+
+class LocalExchange:
+    """The local middleware: inside one process, messages pass by reference.
+
+    It delivers in the order of publishing, to the subscribers in the order of their subscription.
+
+    A subscriber that raises harms neither the publisher nor the other subscribers: the loop's exception handler is told.
+
+    Args:
+        topics: tells which topics are latched; without it none is.
+    """
+
+    def __init__(self, topics: TopicTable | None = None) -> None:
+        self._topics = topics
+        self._last: dict[str, Envelope[Any]] = {}
+        """The last message of each latched topic."""
+        self._subscribers: list[tuple[str, Deliver]] = []
+        self._routes: dict[str, tuple[Deliver, ...]] = {}
+        self._tokens: dict[str, int] = {}
+        self._watchers: list[tuple[str, Callable[[str, bool], None]]] = []
+        self._waiting: deque[Envelope[Any]] = deque()
+        self._is_delivering = False
+
+    @property
+    def here(self) -> "LocalExchange":
+        """Itself: nothing is elsewhere."""
+        return self
+
+    def publish(self, envelope: Envelope[Any]) -> None:
+        """Hands a message to every subscriber of its topic, at once.
+
+        What subscribers publish meanwhile follows when all have this one.
+        """
+        if self._is_delivering:
+            self._waiting.append(envelope)
+            return
+        self._is_delivering = True
+        try:
+            self._deliver(envelope)
+            while self._waiting:
+                self._deliver(self._waiting.popleft())
+        finally:
+            self._is_delivering = False
+
+    def _deliver(self, envelope: Envelope[Any]) -> None:
+        route = self._routes.get(envelope.topic)
+        if route is None:
+            route = tuple(deliver for pattern, deliver in self._subscribers if matches(pattern, envelope.topic))
+            row = None if self._topics is None else self._topics.row(envelope.topic)
+            if row is not None and row.is_latched:
+                route = (self._keep, *route)
+            self._routes[envelope.topic] = route
+        self._hand_over(route, envelope)
+
+    def _hand_over(self, route: Iterable[Deliver], envelope: Envelope[Any]) -> None:
+        rest = iter(route)
+        while (error := guard(_hand, rest, envelope)[1]) is not None:  # goes on behind the one that failed
+            _complain(f"a subscriber of {envelope.topic} failed", error)
+
+    def _keep(self, envelope: Envelope[Any]) -> None:
+        self._last[envelope.topic] = envelope
+
+    def last(self, topic: str) -> Envelope[Any] | None:
+        """The last message of a latched topic; None where there was none."""
+        return self._last.get(topic)
+
+    def subscribe(self, pattern: str, deliver: Deliver) -> Unsubscribe:
+        """Asks for a topic or a pattern of topics; of latched ones the last message comes at once."""
+        entry = (pattern, deliver)
+        self._subscribers.append(entry)
+        self._routes.clear()
+        for topic, envelope in list(self._last.items()):
+            if matches(pattern, topic):
+                self._hand_over((deliver,), envelope)
+
+        def unsubscribe() -> None:
+            if entry in self._subscribers:
+                self._subscribers.remove(entry)
+                self._routes.clear()
+
+        return unsubscribe
+
+    def declare_alive(self, token: str) -> Unsubscribe:
+        """Says that something is here."""
+        self._tokens[token] = self._tokens.get(token, 0) + 1
+        if self._tokens[token] == 1:
+            self._tell(token, True)
+        is_open = True
+
+        def withdraw() -> None:
+            nonlocal is_open
+            if not is_open:
+                return
+            is_open = False
+            self._tokens[token] -= 1
+            if not self._tokens[token]:
+                del self._tokens[token]
+                self._tell(token, False)
+
+        return withdraw
+
+    def watch(self, pattern: str, changed: Callable[[str, bool], None]) -> Unsubscribe:
+        """Reports tokens that come and go."""
+        entry = (pattern, changed)
+        self._watchers.append(entry)
+        for token in list(self._tokens):
+            if matches(pattern, token):
+                changed(token, True)
+
+        def unwatch() -> None:
+            if entry in self._watchers:
+                self._watchers.remove(entry)
+
+        return unwatch
+
+    def _tell(self, token: str, is_alive: bool) -> None:
+        for pattern, changed in list(self._watchers):
+            if matches(pattern, token):
+                _, error = guard(changed, token, is_alive)
+                if error is not None:
+                    _complain(f"a watcher of {token} failed", error)
+
+
+def _hand(rest: Iterator[Deliver], envelope: Envelope[Any]) -> None:
+    for deliver in rest:
+        deliver(envelope)
+
+
+def _complain(message: str, error: BaseException) -> None:
+    """A bug of ours: told loudly, without harm to who published."""
+    asyncio.get_running_loop().call_exception_handler({"message": message, "exception": error})
+
+
+REPLY_TOPICS = {CommandRequest: "reply", FunctionRequest: "function_reply"}
+
+
+async def request(
+    exchange: Exchange, publisher: Publisher, topic: str, message: CommandRequest | FunctionRequest, timeout_s: float
+) -> Any:
+    """Publishes a request on `PLATFORM/components/NAME/{command,function}` and waits for the reply.
+
+    Raises:
+        TimeoutError: no reply came within `timeout_s`. Whether the request was carried out is then *unknown*.
+    """
+    loop = asyncio.get_running_loop()
+    answer: asyncio.Future[Message] = loop.create_future()
+
+    def take(envelope: Envelope[Any]) -> None:
+        if envelope.payload.request_id == message.request_id and not answer.done():
+            answer.set_result(envelope.payload)
+
+    unsubscribe = exchange.subscribe(f"{topic.rpartition('/')[0]}/{REPLY_TOPICS[type(message)]}", take)
+    try:
+        publisher.publish(topic, message, loop.time())
+        async with asyncio.timeout(timeout_s):
+            return await answer
+    finally:
+        unsubscribe()

@@ -11,8 +11,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
 
-from gloc3.exchange.base import Deliver, Exchange, Unsubscribe
-from gloc3.exchange.local import LocalExchange
+from gloc3.exchange.base import Deliver, Exchange, LocalExchange, Unsubscribe
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
 from gloc3.exchange.tunnel.happenings import Delivered, Happening, TokenChanged
 from gloc3.exchange.tunnel.layout import PAYLOAD_TYPE, Role

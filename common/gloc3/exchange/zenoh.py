@@ -16,14 +16,12 @@ from typing import Any, Final
 
 import zenoh
 
-from gloc3.exchange.base import Deliver, Unsubscribe
-from gloc3.exchange.channel import Means
+from gloc3.exchange.base import Deliver, LocalExchange, Unsubscribe
+from gloc3.exchange.channel import Means, SendQueue
 from gloc3.exchange.inbound import Arrivals, Inbound
 from gloc3.exchange.large import LARGE, LargeInlet, bulk_key, topic_of
-from gloc3.exchange.local import LocalExchange
 from gloc3.exchange.near import NearServer
 from gloc3.exchange.outlet import LATCHED, UNKNOWN, Outlet, latched_token
-from gloc3.exchange.sender import Sender
 from gloc3.exchange.zenoh_session import Node, new_session, plain
 from gloc3.messages.envelope import Envelope, Source
 from gloc3.messages.topics import Service, TopicTable, matches
@@ -111,7 +109,7 @@ class ZenohExchange:
         self._arrivals = Arrivals(loop)
         self._sequences: dict[tuple[str, Source], int] = {}
         """The last number of each topic and source, to tell losses by."""
-        sender = Sender("zenoh huge", HUGE_DEPTH, self._fail)
+        sender = SendQueue("zenoh huge", HUGE_DEPTH, self._fail)
         near = NearServer(loop) if is_sharing else None
         self._means = Means(session, loop, self._arrivals, topics.types, near, sender)
         self._large = LargeInlet(self._means, self._take_bytes, self._count)

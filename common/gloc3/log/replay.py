@@ -19,7 +19,7 @@ from gloc3.component.context import HostContext
 from gloc3.component.deployment import Begin, ComponentRow
 from gloc3.component.host import ComponentHost
 from gloc3.errors import Refused, nearest
-from gloc3.exchange.local import LocalExchange
+from gloc3.exchange.base import LocalExchange
 from gloc3.log.fields import flatten
 from gloc3.log.reader import Entry, LogReader
 from gloc3.log.report.flight_path import value_of

@@ -1,1 +1,4 @@
-"""The MAVLink link: codec, endpoints, and one file without I/O for each microservice."""
+"""MAVLink: `codec` and `parser` turn bytes into frames and messages, `router` passes frames on between links, `signing` signs them.
+
+`transport` carries the bytes; `services` are the microservices, driven by a `node` as plain objects without I/O.
+"""

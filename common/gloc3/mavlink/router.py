@@ -13,10 +13,31 @@ from typing import Final, TypeAlias
 
 import msgspec
 
-from gloc3.mavlink.gaps import MOST_GAP
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.parser import Frame
 from gloc3.mavlink.tlog import SETUP_SIGNING
+
+MOST_GAP: Final = 128
+"""A larger step of the sequence is a restart or a late frame."""
+MOST_SENDERS: Final = 256
+
+
+class Gaps:
+    """Counts what did not come, of each sender by itself; invented ones in masses find no room."""
+
+    def __init__(self) -> None:
+        self.lost = 0
+        self._last: dict[int, int] = {}
+
+    def hear(self, frame: Frame) -> None:
+        """A frame has come."""
+        key = frame.system << 8 | frame.component
+        last = self._last.get(key)
+        if last is not None and (gap := frame.sequence - last - 1 & 0xFF) < MOST_GAP:
+            self.lost += gap
+        if last is not None or len(self._last) < MOST_SENDERS:
+            self._last[key] = frame.sequence
+
 
 MOST_ADDRESSES: Final = 256
 """So many senders a link may have; a flood of invented ones finds no room, and costs nobody else's."""
@@ -53,7 +74,7 @@ class LinkCounts(msgspec.Struct):
     """Frames of senders for whom there was no room, and keys: nobody passes these on."""
 
 
-class Sender(msgspec.Struct, gc=False):
+class KnownSender(msgspec.Struct, gc=False):
     """What is known of one address on one link."""
 
     heard_s: float
@@ -81,7 +102,7 @@ class RouterLink:
         self.name = name
         self._send = send
         self.counts = LinkCounts()
-        self.senders: dict[int, Sender] = {}
+        self.senders: dict[int, KnownSender] = {}
         """By `system << 8 | component`."""
 
     def put(self, frames: Sequence[Frame]) -> None:
@@ -164,7 +185,7 @@ class Router:
             return self._ways_to(source, key, system, frame.target_component, now_s)
         return self._ways_to_all(source, sender, key, now_s)
 
-    def _ways_to_all(self, source: RouterLink, sender: Sender, key: int, now_s: float) -> Links:
+    def _ways_to_all(self, source: RouterLink, sender: KnownSender, key: int, now_s: float) -> Links:
         """Where goes what somebody says to all."""
         if sender.ways_of != self._changes or now_s > sender.ways_until_s:
             sender.ways = tuple(link for link in self.links if link is not source and not _hears(link, key, now_s))
@@ -190,7 +211,7 @@ class Router:
         first = self._before.get(raw) or self._recent.setdefault(raw, source)
         return first is not source
 
-    def _meet(self, source: RouterLink, key: int, frame: Frame, now_s: float) -> Sender | None:
+    def _meet(self, source: RouterLink, key: int, frame: Frame, now_s: float) -> KnownSender | None:
         """Takes in a sender that is new on this link; None if there is no room for one more."""
         if not _make_room(source, now_s):
             return None
@@ -198,10 +219,10 @@ class Router:
         for link in self.links:
             if link is not source and key in link.senders and not _hears(link, key, now_s):
                 del link.senders[key]
-        sender = source.senders[key] = Sender(now_s, frame.sequence - 1 & 0xFF)
+        sender = source.senders[key] = KnownSender(now_s, frame.sequence - 1 & 0xFF)
         return sender
 
-    def _remember(self, source: RouterLink, sender: Sender, key: int, frame: Frame, now_s: float) -> None:
+    def _remember(self, source: RouterLink, sender: KnownSender, key: int, frame: Frame, now_s: float) -> None:
         """Keeps what a frame tells of its sender."""
         gap = frame.sequence - sender.sequence - 1 & 0xFF
         if gap < MOST_GAP:

@@ -56,6 +56,8 @@ def completed(document: Document, extending: tuple[Path, ...] = ()) -> Document:
         names = " -> ".join(one.name for one in (*chain, base_file))
         raise InputError([document.finding((EXTENDS,), f"the files extend each other: {names}")])
     base = completed(parse(load_bytes(base_file), str(base_file)), chain)
+    if not (isinstance(base.root.value, dict) and isinstance(document.root.value, dict)):
+        raise InputError([document.finding((EXTENDS,), f"{base_file.name} is no mapping")])
     _move_calibrations(base, file)
     for node in base.root.descendants():
         node.file = node.file or base.file
@@ -120,7 +122,10 @@ def _merged(base: Node, own: Node) -> Node:
 
 def _merged_rows(base: Node, own: Node, document: Document, findings: list[Finding]) -> Node:
     """The base's components with the file's rows on top; a new one stands behind the row that is written before it, or last."""
-    rows = {_name_of(row) or f"row {index}": row for index, row in base.children.items()}
+    rows: dict[str, Node] = {}
+    for index, row in base.children.items():
+        name = _name_of(row)
+        rows[f"{name} {index}" if not name or name in rows else name] = row
     order, last, written = list(rows), "", set[str]()
     for index, row in own.children.items():
         name = _name_of(row)

@@ -3,8 +3,7 @@
 from collections.abc import Collection, Iterator
 from typing import Final
 
-from gloc3.component.deployment import ComponentRow
-from gloc3.component.deployment_check import Problem, problems_of
+from gloc3.component.deployment import ComponentRow, Problem, problems_of
 from gloc3.documents import schema
 from gloc3.documents.document import Document, Where
 from gloc3.errors import Finding, nearest

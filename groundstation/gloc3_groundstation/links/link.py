@@ -13,12 +13,11 @@ from gloc3.exchange.mavlink import MavlinkExchange, Role, TunnelEndpoint
 from gloc3.exchange.tunnel.happenings import Happening, Trouble, Undelivered
 from gloc3.exchange.tunnel.pacing import LinkBudget
 from gloc3.mavlink.codec import Encoder, Frame, Parser, enums, shape
-from gloc3.mavlink.gaps import Gaps
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.node import Node
+from gloc3.mavlink.router import Gaps
 from gloc3.mavlink.services.heartbeat import Heartbeat, Peer, Peers
-from gloc3.mavlink.signed_only import SignedOnly
-from gloc3.mavlink.signing import Signing, timestamp
+from gloc3.mavlink.signing import SignedOnly, Signing, timestamp
 from gloc3.messages.topics import TopicTable
 from gloc3_groundstation.links.ways import NETWORK, Way, Ways
 

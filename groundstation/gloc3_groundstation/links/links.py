@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from gloc3.errors import Refused
-from gloc3.exchange.link_budget import budget_of
+from gloc3.exchange.tunnel.pacing import budget_of
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.signing_key import read_signing_key
 from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint, parse_url

@@ -14,6 +14,7 @@ from gloc3.errors import Gloc3Error, InputError
 from gloc3.messages.units import split_unit
 from gloc3.mission.model.abilities import abilities
 from gloc3.mission.model.arguments import Arguments, argument_kinds
+from gloc3.mission.model.waypoint_options import options_of
 from gloc3.platform.platform import Capability, Platform
 
 PAIRS: Final = {
@@ -94,7 +95,8 @@ def form_for(capability: str, row: Capability, *, is_geo: bool) -> Form:
     unwanted = set(PAIRS) if is_geo else set(PAIRS.values())
     shown = [line for line in fields_of(kind) if line.name not in unwanted]
     fields = [_field(line, row.options.get(line.name, ()), is_geo=is_geo) for line in shown]
-    fields.sort(key=lambda field: not field.is_required)
+    options = options_of(kind)
+    fields.sort(key=lambda field: (not field.is_required, field.name in options))
     return Form(capability=capability, doc=_first_line(kind), fields=tuple(fields), claims=row.claims)
 
 

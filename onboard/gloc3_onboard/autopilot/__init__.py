@@ -1,1 +1,4 @@
-"""Autopilots behind MAVLink: what PX4 and ArduPilot have in common, and where they differ."""
+"""The autopilot behind MAVLink: `link` holds the conversation with it, `device` is what samplers and drivers use.
+
+`ardupilot` and `px4` are tables of what differs between the families and their vehicle classes.
+"""

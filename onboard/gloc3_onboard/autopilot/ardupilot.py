@@ -1,20 +1,158 @@
-"""ArduPilot: what all its vehicles have in common; what differs stands in the tables of facts."""
+"""ArduPilot: what all its vehicles have in common, and tables of what differs between their classes."""
 
+from collections.abc import Mapping
 from typing import Final
 
 from gloc3.messages.vehicle import FlightMode, Style, VehicleClass
-from gloc3_onboard.autopilot.ardupilot_facts import CLASSES
 from gloc3_onboard.autopilot.style import (
     COMMON_STREAMS,
     EKF_STATUS_REPORT,
     HEARTBEAT,
     NAV_TAKEOFF,
     SET_MODE,
+    ClassFacts,
     Command,
+    Form,
+    Modes,
     Stream,
     mode_by_number,
 )
-from gloc3_onboard.sensors.devices import Answer
+from gloc3_onboard.sensors.devices import Answer, Manners
+
+_TIMEOUT_S: Final = 3.0
+"""GUID_TIMEOUT of Copter; in Rover and Sub it cannot be changed."""
+_MANUAL, _HOLD, _GUIDED, _OTHER = FlightMode.MANUAL, FlightMode.HOLD, FlightMode.GUIDED, FlightMode.OTHER
+_MISSION, _RETURN, _LAND, _TAKE_OFF = FlightMode.MISSION, FlightMode.RETURN, FlightMode.LAND, FlightMode.TAKE_OFF
+
+COPTER: Final = ClassFacts(
+    vehicle=VehicleClass.COPTER,
+    modes={
+        0: (_MANUAL, "STABILIZE"),
+        1: (_MANUAL, "ACRO"),
+        2: (_MANUAL, "ALT_HOLD"),
+        3: (_MISSION, "AUTO"),
+        4: (_GUIDED, "GUIDED"),
+        5: (_MANUAL, "LOITER"),  # flown with the sticks; the mode that holds by itself is BRAKE
+        6: (_RETURN, "RTL"),
+        7: (_MANUAL, "CIRCLE"),
+        9: (_LAND, "LAND"),
+        11: (_MANUAL, "DRIFT"),
+        13: (_MANUAL, "SPORT"),
+        16: (_MANUAL, "POSHOLD"),
+        17: (_HOLD, "BRAKE"),
+        20: (_OTHER, "GUIDED_NOGPS"),
+        21: (_RETURN, "SMART_RTL"),
+        27: (_RETURN, "AUTO_RTL"),
+    },
+    commanded={_HOLD: 17, _MISSION: 3, _RETURN: 6, _GUIDED: 4, _LAND: 9},
+    manners=Manners(arm_in_mode=_GUIDED),
+    timeout_s=_TIMEOUT_S,
+)
+
+_ROVER_MODES: Final[Modes] = {
+    0: (_MANUAL, "MANUAL"),
+    1: (_MANUAL, "ACRO"),
+    3: (_MANUAL, "STEERING"),
+    4: (_HOLD, "HOLD"),
+    5: (_HOLD, "LOITER"),
+    6: (_OTHER, "FOLLOW"),
+    7: (_MANUAL, "SIMPLE"),
+    8: (_OTHER, "DOCK"),
+    9: (_OTHER, "CIRCLE"),
+    10: (_MISSION, "AUTO"),
+    11: (_RETURN, "RTL"),
+    12: (_RETURN, "SMART_RTL"),
+    15: (_GUIDED, "GUIDED"),
+    16: (_OTHER, "INITIALISING"),
+}
+"""HOLD stops, with the motors off; LOITER goes back to the place where it stopped, which a boat needs."""
+_LED: Final = Manners(arm_in_mode=_GUIDED, climbs=False, land_mode=_HOLD, disarms_itself=False, at_rest_s=1.0)
+_NO_CLIMB: Final = "a {} does not take off; its missions begin with {}"
+
+ROVER: Final = ClassFacts(
+    vehicle=VehicleClass.ROVER,
+    modes=_ROVER_MODES,
+    commanded={_HOLD: 4, _MISSION: 10, _RETURN: 11, _GUIDED: 15, _LAND: 4},
+    manners=_LED._replace(vehicle=VehicleClass.ROVER),
+    form=Form.VELOCITY,
+    tells_landed=False,
+    timeout_s=_TIMEOUT_S,
+    why_no_take_off=_NO_CLIMB.format("rover", "drive_off"),
+)
+
+BOAT: Final = ClassFacts(
+    vehicle=VehicleClass.BOAT,
+    modes=_ROVER_MODES,
+    commanded={_HOLD: 5, _MISSION: 10, _RETURN: 11, _GUIDED: 15, _LAND: 4},
+    manners=_LED._replace(vehicle=VehicleClass.BOAT, at_rest_s=3.0),
+    form=Form.VELOCITY,
+    tells_landed=False,
+    timeout_s=_TIMEOUT_S,
+    why_no_take_off=_NO_CLIMB.format("boat", "drive_off"),
+)
+
+SUB: Final = ClassFacts(
+    vehicle=VehicleClass.SUB,
+    modes={
+        0: (_MANUAL, "STABILIZE"),
+        1: (_MANUAL, "ACRO"),
+        2: (_MANUAL, "ALT_HOLD"),
+        3: (_MISSION, "AUTO"),
+        4: (_GUIDED, "GUIDED"),
+        7: (_OTHER, "CIRCLE"),
+        9: (_LAND, "SURFACE"),
+        16: (_HOLD, "POSHOLD"),
+        19: (_MANUAL, "MANUAL"),
+        20: (_OTHER, "MOTOR_DETECT"),
+        21: (_MANUAL, "SURFTRAK"),
+    },
+    commanded={_HOLD: 16, _MISSION: 3, _GUIDED: 4, _LAND: 9},
+    manners=_LED._replace(vehicle=VehicleClass.SUB, land_mode=_LAND, at_rest_s=8.0, lands_into=("ALT_HOLD",)),
+    form=Form.MOVING,
+    tells_landed=False,
+    timeout_s=_TIMEOUT_S,
+    why_no_take_off=_NO_CLIMB.format("submarine", "dive or drive_off"),
+)
+"""At the surface SURFACE goes over to ALT_HOLD; there is no mode that returns."""
+
+PLANE: Final = ClassFacts(
+    vehicle=VehicleClass.PLANE,
+    modes={
+        0: (_MANUAL, "MANUAL"),
+        1: (_OTHER, "CIRCLE"),
+        2: (_MANUAL, "STABILIZE"),
+        3: (_MANUAL, "TRAINING"),
+        4: (_MANUAL, "ACRO"),
+        5: (_MANUAL, "FBWA"),
+        6: (_MANUAL, "FBWB"),
+        7: (_MANUAL, "CRUISE"),
+        8: (_MANUAL, "AUTOTUNE"),
+        10: (_MISSION, "AUTO"),
+        11: (_RETURN, "RTL"),
+        12: (_HOLD, "LOITER"),
+        13: (_TAKE_OFF, "TAKEOFF"),
+        14: (_OTHER, "AVOID_ADSB"),
+        15: (_GUIDED, "GUIDED"),
+        16: (_OTHER, "INITIALISING"),
+        17: (_MANUAL, "QSTABILIZE"),
+        18: (_MANUAL, "QHOVER"),
+        19: (_MANUAL, "QLOITER"),
+        20: (_LAND, "QLAND"),
+        21: (_RETURN, "QRTL"),
+        24: (_OTHER, "THERMAL"),
+        26: (_LAND, "AUTOLAND"),
+    },
+    commanded={_HOLD: 12, _MISSION: 10, _RETURN: 11, _GUIDED: 15, _LAND: 26, _TAKE_OFF: 13},
+    manners=Manners(vehicle=VehicleClass.PLANE),
+    form=Form.REPOSITION,
+    timeout_s=float("inf"),
+)
+"""AUTOLAND is there from 4.6 on; it takes off in TAKEOFF, to the height of TKOFF_ALT."""
+
+CLASSES: Final[Mapping[VehicleClass, ClassFacts]] = {
+    facts.vehicle: facts for facts in (COPTER, ROVER, BOAT, SUB, PLANE)
+}
+
 
 _CUSTOM_MODE_ENABLED: Final = 1.0
 

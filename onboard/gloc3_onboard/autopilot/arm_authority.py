@@ -1,8 +1,18 @@
-"""Whether the autopilot may be armed, as the platform's command interface sees it: by its summaries."""
+"""Arm authorisation: whether the vehicle may be armed, by the platform's summaries, and the answer to the autopilot.
 
-from typing import Final
+PX4 asks the system of COM_ARM_AUTH_ID where COM_ARM_AUTH_REQ is set; the vehicle's own system id means this companion.
+MAVLink: an acceptance tells in `result_param2` for how many seconds it holds.
+"""
+
+from collections.abc import Callable
+from typing import Final, Never
 
 from gloc3.exchange.base import Exchange
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.service import Service
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.command_server import CommandServer
+from gloc3.mavlink.services.statustext import StatusTextSender
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.summaries import WELL, Summary
 
@@ -29,3 +39,48 @@ class ArmAuthority:
             return "the companion's command interface does not work"
         health = self._latest.payload.health
         return "" if health in WELL else f"a component that the vehicle needs is {health}"
+
+
+ARM_AUTHORIZATION_REQUEST: Final = 3001
+HOLDS_S: Final = 10
+"""So long an acceptance holds."""
+REASON_IS_TOLD: Final = 1
+"""MAV_ARM_AUTH_DENIED_REASON_NONE: the autopilot need say nothing more."""
+WARNING: Final = 4
+"""MAV_SEVERITY of the reason."""
+
+
+class ArmLeave(Service[Never]):
+    """Answers the autopilot; the reason of a refusal goes out as a text beside it.
+
+    Args:
+        own: as whom it answers.
+        why_not: why the vehicle must not be armed now; an empty text where it may.
+    """
+
+    handles = frozenset({"COMMAND_LONG", "COMMAND_INT"})
+
+    def __init__(self, own: Address, why_not: Callable[[], str]) -> None:
+        super().__init__(own)
+        self.autopilot: Address | None = None
+        """Who may ask."""
+        self._why_not = why_not
+        self._server = CommandServer(own, {ARM_AUTHORIZATION_REQUEST})
+        self._texts = StatusTextSender(own)
+
+    def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
+        """Answers a question of the autopilot; other commands are for others."""
+        if sender != self.autopilot or message.command != ARM_AUTHORIZATION_REQUEST:
+            return
+        self._server.receive(message, sender, now_s)
+        for request in self._server.events():
+            reason = self._why_not()
+            if reason:
+                self._texts.say(WARNING, f"Arming not authorised: {reason}")
+                self._server.answer(request, CommandResult.DENIED, now_s=now_s, result_param1=REASON_IS_TOLD)
+            else:
+                self._server.answer(request, CommandResult.ACCEPTED, now_s=now_s, result_param2=HOLDS_S)
+
+    def outgoing(self) -> list[MavlinkMessage]:
+        """Texts before answers, so that the reason is there when the refusal is."""
+        return [*self._texts.outgoing(), *self._server.outgoing()]

@@ -3,11 +3,10 @@
 from typing import Final
 
 from gloc3.mavlink.message import MavlinkMessage
-from gloc3_onboard.autopilot import ardupilot_facts, px4_facts
+from gloc3_onboard.autopilot import ardupilot, px4
 from gloc3_onboard.autopilot.ardupilot import ArduPilot
-from gloc3_onboard.autopilot.facts import CLASSES
 from gloc3_onboard.autopilot.px4 import Px4
-from gloc3_onboard.autopilot.style import AutopilotStyle
+from gloc3_onboard.autopilot.style import CLASSES, AutopilotStyle
 
 ARDUPILOT, PX4 = 3, 12
 """MAV_AUTOPILOT."""
@@ -19,8 +18,8 @@ def style_of(heartbeat: MavlinkMessage) -> AutopilotStyle | None:
     vehicle = CLASSES.get(heartbeat.type)
     if vehicle is None:
         return None
-    if heartbeat.autopilot == ARDUPILOT and vehicle in ardupilot_facts.CLASSES:
+    if heartbeat.autopilot == ARDUPILOT and vehicle in ardupilot.CLASSES:
         return ArduPilot(vehicle)
-    if heartbeat.autopilot == PX4 and vehicle in px4_facts.CLASSES:
+    if heartbeat.autopilot == PX4 and vehicle in px4.CLASSES:
         return Px4(vehicle)
     return None

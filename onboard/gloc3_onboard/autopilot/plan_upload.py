@@ -8,7 +8,7 @@ from gloc3.mavlink.services.mission_client import CurrentItem, ItemReached, Miss
 from gloc3.mavlink.services.plan import PlanItem, PlanResult, PlanType
 from gloc3.messages.frames import GeoPoint
 from gloc3.messages.vehicle import Style
-from gloc3.mission.formats.items import MavItem
+from gloc3.mission.formats.items import FenceArea, MavItem, Plan
 from gloc3.plan_wire import to_wire
 from gloc3_onboard.sensors.devices import Answer, Way
 
@@ -159,3 +159,24 @@ def _at(
         y=place.longitude_deg,
         z=place.altitude_m,
     )
+
+
+class FenceUpload(Upload):
+    """One fence at a time."""
+
+    def __init__(self, client: MissionClient) -> None:
+        super().__init__(client, PlanType.FENCE, "fence")
+
+    def begin(self, ticket: int, areas: Sequence[FenceArea], target: Address, now_s: float) -> None:
+        """Sends a fence; without areas the autopilot's fence is cleared."""
+        self.send(ticket, fence_items(areas), target, now_s)
+
+
+def fence_items(areas: Sequence[FenceArea]) -> tuple[PlanItem, ...]:
+    """The areas as items of the mission protocol.
+
+    Raises:
+        Refused: a number does not fit the wire.
+    """
+    items = Plan(entries=(), fence=tuple(areas)).fence_items()
+    return tuple(to_wire(item, f"fence item {number}") for number, item in enumerate(items))

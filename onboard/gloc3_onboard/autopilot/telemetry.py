@@ -7,7 +7,9 @@ from typing import ClassVar, Final
 import msgspec
 
 from gloc3.mavlink.codec import MavlinkMessage
+from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.heartbeat import ARMED
+from gloc3.mavlink.services.timesync import TimeSync
 from gloc3.messages.frames import normalize, yaw_of
 from gloc3.messages.vehicle import AutopilotPose, AutopilotState, HeightAboveGround, LandedState
 from gloc3_onboard.autopilot.health_words import UNWELL, estimator_doubts, unwell
@@ -278,3 +280,41 @@ class Telemetry:
             height_m=distance_m, is_valid=is_valid, reason="" if is_valid else "no echo in range"
         )
         self.height = StampedHeight(self._clock.t_s(message.time_boot_ms, now_s), height)
+
+
+CLOCKS_AGREE_S: Final = 0.25
+"""A clock that is told by round trips and differs by more from the stamps of the messages is another one."""
+
+
+class ClockOffset:
+    """Sees a restart in the clock alone, and a clock that has stood still.
+
+    Args:
+        own: as whom it asks.
+        telemetry: keeps the clock by stamps.
+    """
+
+    def __init__(self, own: Address, telemetry: Telemetry) -> None:
+        self.service: Final = TimeSync(own, tell_s=telemetry.boot_s)
+        """Driven by its owner."""
+        self._telemetry = telemetry
+        self._restarts = 0
+
+    def look(self, now_s: float) -> None:
+        """Tells the telemetry of what the round trips show."""
+        service = self.service
+        if (
+            service.restarts != self._restarts
+        ):  # an autopilot that sends nothing unasked shows a restart by its clock alone
+            self._restarts = service.restarts
+            self._telemetry.restarted()
+        for sample in service.events():  # it answered after it was asked: a bound that no delay on the way can break
+            self._telemetry.correct_clock(-sample.offset_s - 0.5 * sample.round_trip_s)
+
+    def boot_s(self, t_s: float) -> float:
+        """The autopilot's own time of ours: by round trips, where they agree with its stamps; 0 while it is not known."""
+        stamped_s = self._telemetry.boot_s(t_s)
+        if stamped_s is None:
+            return 0.0
+        exact_s = self.service.to_peer_s(t_s) if self.service.is_converged else None
+        return exact_s if exact_s is not None and abs(exact_s - stamped_s) < CLOCKS_AGREE_S else stamped_s

@@ -4,7 +4,7 @@ from typing import Any
 
 from gloc3.camera.model import CameraModel, Lens
 from gloc3.documents.document import Document
-from gloc3_onboard.calibration.lens import IN_PLACE, lens_model, size_of
+from gloc3_onboard.calibration.lens import IN_PLACE, WrittenLens, lens_model, size_of
 from gloc3_onboard.calibration.mounting import Transform, transform_of, transform_problem
 from gloc3_onboard.calibration.numbers import Values
 
@@ -44,12 +44,8 @@ def read_euroc(document: Document, frd_from_body: Transform) -> tuple[dict[str, 
     model = lens_model(
         values,
         ("intrinsics",),
-        size=size,
-        intrinsics=intrinsics,
-        lens=LENSES[lens_name],
-        coefficients=coefficients,
-        coefficients_at=("distortion_coefficients",),
-        mount=mount,
+        WrittenLens(size, intrinsics, LENSES[lens_name], coefficients, ("distortion_coefficients",)),
+        mount,
     )
     return ({"camera": model} if model is not None else {}), values
 

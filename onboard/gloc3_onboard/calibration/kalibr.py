@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from gloc3.camera.model import CameraModel, Lens
 from gloc3.documents.document import Document, Where
-from gloc3_onboard.calibration.lens import IN_PLACE, lens_model, size_of
+from gloc3_onboard.calibration.lens import IN_PLACE, WrittenLens, lens_model, size_of
 from gloc3_onboard.calibration.mounting import Transform, transform_of, transform_problem
 from gloc3_onboard.calibration.numbers import Values
 
@@ -89,12 +89,5 @@ def _camera(values: Values, where: Where, mount: Transform) -> CameraModel | Non
     if size is None:
         return None
     return lens_model(
-        values,
-        (*where, "intrinsics"),
-        size=size,
-        intrinsics=intrinsics,
-        lens=lens,
-        coefficients=coefficients,
-        coefficients_at=coefficients_at,
-        mount=mount,
+        values, (*where, "intrinsics"), WrittenLens(size, intrinsics, lens, coefficients, coefficients_at), mount
     )

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 from gloc3.camera.model import CameraModel, Lens
 from gloc3.documents.document import Where
@@ -31,31 +31,32 @@ def size_of(values: Values, where: Where, size: Sequence[object]) -> tuple[int, 
     return int(str(size[0])), int(str(size[1]))
 
 
-def lens_model(
-    values: Values,
-    where: Where,
-    *,
-    size: tuple[int, int],
-    intrinsics: Sequence[float],
-    lens: Lens,
-    coefficients: Sequence[float],
-    coefficients_at: Where,
-    mount: Transform = IN_PLACE,
-) -> CameraModel | None:
+class WrittenLens(NamedTuple):
+    """What a calibration file says of a lens."""
+
+    size: tuple[int, int]
+    """Width and height of its pictures."""
+    intrinsics: Sequence[float]
+    """Focal lengths along columns and rows, then column and row of the optical axis."""
+    lens: Lens
+    """As the file names it."""
+    coefficients: Sequence[float]
+    """Zeros at the end that the model does not have are left out."""
+    coefficients_at: Where
+    """Where they stand in the file."""
+
+
+def lens_model(values: Values, where: Where, written: WrittenLens, mount: Transform = IN_PLACE) -> CameraModel | None:
     """The model, or None with findings.
 
     Args:
         values: takes the findings.
         where: of the intrinsics in the file.
-        size: width and height.
-        intrinsics: focal lengths along columns and rows, then column and row of the optical axis.
-        lens: as the file names it.
-        coefficients: of the lens; zeros at the end that the model does not have are left out.
-        coefficients_at: where they stand in the file.
+        written: what the file says.
         mount: `frd_from_rdf`.
     """
     before = len(values.findings)
-    fx, fy, cx, cy = intrinsics
+    size, (fx, fy, cx, cy), lens, coefficients, coefficients_at = written
     kept = _fitting(values, coefficients_at, lens, coefficients)
     _check_focal(values, where, size, (fx, fy), lens)
     if not (0.0 <= cx <= size[0] and 0.0 <= cy <= size[1]):

@@ -11,7 +11,7 @@ from typing import Final
 
 from gloc3.camera.model import CameraModel, Lens
 from gloc3.documents.document import Document, Where, parse
-from gloc3_onboard.calibration.lens import IN_PLACE, lens_model, size_of
+from gloc3_onboard.calibration.lens import IN_PLACE, WrittenLens, lens_model, size_of
 from gloc3_onboard.calibration.mounting import Transform, quaternion_of, transform_problem
 from gloc3_onboard.calibration.numbers import Values
 from gloc3_onboard.calibration.xml_document import parse_xml
@@ -101,12 +101,14 @@ def _camera(values: Values, number: str, name: str, mount: Transform) -> CameraM
     return lens_model(
         values,
         at,
-        size=size,
-        intrinsics=(matrix[0][0], matrix[1][1], matrix[0][2], matrix[1][2]),
-        lens=_lens(values) if given else Lens.PINHOLE,
-        coefficients=given,
-        coefficients_at=lens_at or at,
-        mount=mount,
+        WrittenLens(
+            size,
+            (matrix[0][0], matrix[1][1], matrix[0][2], matrix[1][2]),
+            _lens(values) if given else Lens.PINHOLE,
+            given,
+            lens_at or at,
+        ),
+        mount,
     )
 
 

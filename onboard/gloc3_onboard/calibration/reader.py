@@ -14,7 +14,7 @@ from gloc3_onboard.calibration.kitti import looks_like_kitti, read_kitti
 from gloc3_onboard.calibration.mounting import Transform, frd_from_axes
 from gloc3_onboard.calibration.numbers import Values
 from gloc3_onboard.calibration.opencv import looks_like_opencv, read_opencv
-from gloc3_onboard.calibration.picture_size import picture_size
+from gloc3_onboard.sensors.pictures import picture_size
 
 FORMS: Final = "OpenCV (YAML, XML), Kalibr camchain, EuRoC sensor.yaml, KITTI calib.txt"
 

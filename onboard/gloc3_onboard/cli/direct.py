@@ -4,14 +4,13 @@ import asyncio
 from pathlib import Path
 
 from gloc3.clock import Clock
+from gloc3.mavlink.codec import Frame, Parser
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.router import Router
 from gloc3.mavlink.services.heartbeat import Heartbeat
 from gloc3.mavlink.signing import Signing, timestamp
 from gloc3.mavlink.signing_key import read_signing_key
 from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint, parse_url
 from gloc3_onboard.autopilot.link import AutopilotLink
-from gloc3_onboard.companion.routing import RoutedLink
 from gloc3_onboard.companion.station_link import ONBOARD_CONTROLLER
 
 
@@ -28,16 +27,26 @@ def signing_of(url: str, clock: Clock) -> Signing | None:
     return Signing(read_signing_key(Path(file).expanduser()), link_id=0, now=timestamp(clock.utc_s()))
 
 
+class _DirectLink:
+    """Frames to an endpoint, with nothing between."""
+
+    def __init__(self, endpoint: Endpoint) -> None:
+        self._endpoint = endpoint
+
+    def send(self, frame: Frame) -> None:
+        """Sends one frame."""
+        self._endpoint.send(frame.raw)
+
+
 async def open_direct(link: AutopilotLink, url: str, loop: asyncio.AbstractEventLoop) -> Endpoint:
     """Connects a link to the autopilot at a URL; nothing is routed.
 
     Raises:
         Refused: the URL is wrong, or the endpoint cannot be had.
     """
-    routed = RoutedLink(url, Router(link.own), loop, link.take)
-    endpoint = await open_endpoint(url, loop, routed.receive)
-    routed.open(endpoint)
-    link.open(routed)
+    parser = Parser()
+    endpoint = await open_endpoint(url, loop, lambda data: link.take(parser.receive(data)))
+    link.open(_DirectLink(endpoint))
     return endpoint
 
 

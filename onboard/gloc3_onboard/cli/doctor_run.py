@@ -18,9 +18,9 @@ from gloc3_onboard.checks.checklist import checklist
 from gloc3_onboard.checks.readings import Readings
 from gloc3_onboard.cli.direct import beat, heartbeat_of, open_direct, signing_of
 from gloc3_onboard.process.computer import HostComputer
+from gloc3_onboard.sensors.registry import source_urls
 from gloc3_onboard.sensors.rig import calibration_problems
 from gloc3_onboard.sensors.sensor_watch import unopened_conditions
-from gloc3_onboard.sources.asked import source_urls
 
 LOOK_EVERY_S: Final = 0.1
 SETTLED_S: Final = 2.0
@@ -94,16 +94,16 @@ async def _listen(link: AutopilotLink, loop: asyncio.AbstractEventLoop, wait_s: 
     while loop.time() < end_s:
         beat(heart, link, loop.time())
         await asyncio.sleep(LOOK_EVERY_S)
-        setup = link.setup()
-        if setup.is_complete and setup.sensors_present and link.state().is_connected:
+        setup = link.inspection.setup
+        if setup.is_complete and setup.sensors_present and link.telemetry.state.is_connected:
             read_s = loop.time() if read_s is None else read_s
-            is_ready = link.state().is_armable and link.pose() is not None
+            is_ready = link.telemetry.state.is_armable and link.telemetry.pose is not None
             if is_ready or loop.time() - read_s >= SETTLED_S:
                 return
 
 
 def _readings(question: Question, link: AutopilotLink, computer: HostComputer, now_s: float) -> Readings:
-    stamped, height = link.pose(), link.height()
+    stamped, height = link.telemetry.pose, link.telemetry.height
     pose: Pose | None = None
     if stamped is not None:
         own = stamped.pose
@@ -113,11 +113,11 @@ def _readings(question: Question, link: AutopilotLink, computer: HostComputer, n
             ned_from_frd=own.ned_from_frd,
             sources=["autopilot"],
         )
-    setup = link.setup()
+    setup = link.inspection.setup
     return Readings(
         platform=question.platform,
         now_s=now_s,
-        autopilot=link.state(),
+        autopilot=link.telemetry.state,
         setup=setup if setup.style is not None else None,
         computer=computer.state(),
         pose=pose,

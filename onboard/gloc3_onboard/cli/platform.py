@@ -4,11 +4,12 @@ import asyncio
 import re
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, TypeVar
 
 import msgspec
-from cyclopts import App
+from cyclopts import App, Parameter
 
 from gloc3.cli.counting import counted
 from gloc3.cli.narration import narrate
@@ -102,76 +103,96 @@ def schema(*, out: Path | None = None) -> int:
     return 0
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class NewOptions:
+    """The options of `gloc3 platform new`; what one answers is not asked."""
+
+    autopilot: str = DEFAULT_AUTOPILOT
+    """Where the autopilot is, as for gloc3 onboard."""
+    name: str | None = None
+    """Of the platform: small letters, digits and _."""
+    type: str | None = None
+    """What it is, such as quadrotor or hexarotor."""
+    mass_kg: float | None = None
+    """Its mass, in kilograms."""
+    speed_m_s: float | None = None
+    """Greatest horizontal speed, in metres a second."""
+    height_max_m: float | None = None
+    """Greatest height above home, in metres."""
+    battery_wh: float | None = None
+    """Energy of the full battery, in watt hours."""
+    arm: bool | None = None
+    """Whether a mission may arm the vehicle."""
+    on_stop: Literal["hold", "land"] | None = None
+    """In flight, when the onboard process is told to end."""
+    camera: str | None = None
+    """Where the pictures of a camera come from that looks down, such as v4l2:///dev/video0; an empty text for none."""
+    file: Path | None = None
+    """Where to write; default: NAME.yaml here. A file that is there is left alone."""
+    wait: float = 20.0
+    """How long to listen to the autopilot, in seconds; it ends as soon as everything is known."""
+    system_id: int = 1
+    """The vehicle's MAVLink system."""
+    yes: Flag = False
+    """Ask nothing: what no option answers is supposed, and told."""
+
+    def check(self) -> None:
+        """Refuses what cannot be.
+
+        Raises:
+            Refused: an option is out of its bounds.
+        """
+        if not 0.0 < self.wait < float("inf"):
+            raise Refused("--wait must be above 0 seconds")
+        if not 1 <= self.system_id <= MOST_SYSTEM_ID:
+            raise Refused(f"--system-id must be from 1 to {MOST_SYSTEM_ID}; those above are stations'")
+
+
+DEFAULTS: Final = NewOptions()
+
+
 @app.command
-def new(
-    *,
-    autopilot: str = DEFAULT_AUTOPILOT,
-    name: str | None = None,
-    type: str | None = None,  # noqa: A002 # as the option is called
-    mass_kg: float | None = None,
-    speed_m_s: float | None = None,
-    height_max_m: float | None = None,
-    battery_wh: float | None = None,
-    arm: bool | None = None,
-    on_stop: Literal["hold", "land"] | None = None,
-    camera: str | None = None,
-    file: Path | None = None,
-    wait: float = 20.0,
-    system_id: int = 1,
-    yes: Flag = False,
-) -> int:
+def new(*, options: NewOptions = DEFAULTS) -> int:
     """Make a platform file from a connected autopilot: it asks what the autopilot cannot tell, writes and explains it.
 
     What an option answers is not asked. Run it while `gloc3 onboard` is not running; nothing is changed on the autopilot.
-
-    Args:
-        autopilot: Where the autopilot is, as for gloc3 onboard.
-        name: Of the platform: small letters, digits and _.
-        type: What it is, such as quadrotor or hexarotor.
-        mass_kg: Its mass, in kilograms.
-        speed_m_s: Greatest horizontal speed, in metres a second.
-        height_max_m: Greatest height above home, in metres.
-        battery_wh: Energy of the full battery, in watt hours.
-        arm: Whether a mission may arm the vehicle.
-        on_stop: In flight, when the onboard process is told to end.
-        camera: Where the pictures of a camera come from that looks down, such as v4l2:///dev/video0; an empty text for none.
-        file: Where to write; default: NAME.yaml here. A file that is there is left alone.
-        wait: How long to listen to the autopilot, in seconds; it ends as soon as everything is known.
-        system_id: The vehicle's MAVLink system.
-        yes: Ask nothing: what no option answers is supposed, and told.
     """
-    if not 0.0 < wait < float("inf"):
-        raise Refused("--wait must be above 0 seconds")
-    if not 1 <= system_id <= MOST_SYSTEM_ID:
-        raise Refused(f"--system-id must be from 1 to {MOST_SYSTEM_ID}; those above are stations'")
+    options.check()
     from gloc3_onboard.cli.platform_new import KINDS, Answers, look, platform_text
     from gloc3_onboard.cli.platform_report import report_on
 
-    narrate(f"listening at {autopilot}")
-    found = asyncio.run(look(autopilot, wait, system_id))
+    narrate(f"listening at {options.autopilot}")
+    found = asyncio.run(look(options.autopilot, options.wait, options.system_id))
     narrate(f"found {found.title}")
     kind = KINDS.get(found.setup.vehicle) if found.setup.vehicle is not None else None
     if kind is None or (found.setup.vehicle is VehicleClass.PLANE and found.setup.style is not Style.ARDUPILOT):
         raise Refused(f"there are no components to begin with for {found.title}; see docs/autopilots.md")
-    ask = _Asking(may_ask=not yes)
+    ask = _Asking(may_ask=not options.yes)
     answers = Answers(
-        name=ask("--name", "Name of the platform", name, f"my_{found.setup.vehicle}", _name),
-        type=ask("--type", f"What is it ({', '.join(kind.types)})", type, kind.types[0], _one_of(kind.types)),
-        mass_kg=ask("--mass-kg", "Mass in kg", mass_kg, kind.mass_kg, _positive),
-        speed_m_s=ask("--speed-m-s", "Greatest speed in m/s", speed_m_s, kind.speed_m_s, _positive),
-        height_max_m=ask("--height-max-m", "Greatest height above home in m", height_max_m, kind.heights_m[1], _number),
-        battery_wh=ask("--battery-wh", "Energy of the full battery in Wh", battery_wh, kind.battery_wh, _positive),
-        arm=ask("--arm", "May a mission arm it (yes, no)", arm, False, _yes_or_no),
-        on_stop=ask("--on-stop", "Told to end in flight (hold, land)", on_stop, "hold", _one_of(("hold", "land"))),
+        name=ask("--name", "Name of the platform", options.name, f"my_{found.setup.vehicle}", _name),
+        type=ask("--type", f"What is it ({', '.join(kind.types)})", options.type, kind.types[0], _one_of(kind.types)),
+        mass_kg=ask("--mass-kg", "Mass in kg", options.mass_kg, kind.mass_kg, _positive),
+        speed_m_s=ask("--speed-m-s", "Greatest speed in m/s", options.speed_m_s, kind.speed_m_s, _positive),
+        height_max_m=ask(
+            "--height-max-m", "Greatest height above home in m", options.height_max_m, kind.heights_m[1], _number
+        ),
+        battery_wh=ask(
+            "--battery-wh", "Energy of the full battery in Wh", options.battery_wh, kind.battery_wh, _positive
+        ),
+        arm=ask("--arm", "May a mission arm it (yes, no)", options.arm, False, _yes_or_no),
+        on_stop=ask(
+            "--on-stop", "Told to end in flight (hold, land)", options.on_stop, "hold", _one_of(("hold", "land"))
+        ),
         camera=ask(
             "--camera",
             "Source of a camera that looks down (such as v4l2:///dev/video0, or nothing)",
-            camera,
+            options.camera,
             "",
             _camera,
         ),
     )
-    path = file or Path(f"{answers.name}.yaml")
+    path = options.file or Path(f"{answers.name}.yaml")
     try:
         with path.open("x") as stream:
             stream.write(platform_text(found, answers))
@@ -183,8 +204,8 @@ def new(
     narrate(
         f"wrote {path}. Read it: limits and power are suppositions; the failsafes are what the autopilot's parameters say.\n"
         f"Then:  gloc3 platform check {path}   what would be refused\n"
-        f"       gloc3 doctor {path} --autopilot {autopilot}   the checks before a start\n"
-        f"       gloc3 onboard {path} --autopilot {autopilot}   fly it; install in place of it makes a service"
+        f"       gloc3 doctor {path} --autopilot {options.autopilot}   the checks before a start\n"
+        f"       gloc3 onboard {path} --autopilot {options.autopilot}   fly it; install in place of it makes a service"
     )
     return 0 if report.is_ok else 1
 
@@ -250,7 +271,7 @@ def _yes_or_no(text: str) -> bool:
 
 
 def _camera(text: str) -> str:
-    from gloc3_onboard.sources.url import parse_source
+    from gloc3_onboard.sensors.registry import parse_source
 
     if text:
         try:

@@ -132,10 +132,10 @@ async def look(autopilot: str, wait_s: float, system_id: int) -> Found:
         while loop.time() < end_s:
             beat(heart, link, loop.time())
             await asyncio.sleep(LOOK_EVERY_S)
-            setup, stamped = link.setup(), link.pose()
+            setup, stamped = link.inspection.setup, link.telemetry.pose
             if setup.is_complete and setup.firmware and stamped is not None and stamped.pose.origin_geo is not None:
                 break
-        setup, stamped = link.setup(), link.pose()
+        setup, stamped = link.inspection.setup, link.telemetry.pose
     finally:
         link.close()
         await endpoint.close()

@@ -12,9 +12,8 @@ from gloc3.platform.places import host_names, place_of
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import check_platform, find_platform, read_document
 from gloc3_onboard.process.process import DEVICES
+from gloc3_onboard.sensors.registry import parse_source, place_problem, sensor_of
 from gloc3_onboard.sensors.rig import PlatformRig
-from gloc3_onboard.sources.places import place_problem
-from gloc3_onboard.sources.url import parse_source, sensor_of
 
 
 class PlatformReport(msgspec.Struct, frozen=True, kw_only=True):

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.services.mission_server import MissionServer
+from gloc3.mavlink.services.mission_server import MissionDialect, MissionServer
 from gloc3.mavlink.services.mission_transfers import PlanOffered, SetCurrentRequested
 from gloc3.mavlink.services.plan import Plan as Items
 from gloc3.mavlink.services.plan import PlanResult, PlanType
@@ -71,7 +71,11 @@ class Plans:
         """Plans that were turned down."""
         self._asking, self._platform, self._say = asking, platform, say
         self.server: Final = MissionServer(
-            own, check=self._check, serves=serves, admits=self._admits, tells_current=False, tells_ids=True
+            own,
+            check=self._check,
+            serves=serves,
+            admits=self._admits,
+            dialect=MissionDialect(tells_current=False, tells_ids=True),
         )
         self._deciding: dict[PlanType, _Deciding] = {}
         self._fence: tuple[FenceArea, ...] = ()

@@ -7,7 +7,7 @@ from typing import Final, Literal
 from gloc3.mavlink.codec import Frame, Parser
 from gloc3.mavlink.outlet import Outlet
 from gloc3.mavlink.router import Router
-from gloc3.mavlink.signed_only import SignedOnly
+from gloc3.mavlink.signing import SignedOnly
 from gloc3.mavlink.transport.endpoints import SERIAL_SCHEMES, Endpoint, parse_url
 from gloc3.mavlink.transport.serial_line import SerialEndpoint
 from gloc3.messages.link_traffic import LinkTraffic

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Callable, Iterable
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from msgspec.structs import replace
 
@@ -18,8 +18,7 @@ from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
 from gloc3.mavlink import codec
 from gloc3.mavlink.codec import Address, Encoder, Frame, MavlinkMessage
 from gloc3.mavlink.services.heartbeat import AUTOPILOT_INVALID, GROUND_STATION
-from gloc3.mavlink.signed_only import SignedOnly
-from gloc3.mavlink.signing import Signing, timestamp
+from gloc3.mavlink.signing import SignedOnly, Signing, timestamp
 from gloc3.messages.command_interface import CiRequest, StationRole
 from gloc3.messages.envelope import Envelope, Event, Severity
 from gloc3.messages.summaries import CiEvent, Health, StationHeard, Summary
@@ -70,6 +69,19 @@ class HeartbeatSource:
             send(message)
 
 
+class StationLinkSettings(NamedTuple):
+    """What is known of a link to stations."""
+
+    budget: LinkBudget = RADIO
+    """What the link carries."""
+    signing: Signing | None = None
+    """Signs all that is sent, and verifies all that is received; None on a link without a key."""
+    role: StationRole = StationRole.OPERATOR
+    """Of all stations on it."""
+    name: str = ""
+    """What the link is called in the record of commands."""
+
+
 class StationLink:
     """One link, with any number of stations on it.
 
@@ -80,10 +92,7 @@ class StationLink:
         exchange: the platform's middleware.
         topics: the topics that are known.
         boot: a random number for this start of the process.
-        budget: what the link carries.
-        signing: signs all that is sent, and judges all that is heard; None on a link without a key.
-        role: of all stations on it.
-        way: what the link is called in the record of commands.
+        settings: of the link.
     """
 
     def __init__(
@@ -94,13 +103,11 @@ class StationLink:
         exchange: Exchange,
         topics: TopicTable,
         boot: int,
-        budget: LinkBudget = RADIO,
-        signing: Signing | None = None,
-        role: StationRole = StationRole.OPERATOR,
-        way: str = "",
+        settings: StationLinkSettings = StationLinkSettings(),  # noqa: B008 - immutable
     ) -> None:
+        signing, budget, way = settings.signing, settings.budget, settings.name
         self._loop = loop
-        self._role, self._way = role, f"{way}, signed" if signing is not None else way
+        self._role, self._way = settings.role, f"{way}, signed" if signing is not None else way
         self._signing = signing
         self.signed_only: Final = None if signing is None else SignedOnly(signing, self._warn)
         """Judges what is heard; None on a link without a key."""

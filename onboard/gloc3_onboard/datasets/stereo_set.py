@@ -12,10 +12,10 @@ from gloc3.camera.model import CameraModel
 from gloc3.errors import Finding, InputError
 from gloc3.messages.vehicle import Image
 from gloc3_onboard.calibration.mounting import LOOKS_AHEAD, frd_from_axes
-from gloc3_onboard.calibration.picture_size import picture_size
 from gloc3_onboard.calibration.reader import Calibration, read_calibration
-from gloc3_onboard.sources import euroc, kitti
-from gloc3_onboard.sources.replay import Recorded
+from gloc3_onboard.sensors.pictures import picture_size
+from gloc3_onboard.sensors.replay import Recorded
+from gloc3_onboard.sensors.sources import euroc, kitti
 
 _NAMES: Final = ("left", "right")
 _KITTI_PAIRS: Final = {"image_0": ("image_1", "P0", "P1"), "image_2": ("image_3", "P2", "P3")}

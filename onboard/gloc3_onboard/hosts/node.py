@@ -25,7 +25,7 @@ from gloc3_onboard.process.log_files import LogFiles, log_stem
 from gloc3_onboard.process.run_log import LogLimits, RunLog
 from gloc3_onboard.process.runner import Member, Onboard
 from gloc3_onboard.process.storage import PictureFolder
-from gloc3_onboard.sources.factory import SourceHost
+from gloc3_onboard.sensors.registry import SourceHost
 
 
 class NodeOptions(msgspec.Struct, frozen=True, kw_only=True):

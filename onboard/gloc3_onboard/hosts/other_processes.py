@@ -55,7 +55,7 @@ class OtherProcesses:
                 self._order,
                 lambda text: report(Severity.WARNING, text),
                 sensors=sensors,
-                vehicle_boot_s=lambda: vehicle.autopilot.t_s_of_boot(0.0),
+                vehicle_boot_s=lambda: vehicle.autopilot.telemetry.t_s_of_boot(0.0),
             ),
         )
         boots = context.random

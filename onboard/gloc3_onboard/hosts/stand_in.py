@@ -3,11 +3,11 @@
 from typing import Final
 
 from gloc3.component.context import HostContext
+from gloc3.component.cycle import CycleStatistics
 from gloc3.component.deployment import ComponentRow
 from gloc3.component.error_handler import ErrorHandler
+from gloc3.component.hosted import StatusNotifier, health_report
 from gloc3.component.lci import CREATE, Command, State, transition
-from gloc3.component.statistics import CycleStatistics
-from gloc3.component.status_notifier import StatusNotifier, health_report
 from gloc3.errors import Refused
 from gloc3.exchange import Publisher
 from gloc3.messages.envelope import (

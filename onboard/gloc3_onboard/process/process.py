@@ -29,13 +29,11 @@ from gloc3_onboard.process.options import ProcessOptions
 from gloc3_onboard.process.process_storage import ProcessStorage, key_of
 from gloc3_onboard.process.runner import HOST_DEVICES
 from gloc3_onboard.process.vitals import VitalSigns
+from gloc3_onboard.sensors.registry import SourceHost, is_asked_here, sensor_kinds
 from gloc3_onboard.service.manager import ServiceManager
 from gloc3_onboard.service.service import Service
-from gloc3_onboard.sources.asked import is_asked_here
-from gloc3_onboard.sources.factory import SourceHost
-from gloc3_onboard.sources.url import Sensor
 
-DEVICES: Final = (*HOST_DEVICES, *Sensor, *(f"*_{sensor}" for sensor in Sensor))
+DEVICES: Final = (*HOST_DEVICES, *sensor_kinds(), *(f"*_{sensor}" for sensor in sensor_kinds()))
 """What this host has; installed packages bring more."""
 
 
@@ -117,7 +115,9 @@ class OnboardProcess:
         used, autopilot = devices_of(self._rows), self.vehicle.autopilot
         asked = [each for each in options.devices if is_asked_here(platform, used, each)]
         folder = find_platform(options.platform).parent
-        source_host = SourceHost(loop, folder, autopilot.t_s_of_boot, autopilot.sensors, autopilot)
+        source_host = SourceHost(
+            loop, folder, autopilot.telemetry.t_s_of_boot, autopilot.sensors, self.vehicle.autopilot_device
+        )
         self._sensors = open_sensors(platform, used, asked, source_host, partial(self.say, Severity.WARNING))
         self._watch = self._sensors.watch(self.vehicle.parts, context.clock.now_s)
         self._others = OtherProcesses(options, inputs, shared, member, self.vehicle, self._watch.conditions)

@@ -1,4 +1,4 @@
-"""The devices of the onboard process as samplers see them, and whether they deliver.
+"""The sensors of the onboard process: their devices as samplers see them, where their data comes from, whether they deliver.
 
-Hardware, simulation and logs implement the same protocols.
+The registry makes devices from the URLs of a platform; hardware, simulation and logs implement the same protocols.
 """

@@ -1,21 +1,16 @@
 """Looks at the sensors of an onboard process: whether they bring something, and whether their calibrations fit."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
+from gloc3.camera.model import misfit
 from gloc3.errors import Gloc3Error
 from gloc3.messages.readiness import SensorCondition
 from gloc3.messages.vehicle import Image
-from gloc3_onboard.calibration.fit import misfit
 from gloc3_onboard.sensors.devices import Rig
-from gloc3_onboard.sources.factory import camera_name, pair_names
-from gloc3_onboard.sources.places import place_problem
-from gloc3_onboard.sources.url import Sensor, parse_source, sensor_of
-
-NOWHERE: Final = "none"
+from gloc3_onboard.sensors.registry import NOWHERE, parse_source, place_problem, sensor_of
 
 
 class SensorWatch:
@@ -49,10 +44,10 @@ class SensorWatch:
         now_s = self._now_s()
         problem = ""
         uncalibrated: list[str] = []
-        if not self._urls[name].startswith(f"{NOWHERE}://"):
+        if not self._urls[name].startswith(NOWHERE):
             uncalibrated = [camera for camera in cameras_of(name) if self._rig.model(camera) is None]
             try:
-                problem = self._misfit(_images(source))
+                problem = self._misfit(_images(name, source))
             except Gloc3Error as error:
                 problem = str(error)
         return SensorCondition(
@@ -71,33 +66,20 @@ class SensorWatch:
         return next(filter(None, found), "")
 
 
-def _images(source: Any) -> Sequence[Image]:
+def _images(name: str, source: Any) -> Sequence[Image]:
     """What a camera shows now; nothing for other sensors.
 
     Raises:
         Gloc3Error: the sensor is gone.
     """
-    pair = source.pair() if hasattr(source, "pair") else None
-    if pair is not None:
-        return pair.left, pair.right
-    frame = source.frame() if hasattr(source, "frame") else None
-    if frame is not None:
-        return (frame.image,)
-    if hasattr(source, "scan"):
-        source.scan()
-    if hasattr(source, "samples"):
-        source.samples(math.inf)
-    return ()
+    sensor = sensor_of(name)
+    return () if sensor is None else sensor.poll(source)
 
 
 def cameras_of(device: str) -> tuple[str, ...]:
     """The names of a device's cameras; none for what is no camera."""
-    match sensor_of(device):
-        case Sensor.STEREO:
-            return pair_names(device)
-        case Sensor.CAMERA:
-            return (camera_name(device),)
-    return ()
+    sensor = sensor_of(device)
+    return () if sensor is None else sensor.cameras(device)
 
 
 def unopened_conditions(
@@ -119,7 +101,7 @@ def unopened_conditions(
         except Gloc3Error as error:
             found.append(SensorCondition(device=name, source=text, problem=str(error)))
             continue
-        is_there = url.scheme != NOWHERE
+        is_there = not url.text.startswith(NOWHERE)
         problems = [place_problem(url, folder), *(wrong.get(camera, "") for camera in cameras)]
         found.append(
             SensorCondition(

@@ -13,13 +13,9 @@ from gloc3.mavlink.transport.endpoints import parse_url
 from gloc3.platform.places import choose_host, clock_host, place_of
 from gloc3.platform.platform import Platform
 from gloc3_onboard.cli.onboard_options import DEFAULT_STATION, OnboardOptions
-from gloc3_onboard.sources.asked import source_urls
-from gloc3_onboard.sources.places import GROUPS
-from gloc3_onboard.sources.url import parse_source
+from gloc3_onboard.sensors.registry import parse_source, source_kinds, source_urls
+from gloc3_onboard.sensors.source_url import SERIAL_GROUP, VIDEO_GROUP
 
-SERIAL: Final = "dialout"
-VIDEO: Final = "video"
-"""The groups of users that may use serial lines and cameras (Debian's names)."""
 HOMES: Final = (Path("/home"), Path("/root"), Path("/run/user"))
 """What is hidden from the service, but for what it needs there."""
 PRIVATE: Final = (Path("/tmp"), Path("/var/tmp"))
@@ -37,9 +33,9 @@ class Kind(NamedTuple):
 
 
 KINDS: Final = {
-    "ttyACM": Kind("char-ttyACM", "cdc_acm", SERIAL),
-    "ttyUSB": Kind("char-ttyUSB", "usbserial", SERIAL),
-    "video": Kind("char-video4linux", "videodev", VIDEO),
+    "ttyACM": Kind("char-ttyACM", "cdc_acm", SERIAL_GROUP),
+    "ttyUSB": Kind("char-ttyUSB", "usbserial", SERIAL_GROUP),
+    "video": Kind("char-video4linux", "videodev", VIDEO_GROUP),
 }
 """By what the nodes are called, before a number."""
 
@@ -75,18 +71,15 @@ def nodes(platform: Platform, options: OnboardOptions) -> list[Node]:
     ]
     for role, url in links if host == clock_host(platform) else ():
         if device := parse_url(url).device:
-            found.append(Node(role, Path(device), SERIAL))
+            found.append(Node(role, Path(device), SERIAL_GROUP))
     rows = [row for row in platform.components if place_of(platform, row).host == host]
     used = sorted({device for row in rows for device in row.devices.values()})
     for name, text in source_urls(platform, used, options.device).items():
         if name not in used:
             continue
         source = parse_source(name, text)
-        if source.scheme == "gst":
-            found += [Node(name, Path(path), VIDEO) for path in re.findall(r"/dev/video\d+", source.place)]
-        elif source.scheme in GROUPS and (source.place.startswith("/") or source.place.isdecimal()):
-            path = source.place if source.place.startswith("/") else f"/dev/video{source.place}"
-            found.append(Node(name, Path(path), GROUPS[source.scheme]))
+        kind = source_kinds()[source.scheme]
+        found += [Node(name, path, kind.group) for path in kind.device_files(source) if kind.group]
     return found
 
 

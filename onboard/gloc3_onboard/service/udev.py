@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from gloc3_onboard.service.needs import SERIAL, Node
+from gloc3_onboard.sensors.source_url import SERIAL_GROUP
+from gloc3_onboard.service.needs import Node
 
 SYS: Final = Path("/sys")
 FOLDER: Final = "gloc3"
@@ -38,7 +39,7 @@ def usb_device(node: Node, sys: Path = SYS) -> UsbDevice | None:
         node: the device.
         sys: where Linux tells it.
     """
-    subsystem = "tty" if node.group == SERIAL else "video4linux"
+    subsystem = "tty" if node.group == SERIAL_GROUP else "video4linux"
     entry = sys / "class" / subsystem / node.path.resolve().name
     if not entry.exists():
         return None

@@ -11,12 +11,12 @@ from gloc3.mission.model.model import Mission
 from gloc3.platform.platform import Platform
 from gloc3.store import MemoryRecords
 from gloc3_onboard.assembly import Attachment, Hosting, Sensors, Storage, Vehicle, VehicleInputs
-from gloc3_onboard.autopilot.sensor_devices import AutopilotImu
 from gloc3_onboard.companion.files import LOGS, Folders, LogFiles
 from gloc3_onboard.process.computer import SimulatedComputer
 from gloc3_onboard.process.runner import Create, Onboard
 from gloc3_onboard.process.storage import NoPictures, PictureFolder
-from gloc3_onboard.sources.asked import NOWHERE
+from gloc3_onboard.sensors.registry import NOWHERE
+from gloc3_onboard.sensors.sources.autopilot import AutopilotImu
 from gloc3_sitl.flight.log import FlightLog
 from gloc3_sitl.flight.mission_file import looks_down
 from gloc3_sitl.flight.plan import FlightPlan

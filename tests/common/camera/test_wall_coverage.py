@@ -35,6 +35,7 @@ def test_a_picture_from_straight_ahead_covers_the_rectangle_that_its_angles_cut(
 
 
 @pytest.mark.parametrize("camera", [FRONT, BENT])
+@pytest.mark.thorough
 def test_the_coverage_of_a_flight_is_what_rays_from_all_its_pictures_hit(camera: CameraModel) -> None:
     views = [view(6.5, -5.0 + 1.3 * i, 2.0 + (i % 3), 0.1 * (i % 4) - 0.2, 0.05 * (i % 2)) for i in range(5)]
     found = cover(WALL, views, {"front": camera}, LIMITS)

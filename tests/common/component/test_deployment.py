@@ -9,8 +9,7 @@ import pytest
 
 from gloc3.component import deployment
 from gloc3.component.component import DataProcessor
-from gloc3.component.deployment import ComponentRow
-from gloc3.component.deployment_check import check_deployment, check_row, problems_of
+from gloc3.component.deployment import ComponentRow, check_deployment, check_row, problems_of
 from gloc3.component.ports import Inbox, Input, Output
 from gloc3.errors import Gloc3Error
 from gloc3.messages.envelope import Event

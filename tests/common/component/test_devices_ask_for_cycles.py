@@ -28,7 +28,11 @@ def specimen(bench: Bench, rate_hz: float) -> Specimen:
 
 
 def test_a_component_without_a_host_may_ask_and_nothing_happens() -> None:
-    Specimen(Diary()).request_cycle()
+    diary = Diary()
+    component = Specimen(diary)
+    before = list(diary.calls)
+    component.request_cycle()
+    assert diary.calls == before
 
 
 def test_a_request_begins_a_cycle_at_once_and_the_periodic_ones_fill_the_silence_only() -> None:

@@ -5,10 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from gloc3.component.component import FunctionEntry
-from gloc3.component.cycle_job import CycleJob
-from gloc3.component.function_desk import FunctionJob
-from gloc3.component.gate import Gate
-from gloc3.component.method_job import MethodJob
+from gloc3.component.jobs import CycleJob, FunctionJob, Gate, MethodJob
 from gloc3.component.outlets import Outlets
 from gloc3.errors import Refused
 from gloc3.messages.topics import TopicTable

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gloc3.component.ports import Input, Keep, Mailbox, Output, Port, PortGroup, Report, inbox_of, ports_of
+from gloc3.component.cycle import Mailbox
+from gloc3.component.ports import Input, Keep, Output, Port, PortGroup, Report, inbox_of, ports_of
 from gloc3.errors import Misuse
 from gloc3.messages.envelope import Envelope, Message, Source
 

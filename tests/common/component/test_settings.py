@@ -83,14 +83,23 @@ def test_a_component_without_settings_takes_none() -> None:
 
 @hypothesis_settings(max_examples=30)
 @given(st.dictionaries(st.sampled_from(["name", "exposure_s", "gain", "window", "mode", "other"]) | st.text(), PLAIN))
-def test_any_values_are_taken_or_refused_and_what_is_taken_is_within_its_bounds(values: dict[str, Any]) -> None:
+def test_any_values_are_taken_or_refused(values: dict[str, Any]) -> None:
     try:
         loaded = load_settings(CameraSettings, values, "camera")
     except InputError:
         return
-    assert 0.0 <= loaded.exposure_s <= 1.0
-    assert 1 <= loaded.gain <= 16
-    assert set(values) <= {field.name for field in msgspec.structs.fields(CameraSettings)}
+    assert set(values) <= {field.name for field in msgspec.structs.fields(loaded)}
+
+
+@hypothesis_settings(max_examples=30)
+@given(st.floats(-0.5, 1.5), st.integers(-2, 20))
+def test_what_is_within_its_bounds_is_taken_and_nothing_else(exposure_s: float, gain: int) -> None:
+    values = {"name": "front", "exposure_s": exposure_s, "gain": gain}
+    if 0.0 <= exposure_s <= 1.0 and 1 <= gain <= 16:
+        loaded = load_settings(CameraSettings, values, "camera")
+        assert (loaded.exposure_s, loaded.gain) == (exposure_s, gain)
+    else:
+        assert findings(values)
 
 
 def test_the_text_under_a_field_is_its_documentation_the_bases_too() -> None:

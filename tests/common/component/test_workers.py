@@ -9,9 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gloc3.clock import run_virtual
-from gloc3.component.errands import Errands
 from gloc3.component.guard import guard
-from gloc3.component.workers import InlineWorker, ThreadWorker
+from gloc3.component.workers import Errands, InlineWorker, ThreadWorker
 
 
 @settings(max_examples=60)

@@ -1,8 +1,7 @@
 """The path requested: what components were asked to fly, and until when."""
 
 from gloc3.evaluation.requested_path import RequestedPath
-from gloc3.exchange.base import Publisher
-from gloc3.exchange.local import LocalExchange
+from gloc3.exchange.base import LocalExchange, Publisher
 from gloc3.messages.envelope import FunctionRequest
 
 

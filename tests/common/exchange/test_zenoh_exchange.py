@@ -177,7 +177,7 @@ STOPPED = """
 import asyncio, sys
 from gloc3.exchange.zenoh import open_exchange
 from gloc3.exchange.zenoh_session import Node
-from gloc3.topics import TopicTable
+from gloc3.messages.topics import TopicTable
 async def live():
     node = Node(name="one", connect=(sys.argv[1],))
     with open_exchange(node, asyncio.get_running_loop(), TopicTable.installed()) as exchange:

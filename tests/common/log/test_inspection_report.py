@@ -70,6 +70,7 @@ def run(*arguments: object) -> Any:
     return app(["report", *(str(argument) for argument in arguments)], exit_on_error=True, result_action="return_value")
 
 
+@pytest.mark.thorough
 def test_a_run_becomes_a_page_with_figures_drawings_and_a_contact_sheet(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -109,6 +110,7 @@ def test_pictures_without_a_log_and_a_wall_of_a_world_file_will_do(
     assert [picture.position_ned_m[2] for picture in lifted.pictures] == [-3.5, -3.5, -3.5]
 
 
+@pytest.mark.thorough
 def test_the_last_flight_of_a_folder_is_reported_in_a_folder_of_its_own(tmp_path: Path) -> None:
     for number in ("", "-2", "-10"):
         write_pictures(tmp_path / f"images{number}")

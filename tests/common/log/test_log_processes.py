@@ -17,10 +17,10 @@ from pathlib import Path
 from random import Random
 from gloc3.clock import Clock, run_virtual
 from gloc3.exchange.base import Publisher
-from gloc3.exchange.local import LocalExchange
+from gloc3.exchange.base import LocalExchange
 from gloc3.messages.envelope import Event, InternalState, Severity
 from gloc3.log.record import Recorder
-from gloc3.topics import TopicTable
+from gloc3.messages.topics import TopicTable
 from gloc3.messages.vehicle import Pose
 
 async def run(seconds: float, is_telling: bool) -> None:

@@ -8,10 +8,10 @@ from typing import Any
 
 from mavsdk import log_subscribe
 from mavsdk.asyncio import Configuration, ForwardingOption, Mavsdk
+from tests.node_runner import NodeRunner
 
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.node import Node
-from gloc3.mavlink.runner import NodeRunner
 from gloc3.mavlink.service import Service
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_server import CommandServer

@@ -4,9 +4,10 @@ import random
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from tests.node_runner import NodeRunner
+
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.node import Node
-from gloc3.mavlink.runner import NodeRunner
 from gloc3.mavlink.service import Service
 from gloc3.mavlink.transport.memory import PERFECT, Conditions, MemoryLink
 

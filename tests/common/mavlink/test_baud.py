@@ -5,7 +5,7 @@ import random
 import pytest
 
 from gloc3.mavlink.codec import Encoder, message
-from gloc3.mavlink.transport.baud import RATES, TRY_S, BaudSearch
+from gloc3.mavlink.transport.serial_line import RATES, TRY_S, BaudSearch
 
 
 def search(right: int, seed: int, talks_hz: float = 10.0, for_s: float = 60.0) -> tuple[BaudSearch, float]:
@@ -33,6 +33,7 @@ def test_every_rate_is_found_even_by_heartbeats_alone(right: int, talks_hz: floa
         assert at_s < (RATES.index(right) + 3) * TRY_S + 1.0
 
 
+@pytest.mark.thorough
 def test_noise_is_never_taken_for_an_autopilot() -> None:
     found, _ = search(1, 0, talks_hz=400.0)
     assert not found.is_found

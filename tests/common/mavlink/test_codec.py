@@ -122,6 +122,7 @@ def test_enum_values_and_names() -> None:
         assert codec.enums.MAV_CMD_NAV_TAKEOF
 
 
+@pytest.mark.thorough
 def test_importing_the_codec_does_not_import_pymavlink() -> None:
     code = "import sys, gloc3.mavlink.codec; sys.exit('pymavlink' in sys.modules)"
     environment = {"PYTHONPATH": ":".join(sys.path)}

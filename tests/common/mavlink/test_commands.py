@@ -78,9 +78,9 @@ def test_over_a_bad_link_a_command_is_run_exactly_once(seed: int) -> None:
 
 def test_a_position_comes_as_degrees_whichever_way_it_was_sent() -> None:
     pair, client, vehicle = wired()
-    call = client.send_int(VEHICLE, REPOSITION, (1, 1), frame=6, x=395_000_000, y=-26_500_000, z=12.5, now_s=0.0)
+    call = client.send_int(VEHICLE, REPOSITION, (1, 1), frame=6, position=(395_000_000, -26_500_000, 12.5), now_s=0.0)
     assert finish(pair, call) is CommandResult.ACCEPTED
-    call = client.send_int(VEHICLE, REPOSITION, frame=1, x=25_000, y=0x7FFF_FFFF, z=-3.0, now_s=pair.now_s)
+    call = client.send_int(VEHICLE, REPOSITION, frame=1, position=(25_000, 0x7FFF_FFFF, -3.0), now_s=pair.now_s)
     assert finish(pair, call) is CommandResult.ACCEPTED
     first, second = vehicle.ran
     assert first.params[4:] == (39.5, -2.65, 12.5)
@@ -147,7 +147,7 @@ def test_the_same_command_given_again_later_runs_again() -> None:
 
 def test_a_goto_given_again_after_another_command_is_not_taken_for_a_repeat() -> None:
     pair, client, vehicle = wired()
-    goto = {"frame": 6, "x": 1, "y": 2, "z": 3.0}
+    goto = {"frame": 6, "position": (1, 2, 3.0)}
     finish(pair, client.send_int(VEHICLE, REPOSITION, now_s=pair.now_s, **goto))  # type: ignore[arg-type]
     finish(pair, client.send_long(VEHICLE, ARM, now_s=pair.now_s))
     finish(pair, client.send_int(VEHICLE, REPOSITION, now_s=pair.now_s, **goto))  # type: ignore[arg-type]

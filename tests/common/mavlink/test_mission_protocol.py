@@ -7,7 +7,7 @@ import pytest
 from gloc3.mavlink.codec import message
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.services.mission_client import CurrentItem, ItemReached, MissionClient, Transfer
-from gloc3.mavlink.services.mission_server import MOST_ITEMS, MissionServer
+from gloc3.mavlink.services.mission_server import MOST_ITEMS, MissionDialect, MissionServer
 from gloc3.mavlink.services.mission_transfers import PlanOffered, PlanReceived, SetCurrentRequested
 from gloc3.mavlink.services.plan import Plan, PlanItem, PlanResult, PlanType
 from gloc3.mavlink.transport.memory import Conditions
@@ -176,7 +176,7 @@ def test_what_a_server_cannot_take_is_refused_with_the_reason() -> None:
 
 
 def test_the_old_requests_and_items_are_still_understood() -> None:
-    server = MissionServer(VEHICLE, tells_current=False)
+    server = MissionServer(VEHICLE, dialect=MissionDialect(tells_current=False))
     server.receive(to_vehicle("MISSION_COUNT", count=2), STATION, 0.0)
     for number, frame, x in ((0, 3, 47.5), (1, 1, 12.25)):
         old = to_vehicle("MISSION_ITEM", seq=number, frame=frame, command=16, x=x, y=8.0, z=5.0)
@@ -197,7 +197,7 @@ def test_the_old_requests_and_items_are_still_understood() -> None:
 
 
 def test_absurd_coordinates_of_the_old_items_do_no_harm() -> None:
-    server = MissionServer(VEHICLE, tells_current=False)
+    server = MissionServer(VEHICLE, dialect=MissionDialect(tells_current=False))
     for x in (1e38, -1e38, math.nan, math.inf):
         server.receive(to_vehicle("MISSION_COUNT", count=1), STATION, 0.0)
         server.receive(to_vehicle("MISSION_ITEM", command=16, x=x, frame=3), STATION, 0.1)
@@ -230,7 +230,7 @@ def test_requests_of_an_earlier_transfer_are_not_answered() -> None:
 
 
 def test_the_end_of_an_upload_is_not_told_to_another_one() -> None:
-    server = MissionServer(VEHICLE, tells_current=False)
+    server = MissionServer(VEHICLE, dialect=MissionDialect(tells_current=False))
     first, second = (PlanItem(command=16, z=z, param1=math.nan) for z in (1.0, 2.0))
     server.receive(to_vehicle("MISSION_COUNT", count=1), STATION, 0.0)
     server.receive(first.message(0, 0, VEHICLE), STATION, 0.1)
@@ -271,7 +271,9 @@ def test_the_current_item_is_told_set_and_reached() -> None:
 
 
 def test_who_is_not_served_is_not_answered() -> None:
-    server = MissionServer(VEHICLE, serves=lambda sender: sender == STATION, tells_current=False)
+    server = MissionServer(
+        VEHICLE, serves=lambda sender: sender == STATION, dialect=MissionDialect(tells_current=False)
+    )
     server.receive(to_vehicle("MISSION_COUNT", count=3), OTHER_STATION, 0.0)
     server.receive(message("MISSION_COUNT", count=3, target_system=7), STATION, 0.0)
     assert server.outgoing() == []
@@ -279,7 +281,7 @@ def test_who_is_not_served_is_not_answered() -> None:
 
 
 def offering() -> tuple[Pair, MissionServer, MissionClient]:
-    return wired(server=MissionServer(VEHICLE, check=lambda kind, items: None, tells_ids=True))
+    return wired(server=MissionServer(VEHICLE, check=lambda kind, items: None, dialect=MissionDialect(tells_ids=True)))
 
 
 def offers(server: MissionServer) -> list[PlanOffered]:
@@ -346,7 +348,7 @@ def test_all_plans_are_cleared_with_one_answer_that_tells_the_worst() -> None:
 
 
 def test_a_plan_has_an_id_that_changes_with_it() -> None:
-    server = MissionServer(VEHICLE, tells_ids=True)
+    server = MissionServer(VEHICLE, dialect=MissionDialect(tells_ids=True))
     ids = []
     for items in ((), plan(1, 3), plan(1, 3), plan(2, 3)):
         server.set_plan(PlanType.MISSION, items)

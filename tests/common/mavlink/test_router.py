@@ -168,6 +168,7 @@ def test_gaps_in_the_numbers_are_counted_as_lost_frames(net: Net) -> None:
     assert net.links["serial"].counts.frames_in == 2 + 270
 
 
+@pytest.mark.thorough
 def test_invented_systems_in_the_thousands_fill_no_memory_and_keep_nobody_out(net: Net) -> None:
     for system in range(3, 250):
         for component in range(1, 30):

@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from gloc3.component.lci import State
-from gloc3.exchange.tunnel import summary as packing
+from gloc3.exchange.tunnel import status as packing
 from gloc3.exchange.tunnel.body import unpack_payload, unpack_status
 from gloc3.exchange.tunnel.frames import Status, SummaryRows
 from gloc3.exchange.tunnel.happenings import Counters
@@ -46,7 +46,7 @@ def test_the_values_of_a_line_are_the_first_fields_in_their_order() -> None:
 
 
 def test_a_component_takes_at_most_16_bytes_with_all_its_fields() -> None:
-    assert len(packing._pack(ComponentLine(0, 255, 255, 255, 65535, 65535))) <= 9
+    assert len(packing._packed(ComponentLine(0, 255, 255, 255, 65535, 65535))) <= 9
     assert 9 + BYTES_OF_A_VALUE * len(COLUMN_FIELDS) <= 16
     for field in COLUMN_FIELDS:
         assert len(msgspec.msgpack.encode(-field.most)) <= BYTES_OF_A_VALUE
@@ -78,7 +78,7 @@ def test_columns_cross_a_radio_before_the_rows_and_both_arrive() -> None:
     for frame in frames(summary, sequence=7):
         if isinstance(frame, SummaryRows):
             assert receiver.receive_rows(frame.channel, frame.sequence, frame.body)
-            lines += packing.unpack(frame.body)[1].lines
+            lines += packing.unpack_summary(frame.body)[1].lines
         else:
             body = frame.body
             if isinstance(frame, Status):
@@ -104,7 +104,7 @@ def test_a_peer_of_0_1_reads_the_rows_and_nothing_from_the_columns() -> None:
     assert isinstance(column, Status)
     read = unpack_payload(unpack_status(column.body)[1], SummaryOf01)
     assert read == SummaryOf01(table=1, health=Health.WORKING, lines=[])
-    assert packing.unpack(rows.body)[1].lines == LINES[:9]
+    assert packing.unpack_summary(rows.body)[1].lines == LINES[:9]
     before = type_name(SummaryOf01).partition("#")[2]
     assert type_name(Summary) == f"Summary#{before}", "the fixed part is as it was"
 

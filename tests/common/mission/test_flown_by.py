@@ -60,7 +60,7 @@ def test_ways_are_flown_as_plans_and_everything_else_as_ever(pelican: Platform) 
         ("go_to: {position_m: [3, 1, 2], heading: {look_at: [0, 0, 1]}}", "a plan says no heading 'look at'"),
         (
             "follow_wall: {wall_m: [[0, 3], [6, 3]], side: left, standoff_m: 2, height_m: 1.5, is_measured: true}",
-            "it does not measure the distance to a wall",
+            "it keeps no distance from a wall",
         ),
         ("go_to: {position_m: [3, 1, 2], heading: hold}", "a plan says no heading 'hold'"),
         ("go_to: {position_m: [3, 1, 2], altitude_m: 2}", "it keeps no height over the ground"),

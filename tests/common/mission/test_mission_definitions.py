@@ -137,6 +137,7 @@ def test_a_text_whose_libraries_are_not_with_it_says_so_and_opens_no_file() -> N
     assert any("the libraries that are included are not at hand" in one for one in found(MISSION))
 
 
+@pytest.mark.thorough
 def test_uses_cannot_make_a_short_file_stand_for_a_huge_one() -> None:
     points = ", ".join("[1, 2, 3]" for _ in range(1000))
     uses = "".join(f"  t{index}: {{use: way}}\n" for index in range(100))

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.data_folders import MISSIONS, OWN
 
 from gloc3.errors import InputError
 from gloc3.mission.checking.checker import Circumstances, check_text
@@ -24,7 +25,7 @@ from gloc3.mission.formats.from_mission import fence_areas
 from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
 from gloc3.mission.reading.reader import read_mission
 
-FILES = Path(__file__).parents[4] / "shared" / "data" / "missions"
+OWN_MISSIONS = OWN / "missions"
 
 OUTCOMES: dict[str, tuple[int, int, int] | str] = {
     "mavproxy/cmac-foamy-fence.txt": "1:1: this is a list of fence points, not a mission",
@@ -48,7 +49,35 @@ OUTCOMES: dict[str, tuple[int, int, int] | str] = {
 }
 """Items, fence items and rally points of each file, or why it is refused."""
 
-needs_files = pytest.mark.skipif(not FILES.is_dir(), reason="the real mission files are not on this machine")
+
+OWN_OUTCOMES: dict[str, tuple[int, int, int] | str] = {
+    "box.plan": (5, 0, 0),
+    "box.waypoints": (4, 0, 0),
+    "box_in_a_fence.plan": (5, 5, 1),
+    "fence.txt": "1:1: this is a list of fence points, not a mission",
+    "mission_of_another_version.plan": "6:14: missions of version 7 are not known, only 2",
+    "plan_of_another_version.plan": "3:13: plan files of version 42 are not known, only 1",
+    "rally.txt": "1:1: this is a list of rally points, not a mission",
+    "structure_scan.plan": "34:24: item 2, a StructureScan, does not store the items",
+    "survey.plan": (8, 0, 0),
+    "survey_of_another_version.plan": "35:16: item 2: a survey of version 9 is not known",
+    "survey_without_items.plan": "32:4: item 2, a survey, lacks the items",
+    "without_mission.plan": "1:1: there is no mission in it",
+}
+"""The same of the files that the project has itself."""
+
+
+def all_files() -> list[Any]:
+    """Path and outcome of each file."""
+    own = [pytest.param(OWN_MISSIONS / name, outcome, id=name) for name, outcome in OWN_OUTCOMES.items()]
+    others = [
+        pytest.param(MISSIONS / name, outcome, id=name, marks=pytest.mark.outside) for name, outcome in OUTCOMES.items()
+    ]
+    return own + others
+
+
+GOOD = [param for param in all_files() if not isinstance(param.values[1], str)]
+BAD = [param for param in all_files() if isinstance(param.values[1], str)]
 
 
 def refused(read: Any, data: bytes | str) -> list[str]:
@@ -57,37 +86,48 @@ def refused(read: Any, data: bytes | str) -> list[str]:
     return [str(finding) for finding in caught.value.findings]
 
 
-@needs_files
+def test_every_file_of_our_own_is_in_the_list() -> None:
+    assert sorted(path.name for path in OWN_MISSIONS.iterdir()) == sorted(OWN_OUTCOMES)
+
+
+@pytest.mark.outside
 def test_every_real_file_is_in_the_list() -> None:
-    assert sorted(str(path.relative_to(FILES)) for path in FILES.rglob("*.*")) == sorted(OUTCOMES)
+    assert sorted(str(path.relative_to(MISSIONS)) for path in MISSIONS.rglob("*.*")) == sorted(OUTCOMES)
 
 
-@needs_files
-@pytest.mark.parametrize(("name", "counts"), [(n, o) for n, o in OUTCOMES.items() if not isinstance(o, str)])
-def test_real_files_are_read_and_written_without_loss(name: str, counts: tuple[int, int, int]) -> None:
-    plan = load_plan(FILES / name)
+@pytest.mark.parametrize(("file", "counts"), GOOD)
+def test_files_are_read_and_written_without_loss(file: Path, counts: tuple[int, int, int]) -> None:
+    plan = load_plan(file)
     assert (len(plan.items), len(plan.fence_items()), len(plan.rally_items())) == counts
-    if not name.endswith(".plan"):
+    if file.suffix != ".plan":
         assert read_wpl(write_wpl(plan), "again") == plan
         return
     again = write_plan(plan)
     assert read_plan(again, "again") == plan
-    if name != "qgc/SectionTest.plan":  # an old file: its fence is written in the present version
-        assert json.loads(again) == json.loads((FILES / name).read_text())
+    if file.name != "SectionTest.plan":  # an old file: its fence is written in the present version
+        assert json.loads(again) == json.loads(file.read_text())
 
 
-@needs_files
-@pytest.mark.parametrize(("name", "reason"), [(n, o) for n, o in OUTCOMES.items() if isinstance(o, str)])
-def test_real_files_that_cannot_be_read_are_refused_with_a_reason_and_advice(name: str, reason: str) -> None:
+@pytest.mark.parametrize(("file", "reason"), BAD)
+def test_files_that_cannot_be_read_are_refused_with_a_reason_and_advice(file: Path, reason: str) -> None:
     with pytest.raises(InputError) as caught:
-        load_plan(FILES / name)
-    assert str(caught.value).startswith(f"{FILES / name}:{reason}")
+        load_plan(file)
+    assert str(caught.value).startswith(f"{file}:{reason}")
     assert all(finding.hint for finding in caught.value.findings)
 
 
-@needs_files
+def test_a_plan_with_a_survey_becomes_a_mission_that_flies_its_lanes() -> None:
+    _, text, warnings = mission_text(str(OWN_MISSIONS / "survey.plan"), speed_limit_m_s=3.0)
+    mission = check_text(text, "survey", Circumstances()).flyable()
+    assert list(mission.actions()) == ["fly.take_off", "fly.way", "fly.land"]
+    assert text.count(", 12.0]") == 4, "the ends of two lanes"
+    told = [str(warning).partition("warning: ")[2] for warning in warnings]
+    assert told == [f"item {n}, DO_SET_CAM_TRIGG_DIST, is left out (add record_images by hand)" for n in (3, 7)]
+
+
+@pytest.mark.outside
 def test_a_real_plan_becomes_a_mission_that_flies_the_same_way() -> None:
-    _, text, warnings = mission_text(str(FILES / "px4/MC_mission_box.plan"), speed_limit_m_s=3.0)
+    _, text, warnings = mission_text(str(MISSIONS / "px4/MC_mission_box.plan"), speed_limit_m_s=3.0)
     assert [str(warning).partition("plan: ")[2] for warning in warnings] == [
         "warning: 5 m/s are reduced to the platform's 3 m/s"
     ]

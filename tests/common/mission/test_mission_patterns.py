@@ -128,6 +128,7 @@ def test_patterns_that_cannot_be_laid_say_why(pattern: str, expected: str) -> No
     assert expected in findings(pattern)
 
 
+@pytest.mark.thorough
 def test_a_mission_of_many_patterns_is_refused_before_it_takes_long_to_check(pelican: Platform) -> None:
     area = "{survey: {area_m: [[0, 0], [300, 0], [300, 300], [0, 300]], spacing_m: 0.1, height_m: 5}}"
     tasks = "".join(f"  t{number}: {{actions: {{lines: {area}}}}}\n" for number in range(400))

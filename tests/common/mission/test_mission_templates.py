@@ -18,6 +18,7 @@ DIVING = ("auv", "rov", "submarine")
 
 
 @pytest.mark.parametrize("name", sorted(platform_files()))
+@pytest.mark.thorough
 def test_every_template_is_right_as_it_is_for_every_platform_that_can_do_it(name: str) -> None:
     platform = load_platform(name)
     home = Circumstances(platform=platform, home_ned_m=(0.0, 0.0, 0.0))

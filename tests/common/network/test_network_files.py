@@ -18,6 +18,7 @@ def network(*arguments: object) -> int:
     return run(["network", *map(str, arguments)])
 
 
+@pytest.mark.thorough
 def test_a_network_is_made_by_a_few_commands_and_only_its_own_folder_holds_the_authoritys_key(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

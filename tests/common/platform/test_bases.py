@@ -1,12 +1,14 @@
 """Platform files that extend others: what is merged how, where findings point, and what every installed one comes to."""
 
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
 from gloc3.cli.program import run
 from gloc3.documents.document import parse
 from gloc3.errors import InputError
+from gloc3.platform import bases
 from gloc3.platform.bases import base_files, platform_files
 from gloc3.platform.reader import check_platform, load_platform, read_document, read_platform, whole_text
 
@@ -112,6 +114,7 @@ def test_findings_point_into_the_file_where_it_stands(tmp_path: Path) -> None:
         ("", "extends: heron.yaml\n", "base.yaml:1:10: the files extend each other: heron.yaml -> base.yaml -> heron.yaml"),
         ("", "extends: multirotr\n", "base.yaml:1:10: no base or platform is called 'multirotr' (did you mean 'multirotor'?)"),
         ("", "extends: gone.yaml\n", "base.yaml:1:10: there is no file 'gone.yaml' beside this one"),
+        ("", "- no\n- mapping\n", "heron.yaml:2:10: base.yaml is no mapping"),
         ("", "extends: [a, b]\n", "base.yaml:1:10: extends takes the name of a base or platform, or a file"),
         (
             "components: [{name: frist, rate_hz: 1}]\n",
@@ -147,10 +150,21 @@ def test_what_the_installed_platforms_come_to(name: str) -> None:
 
 
 def test_no_base_is_called_like_a_platform() -> None:
-    bases = base_files().keys() - platform_files().keys()
-    assert {"vehicle", "multirotor", "underwater"} <= bases
+    names = base_files().keys() - platform_files().keys()
+    assert {"vehicle", "multirotor", "underwater"} <= names
     assert all(file.parent.name != "bases" for file in platform_files().values())
     assert all(base_files()[name] == file for name, file in platform_files().items())
+
+
+def test_a_package_brings_platforms_and_bases(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "bases").mkdir()
+    (tmp_path / "bases" / "wing.yaml").write_text("vehicle: {type: aircraft}\n")
+    (tmp_path / "kite.yaml").write_text("platform: kite\nextends: wing\nvehicle: {mass_kg: 2}\n")
+    point = Mock(load=lambda: Mock(__path__=[str(tmp_path)]))
+    monkeypatch.setattr(bases, "installed_points", lambda group: [point] if group == "gloc3.platforms" else [])
+    assert (list(platform_files()), list(base_files())) == (["kite"], ["kite", "wing"])
+    vehicle = load_platform("kite").vehicle
+    assert (vehicle.type, vehicle.mass_kg) == ("aircraft", 2.0)
 
 
 def test_the_whole_of_a_platform_can_be_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

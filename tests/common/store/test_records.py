@@ -63,6 +63,7 @@ def files(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
+@pytest.mark.thorough
 def test_a_file_torn_at_any_byte_gives_the_records_before_and_takes_new_ones(tmp_path: Path) -> None:
     path = tmp_path / "journal"
     file = made(path)
@@ -126,6 +127,7 @@ def test_rewriting_replaces_everything_and_keeps_to_its_own_files(tmp_path: Path
     assert len(files(tmp_path)) == 2
 
 
+@pytest.mark.thorough
 def test_nobody_waits_for_a_slow_disk_and_a_killed_process_has_lost_nothing(tmp_path: Path, disk: Disk) -> None:
     file = made(tmp_path / "progress", b"0")
     with disk.busy():
@@ -139,6 +141,7 @@ def test_nobody_waits_for_a_slow_disk_and_a_killed_process_has_lost_nothing(tmp_
     assert files(tmp_path) == ["progress.50"]
 
 
+@pytest.mark.thorough
 def test_a_power_cut_at_any_time_leaves_the_last_that_was_on_disk_or_a_later_one(tmp_path: Path, disk: Disk) -> None:
     path = tmp_path / "progress"
     file = made(path, b"safe")

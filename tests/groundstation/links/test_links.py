@@ -10,8 +10,8 @@ from tests.groundstation.scripted_platform import ScriptedPlatform
 
 from gloc3.clock import Clock, run_virtual
 from gloc3.exchange import LocalExchange
-from gloc3.exchange.link_budget import budget_of
 from gloc3.exchange.mavlink import MavlinkExchange, Role, TunnelEndpoint
+from gloc3.exchange.tunnel.pacing import budget_of
 from gloc3.mavlink.codec import Encoder, Frame, Parser, message
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.signing import Signing, is_signed_with, timestamp

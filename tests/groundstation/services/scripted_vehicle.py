@@ -6,12 +6,13 @@ from collections.abc import Awaitable, Callable, Iterable
 from pathlib import Path
 from typing import Any, TypeVar
 
+from tests.node_runner import NodeRunner
+
 from gloc3.clock import run_virtual
 from gloc3.exchange import LocalExchange
 from gloc3.mavlink.codec import Frame, message
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.node import Node
-from gloc3.mavlink.runner import NodeRunner
 from gloc3.mavlink.service import Service
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_server import CommandRequest, CommandServer

@@ -9,6 +9,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
+from tests.node_runner import NodeRunner
 
 from gloc3.clock import Clock
 from gloc3.errors import Refused
@@ -16,7 +17,6 @@ from gloc3.exchange import LocalExchange
 from gloc3.mavlink.codec import Encoder, Frame, Parser
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.node import Node
-from gloc3.mavlink.runner import NodeRunner
 from gloc3.mavlink.services.heartbeat import Heartbeat
 from gloc3.mavlink.services.mission_server import MissionServer
 from gloc3.mavlink.services.plan import PlanItem, PlanType

@@ -1,12 +1,12 @@
 """Plans between files and the wire: home, jumps, fences and rally points of either firmware, and what differs."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.data_folders import MISSIONS
 
 from gloc3.errors import Refused
 from gloc3.mavlink.services.plan import PlanItem, PlanType
@@ -15,7 +15,6 @@ from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
 from gloc3_groundstation.services.facts import Firmware
 from gloc3_groundstation.services.plan_items import DO_JUMP, PlanParts, differences, from_wire, to_wire
 
-REAL = Path(__file__).resolve().parents[4] / "shared" / "data" / "missions"
 WPL = (
     "QGC WPL 110\n"
     "0\t1\t0\t16\t0\t0\t0\t0\t47.1\t8.1\t500\t1\n"
@@ -140,7 +139,7 @@ def test_every_plan_is_the_same_after_a_round_trip(rows: list[MavItem], firmware
     assert differences(parts.mission, again.mission, PlanType.MISSION, firmware) == ()
 
 
-@pytest.mark.skipif(not REAL.is_dir(), reason="the files of other programs are not here")
+@pytest.mark.outside
 @pytest.mark.parametrize(
     ("name", "counts"),
     [
@@ -150,5 +149,5 @@ def test_every_plan_is_the_same_after_a_round_trip(rows: list[MavItem], firmware
     ],
 )
 def test_real_plans_go_on_the_wire(name: str, counts: tuple[int, int, int]) -> None:
-    parts = to_wire(load_plan(REAL / name), Firmware.PX4)
+    parts = to_wire(load_plan(MISSIONS / name), Firmware.PX4)
     assert (len(parts.mission), len(parts.fence), len(parts.rally)) == counts

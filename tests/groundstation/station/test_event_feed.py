@@ -94,6 +94,7 @@ def test_a_platform_that_counts_anew_is_read_from_its_begin() -> None:
     assert feed.cursors() == {"auv": Cursor(8, 2)}
 
 
+@pytest.mark.thorough
 def test_at_random_every_event_is_shown_once_and_in_order() -> None:
     for seed in range(200):
         chance = random.Random(seed)

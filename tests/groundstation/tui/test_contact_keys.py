@@ -7,11 +7,11 @@ from random import Random
 import pytest
 from tests.groundstation.services_scene import NAME, ServicesScene, services_scene
 from tests.groundstation.station_scene import Scene, scene
+from tests.node_runner import NodeRunner
 
 from gloc3.exchange import Publisher
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.node import Node
-from gloc3.mavlink.runner import NodeRunner
 from gloc3.mavlink.services.ftp_files import FolderFiles
 from gloc3.mavlink.services.ftp_server import FtpServer
 from gloc3.mavlink.transport.memory import PERFECT, Conditions

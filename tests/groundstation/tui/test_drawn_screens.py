@@ -13,8 +13,7 @@ from textual.widgets import OptionList
 from gloc3_groundstation.store.configuration import Configuration
 from gloc3_groundstation.tui.dialogues.questions import Question
 from gloc3_groundstation.tui.screen import SMALLEST
-from gloc3_groundstation.tui.widgets.list_panel import ListPanel
-from gloc3_groundstation.tui.widgets.panel import Panel
+from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel
 
 pytestmark = pytest.mark.sockets
 

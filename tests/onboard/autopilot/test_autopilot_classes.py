@@ -8,13 +8,12 @@ from gloc3.mavlink import codec
 from gloc3.mavlink.message import Address
 from gloc3.messages.frames import from_yaw
 from gloc3.messages.vehicle import AutopilotPose, FlightMode, LandedState, Style, VehicleClass
-from gloc3_onboard.autopilot import ardupilot_facts, px4_facts
+from gloc3_onboard.autopilot import ardupilot, px4
 from gloc3_onboard.autopilot.ardupilot import ArduPilot
-from gloc3_onboard.autopilot.facts import ClassFacts, Form
 from gloc3_onboard.autopilot.families import style_of
 from gloc3_onboard.autopilot.px4 import Px4
 from gloc3_onboard.autopilot.setpoints import MOST_M_S, setpoint_message
-from gloc3_onboard.autopilot.style import NAV_TAKEOFF, SET_MODE, Command
+from gloc3_onboard.autopilot.style import NAV_TAKEOFF, SET_MODE, ClassFacts, Command, Form
 from gloc3_onboard.components.drivers.setpoint_stream import EXPIRY_S
 from gloc3_onboard.sensors.devices import Answer, AutopilotSetpoint
 
@@ -28,7 +27,7 @@ EAST = AutopilotPose(
     rate_frd_rad_s=(0.0, 0.0, 0.0),
     origin_geo=(47.0, 8.0, 400.0),
 )
-EVERY = [*ardupilot_facts.CLASSES.values(), *px4_facts.CLASSES.values()]
+EVERY = [*ardupilot.CLASSES.values(), *px4.CLASSES.values()]
 
 
 @pytest.mark.parametrize(
@@ -50,9 +49,9 @@ def test_the_adapter_is_chosen_by_autopilot_and_type(style: str, number: int, ve
     with Rig(style, vehicle_type=number) as rig:
         rig.run(2.0)
         assert rig.said[0] == f"{style} autopilot found as 1/1, of a {vehicle}"
-        assert (rig.link.state().style, rig.link.state().vehicle) == (Style(style), VehicleClass(vehicle))
-        assert rig.link.manners.vehicle is VehicleClass(vehicle)
-        assert rig.link.setup().vehicle is VehicleClass(vehicle)
+        assert (rig.device.state().style, rig.device.state().vehicle) == (Style(style), VehicleClass(vehicle))
+        assert rig.device.manners.vehicle is VehicleClass(vehicle)
+        assert rig.device.setup().vehicle is VehicleClass(vehicle)
 
 
 @pytest.mark.parametrize(("style", "number"), [("ardupilot", 5), ("ardupilot", 7), ("px4", 12), ("px4", 0)])
@@ -76,16 +75,16 @@ def test_it_is_chosen_anew_when_another_firmware_speaks() -> None:
         rig.autopilot.boot()
         rig.run(4.0)
         assert "the autopilot is a px4 of a rover now" in rig.said
-        assert rig.link.manners == px4_facts.ROVER.manners
+        assert rig.device.manners == px4.ROVER.manners
         assert rig.autopilot.rate_hz("ESTIMATOR_STATUS") == pytest.approx(1.0), "asked for what PX4 has"
         rig.autopilot.vehicle_type = 7
         rig.autopilot.boot()
         rig.run(3.0)
-        ticket = rig.link.command_arm()
-        answer = rig.link.answer(ticket)
+        ticket = rig.device.command_arm()
+        answer = rig.device.answer(ticket)
         assert answer is not None
         assert not answer.is_accepted
-        assert not rig.link.state().is_connected
+        assert not rig.device.state().is_connected
 
 
 @pytest.mark.parametrize("facts", EVERY, ids=lambda facts: f"{facts.vehicle}-{len(facts.modes)}")
@@ -109,7 +108,7 @@ def test_what_a_class_has_no_mode_or_no_take_off_for_is_refused_in_words() -> No
     assert (taken.number, taken.parameters[1]) == (SET_MODE, 13.0)
     with Rig("ardupilot", vehicle_type=10) as rig:
         rig.run(4.0)
-        assert rig.link.answer(rig.link.command_take_off(2.0)) == refused
+        assert rig.device.answer(rig.device.command_take_off(2.0)) == refused
         assert rig.asked(NAV_TAKEOFF) == []
 
 
@@ -117,16 +116,16 @@ def test_what_a_class_has_no_mode_or_no_take_off_for_is_refused_in_words() -> No
 def test_what_does_not_tell_whether_it_has_landed_is_under_way_while_it_is_armed(number: int) -> None:
     with Rig("ardupilot", vehicle_type=number) as rig:
         rig.run(3.0)
-        assert rig.link.state().landed is LandedState.ON_GROUND
+        assert rig.device.state().landed is LandedState.ON_GROUND
         rig.autopilot.heartbeat.base_mode |= 128
         rig.run(1.0)
-        assert rig.link.state().landed is LandedState.IN_AIR
+        assert rig.device.state().landed is LandedState.IN_AIR
 
 
 def test_a_rover_is_led_by_a_velocity_alone_to_a_moving_place() -> None:
     with Rig("ardupilot", vehicle_type=10) as rig:
         rig.run(4.0)
-        rig.link.send_setpoint(AutopilotSetpoint((3.0, 4.0, 0.0), (0.6, 0.8, 0.0), 1.0))
+        rig.device.send_setpoint(AutopilotSetpoint((3.0, 4.0, 0.0), (0.6, 0.8, 0.0), 1.0))
         rig.run(0.1)
         heard = next(message for message in rig.autopilot.heard if message.name == SET_POSITION)
         assert heard.type_mask == 0b1101_1100_0111, "position, acceleration, yaw and its rate are to be ignored"
@@ -180,10 +179,10 @@ def test_a_stream_that_has_paused_for_too_long_is_told(style: str, gap_s: float)
         rig.autopilot.heartbeat.custom_mode = 6 << 16 if style == "px4" else 4
         rig.run(1.5)
         for pause_s in (0.05, 0.5 * gap_s, gap_s):
-            rig.link.send_setpoint(AutopilotSetpoint((1.0, 0.0, -2.0), None, None))
+            rig.device.send_setpoint(AutopilotSetpoint((1.0, 0.0, -2.0), None, None))
             rig.run(pause_s)
         assert not [text for text in rig.said if "no setpoint" in text]
-        rig.link.send_setpoint(AutopilotSetpoint((1.0, 0.0, -2.0), None, None))
+        rig.device.send_setpoint(AutopilotSetpoint((1.0, 0.0, -2.0), None, None))
         told = [text for text in rig.said if "no setpoint" in text]
         assert len(told) == 1
         assert told[0].startswith(f"no setpoint for {gap_s:.1f} s")
@@ -192,12 +191,12 @@ def test_a_stream_that_has_paused_for_too_long_is_told(style: str, gap_s: float)
 def test_a_plane_is_sent_to_a_place_ahead_once_a_second() -> None:
     with Rig("ardupilot", vehicle_type=1) as rig:
         rig.run(4.0)
-        rig.link.send_setpoint(AutopilotSetpoint((3.0, 0.0, -50.0), (15.0, 0.0, 0.0), None))
+        rig.device.send_setpoint(AutopilotSetpoint((3.0, 0.0, -50.0), (15.0, 0.0, 0.0), None))
         rig.autopilot.heartbeat.custom_mode = 15
         rig.run(1.5)
         assert not [m for m in rig.autopilot.heard if m.name == "COMMAND_INT"], "only in guided mode"
         for _ in range(40):
-            rig.link.send_setpoint(AutopilotSetpoint((3.0, 0.0, -50.0), (15.0, 0.0, 0.0), None))
+            rig.device.send_setpoint(AutopilotSetpoint((3.0, 0.0, -50.0), (15.0, 0.0, 0.0), None))
             rig.run(0.05)
         heard = [m for m in rig.autopilot.heard if m.name == "COMMAND_INT" and m.command == 192]
         assert 2 <= len(heard) <= 3

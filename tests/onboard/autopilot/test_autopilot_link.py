@@ -17,6 +17,7 @@ from gloc3.mavlink.transport.memory import Conditions, MemoryLink
 from gloc3.messages.envelope import Severity
 from gloc3.messages.vehicle import FlightMode, LandedState, Style
 from gloc3_onboard.autopilot.commands import KEPT, NOBODY
+from gloc3_onboard.autopilot.device import AutopilotDevice
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.style import ARM_DISARM, COMMON_STREAMS, NAV_LAND, NAV_TAKEOFF, SET_MODE
 from gloc3_onboard.companion.rate_watch import RateWatch
@@ -35,6 +36,7 @@ class Rig:
         self.said: list[str] = []
         self.why_not_arm = ""
         self.link = AutopilotLink(self.loop, Clock(self.loop), say=self._say, why_not_arm=lambda: self.why_not_arm)
+        self.device = AutopilotDevice(self.link)
         self.autopilot = FakeAutopilot(self.loop, self.wire.b, style, own, vehicle_type)
         self.routed = wire(self.link, self.wire.a, self.loop)
 
@@ -69,7 +71,7 @@ def test_it_is_found_told_apart_and_asked_for_everything_that_is_needed(style: s
     with Rig(style) as rig:
         rig.run(4.0)
         assert rig.said[0] == f"{style} autopilot found as 1/1, of a copter"
-        assert rig.link.state().style is Style(style)
+        assert rig.device.state().style is Style(style)
         for stream in COMMON_STREAMS:
             name = codec.name_of(stream.message_id)
             assert rig.autopilot.rate_hz(name or "") == pytest.approx(stream.rate_hz), name
@@ -80,7 +82,7 @@ def test_it_is_found_told_apart_and_asked_for_everything_that_is_needed(style: s
 def test_what_it_tells(style: str) -> None:
     with Rig(style) as rig:
         rig.run(4.0)
-        state, pose, height = rig.link.state(), rig.link.pose(), rig.link.height()
+        state, pose, height = rig.device.state(), rig.device.pose(), rig.device.height()
         assert (state.is_connected, state.is_armed, state.mode) == (True, False, FlightMode.HOLD)
         assert (state.landed, state.is_armable) == (LandedState.ON_GROUND, True)
         assert (state.battery_v, state.battery_a, state.battery_remaining) == pytest.approx((11.5, 1.5, 0.8))
@@ -106,13 +108,13 @@ def test_after_a_restart_the_streams_are_asked_for_again_and_the_old_origin_is_f
         rig.run(10.0)
         rig.autopilot.is_off = True
         rig.run(off_s)
-        assert rig.link.state().is_connected == (off_s < 2.5)
+        assert rig.device.state().is_connected == (off_s < 2.5)
         rig.autopilot.is_off = False
         rig.autopilot.boot()
         rig.until(lambda: rig.autopilot.rate_hz("LOCAL_POSITION_NED") == pytest.approx(20.0), 8.0)
         rig.run(3.0)
-        assert rig.link.state().is_connected
-        pose = rig.link.pose()
+        assert rig.device.state().is_connected
+        pose = rig.device.pose()
         assert pose is not None
         assert rig.loop.time() - pose.t_s < 0.2
         assert "the autopilot has restarted" in rig.said
@@ -178,12 +180,12 @@ def test_an_autopilot_of_another_kind_is_left_alone() -> None:
         rig.run(5.0)
         kind = "an autopilot of a kind that is not supported (MAV_AUTOPILOT 4, MAV_TYPE 2)"
         assert rig.said == [f"1/1 is {kind}: it is left alone"]
-        ticket = rig.link.command_arm()
-        rig.link.send_setpoint(AutopilotSetpoint((0.0, 0.0, 0.0), None, None))
+        ticket = rig.device.command_arm()
+        rig.device.send_setpoint(AutopilotSetpoint((0.0, 0.0, 0.0), None, None))
         rig.run(1.0)
-        assert rig.link.answer(ticket) == (False, NOBODY)
+        assert rig.device.answer(ticket) == (False, NOBODY)
         assert rig.autopilot.ran == []
-        assert not rig.link.state().is_connected
+        assert not rig.device.state().is_connected
 
 
 def test_an_autopilot_of_another_system_is_taken_when_it_has_been_alone() -> None:
@@ -205,8 +207,8 @@ def test_something_else_that_calls_itself_an_autopilot_does_not_keep_it_from_our
 def test_a_command_before_there_is_an_autopilot_is_refused_and_never_sent_later() -> None:
     with Rig() as rig:
         rig.autopilot.is_off = True
-        ticket = rig.link.command_arm()
-        assert rig.link.answer(ticket) == (False, NOBODY)
+        ticket = rig.device.command_arm()
+        assert rig.device.answer(ticket) == (False, NOBODY)
         rig.autopilot.is_off = False
         rig.run(5.0)
         assert rig.asked(ARM_DISARM) == []
@@ -216,11 +218,11 @@ def test_a_command_before_there_is_an_autopilot_is_refused_and_never_sent_later(
 def test_modes_arming_and_take_off_in_the_words_of_each_style(style: str) -> None:
     with Rig(style) as rig:
         rig.run(4.0)
-        tickets = [rig.link.command_arm(), rig.link.command_take_off(1.5)]
+        tickets = [rig.device.command_arm(), rig.device.command_take_off(1.5)]
         for mode in (FlightMode.GUIDED, FlightMode.HOLD, FlightMode.LAND):
-            tickets.append(rig.link.command_mode(mode))
+            tickets.append(rig.device.command_mode(mode))
             rig.run(0.5)
-        assert all(rig.link.answer(ticket) == (True, "") for ticket in tickets)
+        assert all(rig.device.answer(ticket) == (True, "") for ticket in tickets)
         assert rig.asked(ARM_DISARM)[0][0] == 1.0
         (take_off,) = rig.asked(NAV_TAKEOFF)
         if style == "px4":
@@ -237,8 +239,8 @@ def test_a_take_off_before_the_altitude_is_known_is_refused() -> None:
     with Rig() as rig:
         rig.autopilot.refuses[511] = CommandResult.DENIED, "no"
         rig.run(4.0)
-        ticket = rig.link.command_take_off(2.0)
-        assert rig.link.answer(ticket) == (False, "the autopilot has not told its altitude yet")
+        ticket = rig.device.command_take_off(2.0)
+        assert rig.device.answer(ticket) == (False, "the autopilot has not told its altitude yet")
 
 
 @STYLES
@@ -247,9 +249,9 @@ def test_a_refusal_is_answered_with_what_the_autopilot_says_at_once_or_a_moment_
         rig.run(4.0)
         why = "Arming denied: the compass is not calibrated, and the battery is low, too"
         rig.autopilot.refuses[ARM_DISARM] = CommandResult.TEMPORARILY_REJECTED, why
-        ticket = rig.link.command_arm()
-        took_s = rig.until(lambda: rig.link.answer(ticket) is not None, 2.0)
-        answer = rig.link.answer(ticket)
+        ticket = rig.device.command_arm()
+        took_s = rig.until(lambda: rig.device.answer(ticket) is not None, 2.0)
+        answer = rig.device.answer(ticket)
         assert answer is not None
         assert not answer.is_accepted
         assert answer.reason == f"rejected for now; it may be accepted later: {why}"
@@ -259,12 +261,12 @@ def test_a_refusal_is_answered_with_what_the_autopilot_says_at_once_or_a_moment_
 def test_reasons_against_arming_are_kept_until_it_would_arm() -> None:
     with Rig() as rig:
         rig.run(3.0)
-        rig.link._telemetry._set(is_armable=False)
+        rig.link.telemetry._set(is_armable=False)
         rig.autopilot.say("PreArm: no fix")
         rig.run(0.1)
-        assert "PreArm: no fix" in rig.link.state().reasons
+        assert "PreArm: no fix" in rig.device.state().reasons
         rig.run(1.0)
-        assert rig.link.state().reasons == []
+        assert rig.device.state().reasons == []
 
 
 @STYLES
@@ -272,15 +274,15 @@ def test_hold_never_waits_behind_an_older_mode_command(style: str) -> None:
     with Rig(style) as rig:
         rig.run(4.0)
         rig.autopilot.silent_on = {SET_MODE}
-        guided = rig.link.command_mode(FlightMode.GUIDED)
+        guided = rig.device.command_mode(FlightMode.GUIDED)
         rig.run(0.3)
-        hold = rig.link.command_mode(FlightMode.HOLD)
+        hold = rig.device.command_mode(FlightMode.HOLD)
         rig.run(0.05)
         wanted = (1.0, 4.0, 3.0) if style == "px4" else (1.0, 17.0, 0.0)
         message = next(m for m in reversed(rig.autopilot.heard) if m.name == "COMMAND_LONG" and m.command == SET_MODE)
         assert (message.param1, message.param2, message.param3) == wanted
-        assert rig.link.answer(guided) == (False, "overtaken by a later command")
-        assert rig.link.answer(hold) is None
+        assert rig.device.answer(guided) == (False, "overtaken by a later command")
+        assert rig.device.answer(hold) is None
 
 
 @STYLES
@@ -288,32 +290,32 @@ def test_after_the_pilot_has_taken_over_nothing_is_sent_again(style: str) -> Non
     with Rig(style) as rig:
         rig.run(4.0)
         rig.autopilot.silent_on = {SET_MODE, ARM_DISARM}
-        tickets = [rig.link.command_mode(FlightMode.GUIDED), rig.link.command_arm()]
+        tickets = [rig.device.command_mode(FlightMode.GUIDED), rig.device.command_arm()]
         rig.run(0.1)
-        rig.link.abandon_commands()
+        rig.device.abandon_commands()
         rig.autopilot.heard.clear()
         rig.run(10.0)
         assert not [m for m in rig.autopilot.heard if m.name == "COMMAND_LONG" and m.command in (SET_MODE, ARM_DISARM)]
-        assert all(rig.link.answer(ticket) == (False, "somebody else has control") for ticket in tickets)
+        assert all(rig.device.answer(ticket) == (False, "somebody else has control") for ticket in tickets)
 
 
 def test_a_command_that_is_never_answered_is_told_in_good_time() -> None:
     with Rig() as rig:
         rig.run(4.0)
         rig.wire.a.conditions = Conditions(loss=1.0)
-        ticket = rig.link.command_mode(FlightMode.HOLD)
-        rig.until(lambda: rig.link.answer(ticket) is not None, 6.0)
-        assert rig.link.answer(ticket) == (False, "not answered")
+        ticket = rig.device.command_mode(FlightMode.HOLD)
+        rig.until(lambda: rig.device.answer(ticket) is not None, 6.0)
+        assert rig.device.answer(ticket) == (False, "not answered")
 
 
 def test_answers_are_kept_for_the_last_commands_only() -> None:
     with Rig() as rig:
         rig.run(4.0)
-        tickets = [rig.link.command_mode(FlightMode.HOLD) for _ in range(3 * KEPT)]
+        tickets = [rig.device.command_mode(FlightMode.HOLD) for _ in range(3 * KEPT)]
         rig.run(1.0)
-        assert len(rig.link._desk._answers) <= KEPT
-        assert rig.link.answer(tickets[0]) is None
-        assert rig.link.answer(tickets[-1]) == (True, "")
+        assert len(rig.link.commands._answers) <= KEPT
+        assert rig.device.answer(tickets[0]) is None
+        assert rig.device.answer(tickets[-1]) == (True, "")
 
 
 @pytest.mark.parametrize(
@@ -334,7 +336,7 @@ def test_setpoints_and_what_of_them_is_to_be_ignored(
 ) -> None:
     with Rig(style) as rig:
         rig.run(4.0)
-        rig.link.send_setpoint(AutopilotSetpoint(position, velocity, yaw))
+        rig.device.send_setpoint(AutopilotSetpoint(position, velocity, yaw))
         rig.run(0.1)
         heard = next(message for message in rig.autopilot.heard if message.name == SET_POSITION)
         assert (heard.type_mask, heard.coordinate_frame, heard.target_system) == (mask, 1, 1)
@@ -349,6 +351,6 @@ def test_garbage_and_others_do_no_harm() -> None:
         stranger = codec.Encoder(9, 1)
         rig.routed.receive(stranger.encode(codec.message("EXTENDED_SYS_STATE", landed_state=2)))
         rig.routed.receive(bytes(range(256)) * 4)
-        assert rig.link.state().landed is LandedState.ON_GROUND
+        assert rig.device.state().landed is LandedState.ON_GROUND
         rig.run(1.0)
-        assert rig.link.state().is_connected
+        assert rig.device.state().is_connected

@@ -58,10 +58,10 @@ def test_the_flags_of_an_estimator_in_words(name: str, fields: dict[str, Any], d
 def test_what_the_estimator_says_reaches_the_state(style: str) -> None:
     with Rig(style) as rig:
         rig.run(4.0)
-        assert rig.link.state().doubts == []
+        assert rig.device.state().doubts == []
         rig.autopilot.estimator_flags = 0x01 | 0x20
         rig.run(2.0)
-        assert rig.link.state().doubts == ["the estimator has no horizontal position"]
+        assert rig.device.state().doubts == ["the estimator has no horizontal position"]
 
 
 def not_ready(rig: Rig) -> None:
@@ -75,7 +75,7 @@ def test_an_autopilot_that_would_not_arm_is_asked_why_now_and_then(style: str) -
         not_ready(rig)
         rig.autopilot.refuses[PREARM] = CommandResult.ACCEPTED, "PreArm: Compass not calibrated"
         rig.run(5.0)
-        assert rig.link.state().reasons == ["PreArm: Compass not calibrated"]
+        assert rig.device.state().reasons == ["PreArm: Compass not calibrated"]
         rig.run(35.0)
         assert 2 <= len(rig.asked(PREARM)) <= 4
         rig.autopilot.prearm_health = 1 << 28
@@ -100,9 +100,9 @@ def test_a_reason_that_is_not_repeated_is_over() -> None:
         rig.run(0.5 * REPEATED_S)
         rig.autopilot.say("PreArm: Battery 1 low voltage failsafe")
         rig.run(0.1)
-        assert len(rig.link.state().reasons) == 2
+        assert len(rig.device.state().reasons) == 2
         rig.run(0.6 * REPEATED_S)
-        assert rig.link.state().reasons == ["PreArm: Battery 1 low voltage failsafe"]
+        assert rig.device.state().reasons == ["PreArm: Battery 1 low voltage failsafe"]
 
 
 @pytest.mark.parametrize("why_not", ["", "a component that the vehicle needs is faulty"])
@@ -196,7 +196,7 @@ def test_an_autopilot_whose_clock_stood_still_has_not_restarted_and_its_poses_ar
         rig.autopilot.is_off = False
         rig.autopilot.stall(stalled_s)
         rig.run(12.0)
-        pose = rig.link.pose()
+        pose = rig.device.pose()
         assert pose is not None
         assert rig.loop.time() - pose.t_s < 0.12
         assert "the autopilot has restarted" not in rig.said

@@ -17,10 +17,10 @@ from gloc3.mavlink import codec
 from gloc3.mavlink.transport.memory import Conditions, MemoryLink
 from gloc3.messages.perception import LaserScan
 from gloc3_onboard.autopilot.link import AutopilotLink
-from gloc3_onboard.autopilot.sensor_devices import AutopilotImu, DistanceSensors, ObstacleDistance
 from gloc3_onboard.autopilot.sensors import AutopilotSensors
 from gloc3_onboard.components.samplers.imu import ImuSampler
 from gloc3_onboard.components.samplers.laser import LaserSampler
+from gloc3_onboard.sensors.sources.autopilot import AutopilotImu, DistanceSensors, ObstacleDistance
 from gloc3_sitl.vehicles.simulator import LinkKind, Simulator
 from gloc3_sitl.world import World
 
@@ -28,7 +28,7 @@ STYLES = pytest.mark.parametrize("style", ["px4", "ardupilot"])
 UNKNOWN = 0xFFFF
 
 
-class Clockwork:
+class FixedTime:
     """Time is what the autopilot says, and a heading that is known or not."""
 
     def __init__(self, yaw_rad: float | None = None) -> None:
@@ -45,7 +45,7 @@ def take(name: str, yaw_rad: float | None = None, **fields: Any) -> AutopilotSen
     (frame,) = codec.Parser(is_datagram=True).receive(data)
     message = frame.decode()
     assert message is not None
-    sensors.receive(message, 100.0, Clockwork(yaw_rad))
+    sensors.receive(message, 100.0, FixedTime(yaw_rad))
     return sensors
 
 
@@ -93,15 +93,15 @@ def test_fine_steps_an_offset_and_a_scan_to_the_other_side_are_understood() -> N
 
 
 def test_level_range_finders_make_a_scan_of_eight_beams_and_old_ones_are_forgotten() -> None:
-    sensors, clockwork = AutopilotSensors(), Clockwork()
+    sensors, time = AutopilotSensors(), FixedTime()
     limits = {"min_distance": 20, "max_distance": 800}
     for now_s, orientation, distance in ((1.0, 0, 100), (1.0, 2, 200), (1.5, 6, 900), (2.1, 25, 50)):
         fields = {"time_boot_ms": int(now_s * 1e3), "orientation": orientation, "current_distance": distance}
-        sensors.receive(codec.message("DISTANCE_SENSOR", **fields, **limits), now_s, clockwork)
+        sensors.receive(codec.message("DISTANCE_SENSOR", **fields, **limits), now_s, time)
     assert sensors.ranges is not None
     scan = sensors.ranges.scan
     assert [toward(scan, angle) for angle in (0.0, -90.0, 90.0, 45.0)] == [1.0, 2.0, math.inf, 0.0]
-    sensors.receive(codec.message("DISTANCE_SENSOR", orientation=4, current_distance=400, **limits), 2.2, clockwork)
+    sensors.receive(codec.message("DISTANCE_SENSOR", orientation=4, current_distance=400, **limits), 2.2, time)
     scan = sensors.ranges.scan
     assert [toward(scan, angle) for angle in (0.0, 90.0, 180.0)] == [0.0, math.inf, 4.0]
 
@@ -122,12 +122,12 @@ def test_an_inertial_unit_is_told_in_si_units_whatever_the_message(name: str, fi
 
 
 def test_of_two_kinds_of_messages_one_is_taken_until_it_falls_silent() -> None:
-    sensors, clockwork = AutopilotSensors(), Clockwork()
+    sensors, time = AutopilotSensors(), FixedTime()
     for step in range(10):
-        sensors.receive(codec.message("SCALED_IMU", time_boot_ms=1000 + 10 * step), 1.0 + 0.01 * step, clockwork)
-        sensors.receive(codec.message("RAW_IMU", time_usec=1_005_000), 1.0 + 0.01 * step, clockwork)
+        sensors.receive(codec.message("SCALED_IMU", time_boot_ms=1000 + 10 * step), 1.0 + 0.01 * step, time)
+        sensors.receive(codec.message("RAW_IMU", time_usec=1_005_000), 1.0 + 0.01 * step, time)
     assert len(sensors.samples(-math.inf)) == 10
-    sensors.receive(codec.message("RAW_IMU", time_usec=3_000_000), 3.0, clockwork)
+    sensors.receive(codec.message("RAW_IMU", time_usec=3_000_000), 3.0, time)
     assert [stamped.t_s for stamped in sensors.samples(1.085)] == pytest.approx([1.09, 3.0])
 
 
@@ -135,7 +135,7 @@ def test_stamps_in_utc_are_mapped_too() -> None:
     sensors = AutopilotSensors()
     for step in range(3):
         utc_us = 1_760_000_000_000_000 + 10_000 * step
-        sensors.receive(codec.message("HIGHRES_IMU", time_usec=utc_us), 50.0 + 0.01 * step, Clockwork())
+        sensors.receive(codec.message("HIGHRES_IMU", time_usec=utc_us), 50.0 + 0.01 * step, FixedTime())
     assert [stamped.t_s for stamped in sensors.samples(0.0)] == pytest.approx([50.0, 50.01, 50.02], abs=1e-4)
 
 

@@ -104,7 +104,9 @@ def test_a_px4_that_restarts_in_flight_is_noticed_and_can_be_flown_again(stack: 
     assert stack.peer.autopilot is not before
     assert place_m(stack) == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
     stack.wait(2.0)
-    stack.link.command_mode(FlightMode.HOLD)  # told to land while it was not heard, it stands in a mode without arming
+    stack.device.command_mode(
+        FlightMode.HOLD
+    )  # told to land while it was not heard, it stands in a mode without arming
     stack.events.clear()
     fly(stack)
     assert place_m(stack)[2] > 1.5

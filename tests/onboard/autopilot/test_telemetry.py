@@ -10,10 +10,9 @@ from gloc3.mavlink import codec
 from gloc3.mavlink.message import Address
 from gloc3.messages.vehicle import FlightMode
 from gloc3_onboard.autopilot.ardupilot import ArduPilot
-from gloc3_onboard.autopilot.clockwork import Clockwork
 from gloc3_onboard.autopilot.px4 import Px4
 from gloc3_onboard.autopilot.style import Command
-from gloc3_onboard.autopilot.telemetry import BootClock, Telemetry
+from gloc3_onboard.autopilot.telemetry import BootClock, ClockOffset, Telemetry
 
 
 def test_the_fastest_message_tells_how_the_clocks_lie() -> None:
@@ -50,8 +49,8 @@ def test_a_slow_clock_is_followed() -> None:
 
 def test_an_autopilot_that_stood_still_and_answers_all_at_once_has_not_restarted() -> None:
     telemetry = Telemetry()
-    clockwork = Clockwork(Address(1, 191), telemetry)
-    service = clockwork.service
+    offset = ClockOffset(Address(1, 191), telemetry)
+    service = offset.service
     service.ask(Address(1, 1))
     asked = [3.15, 3.73, 4.27, 4.83, 5.35, 5.86, 6.36]
     questions = []
@@ -65,21 +64,21 @@ def test_an_autopilot_that_stood_still_and_answers_all_at_once_has_not_restarted
         answer = codec.message("TIMESYNC", tc1=round(told_s * 1e9), ts1=question)
         service.receive(answer, Address(1, 1), now_s)
         telemetry.t_s(told_s * 1e3, now_s)
-        clockwork.look(now_s)
+        offset.look(now_s)
     assert telemetry.restarts == 0
 
 
 def test_what_an_autopilot_tells_after_a_pause_of_its_clock_is_not_taken_for_old() -> None:
     telemetry = Telemetry()
-    clockwork = Clockwork(Address(1, 191), telemetry)
-    service = clockwork.service
+    offset = ClockOffset(Address(1, 191), telemetry)
+    service = offset.service
     service.ask(Address(1, 1))
 
     def ask_and_answer(now_s: float, told_s: float, late_s: float) -> None:
         service.tick(now_s)
         answer = codec.message("TIMESYNC", tc1=round(told_s * 1e9), ts1=service.outgoing()[0].ts1)
         service.receive(answer, Address(1, 1), now_s + late_s)
-        clockwork.look(now_s + late_s)
+        offset.look(now_s + late_s)
 
     for step in range(10):
         assert telemetry.t_s(1000 * step, 100.0 + step) == pytest.approx(100.0 + step)

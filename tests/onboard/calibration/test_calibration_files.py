@@ -7,15 +7,13 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from tests.data_folders import PICTURES
 
-from gloc3.camera.model import CameraModel, Lens
+from gloc3.camera.model import CameraModel, Lens, misfit
 from gloc3.errors import InputError, Refused
 from gloc3.messages.frames import rotate
-from gloc3_onboard.calibration.fit import misfit
 from gloc3_onboard.calibration.mounting import frd_from_axes
 from gloc3_onboard.calibration.reader import read_calibration, read_reference
-
-IMAGES = Path(__file__).parents[4] / "shared" / "data" / "images"
 
 CAMCHAIN = """\
 cam0:
@@ -276,15 +274,15 @@ def test_pictures_of_another_size_do_not_fit_and_the_reason_says_what_to_do() ->
 # --- files that are not ours ---
 
 
-@pytest.mark.skipif(not IMAGES.is_dir(), reason="the data sets are not here")
+@pytest.mark.outside
 def test_the_calibrations_of_euroc_and_kitti_are_read() -> None:
-    left, right = (read_calibration(IMAGES / f"euroc_rest/mav0/cam{n}/sensor.yaml").camera() for n in (0, 1))
+    left, right = (read_calibration(PICTURES / f"euroc_rest/mav0/cam{n}/sensor.yaml").camera() for n in (0, 1))
     baseline_m = math.dist(left.position_frd_m, right.position_frd_m)
     assert baseline_m == pytest.approx(0.110, abs=0.001)
     # EuRoC's cameras look ahead and the body's axes become ours: forward is forward, right is right.
     assert rotate(left.frd_from_rdf, (0.0, 0.0, 1.0))[0] > 0.99
     assert rotate(left.frd_from_rdf, (1.0, 0.0, 0.0))[1] > 0.99
     assert right.position_frd_m[1] > left.position_frd_m[1]
-    mono = read_calibration(IMAGES / "kitti_mono" / "calib.txt", size=(1226, 370))
+    mono = read_calibration(PICTURES / "kitti_mono" / "calib.txt", size=(1226, 370))
     assert mono.cameras["P0"].focal_px == (707.0912, 707.0912)
     assert mono.cameras["P1"].position_frd_m[1] == pytest.approx(0.537, abs=0.001)

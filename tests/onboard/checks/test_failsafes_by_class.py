@@ -7,7 +7,7 @@ from gloc3.messages.preflight import Verdict
 from gloc3.messages.readiness import AutopilotSetup
 from gloc3.messages.vehicle import Style, VehicleClass
 from gloc3.platform.reader import load_platform
-from gloc3_onboard.autopilot import ardupilot_facts, px4_facts
+from gloc3_onboard.autopilot import ardupilot, px4
 from gloc3_onboard.checks.failsafes import failsafe_checks
 from gloc3_onboard.checks.readings import Readings
 from gloc3_onboard.checks.tables import table_of
@@ -51,7 +51,7 @@ def test_what_would_overrule_a_mission_is_red(
     assert found.startswith(finding)
 
 
-@pytest.mark.parametrize("vehicle", ardupilot_facts.CLASSES)
+@pytest.mark.parametrize("vehicle", ardupilot.CLASSES)
 def test_what_does_nothing_agrees_with_a_platform_file_that_says_nothing(vehicle: VehicleClass) -> None:
     assert {name for name, (verdict, _) in lines(vehicle).items() if verdict is Verdict.RED} == set()
 
@@ -69,7 +69,7 @@ def test_a_submarine_that_disarms_without_a_joystick_is_doubtful() -> None:
 
 @pytest.mark.parametrize("style", Style)
 def test_every_class_that_is_led_has_a_table_of_its_own_whose_names_fit_the_protocol(style: Style) -> None:
-    classes = px4_facts.CLASSES if style is Style.PX4 else ardupilot_facts.CLASSES
+    classes = px4.CLASSES if style is Style.PX4 else ardupilot.CLASSES
     for vehicle in classes:
         names = table_of(style, vehicle).names()
         assert all(0 < len(name) <= 16 for name in names)

@@ -6,6 +6,7 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
+from tests.data_folders import PICTURES
 from tests.onboard.algorithms.vision.wall import BASELINE_M, FOCAL_PX, HEIGHT, WIDTH, look
 
 from gloc3.cli.program import _call
@@ -16,7 +17,6 @@ from gloc3_onboard.cli.odometry import app
 from gloc3_onboard.cli.odometry_stereo import run_mono, run_stereo
 from gloc3_onboard.datasets.stereo_set import read_mono_set, read_stereo_set
 
-IMAGES = Path(__file__).parents[4] / "shared" / "data" / "images"
 COUNT, STEP_M = 16, 0.02
 
 
@@ -84,26 +84,23 @@ def test_what_is_no_data_set_is_refused(folder: Path, tmp_path: Path, arguments:
         _call(app, ["stereo", *(word.format(tmp=tmp_path, folder=folder) for word in arguments)])
 
 
-needs_images = pytest.mark.skipif(not IMAGES.is_dir(), reason="the shared pictures are not on this machine")
-
-
 @pytest.mark.thorough
-@needs_images
+@pytest.mark.outside
 def test_a_vehicle_at_rest_drifts_by_less_than_three_millimetres() -> None:
-    estimate, cost = run_stereo(read_stereo_set(IMAGES / "euroc_rest"))
+    estimate, cost = run_stereo(read_stereo_set(PICTURES / "euroc_rest"))
     assert cost.inputs == 40
     assert cost.reasons == {BEGUN: 1}
     assert np.linalg.norm(estimate.position_m - estimate.position_m[0], axis=1).max() < 0.003
-    lines = (IMAGES / "euroc_rest" / "mav0" / "cam0" / "data.csv").read_text().splitlines()[1:]
+    lines = (PICTURES / "euroc_rest" / "mav0" / "cam0" / "data.csv").read_text().splitlines()[1:]
     stamps_s = [int(line.split(",")[0]) * 1e-9 for line in lines]
     np.testing.assert_allclose(estimate.t_s, stamps_s, atol=1e-6, rtol=0.0)
 
 
 @pytest.mark.thorough
-@needs_images
+@pytest.mark.outside
 def test_one_camera_tells_the_turns_of_a_car_to_a_tenth_of_a_degree() -> None:
-    given = read_mono_set(IMAGES / "kitti_mono")
-    truth = read_trajectory(IMAGES / "kitti_mono" / "poses.txt")
+    given = read_mono_set(PICTURES / "kitti_mono")
+    truth = read_trajectory(PICTURES / "kitti_mono" / "poses.txt")
     estimate, cost = run_mono(given)
     assert cost.reasons == {"the first picture": 1}
     _, turns_deg = relative_errors(estimate, truth, steps(truth))

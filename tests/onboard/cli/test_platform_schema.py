@@ -89,3 +89,13 @@ def test_only_a_file_that_extends_another_may_leave_out_what_is_needed(part: dic
         assert not VALIDATOR.is_valid(alone)
     assert not is_read(json.dumps(alone))
     assert not VALIDATOR.is_valid({"extends": "coptre", "platform": "p"})
+
+
+def test_damaged_changes_of_a_base_are_refused_or_read() -> None:
+    change = {"extends": "copter", **parse(platform_files()["copter"].read_text(encoding="utf-8"), "c").value}
+    was_read = 0
+    for seed in range(60):
+        made = damaged(change, Random(seed))
+        was_read += is_read(json.dumps(made))
+        assert VALIDATOR.is_valid(made) or not is_read(json.dumps(made)), f"seed {seed}"
+    assert 0 < was_read < 40

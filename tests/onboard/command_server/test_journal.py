@@ -102,6 +102,7 @@ def test_more_senders_than_are_remembered_do_not_make_old_requests_new() -> None
     assert not [s for s in range(MOST_SENDERS + 5) if carry_out(Journal(store), request(3, sender=str(s)))]
 
 
+@pytest.mark.thorough
 def test_the_file_does_not_grow_with_the_number_of_restarts() -> None:
     store = MemoryRecords()
     for life in range(60):

@@ -8,8 +8,7 @@ import pytest
 
 from gloc3.clock import VirtualLoop
 from gloc3.exchange.acoustic import AcousticCode, Order, Receipt, Verb
-from gloc3.exchange.base import Publisher
-from gloc3.exchange.local import LocalExchange
+from gloc3.exchange.base import LocalExchange, Publisher
 from gloc3.messages.command_interface import CiReply, CiRequest, Emergency, EmergencyVerb, Outcome
 from gloc3.messages.envelope import Envelope
 from gloc3.store import MemoryRecords

@@ -11,8 +11,7 @@ from gloc3.mavlink.codec import Encoder, Frame, Parser, message
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.parser import FrameParser
 from gloc3.mavlink.router import Router
-from gloc3.mavlink.signed_only import SignedOnly
-from gloc3.mavlink.signing import Signing
+from gloc3.mavlink.signing import SignedOnly, Signing
 from gloc3_onboard.companion.routing import RoutedLink
 from gloc3_onboard.sensors.devices import AutopilotSetpoint
 
@@ -109,7 +108,7 @@ def test_a_setpoint_becomes_bytes_without_being_parsed(monkeypatch: pytest.Monke
         sent: list[bytes] = []
         monkeypatch.setattr(rig.wire.a, "send", sent.append)
         monkeypatch.setattr(FrameParser, "receive", fail)
-        rig.link.send_setpoint(AutopilotSetpoint((1.0, 2.0, -3.0), None, None))
+        rig.device.send_setpoint(AutopilotSetpoint((1.0, 2.0, -3.0), None, None))
         monkeypatch.undo()
         assert [frame.message_id for frame in Parser().receive(b"".join(sent))] == [
             codec.shape("SET_POSITION_TARGET_LOCAL_NED").id

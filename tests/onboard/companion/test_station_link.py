@@ -18,7 +18,7 @@ from gloc3.messages.summaries import ContactSummary, Health, StationHeard
 from gloc3.messages.topics import TopicTable
 from gloc3_groundstation.links.link import Link, LinkContext, LinkSettings
 from gloc3_onboard.companion.routing import RoutedLink
-from gloc3_onboard.companion.station_link import StationLink
+from gloc3_onboard.companion.station_link import StationLink, StationLinkSettings
 
 TOPICS = TopicTable.installed()
 KEY, OTHER = bytes(range(32)), bytes(32)
@@ -58,7 +58,13 @@ class Ends:
         self.here.subscribe("heron/components/station_link/event", self._take)
         platform_signing = self._signing(platform_key)
         self.platform = StationLink(
-            "heron", 1, self.loop, self.here, TOPICS, 7, signing=platform_signing, role=role, way="udpin://:14551"
+            "heron",
+            1,
+            self.loop,
+            self.here,
+            TOPICS,
+            7,
+            StationLinkSettings(signing=platform_signing, role=role, name="udpin://:14551"),
         )
         self.routed = RoutedLink(
             "udpin://:14551",
@@ -180,6 +186,7 @@ def test_garbage_on_a_signed_link_harms_nobody() -> None:
     run_virtual(play())
 
 
+@pytest.mark.thorough
 def test_after_a_long_silence_a_station_counts_as_reached_only_when_what_is_told_gets_there() -> None:
     async def steps() -> list[str]:
         ends, came = Ends(None, None), list[str]()

@@ -5,15 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.data_folders import LASER_LOGS, OWN
 
 from gloc3.errors import InputError, Refused
 from gloc3_onboard.algorithms.scan_matching.planar import Planar
 from gloc3_onboard.algorithms.scan_matching.scan_points import ranges_of
 from gloc3_onboard.datasets.laser_log import LaserLog
 from gloc3_onboard.datasets.laser_logs import read_laser_log
-
-DATA = Path(__file__).parents[4] / "shared" / "data" / "lidar"
-REAL = pytest.mark.skipif(not DATA.is_dir(), reason="the data sets are not beside the project")
 
 CARMEN = """# message formats defined
 PARAM robot_width 0.54 1.0 host 1.0
@@ -115,8 +113,18 @@ def test_what_is_not_text_or_not_there_or_unclear_is_refused(tmp_path: Path) -> 
         read_laser_log(tmp_path / "empty")
 
 
-@REAL
+def test_a_log_of_our_own_is_read_whole_with_wheels_that_drift() -> None:
+    log = read_laser_log(OWN / "laser" / "hold.log")
+    assert len(log.scans) == 90
+    assert all(scan.scan.angle_step_rad == pytest.approx(radians(1.0)) for scan in log.scans)
+    assert log.scans[0].pose == Planar()
+    steps = [(scan.wheels, scan.pose) for scan in log.scans if scan.wheels is not None and scan.pose is not None]
+    assert len(steps) == 89
+    assert sum(wheels.distance_m for wheels, _ in steps) > steps[-1][1].distance_m
+
+
+@pytest.mark.outside
 @pytest.mark.thorough
 def test_real_logs_are_read_whole() -> None:
-    counts = {name: len(read_laser_log(DATA / name).scans) for name in ("csail", "aces", "breezy", "mbicp")}
+    counts = {name: len(read_laser_log(LASER_LOGS / name).scans) for name in ("csail", "aces", "breezy", "mbicp")}
     assert counts == {"csail": 406, "aces": 440, "breezy": 756, "mbicp": 778}

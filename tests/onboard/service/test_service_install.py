@@ -31,6 +31,7 @@ CABLES = OnboardOptions(
 
 @NEEDS_SYSTEMD
 @pytest.mark.parametrize("options", [OnboardOptions(), CABLES], ids=["network only", "with devices"])
+@pytest.mark.thorough
 def test_systemd_verifies_the_unit_and_finds_it_well_enclosed(options: OnboardOptions, tmp_path: Path) -> None:
     plan = make_plan("copter", options, "gloc3")
     file = tmp_path / plan.unit.file
@@ -194,7 +195,7 @@ def test_with_rules_the_service_uses_the_names_that_they_give(tmp_path: Path) ->
     assert plan.unit.devices == ("char-ttyACM", "char-ttyUSB", "char-video4linux")
     assert 'SYMLINK+="gloc3/ground_camera"' in plan.rules
     assert [path.name for path in plan.files(tmp_path)] == ["gloc3-copter.service", "90-gloc3-copter.rules"]
-    assert not any("ttyACM0" in text for text in plan.advice)
+    assert not plan.advice
 
 
 def test_a_device_is_named_by_its_serial_number_or_else_by_its_plug(tmp_path: Path) -> None:

@@ -7,8 +7,8 @@ import msgspec
 import pytest
 
 from gloc3.errors import Refused
-from gloc3_onboard.sources.dvl import DvlSource
-from gloc3_onboard.sources.url import parse_source
+from gloc3_onboard.sensors.registry import parse_source
+from gloc3_onboard.sensors.sources.dvl import DvlSource
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sensors.dvl_wire import WIRES
 from gloc3_sitl.vehicles.dvl_server import DvlServer, read_dvl

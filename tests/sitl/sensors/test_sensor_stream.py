@@ -9,7 +9,7 @@ import pytest
 from gloc3.camera.frame_stream import GreyFrame, encode
 from gloc3.errors import Refused
 from gloc3_onboard.sensors.devices import StampedImage
-from gloc3_onboard.sources.stream import StreamCamera, StreamLaser, StreamStereoCamera
+from gloc3_onboard.sensors.sources.stream import StreamCamera, StreamLaser, StreamStereoCamera
 from gloc3_sitl.vehicles.sensor_server import SensorServer
 from gloc3_sitl.vehicles.simulator import Simulator
 from gloc3_sitl.world import World

@@ -24,14 +24,12 @@ from gloc3.exchange.tunnel.happenings import Acknowledged, Counters, Delivered, 
 from gloc3.exchange.tunnel.layout import MAX_PAYLOAD, PAYLOAD_TYPE, Lane, Role
 from gloc3.exchange.tunnel.outbox import Outbox
 from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget, Pacer
-from gloc3.exchange.tunnel.peer import Peer
-from gloc3.exchange.tunnel.peers import Peers
+from gloc3.exchange.tunnel.peers import Peer, Peers
 from gloc3.exchange.tunnel.reader import FrameError
 from gloc3.exchange.tunnel.reliable_frames import Ack, Data, Refusal
 from gloc3.exchange.tunnel.routes import REQUEST_PATIENCE_S, route, urgency
 from gloc3.exchange.tunnel.sending import Outgoing
-from gloc3.exchange.tunnel.status import StatusSender
-from gloc3.exchange.tunnel.summary import unpack as unpack_summary
+from gloc3.exchange.tunnel.status import unpack_summary
 from gloc3.exchange.tunnel.table import OwnTable
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.messages.command_interface import CiReply, CiRequest
@@ -77,21 +75,9 @@ class TunnelEndpoint:
         self._gate = Gate(role, name, topics)
         self._pacer = Pacer(budget)
         self._table = OwnTable()
-        self._status = StatusSender(self.counters)
-        self._views = StatusSender(self.counters)
         self._happenings: list[Happening] = []
         self._peers = Peers(role, name, own, self.counters, self._happenings.append)
-        self._outbox = Outbox(
-            role,
-            name,
-            self.boot,
-            self._pacer,
-            self._peers,
-            self._table,
-            self._status,
-            self._views,
-            self.counters,
-        )
+        self._outbox = Outbox(role, name, self.boot, self._pacer, self._peers, self._table, self.counters)
         self._published: dict[str, int] = {}
         self._homeless: list[tuple[Envelope[Any], float, float]] = []
         """What waits for somebody to be heard: since when, and until when."""
@@ -114,7 +100,7 @@ class TunnelEndpoint:
         self._published[envelope.topic] = count + 1
         if count % way.every == 0:
             try:
-                (self._views if way.is_view else self._status).offer(self._number(envelope), envelope)
+                (self._outbox.views if way.is_view else self._outbox.status).offer(self._number(envelope), envelope)
             except Refused as refusal:
                 self._peers.trouble(self.own, str(refusal))
 

@@ -7,7 +7,7 @@ from typing import Any
 from gloc3.errors import Gloc3Error
 from gloc3.exchange.tunnel.body import ReliableBody, unpack_payload
 from gloc3.exchange.tunnel.layout import Role
-from gloc3.exchange.tunnel.peer import Peer
+from gloc3.exchange.tunnel.peers import Peer
 from gloc3.exchange.tunnel.routes import route
 from gloc3.exchange.tunnel.table import Channel
 from gloc3.messages.envelope import Envelope, Message

@@ -14,8 +14,7 @@ from gloc3.exchange.tunnel.frames import MAX_ECHOES, Hello, Table, TunnelFrame
 from gloc3.exchange.tunnel.happenings import Counters
 from gloc3.exchange.tunnel.layout import DUTIES, Lane, Role
 from gloc3.exchange.tunnel.pacing import Bucket, Pacer
-from gloc3.exchange.tunnel.peer import Peer
-from gloc3.exchange.tunnel.peers import Peers
+from gloc3.exchange.tunnel.peers import Peer, Peers
 from gloc3.exchange.tunnel.status import StatusSender
 from gloc3.exchange.tunnel.table import OwnTable
 from gloc3.mavlink.message import Address
@@ -45,8 +44,6 @@ class Outbox:
         pacer: the link's budget.
         peers: to whom, with what waits for each.
         table: the numbers of this end.
-        status: what waits for everybody.
-        views: what somebody looks at, and waits until everything else has left.
         counters: where sent frames are counted.
     """
 
@@ -58,8 +55,6 @@ class Outbox:
         pacer: Pacer,
         peers: Peers,
         table: OwnTable,
-        status: StatusSender,
-        views: StatusSender,
         counters: Counters,
     ) -> None:
         self._role = role
@@ -68,8 +63,10 @@ class Outbox:
         self._pacer = pacer
         self._peers = peers
         self._table = table
-        self._status = status
-        self._views = views
+        self.status: Final = StatusSender(counters)
+        """What waits for everybody."""
+        self.views: Final = StatusSender(counters)
+        """What somebody looks at; it waits until everything else has left."""
         self._counters = counters
         self._hello_s = 0.0
         self._greeted_s = -HELLO_SPACING_S
@@ -115,7 +112,7 @@ class Outbox:
         times_s = [self._hello_s]
         if self.news:
             return line_s
-        if self._status.is_waiting:
+        if self.status.is_waiting:
             times_s.append(self._pacer.status.open_s())
         view_s = self._view_s()
         if view_s is not None:
@@ -131,7 +128,7 @@ class Outbox:
 
     def _view_s(self) -> float | None:
         """When there will be something to send of what somebody looks at, if its share allows."""
-        if self._views.is_waiting or any(peer.sender.has_work(Lane.VIEW) for peer in self._peers):
+        if self.views.is_waiting or any(peer.sender.has_work(Lane.VIEW) for peer in self._peers):
             return 0.0
         times_s = [
             peer.sender.copy_s(VIEWS) for peer in self._peers if peer.is_alive and peer.sender.is_open(Lane.VIEW)
@@ -191,7 +188,7 @@ class Outbox:
     def _best_effort(self) -> _Chosen | None:
         if not self._pacer.status.is_open:
             return None
-        frame = self._status.next_frame()
+        frame = self.status.next_frame()
         return None if frame is None else (EVERYBODY, frame, self._pacer.status)
 
     def _view(self, now_s: float) -> _Chosen | None:
@@ -200,10 +197,10 @@ class Outbox:
         if not share.is_open:
             return None
         self._view_turn = (self._view_turn + 1) % 3
-        frame = self._views.next_frame() if self._view_turn == 0 else None
+        frame = self.views.next_frame() if self._view_turn == 0 else None
         chosen = None if frame is not None else self._data(Lane.VIEW, now_s)
         if frame is None and chosen is None:
-            frame = self._views.next_frame()
+            frame = self.views.next_frame()
         if frame is not None:
             return EVERYBODY, frame, share
         chosen = chosen or self._copy(now_s, is_idle=True, lanes=VIEWS)

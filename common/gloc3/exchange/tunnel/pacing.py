@@ -11,6 +11,8 @@ from typing import Final
 import msgspec
 
 from gloc3.exchange.tunnel.layout import WIRE_OVERHEAD
+from gloc3.mavlink.parser import SIGNATURE_LENGTH
+from gloc3.mavlink.transport.endpoints import DEFAULT_BAUD, SERIAL_SCHEMES, parse_url
 
 SLOW_START_BYTE_S: Final = 5760.0
 """No link is tried faster than a 57,600 baud radio before it has answered."""
@@ -151,3 +153,20 @@ class Pacer:
         self.status.rate_byte_s = self.rate_byte_s / budget.share * share
         share = budget.busy_view_share if self._is_busy else budget.view_share
         self.views.rate_byte_s = self.rate_byte_s / budget.share * share
+
+
+NETWORK_BIT_S: Final = 2_000_000.0
+"""Taken for links over a network, whose rate is not known; the command link slows down by itself where it is less."""
+
+
+def budget_of(url: str, *, is_signed: bool = False) -> LinkBudget:
+    """What was said of its radio, else a serial line's baud rate, the usual one where it is not known, else what is usual.
+
+    Raises:
+        Refused: the URL is wrong.
+    """
+    wanted = parse_url(url)
+    overhead_bytes = WIRE_OVERHEAD + (SIGNATURE_LENGTH if is_signed else 0)
+    if wanted.rate_bit_s is not None or wanted.scheme in SERIAL_SCHEMES:
+        return LinkBudget(rate_bit_s=float(wanted.line_bit_s or DEFAULT_BAUD), overhead_bytes=overhead_bytes)
+    return LinkBudget(rate_bit_s=NETWORK_BIT_S, bits_per_byte=8.0, overhead_bytes=overhead_bytes)

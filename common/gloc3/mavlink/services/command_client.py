@@ -104,9 +104,7 @@ class CommandClient(Service[CommandCall]):
         params: Sequence[float] = (),
         *,
         frame: int,
-        x: int = 0,
-        y: int = 0,
-        z: float = 0.0,
+        position: tuple[int, int, float] = (0, 0, 0.0),
         now_s: float,
     ) -> CommandCall:
         """Sends a COMMAND_INT, the form for positions.
@@ -116,15 +114,15 @@ class CommandClient(Service[CommandCall]):
             command: MAV_CMD.
             params: up to four; those left out are 0.
             frame: MAV_FRAME of the position.
-            x: latitude in 1e-7 degrees, or local x in 1e-4 m.
-            y: longitude in 1e-7 degrees, or local y in 1e-4 m.
-            z: altitude in metres, as the frame says.
+            position: latitude and longitude in 1e-7 degrees, or local x and y in 1e-4 m; and the altitude in metres, as
+                the frame says.
             now_s: now.
 
         Raises:
             Refused: this command to this target is still under way.
         """
         values = {f"param{index}": value for index, value in enumerate(params, start=1)}
+        x, y, z = position
         message = make(
             "COMMAND_INT",
             command=command,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Collection
-from typing import Final
+from typing import Final, NamedTuple
 
 import msgspec
 
@@ -52,6 +52,17 @@ def admit_all(_sender: Address) -> bool:
     return True
 
 
+class MissionDialect(NamedTuple):
+    """How a mission server speaks where autopilots differ."""
+
+    tells_current: bool = True
+    """Sends MISSION_CURRENT once a second."""
+    tells_ids: bool = False
+    """Tells an id of each plan, by which a station sees that it has changed."""
+    is_old: bool = False
+    """Requests items by MISSION_REQUEST, as ArduPilot does."""
+
+
 class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
     """Holds a vehicle's plans.
 
@@ -63,8 +74,7 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
         serves: whom it serves; a component that is also a client of another one must not serve that.
         admits: whether somebody may change plans now; asked before the first item, so that who may not keeps nobody
             waiting.
-        tells_current: sends MISSION_CURRENT once a second.
-        tells_ids: tells an id of each plan, by which a station sees that it has changed.
+        dialect: how it speaks where autopilots differ.
     """
 
     handles = frozenset(
@@ -90,12 +100,10 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
         check: Callable[[PlanType, Plan], PlanResult | None] = accept_all,
         serves: Callable[[Address], bool] = serve_all,
         admits: Callable[[Address], bool] = admit_all,
-        tells_current: bool = True,
-        tells_ids: bool = False,
-        is_old: bool = False,
+        dialect: MissionDialect = MissionDialect(),  # noqa: B008 - immutable
     ) -> None:
         super().__init__(own)
-        self._is_old = is_old
+        self._dialect = dialect
         self.plans: dict[PlanType, Plan] = dict.fromkeys(kinds, ())
         """The plans that are in force."""
         self.current = 0
@@ -104,14 +112,13 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
         """MISSION_STATE: 0 unknown, 1 none, 2 not started, 3 active, 4 paused, 5 complete."""
         self._check = check
         self._serves, self._admits = serves, admits
-        self._tells_ids = tells_ids
         self._ids: dict[PlanType, tuple[Plan, int]] = {}
         self._uploads: dict[PlanType, Upload] = {}
         self._pending: dict[PlanType, Pending] = {}
         self._finished: dict[PlanType, Finished] = {}
         self._readers: dict[tuple[Address, PlanType], Reader] = {}
         self._round_trips: dict[Address, RoundTrip] = {}
-        self._tell_s: float | None = 0.0 if tells_current else None
+        self._tell_s: float | None = 0.0 if dialect.tells_current else None
 
     def set_current(self, number: int) -> None:
         """Says which item is being done; told at the next tick."""
@@ -147,7 +154,7 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
     def plan_id(self, kind: int) -> int:
         """The id of a plan, other for each plan; 0 for an empty one, and where ids are not told."""
         known = next((one for one in self.plans if one == kind), None)
-        if not self._tells_ids or known is None or not self.plans[known]:
+        if not self._dialect.tells_ids or known is None or not self.plans[known]:
             return 0
         items = self.plans[known]
         kept = self._ids.get(known)
@@ -343,7 +350,7 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
         if message.name == "MISSION_REQUEST":
             before, repeats = reader.repeats
             reader.repeats = (number, repeats + 1 if number == before or repeats >= FLOAT_AFTER else 1)
-            if self._is_old or reader.repeats[1] >= FLOAT_AFTER:
+            if self._dialect.is_old or reader.repeats[1] >= FLOAT_AFTER:
                 self._outgoing.append(item.float_message(number, kind, sender))
                 return
         self._outgoing.append(item.message(number, kind, sender))
@@ -368,7 +375,7 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
         return self._round_trips.setdefault(sender, RoundTrip())
 
     def _request(self, kind: PlanType, target: Address, number: int) -> None:
-        name = "MISSION_REQUEST" if self._is_old else "MISSION_REQUEST_INT"
+        name = "MISSION_REQUEST" if self._dialect.is_old else "MISSION_REQUEST_INT"
         self._send_to(target, name, seq=number, mission_type=kind)
 
     def _acknowledge(self, target: Address, kind: int, result: PlanResult) -> None:

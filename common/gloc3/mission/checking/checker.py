@@ -14,7 +14,7 @@ from gloc3.mission.checking.agreement import agreement_findings, silence_finding
 from gloc3.mission.checking.budget_check import budget_findings, time_findings
 from gloc3.mission.checking.contingency_check import contingency_findings, way_findings
 from gloc3.mission.checking.estimate import Estimate, Figures, estimate, together
-from gloc3.mission.checking.option_check import guard_findings, plan_findings
+from gloc3.mission.checking.option_check import guard_findings, plan_findings, unkept_findings
 from gloc3.mission.checking.space_check import altitude_findings, flight_findings, space_findings
 from gloc3.mission.checking.turn_check import turn_findings
 from gloc3.mission.examples import find_mission
@@ -157,6 +157,7 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Re
     findings += guard_findings(mission, platform)
     findings += plan_findings(mission, platform)
     findings += altitude_findings(mission, platform)
+    findings += unkept_findings(mission, platform)
     findings += contingency_findings(mission)
     for name, ready in mission.contingencies.items():
         if ready.actions:
@@ -221,6 +222,7 @@ def _check_contingency(part: Mission, circumstances: Circumstances, budget: Budg
     yield from guard_findings(part, platform)
     yield from plan_findings(part, platform)
     yield from altitude_findings(part, platform)
+    yield from unkept_findings(part, platform)
 
 
 def home_problem(mission: Mission, home_ned_m: Vector3) -> str:

@@ -2,11 +2,14 @@
 
 from collections.abc import Iterator
 
+from gloc3.component.deployment import ComponentRow
 from gloc3.documents.document import Document, Where
-from gloc3.errors import Finding
+from gloc3.errors import Finding, Gloc3Error
+from gloc3.mission.model.abilities import abilities
 from gloc3.mission.model.arguments import FollowWaypointsOrder
 from gloc3.mission.model.conditions import QUANTITIES, Condition
 from gloc3.mission.model.model import FLY_PLAN, Action, ItemFile, Mission, where_of
+from gloc3.mission.model.waypoint_options import given_options, options_of
 from gloc3.platform.platform import Platform
 
 
@@ -52,6 +55,33 @@ def _measured(
             yield document.finding(where, message, "ask for something that it measures")
 
 
+def unkept_findings(mission: Mission, platform: Platform | None) -> Iterator[Finding]:
+    """Options of ways that the component which flies them does not keep."""
+    document = mission.document
+    if document is None or platform is None:
+        return
+    rows, known = {row.name: row for row in platform.components}, abilities(platform)
+    for target, action in mission.actions().items():
+        order, ability = action.order, known.get(action.ability)
+        if not isinstance(order, FollowWaypointsOrder) or ability is None or action.ability == FLY_PLAN:
+            continue
+        row = rows.get(ability.performed_by)
+        for name, option in given_options(order) if row is not None else ():
+            if row is not None and name not in kept_options(row):
+                where = (*where_of(target), action.capability, name)
+                yield document.finding(where, f"{row.name} of {platform.platform} {option.unkept}", "leave it out")
+
+
+def kept_options(row: ComponentRow) -> frozenset[str]:
+    """The options of ways that a component keeps; all of them where it does not say, or its class is not installed here."""
+    every = frozenset(options_of(FollowWaypointsOrder))
+    try:
+        kept: frozenset[str] = getattr(row.load_class(), "keeps", every)
+    except Gloc3Error:
+        return every
+    return kept
+
+
 def plan_findings(mission: Mission, platform: Platform | None) -> Iterator[Finding]:
     """What keeps tasks that say `flown_by: autopilot` from being flown so."""
     document = mission.document
@@ -81,10 +111,9 @@ def _plan_problem(action: Action) -> str:
     order = action.order
     if not isinstance(order, FollowWaypointsOrder):
         return "plans are made of ways through places only"
-    if order.wall_distance_m is not None:
-        return "it does not measure the distance to a wall"
-    if order.altitude_m is not None:
-        return "it keeps no height over the ground"
+    for _, option in given_options(order):
+        if not option.is_in_plans:
+            return f"it {option.unkept}"
     if order.heading.mode not in ("along", "fixed"):
         return f"a plan says no heading {order.heading.mode.replace('_', ' ')!r}"
     return ""

@@ -9,6 +9,7 @@ from gloc3.errors import Finding, Gloc3Error
 from gloc3.messages.frames import Vector3
 from gloc3.messages.vehicle import HeightAboveGround
 from gloc3.mission.checking.estimate import Estimate
+from gloc3.mission.checking.option_check import kept_options
 from gloc3.mission.model.abilities import abilities
 from gloc3.mission.model.arguments import FollowWaypointsOrder, LandOrder, ReturnHome, SetOff
 from gloc3.mission.model.fence import TOLERANCE_M, Fence
@@ -165,7 +166,7 @@ def altitude_findings(mission: Mission, platform: Platform | None) -> Iterator[F
         where = (*where_of(target), action.capability, "altitude_m")
         ability = known.get(action.ability)
         row = rows.get(ability.performed_by) if ability is not None else None
-        if row is not None and not _hears_heights(row, topics):
+        if row is not None and "altitude_m" in kept_options(row) and not _hears_heights(row, topics):
             message = f"{row.name} of {platform.platform} keeps no height over the ground: it hears of none"
             yield document.finding(where, message, "say height_m, or bind its input to what a range finder tells")
         least_m = platform.limits.altitude_min_m

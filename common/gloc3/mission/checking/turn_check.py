@@ -56,13 +56,9 @@ def _impossible(action: Action, where: Where, limits: Limits, document: Document
     if speed_m_s is not None and speed_m_s < limits.speed_min_m_s:
         message = f"{speed_m_s:g} m/s are less than the {limits.speed_min_m_s:g} m/s that keep it in the air"
         yield document.finding((*where, "speed_m_s"), message, "fly faster")
-    if isinstance(order, FollowWaypointsOrder):
-        if order.heading.mode not in ("along", "hold"):
-            message = "what flies on wings points where it flies"
-            yield document.finding((*where, "heading"), message, "leave heading out")
-        if order.wall_distance_m is not None:
-            message = "what flies on wings keeps no distance from a wall"
-            yield document.finding((*where, "wall_distance_m"), message, "leave it out")
+    if isinstance(order, FollowWaypointsOrder) and order.heading.mode not in ("along", "hold"):
+        message = "what flies on wings points where it flies"
+        yield document.finding((*where, "heading"), message, "leave heading out")
 
 
 def _ways(action: Action, where: Where, legs: Sequence[Leg], limits: Limits, document: Document) -> Iterator[Finding]:
@@ -99,7 +95,7 @@ def _circles(
     if mission.fence is None or not legs:
         return
     fence = replace(mission.fence, ceiling_m=None)  # it turns level
-    waits = isinstance(order, Hold) or (isinstance(order, FollowWaypointsOrder) and order.hold_s > 0.0)
+    waits = isinstance(order, Hold) or (isinstance(order, FollowWaypointsOrder) and order.rest_s > 0.0)
     for leg, after in zip(legs, [*legs[1:], None], strict=True):
         turn = pi / 2.0 if after is None or waits else min(_turn_rad(leg, after), pi / 2.0)
         needed_m = limits.turn_radius_m * (1.0 - cos(turn))

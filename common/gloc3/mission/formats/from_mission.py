@@ -24,6 +24,7 @@ from gloc3.mission.model.model import GEO, AreaFile, GeofenceFile, Mission, wher
 from gloc3.mission.model.patterns import Pattern
 from gloc3.mission.model.placement import GeoPlacement, HeightAbove
 from gloc3.mission.model.structure import PartialOrder
+from gloc3.mission.model.waypoint_options import given_options, rest_s
 
 _FRAMES: Final = {HeightAbove.SEA: 0, HeightAbove.HOME: 3, HeightAbove.GROUND: 10}
 _EARTH: Final = GeoPoint(0.0, 0.0, 0.0)
@@ -114,14 +115,14 @@ class _Converter:
                 return
             case Pattern():
                 self._action(target, arguments.way(GeoPlacement(_EARTH, self._mission.height_above)))
-            case FollowWaypoints(altitude_m=float()) | GoTo(altitude_m=float()):
-                self._refuse(
-                    target, f"{target} cannot be expressed in a plan", "a plan keeps no height over the ground"
-                )
+            case FollowWaypoints() | GoTo() if lacking := [
+                option.unkept for _, option in given_options(arguments) if not option.is_in_plans
+            ]:
+                self._refuse(target, f"{target} cannot be expressed in a plan", f"a plan {lacking[0]}")
             case FollowWaypoints(waypoints=waypoints) if waypoints is not None:
-                self._fly(target, waypoints, arguments.speed_m_s, arguments.heading, arguments.hold_s)
+                self._fly(target, waypoints, arguments.speed_m_s, arguments.heading, rest_s(arguments))
             case GoTo(position=position) if position is not None:
-                self._fly(target, (position,), arguments.speed_m_s, arguments.heading, arguments.hold_s)
+                self._fly(target, (position,), arguments.speed_m_s, arguments.heading, rest_s(arguments))
             case Hold(duration_s=duration_s) if duration_s is not None:
                 self._add(93, duration_s, -1.0, -1.0, -1.0)
             case Wait(duration_s=duration_s):
@@ -147,7 +148,7 @@ class _Converter:
         waypoints: tuple[tuple[float, float, float], ...],
         speed_m_s: float | None,
         heading: Heading,
-        hold_s: float,
+        rest_s: float,
     ) -> None:
         if speed_m_s is not None and speed_m_s != self._speed_m_s:
             self._add(178, 1.0, speed_m_s, -1.0, 0.0)
@@ -165,7 +166,7 @@ class _Converter:
             yaw_deg = float(heading)
         self._looks = looks
         for waypoint in waypoints:
-            self._add(16, hold_s, 0.0, 0.0, yaw_deg, at=waypoint, frame=frame)
+            self._add(16, rest_s, 0.0, 0.0, yaw_deg, at=waypoint, frame=frame)
 
     def _fence(self) -> tuple[FenceArea, ...]:
         geofence = self._mission.geofence

@@ -19,6 +19,7 @@ from gloc3.installed import installed_points
 from gloc3.messages.frames import Vector3
 from gloc3.mission.model.legs import Budget, Leg, climb, fly
 from gloc3.mission.model.placement import Placement, written_for
+from gloc3.mission.model.waypoint_options import KeptWallDistance, WaypointOptions, rest_s, with_options
 from gloc3.platform.limits import Limits
 
 Metres = Annotated[float, msgspec.Meta(ge=-100_000.0, le=100_000.0)]
@@ -32,10 +33,6 @@ GeoPosition = tuple[Latitude, Longitude, Height]
 Speed = Annotated[float, msgspec.Meta(gt=0.0, le=50.0)]
 Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=86_400.0)]
 Distance = Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)]
-WallDistance = Annotated[float, msgspec.Meta(ge=1.2, le=6.0)]
-"""No nearer than the limiter keeps from obstacles, no farther than a wall is looked for."""
-Altitude = Annotated[float, msgspec.Meta(ge=0.3, le=200.0)]
-"""Over the ground or the floor of the water; as far as range finders see."""
 
 
 DEFAULT_SPEED_M_S: Final = 1.0
@@ -284,7 +281,7 @@ class ReturnHome(Arguments, frozen=True, kw_only=True):
         return fly(start_ned_m, way, self.speed_m_s or budget.speed_m_s, 0.0, budget)
 
 
-class FollowWaypointsOrder(Arguments, frozen=True, kw_only=True):
+class FollowWaypointsOrder(WaypointOptions, Arguments, frozen=True, kw_only=True):
     """Fly through positions in their order."""
 
     moves = True
@@ -292,21 +289,20 @@ class FollowWaypointsOrder(Arguments, frozen=True, kw_only=True):
     waypoints_ned_m: tuple[Vector3, ...]
     speed_m_s: float
     heading: HeadingOrder = HeadingOrder()
-    acceptance_m: float = 0.25
-    """A waypoint counts as passed within this distance."""
-    hold_s: float = 0.0
-    """Stay so long at each waypoint."""
-    wall_distance_m: float | None = None
+    wall_distance_m: KeptWallDistance = None
     """Keep so far from the wall ahead."""
-    altitude_m: float | None = None
-    """Keep so high over what the range finder sees below."""
+
+    @property
+    def rest_s(self) -> float:
+        """How long the vehicle stays at each waypoint."""
+        return rest_s(self)
 
     def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
         """Straight from waypoint to waypoint."""
-        return fly(start_ned_m, self.waypoints_ned_m, self.speed_m_s, self.hold_s, budget)
+        return fly(start_ned_m, self.waypoints_ned_m, self.speed_m_s, self.rest_s, budget)
 
 
-class _Flight(Arguments, frozen=True, kw_only=True):
+class _Flight(WaypointOptions, Arguments, frozen=True, kw_only=True):
     """What every flight to positions takes."""
 
     moves = True
@@ -315,13 +311,6 @@ class _Flight(Arguments, frozen=True, kw_only=True):
     """None: the platform's `survey_speed_m_s`."""
     heading: Heading = "along"
     """`along`, `hold`, degrees clockwise from north, or `{look_at: POSITION}`."""
-    acceptance_m: Distance = 0.25
-    """A waypoint counts as passed within this distance."""
-    hold_s: Seconds = 0.0
-    """Stay so long at each waypoint."""
-    altitude_m: Altitude | None = None
-    """Keep so high over the ground or the floor of the water, by the range finder that looks down. The height of the first
-    waypoint counts until that sees something; the others are not flown."""
 
     def filled(self, limits: Limits | None) -> Arguments:
         """With the platform's speed where the mission says none."""
@@ -330,14 +319,12 @@ class _Flight(Arguments, frozen=True, kw_only=True):
     def _order(self, waypoints: tuple[Vector3, ...] | None, placement: Placement, name: str) -> FollowWaypointsOrder:
         if waypoints is None:
             raise Refused(f"{name if placement.is_geo else name + '_m'} is missing")
-        return FollowWaypointsOrder(
+        order = FollowWaypointsOrder(
             waypoints_ned_m=tuple(placement.ned_from(waypoint) for waypoint in waypoints),
             speed_m_s=self.speed_m_s or DEFAULT_SPEED_M_S,
             heading=heading_order(self.heading, placement),
-            acceptance_m=self.acceptance_m,
-            hold_s=self.hold_s,
-            altitude_m=self.altitude_m,
         )
+        return with_options(order, self)
 
 
 class FollowWaypoints(_Flight, frozen=True, kw_only=True):
@@ -350,15 +337,14 @@ class FollowWaypoints(_Flight, frozen=True, kw_only=True):
     """`[x, y, height]` each, in a local frame."""
     waypoints: Annotated[tuple[GeoPosition, ...], msgspec.Meta(min_length=1, max_length=10_000)] | None = None
     """`[latitude, longitude, height]` each, in frame geo."""
-    wall_distance_m: WallDistance | None = None
+    wall_distance_m: KeptWallDistance = None
     """Keep so far from the wall that the vehicle looks at: the way is moved to and fro by up to 1.5 m. Its heading should
     be across the way (degrees, or `look_at`); it needs a laser scanner."""
 
     def order(self, placement: Placement) -> FollowWaypointsOrder:
         """The waypoints in NED."""
         waypoints = written_for(placement, self.waypoints_m, self.waypoints, "waypoints")
-        order = self._order(waypoints, placement, "waypoints")
-        return replace(order, wall_distance_m=self.wall_distance_m)
+        return self._order(waypoints, placement, "waypoints")
 
 
 class GoTo(_Flight, frozen=True, kw_only=True):

@@ -71,9 +71,12 @@ def climb(start_ned_m: Vector3, end_ned_m: Vector3, budget: Budget) -> Leg:
 
 
 def fly(
-    start_ned_m: Vector3, way_ned_m: Iterable[Vector3], speed_m_s: float, hold_s: float, budget: Budget
+    start_ned_m: Vector3, way_ned_m: Iterable[Vector3], speed_m_s: float, rest_s: float, budget: Budget
 ) -> tuple[Leg, ...]:
-    """The pieces of a way: each at the speed asked for, no faster than the platform climbs, begun from rest."""
+    """The pieces of a way: each at the speed asked for, no faster than the platform climbs, begun from rest.
+
+    `rest_s` is the time that the vehicle stays at each waypoint.
+    """
     legs: list[Leg] = []
     here = start_ned_m
     for index, point in enumerate(way_ned_m):
@@ -82,7 +85,7 @@ def fly(
             speeding_up_s = speed_m_s / budget.acceleration_m_s2
             duration_s = max(length_m / speed_m_s, abs(point[2] - here[2]) / budget.climb_m_s) + speeding_up_s
             legs.append(Leg(start=here, end=point, duration_s=duration_s, waypoint=index))
-        if hold_s > 0.0:
-            legs.append(Leg(start=point, end=point, duration_s=hold_s, waypoint=index))
+        if rest_s > 0.0:
+            legs.append(Leg(start=point, end=point, duration_s=rest_s, waypoint=index))
         here = point
     return tuple(legs)

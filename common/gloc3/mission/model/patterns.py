@@ -13,7 +13,6 @@ import msgspec
 from gloc3.errors import Refused
 from gloc3.messages.frames import GeoPoint, TangentPlane
 from gloc3.mission.model.arguments import (
-    Altitude,
     Arguments,
     Degrees,
     Dive,
@@ -25,14 +24,13 @@ from gloc3.mission.model.arguments import (
     Latitude,
     Longitude,
     Metres,
-    Seconds,
     SetOff,
     Speed,
     TakeOff,
-    WallDistance,
     speed_of,
 )
 from gloc3.mission.model.placement import Placement, Point, written_for
+from gloc3.mission.model.waypoint_options import HoldTime, KeptAltitude, WallDistance, with_options
 from gloc3.platform.limits import Limits
 
 ARRIVE: Final = "arrive"
@@ -159,7 +157,7 @@ class Survey(Pattern, frozen=True, kw_only=True):
     `turn_radius_m` on both sides."""
     heading: Heading = "along"
     """Where the nose points."""
-    altitude_m: Altitude | None = None
+    altitude_m: KeptAltitude = None
     """Keep so high over the ground or the floor of the water, by the range finder that looks down."""
 
     def filled(self, limits: Limits | None) -> Arguments:
@@ -184,7 +182,7 @@ class Survey(Pattern, frozen=True, kw_only=True):
             raise Refused("no line fits into the area: its margin or spacing is too large")
         height_m = self._height_m(placement)
         way = self._way(ground, [(*place, height_m) for place in places], self.heading)
-        return msgspec.structs.replace(way, altitude_m=self.altitude_m)
+        return with_options(way, self)
 
 
 class FollowWall(Pattern, frozen=True, kw_only=True):
@@ -281,9 +279,9 @@ class Transit(Pattern, frozen=True, kw_only=True):
     """Places `[latitude, longitude]`, in frame geo."""
     heading: Heading = "along"
     """Where the nose points."""
-    hold_s: Seconds = 0.0
+    hold_s: HoldTime = 0.0
     """Stay so long at each place."""
-    altitude_m: Altitude | None = None
+    altitude_m: KeptAltitude = None
     """Keep so high over the ground or the floor of the water, by the range finder that looks down."""
 
     def way(self, placement: Placement) -> FollowWaypoints:
@@ -293,7 +291,7 @@ class Transit(Pattern, frozen=True, kw_only=True):
         height_m = self._height_m(placement)
         points = tuple((*place, height_m) for place in places)
         way = self._through(points, is_geo=placement.is_geo, heading=self.heading)
-        return msgspec.structs.replace(way, hold_s=self.hold_s, altitude_m=self.altitude_m)
+        return with_options(way, self)
 
 
 class _Ground:

@@ -15,7 +15,7 @@ from gloc3.component.description import FieldLine, fields_of
 from gloc3.errors import Refused
 from gloc3_groundstation.tui.dialogues.questions import choices
 from gloc3_groundstation.tui.widgets.lines import Span, Tone, cut
-from gloc3_groundstation.tui.widgets.list_panel import ListPanel, Row
+from gloc3_groundstation.tui.widgets.panel import ListPanel, Row
 
 DOC_WIDTH: Final = 40
 FORCE_QUESTION: Final = "{} {}?\n{}\nForced, the actions that need it fail, and the mission's on_failure decides."

@@ -12,8 +12,7 @@ from textual.widgets import Input
 
 from gloc3_groundstation.missions.files import Entry, Group, listing, matching, start_entries
 from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, cut, spread
-from gloc3_groundstation.tui.widgets.list_panel import ListPanel, Row
-from gloc3_groundstation.tui.widgets.panel import Panel
+from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel, Row
 
 
 class _Typed(Input):

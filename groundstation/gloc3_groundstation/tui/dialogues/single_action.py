@@ -16,8 +16,7 @@ from gloc3_groundstation.desk.mission_desk import MissionDesk
 from gloc3_groundstation.missions.forms import Field, Form, FormError, arguments_of
 from gloc3_groundstation.tui.dialogues.questions import START_QUESTION, Question
 from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, cut, spread, wrapped
-from gloc3_groundstation.tui.widgets.list_panel import ListPanel, Row
-from gloc3_groundstation.tui.widgets.panel import Panel
+from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel, Row
 
 
 class SingleAction(ModalScreen[None]):

@@ -21,9 +21,8 @@ from gloc3_groundstation.tui.views.events import (
     filter_line,
     no_events_line,
 )
-from gloc3_groundstation.tui.widgets.list_panel import Row
 from gloc3_groundstation.tui.widgets.long_list import LongList
-from gloc3_groundstation.tui.widgets.panel import Panel
+from gloc3_groundstation.tui.widgets.panel import Panel, Row
 
 PAUSE_S: Final = 0.01
 """Between two slices of a search, in which keys are answered and the screen is drawn."""

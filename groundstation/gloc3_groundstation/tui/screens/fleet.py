@@ -21,8 +21,7 @@ from gloc3_groundstation.tui.views.fleet import (
 )
 from gloc3_groundstation.tui.views.overview import waiting_lines
 from gloc3_groundstation.tui.widgets.lines import Span, Tone
-from gloc3_groundstation.tui.widgets.list_panel import ListPanel, Row
-from gloc3_groundstation.tui.widgets.panel import Panel
+from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel, Row
 from gloc3_groundstation.tui.widgets.vehicle_rows import VehicleRows
 
 QUESTIONS = {

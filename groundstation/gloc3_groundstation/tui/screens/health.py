@@ -24,8 +24,7 @@ from gloc3_groundstation.tui.views.components import (
     components_title,
 )
 from gloc3_groundstation.tui.views.hosts import host_lines
-from gloc3_groundstation.tui.widgets.list_panel import ListPanel, Row
-from gloc3_groundstation.tui.widgets.panel import Panel
+from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel, Row
 
 AROUND: Final = 8
 """Lines that are left to what stands above and below the components."""

@@ -20,8 +20,7 @@ from gloc3_groundstation.tui.views.overview import (
     vehicle_line,
     waiting_lines,
 )
-from gloc3_groundstation.tui.widgets.list_panel import ListPanel, Row
-from gloc3_groundstation.tui.widgets.panel import Panel
+from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel, Row
 from gloc3_groundstation.tui.widgets.vehicle_rows import VehicleRows
 
 

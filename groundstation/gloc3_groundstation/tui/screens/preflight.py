@@ -14,8 +14,7 @@ from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.views.overview import waiting_lines
 from gloc3_groundstation.tui.views.preflight import no_list_lines, preflight_headline, preflight_rows, preflight_title
 from gloc3_groundstation.tui.widgets.lines import cut
-from gloc3_groundstation.tui.widgets.list_panel import ListPanel, Row
-from gloc3_groundstation.tui.widgets.panel import Panel
+from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel, Row
 
 OVERRIDE_QUESTION: Final = "Start {} although it is not fit?\n{}\n\nSay why; it is logged with your name."
 LINE: Final = 56

@@ -28,8 +28,7 @@ from gloc3_groundstation.tui.views.sensors import (
     topic_rows,
     topics_header,
 )
-from gloc3_groundstation.tui.widgets.list_panel import ListPanel, Row
-from gloc3_groundstation.tui.widgets.panel import Panel
+from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel, Row
 from gloc3_groundstation.tui.widgets.picture_panel import PicturePanel
 
 VIEWER: Final = "sensors"

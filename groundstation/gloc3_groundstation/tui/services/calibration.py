@@ -9,7 +9,7 @@ from gloc3_groundstation.desk.vehicle_desk import CalibrationKind, Phase, Vehicl
 from gloc3_groundstation.tui.services.pane import ServicePane
 from gloc3_groundstation.tui.views.services.calibration import calibration_lines, kind_line
 from gloc3_groundstation.tui.widgets.lines import Span, Tone
-from gloc3_groundstation.tui.widgets.list_panel import Row
+from gloc3_groundstation.tui.widgets.panel import Row
 
 
 class CalibrationPane(ServicePane):

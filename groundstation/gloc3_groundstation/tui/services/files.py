@@ -10,7 +10,7 @@ from gloc3_groundstation.services.files import Folder
 from gloc3_groundstation.tui.services.pane import ServicePane
 from gloc3_groundstation.tui.views.services.frame import hint_lines
 from gloc3_groundstation.tui.views.services.lists import file_line, files_header, files_title
-from gloc3_groundstation.tui.widgets.list_panel import Row
+from gloc3_groundstation.tui.widgets.panel import Row
 
 ABOVE = ".."
 

@@ -9,7 +9,7 @@ from gloc3_groundstation.desk.vehicle_desk import VehicleDesk
 from gloc3_groundstation.tui.services.pane import ServicePane
 from gloc3_groundstation.tui.views.services.frame import hint_lines
 from gloc3_groundstation.tui.views.services.lists import log_line, logs_header, logs_title
-from gloc3_groundstation.tui.widgets.list_panel import Row
+from gloc3_groundstation.tui.widgets.panel import Row
 
 
 class LogsPane(ServicePane):

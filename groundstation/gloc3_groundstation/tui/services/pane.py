@@ -15,8 +15,7 @@ from gloc3_groundstation.tui.dialogues.questions import Question
 from gloc3_groundstation.tui.screen import Command
 from gloc3_groundstation.tui.widgets.entry import Entry
 from gloc3_groundstation.tui.widgets.lines import Line
-from gloc3_groundstation.tui.widgets.list_panel import ListPanel, Row
-from gloc3_groundstation.tui.widgets.panel import Panel
+from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel, Row
 
 
 class ServicePane(Container):

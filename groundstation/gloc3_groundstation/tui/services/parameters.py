@@ -26,7 +26,7 @@ from gloc3_groundstation.tui.views.services.parameters import (
     parameters_header,
     parameters_title,
 )
-from gloc3_groundstation.tui.widgets.list_panel import Row
+from gloc3_groundstation.tui.widgets.panel import Row
 
 
 class ParametersPane(ServicePane):

@@ -13,7 +13,7 @@ from gloc3_groundstation.services.rates import RateRow, RateTable
 from gloc3_groundstation.tui.services.pane import ServicePane
 from gloc3_groundstation.tui.views.services.frame import hint_lines
 from gloc3_groundstation.tui.views.services.lists import rate_line, rates_header, rates_title
-from gloc3_groundstation.tui.widgets.list_panel import Row
+from gloc3_groundstation.tui.widgets.panel import Row
 
 LOOK_EVERY_S = 1.0
 FASTEST_HZ = 1000.0

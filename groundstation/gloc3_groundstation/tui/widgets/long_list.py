@@ -6,7 +6,7 @@ from typing import Protocol
 from textual.events import MouseScrollDown, MouseScrollUp
 from textual.message import Message
 
-from gloc3_groundstation.tui.widgets.list_panel import ListPanel
+from gloc3_groundstation.tui.widgets.panel import ListPanel
 
 
 class Numbers(Protocol):

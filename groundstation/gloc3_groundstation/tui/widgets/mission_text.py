@@ -6,8 +6,8 @@ from textual.containers import Container
 
 from gloc3_groundstation.missions.draft import Draft
 from gloc3_groundstation.tui.views.findings import finding_rows, findings_title
-from gloc3_groundstation.tui.widgets.list_panel import ListPanel, Row
 from gloc3_groundstation.tui.widgets.mission_editor import ERROR, WARNING, MissionEditor
+from gloc3_groundstation.tui.widgets.panel import ListPanel, Row
 
 
 class MissionText(Container):

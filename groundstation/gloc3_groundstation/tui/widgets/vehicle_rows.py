@@ -6,7 +6,7 @@ from typing import Final
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.widgets.lines import EMPTY, Line
-from gloc3_groundstation.tui.widgets.list_panel import ListPanel, Row
+from gloc3_groundstation.tui.widgets.panel import ListPanel, Row
 
 OLDER_EVERY_S: Final = 0.5
 """What is shown grows old by itself: a row is made anew so often also where nothing has changed."""

@@ -7,12 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gloc3.camera.geometry import matrix, unproject
-from gloc3.camera.model import CameraModel
+from gloc3.camera.model import CameraModel, misfit
 from gloc3.messages.frames import IDENTITY, Quaternion, Vector3
 from gloc3.messages.perception import UNKNOWN_VARIANCE, PositionFix
 from gloc3_onboard.algorithms.vision.bright_spots import Picture, Spot, SpotFinder
 from gloc3_onboard.algorithms.vision.spot_track import SpotTrack
-from gloc3_onboard.calibration.fit import misfit
 
 Array = NDArray[np.float64]
 

@@ -14,6 +14,7 @@ from gloc3.messages.frames import Vector3, wrap_pi, yaw_of
 from gloc3.messages.vehicle import DriverState, Pose, Setpoint
 from gloc3.mission.model.arguments import FollowWaypointsOrder, HeadingOrder, ReturnHome
 from gloc3.mission.model.states import ActionState
+from gloc3.mission.model.waypoint_options import refuse_unkept
 from gloc3_onboard.components.controllers.way_performer import WayPerformer
 
 DRIVER_S: Final = 0.5
@@ -105,10 +106,7 @@ class LineOfSightController(WayPerformer, Controller[LineOfSightSettings]):
     def begin_action(self, capability: str, arguments: FollowWaypointsOrder | ReturnHome, now_s: float) -> None:
         """Lays the way from where the vehicle is, through the waypoints that no earlier attempt has passed."""
         pose, order = self.wanted(arguments)
-        if order.wall_distance_m is not None:
-            raise Refused("a vehicle that steers by its heading keeps no distance from a wall")
-        if order.altitude_m is not None:
-            raise Refused("a vehicle that steers by its heading keeps no height over the ground")
+        refuse_unkept(order, self.keeps, "a vehicle that steers by its heading")
         if order.heading.mode not in ("along", "hold"):
             raise Refused(f"a vehicle that steers by its heading has none to spare: heading {order.heading.mode}")
         self._order = order
@@ -116,7 +114,7 @@ class LineOfSightController(WayPerformer, Controller[LineOfSightSettings]):
         self._forget(now_s)
         passed = self.passed(order, pose.position_ned_m)
         start = order.waypoints_ned_m[passed - 1] if passed else pose.position_ned_m
-        while not order.hold_s and passed < len(order.waypoints_ned_m) - 1:
+        while not order.rest_s and passed < len(order.waypoints_ned_m) - 1:
             here = order.waypoints_ned_m[passed]
             if math.dist(here[:2], pose.position_ned_m[:2]) > order.acceptance_m:
                 break
@@ -189,7 +187,7 @@ class LineOfSightController(WayPerformer, Controller[LineOfSightSettings]):
             self.advance(now_s, self._progress(order), ActionState.FAILED, f"{problem} ({away_m:.1f} m away)")
             return Setpoint(action_id=action_id, velocity_ned_m_s=(0.0, 0.0, 0.0))
         if self._resting_since_s is None and self._is_passed(order, away_m, guidance.left_m):
-            if is_last or order.hold_s > 0.0:
+            if is_last or order.rest_s > 0.0:
                 self._resting_since_s = now_s
             else:
                 self._head_for(self.waypoint + 1, place, now_s)
@@ -227,11 +225,11 @@ class LineOfSightController(WayPerformer, Controller[LineOfSightSettings]):
         assert self._resting_since_s is not None
         self._now_m_s = 0.0
         rested_s, action_id = now_s - self._resting_since_s, self.action_id
-        if rested_s >= order.hold_s and not is_last:
+        if rested_s >= order.rest_s and not is_last:
             self._head_for(self.waypoint + 1, place, now_s)
-        elif rested_s >= order.hold_s:
+        elif rested_s >= order.rest_s:
             is_slow = math.hypot(*pose.velocity_ned_m_s[:2]) < self._settings.at_rest_m_s
-            is_done = is_slow or rested_s >= order.hold_s + REST_S
+            is_done = is_slow or rested_s >= order.rest_s + REST_S
             state = ActionState.DONE if is_done else ActionState.RUNNING
             count = len(order.waypoints_ned_m)
             self.advance(now_s, 1.0 if is_done else self._progress(order), state, achieved=count if is_done else None)
@@ -246,7 +244,7 @@ class LineOfSightController(WayPerformer, Controller[LineOfSightSettings]):
 
     def _end_m_s(self, order: FollowWaypointsOrder) -> float:
         """The speed at which the next waypoint is passed; 0 where it stops."""
-        if order.hold_s > 0.0 or self.waypoint + 1 >= len(order.waypoints_ned_m):
+        if order.rest_s > 0.0 or self.waypoint + 1 >= len(order.waypoints_ned_m):
             return 0.0
         here, after = order.waypoints_ned_m[self.waypoint : self.waypoint + 2]
         turn = wrap_pi(math.atan2(after[1] - here[1], after[0] - here[0]) - self._guide.course_rad)

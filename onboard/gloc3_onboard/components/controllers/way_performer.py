@@ -21,6 +21,9 @@ class WayPerformer(ActionPerformer):
         "return_home": ReturnHome,
     }
 
+    keeps: ClassVar[frozenset[str]] = frozenset({"acceptance_m", "hold_s"})
+    """The options of ways that it keeps; missions with others are refused."""
+
     pose = Input(Pose)
     home = Input(Home)
     driver = Input(DriverState)
@@ -66,6 +69,6 @@ class WayPerformer(ActionPerformer):
         """Waypoints that an earlier attempt has passed; never the last."""
         count = len(order.waypoints_ned_m)
         passed = min(int(self.earlier_progress * count + 1e-6), count - 1)
-        if passed and not order.hold_s:
+        if passed and not order.rest_s:
             passed = next_ahead(here_ned_m, order.waypoints_ned_m, passed, order.acceptance_m)
         return passed

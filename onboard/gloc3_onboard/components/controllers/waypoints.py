@@ -15,6 +15,7 @@ from gloc3.messages.frames import Vector3, wrap_pi, yaw_of
 from gloc3.messages.vehicle import DriverState, HeightAboveGround, ObstacleScan, Pose, Setpoint
 from gloc3.mission.model.arguments import FollowWaypointsOrder, HeadingOrder, ReturnHome
 from gloc3.mission.model.states import ActionState
+from gloc3.mission.model.waypoint_options import refuse_unkept
 from gloc3_onboard.algorithms.mapping.obstacle_field import ObstacleField
 from gloc3_onboard.algorithms.paths.floor_keeper import FloorKeeper
 from gloc3_onboard.algorithms.paths.leader import Leader
@@ -74,6 +75,7 @@ class WaypointsController(WayPerformer, Controller[WaypointsSettings]):
 
     settings_type = WaypointsSettings
     loggable = ("travelled_m", "waypoint", "cross_track_m")
+    keeps = frozenset({"acceptance_m", "hold_s", "altitude_m", "wall_distance_m"})
 
     obstacles = Input(ObstacleScan)
     height = Input(HeightAboveGround)
@@ -108,6 +110,7 @@ class WaypointsController(WayPerformer, Controller[WaypointsSettings]):
     def begin_action(self, capability: str, arguments: FollowWaypointsOrder | ReturnHome, now_s: float) -> None:
         """Lays the way from where the vehicle is, through the waypoints that no earlier attempt has passed."""
         pose, order = self.wanted(arguments)
+        refuse_unkept(order, self.keeps, "this vehicle")
         order = replace(order, acceptance_m=max(order.acceptance_m, self._settings.comes_within_m))
         if order.wall_distance_m is not None and self._points is None:
             raise Refused("nobody sees the wall to keep the distance from: there are no obstacles of a laser scanner")
@@ -127,7 +130,7 @@ class WaypointsController(WayPerformer, Controller[WaypointsSettings]):
             order.waypoints_ned_m[self._passed :],
             order.speed_m_s,
             self._settings.acceleration_m_s2,
-            order.hold_s,
+            order.rest_s,
             climb_m_s=self._settings.climb_m_s,
             acceptance_m=order.acceptance_m,
         )

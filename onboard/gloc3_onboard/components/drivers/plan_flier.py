@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any, Generic, NamedTuple, Protocol, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
 from gloc3.component.action import ActionPerformer
 from gloc3.component.ports import Actuation, Inbox, Input, Output, Result
@@ -13,6 +13,7 @@ from gloc3.messages.frames import GeoPoint, TangentPlane, Vector3
 from gloc3.messages.vehicle import AutopilotPose, DriverState, Manoeuvre, ManoeuvreKind, ManoeuvreState, Pose
 from gloc3.mission.model.arguments import FollowWaypointsOrder
 from gloc3.mission.model.states import ActionState
+from gloc3.mission.model.waypoint_options import IN_PLANS, refuse_unkept
 from gloc3_onboard.algorithms.paths.path_follower import next_ahead
 from gloc3_onboard.sensors.devices import Answer, Way
 
@@ -65,6 +66,9 @@ class PlanFlier(ActionPerformer, Generic[S]):
     always what was asked for.
     """
 
+    keeps: ClassVar[frozenset[str]] = IN_PLANS
+    """The options of ways that it keeps; missions with others are refused."""
+
     pose = Input(Pose)
     autopilot_pose = Input(AutopilotPose)
     driver = Input(DriverState)
@@ -97,9 +101,10 @@ class PlanFlier(ActionPerformer, Generic[S]):
         count = len(arguments.waypoints_ned_m)
         if not count:
             raise Refused("there is no waypoint")
+        refuse_unkept(arguments, self.keeps, "a plan")
         self._order = arguments
         self.waypoint = min(int(self.earlier_progress * count + 1e-6), count - 1)
-        if self.waypoint and not arguments.hold_s and self._pose is not None:  # it has flown on meanwhile
+        if self.waypoint and not arguments.rest_s and self._pose is not None:  # it has flown on meanwhile
             within_m = max(arguments.acceptance_m, ON_THE_WAY_M)
             places = arguments.waypoints_ned_m
             self.waypoint = next_ahead(self._pose.position_ned_m, places, self.waypoint, within_m)
@@ -113,7 +118,7 @@ class PlanFlier(ActionPerformer, Generic[S]):
         """What the autopilot is to fly, through the places of an order that are left."""
         heading = order.heading
         heading_deg = math.degrees(heading.heading_rad) if heading.mode == "fixed" else None
-        return Way(places, order.speed_m_s, order.acceptance_m, order.hold_s, heading_deg)
+        return Way(places, order.speed_m_s, order.acceptance_m, order.rest_s, heading_deg)
 
     def manoeuvre(self, order: FollowWaypointsOrder) -> Manoeuvre:
         """What the autopilot driver is asked for, once the plan is there."""
@@ -212,7 +217,7 @@ class PlanFlier(ActionPerformer, Generic[S]):
             self._near_since_s = None
         elif self._near_since_s is None:
             self._near_since_s = now_s
-        return self._near_since_s is not None and now_s - self._near_since_s > order.hold_s + self._settings.settle_s
+        return self._near_since_s is not None and now_s - self._near_since_s > order.rest_s + self._settings.settle_s
 
     def _tell(self, now_s: float, reason: str = "") -> None:
         assert self._order is not None

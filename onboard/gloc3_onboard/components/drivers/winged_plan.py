@@ -13,6 +13,7 @@ from gloc3.messages.frames import GeoPoint, Vector3
 from gloc3.messages.standard_topics import AUTOPILOT_SILENT_S
 from gloc3.messages.vehicle import AutopilotState, Home, LandedState, Manoeuvre
 from gloc3.mission.model.arguments import FollowWaypointsOrder, ReturnHome, TakeOff
+from gloc3.mission.model.waypoint_options import refuse_unkept
 from gloc3_onboard.components.drivers.plan_flier import PlanControl, PlanFlier, PlanSettings
 from gloc3_onboard.sensors.devices import Way
 
@@ -72,10 +73,7 @@ class WingedPlan(PlanFlier[WingedPlanSettings], ActuatorDriver[WingedPlanSetting
                 order = self._way_home(arguments, self._pose.position_ned_m)
             case _:
                 order = arguments
-        if order.wall_distance_m is not None:
-            raise Refused("what flies on wings keeps no distance from a wall")
-        if order.altitude_m is not None:
-            raise Refused("what flies by plans keeps no height over the ground")
+        refuse_unkept(order, self.keeps, "what flies on wings")
         if order.heading.mode not in ("along", "hold"):
             raise Refused(f"what flies on wings points where it flies: heading {order.heading.mode}")
         self._climbs = isinstance(arguments, TakeOff)

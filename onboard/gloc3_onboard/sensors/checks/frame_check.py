@@ -4,10 +4,9 @@ from typing import Annotated, Final
 
 import msgspec
 
-from gloc3.camera.model import CameraModel
+from gloc3.camera.model import CameraModel, misfit
 from gloc3.component.settings import Bounds, Settings
 from gloc3.messages.vehicle import Image
-from gloc3_onboard.calibration.fit import misfit
 from gloc3_onboard.sensors.devices import Rig
 
 BLACK_MEAN: Final = 6.0

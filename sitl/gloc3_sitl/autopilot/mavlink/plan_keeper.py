@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Final
 
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.services.mission_server import MissionServer
+from gloc3.mavlink.services.mission_server import MissionDialect, MissionServer
 from gloc3.mavlink.services.mission_transfers import PlanReceived, SetCurrentRequested
 from gloc3.mavlink.services.plan import Plan, PlanItem, PlanResult, PlanType
 from gloc3.messages.envelope import Severity
@@ -37,7 +37,9 @@ class PlanKeeper:
     def __init__(self, front: "Front", own: Address) -> None:
         self._front = front
         self._first = front.craft.first_item
-        self.server: Final = MissionServer(own, check=self._check, tells_current=False, is_old=not front.is_px4)
+        self.server: Final = MissionServer(
+            own, check=self._check, dialect=MissionDialect(tells_current=False, is_old=not front.is_px4)
+        )
         self._home_told: object = None
 
     def take_over(self, other: "PlanKeeper") -> None:

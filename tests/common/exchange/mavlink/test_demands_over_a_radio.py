@@ -4,6 +4,7 @@ import asyncio
 from random import Random
 from typing import Any
 
+import pytest
 from tests.common.exchange.mavlink.ends import PLATFORM, PLATFORM_ADDRESS, RADIO_CONDITIONS, Platform, Station
 
 from gloc3.clock import run_virtual
@@ -45,6 +46,7 @@ async def _steer() -> tuple[list[tuple[float, Envelope[Any]]], list[str], int]:
     return came, troubles, len(strayed)
 
 
+@pytest.mark.thorough
 def test_of_ten_a_second_most_arrive_in_order_and_never_late() -> None:
     came, troubles, strayed = run_virtual(_steer())
     sequences = [envelope.payload.sequence for _, envelope in came]

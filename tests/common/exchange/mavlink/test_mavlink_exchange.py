@@ -20,8 +20,7 @@ from tests.common.exchange.mavlink.ends import (
 
 from gloc3.clock import run_virtual
 from gloc3.errors import Misuse, Refused
-from gloc3.exchange.base import Publisher
-from gloc3.exchange.local import LocalExchange
+from gloc3.exchange.base import LocalExchange, Publisher
 from gloc3.exchange.mavlink import TunnelEndpoint
 from gloc3.exchange.tunnel.frames import MAX_TOKENS
 from gloc3.exchange.tunnel.layout import Role

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gloc3.exchange.tunnel import summary as packing
+from gloc3.exchange.tunnel import status as packing
 from gloc3.exchange.tunnel.body import unpack_payload, unpack_status
 from gloc3.exchange.tunnel.frames import Status, StatusPart, SummaryRows
 from gloc3.exchange.tunnel.happenings import Counters
@@ -59,7 +59,7 @@ def test_every_row_crosses_in_frames_that_stand_for_themselves(lines: list[Compo
     sender.offer(1, envelope(summary(lines), sequence=5))
     frames = drain(sender)
     assert frames
-    unpacked = [packing.unpack(frame.body) for frame in frames]
+    unpacked = [packing.unpack_summary(frame.body) for frame in frames]
     assert all(t_s == 12.5 and (part.table, part.health) == (1, Health.FAULTY) for t_s, part in unpacked)
     assert [line for _, part in unpacked for line in part.lines] == lines
     assert all(len(frame.encode(1)) <= MAX_PAYLOAD for frame in frames)
@@ -92,9 +92,9 @@ def test_rows_that_were_not_sent_yet_give_way_to_newer_ones_and_keep_their_turn(
     sender.offer(1, envelope(summary([ComponentLine(n, 0, 0, 0, 0, 0) for n in range(30)]), 1))
     first = sender.next_frame()
     assert isinstance(first, SummaryRows)
-    sent = len(packing.unpack(first.body)[1].lines)
+    sent = len(packing.unpack_summary(first.body)[1].lines)
     sender.offer(1, envelope(summary([ComponentLine(n, 1, 0, 0, 0, 0) for n in range(30)]), 2))
-    rest = [line for frame in drain(sender) for line in packing.unpack(frame.body)[1].lines]
+    rest = [line for frame in drain(sender) for line in packing.unpack_summary(frame.body)[1].lines]
     assert [line.index for line in rest] == [*range(sent, 30), *range(sent)]
     assert all(line.state == 1 for line in rest)
     assert counters.replaced == 30 - sent

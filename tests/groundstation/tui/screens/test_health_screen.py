@@ -10,7 +10,7 @@ from gloc3.messages.summaries import Health
 from gloc3_groundstation.tui.dialogues.component_dialogues import ComponentMenu, FunctionForm
 from gloc3_groundstation.tui.dialogues.questions import Question
 from gloc3_groundstation.tui.widgets.lines import text_of
-from gloc3_groundstation.tui.widgets.list_panel import ListPanel
+from gloc3_groundstation.tui.widgets.panel import ListPanel
 
 pytestmark = pytest.mark.sockets
 

@@ -20,9 +20,8 @@ from gloc3_groundstation.tui.dialogues.single_action import SingleAction
 from gloc3_groundstation.tui.dialogues.unsaved import UnsavedQuestion
 from gloc3_groundstation.tui.screens.mission import MissionScreen
 from gloc3_groundstation.tui.widgets.lines import text_of
-from gloc3_groundstation.tui.widgets.list_panel import ListPanel
 from gloc3_groundstation.tui.widgets.mission_editor import MissionEditor
-from gloc3_groundstation.tui.widgets.panel import Panel
+from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel
 
 pytestmark = pytest.mark.sockets
 

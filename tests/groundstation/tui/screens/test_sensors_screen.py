@@ -7,7 +7,7 @@ from tests.groundstation.station_scene import Scene, scene
 
 from gloc3.messages.command_interface import Watch
 from gloc3.messages.vehicle import ObstacleScan
-from gloc3_groundstation.tui.widgets.list_panel import ListPanel
+from gloc3_groundstation.tui.widgets.panel import ListPanel
 from gloc3_groundstation.tui.widgets.picture_panel import PicturePanel
 
 pytestmark = pytest.mark.sockets

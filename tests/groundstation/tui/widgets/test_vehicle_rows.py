@@ -7,7 +7,7 @@ from gloc3.messages.summaries import Health
 from gloc3_groundstation.station.snapshots import HEALTHS, Fleet, PlatformSnapshot
 from gloc3_groundstation.tui.view import View
 from gloc3_groundstation.tui.widgets.lines import Line, Span
-from gloc3_groundstation.tui.widgets.list_panel import ListPanel
+from gloc3_groundstation.tui.widgets.panel import ListPanel
 from gloc3_groundstation.tui.widgets.vehicle_rows import OLDER_EVERY_S, VehicleRows
 
 HUNDRED = Fleet(platforms={name: replace(PLATFORM, name=name) for name in (f"v{n:03d}" for n in range(100))})

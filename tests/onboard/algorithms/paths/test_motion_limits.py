@@ -162,6 +162,7 @@ def test_the_arm_of_a_concave_fence_is_not_cut_across() -> None:
     assert "the fence is on the way" in out.reason
 
 
+@pytest.mark.thorough
 def test_keep_outs_are_not_entered_from_any_side() -> None:
     fence = Fence(
         keep_out=(Area(center_ne_m=(5.0, 0.0), radius_m=2.0), Area(polygon_ne_m=((9, -1), (11, -1), (11, 1), (9, 1))))

@@ -1,9 +1,8 @@
 """The stereo odometer in short flights through the simulated hold, and on real pictures that are made to move."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from tests.data_folders import PICTURES
 from tests.onboard.algorithms.vision.flights import fly, inspection
 from tests.onboard.algorithms.vision.moved_rest import drive, rectified
 from tests.onboard.algorithms.vision.trial import Trial, constant, follow, zero
@@ -11,11 +10,13 @@ from tests.onboard.algorithms.vision.trial import Trial, constant, follow, zero
 from gloc3.evaluation.metrics import Alignment, evaluate
 from gloc3.evaluation.trajectory import Trajectory
 from gloc3_onboard.algorithms.odometry.chain import OdometryChain
+from gloc3_onboard.algorithms.vision.mono_motion import MonoTracker
 from gloc3_onboard.algorithms.vision.stereo_odometry import StereoOdometer
+from gloc3_sitl.world.rig import FRONT_LEFT
 
 pytestmark = pytest.mark.thorough
 
-EUROC = Path(__file__).parents[5] / "shared" / "data" / "images" / "euroc_rest"
+EUROC = PICTURES / "euroc_rest"
 
 
 def share(estimate: Trajectory, truth: Trajectory) -> float:
@@ -44,7 +45,18 @@ def test_lamps_dust_blur_and_jumps_of_the_exposure_are_stood(path: Trajectory) -
     assert share(trial.estimate, trial.truth) < 1.5
 
 
-@pytest.mark.skipif(not EUROC.is_dir(), reason="the shared pictures are not on this machine")
+def test_one_camera_tells_the_turns_of_a_flight_to_a_tenth_of_a_degree(path: Trajectory) -> None:
+    tracker, slow, off_deg = MonoTracker(FRONT_LEFT), path.take(slice(0, 80, 2)), []
+    for n, pair in enumerate(fly(slow, "hold", 3)):
+        motion = tracker.update(pair.left, pair.t_s)
+        assert motion.reason == ("" if n else "the first picture")
+        true = slow.world_from_body[n - 1].T @ slow.world_from_body[n]
+        cosine = (np.trace(true.T @ motion.rotation) - 1.0) / 2.0
+        off_deg += [np.degrees(np.arccos(min(cosine, 1.0)))] if n else []
+    assert np.sqrt(np.mean(np.square(off_deg))) < 0.1
+
+
+@pytest.mark.outside
 def test_real_pictures_that_are_made_to_move_give_the_speed_that_they_have() -> None:
     left, right, *_ = rectified(EUROC)
     odometer, chain = StereoOdometer(left, right), OdometryChain()

@@ -13,7 +13,7 @@ from gloc3.mavlink.services.heartbeat import Heartbeat
 from gloc3.mavlink.services.parameter import Parameter, ParameterEncoding, ParameterType
 from gloc3.mavlink.services.parameter_server import ParameterServer
 from gloc3.messages.vehicle import Style, VehicleClass
-from gloc3_onboard.autopilot import ardupilot_facts, px4_facts
+from gloc3_onboard.autopilot import ardupilot, px4
 from gloc3_onboard.autopilot.presets.files import Preset, Wanted, load_preset, preset_files
 from gloc3_onboard.autopilot.presets.session import PresetSession, Stage
 
@@ -76,7 +76,7 @@ class Rig:
 def test_every_preset_that_ships_can_be_read_and_is_for_a_class_that_is_known(name: str) -> None:
     preset = load_preset(name)
     assert preset.preset == name
-    classes = px4_facts.CLASSES if preset.style is Style.PX4 else ardupilot_facts.CLASSES
+    classes = px4.CLASSES if preset.style is Style.PX4 else ardupilot.CLASSES
     assert preset.vehicle in classes
     assert all(row.why for row in preset.parameters.values()), "each says why"
 

@@ -13,7 +13,7 @@ from gloc3.mavlink.services.plan import PlanType
 from gloc3.messages.envelope import Envelope, Source
 from gloc3.messages.vehicle import FenceProgress, FenceState, GeoArea, GeoFence
 from gloc3.mission.formats.items import FenceArea
-from gloc3_onboard.autopilot.fence_upload import FenceUpload, fence_items
+from gloc3_onboard.autopilot.plan_upload import FenceUpload, fence_items
 from gloc3_onboard.components.drivers.autopilot_fence import RETRY_S, AutopilotFence, SendFence
 from gloc3_onboard.sensors.devices import Answer
 

@@ -110,8 +110,8 @@ def test_the_message_is_one_that_both_styles_take(style: str) -> None:
             quality=0.8,
             reset_counter=258,
         )
-        rig.link.send_pose(told, rig.loop.time() - 0.06, 0.02, 0.1)
-        rig.link.send_origin(ORIGIN)
+        rig.device.send_pose(told, rig.loop.time() - 0.06, 0.02, 0.1)
+        rig.device.send_origin(ORIGIN)
         rig.run(0.1)
         heard = {message.name: message for message in rig.autopilot.heard}
         message = heard["ODOMETRY"]
@@ -172,11 +172,11 @@ def test_without_the_setting_the_choice_is_left_alone() -> None:
 def test_sources_and_home_in_the_words_of_each_style(style: str) -> None:
     with Rig(style) as rig:
         rig.run(4.0)
-        sources, home = rig.link.command_source_set(2), rig.link.command_home((47.0, 8.0, 400.0))
+        sources, home = rig.device.command_source_set(2), rig.device.command_home((47.0, 8.0, 400.0))
         rig.run(0.5)
-        answer = rig.link.answer(sources)
+        answer = rig.device.answer(sources)
         assert answer is not None
         assert answer.is_accepted == (style == "ardupilot")
         assert rig.asked(42007) == ([] if style == "px4" else [(2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)])
         assert rig.asked(179)[0][4:] == pytest.approx((47.0, 8.0, 400.0))
-        assert rig.link.answer(home) == (True, "")
+        assert rig.device.answer(home) == (True, "")

@@ -1,0 +1,102 @@
+"""Options of ways: each is declared once, with what its reader, schema, estimate, checks and performers need of it.
+
+A new one is a field of `WaypointOptions` here, and its name in `keeps` of each component that carries it out. Missions may
+then say it in `follow_waypoints` and `go_to`; it travels in the order, its rests count in the estimate and the check of
+turns, and whoever does not keep it refuses it, before the flight and in it.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
+from typing import Annotated, Any, Final, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+
+import msgspec
+
+from gloc3.errors import Refused
+
+
+class WaypointOption(NamedTuple):
+    """What others need to know of an option, beside its type and its bounds."""
+
+    unkept: str
+    """What a component does that does not know it, as it says of itself: `keeps no height over the ground`."""
+    is_in_plans: bool = False
+    """Whether a plan of an autopilot can say it."""
+    rest_s: Callable[[Any], float] = lambda _: 0.0
+    """How long a value has the vehicle stay at each waypoint."""
+
+
+Acceptance = Annotated[
+    float,
+    msgspec.Meta(gt=0.0, le=1_000.0),
+    WaypointOption("keeps no distance of its own to its waypoints", is_in_plans=True),
+]
+HoldTime = Annotated[
+    float,
+    msgspec.Meta(ge=0.0, le=86_400.0),
+    WaypointOption("does not stay at waypoints", is_in_plans=True, rest_s=float),
+]
+Altitude = Annotated[float, msgspec.Meta(ge=0.3, le=200.0)]
+"""Over the ground or the floor of the water; as far as range finders see."""
+KeptAltitude = Annotated[Altitude | None, WaypointOption("keeps no height over the ground")]
+WallDistance = Annotated[float, msgspec.Meta(ge=1.2, le=6.0)]
+"""No nearer than the limiter keeps from obstacles, no farther than a wall is looked for."""
+KeptWallDistance = Annotated[WallDistance | None, WaypointOption("keeps no distance from a wall")]
+
+S = TypeVar("S", bound=msgspec.Struct)
+
+
+class WaypointOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+    """The options of every way through waypoints, in a mission and in the order that a component gets."""
+
+    acceptance_m: Acceptance = 0.25
+    """A waypoint counts as passed within this distance."""
+    hold_s: HoldTime = 0.0
+    """Stay so long at each waypoint."""
+    altitude_m: KeptAltitude = None
+    """Keep so high over the ground or the floor of the water, by the range finder that looks down. The height of the first
+    waypoint counts until that sees something; the others are not flown."""
+
+
+@cache
+def options_of(kind: type[msgspec.Struct]) -> Mapping[str, WaypointOption]:
+    """The options that a structure has, by field."""
+    return {
+        name: part
+        for name, hint in get_type_hints(kind, include_extras=True).items()
+        for part in (get_args(hint) if get_origin(hint) is Annotated else ())
+        if isinstance(part, WaypointOption)
+    }
+
+
+def with_options(way: S, written: msgspec.Struct) -> S:
+    """A way with the options that something else has, as far as both know them."""
+    shared = options_of(type(way)).keys() & options_of(type(written)).keys()
+    return msgspec.structs.replace(way, **{name: getattr(written, name) for name in sorted(shared)})
+
+
+def given_options(way: msgspec.Struct) -> Iterator[tuple[str, WaypointOption]]:
+    """The options of a way that are not left to their defaults."""
+    defaults = {field.name: field.default for field in msgspec.structs.fields(type(way))}
+    for name, option in options_of(type(way)).items():
+        if getattr(way, name) != defaults[name]:
+            yield name, option
+
+
+def rest_s(way: msgspec.Struct) -> float:
+    """How long the vehicle stays at each waypoint."""
+    return sum(option.rest_s(getattr(way, name)) for name, option in options_of(type(way)).items())
+
+
+def refuse_unkept(way: msgspec.Struct, keeps: frozenset[str], who: str) -> None:
+    """Refuses options that a component does not keep.
+
+    Raises:
+        Refused: the way has one.
+    """
+    for name, option in given_options(way):
+        if name not in keeps:
+            raise Refused(f"{who} {option.unkept}")
+
+
+IN_PLANS: Final = frozenset(name for name, option in options_of(WaypointOptions).items() if option.is_in_plans)
+"""What plans of autopilots can say."""

@@ -1,0 +1,264 @@
+"""The autopilot as samplers and drivers see it: telemetry, height, satellites, wheels, setup, and control.
+
+Its methods may be called from any thread: what is read is immutable, what is commanded is handed over to the link's loop.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from gloc3.errors import Refused
+from gloc3.messages.readiness import AutopilotSetup
+from gloc3.messages.vehicle import AutopilotState, FlightMode, Pose, Style
+from gloc3.mission.formats.items import FenceArea
+from gloc3_onboard.autopilot.commands import NOBODY
+from gloc3_onboard.autopilot.link import AutopilotLink
+from gloc3_onboard.autopilot.sensors import FIX_HZ, WHEELS_HZ
+from gloc3_onboard.autopilot.setpoints import Lead
+from gloc3_onboard.autopilot.style import ARM_DISARM, DO_SET_HOME, PROGRESS, SET_EKF_SOURCE_SET, Command
+from gloc3_onboard.autopilot.vision import Spread, odometry_message, origin_message
+from gloc3_onboard.sensors.devices import (
+    Answer,
+    AutopilotSetpoint,
+    Bell,
+    Manners,
+    Stamped,
+    StampedFix,
+    StampedHeight,
+    StampedWheels,
+    Unwatch,
+    Way,
+)
+
+FORCE: Final = 21196.0
+"""What COMPONENT_ARM_DISARM takes for disarming in flight (MAVLink, MAV_CMD_COMPONENT_ARM_DISARM)."""
+
+
+class AutopilotDevice:
+    """Implements the telemetry, height and control devices of one autopilot.
+
+    Args:
+        link: the conversation with it.
+    """
+
+    def __init__(self, link: AutopilotLink) -> None:
+        self._link = link
+        self._lead = Lead(link.telemetry)
+        self._rung: tuple[object, object, object] = (None, None, None)
+        self._on_state, self._on_pose, self._on_height, self._on_setup = Bell(), Bell(), Bell(), Bell()
+        link.news.listen(self._ring)
+
+    def _ring(self) -> None:
+        """Rings for what is new."""
+        state, pose, height = self._rung
+        telemetry = self._link.telemetry
+        self._rung = (telemetry.state, telemetry.pose, telemetry.height)
+        if telemetry.pose is not pose:
+            self._on_pose.ring()
+        if telemetry.height is not height:
+            self._on_height.ring()
+        if telemetry.state is not state:
+            self._on_state.ring()
+        if self._link.inspection.events():
+            self._on_setup.ring()
+
+    # --- telemetry ---
+
+    def state(self) -> AutopilotState:
+        """Mode, arming, battery, as known now."""
+        return self._link.telemetry.state
+
+    def pose(self) -> Stamped | None:
+        """The latest estimate; None before the first."""
+        return self._link.telemetry.pose
+
+    def height(self) -> StampedHeight | None:
+        """The latest distance to the ground; None before the first."""
+        return self._link.telemetry.height
+
+    def fix(self) -> StampedFix | None:
+        """What the satellite receiver said last; None before the first."""
+        return self._link.sensors.satellites
+
+    def wheels(self) -> StampedWheels | None:
+        """How far the wheels have turned; None before the first."""
+        return self._link.sensors.wheels
+
+    def setup(self) -> AutopilotSetup:
+        """Firmware, parameters that matter, and sensors' health, as known now."""
+        return self._link.inspection.setup
+
+    def on_setup(self, changed: Callable[[], None]) -> Unwatch:
+        """Has `changed` called when the setup has changed, or was read anew."""
+        return self._on_setup.listen(changed)
+
+    def on_state(self, changed: Callable[[], None]) -> Unwatch:
+        """Has `changed` called when the state has changed."""
+        return self._on_state.listen(changed)
+
+    def on_pose(self, ready: Callable[[], None]) -> Unwatch:
+        """Has `ready` called when a new estimate is there."""
+        return self._on_pose.listen(ready)
+
+    def on_height(self, ready: Callable[[], None]) -> Unwatch:
+        """Has `ready` called when a new distance is there."""
+        return self._on_height.listen(ready)
+
+    def on_fix(self, ready: Callable[[], None]) -> Unwatch:
+        """Asks for satellite fixes, and has `ready` called when there is a new one."""
+        self._link.sensors.want("satellites", FIX_HZ)
+        return self._link.sensors.fix_bell.listen(ready)
+
+    def on_wheels(self, ready: Callable[[], None]) -> Unwatch:
+        """Asks for the encoders of the wheels, and has `ready` called when they have told."""
+        self._link.sensors.want("wheels", WHEELS_HZ)
+        return self._link.sensors.wheels_bell.listen(ready)
+
+    # --- commands ---
+
+    def _command(self, make: Callable[[], Command | Answer]) -> int:
+        """Sends what `make` gives in the loop's thread, or keeps its answer where that is one."""
+        ticket = self._link.commands.ticket()
+
+        def send() -> None:
+            now_s, made = self._link.loop.time(), make()
+            if isinstance(made, Answer):
+                self._link.commands.put(ticket, made)
+            else:
+                self._link.commands.send(ticket, made, self._link.target, now_s)
+            self._link.settle()
+
+        self._link.post(send)
+        return ticket
+
+    # --- the control device ---
+
+    @property
+    def manners(self) -> Manners:
+        """How the autopilot that is there now wants to be commanded."""
+        return self._link.style.facts.manners
+
+    def send_setpoint(self, setpoint: AutopilotSetpoint) -> None:
+        """Streams one setpoint."""
+
+        def send() -> None:
+            if self._link.target is None:
+                return
+            message = self._lead.message(setpoint, self._link.style.facts, self._link.target, self._link.loop.time())
+            if message is not None:
+                self._link.send_message(message)
+            if self._lead.gap:
+                self._link.report(self._lead.gap)
+                self._lead.gap = ""
+
+        self._link.post(send)
+
+    def send_pose(self, pose: Pose, t_s: float, attitude_std_rad: float, velocity_std_m_s: float) -> None:
+        """Tells the autopilot where it is, by a pose of the time `t_s`."""
+        spread = Spread(attitude_std_rad, velocity_std_m_s)
+
+        def send() -> None:
+            if self._link.target is not None:
+                boot_s = self._link.clock_offset.boot_s(min(t_s, self._link.loop.time()))
+                self._link.send_message(odometry_message(pose, max(0, round(boot_s * 1e6)), spread))
+
+        self._link.post(send)
+
+    def command_source_set(self, number: int) -> int:
+        """Asks ArduPilot's estimator to fly by the set of sources 1, 2 or 3."""
+
+        def make() -> Command | Answer:
+            if self._link.style.style is not Style.ARDUPILOT:
+                return Answer(False, "PX4 has no sets of sources: EKF2_EV_CTRL and EKF2_GPS_CTRL choose them")
+            return Command(SET_EKF_SOURCE_SET, (float(number), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+        return self._command(make)
+
+    def command_home(self, place_geo: tuple[float, float, float]) -> int:
+        """Tells the autopilot where home is, which it has from nobody without satellites."""
+        latitude, longitude, altitude = place_geo
+        return self._command(lambda: Command(DO_SET_HOME, (0.0, 0.0, 0.0, 0.0, latitude, longitude, altitude)))
+
+    def send_origin(self, origin_geo: tuple[float, float, float]) -> None:
+        """Tells the autopilot where the frame of the poses begins."""
+
+        def send() -> None:
+            if self._link.target is not None:
+                self._link.send_message(origin_message(origin_geo, self._link.target))
+
+        self._link.post(send)
+
+    def command_mode(self, mode: FlightMode) -> int:
+        """Asks for a mode."""
+        return self._command(lambda: self._link.style.mode_command(mode))
+
+    def command_arm(self) -> int:
+        """Asks to arm."""
+        return self._command(lambda: Command(ARM_DISARM, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+
+    def command_disarm(self, *, is_forced: bool = False) -> int:
+        """Asks to disarm; the autopilot refuses it in flight, unless it is forced."""
+        force = FORCE if is_forced else 0.0
+        return self._command(lambda: Command(ARM_DISARM, (0.0, force, 0.0, 0.0, 0.0, 0.0, 0.0)))
+
+    def command_take_off(self, height_m: float) -> int:
+        """Asks to climb to a height above the present place."""
+
+        def make() -> Command | Answer:
+            ground_m = self._link.telemetry.altitude_m
+            if ground_m is None:
+                return Answer(False, "the autopilot has not told its altitude yet")
+            return self._link.style.take_off_command(height_m, ground_m)
+
+        return self._command(make)
+
+    def command_fence(self, areas: Sequence[FenceArea]) -> int:
+        """Uploads a fence and reads it back; without areas the autopilot's fence is cleared."""
+        ticket = self._link.commands.ticket()
+
+        def begin() -> None:
+            now_s = self._link.loop.time()
+            if self._link.target is None:
+                self._link.commands.put(ticket, Answer(False, "the autopilot has not been heard"))
+            else:
+                self._link.fence.begin(ticket, areas, self._link.target, now_s)
+                self._link.settle()
+
+        self._link.post(begin)
+        return ticket
+
+    def command_plan(self, way: Way) -> int:
+        """Uploads the plan of a way and reads it back."""
+        ticket = self._link.commands.ticket()
+
+        def begin() -> None:
+            now_s = self._link.loop.time()
+            if self._link.target is None:
+                self._link.commands.put(ticket, Answer(False, NOBODY))
+                return
+            try:
+                self._link.plan.begin(ticket, way, self._link.style.style, self._link.target, now_s)
+            except Refused as refusal:
+                self._link.commands.put(ticket, Answer(False, str(refusal)))
+            else:
+                self._link.request_stream(PROGRESS)
+                self._link.settle()
+
+        self._link.post(begin)
+        return ticket
+
+    @property
+    def places_reached(self) -> int:
+        """Places that the autopilot has passed of the way that it was given last."""
+        return self._link.plan.reached
+
+    def answer(self, ticket: int) -> Answer | None:
+        """The answer to a command; None while there is none."""
+        return self._link.commands.answer(ticket)
+
+    def abandon_commands(self) -> None:
+        """Sends nothing again that was commanded so far."""
+        self._link.post(lambda: self._link.commands.abandon("somebody else has control"))
+
+    def read_setup(self, number: int) -> None:
+        """Reads these anew; the end is told with this number."""
+        self._link.post(lambda: self._link.inspection.read(number, self._link.loop.time()))

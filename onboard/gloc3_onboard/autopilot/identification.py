@@ -1,0 +1,107 @@
+"""Which autopilot is heard on a link, of which family and vehicle class, and when it is lost or another one."""
+
+from collections.abc import Callable, Iterator
+from enum import Enum, auto
+from typing import Final
+
+from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.services.heartbeat import PeerChange, Peers
+from gloc3.messages.envelope import Severity
+from gloc3_onboard.autopilot.families import NOT_SUPPORTED, style_of
+from gloc3_onboard.autopilot.px4 import Px4
+from gloc3_onboard.autopilot.style import AutopilotStyle
+
+
+class IdentityChange(Enum):
+    """What has changed about the autopilot."""
+
+    FOUND = auto()
+    """There was none before."""
+    REPLACED = auto()
+    """It is of another family or class than before, as after another firmware was loaded."""
+    UNSUPPORTED = auto()
+    """It has become one that is not supported."""
+    RESTARTED = auto()
+    RETURNED = auto()
+    """It is heard again."""
+
+
+class Identification:
+    """Finds the one autopilot to speak to by its heartbeats.
+
+    Args:
+        own: as whom we speak; an autopilot of another system is taken after it has been alone for some seconds.
+        report: receives what is worth an event.
+    """
+
+    def __init__(self, own: Address, report: Callable[[Severity, str], None]) -> None:
+        self.peers: Final = Peers(own, gone_after_s=2.5)
+        """The service that hears the heartbeats; driven by its owner."""
+        self.target: Address | None = None
+        """The autopilot; None while there is none."""
+        self.style: AutopilotStyle = Px4()
+        self._own, self._report = own, report
+        self._kind = (-1, -1)
+        """MAV_AUTOPILOT and MAV_TYPE by which its style was chosen."""
+        self._strangers: set[Address] = set()
+
+    @property
+    def heartbeat(self) -> MavlinkMessage | None:
+        """The last heartbeat of the autopilot."""
+        return None if self.target is None or self.target not in self.peers else self.peers[self.target].heartbeat
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the autopilot is heard."""
+        return self.target is not None and self.target in self.peers and self.peers[self.target].is_alive
+
+    def contact(self) -> Iterator[IdentityChange]:
+        """Changes of the contact with the autopilot since this was called last."""
+        for change in self.peers.events():
+            if change.peer.address != self.target:
+                continue
+            if change.change is PeerChange.RESTARTED:
+                yield IdentityChange.RESTARTED
+                continue
+            self._report(Severity.WARNING, f"the autopilot has {change.change}")
+            if change.change is PeerChange.RETURNED:
+                yield IdentityChange.RETURNED
+
+    def identify(self, now_s: float) -> Iterator[IdentityChange]:
+        """Checks whether the autopilot is still what it was, and looks for one where there is none."""
+        heartbeat = self.heartbeat
+        if heartbeat is not None and (heartbeat.autopilot, heartbeat.type) != self._kind:
+            yield from self._check_again(heartbeat)
+        if self.target is None and self._adopt(now_s):
+            yield IdentityChange.FOUND
+
+    def _check_again(self, heartbeat: MavlinkMessage) -> Iterator[IdentityChange]:
+        """Another firmware may have been loaded."""
+        self._kind = (heartbeat.autopilot, heartbeat.type)
+        style = style_of(heartbeat)
+        if style is None:
+            self._report(Severity.ERROR, f"the autopilot has become {NOT_SUPPORTED}: it is left alone")
+            self.target = None
+            yield IdentityChange.UNSUPPORTED
+        elif (style.style, style.facts.vehicle) != (self.style.style, self.style.facts.vehicle):
+            self._report(Severity.WARNING, f"the autopilot is a {style.style} of a {style.facts.vehicle} now")
+            self.style = style
+            yield IdentityChange.REPLACED
+
+    def _adopt(self, now_s: float) -> bool:
+        """Takes the one autopilot of our own system, or one that has been alone for some seconds."""
+        own_system = [peer for peer in self.peers.autopilots if peer.address.system == self._own.system]
+        known = [peer for peer in own_system if style_of(peer.heartbeat) is not None]
+        peer = known[0] if len(known) == 1 else self.peers.autopilot(now_s)
+        if peer is None or peer.address in self._strangers:
+            return False
+        heartbeat = peer.heartbeat
+        style, name = style_of(heartbeat), f"{peer.address.system}/{peer.address.component}"
+        if style is None:
+            self._strangers.add(peer.address)
+            number = f"MAV_AUTOPILOT {heartbeat.autopilot}, MAV_TYPE {heartbeat.type}"
+            self._report(Severity.ERROR, f"{name} is {NOT_SUPPORTED} ({number}): it is left alone")
+            return False
+        self.target, self.style, self._kind = peer.address, style, (heartbeat.autopilot, heartbeat.type)
+        self._report(Severity.INFO, f"{style.style} autopilot found as {name}, of a {style.facts.vehicle}")
+        return True

@@ -1,0 +1,62 @@
+"""Range scanners: what all of them share, how they sit on a vehicle, and their replay from logs."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from gloc3.messages.perception import LaserScan
+from gloc3.messages.vehicle import Image
+from gloc3_onboard.sensors.devices import Laser, StampedScan
+from gloc3_onboard.sensors.registry import SensorKind
+from gloc3_onboard.sensors.replay import Recorded, Replay, topic_records
+from gloc3_onboard.sensors.source_url import YAW, Number, Options, SourceUrl
+
+MOUNT: Final[Options] = {**YAW, "is_flipped": Number(0, 1, True)}
+"""The options of a scanner's mounting."""
+
+
+def mounted_scan(scan: LaserScan, url: SourceUrl) -> LaserScan:
+    """The scan with x forward, for a scanner whose zero looks `yaw_deg` to the left, or that hangs (`is_flipped=1`)."""
+    yaw_rad = math.radians(url.number("yaw_deg", 0.0))
+    if url.number("is_flipped", 0.0):
+        import numpy as np
+
+        ranges = np.frombuffer(scan.ranges_m, "<f4")
+        last_rad = scan.angle_min_rad + (len(ranges) - 1) * scan.angle_step_rad
+        scan = msgspec.structs.replace(scan, angle_min_rad=-last_rad, ranges_m=ranges[::-1].tobytes())
+    return msgspec.structs.replace(scan, angle_min_rad=scan.angle_min_rad + yaw_rad) if yaw_rad else scan
+
+
+class ReplayLaser(Replay[LaserScan]):
+    """A range scanner of a log."""
+
+    _scan: StampedScan | None = None
+
+    def take(self, t_s: float, item: LaserScan) -> None:
+        """Keeps a turn."""
+        self._scan = StampedScan(t_s, item)
+
+    def forget(self) -> None:
+        """Keeps nothing."""
+        self._scan = None
+
+    def scan(self) -> StampedScan | None:
+        """The latest turn; None before the first."""
+        self.check()
+        return self._scan
+
+
+def _recorded(log: Path, part: str, device: str) -> Sequence[Recorded[LaserScan]]:
+    del device
+    return topic_records(log, part or "laser", LaserScan)
+
+
+def _poll(device: Laser) -> Sequence[Image]:
+    device.scan()
+    return ()
+
+
+SENSORS: Final = (SensorKind("laser", ReplayLaser, _recorded, _poll),)

@@ -1,0 +1,190 @@
+"""Simulated cameras and scanners over TCP, as `gloc3 sitl` serves them; read in a thread of its own."""
+
+import socket
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Final
+
+from gloc3.camera.frame_stream import FrameError, FrameReader, GreyFrame, ScanFrame, encode_wish
+from gloc3.messages.perception import LaserScan
+from gloc3.messages.vehicle import Image
+from gloc3_onboard.sensors.devices import Bell, StampedImage, StampedPair, StampedScan, Unwatch
+from gloc3_onboard.sensors.registry import SourceKind, SourceRequest
+from gloc3_onboard.sensors.sources.camera import EYES, camera_name
+from gloc3_onboard.sensors.sources.stereo import STEREO, pair_names
+
+CONNECT_S = 2.0
+RETRY_S = 0.5
+SAME_US = 1000
+"""Frames of a pair have stamps no further apart."""
+
+MapTime = Callable[[float], float | None]
+"""Maps the vehicle's time since boot, in seconds, to ours; None while that is not known."""
+
+
+class StreamSource:
+    """The base of what comes over one connection. One that breaks is made anew for ever: the other end may begin later.
+
+    Args:
+        name: of the thread.
+        address: host and port.
+        t_s_of: maps the vehicle's time to ours.
+        wish: the sensors of the other end that are wanted.
+    """
+
+    def __init__(self, name: str, address: tuple[str, int], t_s_of: MapTime, wish: tuple[str, ...]) -> None:
+        self._name, self._address, self._t_s_of = name, address, t_s_of
+        self._wish = encode_wish(*wish)
+        self._bell = Bell()
+        self._stop = threading.Event()
+
+    def open(self) -> None:
+        """Begins to take data."""
+        self._stop = threading.Event()
+        self.forget()
+        threading.Thread(target=self._read, args=(self._stop,), name=self._name, daemon=True).start()
+
+    def close(self) -> None:
+        """Ends taking data."""
+        self._stop.set()
+
+    def on_news(self, ready: Callable[[], None]) -> Unwatch:
+        """Has `ready` called when something has come."""
+        return self._bell.listen(ready)
+
+    def _read(self, stop: threading.Event) -> None:
+        while not stop.is_set():
+            with suppress(OSError, FrameError), socket.create_connection(self._address, CONNECT_S) as stream:
+                stream.sendall(self._wish)
+                reader = FrameReader()
+                while not stop.is_set():
+                    data = stream.recv(1 << 20)
+                    if not data:
+                        break
+                    for record in reader.receive(data):
+                        t_s = self._t_s_of(record.boot_us * 1e-6)
+                        if t_s is not None and self._take(t_s, record):
+                            self._bell.ring()
+            stop.wait(RETRY_S)
+
+    def forget(self) -> None:
+        """Keeps nothing of an earlier opening."""
+        raise NotImplementedError
+
+    def _take(self, t_s: float, record: GreyFrame | ScanFrame) -> bool:
+        """Keeps a record; returns whether that is news."""
+        raise NotImplementedError
+
+
+class StreamCamera(StreamSource):
+    """A camera.
+
+    Args:
+        name: of the camera, whatever the stream calls it.
+        address: host and port.
+        t_s_of: maps the vehicle's time to ours.
+        part: which camera of the stream; empty for the one that has this name there, too.
+    """
+
+    def __init__(self, name: str, address: tuple[str, int], t_s_of: MapTime, part: str = "") -> None:
+        super().__init__(name, address, t_s_of, (part or name,))
+        self._part = part
+        self._frame: StampedImage | None = None
+
+    def frame(self) -> StampedImage | None:
+        """The latest frame; None before the first."""
+        return self._frame
+
+    def forget(self) -> None:
+        """Keeps nothing."""
+        self._frame = None
+
+    def _take(self, t_s: float, record: GreyFrame | ScanFrame) -> bool:
+        if not isinstance(record, GreyFrame) or self._part not in ("", record.camera):
+            return False
+        self._frame = StampedImage(t_s, _image(record, self._name))
+        return True
+
+
+class StreamStereoCamera(StreamSource):
+    """Two cameras whose frames have the same time.
+
+    Args:
+        names: of the left and the right one, in the stream and here.
+        address: host and port.
+        t_s_of: maps the vehicle's time to ours.
+    """
+
+    def __init__(self, names: tuple[str, str], address: tuple[str, int], t_s_of: MapTime) -> None:
+        super().__init__(names[0], address, t_s_of, names)
+        self._names = names
+        self._sides: dict[str, GreyFrame] = {}
+        self._pair: StampedPair | None = None
+
+    def pair(self) -> StampedPair | None:
+        """The latest two frames; None before the first."""
+        return self._pair
+
+    def forget(self) -> None:
+        """Keeps nothing."""
+        self._pair = None
+
+    def _take(self, t_s: float, record: GreyFrame | ScanFrame) -> bool:
+        if not isinstance(record, GreyFrame) or record.camera not in self._names:
+            return False
+        self._sides[record.camera] = record
+        left, right = (self._sides.get(name) for name in self._names)
+        if left is None or right is None or abs(left.boot_us - right.boot_us) > SAME_US:
+            return False
+        self._pair = StampedPair(t_s, _image(left, self._names[0]), _image(right, self._names[1]))
+        return True
+
+
+class StreamLaser(StreamSource):
+    """A range scanner."""
+
+    def __init__(self, name: str, address: tuple[str, int], t_s_of: MapTime, part: str = "") -> None:
+        super().__init__(name, address, t_s_of, (part or name,))
+        self._part = part
+        self._scan: StampedScan | None = None
+
+    def scan(self) -> StampedScan | None:
+        """The latest turn; None before the first."""
+        return self._scan
+
+    def forget(self) -> None:
+        """Keeps nothing."""
+        self._scan = None
+
+    def _take(self, t_s: float, record: GreyFrame | ScanFrame) -> bool:
+        if not isinstance(record, ScanFrame) or self._part not in ("", record.scanner):
+            return False
+        scan = LaserScan(
+            scanner=self._name,
+            angle_min_rad=record.angle_min_rad,
+            angle_step_rad=record.angle_step_rad,
+            range_min_m=record.range_min_m,
+            range_max_m=record.range_max_m,
+            ranges_m=record.ranges_m,
+            duration_s=record.duration_s,
+        )
+        self._scan = StampedScan(t_s, scan)
+        return True
+
+
+def _image(frame: GreyFrame, name: str) -> Image:
+    return Image(camera=name, width=frame.width, height=frame.height, data=frame.data)
+
+
+def _make(request: SourceRequest) -> StreamSource:
+    name, url, t_s_of = request.device, request.url, request.host.t_s_of_boot
+    address = url.address(name)
+    if request.sensor.name == STEREO:
+        return StreamStereoCamera(pair_names(name), address, t_s_of)
+    if request.sensor.name == "laser":
+        return StreamLaser(name, address, t_s_of, url.part)
+    return StreamCamera(camera_name(name), address, t_s_of, url.part)
+
+
+SOURCES: Final = (SourceKind("tcp", (*EYES, "laser"), "tcp://127.0.0.1:5600", _make, takes_part=True),)

@@ -1,0 +1,13 @@
+"""Where the data of the tests lie: our own, and those of other people, which tests with the mark `outside` need."""
+
+from pathlib import Path
+from typing import Final
+
+OWN: Final = Path(__file__).parent / "data"
+OUTSIDE: Final = Path(__file__).parents[2] / "shared" / "data"
+"""Beside the repository, and not in it: captured links, laser logs, mission files and pictures."""
+LINKS: Final = OUTSIDE / "links"
+LASER_LOGS: Final = OUTSIDE / "lidar"
+MISSIONS: Final = OUTSIDE / "missions"
+PICTURES: Final = OUTSIDE / "images"
+REASON: Final = "needs data from outside the repository, and ../shared/data is not here"

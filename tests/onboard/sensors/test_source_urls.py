@@ -1,0 +1,186 @@
+"""Sources of devices are URLs of one form; what is wrong in one is refused with the reason and an example."""
+
+import asyncio
+from pathlib import Path
+from types import ModuleType
+from unittest.mock import Mock
+
+import pytest
+
+from gloc3.clock import VirtualLoop
+from gloc3.component.test_bench import Bench
+from gloc3.errors import Misuse, Refused
+from gloc3.platform.reader import read_platform
+from gloc3_onboard.autopilot.sensors import AutopilotSensors
+from gloc3_onboard.sensors import registry
+from gloc3_onboard.sensors.registry import (
+    SourceHost,
+    SourceKind,
+    make_sources,
+    parse_source,
+    sensor_kinds,
+    sensor_of,
+    source_kinds,
+    source_urls,
+)
+from gloc3_onboard.sensors.replay import LogTime
+from gloc3_onboard.sensors.sources.camera import camera_name
+from gloc3_onboard.sensors.sources.height import ReplayHeight
+from gloc3_onboard.sensors.sources.stereo import pair_names
+
+DEVICE_OF = {
+    "stereo_camera": "front_stereo_camera",
+    "camera": "ground_camera",
+    "laser": "top_laser",
+    "imu": "imu",
+    "height": "sonar_height",
+    "dvl": "dvl",
+}
+
+
+def host(loop: asyncio.AbstractEventLoop) -> SourceHost:
+    return SourceHost(
+        loop, Path(), lambda boot_s: boot_s, AutopilotSensors(), ReplayHeight(loop, LogTime(), lambda: ())
+    )
+
+
+@pytest.mark.parametrize("scheme", source_kinds())
+def test_the_example_of_every_scheme_is_understood_and_made_for_every_sensor_that_it_brings(scheme: str) -> None:
+    row = source_kinds()[scheme]
+    loop = VirtualLoop()
+    for sensor in row.brings:
+        for example in row.example.split(", or "):
+            device = DEVICE_OF[sensor]
+            url = parse_source(device, example)
+            assert url.scheme == scheme
+            pair = {"left_camera": "none://", "right_camera": "none://"} if scheme == "pair" else {}
+            assert make_sources({device: example.partition("#")[0], **pair}, host(loop))[device] is not None
+    loop.close()
+
+
+@pytest.mark.parametrize(
+    ("device", "text", "told"),
+    [
+        ("ground_camera", "", "write SCHEME://PLACE"),
+        ("ground_camera", "/dev/video0", "write SCHEME://PLACE"),
+        ("ground_camera", "v4l:///dev/video0", "did you mean 'v4l2'"),
+        ("ground_camera", "v4l2://", "names nothing behind"),
+        ("ground_camera", "gst://", "names nothing behind"),
+        ("ground_camera", "carmen://aces.log", "brings laser, and this is a camera"),
+        ("laser", "euroc://V1_01", "brings camera or stereo_camera or imu, and this is a laser"),
+        ("ground_camera", "v4l2:///dev/video0?widht=640", "did you mean 'width'"),
+        ("ground_camera", "v4l2:///dev/video0?width=wide", "width=wide is no number"),
+        ("ground_camera", "v4l2:///dev/video0?width=640.5", "must be a whole number"),
+        ("ground_camera", "v4l2:///dev/video0?exposure_s=100", "must be from 1e-06 to 10"),
+        ("ground_camera", "v4l2:///dev/video0?gain=nan", "gain=nan must be from"),
+        ("ground_camera", "v4l2:///dev/video0#left", "takes nothing behind #"),
+        ("speaker", "none://", "no sensor"),
+        ("imu", "autopilot://px4", "takes no place"),
+    ],
+)
+def test_what_is_no_source_is_refused(device: str, text: str, told: str) -> None:
+    with pytest.raises(Refused) as found:
+        parse_source(device, text)
+    assert told in str(found.value)
+
+
+@pytest.mark.parametrize(
+    ("urls", "told"),
+    [
+        ({"ground_camera": "tcp://127.0.0.1"}, "write an address as tcp://127.0.0.1:5600"),
+        ({"ground_camera": "tcp://127.0.0.1:port"}, "write an address"),
+        ({"ground_camera": "tcp://127.0.0.1:70000"}, "write an address"),
+        ({"laser": "hokuyo://192.168.0.10"}, "write an address"),
+        ({"laser": "autopilot://#distance"}, "did you mean 'distance_sensor'"),
+        ({"stereo_camera": "pair://left_camera"}, "name two cameras"),
+        ({"stereo_camera": "pair://a_camera,b_camera", "a_camera": "none://"}, "there is no camera 'b_camera'"),
+    ],
+)
+def test_what_cannot_be_made_is_refused(urls: dict[str, str], told: str) -> None:
+    loop = VirtualLoop()
+    with pytest.raises(Refused) as found:
+        make_sources(urls, host(loop))
+    assert told in str(found.value)
+    loop.close()
+
+
+def test_a_pipeline_of_gstreamer_is_taken_as_it_is() -> None:
+    text = "gst://v4l2src device=/dev/video0 ! video/x-raw,format=GRAY8?odd#odd ! appsink"
+    assert parse_source("camera", text).place == text.removeprefix("gst://")
+
+
+def test_names_tell_what_a_device_senses_and_what_its_pictures_are_called() -> None:
+    assert [
+        (kind := sensor_of(name)) and kind.name for name in ("stereo_camera", "ground_camera", "laser", "imu", "site")
+    ] == [
+        "stereo_camera",
+        "camera",
+        "laser",
+        "imu",
+        None,
+    ]
+    assert (camera_name("ground_camera"), camera_name("camera")) == ("ground", "camera")
+    assert (pair_names("stereo_camera"), pair_names("tail_stereo_camera")) == (
+        ("front_left", "front_right"),
+        ("tail_left", "tail_right"),
+    )
+
+
+PLATFORM = """\
+platform: tester
+vehicle: {type: quadrotor, mass_kg: 1.0}
+devices: {laser: "carmen://aces.log", spare_laser: "none://"}
+cameras: {ground: {width: 640, height: 480, focal_px: [400, 400], center_px: [320, 240]}, front: "front.yaml#cam0"}
+components:
+  - {name: laser, class: "gloc3_onboard.components.samplers.laser:LaserSampler", rate_hz: 10, devices: {device: laser}}
+"""
+
+
+def test_a_platform_file_tells_sources_and_a_command_line_goes_before_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    doubts: list[str] = []
+    platform = read_platform(PLATFORM, "tester.yaml", warn=lambda finding: doubts.append(str(finding)))
+    (doubt,) = doubts
+    assert doubt.startswith("tester.yaml:3:39: warning: no component uses a device 'spare_laser'")
+    assert source_urls(platform, ["laser", "ground_camera", "site"], [])["laser"] == "carmen://aces.log"
+    found = source_urls(platform, ["laser", "ground_camera"], ["laser=carmen://other.log", "ground_camera=tcp://a:1"])
+    assert found["laser"] == f"carmen://{tmp_path / 'other.log'}", "relative to where it was typed"
+    assert found["ground_camera"] == "tcp://a:1"
+    for text, told in (("laser", "NAME=URL"), ("lidar=none://", "known: laser, spare_laser")):
+        with pytest.raises(Refused, match=told):
+            source_urls(platform, ["laser"], [text])
+
+
+def test_every_kind_of_sensor_plays_a_recording_of_nothing() -> None:
+    assert set(sensor_kinds()) == set(DEVICE_OF)
+    for name, kind in sensor_kinds().items():
+        with Bench() as bench:
+            device = make_sources({DEVICE_OF[name]: "none://"}, host(bench.loop))[DEVICE_OF[name]]
+            news: list[str] = []
+            device.open()
+            device.on_news(lambda name=name, news=news: news.append(name))
+            bench.run(1.0)
+            assert (kind.poll(device), news) == ((), [])
+            device.close()
+
+
+def test_a_package_brings_a_kind_of_source(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = ModuleType("package")
+    made = object()
+    module.SOURCES = (SourceKind("sonar", ("height",), "sonar:///dev/ttyS0", lambda request: made),)  # type: ignore[attr-defined]
+    point = Mock(load=lambda: module)
+    monkeypatch.setattr(registry, "installed_points", lambda group: [point] if group == "gloc3.sensors" else [])
+    registry._rows.cache_clear()
+    try:
+        loop = VirtualLoop()
+        assert make_sources({"height": "sonar:///dev/ttyS0"}, host(loop)) == {"height": made}
+        loop.close()
+        module.SENSORS = (sensor_kinds()["laser"]._replace(),)  # type: ignore[attr-defined]
+        registry._rows.cache_clear()
+        with pytest.raises(Misuse, match="two modules bring a sensor called 'laser'"):
+            sensor_kinds()
+    finally:
+        monkeypatch.undo()
+        registry._rows.cache_clear()

@@ -1,7 +1,9 @@
 """A vehicle's onboard side is wired in one place: what `gloc3 onboard` runs is what flights in virtual time run."""
 
 import asyncio
+from collections.abc import Mapping
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -12,7 +14,7 @@ from gloc3.platform.reader import load_platform
 from gloc3_onboard import assembly
 from gloc3_onboard.autopilot.arm_authority import ArmAuthority
 from gloc3_onboard.autopilot.link import AutopilotLink
-from gloc3_onboard.cli import direct, doctor_run, platform_new
+from gloc3_onboard.cli import doctor_run, platform_new
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.companion.acoustic_link import AcousticLink
 from gloc3_onboard.companion.companion import Companion
@@ -34,11 +36,11 @@ from gloc3_sitl.flight.plan import FlightPlan
 
 from .constructors import constructors_of
 
-BUILDERS = {
-    **dict.fromkeys((AcousticLink, ArmAuthority, Catalogue, Companion, ExchangeTaps, HeartbeatSource), {assembly}),
-    **dict.fromkeys((Herald, LinkWatch, Onboard, RateWatch, SensorWatch, Site, StationLink), {assembly}),
-    Router: {assembly, direct},
-    RoutedLink: {assembly, direct},
+BUILDERS: Mapping[type, set[ModuleType]] = {
+    **{each: {assembly} for each in (AcousticLink, ArmAuthority, Catalogue, Companion, ExchangeTaps, HeartbeatSource)},
+    **{each: {assembly} for each in (Herald, LinkWatch, Onboard, RateWatch, SensorWatch, Site, StationLink)},
+    Router: {assembly},
+    RoutedLink: {assembly},
     AutopilotLink: {assembly, doctor_run, platform_new},
     StationBridge: {other_processes},
 }

@@ -1,12 +1,12 @@
 """The only wiring of a vehicle's onboard side: platform, links, devices, clock and storage in, named parts out.
 
 The onboard process, another host, a child process and a flight in virtual time differ in what they hand in, and in
-`NOT_IN_FLIGHTS`, in nothing else.
+`gloc3_onboard.parts.NOT_IN_FLIGHTS`, in nothing else.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import Any, Final, NamedTuple
 
 import msgspec
 
@@ -38,6 +38,7 @@ from gloc3_onboard.companion.link_watch import LinkWatch, RateWatch
 from gloc3_onboard.companion.parameter_table import own_parameters
 from gloc3_onboard.companion.routing import Keep, RoutedLink, keep_nothing
 from gloc3_onboard.companion.station_link import HeartbeatSource, StationLink, StationLinkSettings
+from gloc3_onboard.parts import Parts
 from gloc3_onboard.process.event_narration import EventNarration, Report
 from gloc3_onboard.process.runner import Create, Member, Onboard
 from gloc3_onboard.process.taps import ExchangeTaps
@@ -47,45 +48,6 @@ from gloc3_onboard.sensors.registry import SourceHost, make_sources, source_urls
 from gloc3_onboard.sensors.rig import PlatformRig
 from gloc3_onboard.sensors.sensor_watch import SensorWatch
 from gloc3_onboard.viewer.catalogue import Catalogue
-
-P = TypeVar("P")
-
-NOT_IN_FLIGHTS: Final[Mapping[str, str]] = {
-    "run log": "rotates files by their size on a real disk; a flight writes one log, without measured times",
-    "disk readers": "threads; a flight reads its logs at once",
-    "host agent": "leads child processes of the operating system, and reports the computer's load",
-    "clock server": "answers other computers, which a flight does not have",
-    "host watch": "follows other computers, which a flight does not have",
-    "network events": "belong to the Zenoh network",
-    "station bridge": "needs a Zenoh network with certificates",
-    "signing memory": "keeps files of signed links; a flight's links have no keys",
-    "terminal": "writes to stderr",
-}
-"""The parts of the onboard process that a flight in virtual time does without, with the reason."""
-
-
-class Parts:
-    """Named parts, closed in the reverse order of their making."""
-
-    def __init__(self) -> None:
-        self._kinds: dict[str, str] = {}
-        self._ends: list[Callable[[], object]] = []
-
-    def add(self, name: str, part: P, end: Callable[[], object] | None = None) -> P:
-        """Lists a part, which `end` closes."""
-        self._kinds[name] = type(part).__name__
-        if end is not None:
-            self._ends.append(end)
-        return part
-
-    def listed(self) -> dict[str, str]:
-        """The name of the class of each part, by the part's name."""
-        return dict(self._kinds)
-
-    def close(self) -> None:
-        """Closes all of them."""
-        while self._ends:
-            self._ends.pop()()
 
 
 class Sensors(NamedTuple):

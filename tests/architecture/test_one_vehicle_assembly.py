@@ -1,7 +1,9 @@
 """A vehicle's onboard side is wired in one place: what `gloc3 onboard` runs is what flights in virtual time run."""
 
 import asyncio
+from collections.abc import Mapping
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -10,7 +12,6 @@ from gloc3.mavlink.router import Router
 from gloc3.network.stations import StationBridge
 from gloc3.platform.reader import load_platform
 from gloc3_onboard import assembly
-from gloc3_onboard.assembly import NOT_IN_FLIGHTS
 from gloc3_onboard.autopilot.arm_authority import ArmAuthority
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.cli import doctor_run, platform_new
@@ -23,6 +24,7 @@ from gloc3_onboard.companion.rate_watch import RateWatch
 from gloc3_onboard.companion.routing import RoutedLink
 from gloc3_onboard.companion.station_link import HeartbeatSource, StationLink
 from gloc3_onboard.hosts import other_processes
+from gloc3_onboard.parts import NOT_IN_FLIGHTS
 from gloc3_onboard.process.options import ProcessOptions
 from gloc3_onboard.process.process import DEVICES, OnboardProcess
 from gloc3_onboard.process.runner import Onboard
@@ -34,40 +36,23 @@ from gloc3_sitl.flight.plan import FlightPlan
 
 from .constructors import constructors_of
 
-PARTS = (
-    AcousticLink,
-    ArmAuthority,
-    Catalogue,
-    Companion,
-    ExchangeTaps,
-    HeartbeatSource,
-    Herald,
-    LinkWatch,
-    Onboard,
-    RateWatch,
-    RoutedLink,
-    Router,
-    SensorWatch,
-    Site,
-    StationLink,
-)
-"""Parts of a vehicle's side that the assembly alone constructs."""
+BUILDERS: Mapping[type, set[ModuleType]] = {
+    **{each: {assembly} for each in (AcousticLink, ArmAuthority, Catalogue, Companion, ExchangeTaps, HeartbeatSource)},
+    **{each: {assembly} for each in (Herald, LinkWatch, Onboard, RateWatch, SensorWatch, Site, StationLink)},
+    Router: {assembly},
+    RoutedLink: {assembly},
+    AutopilotLink: {assembly, doctor_run, platform_new},
+    StationBridge: {other_processes},
+}
+"""A part of a vehicle's side, and the modules that may construct it: commands that only query an autopilot have none."""
 ON_A_NETWORK = {"network events", "station bridge"}
 """Parts of an onboard process that has a network file."""
 ANY_PORT = "udpin://127.0.0.1:0"
 
 
-@pytest.mark.parametrize("part", PARTS, ids=lambda part: part.__name__)
+@pytest.mark.parametrize("part", BUILDERS, ids=lambda part: part.__name__)
 def test_nothing_but_the_assembly_constructs_the_parts_of_a_vehicle_s_side(part: type) -> None:
-    assert constructors_of(part) == {assembly.__name__}
-
-
-def test_an_autopilot_s_link_is_constructed_elsewhere_only_to_ask_an_autopilot_something() -> None:
-    assert constructors_of(AutopilotLink) == {assembly.__name__, doctor_run.__name__, platform_new.__name__}
-
-
-def test_stations_of_a_network_are_admitted_in_one_place() -> None:
-    assert constructors_of(StationBridge) == {other_processes.__name__}
+    assert constructors_of(part) == {module.__name__ for module in BUILDERS[part]}
 
 
 async def parts_of_a_process(folder: Path) -> dict[str, str]:

@@ -17,8 +17,9 @@ from gloc3.messages.topics import TopicTable
 from gloc3.platform.places import Place, rows_at
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import find_platform, whole_text
-from gloc3_onboard.assembly import Hosting, Parts, devices_of, host_components, open_sensors
+from gloc3_onboard.assembly import Hosting, devices_of, host_components, open_sensors
 from gloc3_onboard.hosts.boot_time import BootTime
+from gloc3_onboard.parts import Parts
 from gloc3_onboard.process.event_narration import Report
 from gloc3_onboard.process.log_files import LogFiles, log_stem
 from gloc3_onboard.process.run_log import LogLimits, RunLog

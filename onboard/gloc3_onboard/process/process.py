@@ -107,16 +107,7 @@ class OnboardProcess:
         place = Place(choose_host(platform, options.host))
         context = HostContext(platform.platform, self.exchange, Clock(loop), loop, shared.topics, self._random)
         self._storage = storage = ProcessStorage(options, platform, place, context, self.say)
-        inputs = VehicleInputs(
-            platform=platform,
-            context=context,
-            report=self.say,
-            keep=storage.keep,
-            vitals=VitalSigns(storage.logs).look,
-            sign=storage.sign,
-            system_id=options.system_id,
-            takes_plans=options.takes_plans,
-        )
+        inputs = self._inputs(context)
         self.vehicle: Final = Vehicle(inputs, options.autopilot)
         """Its parts."""
         self.vehicle.parts.add("terminal", self._narrator)
@@ -132,6 +123,19 @@ class OnboardProcess:
         self._others = OtherProcesses(options, inputs, shared, member, self.vehicle, self._watch.conditions)
         self._computer = HostComputer(
             storage.logs, context.clock, self._log_problem, self.vehicle.link_conditions, self._sensor_conditions
+        )
+
+    def _inputs(self, context: HostContext) -> VehicleInputs:
+        storage, options = self._storage, self._options
+        return VehicleInputs(
+            platform=self.platform,
+            context=context,
+            report=self.say,
+            keep=storage.keep,
+            vitals=VitalSigns(storage.logs).look,
+            sign=storage.sign,
+            system_id=options.system_id,
+            takes_plans=options.takes_plans,
         )
 
     async def open(self) -> None:

@@ -27,7 +27,7 @@ from gloc3_onboard.companion.commands import Commands
 from gloc3_onboard.companion.herald import computer_status
 from gloc3_onboard.companion.metadata import Metadata
 from gloc3_onboard.companion.operator_control import OperatorControl
-from gloc3_onboard.companion.parameter_table import OwnParameter, ParameterRow, rows_of
+from gloc3_onboard.companion.parameter_table import OwnParameter, rows_of
 from gloc3_onboard.companion.parameters import Parameters
 from gloc3_onboard.companion.plans import Plans
 from gloc3_onboard.process.vitals import Vitals
@@ -56,8 +56,6 @@ CAPABILITIES: Final = (
 
 Send = Callable[[MavlinkMessage], None]
 Hear = Callable[[Iterable[Frame]], None]
-
-
 
 
 class _Link(NamedTuple):

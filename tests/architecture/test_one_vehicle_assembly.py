@@ -6,7 +6,6 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from gloc3_onboard.companion.rate_watch import RateWatch
 
 from gloc3.clock import run_virtual
 from gloc3.mavlink.router import Router
@@ -20,7 +19,7 @@ from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.companion.acoustic_link import AcousticLink
 from gloc3_onboard.companion.companion import Companion
 from gloc3_onboard.companion.herald import Herald
-from gloc3_onboard.companion.link_watch import LinkWatch
+from gloc3_onboard.companion.link_watch import LinkWatch, RateWatch
 from gloc3_onboard.companion.routing import RoutedLink
 from gloc3_onboard.companion.station_link import HeartbeatSource, StationLink
 from gloc3_onboard.hosts import other_processes

@@ -15,7 +15,7 @@ from gloc3_onboard.companion.routing import RoutedLink
 class LinkUser(Protocol):
     """Handles the frames of a link, and sends by it."""
 
-    def take(self, frames: list[Frame]) -> None:
+    def receive_frames(self, frames: list[Frame]) -> None:
         """Handles frames."""
 
     def open(self, link: FrameLink) -> None:
@@ -24,7 +24,7 @@ class LinkUser(Protocol):
 
 def routed_link(user: LinkUser, url: str, loop: asyncio.AbstractEventLoop) -> RoutedLink:
     """The only link of a router, whose frames a user gets."""
-    return RoutedLink(url, Router(Address(1, 191)), loop, user.take)
+    return RoutedLink(url, Router(Address(1, 191)), loop, user.receive_frames)
 
 
 def wire(user: LinkUser, end: MemoryEnd, loop: asyncio.AbstractEventLoop) -> RoutedLink:

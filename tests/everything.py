@@ -30,7 +30,7 @@ def command(group: str, reports: Path, *more: str) -> list[str]:
     ]
 
 
-def _say(lines: IO[str], turn: Lock) -> None:
+def _report(lines: IO[str], turn: Lock) -> None:
     """Prints whole lines, so that two can speak at a time."""
     with lines:
         for line in lines:
@@ -38,10 +38,10 @@ def _say(lines: IO[str], turn: Lock) -> None:
                 print(line, end="", flush=True)
 
 
-def _yield_as_a_session(leader: int) -> None:
+def _yield_as_a_session(reference: int) -> None:
     """Where Linux shares the processor among sessions (`man 7 sched`, autogroups), `nice` counts only within one."""
     with suppress(OSError):  # it does not
-        Path(f"/proc/{leader}/autogroup").write_text(str(LATER), encoding="ascii")
+        Path(f"/proc/{reference}/autogroup").write_text(str(LATER), encoding="ascii")
 
 
 def run(reports: Path, folder: Path = ROOT) -> int:
@@ -60,7 +60,7 @@ def run(reports: Path, folder: Path = ROOT) -> int:
     for group in _WHICH:
         called = command(group, reports, "-n", "2", "--dist", "worksteal")
         running[group] = subprocess.Popen(called, cwd=folder, stdout=subprocess.PIPE, text=True, start_new_session=True)
-        speakers.append(Thread(target=_say, args=(running[group].stdout, turn)))
+        speakers.append(Thread(target=_report, args=(running[group].stdout, turn)))
         speakers[-1].start()
     _yield_as_a_session(running[VIRTUAL].pid)
     try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from gloc3.mavlink.codec import Encoder, Parser
-from gloc3.mavlink.node import Node
+from gloc3.mavlink.node import MavlinkComponent
 from gloc3.mavlink.transport.memory import Scheduler
 
 
@@ -23,7 +23,7 @@ class NodeRunner:
 
     def __init__(
         self,
-        node: Node,
+        node: MavlinkComponent,
         loop: Scheduler,
         send: Callable[[bytes], None],
         *,

@@ -36,8 +36,8 @@ def run(reports: Path) -> int:
         running.append(subprocess.Popen(called, cwd=ROOT, stdout=subprocess.PIPE, text=True))
     codes = []
     for process in running:
-        said, _ = process.communicate()
-        print(said, end="", flush=True)
+        text, _ = process.communicate()
+        print(text, end="", flush=True)
         codes.append(process.returncode)
     return max(codes, key=abs)
 

@@ -77,8 +77,8 @@ class Clock:
 
 def _is_synchronised() -> bool:
     """What `adjtimex(2)` says of the clock; true where there is no such call."""
-    ask = getattr(ctypes.CDLL(None), "adjtimex", None)
-    return ask is None or ask(ctypes.create_string_buffer(_TIMEX_BYTES)) != _CLOCK_NOT_SYNCHRONISED
+    request = getattr(ctypes.CDLL(None), "adjtimex", None)
+    return request is None or request(ctypes.create_string_buffer(_TIMEX_BYTES)) != _CLOCK_NOT_SYNCHRONISED
 
 
 class _Call(asyncio.TimerHandle):

@@ -52,11 +52,11 @@ class InputError(Gloc3Error):
         self.findings = tuple(findings)
 
 
-class NotThere(InputError):
+class NotFound(InputError):
     """A file or a name that was asked for is not there, or cannot be read: nothing in it is wrong."""
 
 
-class NotHeard(Gloc3Error):
+class NoContact(Gloc3Error):
     """Whom a command speaks to is not heard: the command is right, and fails."""
 
 

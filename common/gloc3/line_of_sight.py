@@ -59,7 +59,7 @@ class LineOfSight:
         if not keeps_drift:
             self._sum_m = 0.0
 
-    def look(self, position_ned_m: Vector3, lookahead_m: float, duration_s: float) -> Guidance:
+    def update(self, position_ned_m: Vector3, lookahead_m: float, duration_s: float) -> Guidance:
         """The heading to steer now.
 
         Args:

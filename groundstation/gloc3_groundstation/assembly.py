@@ -22,7 +22,7 @@ from gloc3.network.file import Membership
 from gloc3_groundstation.desk.events_desk import EventsDesk
 from gloc3_groundstation.desk.services_desk import ServicesDesk
 from gloc3_groundstation.links.acoustic_way import Modem, attach_modem, open_modem
-from gloc3_groundstation.links.link import Link, LinkContext
+from gloc3_groundstation.links.link import LinkContext, StationLinkCore
 from gloc3_groundstation.links.links import Links
 from gloc3_groundstation.links.network_way import role_of
 from gloc3_groundstation.station.station import Station
@@ -31,7 +31,7 @@ from gloc3_groundstation.store.contact_queue import FILE as QUEUE_FILE
 from gloc3_groundstation.store.contact_queue import ContactQueue
 from gloc3_groundstation.store.event_store import EventStore
 from gloc3_groundstation.store.kept_state import SHOWN, SILENCES, FeedFile, SilenceFile
-from gloc3_groundstation.store.recording import Recording
+from gloc3_groundstation.store.recording import SessionRecording
 
 NOT_IN_FLIGHTS: Final[Mapping[str, str]] = {
     "Recording": "a flight's log already holds both ends; a test may give a folder",
@@ -92,7 +92,7 @@ class GroundStation:
         self.events: Final = EventsDesk(self.station, EventStore(events, Clock(self.loop).utc_offset_s))
         self.links: Final = Links(self._link_context(report or self._warn), setup.signing_key)
         self.station.round_trip_s = self.links.round_trip_s
-        self.vehicles: Final = Vehicles(self.station, self.links.ways)
+        self.vehicles: Final = Vehicles(self.station, self.links.routes)
         self.services: Final = ServicesDesk(self.station, self.vehicles.reach, setup.downloads)
         self._modems: list[Modem] = []
         self._queue: ContactQueue | None = None
@@ -116,7 +116,7 @@ class GroundStation:
         for platform, url in modems:
             self._modems.append(await open_modem(platform, url, self.station, self.exchange, self.setup.boot))
 
-    def attach(self, end: MemoryEnd) -> Link:
+    def attach(self, end: MemoryEnd) -> StationLinkCore:
         """Opens a link in memory."""
         return self.links.attach(end)
 
@@ -182,12 +182,14 @@ class GroundStation:
         folder = self.setup.record
         return None if folder is None else SilenceFile(self._kept_in(folder, SILENCES), self.station, self.loop)
 
-    def _begin_recording(self) -> Recording | None:
+    def _begin_recording(self) -> SessionRecording | None:
         """The logs of this session; without a place for them the station works all the same, and says so."""
         if self.setup.record is None:
             return None
         try:
-            return Recording(self.setup.record, Clock(self.loop), self.loop, self.topics, self.station.id, self._warn)
+            return SessionRecording(
+                self.setup.record, Clock(self.loop), self.loop, self.topics, self.station.id, self._warn
+            )
         except Gloc3Error as error:
             self._warn(str(error))
             return None

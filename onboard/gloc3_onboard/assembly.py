@@ -28,19 +28,19 @@ from gloc3.store import Records
 from gloc3_onboard.autopilot.arm_authority import ArmAuthority
 from gloc3_onboard.autopilot.device import AutopilotDevice
 from gloc3_onboard.autopilot.link import AutopilotLink
-from gloc3_onboard.autopilot.news import LinkNews
-from gloc3_onboard.command_server.log_shelf import AtOnce, Shelf
+from gloc3_onboard.autopilot.news import LinkReports
+from gloc3_onboard.command_server.log_shelf import ImmediateExecutor, LogStoreBase
 from gloc3_onboard.command_server.site import Background, Site
 from gloc3_onboard.companion.acoustic_link import PERIOD_S, AcousticLink
 from gloc3_onboard.companion.companion import Companion
-from gloc3_onboard.companion.herald import Herald
+from gloc3_onboard.companion.herald import AutopilotReporter
 from gloc3_onboard.companion.link_watch import LinkWatch, RateWatch
 from gloc3_onboard.companion.parameter_table import own_parameters
-from gloc3_onboard.companion.routing import Keep, RoutedLink, keep_nothing
+from gloc3_onboard.companion.routing import Keep, RoutedLink, discard
 from gloc3_onboard.companion.station_link import HeartbeatSource, StationLink, StationLinkSettings
 from gloc3_onboard.parts import Parts
 from gloc3_onboard.process.event_narration import EventNarration, Report
-from gloc3_onboard.process.runner import Create, Member, Onboard
+from gloc3_onboard.process.runner import Create, HostMember, Onboard
 from gloc3_onboard.process.taps import ExchangeTaps
 from gloc3_onboard.process.vitals import Vitals
 from gloc3_onboard.sensors.devices import Rig
@@ -68,7 +68,7 @@ class Sensors(NamedTuple):
 def open_sensors(
     platform: Platform,
     used: Sequence[str],
-    asked: Sequence[str],
+    requested: Sequence[str],
     host: SourceHost,
     warn: Callable[[str], None] = lambda _: None,
 ) -> Sensors:
@@ -77,7 +77,7 @@ def open_sensors(
     Args:
         platform: the platform file.
         used: the devices that rows of this process name.
-        asked: sources that differ from the file's, as NAME=URL.
+        requested: sources that differ from the file's, as NAME=URL.
         host: what sources are made with.
         warn: receives what is doubtful in a calibration.
 
@@ -88,7 +88,7 @@ def open_sensors(
     rig = PlatformRig(platform, host.folder)
     for warning in rig.warnings:
         warn(str(warning))
-    urls = source_urls(platform, used, asked)
+    urls = source_urls(platform, used, requested)
     return Sensors(make_sources(urls, host), urls, rig)
 
 
@@ -103,7 +103,7 @@ class Hosting(msgspec.Struct, frozen=True, kw_only=True):
     rows: Sequence[ComponentRow] | None = None
     """None for all of the platform."""
     create: Create = ComponentRow.create
-    led: Sequence[Member] = ()
+    led: Sequence[HostMember] = ()
     """The components of child processes."""
 
 
@@ -132,7 +132,7 @@ class Storage(msgspec.Struct, frozen=True, kw_only=True):
     """Of missions, and home."""
     reports: Records
     """What stations were told."""
-    shelf: Shelf
+    log_store: LogStoreBase
     """The logs that stations may fetch."""
     pictures: Any
     """The device `pictures`."""
@@ -149,14 +149,14 @@ class VehicleInputs(msgspec.Struct, frozen=True, kw_only=True):
     context: HostContext
     report: Report = lambda _severity, _text: None
     """Receives what a person at the terminal should know."""
-    keep: Keep = keep_nothing
+    keep: Keep = discard
     """Receives each MAVLink frame, for a log."""
     vitals: Callable[[], Vitals] = Vitals
     """Reads the computer's load."""
     sign: Callable[[str, int], Signing | None] = lambda _url, _number: None
     """Signs the link of a URL and number, 0 being the autopilot's; None for a link without a key."""
     system_id: int = 1
-    takes_plans: bool = False
+    accepts_plans: bool = False
     """Plans that other stations send to the autopilot become missions, and do not reach it."""
 
 
@@ -167,7 +167,7 @@ class Attachment(NamedTuple):
     open: Callable[[Endpoint], None]
 
 
-class Vehicle:
+class VehicleSide:
     """The onboard side of a vehicle in the process with the autopilot's link.
 
     Attach the links, then `host` the components and `begin`.
@@ -187,14 +187,14 @@ class Vehicle:
         self._routed: list[RoutedLink] = []
         self._may_write = True
         self._autopilot_url = autopilot_url
-        events = parts.add("autopilot events", LinkNews(exchange, name, self._boot(), loop.time))
+        events = parts.add("autopilot events", LinkReports(exchange, name, self._boot(), loop.time))
         narration = EventNarration(exchange, name, ["*"], inputs.report)
         parts.add("event narration", narration, narration.close)
         authority = ArmAuthority(exchange, name)
         parts.add("arm authority", authority, authority.close)
 
         def autopilot_reports(severity: Severity, text: str) -> None:
-            events.say(severity, text)
+            events.report(severity, text)
             if severity > Severity.WARNING:  # below, the event is narrated
                 inputs.report(severity, text)
 
@@ -210,8 +210,8 @@ class Vehicle:
         self._router = parts.add("router", Router(self.autopilot.own, self._system_restarted))
         self.path: Final = RequestedPath(exchange, name)
         parts.add("requested path", self.path, self.path.close)
-        self._herald = Herald(exchange, name, self.autopilot.own, loop, self._send_to_stations)
-        parts.add("herald", self._herald, self._herald.close)
+        self._reporter = AutopilotReporter(exchange, name, self.autopilot.own, loop, self._send_to_stations)
+        parts.add("herald", self._reporter, self._reporter.close)
         self.companion: Final = self._add_companion()
         self._link_watch = LinkWatch(loop, self._ends, inputs.report)
         parts.add("link watch", self._link_watch, self._link_watch.close)
@@ -232,12 +232,12 @@ class Vehicle:
             self._boot(),
             inputs.vitals,
             own_parameters(self._set_least_severity, self._allow_writing),
-            takes_plans=inputs.takes_plans,
+            accepts_plans=inputs.accepts_plans,
         )
         return self.parts.add("companion", companion, companion.close)
 
     def _set_least_severity(self, severity: Severity) -> None:
-        self._herald.least_severity = severity
+        self._reporter.least_severity = severity
 
     def _allow_writing(self, is_allowed: bool) -> None:
         self._may_write = is_allowed
@@ -253,7 +253,7 @@ class Vehicle:
         hear = self.companion.attach(link.send_message, is_to_stations=False)
 
         def receive(frames: list[Frame]) -> None:
-            link.take(frames)
+            link.receive_frames(frames)
             hear(frames)
 
         routed = self._route(self._autopilot_url, receive, link.signed_only, None)
@@ -282,17 +282,17 @@ class Vehicle:
         # What observers send reaches our own command interface alone, which tells looking from commanding.
         is_for_observers = role is StationRole.OBSERVER
         hear = None if is_for_observers else self.companion.attach(link.send)
-        watch = RateWatch(self.autopilot.ask_streams_again, context.loop.time)
+        watch = RateWatch(self.autopilot.request_streams_again, context.loop.time)
         self.parts.add(f"rate watch {number}", watch)
 
         def receive(frames: list[Frame]) -> None:
-            link.take(frames)
+            link.receive_frames(frames)
             if hear is not None:
                 hear(frames)
-            watch.hear(frames)
+            watch.receive(frames)
 
         keeps: Callable[[Frame], bool] | None = (lambda _: True) if is_for_observers else None
-        if not is_for_observers and self._inputs.takes_plans:
+        if not is_for_observers and self._inputs.accepts_plans:
             keeps = self.companion.keeps
         routed = self._route(url, receive, link.signed_only, keeps)
         self.parts.add(f"station link {number}", link, link.close)
@@ -375,7 +375,7 @@ class Vehicle:
             storage.reports,
             context.random.getrandbits(31),
             storage.computer_start,
-            Background(storage.shelf, storage.worker or AtOnce()),
+            Background(storage.log_store, storage.worker or ImmediateExecutor()),
         )
         devices = {
             **sensors.devices,
@@ -396,7 +396,7 @@ class Vehicle:
 
     def traffic(self) -> list[str]:
         """What has passed, a line a link; what was refused of other programs, too."""
-        refused = self.companion.reasons.said
+        refused = self.companion.reasons.reported
         lines = [f"refused of other programs' stations: {counted(refused, 'request')}"] if refused else []
         return lines + [f"{routed.url}: {routed.condition().traffic.describe()}" for routed in self._routed]
 

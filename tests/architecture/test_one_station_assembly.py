@@ -13,12 +13,12 @@ from gloc3.mavlink.transport.memory import MemoryLink
 from gloc3_groundstation import assembly
 from gloc3_groundstation.assembly import NOT_IN_FLIGHTS, GroundStation, StationSetup
 from gloc3_groundstation.links import links
-from gloc3_groundstation.links.acoustic_way import AcousticWay
-from gloc3_groundstation.links.link import Link, LinkContext
+from gloc3_groundstation.links.acoustic_way import AcousticRoute
+from gloc3_groundstation.links.link import LinkContext, StationLinkCore
 from gloc3_groundstation.links.links import Links
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.station.vehicles import Vehicles
-from gloc3_groundstation.store.recording import Recording
+from gloc3_groundstation.store.recording import SessionRecording
 
 from .constructors import constructors_of
 
@@ -27,9 +27,9 @@ BUILDERS = {
     Links: {assembly.__name__},
     LinkContext: {assembly.__name__},
     Vehicles: {assembly.__name__},
-    Recording: {assembly.__name__},
-    Link: {links.__name__},
-    AcousticWay: {AcousticWay.__module__},
+    SessionRecording: {assembly.__name__},
+    StationLinkCore: {links.__name__},
+    AcousticRoute: {AcousticRoute.__module__},
 }
 """A part of a station, and the modules that may construct it."""
 

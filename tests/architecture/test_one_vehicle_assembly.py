@@ -18,7 +18,7 @@ from gloc3_onboard.cli import doctor_run, platform_new
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.companion.acoustic_link import AcousticLink
 from gloc3_onboard.companion.companion import Companion
-from gloc3_onboard.companion.herald import Herald
+from gloc3_onboard.companion.herald import AutopilotReporter
 from gloc3_onboard.companion.link_watch import LinkWatch, RateWatch
 from gloc3_onboard.companion.routing import RoutedLink
 from gloc3_onboard.companion.station_link import HeartbeatSource, StationLink
@@ -37,7 +37,7 @@ from .constructors import constructors_of
 
 BUILDERS: Mapping[type, set[ModuleType]] = {
     **{each: {assembly} for each in (AcousticLink, ArmAuthority, Catalogue, Companion, ExchangeTaps, HeartbeatSource)},
-    **{each: {assembly} for each in (Herald, LinkWatch, Onboard, RateWatch, SensorWatch, Site, StationLink)},
+    **{each: {assembly} for each in (AutopilotReporter, LinkWatch, Onboard, RateWatch, SensorWatch, Site, StationLink)},
     Router: {assembly},
     RoutedLink: {assembly},
     AutopilotLink: {assembly, doctor_run, platform_new},
@@ -83,5 +83,5 @@ def test_a_flight_has_the_parts_of_the_onboard_process_but_for_those_on_the_list
 
 def test_a_flight_s_process_routes_watches_and_speaks_to_other_people_s_stations() -> None:
     flown = run_virtual(parts_of_a_flight())
-    for part in (Router, RoutedLink, LinkWatch, RateWatch, Herald):
+    for part in (Router, RoutedLink, LinkWatch, RateWatch, AutopilotReporter):
         assert part.__name__ in flown.values()

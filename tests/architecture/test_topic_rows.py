@@ -4,7 +4,7 @@ from typing import Final
 
 import pytest
 
-from gloc3.component.deployment import TOLD_BY_HOSTS, check_deployment
+from gloc3.component.deployment import PUBLISHED_BY_HOSTS, check_deployment
 from gloc3.messages.envelope import Message
 from gloc3.messages.topics import TopicTable, matches
 from gloc3.messages.wire import type_name
@@ -40,7 +40,7 @@ FROM_ELSEWHERE: Final = {
 
 def produced() -> set[str]:
     """The topics that the components of our platforms publish, a key as `*`."""
-    found = {f"components/*/{what}" for what in TOLD_BY_HOSTS}
+    found = {f"components/*/{what}" for what in PUBLISHED_BY_HOSTS}
     for name in PLATFORMS:
         for row in load_platform(name, is_loading_classes=True).components:
             for port in row.load_class().outputs:

@@ -12,8 +12,8 @@ pytestmark = pytest.mark.thorough  # other processes
 def collected(*arguments: str) -> set[str]:
     """The tests that pytest would run."""
     called = [sys.executable, "-m", "pytest", "--collect-only", "-p", "no:cacheprovider", *OPTIONS, *arguments]
-    said = subprocess.run(called, cwd=ROOT, check=True, capture_output=True, text=True).stdout
-    return {line for line in said.splitlines() if "::" in line}
+    text = subprocess.run(called, cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    return {line for line in text.splitlines() if "::" in line}
 
 
 def test_each_quick_test_is_in_one_part() -> None:

@@ -38,7 +38,7 @@ class Vehicle(ScriptedPlatform):
 
     def _introduce(self, envelope: Envelope[CiRequest]) -> None:
         rows = [TableRow(f"part_{n}", KINDS[n * 5 // self.parts], 20.0, True, "") for n in range(self.parts)]
-        self.loop.call_soon(self.say, "table", ComponentTable(table=1, rows=rows))
+        self.loop.call_soon(self.report, "table", ComponentTable(table=1, rows=rows))
 
     def speak(self) -> None:
         """Everything changes a little each time."""
@@ -46,9 +46,9 @@ class Vehicle(ScriptedPlatform):
         place = (self.step % 100 / 10.0, 1.0, 2.0)
         self.fly(is_armed=True, mode="OFFBOARD", landed="in_air", position_m=place, heading_deg=self.step % 360)
         self.advance("running", {"sweep.wall": self.step % 100 / 100.0}, sweep="running")
-        self.say("control", self.control)
+        self.report("control", self.control)
         lines = [ComponentLine(n, 0, 95 + (self.step + n) % 10, 10 + self.step % 9, 0, 0) for n in range(self.parts)]
-        self.say("summary", Summary(table=1, health=Health.WORKING, lines=lines))
+        self.report("summary", Summary(table=1, health=Health.WORKING, lines=lines))
 
 
 async def main(port: int, count: int, parts: int, rate_hz: float) -> None:

@@ -10,7 +10,7 @@ from tests.evidence.ground import SETTINGS
 from tests.evidence.ground_flight import fly, motion, truths
 from tests.evidence.tracker import follower_in, tracker_in
 
-from gloc3.camera.wall_coverage import Limits, View, Wall, cover
+from gloc3.camera.wall_coverage import CoverageLimits, Wall, WallView, cover
 from gloc3_onboard.algorithms.vision.ground_odometer import GroundOdometer
 from gloc3_sitl.world.rig import FRONT_LEFT, GROUND
 from gloc3_sitl.world.world import World
@@ -49,8 +49,8 @@ def tracker() -> list[float]:
 def coverage() -> list[float]:
     """A wall of 20 by 6 m on cells of 0.1 m, seen in 100 pictures."""
     wall = Wall((10.0, -10.0, -6.0), (0.0, 20.0, 0.0), (0.0, 0.0, 6.0))
-    views = [View("front", (7.0, -9.0 + 0.18 * i, -3.0), (1.0, 0.0, 0.0, 0.0)) for i in range(100)]
-    return costs_ms([partial(cover, wall, views, {"front": FRONT_LEFT}, Limits())] * (WARMED_UP + 3))
+    views = [WallView("front", (7.0, -9.0 + 0.18 * i, -3.0), (1.0, 0.0, 0.0, 0.0)) for i in range(100)]
+    return costs_ms([partial(cover, wall, views, {"front": FRONT_LEFT}, CoverageLimits())] * (WARMED_UP + 3))
 
 
 def run() -> list[str]:

@@ -33,10 +33,10 @@ def odometer_ms(length_m: float = LENGTH_M) -> list[float]:
 def obstacles() -> int:
     """Scans turned into obstacles."""
     random, scanner = np.random.default_rng(1), Scanner(HOLD)
-    ways = [(scanner.scan(pose, random, tilt), pose, tilt) for _, pose, tilt in flight(4.0)]
-    for scan, pose, tilt in ways * 4:
+    routes = [(scanner.scan(pose, random, tilt), pose, tilt) for _, pose, tilt in flight(4.0)]
+    for scan, pose, tilt in routes * 4:
         obstacles_of(scan, tilt, Mount(), pose, Planar(), 1.5)
-    return 4 * len(ways)
+    return 4 * len(routes)
 
 
 def detours() -> int:

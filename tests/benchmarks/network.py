@@ -24,9 +24,9 @@ from tests.benchmarks.parts import POSE, best_us, deliveries
 
 from gloc3.exchange import Publisher
 from gloc3.exchange.zenoh import ZenohExchange, open_exchange
-from gloc3.exchange.zenoh_session import UNIX, Node, configuration
+from gloc3.exchange.zenoh_session import UNIX, ZenohEndpoints, configuration
 from gloc3.messages.envelope import Envelope
-from gloc3.messages.topics import Service, TopicRow, TopicTable
+from gloc3.messages.topics import TopicRow, TopicService, TopicTable
 from gloc3.messages.vehicle import Image, Pose
 
 ROUNDS = 5
@@ -96,11 +96,11 @@ def topics() -> TopicTable:
     table = TopicTable()
     table.add(
         {
-            "pose": TopicRow(Pose, 20.0, service=Service.CONTROL),
-            "burst": TopicRow(Pose, service=Service.REPORT),
-            "camera/*": TopicRow(Image, 15.0, service=Service.BULK),
-            "usual/*": TopicRow(Pose, 100.0, service=Service.STREAM),
-            "credit": TopicRow(Pose, service=Service.COMMAND),
+            "pose": TopicRow(Pose, 20.0, service=TopicService.CONTROL),
+            "burst": TopicRow(Pose, service=TopicService.REPORT),
+            "camera/*": TopicRow(Image, 15.0, service=TopicService.BULK),
+            "usual/*": TopicRow(Pose, 100.0, service=TopicService.STREAM),
+            "credit": TopicRow(Pose, service=TopicService.COMMAND),
         }
     )
     return table
@@ -116,7 +116,7 @@ def places(folder: str) -> Places:
     return Places(found[0], found[1], f"{UNIX}/{folder}/z", found[2], found[3])
 
 
-def exchange_at(stack: ExitStack, name: str, node: Node) -> ZenohExchange:
+def exchange_at(stack: ExitStack, name: str, node: ZenohEndpoints) -> ZenohExchange:
     """One end of what is compared, by its name."""
     loop, settings = asyncio.get_running_loop(), ZENOHS_SETTINGS if name == ZENOHS else None
     is_sharing = name not in (ZENOHS, TCP)
@@ -146,16 +146,16 @@ class Receiver:
     def take_to(self, loop: asyncio.AbstractEventLoop) -> Callable[[zenoh.Sample], None]:
         """In Zenoh's thread: hands over to the loop."""
 
-        def take(sample: zenoh.Sample) -> None:
+        def handle(sample: zenoh.Sample) -> None:
             loop.call_soon_threadsafe(self.note, WIRE.decode(sample.payload.to_bytes()).t_s)
 
-        return take
+        return handle
 
     def take(self, envelope: Envelope[Any]) -> None:
         """In the loop."""
         self.note(envelope.t_s)
 
-    def look(self, credit: Publisher, envelope: Envelope[Image]) -> None:
+    def poll(self, credit: Publisher, envelope: Envelope[Image]) -> None:
         """In the loop: a picture."""
         self.note(envelope.t_s)
         if not (envelope.sequence + 1) % TOLD_EVERY:
@@ -175,14 +175,14 @@ async def receive(where: Places) -> None:
     """Listens until its input ends; a line of that asks for a report."""
     loop, receiver = asyncio.get_running_loop(), Receiver()
     with ExitStack() as stack:
-        raw = stack.enter_context(zenoh.open(configuration(Node(name="other", connect=(where.raw,)))))
+        raw = stack.enter_context(zenoh.open(configuration(ZenohEndpoints(name="other", connect=(where.raw,)))))
         subscribers = [raw.declare_subscriber(f"p/{name}", receiver.take_raw) for name in NAMES]
         subscribers += [raw.declare_subscriber(f"q/{name}", receiver.take_to(loop)) for name in NAMES]
         for way, place in zip((OURS, SHARED, ZENOHS, TCP), where[1:], strict=True):
-            exchange = exchange_at(stack, way, Node(name="other", connect=(place,)))
+            exchange = exchange_at(stack, way, ZenohEndpoints(name="other", connect=(place,)))
             for name in NAMES:
                 exchange.subscribe(f"p/{name}", receiver.take)
-            exchange.subscribe("p/camera/front", partial(receiver.look, Publisher(exchange, "p", "receiver", 1)))
+            exchange.subscribe("p/camera/front", partial(receiver.poll, Publisher(exchange, "p", "receiver", 1)))
         reader = asyncio.StreamReader()
         await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
         print(len(subscribers), flush=True)
@@ -222,7 +222,7 @@ class Sender:
 
     def __init__(self, stack: ExitStack, where: Places) -> None:
         self._raw = stack.enter_context(
-            zenoh.open(configuration(Node(name="main", listen=(where.raw,), accepts=("other",))))
+            zenoh.open(configuration(ZenohEndpoints(name="main", listen=(where.raw,), accepts=("other",))))
         )
         self._encoder = msgspec.msgpack.Encoder()
         drop, block = zenoh.CongestionControl.DROP, zenoh.CongestionControl.BLOCK
@@ -237,7 +237,7 @@ class Sender:
         self._publishers: dict[str, Publisher] = {}
         self._windows = {way: Window(most) for way, most in IN_FLIGHT.items()}
         for name, place in zip((OURS, SHARED, ZENOHS, TCP), where[1:], strict=True):
-            exchange = exchange_at(stack, name, Node(name="main", listen=(place,), accepts=("other",)))
+            exchange = exchange_at(stack, name, ZenohEndpoints(name="main", listen=(place,), accepts=("other",)))
             self._publishers[name] = Publisher(exchange, "p", "sender", 1)
             if name in self._windows:
                 exchange.subscribe("p/credit", self._windows[name].see)
@@ -259,7 +259,7 @@ class Sender:
         assert self.child.stdout is not None
         return self.child.stdout.readline()
 
-    async def heard(self, settle_s: float = 0.3) -> Heard:
+    async def received(self, settle_s: float = 0.3) -> Heard:
         """What the other process has received since the last time."""
         assert self.child.stdin is not None
         await asyncio.sleep(settle_s)
@@ -282,7 +282,7 @@ class Sender:
         for _ in range(PACED):
             self.send(way, "pose")
             await asyncio.sleep(PACED_EVERY_S)
-        return await self.heard()
+        return await self.received()
 
     async def burst(self, way: str) -> float:
         """Poses as fast as they go; those that came, a second."""
@@ -293,9 +293,9 @@ class Sender:
                 await asyncio.sleep(0)
         while time.monotonic() - begin_s < 0.6:
             await asyncio.sleep(0.02)
-        heard = await self.heard(1.0)
-        assert heard.messages == BURST, f"{way}: {heard.messages} of {BURST} came"
-        return BURST / (heard.last_s - begin_s)
+        received = await self.received(1.0)
+        assert received.messages == BURST, f"{way}: {received.messages} of {BURST} came"
+        return BURST / (received.last_s - begin_s)
 
     async def show(self, way: str) -> None:
         """A picture, when so few are under way that there is place for it."""
@@ -307,22 +307,22 @@ class Sender:
         for _ in range(PICTURES):
             await self.show(way)
             await asyncio.sleep(PICTURE_EVERY_S)
-        slow = await self.heard()
+        slow = await self.received()
         begin_s = time.monotonic()
         for _ in range(FAST_PICTURES):
             await self.show(way)
-        fast = await self.heard()
+        fast = await self.received()
         return slow, fast.messages / (fast.last_s - begin_s)
 
     async def usual(self, way: str) -> tuple[float, int]:
         """A robot's traffic: the share of a processor that both processes take together, and how many came."""
-        before = await self.heard()
+        before = await self.received()
         begin_s, own_s = time.monotonic(), time.process_time()
         for cycle in range(round(USUAL_S * TOPIC_RATE_HZ)):
             for number in range(TOPICS):
                 self.send(way, f"usual/{number}")
             await asyncio.sleep(max(0.0, begin_s + (cycle + 1) / TOPIC_RATE_HZ - time.monotonic()))
-        after = await self.heard(0.1)
+        after = await self.received(0.1)
         taken_s = time.process_time() - own_s + after.cpu_s - before.cpu_s
         return taken_s / (time.monotonic() - begin_s), after.messages
 

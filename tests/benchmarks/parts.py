@@ -74,13 +74,13 @@ def cycles() -> int:
 def deliveries() -> int:
     """Publishing to two subscribers in one process."""
     exchange = LocalExchange()
-    taken: list[float] = []
+    used: list[float] = []
     for _ in range(2):
-        exchange.subscribe("p/height", lambda envelope: taken.append(envelope.t_s))
+        exchange.subscribe("p/height", lambda envelope: used.append(envelope.t_s))
     publisher = Publisher(exchange, "p", "c", 1)
     for number in range(50_000):
         publisher.publish("p/height", HEIGHT, float(number))
-    return len(taken) // 2
+    return len(used) // 2
 
 
 def frames() -> int:

@@ -115,7 +115,7 @@ class Way(NamedTuple):
     command: Sequence[str] = ()
 
 
-def ways(out: int, scratch: Path) -> Iterator[tuple[Way, ...]]:
+def routes(out: int, scratch: Path) -> Iterator[tuple[Way, ...]]:
     """The routers that are here: those that have their turns together, and then MAVProxy."""
     others = {way.name: way for way in _routers(out, scratch)}
     alone = others.pop(PYTHON_PEER, None)
@@ -228,7 +228,7 @@ def one_round(scratch: Path) -> dict[str, dict[Stream, Passed]]:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         enlarge(receiver, BUFFER_BYTES)
         receiver.bind((HOST, 0))
-        for group in ways(receiver.getsockname()[1], scratch):
+        for group in routes(receiver.getsockname()[1], scratch):
             with ExitStack() as stack:
                 processes = {
                     way.name: stack.enter_context(running(way.command, scratch)) for way in group if way.command

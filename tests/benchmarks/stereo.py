@@ -34,7 +34,7 @@ def run() -> list[str]:
     """The costs in both holds."""
     lines = []
     for world in ("hold", "hold_hard"):
-        features, motions = costs_ms(list(fly(inspection(1).take(slice(200, 200 + COUNT)), world, 1)))
+        features, motions = costs_ms(list(fly(inspection(1).select(slice(200, 200 + COUNT)), world, 1)))
         both = np.add(features, motions)
         for name, costs, bar in (
             ("features", features, ""),

@@ -161,10 +161,10 @@ def measure(vehicles: int, parts: int, rate_hz: float) -> Cost:
                 before_s, before_bytes = terminal.usage()[0], terminal.bytes
                 begin_s = time.perf_counter()
                 terminal.read_for(WATCH_S)
-                took_s = time.perf_counter() - begin_s
+                elapsed_s = time.perf_counter() - begin_s
                 after_s, memory_mb = terminal.usage()
                 written = terminal.bytes - before_bytes
-                share, presses = (after_s - before_s) / took_s, range(PRESSES if vehicles > 1 else 0)
+                share, presses = (after_s - before_s) / elapsed_s, range(PRESSES if vehicles > 1 else 0)
                 next_one = [(b"v", f" {(n + 1) % vehicles + 1}/{vehicles}".encode()) for n in presses]
                 echoes: list[float] = []
                 keys, _ = press_all(terminal, next_one, share, echo, echoes)
@@ -175,7 +175,7 @@ def measure(vehicles: int, parts: int, rate_hz: float) -> Cost:
             terminal.close()
         seconds = time.perf_counter() - loaded_s
         heard_hz = _summaries(Path(folder)) / seconds / max(1, vehicles)
-    return Cost(share, written / took_s, keys, screens, switch_cpu_s, heard_hz, memory_mb, echoes)
+    return Cost(share, written / elapsed_s, keys, screens, switch_cpu_s, heard_hz, memory_mb, echoes)
 
 
 def press_all(

@@ -21,18 +21,18 @@ async def _fly() -> list[float]:
         receive: Any = flight.links.cable.b.on_data
         answer: Any = flight.links.cable.a.on_data
 
-        def hear(data: bytes) -> None:
+        def on_message(data: bytes) -> None:
             nonlocal arrived_s
             if any(frame.message_id == position for frame in Parser(is_datagram=True).receive(data)):
                 arrived_s = time.perf_counter()
             receive(data)
 
-        def take(data: bytes) -> None:
+        def handle(data: bytes) -> None:
             if any(frame.message_id == target for frame in Parser(is_datagram=True).receive(data)):
                 delays.append(time.perf_counter() - arrived_s)
             answer(data)
 
-        flight.links.cable.b.on_data, flight.links.cable.a.on_data = hear, take
+        flight.links.cable.b.on_data, flight.links.cable.a.on_data = on_message, handle
         follower = await flight.upload_and_start()
         with contextlib.suppress(TimeoutError):
             await flight.await_end(follower, within_s=SECONDS)

@@ -10,7 +10,7 @@ from gloc3_sitl.cli.record import lap
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sequences.smooth_flight import SmoothFlight
 from gloc3_sitl.world import World, rig
-from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.camera import SimulatedCamera
 from gloc3_sitl.world.laser import LaserScanner
 from gloc3_sitl.world.probe import WorldProbe
 from gloc3_sitl.world.tracker import TrackerCamera
@@ -18,20 +18,20 @@ from gloc3_sitl.world.tracker import TrackerCamera
 FRAMES = 60
 
 
-def each_ms(look: Callable[[Truth], object], truths: list[Truth]) -> list[float]:
+def each_ms(poll: Callable[[Truth], object], truths: list[Truth]) -> list[float]:
     """Processor time of this thread for each look, the first, which prepares, aside."""
-    look(truths[0])
+    poll(truths[0])
     costs = []
     for truth in truths:
         begin_s = time.thread_time()
-        look(truth)
+        poll(truth)
         costs.append(1e3 * (time.thread_time() - begin_s))
     return costs
 
 
-def costs_ms(look: Callable[[Truth], object], truths: list[Truth]) -> tuple[float, float]:
+def costs_ms(poll: Callable[[Truth], object], truths: list[Truth]) -> tuple[float, float]:
     """Mean and worst of them."""
-    costs = each_ms(look, truths)
+    costs = each_ms(poll, truths)
     return float(np.mean(costs)), max(costs)
 
 
@@ -59,7 +59,7 @@ def lap_truths(world: World, count: int = FRAMES) -> list[Truth]:
 def looks(world: World) -> dict[str, Callable[[Truth], object]]:
     """What is measured."""
     found: dict[str, Callable[[Truth], object]] = {
-        f"a picture of {name}, {model.lens} lens": Camera(world, model, imager).capture
+        f"a picture of {name}, {model.lens} lens": SimulatedCamera(world, model, imager).capture
         for name, (model, imager) in rig.CAMERAS.items()
     }
     if world.file.tracker is not None:
@@ -79,8 +79,8 @@ def run() -> list[str]:
     for name in ("hold", "hold_hard"):
         world = World.load(name)
         truths = lap_truths(world)
-        for what, look in looks(world).items():
-            mean_ms, worst_ms = costs_ms(look, truths)
+        for what, poll in looks(world).items():
+            mean_ms, worst_ms = costs_ms(poll, truths)
             lines.append(
                 f"{name + ': ' + what:46} {mean_ms:7.2f} ms mean, {worst_ms:6.2f} worst  ({mean_ms / unit_ms:5.1f} remaps)"
             )

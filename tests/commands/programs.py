@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-PATIENCE_S = 120.0
+TIMEOUT_S = 120.0
 
 
 class Program:
@@ -55,7 +55,7 @@ class Program:
         """Everything that it has said."""
         return "\n".join(self.lines)
 
-    def await_line(self, is_it: Callable[[str], bool], within_s: float = PATIENCE_S, behind: int = 0) -> str:
+    def await_line(self, is_it: Callable[[str], bool], within_s: float = TIMEOUT_S, behind: int = 0) -> str:
         """Waits for a line, of those behind so many; fails with what was said if it does not come."""
 
         def find() -> str | None:
@@ -73,8 +73,8 @@ class Program:
 
     def end(self) -> int:
         """Waits for its end; the exit code."""
-        code = self.process.wait(PATIENCE_S)
-        self._reader.join(PATIENCE_S)
+        code = self.process.wait(TIMEOUT_S)
+        self._reader.join(TIMEOUT_S)
         return code
 
     def close(self) -> None:

@@ -218,7 +218,7 @@ def test_a_deployment_that_cannot_work_is_not_brought_up_and_names_the_place(
     Path("mine.yaml").write_text(text.replace(right, wrong), encoding="utf-8")
     for arguments in (["onboard", "mine.yaml"], ["fly", "hop", "--platform", "mine.yaml"]):
         assert run(arguments) == 2
-        told = capsys.readouterr().err
-        assert re.search(expected, told), told
-        assert "Traceback" not in told
+        reported = capsys.readouterr().err
+        assert re.search(expected, reported), reported
+        assert "Traceback" not in reported
     assert [path.name for path in tmp_path.iterdir()] == ["mine.yaml"], "nothing is left behind"

@@ -7,7 +7,7 @@ import msgspec
 
 from gloc3.component.deployment import ComponentRow
 from gloc3.component.lci import State
-from gloc3.component.supervision import Order, Step, Supervision
+from gloc3.component.supervision import LciRequest, Step, Supervision
 from gloc3.messages.envelope import CommandReply, ComponentStatus, Kind
 
 
@@ -28,7 +28,7 @@ def status(name: str, state: State | None, cause: str = "") -> ComponentStatus:
     return ComponentStatus(name=name, kind=Kind.PROCESSOR, state=state, cause=cause)
 
 
-def told(supervision: Supervision, now_s: float = 0.0, **states: State | None) -> list[Step]:
+def reported(supervision: Supervision, now_s: float = 0.0, **states: State | None) -> list[Step]:
     """Tells the states of some components."""
     steps: list[Step] = []
     for name, state in states.items():
@@ -39,7 +39,7 @@ def told(supervision: Supervision, now_s: float = 0.0, **states: State | None) -
 def pair(now_s: float = 0.0) -> Supervision:
     """A primary that works and a standby that is quiet."""
     supervision = Supervision(PAIR)
-    assert told(supervision, now_s, main=State.WORKING, spare=State.QUIET) == []
+    assert reported(supervision, now_s, main=State.WORKING, spare=State.QUIET) == []
     return supervision
 
 
@@ -47,7 +47,7 @@ def words(steps: Iterable[Step]) -> list[str]:
     """Orders and verdicts in short."""
     return [
         f"{step.component}: {' '.join((step.request.command, *step.request.then))}"
-        if isinstance(step, Order)
+        if isinstance(step, LciRequest)
         else f"{step.component}: {step.policy}!"
         for step in steps
     ]
@@ -55,7 +55,7 @@ def words(steps: Iterable[Step]) -> list[str]:
 
 def reply_to(step: Step, state: State | None, reason: str = "") -> CommandReply:
     """What a host answers to an order."""
-    assert isinstance(step, Order)
+    assert isinstance(step, LciRequest)
     return CommandReply(
         request_id=step.request.request_id,
         component=step.component,

@@ -16,9 +16,9 @@ def sail(
     """Cross-track errors of a boat of 1.5 m/s that turns at once."""
     (n, e, d), errors = begin, []
     for _ in range(round(seconds * 10)):
-        look = guide.look((n, e, d), 5.0, 0.1)
-        errors.append(look.cross_track_m)
-        n, e = n + 0.15 * cos(look.heading_rad), e + 0.15 * sin(look.heading_rad) + 0.1 * drift_east_m_s
+        poll = guide.update((n, e, d), 5.0, 0.1)
+        errors.append(poll.cross_track_m)
+        n, e = n + 0.15 * cos(poll.heading_rad), e + 0.15 * sin(poll.heading_rad) + 0.1 * drift_east_m_s
     return errors, (n, e, d)
 
 
@@ -49,10 +49,10 @@ def test_only_the_integral_makes_good_a_current_across() -> None:
 def test_far_from_the_way_it_steers_straight_for_it_and_says_what_is_left() -> None:
     guide = LineOfSight()
     guide.follow(START, (0.0, 50.0, 0.0))
-    look = guide.look((1000.0, 20.0, 0.0), 5.0, 0.1)
-    assert degrees(look.heading_rad) == pytest.approx(180.0, abs=1.0) or degrees(look.heading_rad) < -179.0
-    assert look.left_m == pytest.approx(30.0)
-    assert look.cross_track_m == pytest.approx(-1000.0)
+    poll = guide.update((1000.0, 20.0, 0.0), 5.0, 0.1)
+    assert degrees(poll.heading_rad) == pytest.approx(180.0, abs=1.0) or degrees(poll.heading_rad) < -179.0
+    assert poll.left_m == pytest.approx(30.0)
+    assert poll.cross_track_m == pytest.approx(-1000.0)
 
 
 def test_speeds_before_corners_and_stops_are_those_that_braking_and_turning_allow() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from gloc3.log.payloads import PayloadDecoder, PayloadEncoder
 from gloc3.messages import wire
-from gloc3.messages.command_interface import Body, CiRequest, LoadMission
+from gloc3.messages.command_interface import CiRequest, LoadMission, RequestBody
 from gloc3.messages.envelope import Envelope, Message, Source
 from gloc3.messages.preflight import Verdict
 from gloc3.messages.software import Software, compared
@@ -110,14 +110,14 @@ def envelope_of(message: Message) -> Envelope[Any]:
 
 @pytest.mark.usefixtures("_former_names")
 def test_a_renamed_message_keeps_its_type_and_is_read_under_its_former_name() -> None:
-    old, new = before(), after()
-    assert type_name(new) == type_name(old)
-    sent = envelope_of(old(level=1.0, rows=[ROW(x=2.0)], unit="ft"))
-    received = registry(new).decode(registry(old).encode(sent))
+    previous, new = before(), after()
+    assert type_name(new) == type_name(previous)
+    sent = envelope_of(previous(level=1.0, rows=[ROW(x=2.0)], unit="ft"))
+    received = registry(new).decode(registry(previous).encode(sent))
     assert type(received.payload) is new
     assert msgspec.structs.asdict(received.payload)["height_m"] == 1.0
-    back = registry(old).decode(registry(new).encode(received))
-    assert type(back.payload) is old
+    back = registry(previous).decode(registry(new).encode(received))
+    assert type(back.payload) is previous
     assert (back.payload.level, back.payload.unit) == (1.0, "ft")  # type: ignore[attr-defined]
 
 
@@ -129,19 +129,19 @@ def test_a_message_that_is_renamed_without_a_former_name_is_unknown() -> None:
 
 @pytest.mark.usefixtures("_former_names")
 def test_a_log_knows_a_renamed_message_and_its_fields_by_their_former_names() -> None:
-    old, new = before(), after()
-    written = PayloadEncoder(old).encode(envelope_of(old(level=1.0, rows=[])), 0)
+    previous, new = before(), after()
+    written = PayloadEncoder(previous).encode(envelope_of(previous(level=1.0, rows=[])), 0)
     restored = PayloadDecoder(new).decode(written).payload
     assert type(restored) is new
     assert restored.height_m == 1.0  # type: ignore[attr-defined]
     assert PayloadEncoder(new).encode(envelope_of(restored), 0) == written
-    assert PayloadEncoder(new).schema[0] == PayloadEncoder(old).schema[0] == "gloc3.Reading"
+    assert PayloadEncoder(new).schema[0] == PayloadEncoder(previous).schema[0] == "gloc3.Reading"
 
 
 def test_a_renamed_request_keeps_its_tag(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(wire, "FORMER_NAMES", {"LoadPlan": "LoadMission"})
 
-    class LoadPlan(Body, frozen=True):
+    class LoadPlan(RequestBody, frozen=True):
         name: str
         text: str
 

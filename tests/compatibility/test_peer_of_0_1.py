@@ -15,8 +15,8 @@ from gloc3.clock import VirtualLoop
 from gloc3.exchange.base import LocalExchange
 from gloc3.exchange.mavlink import MavlinkExchange
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
-from gloc3.exchange.tunnel.happenings import Happening, PeerChanged, Trouble
-from gloc3.exchange.tunnel.layout import Role
+from gloc3.exchange.tunnel.happenings import Happening, PeerChanged, TunnelTrouble
+from gloc3.exchange.tunnel.layout import TunnelRole
 from gloc3.mavlink.codec import Address, Parser
 from gloc3.messages.command_interface import CiRequest, LoadMission, Steer, Verb
 from gloc3.messages.envelope import Envelope
@@ -60,8 +60,8 @@ def test_the_requests_of_a_station_of_0_1_reach_the_platform(loop: VirtualLoop) 
     exchange.subscribe("pelican/**", came.append)
     link = StationLink("pelican", 1, loop, exchange, topics, TRANSCRIPT.platform_boot)
     play(loop, TRANSCRIPT.sent_by("station"), routed_link(link, "udpin://:14550", loop).receive)
-    troubles = [envelope.payload for envelope in came if envelope.topic.endswith("/event")]
-    assert not troubles
+    problems = [envelope.payload for envelope in came if envelope.topic.endswith("/event")]
+    assert not problems
     requests = [envelope.payload for envelope in came if isinstance(envelope.payload, CiRequest)]
     assert [request.body.__struct_config__.tag for request in requests] == REQUESTS
     (load,) = (request.body for request in requests if isinstance(request.body, LoadMission))
@@ -72,10 +72,10 @@ def test_the_requests_of_a_station_of_0_1_reach_the_platform(loop: VirtualLoop) 
 
 def test_a_station_follows_a_platform_of_0_1(loop: VirtualLoop) -> None:
     topics = TopicTable.installed()
-    tunnel = TunnelEndpoint(Role.STATION, "255", STATION, TRANSCRIPT.station_boot, topics)
+    tunnel = TunnelEndpoint(TunnelRole.STATION, "255", STATION, TRANSCRIPT.station_boot, topics)
     exchange = MavlinkExchange(tunnel, loop, lambda _: None)
-    happened, came = list[Happening](), list[Any]()
-    exchange.listen(happened.append)
+    events, came = list[Happening](), list[Any]()
+    exchange.listen(events.append)
     exchange.subscribe("pelican/**", lambda envelope: came.append(envelope.payload))
     station = Station(exchange, loop, "255", TRANSCRIPT.station_boot)
     parser = Parser(is_datagram=True)
@@ -87,8 +87,8 @@ def test_a_station_follows_a_platform_of_0_1(loop: VirtualLoop) -> None:
                 exchange.receive(message, frame.sender)
 
     play(loop, TRANSCRIPT.sent_by("platform"), receive)
-    assert not [what for what in happened if isinstance(what, Trouble)]
-    assert [what.name for what in happened if isinstance(what, PeerChanged)] == ["pelican"]
+    assert not [what for what in events if isinstance(what, TunnelTrouble)]
+    assert [what.name for what in events if isinstance(what, PeerChanged)] == ["pelican"]
     assert {ComponentTable, MissionSummary, Sample} <= {type(message) for message in came}
     platform = station.fleet.get("pelican")
     assert platform is not None
@@ -97,6 +97,6 @@ def test_a_station_follows_a_platform_of_0_1(loop: VirtualLoop) -> None:
     assert platform.mission.value.state == "done"
     assert len(platform.lines) == 20
     counters = tunnel.counters
-    assert (counters.versions_differ, counters.damaged, counters.other_version, counters.not_taken) == (0, 0, 0, 0)
+    assert (counters.versions_differ, counters.damaged, counters.other_version, counters.not_accepted) == (0, 0, 0, 0)
     station.close()
     exchange.close()

@@ -105,10 +105,10 @@ def main(names: list[str]) -> int:
     failed: list[str] = []
     for name in names or list(known):
         progress = Progress(name, of)
-        progress.say("begins")
+        progress.report("begins")
         if not write(known[name], known[name].run(progress), of):
             failed.append(name)
-        progress.say("not every figure is met" if name in failed else "met")
+        progress.report("not every figure is met" if name in failed else "met")
     return 1 if failed else 0
 
 

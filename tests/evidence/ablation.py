@@ -99,86 +99,86 @@ class Row(msgspec.Struct, kw_only=True):
     """From where the policy began, or the landing, to the touch-down."""
 
 
-def fly(platform: str, rows: Sequence[tuple[str, Sequence[str], str]], take: Callable[[str, Row], None]) -> None:
+def fly(platform: str, rows: Sequence[tuple[str, Sequence[str], str]], handle: Callable[[str, Row], None]) -> None:
     """Flies to the fault once, and from there in a process of its own for each row: what was before is the same for all.
 
     Args:
         platform: which one.
         rows: key, sources and fault of each.
-        take: told the outcome of a row by its key.
+        handle: told the outcome of a row by its key.
     """
     import cv2
 
     cv2.setNumThreads(1)  # threads do not live on in a fork
-    heard: Heard = {}
+    received: Heard = {}
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        flight = runner.run(_begin(platform, heard))
+        flight = runner.run(_begin(platform, received))
         children: dict[int, tuple[str, int]] = {}
         for key, sources, fault in rows:
             if len(children) == AT_ONCE:
-                _await_one(children, take)
+                _await_one(children, handle)
             reading, writing = os.pipe()
             child = os.fork()
             if child == 0:
-                _go_on(runner, flight, heard, sources, fault, writing)
+                _go_on(runner, flight, received, sources, fault, writing)
             os.close(writing)
             children[child] = (key, reading)
         while children:
-            _await_one(children, take)
+            _await_one(children, handle)
         runner.run(flight.__aexit__(None, None, None))
 
 
-async def _begin(platform: str, heard: Heard) -> Flight:
+async def _begin(platform: str, received: Heard) -> Flight:
     """A flight, until the fault."""
     flight = await Flight(FlightPlan(mission=str(MISSION), platform=platform)).__aenter__()
-    flight.exchange.subscribe(f"{flight.name}/**", partial(_hear, heard))
+    flight.exchange.subscribe(f"{flight.name}/**", partial(_receive, received))
     await flight.upload_and_start()
     await asyncio.sleep(FAULT_S - flight.loop.time())
     return flight
 
 
-def _hear(heard: Heard, envelope: Envelope[Any]) -> None:
+def _receive(received: Heard, envelope: Envelope[Any]) -> None:
     topic = envelope.topic.partition("/")[2]
     if not topic.startswith("camera/"):
-        heard.setdefault(topic, []).append(envelope)
+        received.setdefault(topic, []).append(envelope)
 
 
 def _go_on(
-    runner: asyncio.Runner, flight: Flight, heard: Heard, sources: Sequence[str], fault: str, writing: int
+    runner: asyncio.Runner, flight: Flight, received: Heard, sources: Sequence[str], fault: str, writing: int
 ) -> NoReturn:
     """In the child: flies to the end, and writes what became of it into a pipe."""
     try:
-        runner.run(_to_the_end(flight, heard, sources, fault))
-        os.write(writing, msgspec.json.encode(judge(heard, sources)))
+        runner.run(_to_the_end(flight, received, sources, fault))
+        os.write(writing, msgspec.json.encode(judge(received, sources)))
     finally:
         if sys.exception() is not None:
             traceback.print_exc()
         os._exit(0)
 
 
-async def _to_the_end(flight: Flight, heard: Heard, sources: Sequence[str], fault: str) -> None:
+async def _to_the_end(flight: Flight, received: Heard, sources: Sequence[str], fault: str) -> None:
     schedule_faults(flight, faults_of(sources, fault))
-    while not _is_over(heard) and flight.loop.time() < GIVEN_UP_S:
+    while not _is_over(received) and flight.loop.time() < GIVEN_UP_S:
         await asyncio.sleep(0.1)
 
 
-def _is_over(heard: Heard) -> bool:
-    return heard["ci/mission"][-1].payload.state in ENDED and not heard["autopilot"][-1].payload.is_armed
+def _is_over(received: Heard) -> bool:
+    return received["ci/mission"][-1].payload.state in ENDED and not received["autopilot"][-1].payload.is_armed
 
 
-def _await_one(children: dict[int, tuple[str, int]], take: Callable[[str, Row], None]) -> None:
+def _await_one(children: dict[int, tuple[str, int]], handle: Callable[[str, Row], None]) -> None:
     child, _ = os.wait()
     key, reading = children.pop(child)
     with os.fdopen(reading, "rb") as pipe:
-        told = pipe.read()
-    take(key, msgspec.json.decode(told, type=Row))
+        reported = pipe.read()
+    handle(key, msgspec.json.decode(reported, type=Row))
 
 
-def judge(heard: Heard, sources: Sequence[str]) -> Row:
+def judge(received: Heard, sources: Sequence[str]) -> Row:
     """Looks at what was published."""
-    poses, truths, states = heard["pose"], heard["sim/truth"], heard["autopilot"]
-    told = [event for event in heard["ci/event"] if any(word in event.payload.text for word in LANDING)]
-    landing_s = told[0].t_s if told else float("inf")
+    poses, truths, states = received["pose"], received["sim/truth"], received["autopilot"]
+    reported = [event for event in received["ci/event"] if any(word in event.payload.text for word in LANDING)]
+    landing_s = reported[0].t_s if reported else float("inf")
     flying = [state.t_s for state in states if state.payload.is_armed and state.payload.landed is LandedState.IN_AIR]
     begin_s, end_s = flying[0], max(truth.t_s for truth in truths if -truth.payload.position_ned_m[2] > 0.1)
     at = [truth for truth in truths if begin_s <= truth.t_s <= end_s + 0.2]
@@ -188,11 +188,11 @@ def judge(heard: Heard, sources: Sequence[str]) -> Row:
     aloft = [pose for pose in poses if begin_s <= pose.t_s <= end_s]
     since = [pose for pose in aloft if pose.t_s >= FAULT_S]
     before_landing = [pose for pose in since if pose.t_s < landing_s]  # near the floor some see nothing anyway
-    lacks = (pose.t_s for pose in before_landing if any(name not in pose.payload.sources for name in sources))
-    found = next((t_s - FAULT_S for t_s in lacks), None)
+    missing = (pose.t_s for pose in before_landing if any(name not in pose.payload.sources for name in sources))
+    found = next((t_s - FAULT_S for t_s in missing), None)
     return Row(
-        state=heard["ci/mission"][-1].payload.state,
-        reason=heard["ci/mission"][-1].payload.reason,
+        state=received["ci/mission"][-1].payload.state,
+        reason=received["ci/mission"][-1].payload.reason,
         worst_m=_worst_m(aloft, truths),
         found_s=found,
         before=next((pose.payload.sources for pose in reversed(aloft) if pose.t_s < FAULT_S), []),
@@ -246,7 +246,7 @@ def problems(row: Row, *, is_one: bool) -> list[str]:
     return found
 
 
-def told(row: Row) -> str:
+def reported(row: Row) -> str:
     """A flight in a line."""
     found = "taken in as it is" if row.found_s is None else f"found after {row.found_s:.2f} s"
     end = row.state if row.state == ActionState.DONE else f"{row.state}: {row.reason}"
@@ -263,13 +263,13 @@ def run(progress: Progress) -> list[Figure]:
         rows = rows_of(platform)
         left = [row for row in rows if not progress.knows(row[0])]
         if left:
-            progress.say(f"{platform}: {len(left)} of {len(rows)} rows to fly")
+            progress.report(f"{platform}: {len(left)} of {len(rows)} rows to fly")
             fly(platform, left, lambda key, row: progress.part(key, lambda: row))
         for key, names, _ in rows:
             row = msgspec.convert(progress.part(key, _flown), Row)
             wrong = problems(row, is_one=len(names) == 1)
             bar = "done" if len(names) == 1 else "done, or a safe landing with its reason"
-            figures.append(Figure(key, told(row) + "".join(f"; **{text}**" for text in wrong), bar, not wrong))
+            figures.append(Figure(key, reported(row) + "".join(f"; **{text}**" for text in wrong), bar, not wrong))
     return figures
 
 

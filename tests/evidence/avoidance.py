@@ -69,7 +69,7 @@ def boxes(seed: int) -> dict[str, Any]:
 
     def fly(card: Card, folder: Path) -> dict[str, Any]:
         found, ruler = flown(courses.among_boxes(seed), card, folder, seed=seed)
-        fixes = [(each.t_s, each.payload) for each in card.heard.get("position_fix/tracker", [])]
+        fixes = [(each.t_s, each.payload) for each in card.received.get("position_fix/tracker", [])]
         return found | courses.lost_and_found(ruler.in_sight, fixes)
 
     return on_a_card(fly)
@@ -110,9 +110,9 @@ def wall(seed: int) -> dict[str, Any]:
             check=True,
             capture_output=True,
         )
-        told = msgspec.json.decode((out / "report/report.json").read_bytes())
+        reported = msgspec.json.decode((out / "report/report.json").read_bytes())
         true, narrow = (seen(out / "log.mcap", share, courses.WALL, str(side)) for share in (1.0, FOV_SHARE))
-    return found | {"told": told["coverage"], "true": true, "narrow": narrow, "pictures": told["pictures"]}
+    return found | {"told": reported["coverage"], "true": true, "narrow": narrow, "pictures": reported["pictures"]}
 
 
 def duct(seed: int) -> dict[str, Any]:
@@ -122,7 +122,7 @@ def duct(seed: int) -> dict[str, Any]:
         platform = courses.corridor_platform()
         found, ruler = flown(courses.through_the_duct(seed), card, folder, seed=seed, platform=platform)
         begin_s = next(t_s for t_s, place in ruler.places_m if place[2] > IN_THE_AIR_M)
-        reports = [each.payload for each in card.heard["odometry/laser"] if each.t_s > begin_s]
+        reports = [each.payload for each in card.received["odometry/laser"] if each.t_s > begin_s]
         ratios, off_deg = courses.corridor_ratios(reports)
         return found | {"ratio": min(ratios), "off_deg": max(off_deg), "reports": len(ratios)}
 
@@ -143,7 +143,7 @@ def run(progress: Progress) -> list[Figure]:
     for name, (fly, seeds) in flights.items():
         parts[name] = []
         for seed in seeds:
-            progress.say(f"{name} {seed}")
+            progress.report(f"{name} {seed}")
             parts[name].append(progress.part(f"{name} {seed}", partial(fly, seed)))
     return [
         *_among(parts["passing"], "a pose by satellites"),
@@ -167,14 +167,19 @@ def _among(found: list[dict[str, Any]], pose: str) -> list[Figure]:
 
 
 def _ends(barred: list[dict[str, Any]], blind: list[dict[str, Any]]) -> list[Figure]:
-    told = [run for run in barred if run["state"] == "failed" and "an obstacle is in the way" in run["reason"]]
+    reported = [run for run in barred if run["state"] == "failed" and "an obstacle is in the way" in run["reason"]]
     barred_m, blind_m, bar_m = (
         min(run["hull_m"] for run in barred),
         max(run["hull_m"] for run in blind),
         courses.NEAREST_M,
     )
     return [
-        Figure("no way round: failed, and said so", f"{len(told)} of {len(barred)}", "all", len(told) == len(barred)),
+        Figure(
+            "no way round: failed, and said so",
+            f"{len(reported)} of {len(barred)}",
+            "all",
+            len(reported) == len(barred),
+        ),
         Figure("… hull to the nearest thing", f"{barred_m:.2f} m", f"≥ {bar_m:g} m", barred_m >= bar_m),
         Figure("control, nobody tells the limiter: hull, best seed", f"{blind_m:.2f} m", "red", blind_m < bar_m),
     ]

@@ -60,7 +60,7 @@ class Booted:
         where = ["nsenter", "-t", str(self._pid), "-m", "-p", "-u", "-i", "-C"]
         return subprocess.run([*where, *command], capture_output=True, text=True, check=False)
 
-    def ask(self, *command: str) -> str:
+    def request(self, *command: str) -> str:
         """What a command says; one that fails fails the evidence."""
         done = self.run(*command)
         assert done.returncode == 0, f"{' '.join(command)}: {done.stderr or done.stdout}"
@@ -68,7 +68,7 @@ class Booted:
 
     def property(self, unit: str, name: str) -> str:
         """A property of a unit."""
-        return self.ask("systemctl", "show", "-p", name, "--value", unit)
+        return self.request("systemctl", "show", "-p", name, "--value", unit)
 
     def until(self, unit: str, name: str, value: str, within_s: float) -> float:
         """Waits until a unit's property has a value; how long that took, in seconds."""

@@ -21,7 +21,7 @@ SERVICES = (
     *(f"tests/common/mavlink/test_{name}.py" for name in ("commands", "parameters", "mission_protocol", "ftp")),
     "tests/common/mavlink/test_upstream_definitions.py",
 )
-STRANGERS = 5000
+MOST_UNKNOWN = 5000
 ROUNDS = 4
 GROWTH_KB = 64.0
 
@@ -29,8 +29,10 @@ GROWTH_KB = 64.0
 def tools(progress: Progress) -> list[Figure]:
     """Bar 3."""
     python = os.environ.get("MAVPROXY_PYTHON", "")
-    asked = "import importlib.metadata as m; print(m.version('MAVProxy'))"
-    found = subprocess.run([python, "-c", asked], capture_output=True, text=True, check=True).stdout if python else ""
+    requested = "import importlib.metadata as m; print(m.version('MAVProxy'))"
+    found = (
+        subprocess.run([python, "-c", requested], capture_output=True, text=True, check=True).stdout if python else ""
+    )
     return [
         Figure("MAVSDK", version("mavsdk")),
         Figure("MAVProxy", found.strip() or "not here: MAVPROXY_PYTHON names no Python"),
@@ -51,7 +53,7 @@ def growth() -> dict[str, float]:
     from gloc3_onboard.companion.files import MemoryFiles
 
     opened = Payload(operation=Operation.OPEN_FILE_READ_ONLY, size=5, data=b"/file").encode()
-    asked: tuple[tuple[str, dict[str, Any]], ...] = (
+    requested: tuple[tuple[str, dict[str, Any]], ...] = (
         ("COMMAND_LONG", {"command": 300}),
         ("COMMAND_LONG", {"command": 32100, "param1": 1.0}),
         ("COMMAND_CANCEL", {"command": 300}),
@@ -76,14 +78,14 @@ def growth() -> dict[str, float]:
         def count(_message: Any) -> None:
             sent[0] += 1
 
-        hear, parser = companion.attach(count), Parser(is_datagram=True)
-        wanted = [message(name, target_system=1, target_component=191, **fields) for name, fields in asked]
+        receive, parser = companion.attach(count), Parser(is_datagram=True)
+        wanted = [message(name, target_system=1, target_component=191, **fields) for name, fields in requested]
         tracemalloc.start()
         sizes = []
         for _ in range(ROUNDS):
-            for number in range(STRANGERS):
+            for number in range(MOST_UNKNOWN):
                 encoder = Encoder(number % 250 + 2, number // 250 + 1)
-                hear([frame for one in wanted for frame in parser.receive(encoder.encode(one))])
+                receive([frame for one in wanted for frame in parser.receive(encoder.encode(one))])
                 if number % 100 == 0:
                     await asyncio.sleep(0.05)
             await asyncio.sleep(70.0)
@@ -91,7 +93,11 @@ def growth() -> dict[str, float]:
             sizes.append(tracemalloc.get_traced_memory()[0] / 1e3)
         tracemalloc.stop()
         companion.close()
-        return {"grown_kb": sizes[-1] - sizes[1], "answers": float(sent[0]), "reasons": float(companion.reasons.said)}
+        return {
+            "grown_kb": sizes[-1] - sizes[1],
+            "answers": float(sent[0]),
+            "reasons": float(companion.reasons.reported),
+        }
 
     return run_virtual(work())
 
@@ -99,9 +105,9 @@ def growth() -> dict[str, float]:
 def services(progress: Progress) -> list[Figure]:
     """Bars 6 and 7, as far as they are the onboard computer's services."""
     result = progress.part("growth", growth)
-    requests = STRANGERS * ROUNDS * 9
+    requests = MOST_UNKNOWN * ROUNDS * 9
     return [
-        Figure("requests of strangers", f"{requests:,} of {STRANGERS:,} addresses"),
+        Figure("requests of strangers", f"{requests:,} of {MOST_UNKNOWN:,} addresses"),
         Figure("commands, plans and values refused, as counted", f"{result['reasons']:,.0f}"),
         Figure(
             f"what rounds 3 to {ROUNDS} leave in memory, kB",

@@ -52,7 +52,7 @@ def least(costs_ms: Callable[[], list[float]]) -> dict[str, float]:
 
 def pairs_ms(name: str) -> list[float]:
     """Features and motion for each pair of pictures of ten seconds of a flight."""
-    pairs = list(fly(inspection(1).take(slice(200, 200 + stereo.COUNT)), name, 1))
+    pairs = list(fly(inspection(1).select(slice(200, 200 + stereo.COUNT)), name, 1))
     features, motions = stereo.costs_ms(pairs)
     return [a + b for a, b in zip(features, motions, strict=True)]
 
@@ -60,8 +60,8 @@ def pairs_ms(name: str) -> list[float]:
 def pictures_ms(name: str) -> list[float]:
     """Pictures of the camera whose lens bends, with noise, along a lap; the first, which prepares, aside."""
     place = World.load(name)
-    look = world.looks(place)["a picture of front_left, radtan lens"]
-    return world.each_ms(look, world.lap_truths(place))
+    poll = world.looks(place)["a picture of front_left, radtan lens"]
+    return world.each_ms(poll, world.lap_truths(place))
 
 
 def fused() -> dict[str, float]:
@@ -123,7 +123,7 @@ def parts(progress: Progress) -> list[Figure]:
     figures = []
 
     def cost(title: str, costs_ms: Callable[[], list[float]], key: str, bar_ms: float) -> None:
-        progress.say(title)
+        progress.report(title)
         found = progress.part(title, partial(least, costs_ms))[key]
         words = {"mean": "mean", "p99": "99th percentile", "worst": "worst"}[key]
         figures.append(Figure(f"{title}: {words}, ms", f"{found:.2f}", f"≤ {bar_ms:g}", found <= bar_ms))
@@ -136,7 +136,7 @@ def parts(progress: Progress) -> list[Figure]:
     title = "motion by the laser, 360 beams"
     cost(title, laser.odometer_ms, "mean", laser.BAR_MS)
     cost(title, laser.odometer_ms, "p99", 4.0)
-    progress.say("fusion")
+    progress.report("fusion")
     step = progress.part("fusion", fused)
     figures.append(
         Figure(
@@ -159,7 +159,7 @@ def run(progress: Progress) -> list[Figure]:
     figures = parts(progress)
     for has_photos, bar in ((False, FASTER), (True, FASTER_WITH_PICTURES)):
         title = "flight with all sensors" + (", pictures recorded" if has_photos else "")
-        progress.say(title)
+        progress.report(title)
         found = progress.part(title, partial(fastest, has_photos=has_photos))
         factor = found["simulated_s"] / found["wall_s"]
         figures += [
@@ -171,7 +171,7 @@ def run(progress: Progress) -> list[Figure]:
         ]
         if has_photos:
             figures.append(Figure("… pictures recorded", str(found["pictures"]), "≥ 1", found["pictures"] > 0))
-    progress.say("the same again")
+    progress.report("the same again")
     equal = progress.part("same", same)
     for key, what in (("log", "log.mcap"), ("pictures", "the recorded pictures")):
         value = "identical" if equal[key] else "differ"

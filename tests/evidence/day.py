@@ -54,7 +54,7 @@ async def fill(count: int, hours: float = 0.0) -> dict[str, Any]:
                 f"{WORDS[number % 6]}, number {number}", Severity(3 + number % 4), f"part_{number % 20}"
             )
             if number % 2000 == 0:
-                here.app.look()
+                here.app.show_fleet()
                 await here.pilot.pause(0)
         added_s = time.thread_time() - begin_s
         await here.press("slash")
@@ -69,16 +69,16 @@ async def fill(count: int, hours: float = 0.0) -> dict[str, Any]:
             slowest_s = max(slowest_s, time.thread_time() - key_s)
         while not desk.search.is_done:
             step_s = time.thread_time()
-            here.app.look()
+            here.app.show_fleet()
             slowest_s = max(slowest_s, time.thread_time() - step_s)
             await here.pilot.pause(0)
         search_s = time.thread_time() - begin_s
         await here.press("enter")
         await here.wait(lambda: not isinstance(here.app.focused, Input))
-        looks = {}
+        views = {}
         for screen, digit in (("map", "4"), ("data", "5"), ("events", "9"), ("overview", "1")):
             await here.go(digit)
-            looks[screen] = _slow_ms(here.app.look)
+            views[screen] = _slow_ms(here.app.show_fleet)
         return {
             "added_us": added_s / max(1, count) * 1e6,
             "slowest_ms": slowest_s * 1e3,
@@ -87,7 +87,7 @@ async def fill(count: int, hours: float = 0.0) -> dict[str, Any]:
             "before_mb": before_mb,
             "tracks_mb": tracks_mb - before_mb,
             "after_mb": resident_mb(),
-            "looks_ms": looks,
+            "looks_ms": views,
         }
 
 
@@ -101,7 +101,7 @@ async def _fly(here: Any, hours: float) -> None:
     now_s = here.station.now_s()
     here.station.now_s = lambda: now_s
     for platform in platforms:
-        platform.say("site", SITE)
+        platform.report("site", SITE)
         platform.fly(is_armed=True, mode="OFFBOARD", landed="in_air")
     for n in range(round(hours * 3600.0 * SAMPLES_HZ)):
         t_s = n / SAMPLES_HZ
@@ -117,18 +117,18 @@ async def _fly(here: Any, hours: float) -> None:
             battery_ca=1450,
         )
         for platform in platforms:
-            platform.say("motion", motion)
+            platform.report("motion", motion)
         if n % 400 == 0:
-            here.app.look()
+            here.app.show_fleet()
             await here.pilot.pause(0)
 
 
-def _slow_ms(look: Callable[[], None], times: int = 20) -> float:
+def _slow_ms(poll: Callable[[], None], times: int = 20) -> float:
     """The 95th percentile of what a look costs, in processor time."""
     costs_s = []
     for _ in range(times):
         begin_s = time.thread_time()
-        look()
+        poll()
         costs_s.append(time.thread_time() - begin_s)
     return quantiles(costs_s, n=20)[18] * 1e3
 

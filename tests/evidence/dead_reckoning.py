@@ -91,7 +91,7 @@ def _draw(kinds: dict[str, list[dict[str, Any]]]) -> None:
 def _part(progress: Progress, platform: str, seed: int, what: str, faults: tuple[str, ...] = ()) -> dict[str, Any]:
     key = f"{platform} {what} {seed}"
     if not progress.knows(key):
-        progress.say(key)
+        progress.report(key)
     found: dict[str, Any] = progress.part(key, lambda: dived(platform, seed, faults)._asdict())
     return found
 
@@ -135,13 +135,13 @@ def _rms(dives: list[dict[str, Any]], what: str) -> float:
 def _without(dives: list[dict[str, Any]]) -> list[Figure]:
     shares = np.array([one["off_m"] / one["way_m"] for one in dives])
     inside = sum(one["off_m"] < 3.0 * one["claimed_m"] for one in dives)
-    said = sum(any(reason.startswith("adrift") for reason in one["reasons"]) for one in dives)
+    text = sum(any(reason.startswith("adrift") for reason in one["reasons"]) for one in dives)
     return [
         Figure("auv without the DVL, off when it comes up, median", f"{100.0 * np.median(shares):.0f} % of the way"),
         Figure(
             "auv without the DVL, worst", f"{100.0 * shares.max():.0f} %, {max(one['off_m'] for one in dives):.0f} m"
         ),
-        Figure("auv without the DVL, says that it is adrift", f"{said} of {len(dives)}", "all", said == len(dives)),
+        Figure("auv without the DVL, says that it is adrift", f"{text} of {len(dives)}", "all", text == len(dives)),
         Figure(
             "auv without the DVL, off by less than three times the claim",
             f"{inside} of {len(dives)}",

@@ -27,12 +27,12 @@ def fresh_clone() -> dict[str, Any]:
         subprocess.run(["git", "clone", "-q", str(ROOT), str(clone)], check=True)
         begin_s = time.perf_counter()
         done = subprocess.run(["make", "demo"], cwd=clone, stdin=subprocess.DEVNULL, check=False)
-        took_s = time.perf_counter() - begin_s
+        elapsed_s = time.perf_counter() - begin_s
         out = clone / "runs" / "demo"
         kept = sorted(path.name for path in out.iterdir()) if out.exists() else []
         report = msgspec.json.decode((out / "report.json").read_bytes()) if "report.json" in kept else NO_REPORT
         seen = compare(out) if "images" in kept else NOTHING_SEEN
-    return {"code": done.returncode, "took_s": took_s, "report": report, "seen": seen, "kept": kept}
+    return {"code": done.returncode, "took_s": elapsed_s, "report": report, "seen": seen, "kept": kept}
 
 
 def own_pose(platform: str) -> dict[str, Any]:
@@ -42,10 +42,10 @@ def own_pose(platform: str) -> dict[str, Any]:
         command = [str(ROOT / ".venv/bin/gloc3"), "demo", "inspection", "--platform", platform, "--out", str(out)]
         begin_s = time.perf_counter()
         done = subprocess.run(command, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False)
-        took_s = time.perf_counter() - begin_s
+        elapsed_s = time.perf_counter() - begin_s
         kept = out / "report.json"
         report = msgspec.json.decode(kept.read_bytes()) if kept.exists() else NO_REPORT
-    return {"code": done.returncode, "took_s": took_s, "report": report}
+    return {"code": done.returncode, "took_s": elapsed_s, "report": report}
 
 
 def interrupt(seed: int) -> dict[str, Any]:
@@ -99,7 +99,7 @@ def run(progress: Progress) -> list[Figure]:
         fine = result["left"] == 0 and result["is_readable"]
         value = f"ended after {result['ended_s']:.1f} s, {result['left']} processes left, log readable: {result['is_readable']}"
         figures.append(Figure(f"Ctrl-C after {result['moment_s']:.1f} s", value, "none left, readable", fine))
-        progress.say(value)
+        progress.report(value)
     return figures
 
 

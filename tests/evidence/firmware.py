@@ -126,9 +126,9 @@ def run(progress: Progress) -> list[Figure]:
             Figure(f"{title}: programs to each processor of the computer meanwhile", f"{result['load']:.1f}"),
         ]
         if is_done:
-            passed, asked = report["waypoints_passed"], report["waypoints"]
+            passed, requested = report["waypoints_passed"], report["waypoints"]
             figures += [
-                Figure(f"{title}: waypoints within 0.3 m", f"{passed} of {asked}", "all", passed == asked),
+                Figure(f"{title}: waypoints within 0.3 m", f"{passed} of {requested}", "all", passed == requested),
                 Figure(f"{title}: path error, RMS in m", f"{report['path_rms_error_m']:.3f}"),
             ]
         else:

@@ -27,7 +27,7 @@ def fleet(progress: Progress) -> list[Figure]:
     """Figures of the three."""
     trials = []
     for seed in range(SEEDS):
-        progress.say(f"seed {seed}")
+        progress.report(f"seed {seed}")
         trials.append(
             msgspec.convert(progress.part(f"trial {seed}", partial(run_trial, seed, PLATFORMS, STATIONS)), Found)
         )

@@ -132,7 +132,7 @@ def run(progress: Progress) -> list[Figure]:
         ("6 m/s gusty wind", 6.0, WIND_RMS_M, math.inf),
     ):
         report = progress.part(f"accuracy {name}", partial(_accuracy, wind))
-        passed, asked = report["waypoints_passed"], report["waypoints"]
+        passed, requested = report["waypoints_passed"], report["waypoints"]
         figures += [
             Figure(
                 f"{name}: path error, RMS in m",
@@ -146,7 +146,7 @@ def run(progress: Progress) -> list[Figure]:
                 f"≤ {most}" if most < math.inf else "",
                 report["path_max_error_m"] <= most,
             ),
-            Figure(f"{name}: waypoints in order within 0.3 m", f"{passed} of {asked}", "all", passed == asked),
+            Figure(f"{name}: waypoints in order within 0.3 m", f"{passed} of {requested}", "all", passed == requested),
             Figure(
                 f"{name}: slowest leg, share of the speed asked for",
                 f"{report['slowest_leg_share']:.2f}",

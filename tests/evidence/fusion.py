@@ -29,7 +29,7 @@ def flights(platform: str, without: tuple[str, ...]) -> dict[str, Any]:
         "turn": float(max(found.turn_deg)),
         "end": float(np.mean(found.end_m)),
         "worst_end": float(max(found.end_m)),
-        "way": found.way_m,
+        "way": found.distance_m,
         "nees": found.nees.ravel().tolist(),
         "innovation": found.innovation,
     }
@@ -40,7 +40,7 @@ def accuracy(progress: Progress) -> list[Figure]:
     figures = []
     for platform in SOURCES:
         for without in ((), ("tracker",)):
-            progress.say(f"{platform} without {without}")
+            progress.report(f"{platform} without {without}")
             found = progress.part(f"{platform} {without}", partial(flights, platform, without))
             name = f"{platform}{', without the tracker' if without else ''}"
             share = found["worst_end"] / found["way"]
@@ -81,7 +81,7 @@ def table(platform: str, progress: Progress) -> list[Figure]:
     figures = []
     for name in SOURCES[platform]:
         for fault in FAULTS:
-            progress.say(f"{platform}: {name} {fault}")
+            progress.report(f"{platform}: {name} {fault}")
             found = progress.part(f"{platform} {name} {fault}", partial(_suffered, platform, (name,), fault))
             limit_s = 5.0 if fault == SLOW else 0.8
             must_be_found = fault not in HARMLESS and (name, fault) not in NEVER_FOUND
@@ -91,7 +91,7 @@ def table(platform: str, progress: Progress) -> list[Figure]:
             is_met = is_met and (not must_be_found or (detected_s is not None and detected_s <= limit_s))
             figures.append(Figure(f"{platform}: {name} {fault}", _row(found), bar, is_met))
     for names in combinations(SOURCES[platform], 2):
-        progress.say(f"{platform}: without {names}")
+        progress.report(f"{platform}: without {names}")
         found = progress.part(f"{platform} {names}", partial(_suffered, platform, names, "removed"))
         is_met = found["worst_m"] <= LARGEST_M and found["is_let_in"] and found["valid_share"] == 1.0
         figures.append(Figure(f"{platform}: {' and '.join(names)} removed", _row(found), f"≤ {LARGEST_M} m", is_met))
@@ -104,8 +104,8 @@ def _suffered(platform: str, names: tuple[str, ...], fault: str) -> dict[str, An
 
 def _row(found: dict[str, Any]) -> str:
     detected_s = found["detected_s"]
-    told = "taken in as it is" if detected_s is None else f"found after {detected_s:.2f} s"
-    return f"{found['worst_m'] * 1e3:.0f} mm at most, {told}, quality {found['least_quality']:.2f} at least"
+    reported = "taken in as it is" if detected_s is None else f"found after {detected_s:.2f} s"
+    return f"{found['worst_m'] * 1e3:.0f} mm at most, {reported}, quality {found['least_quality']:.2f} at least"
 
 
 def ablation(progress: Progress) -> list[Figure]:

@@ -142,8 +142,8 @@ def controls(path: Motion) -> tuple[float, float]:
     places, first = path.positions_m, round(RATE_HZ)
     speed_m_s = (places[first] - places[0]) / (path.times_s[first] - path.times_s[0])
     off_m = places[-1] - places[0], places[-1] - places[0] - speed_m_s * (path.times_s[-1] - path.times_s[0])
-    way_m = np.linalg.norm(np.diff(places, axis=0), axis=1).sum()
-    nothing, constant = (100.0 * float(np.linalg.norm(off) / way_m) for off in off_m)
+    distance_m = np.linalg.norm(np.diff(places, axis=0), axis=1).sum()
+    nothing, constant = (100.0 * float(np.linalg.norm(off) / distance_m) for off in off_m)
     return nothing, constant
 
 
@@ -151,7 +151,7 @@ def run(progress: Progress) -> list[Figure]:
     """The bar."""
     flights = []
     for seed in SEEDS:
-        progress.say(f"seed {seed}")
+        progress.report(f"seed {seed}")
         flights.append(progress.part(f"hold {seed}", partial(flight, seed, HOLD)))
     figures = [
         Figure("path, metres", f"{flights[0]['plain']['path_m']:.1f}", "≥ 60", flights[0]["plain"]["path_m"] >= 60.0)
@@ -192,7 +192,7 @@ def run(progress: Progress) -> list[Figure]:
         ("boxes below the way", cluttered),
         (f"a floor that rises by {SLOPE:.0%}", sloping),
     ):
-        progress.say(title)
+        progress.report(title)
         found = progress.part(title, partial(flight, 0, make))["plain"]
         figures += [
             Figure(

@@ -10,7 +10,7 @@ import numpy as np
 from gloc3.evaluation.trajectory import Array, Trajectory, matrices_from_quaternions
 from gloc3.messages.frames import Quaternion, from_euler, from_rotation_vector, multiply
 from gloc3_sitl.physics.truth import Truth
-from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.camera import SimulatedCamera
 from gloc3_sitl.world.probe import WorldProbe
 from gloc3_sitl.world.rig import GROUND, GROUND_IMAGER
 from gloc3_sitl.world.texture import Image
@@ -82,7 +82,7 @@ def truths(world: World, path: Motion) -> Iterator[Truth]:
 def fly(seed: int, world: World, path: Motion | None = None) -> Iterator[Step]:
     """Takes the pictures of a flight one by one."""
     path = path or motion(seed)
-    camera, probe = Camera(world, GROUND, GROUND_IMAGER, seed), WorldProbe(world)
+    camera, probe = SimulatedCamera(world, GROUND, GROUND_IMAGER, seed), WorldProbe(world)
     random = np.random.default_rng([seed, 7])
     tilt_bias = TILT_BIAS_RAD * random.standard_normal(2)
     range_bias_m = HEIGHT_BIAS_M * random.standard_normal()

@@ -34,7 +34,7 @@ STALL_S = 0.5
 def flight(odometer: str, faults: tuple[Fault, ...], progress: Progress) -> dict[str, Any]:
     """One flight."""
     with tempfile.TemporaryDirectory() as folder:
-        return dict(msgspec.to_builtins(asyncio.run(fly(Path(folder), odometer, faults, progress.say, CALM_S))))
+        return dict(msgspec.to_builtins(asyncio.run(fly(Path(folder), odometer, faults, progress.report, CALM_S))))
 
 
 def hosts(progress: Progress) -> list[Figure]:

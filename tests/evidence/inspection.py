@@ -17,8 +17,8 @@ from gloc3.messages.topics import TopicTable
 from gloc3.messages.vehicle import ImageRecorded
 from gloc3_sitl.flight.messages import SimTruth
 from gloc3_sitl.vehicles import PELICAN
-from gloc3_sitl.world.coverage import Coverage
-from gloc3_sitl.world.placing import Place, Placing
+from gloc3_sitl.world.coverage import SurfaceCoverage
+from gloc3_sitl.world.placing import Placing, WorldPlacement
 from gloc3_sitl.world.rig import CAMERAS
 from gloc3_sitl.world.world import World
 
@@ -42,30 +42,36 @@ def flight(seed: int) -> dict[str, Any]:
         limits += ["--lift", str(PELICAN.foot_depth_m)]
         report = [GLOC3, "log", "report", str(out), "--wall", f"{hold}#{SURFACE}", *limits]
         subprocess.run(report, check=True, capture_output=True)
-        told = msgspec.json.decode((out / "report/report.json").read_bytes())
+        reported = msgspec.json.decode((out / "report/report.json").read_bytes())
         true, narrow = seen(out / "log.mcap", 1.0), seen(out / "log.mcap", FOV_SHARE)
         size = (out / "report/report.html").stat().st_size
-    return {"told": told["coverage"], "true": true, "narrow": narrow, "pictures": told["pictures"], "bytes": size}
+    return {
+        "told": reported["coverage"],
+        "true": true,
+        "narrow": narrow,
+        "pictures": reported["pictures"],
+        "bytes": size,
+    }
 
 
 def seen(log: Path, fov_share: float, surface: str = SURFACE, world_name: str = "hold") -> float:
     """Share of the surface that was truly in a picture, what hides it included; of cameras with a part of the view."""
     world = World.load(world_name)
-    coverage = Coverage(
+    coverage = SurfaceCoverage(
         world, surface, cell_m=CELL_M, range_max_m=FARTHEST_M, incidence_max_rad=float(np.radians(OBLIQUE_DEG))
     )
     placing = Placing(world)
     truths: list[tuple[float, SimTruth]] = []
-    taken: list[tuple[float, str]] = []
+    used: list[tuple[float, str]] = []
     with LogReader(log, TopicTable.installed().types) as reader:
         for entry in reader.entries("sim/truth", "image_recorded"):
             payload = entry.envelope.payload
             if isinstance(payload, ImageRecorded):
-                taken.append((entry.envelope.t_s, payload.camera))
+                used.append((entry.envelope.t_s, payload.camera))
             else:
                 truths.append((entry.envelope.t_s, payload))
     times = [t_s for t_s, _ in truths]
-    for t_s, camera in taken:
+    for t_s, camera in used:
         after = min(max(1, int(np.searchsorted(times, t_s))), len(times) - 1)
         (a_s, a), (b_s, b) = truths[after - 1], truths[after]
         share = (t_s - a_s) / (b_s - a_s)
@@ -73,8 +79,8 @@ def seen(log: Path, fov_share: float, surface: str = SURFACE, world_name: str = 
         turned = multiply(placing.local_from_ned, slerp(a.ned_from_frd, b.ned_from_frd, share))
         model = CAMERAS[camera][0]
         focal = (model.focal_px[0] / fov_share, model.focal_px[1] / fov_share)
-        body = Place(turned, (x, y, height + PELICAN.foot_depth_m))
-        coverage.look(
+        body = WorldPlacement(turned, (x, y, height + PELICAN.foot_depth_m))
+        coverage.count_picture(
             msgspec.structs.replace(model, focal_px=focal), body.mounted(model.position_frd_m, model.frd_from_rdf), t_s
         )
     return coverage.share
@@ -84,7 +90,7 @@ def run(progress: Progress) -> list[Figure]:
     """The bar."""
     figures = []
     for seed in SEEDS:
-        progress.say(f"seed {seed}")
+        progress.report(f"seed {seed}")
         found = progress.part(f"floor {seed}", partial(flight, seed))
         error, control = (found["told"] / found[key] - 1.0 for key in ("true", "narrow"))
         figures += [

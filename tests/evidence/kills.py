@@ -34,7 +34,7 @@ def flight(say: Callable[[str], None]) -> dict[str, Any]:
 
 def kills(progress: Progress) -> list[Figure]:
     """The figures."""
-    found = progress.part("flight", partial(flight, progress.say))
+    found = progress.part("flight", partial(flight, progress.report))
     count = sum(found["kills"].values())
     lowest, highest = found["lowest_m"], found["highest_m"]
     noticed_ms, over_ms = (1e3 * median(found[name]) for name in ("noticed_s", "taken_over_s"))

@@ -14,8 +14,8 @@ from tests.evidence.laser_matchers import Run, constant_drive, peers, plain_driv
 from tests.evidence.page import Bar, Figure, Progress
 
 from gloc3.camera.opencv import load_opencv
-from gloc3.evaluation.metrics import Alignment, evaluate
-from gloc3_onboard.algorithms.scan_matching.correlative import Window
+from gloc3.evaluation.metrics import TrajectoryAlignment, evaluate
+from gloc3_onboard.algorithms.scan_matching.correlative import SearchWindow
 from gloc3_onboard.algorithms.scan_matching.laser_odometer import LaserOdometer
 from gloc3_onboard.algorithms.scan_matching.lines import lines_of
 from gloc3_onboard.algorithms.scan_matching.local_map import LocalMap
@@ -55,7 +55,7 @@ def level(log: LaserLog, number: int, noise: Array | None = None) -> Any:
 def _found(target: Any, source: Array) -> Planar:
     walls = LocalMap(1.0)
     walls.add(lines_of(target), Planar(), 0.0)
-    return search(source, walls, Planar(), Window(START_M, START_RAD)).pose
+    return search(source, walls, Planar(), SearchWindow(START_M, START_RAD)).pose
 
 
 def converge(
@@ -99,7 +99,7 @@ def convergence(progress: Progress) -> list[Figure]:
     """Bar 3, the table."""
     figures: list[Figure] = []
     for distance_m, turn_deg, bar in ROWS:
-        progress.say(f"±{100 * distance_m:.0f} cm ±{turn_deg:g}°")
+        progress.report(f"±{100 * distance_m:.0f} cm ±{turn_deg:g}°")
         key = f"{distance_m} {turn_deg}"
         by_name: dict[str, Any] = progress.part(key, partial(converge, distance_m, turn_deg))
         ours = by_name[OURS]
@@ -162,7 +162,7 @@ def drift(name: str, truth_name: str) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for runner, run in runs.items():
         errors = [
-            evaluate(trajectory_of(run.poses, log.times_s), true, Alignment.ORIGIN, over_m).relative_m
+            evaluate(trajectory_of(run.poses, log.times_s), true, TrajectoryAlignment.ORIGIN, over_m).relative_m
             for over_m in (5.0, 10.0, 50.0)
         ]
         found[runner] = {
@@ -189,7 +189,8 @@ def loops() -> dict[str, Any]:
         off = [(run.poses[i].inverse() @ run.poses[j]).inverse() @ motion for i, j, motion in closed]
         ways_m = [way[j] - way[i] for i, j, _ in closed]
         found[name] = {
-            "mean": 100.0 * float(np.mean([e.distance_m / way_m for e, way_m in zip(off, ways_m, strict=True)])),
+            "mean": 100.0
+            * float(np.mean([e.distance_m / distance_m for e, distance_m in zip(off, ways_m, strict=True)])),
             "deg": float(np.mean([abs(degrees(e.yaw_rad)) for e in off])),
             "ms": float(np.mean(run.costs_ms[3:])),
         }
@@ -209,7 +210,7 @@ def _closings(log: LaserLog, poses: Sequence[Planar], way: Sequence[float]) -> l
         for k in range(max(0, i - 12), min(len(poses), i + 13), 3) if near else ():
             walls.add(lines_of(level(log, k)), poses[i].inverse() @ poses[k], 0.0)
         for j in near:
-            closed = search(level(log, j).points_m, walls, poses[i].inverse() @ poses[j], Window(1.5, 0.7))
+            closed = search(level(log, j).points_m, walls, poses[i].inverse() @ poses[j], SearchWindow(1.5, 0.7))
             if closed.share > CLOSED and not closed.information.is_degenerate:
                 found.append((i, j, closed.pose))
     return found
@@ -219,7 +220,7 @@ def drifts(progress: Progress) -> list[Figure]:
     """Bar 3, the logs."""
     figures: list[Figure] = []
     for name, truth in (("csail", "csail/csail-corrected.log"), ("aces", "aces/aces-corrected.log")):
-        progress.say(name)
+        progress.report(name)
         by_name: dict[str, Any] = progress.part(name, partial(drift, name, truth))
         ours = by_name[OURS]
         for runner, found in by_name.items():
@@ -238,7 +239,7 @@ def drifts(progress: Progress) -> list[Figure]:
                 )
             text = f"mean {mean} %, median {median} % over 5/10/50 m, {found['ms']:.2f} ms"
             figures.append(Figure(f"{name}, {runner}", text, bar, is_met))
-    progress.say("breezy")
+    progress.report("breezy")
     hokuyo: dict[str, Any] = progress.part("breezy", loops)
     figures.append(
         Figure(

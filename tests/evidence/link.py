@@ -50,7 +50,7 @@ def run(progress: Progress) -> list[Figure]:
     rows: list[dict[str, Any]] = []
     for first in range(0, UPLOADS, BLOCK):
         rows += progress.part(f"uploads from {first}", partial(uploads, first, BLOCK))
-        progress.say(f"{len(rows)} of {UPLOADS} uploads")
+        progress.report(f"{len(rows)} of {UPLOADS} uploads")
     times = [row["upload_s"] for row in rows]
     unequal = sum(not row["is_equal"] for row in rows)
     twice, lost = sum(row["twice"] for row in rows), sum(row["lost"] for row in rows)
@@ -58,7 +58,7 @@ def run(progress: Progress) -> list[Figure]:
     moved: list[dict[str, Any]] = []
     for first in range(0, TRANSFERS, BLOCK):
         moved += progress.part(f"transfers from {first}", partial(transfers, first, BLOCK))
-        progress.say(f"{len(moved)} of {TRANSFERS} transfers")
+        progress.report(f"{len(moved)} of {TRANSFERS} transfers")
     bad = sum(not row["is_good"] for row in moved)
     return [
         Figure("uploads of 20 kB", str(len(rows))),

@@ -34,7 +34,7 @@ def matrix(progress: Progress) -> list[Figure]:
     for link in LINKS:
         for phase in PHASES:
             for loss in LOSSES:
-                told, problems = [], []
+                reported, problems = [], []
                 for style in STYLES:
                     case = Case(style, link, phase, loss)
                     result = progress.part("/".join(case), partial(flown, case))
@@ -43,11 +43,11 @@ def matrix(progress: Progress) -> list[Figure]:
                         problems.append(f"{style}: {result['problem']}")
                         continue
                     good += 1
-                    told.append(_words(style, msgspec.convert(result["found"], Found)))
+                    reported.append(_words(style, msgspec.convert(result["found"], Found)))
                 figures.append(
                     Figure(
                         f"{link}, {phase}, {loss}",
-                        "; ".join([*told, *problems]),
+                        "; ".join([*reported, *problems]),
                         "noticed, shown, acted upon, recovered",
                         not problems,
                     )

@@ -13,7 +13,7 @@ from gloc3.messages.frames import interpolate, slerp
 from gloc3_sitl.flight.messages import SimTruth
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world import World
-from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.camera import SimulatedCamera
 from gloc3_sitl.world.rig import GROUND, GROUND_IMAGER
 
 MUST_MARGIN_PX = 8.0
@@ -25,7 +25,7 @@ NEVER_MARGIN_PX = -80.0
 def compare(out: Path) -> dict[str, int]:
     """Counts images that must show the marker, that do, and that show it though it is out of view."""
     world = World.load("hold")
-    camera = Camera(world, GROUND, GROUND_IMAGER)
+    camera = SimulatedCamera(world, GROUND, GROUND_IMAGER)
     with LogReader(_truth_log(out)) as reader:
         truths = [
             (entry.envelope.t_s, entry.envelope.payload)

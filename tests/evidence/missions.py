@@ -29,7 +29,7 @@ def run(progress: Progress) -> Sequence[Figure]:
     for key, part in _in_parallel(progress, parts):
         total.update(part["counts"])
         wrong += part["wrong"]
-        progress.say(f"{key}: {len(wrong)} with something wrong so far")
+        progress.report(f"{key}: {len(wrong)} with something wrong so far")
     found = {mutant.name: progress.part(mutant.name, lambda m=mutant: _found(m)) for mutant in MUTANTS}  # type: ignore[misc]
     flaws = {name: count for name, count in total.items() if name.startswith("flaw: ")}
     caught = sum(first is not None for first in found.values())

@@ -144,7 +144,7 @@ def run_all(progress: Progress) -> dict[str, Any]:
         for mutant in mutants():
             key = f"{mutant.promise}: {mutant.mistake}"
             found[key] = progress.part(f"{mutant.old}>{mutant.new}", partial(outcome, tree, mutant))
-            progress.say(f"{key}: {found[key]}")
+            progress.report(f"{key}: {found[key]}")
     return found
 
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 from tests.evidence.page import PAGES, Bar, Figure, Progress
-from tests.evidence.ways import Around, draw, gone, missed_m
+from tests.evidence.ways import Around, draw, lost, missed_m
 
 from gloc3.mission.examples import find_mission
 from gloc3.platform.reader import load_platform
@@ -37,9 +37,9 @@ def picture(mission: str, platform: str) -> str:
 
 def carried_out(mission: str, platform: str) -> dict[str, Any]:
     """What came of one, and its picture."""
-    way = gone(mission, platform, Around(), seed=1)
+    way = lost(mission, platform, Around(), seed=1)
     draw(way, PAGES / picture(mission, platform), f"{mission} by {platform}: path requested and path followed")
-    return {"state": way.state, "miss_m": missed_m(way.true, way.asked), "waypoints": len(way.asked) - 1}
+    return {"state": way.state, "miss_m": missed_m(way.true, way.requested), "waypoints": len(way.requested) - 1}
 
 
 def one_mission(progress: Progress) -> list[Figure]:
@@ -49,7 +49,7 @@ def one_mission(progress: Progress) -> list[Figure]:
         digest = sha256(find_mission(party.mission).read_bytes()).hexdigest()
         figures.append(Figure(f"`{party.mission}`, digest of the file that each is given", digest[:16]))
         for platform, most_m in zip(party.platforms, party.miss_m, strict=True):
-            progress.say(f"{party.mission} {platform}")
+            progress.report(f"{party.mission} {platform}")
             run = progress.part(f"{party.mission} {platform}", partial(carried_out, party.mission, platform))
             limits = msgspec.to_builtins(load_platform(platform).limits)
             of = ", ".join(f"{name} {limits[name]:g}" for name in LIMITS if limits.get(name) is not None)

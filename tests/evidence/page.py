@@ -66,7 +66,7 @@ class Progress:
         """Whether the result of a part is there."""
         return key in self._known
 
-    def say(self, text: str) -> None:
+    def report(self, text: str) -> None:
         """Tells how far it is."""
         print(f"{self._name}: {text}", file=sys.stderr, flush=True)
 

@@ -62,16 +62,16 @@ def run(progress: Progress) -> list[Figure]:
         ("unplugged", "hold", UNPLUGGED, ("device:tracker_camera=lost",)),
     ):
         for seed in seeds:
-            progress.say(f"{key}, seed {seed}")
+            progress.report(f"{key}, seed {seed}")
             found = progress.part(f"{key} {seed}", partial(flight, seed, world, faults))
             flights.setdefault(key, []).append(found)
     hold, hard, unplugged = flights["hold"], flights["hard"], flights["unplugged"]
     everything = hold + hard + unplugged
     done = sum(each["state"] == "done" for each in everything)
-    way_m = min(each["way"] for each in everything)
+    distance_m = min(each["way"] for each in everything)
     return [
         Figure("missions done", f"{done} of {len(everything)}", "all", done == len(everything)),
-        Figure("way flown, least", f"{way_m:.1f} m", "≥ 60 m", way_m >= 60.0),
+        Figure("way flown, least", f"{distance_m:.1f} m", "≥ 60 m", distance_m >= 60.0),
         *_accuracy("hold", [each["fused"] for each in hold], 0.05),
         *_drift("hold, without the tracker", [(each["blind"], each["way"]) for each in hold]),
         *_drift("hold, flown with the tracker unplugged", [(each["fused"], each["way"]) for each in unplugged]),
@@ -109,7 +109,7 @@ def _accuracy(name: str, runs: list[dict[str, Any]], bar_m: float) -> list[Figur
 
 def _drift(name: str, runs: list[tuple[dict[str, Any], float]]) -> list[Figure]:
     share, raw, end = (
-        max(100.0 * judged[key] / way_m for judged, way_m in runs) for key in ("ate_m", "rms_m", "end_m")
+        max(100.0 * judged[key] / distance_m for judged, distance_m in runs) for key in ("ate_m", "rms_m", "end_m")
     )
     return [
         Figure(f"{name}: ATE RMS, worst seed", f"{share:.3f} % of the way", "≤ 0.2 %", share <= 0.2),

@@ -27,7 +27,7 @@ def beside_others(progress: Progress) -> list[Figure]:
     for number in range(ROUNDS):
         kept = progress.part(f"round {number}", one_round)
         rounds.append({name: dict(zip(STREAMS, (Passed(*row) for row in kept[name]), strict=True)) for name in kept})
-        progress.say(f"{number + 1} of {ROUNDS} rounds")
+        progress.report(f"{number + 1} of {ROUNDS} rounds")
     known = router.typical(rounds)
     figures = [Figure("rounds, each router in each", str(ROUNDS))]
     if router.PYTHON_PEER not in known:
@@ -67,7 +67,7 @@ def radio(progress: Progress) -> list[Figure]:
     rows: list[dict[str, Any]] = []
     for first in range(0, RADIOS, 5):
         rows += progress.part(f"runs from {first}", partial(radios, first, 5))
-        progress.say(f"{len(rows)} of {RADIOS} runs")
+        progress.report(f"{len(rows)} of {RADIOS} runs")
 
     def worst(name: str, *, is_least: bool = False) -> float:
         return float((min if is_least else max)(row[name] for row in rows))

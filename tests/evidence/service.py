@@ -33,9 +33,9 @@ def units() -> list[Figure]:
             file = Path(folder) / plan.unit.file
             file.write_text(plan.unit.text())
             done = _analyze("verify", "--man=no", "--recursive-errors=yes", str(file))
-            said = (done.stdout + done.stderr).strip().splitlines()
-            is_clean = done.returncode == 0 and not said
-            figures.append(Figure(f"unit, {title}: verify", "clean" if is_clean else said[0], "clean", is_clean))
+            text = (done.stdout + done.stderr).strip().splitlines()
+            is_clean = done.returncode == 0 and not text
+            figures.append(Figure(f"unit, {title}: verify", "clean" if is_clean else text[0], "clean", is_clean))
             found = _analyze("security", "--offline=true", "--no-pager", str(file)).stdout
             level = float(re.findall(r"Overall exposure level for \S+: ([0-9.]+)", found)[0])
             figures.append(Figure(f"unit, {title}: exposure", f"{level}", f"≤ {MOST_EXPOSURE}", level <= MOST_EXPOSURE))
@@ -59,10 +59,10 @@ def installed(systemd: Booted) -> None:
         f"[Service]\nEnvironment=PYTHONPATH={FOLDER}\n",
     }
     for name, text in files.items():
-        systemd.ask(*write, name, text)
-    systemd.ask("systemctl", "start", "systemd-journald")
+        systemd.request(*write, name, text)
+    systemd.request("systemctl", "start", "systemd-journald")
     install = ["env", f"PYTHONPATH={FOLDER}", GLOC3, "onboard", "install", f"{FOLDER}/bench.yaml", *ON_SOCKETS]
-    systemd.ask(*install)
+    systemd.request(*install)
 
 
 def life() -> dict[str, Any]:
@@ -70,43 +70,45 @@ def life() -> dict[str, Any]:
     with booted() as systemd:
         installed(systemd)
         begin_s = time.monotonic()
-        systemd.ask("systemctl", "start", UNIT)
+        systemd.request("systemctl", "start", UNIT)
         found: dict[str, Any] = {"start_s": time.monotonic() - begin_s, "status": systemd.property(UNIT, "StatusText")}
         main = systemd.property(UNIT, "MainPID")
-        facts = dict(
-            line.split(":\t") for line in systemd.ask("cat", f"/proc/{main}/status").splitlines() if ":\t" in line
+        snapshot = dict(
+            line.split(":\t") for line in systemd.request("cat", f"/proc/{main}/status").splitlines() if ":\t" in line
         )
         found["uid"], found["capabilities"], found["seccomp"] = (
-            facts["Uid"].split()[0],
-            facts["CapEff"],
-            facts["Seccomp"],
+            snapshot["Uid"].split()[0],
+            snapshot["CapEff"],
+            snapshot["Seccomp"],
         )
         # the component hangs
-        systemd.ask("touch", "/var/lib/gloc3/bench/stuck")
+        systemd.request("touch", "/var/lib/gloc3/bench/stuck")
         found["hang_s"] = systemd.until(UNIT, "NRestarts", "1", 60.0)
-        systemd.ask("rm", "/var/lib/gloc3/bench/stuck")
+        systemd.request("rm", "/var/lib/gloc3/bench/stuck")
         systemd.until(UNIT, "ActiveState", "active", 60.0)
         # the process is killed
-        systemd.ask("kill", "-KILL", systemd.property(UNIT, "MainPID"))
+        systemd.request("kill", "-KILL", systemd.property(UNIT, "MainPID"))
         begin_s = time.monotonic()
         systemd.until(UNIT, "NRestarts", "2", 60.0)
         systemd.until(UNIT, "ActiveState", "active", 60.0)
         found["back_s"] = time.monotonic() - begin_s
         found["status_after"] = systemd.property(UNIT, "StatusText")
         # new settings
-        systemd.ask("sed", "-i", "s/required: true}/required: true, settings: {depth_m: 2.5}}/", f"{FOLDER}/bench.yaml")
-        systemd.ask("systemctl", "reload", UNIT)
+        systemd.request(
+            "sed", "-i", "s/required: true}/required: true, settings: {depth_m: 2.5}}/", f"{FOLDER}/bench.yaml"
+        )
+        systemd.request("systemctl", "reload", UNIT)
         systemd.until(UNIT, "ActiveState", "active", 30.0)
         begin_s = time.monotonic()
-        while systemd.ask("cat", "/var/lib/gloc3/bench/depth_m") != "2.5" and time.monotonic() - begin_s < 30.0:
+        while systemd.request("cat", "/var/lib/gloc3/bench/depth_m") != "2.5" and time.monotonic() - begin_s < 30.0:
             time.sleep(0.1)
-        found["depth_m"] = systemd.ask("cat", "/var/lib/gloc3/bench/depth_m")
+        found["depth_m"] = systemd.request("cat", "/var/lib/gloc3/bench/depth_m")
         begin_s = time.monotonic()
-        systemd.ask("systemctl", "stop", UNIT)
+        systemd.request("systemctl", "stop", UNIT)
         found["stop_s"], found["result"] = time.monotonic() - begin_s, systemd.property(UNIT, "Result")
-        found["journal"] = systemd.ask("journalctl", "-u", UNIT, "--no-pager", "-o", "cat")
-        found["errors"] = systemd.ask("journalctl", "-u", UNIT, "-p", "err", "--no-pager", "-o", "cat")
-        found["logs"] = systemd.ask("ls", "/var/log/gloc3/bench").split()
+        found["journal"] = systemd.request("journalctl", "-u", UNIT, "--no-pager", "-o", "cat")
+        found["errors"] = systemd.request("journalctl", "-u", UNIT, "-p", "err", "--no-pager", "-o", "cat")
+        found["logs"] = systemd.request("ls", "/var/log/gloc3/bench").split()
     return found
 
 
@@ -118,7 +120,7 @@ def run(progress: Progress) -> list[Figure]:
     found = progress.part("life under systemd", life)
     aborted = "Fatal Python error: Aborted" in found["journal"]
     journal, errors = found["journal"], found["errors"].splitlines()
-    told = "onboard: stuck: working -> faulty: hung: a cycle had not ended after 0.5 s"
+    reported = "onboard: stuck: working -> faulty: hung: a cycle had not ended after 0.5 s"
     confined = (found["uid"] != "0", found["capabilities"].strip("0") == "", found["seccomp"] == "2")
     logs = sum(name.endswith(".mcap") for name in found["logs"])
     return [
@@ -132,7 +134,7 @@ def run(progress: Progress) -> list[Figure]:
             "≤ 25",
             found["hang_s"] <= 25.0,
         ),
-        Figure("… the journal has it as an error", str(told in errors), "True", told in errors),
+        Figure("… the journal has it as an error", str(reported in errors), "True", reported in errors),
         Figure("… and says where it hung", str("stuck_sampler.py" in journal), "True", "stuck_sampler.py" in journal),
         Figure("… ended by SIGABRT, with all threads in the journal", str(aborted), "True", aborted),
         Figure("killed: READY again after, in s", f"{found['back_s']:.1f}"),

@@ -13,16 +13,16 @@ from tests.evidence.suites import suite
 PICTURE = PAGES / "web.png"
 
 
-def troubles(progress: Progress) -> list[Figure]:
+def problems(progress: Progress) -> list[Figure]:
     """Has everything go wrong, and keeps what the station says."""
     from tests.groundstation.troubles import TROUBLES, one_line
 
     figures = []
-    for trouble in TROUBLES:
-        shown = one_line(progress.part(trouble.what, lambda trouble=trouble: asyncio.run(trouble.show())))  # type: ignore[misc]
-        is_met = trouble.matter in shown and trouble.advice in shown
-        bar = f"says “{trouble.matter}” and “{trouble.advice}”"
-        figures.append(Figure(trouble.what, shown.replace("|", "\\|"), bar, is_met))
+    for problem in TROUBLES:
+        shown = one_line(progress.part(problem.what, lambda problem=problem: asyncio.run(problem.show())))  # type: ignore[misc]
+        is_met = problem.matter in shown and problem.advice in shown
+        bar = f"says “{problem.matter}” and “{problem.advice}”"
+        figures.append(Figure(problem.what, shown.replace("|", "\\|"), bar, is_met))
     return figures
 
 
@@ -60,7 +60,7 @@ BARS = (
         "trouble",
         "Trouble, and what the station says",
         "Whatever goes wrong around a station, it says what is the matter and what to do.",
-        troubles,
+        problems,
     ),
     Bar(
         "web",

@@ -67,7 +67,7 @@ def flights(progress: Progress) -> list[Figure]:
     for world, bar in (("hold", 0.3), ("hold_hard", 1.5)):
         runs = []
         for seed in SEEDS:
-            progress.say(f"{world}, seed {seed}")
+            progress.report(f"{world}, seed {seed}")
             runs.append(progress.part(f"{world} {seed}", partial(flight, world, seed)))
         figures += _figures(world, bar, runs)
     return figures
@@ -129,7 +129,7 @@ def real(progress: Progress) -> list[Figure]:
     rest = progress.part("rest", at_rest)
     figures = [Figure("EuRoC at rest, 40 pairs: largest drift, mm", f"{rest:.2f}", "≤ 3", rest <= 3.0)]
     for velocity in ((0.2, 0.0, 0.0), (0.0, 0.0, 0.2), (0.1, 0.1, -0.1414)):
-        progress.say(f"EuRoC moved by {velocity}")
+        progress.report(f"EuRoC moved by {velocity}")
         speed = progress.part(f"moved {velocity}", partial(moving, velocity))
         figures.append(
             Figure(
@@ -184,7 +184,7 @@ def peers(progress: Progress) -> list[Figure]:
         return [Figure("libviso2", f"not run: its sources are not in {PEER.relative_to(ROOT)}")]
     figures = []
     for seed in (0, 1):
-        progress.say(f"libviso2, seed {seed}")
+        progress.report(f"libviso2, seed {seed}")
         ours, theirs = progress.part(f"peer {seed}", partial(against_peer, seed))
         for key, what in (
             ("ate", "ATE, % of the path"),

@@ -28,7 +28,7 @@ from gloc3.mavlink.message import Address
 from gloc3.mavlink.transport.memory import Conditions
 from gloc3.messages.envelope import Envelope
 from gloc3.mission.model.model import digest_of
-from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.store.contact_queue import ContactQueue
 from gloc3_groundstation.store.log_pull import LogPuller, Pulled, ftp_carrier
@@ -103,20 +103,20 @@ async def _dive(folder: Path) -> Dive:
         modem_period_s=60.0,
     )
     async with Flight(plan) as flight:
-        station, loop, told, policies = flight.station, flight.loop, list[tuple[float, Any]](), set[str]()
-        flight.exchange.subscribe("auv/ci/event", lambda one: told.append((loop.time(), one.payload)))
+        station, loop, reported, policies = flight.station, flight.loop, list[tuple[float, Any]](), set[str]()
+        flight.exchange.subscribe("auv/ci/event", lambda one: reported.append((loop.time(), one.payload)))
 
         def note(envelope: Envelope[Any]) -> None:
             policies.add(envelope.payload.policy)
 
         flight.exchange.subscribe("auv/ci/mission", note)
         sound = list[int]()
-        hear = flight.links.modem.a.on_data
-        assert hear is not None
+        receive = flight.links.modem.a.on_data
+        assert receive is not None
 
         def listen(data: bytes) -> None:
             sound.append(len(data))
-            hear(data)
+            receive(data)
 
         flight.links.modem.a.on_data = listen
         schedule_faults(flight, FAULTS)
@@ -125,18 +125,18 @@ async def _dive(folder: Path) -> Dive:
         below_s = loop.time()
         queue = ContactQueue(station)
         await asyncio.sleep(300.0)
-        waiting = queue.add("auv", Plan(name="more.yaml", title="one more", text=ONE_MORE))
+        waiting = queue.add("auv", CheckedPlan(name="more.yaml", title="one more", text=ONE_MORE))
         await asyncio.sleep(200.0)
         words = wording.silence(station.fleet.platforms["auv"], loop.time())
         await _until(lambda: not flight.links.is_below, 1500.0)
         contact_s, shown_before = loop.time(), station.fleet.event_count
         await _until(lambda: _summary(station, shown_before) is not None, 10.0)
         summary_s = loop.time() - contact_s
-        heard = _between(told, below_s, contact_s)
-        await _until(lambda: _has_all(station, shown_before, heard), 30.0)
+        received = _between(reported, below_s, contact_s)
+        await _until(lambda: _has_all(station, shown_before, received), 30.0)
         events_s = loop.time() - contact_s
         shown = [event.text.rpartition(" (")[0] for event in station.fleet.events_after(shown_before) if event.source]
-        texts = [event.text for event in heard]
+        texts = [event.text for event in received]
         await flight.await_end(follower, 300.0)
         north, east, _ = flight.truth.samples[-1].position_ned_m
         queued = await asyncio.wait_for(queue.ended(waiting), 120.0)
@@ -167,9 +167,9 @@ async def _dive(folder: Path) -> Dive:
     )
 
 
-def _between(told: list[tuple[float, Any]], begin_s: float, end_s: float) -> list[Any]:
+def _between(reported: list[tuple[float, Any]], begin_s: float, end_s: float) -> list[Any]:
     """The events of a time, without its first second, in which something may still be under way."""
-    return [event for t_s, event in told if begin_s + 1.0 < t_s < end_s]
+    return [event for t_s, event in reported if begin_s + 1.0 < t_s < end_s]
 
 
 def _summary(station: Any, since: int) -> str | None:
@@ -194,7 +194,7 @@ async def _pull(flight: Flight, folder: Path) -> tuple[Pulled, float]:
             flight.links.radio.set_conditions(Conditions(loss=1.0))
             loop.call_later(DROP_S, flight.links.radio.set_conditions, STATION_RADIO)
 
-    async with ftp_carrier(flight.ground.links.ways()[0][1], Address(1, 191)) as carrier:
+    async with ftp_carrier(flight.ground.links.routes()[0][1], Address(1, 191)) as carrier:
         puller = LogPuller(flight.station, "auv", carrier, came)
         await puller.cut()
         log = next(one for one in await puller.list() if one.name == "log.mcap")
@@ -333,10 +333,10 @@ def real(folder: Path) -> Real:
         reading.join()
         radio = ["udpin://127.0.0.1:19550", "--platform", "auv"]
         by_radio = _fetched(folder, begin, radio, "log.mcap", partial(setattr, relay, "is_cut"))
-        with _network_relay(relayed, main) as say:
+        with _network_relay(relayed, main) as report:
 
             def cut(is_cut: bool) -> None:
-                say(*(("partition", "reset") if is_cut else ("heal", f"rate {RELAYED_BYTES_S}")))
+                report(*(("partition", "reset") if is_cut else ("heal", f"rate {RELAYED_BYTES_S}")))
 
             cut(False)
             by_network = _fetched(folder, begin, ["yard/ops/network.yaml"], "log-2.mcap", cut)
@@ -395,12 +395,12 @@ def _network_relay(own: int, to: int) -> Iterator[Callable[..., None]]:
     stdin = process.stdin
     assert stdin is not None
 
-    def say(*lines: str) -> None:
+    def report(*lines: str) -> None:
         stdin.write("".join(f"{line}\n" for line in lines))
         stdin.flush()
 
     try:
-        yield say
+        yield report
     finally:
         stdin.close()
         process.wait(20.0)
@@ -409,9 +409,9 @@ def _network_relay(own: int, to: int) -> Iterator[Callable[..., None]]:
 def run(progress: Progress) -> list[Figure]:
     """Both dives."""
     folder = SCRATCH / "store"
-    progress.say("virtual time: 20 minutes of silence")
+    progress.report("virtual time: 20 minutes of silence")
     dive = msgspec.convert(progress.part("virtual", lambda: virtual(_fresh(folder / "virtual"))), Dive)
-    progress.say("real processes: 2 minutes of silence")
+    progress.report("real processes: 2 minutes of silence")
     found = msgspec.convert(progress.part("real", lambda: real(_fresh(folder / "real"))), Real)
     return [
         Figure("virtual: out of contact", f"{dive.silent_s:.0f} s", "≥ 1,200 s", dive.silent_s >= 1200.0),

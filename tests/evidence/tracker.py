@@ -82,7 +82,7 @@ def run(progress: Progress) -> list[Figure]:
     """The bar."""
     flights = []
     for seed in SEEDS:
-        progress.say(f"seed {seed}")
+        progress.report(f"seed {seed}")
         flights.append(progress.part(f"hold {seed}", partial(flight, seed)))
     square = float(np.mean([each["square"] for each in flights]))
     beyond = float(np.mean([each["beyond"] for each in flights]))

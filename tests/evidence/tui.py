@@ -104,7 +104,7 @@ def draw(size: tuple[int, int], theme: Any) -> dict[str, Any]:
     from tests.groundstation.drawn import colours, contrasts, cut_texts
     from tests.groundstation.poses import poses, problems
 
-    async def look() -> dict[str, Any]:
+    async def poll() -> dict[str, Any]:
         names, wrong, faintest, used, cut = [], [], 21.0, set(), 0
         async for name, here in poses(size, theme):
             names.append(name)
@@ -117,7 +117,7 @@ def draw(size: tuple[int, int], theme: Any) -> dict[str, Any]:
         return {"names": names, "wrong": wrong, "faintest": faintest, "colours": sorted(used), "cut": cut}
 
     with _no_color(theme == "mono"):
-        return asyncio.run(look())
+        return asyncio.run(poll())
 
 
 def screens(progress: Progress, drawn: Any = None) -> list[Figure]:
@@ -125,7 +125,7 @@ def screens(progress: Progress, drawn: Any = None) -> list[Figure]:
     figures: list[Figure] = []
     for size, theme in drawn or DRAWN:
         result = progress.part(f"{size} {theme}", partial(draw, size, theme))
-        progress.say(f"{size[0]}x{size[1]} {theme}: {len(result['wrong'])} findings")
+        progress.report(f"{size[0]}x{size[1]} {theme}: {len(result['wrong'])} findings")
         what, wrong = f"{size[0]}×{size[1]}, {theme}", result["wrong"]
         figures += [
             Figure(f"{what}: screens and dialogues drawn", str(len(result["names"]))),
@@ -177,7 +177,7 @@ def terminal(progress: Progress, loads: Any = LOADS) -> list[Figure]:
     figures: list[Figure] = []
     for name, load, bar in loads:
         cost = _measured(progress, name, load)
-        progress.say(f"{name}: {100.0 * cost['share']:.1f} % of a core")
+        progress.report(f"{name}: {100.0 * cost['share']:.1f} % of a core")
         share = 100.0 * cost["share"]
         figures += [
             Figure(f"{name}: share of a core, %", f"{share:.1f}", f"≤ {bar:g}", share <= bar),
@@ -213,7 +213,7 @@ def _measured(progress: Progress, name: str, load: tuple[int, int, float]) -> di
         tries.append(progress.part(f"{name}, {number}", partial(_measure, load)))
         if not tries[-1]["echo_s"] or bench.p95_ms(tries[-1]["echo_s"]) <= QUIET_MS:
             break
-        progress.say(
+        progress.report(
             f"{name}: the machine is busy, 10 ms of work and an echo take {bench.p95_ms(tries[-1]['echo_s']):.0f} ms"
         )
     return min(tries, key=lambda cost: bench.p95_ms(cost["echo_s"]) if cost["echo_s"] else 0.0)
@@ -232,9 +232,9 @@ def radio(seed: int, loss: float, is_half_duplex: bool, size: int) -> dict[str, 
 
     from msgspec.structs import replace
     from tests.common.exchange.mavlink.ends import RADIO_CONDITIONS
-    from tests.common.exchange.mavlink.test_looking_over_a_radio import look
+    from tests.common.exchange.mavlink.test_looking_over_a_radio import poll
 
-    seen = look(seed, replace(RADIO_CONDITIONS, loss=loss), is_half_duplex=is_half_duplex, size=size)
+    seen = poll(seed, replace(RADIO_CONDITIONS, loss=loss), is_half_duplex=is_half_duplex, size=size)
     gaps_s = [later - earlier for earlier, later in pairwise([3.0, *seen.previews_s, 33.0])]
     return {"gap_s": max(gaps_s), "late_s": max(seen.late_s), "hz": seen.slowest_status_hz}
 
@@ -252,7 +252,7 @@ def preview(progress: Progress, seeds: int = RADIO_SEEDS) -> list[Figure]:
         way = "one way at a time" if is_half_duplex else "both ways at once"
         what = f"57,600 baud, {loss:.0%} lost, {way}, pictures of {size} bytes, {seeds} seeds"
         gap_s, hz = max(row["gap_s"] for row in rows), min(row["hz"] for row in rows)
-        progress.say(f"{what}: {gap_s:.1f} s, {hz:.1f} Hz")
+        progress.report(f"{what}: {gap_s:.1f} s, {hz:.1f} Hz")
         figures += [
             Figure(f"{what}: longest time without a 64×48 preview, s", f"{gap_s:.1f}", "≤ 5", gap_s <= 5.0),
             Figure(f"{what}: slowest status of a component, Hz", f"{hz:.2f}", "≥ 1", hz >= 1.0),

@@ -7,7 +7,7 @@ from statistics import fmean
 from typing import Any, NamedTuple
 
 from tests.evidence.page import PAGES, Bar, Figure, Progress
-from tests.evidence.ways import Around, beside_m, draw, gone, missed_m
+from tests.evidence.ways import Around, beside_m, draw, lost, missed_m
 
 SEEDS = range(1, 9)
 
@@ -50,12 +50,12 @@ ROWS = (
 
 def measured(row: Row, around: Around, seed: int) -> dict[str, Any]:
     """The figures of one run."""
-    way = gone(row.mission, row.platform, around, seed)
+    way = lost(row.mission, row.platform, around, seed)
     return {
         "state": way.state,
-        "own_m": beside_m(way.believed, way.asked, row.corner_m),
-        "true_m": beside_m(way.true, way.asked, row.corner_m),
-        "miss_m": missed_m(way.true, way.asked),
+        "own_m": beside_m(way.believed, way.requested, row.corner_m),
+        "true_m": beside_m(way.true, way.requested, row.corner_m),
+        "miss_m": missed_m(way.true, way.requested),
     }
 
 
@@ -66,8 +66,8 @@ def picture(row: Row) -> str:
 
 def drawn(row: Row) -> str:
     """Draws the first seed's way in rough conditions, beside the page."""
-    title = f"{row.platform}: {row.rough.said()}"
-    draw(gone(row.mission, row.platform, row.rough, SEEDS[0]), Path(PAGES / picture(row)), title)
+    title = f"{row.platform}: {row.rough.reported()}"
+    draw(lost(row.mission, row.platform, row.rough, SEEDS[0]), Path(PAGES / picture(row)), title)
     return title
 
 
@@ -78,23 +78,23 @@ def vehicle_accuracy(progress: Progress) -> list[Figure]:
         for around, most in ((Around(), row.most_calm), (row.rough, row.most_rough)):
             runs = []
             for seed in SEEDS:
-                key = f"{row.platform} {around.said()} {seed}"
-                progress.say(key)
+                key = f"{row.platform} {around.reported()} {seed}"
+                progress.report(key)
                 runs.append(progress.part(key, partial(measured, row, around, seed)))
-            figures += _figures(f"{row.platform}, {around.said()}", runs, most)
-        progress.say(progress.part(f"picture {row.platform}", partial(drawn, row)))
+            figures += _figures(f"{row.platform}, {around.reported()}", runs, most)
+        progress.report(progress.part(f"picture {row.platform}", partial(drawn, row)))
     return figures
 
 
 def _figures(name: str, runs: Sequence[dict[str, Any]], most: Most) -> list[Figure]:
     done = sum(run["state"] == "done" for run in runs)
-    said = {
+    text = {
         "own_m": "RMS beside straight legs by its own pose, worst seed (mean)",
         "true_m": "the same by the true position",
         "miss_m": "farthest true miss of a waypoint",
     }
     figures = [Figure(f"{name}: missions done", f"{done} of {len(runs)}", "all", done == len(runs))]
-    for key, words in said.items():
+    for key, words in text.items():
         values = [run[key] for run in runs]
         worst, bar = max(values), getattr(most, key)
         figures.append(

@@ -15,7 +15,7 @@ from tests.onboard.real_vehicle import COPTER, ROVER, SUB, Vehicle
 VEHICLES = (COPTER, ROVER, SUB)
 
 
-def led(vehicle: Vehicle) -> dict[str, Any]:
+def exchange(vehicle: Vehicle) -> dict[str, Any]:
     """One journey, or why it did not end as it should."""
     with tempfile.TemporaryDirectory() as name:
         try:
@@ -32,7 +32,7 @@ def vehicles(progress: Progress) -> list[Figure]:
         if shutil.which(vehicle.binary) is None:
             figures.append(Figure(name, "not on PATH", "the mission is done", is_met=False))
             continue
-        result = progress.part(vehicle.binary, partial(led, vehicle))
+        result = progress.part(vehicle.binary, partial(exchange, vehicle))
         if "problem" in result:
             figures.append(Figure(name, result["problem"], "the mission is done", is_met=False))
             continue

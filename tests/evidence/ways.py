@@ -32,7 +32,7 @@ class Around(NamedTuple):
     current_m_s: float = 0.0
     has_plain_gps: bool = False
 
-    def said(self) -> str:
+    def reported(self) -> str:
         """In words."""
         parts = [f"wind {self.wind_m_s:g} m/s"] if self.wind_m_s else []
         parts += [f"waves {self.waves_m:g} m"] if self.waves_m else []
@@ -48,10 +48,10 @@ class Way(NamedTuple):
     true: list[Vector3]
     believed: list[Vector3]
     """By its own pose, at the same times."""
-    asked: list[Vector3]
+    requested: list[Vector3]
 
 
-def gone(mission: str, platform: str, around: Around, seed: int, out: Path | None = None) -> Way:
+def lost(mission: str, platform: str, around: Around, seed: int, out: Path | None = None) -> Way:
     """Carries a mission out, and gives its first way along waypoints."""
     wind = gusty(around.wind_m_s, from_deg=270.0) if around.wind_m_s else CALM
     plan = FlightPlan(
@@ -79,23 +79,23 @@ async def _go(plan: FlightPlan) -> Way:
         path = RequestedPath(flight.exchange, flight.name)
         flight.exchange.subscribe(f"{flight.name}/pose", see)
         end = await flight.await_end(await flight.upload_and_start(), WITHIN_S)
-    asked = max(path.flights, key=lambda one: len(one.polyline_ned_m))
-    end_s = math.inf if asked.end_s is None else asked.end_s
-    under_way = [(true, believed) for t_s, true, believed in seen if asked.start_s <= t_s <= end_s]
-    return Way(end.state, [true for true, _ in under_way], [own for _, own in under_way], asked.polyline_ned_m)
+    requested = max(path.flights, key=lambda one: len(one.polyline_ned_m))
+    end_s = math.inf if requested.end_s is None else requested.end_s
+    running = [(true, believed) for t_s, true, believed in seen if requested.start_s <= t_s <= end_s]
+    return Way(end.state, [true for true, _ in running], [own for _, own in running], requested.polyline_ned_m)
 
 
-def beside_m(places: Sequence[Vector3], asked: Sequence[Vector3], corner_m: float) -> float:
+def beside_m(places: Sequence[Vector3], requested: Sequence[Vector3], corner_m: float) -> float:
     """RMS of the distance beside the nearest leg, of places farther than `corner_m` from both its ends, on the map."""
-    flat = [(north, east, 0.0) for north, east, _ in asked]
+    flat = [(north, east, 0.0) for north, east, _ in requested]
     legs = [leg for leg in pairwise(flat) if math.dist(*leg) > 0.0]
     found = [_beside((at[0], at[1], 0.0), *min(legs, key=partial(_off_m, (at[0], at[1], 0.0)))) for at in places]
     return math.sqrt(fmean(off_m**2 for off_m, on_m, length_m in found if corner_m < on_m < length_m - corner_m))
 
 
-def missed_m(places: Sequence[Vector3], asked: Sequence[Vector3]) -> float:
+def missed_m(places: Sequence[Vector3], requested: Sequence[Vector3]) -> float:
     """The farthest miss of a waypoint: how near the nearest place was, on the map."""
-    return max(min(math.dist(at[:2], corner[:2]) for at in places) for corner in asked[1:])
+    return max(min(math.dist(at[:2], corner[:2]) for at in places) for corner in requested[1:])
 
 
 def _beside(at: Vector3, begin: Vector3, end: Vector3) -> tuple[float, float, float]:
@@ -108,7 +108,7 @@ def _beside(at: Vector3, begin: Vector3, end: Vector3) -> tuple[float, float, fl
 
 def draw(way: Way, file: Path, title: str) -> None:
     """Draws the path flown against the path requested, with no more points than are seen."""
-    plot_path(_thinned(way.true), way.asked, file, home=way.true[0], waypoints=way.asked[1:], title=title)
+    plot_path(_thinned(way.true), way.requested, file, home=way.true[0], waypoints=way.requested[1:], title=title)
 
 
 def _thinned(places: Sequence[Vector3]) -> list[Vector3]:

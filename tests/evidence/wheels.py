@@ -42,7 +42,7 @@ def run(progress: Progress) -> list[Figure]:
     drives: list[dict[str, Any]] = []
     for seed in SEEDS:
         if not progress.knows(str(seed)):
-            progress.say(f"seed {seed}")
+            progress.report(f"seed {seed}")
         drives.append(progress.part(str(seed), lambda seed=seed: driven(seed)))  # type: ignore[misc]
     shares = np.array([one["off_m"] / one["way_m"] for one in drives])
     done = sum(one["state"] == "done" for one in drives)

@@ -17,7 +17,7 @@ from gloc3.messages.frames import Vector3
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sequences.smooth_flight import SmoothFlight
 from gloc3_sitl.world import World, rig
-from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.camera import SimulatedCamera
 from gloc3_sitl.world.laser import LaserModel, LaserScanner
 
 PICTURE_PX = 0.1
@@ -37,7 +37,7 @@ def lenses() -> list[Figure]:
     """Every lens against a picture made ray by ray, in blocks of 96 pixels."""
     world, found = hold_with_the_fore_wall_alone(), []
     for name, model in LENSES.items():
-        camera = Camera(world, model, CLEAN)
+        camera = SimulatedCamera(world, model, CLEAN)
         truth = at(world, 18.5, 5.0, 3.0)
         edge = 96 if name == "fisheye" else 0
         cut = np.s_[edge : 480 - edge, edge : 640 - edge]
@@ -57,7 +57,9 @@ def disparity() -> Figure:
     """A rectified pair before a wall at five distances."""
     world, worst = hold_with_the_fore_wall_alone(), 0.0
     sides = [
-        Camera(world, msgspec.structs.replace(FRONT, position_frd_m=(0.12, side * rig.BASELINE_M / 2.0, 0.0)), CLEAN)
+        SimulatedCamera(
+            world, msgspec.structs.replace(FRONT, position_frd_m=(0.12, side * rig.BASELINE_M / 2.0, 0.0)), CLEAN
+        )
         for side in (-1.0, 1.0)
     ]
     for distance_m in (1.5, 2.0, 3.0, 5.0, 8.0):
@@ -94,7 +96,7 @@ def light() -> Figure:
     world = World.load("hold")
     tracker, off_px, seen = tracker_in(world), [], 0
     for truth in lap_truths(world, 40):
-        place = tracker.sees(tracker.light_m(truth), truth.t_s)
+        place = tracker.is_visible(tracker.light_m(truth), truth.t_s)
         found = spots(tracker.capture(truth).pixels)
         seen += len(found) == (place is not None)
         if place is not None and found:
@@ -109,7 +111,7 @@ def prints(seed: int) -> str:
     """A digest of what all sensors give at ten places of the hard world."""
     world = World.load("hold_hard")
     digest = hashlib.sha256()
-    cameras = [Camera(world, model, imager, seed) for model, imager in rig.CAMERAS.values()]
+    cameras = [SimulatedCamera(world, model, imager, seed) for model, imager in rig.CAMERAS.values()]
     scanner = LaserScanner(world, rig.LASER, seed)
     for truth in lap_truths(world, 10):
         for camera in cameras:
@@ -145,8 +147,8 @@ def costs() -> list[Figure]:
     found = [Figure("one remap of 640x480, to compare machines by", f"{unit_ms:.2f} ms")]
     for name in ("hold", "hold_hard"):
         world = World.load(name)
-        for what, look in looks(world).items():
-            mean_ms, worst_ms = costs_ms(look, lap_truths(world))
+        for what, poll in looks(world).items():
+            mean_ms, worst_ms = costs_ms(poll, lap_truths(world))
             is_barred = name == "hold" and "picture" in what
             found.append(
                 Figure(
@@ -180,7 +182,7 @@ def contact_sheet() -> None:
         world = World.load(name)
         way = SmoothFlight(world, [place, (place[0] + 1e-6, *place[1:])], 0.5, yaw_rad=yaw_rad)
         truth = msgspec.structs.replace(way.truth(0.0), t_s=5.0)
-        seen = tracker_in(world) if camera == "tracker" else Camera(world, *rig.CAMERAS[camera])
+        seen = tracker_in(world) if camera == "tracker" else SimulatedCamera(world, *rig.CAMERAS[camera])
         tiles.append(cv2.resize(seen.capture(truth).pixels, None, fx=0.6, fy=0.6, interpolation=cv2.INTER_AREA))
     sheet = cv2.vconcat([cv2.hconcat(tiles[:4]), cv2.hconcat(tiles[4:])])
     cv2.imwrite(str(SHEET), sheet, [cv2.IMWRITE_JPEG_QUALITY, 70])
@@ -188,11 +190,11 @@ def contact_sheet() -> None:
 
 def run(progress: Progress) -> list[Figure]:
     """All of it."""
-    progress.say("lenses")
+    progress.report("lenses")
     found = [*lenses(), disparity(), scans(), light()]
-    progress.say("determinism")
+    progress.report("determinism")
     found += determinism()
-    progress.say("costs")
+    progress.report("costs")
     found += costs()
     contact_sheet()
     return found

@@ -27,8 +27,8 @@ def lanes(waypoints: Sequence[Vector3]) -> str:
 
 def figures(flight: Card, requested: Sequence[Vector3] = LANES) -> PathResult:
     """Of the sweep, against the way that was asked for."""
-    told = {event.text: event.t_s for event in flight.events}
-    begin_s, end_s = told["sweep.out running"], told.get("sweep.out done", flight.now_s)
+    reported = {event.text: event.t_s for event in flight.events}
+    begin_s, end_s = reported["sweep.out running"], reported.get("sweep.out done", flight.now_s)
     samples = [sample for sample in flight.flight.truth.samples if begin_s <= sample.t_s <= end_s]
     polyline = [samples[0].position_ned_m, *((x, -y, -height) for x, y, height in requested)]
     return path_error(samples, polyline)

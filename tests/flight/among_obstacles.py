@@ -160,7 +160,7 @@ class Ruler:
         self.in_sight: list[tuple[float, bool]] = []
         """Times, and whether the tracker could see the lamp."""
 
-    def look(self, flight: Card) -> bool:
+    def poll(self, flight: Card) -> bool:
         """Measures; always true, so that it can be watched."""
         truth, now_s = flight.flight.simulator.truth(), flight.now_s
         place_m = self._placing.body(truth).position_m
@@ -170,7 +170,7 @@ class Ruler:
             self.nearest = Nearest(hull_m, now_s, place_m)
         tracker = flight.flight.rig.tracker
         if tracker is not None:
-            self.in_sight.append((now_s, tracker.sees(tracker.light_m(truth), now_s) is not None))
+            self.in_sight.append((now_s, tracker.is_visible(tracker.light_m(truth), now_s) is not None))
         return True
 
 
@@ -182,7 +182,7 @@ def fly(flight: Card, course: Course, folder: Path, **plan: Any) -> Ruler:
         Path(name).write_text(course.world)
     ruler = Ruler(name)
     flight.begin(course.mission, world=name, **{"platform": "pelican", **plan})
-    flight.until(lambda: ruler.look(flight) and flight.state("sweep") not in ("waiting", "running"), 120.0, "an end")
+    flight.until(lambda: ruler.poll(flight) and flight.state("sweep") not in ("waiting", "running"), 120.0, "an end")
     return ruler
 
 
@@ -236,7 +236,7 @@ def scanner_platform() -> str:
 
 def _pelican(changes: dict[str, str]) -> str:
     text = whole_text("pelican")
-    for old, new in {"platform: pelican": "platform: heron", **changes}.items():
-        assert old in text, old
-        text = text.replace(old, new)
+    for previous, new in {"platform: pelican": "platform: heron", **changes}.items():
+        assert previous in text, previous
+        text = text.replace(previous, new)
     return text

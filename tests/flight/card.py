@@ -27,7 +27,7 @@ from gloc3.messages.vehicle import AutopilotState, DriverState, FlightMode, Land
 from gloc3.messages.wire import type_name
 from gloc3.mission.model.states import ActionState
 from gloc3_groundstation.desk import flights
-from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station.command_client import CommandClient
 from gloc3_sitl.faults.faults import Injection, schedule_faults
 from gloc3_sitl.flight.flight import Flight
@@ -35,7 +35,7 @@ from gloc3_sitl.flight.plan import FlightPlan
 
 T = TypeVar("T")
 
-LOOK_EVERY_S = 0.02
+POLL_PERIOD_S = 0.02
 ONE_STYLE = pytest.mark.parametrize("style", ["px4"], indirect=True)
 """Marks a test of what the autopilot has no part in: one style is enough."""
 
@@ -45,7 +45,7 @@ class Card:
 
     def __init__(self, style: str, folder: Path) -> None:
         self.style = style
-        self.heard: dict[str, list[Envelope[Any]]] = {}
+        self.received: dict[str, list[Envelope[Any]]] = {}
         """Everything that was published but pictures, by topic below the platform's name."""
         self.to_autopilot: list[tuple[float, MavlinkMessage]] = []
         """What the onboard process sent over the autopilot's cable, and when."""
@@ -73,7 +73,7 @@ class Card:
                 file.write_text(plan[key])
                 plan[key] = str(file)
         self.run(self._enter(FlightPlan(**plan)))
-        self.flight.exchange.subscribe(f"{self.flight.name}/**", self._hear)
+        self.flight.exchange.subscribe(f"{self.flight.name}/**", self._receive)
         self._listen_on_the_cable()
         for text in faults:
             self.fault(text)
@@ -89,7 +89,7 @@ class Card:
         flight = self.flight
         await flights.await_platform(flight.station, flight.name)
         assert not await flights.await_ready(flight.station, flight.name)
-        plan = Plan(name=flight.mission_file.name, title=flight.mission.name, text=flight.mission.text)
+        plan = CheckedPlan(name=flight.mission_file.name, title=flight.mission.name, text=flight.mission.text)
         await flights.stream(flight.station, flight.name, plan)
 
     def close(self) -> None:
@@ -121,9 +121,9 @@ class Card:
     async def _fault(self, text: str) -> Injection:
         return schedule_faults(self.flight, (text,))[0]
 
-    def ask(self, body: AnyBody) -> CiReply:
+    def request(self, body: AnyBody) -> CiReply:
         """The station asks for something."""
-        return self.run(self.flight.station.client.ask(self.flight.name, body))
+        return self.run(self.flight.station.client.request(self.flight.name, body))
 
     def as_station(self, station: str, body: AnyBody) -> CiReply:
         """Another station asks for something, by the platform's own middleware."""
@@ -133,16 +133,16 @@ class Card:
         flight = self.flight
         if station not in self._others:
             self._others[station] = CommandClient(flight.exchange, flight.loop, station, boot=1)
-        return await self._others[station].ask(flight.name, body)
+        return await self._others[station].request(flight.name, body)
 
     def command(self, verb: str, target: str = "") -> None:
         """The operator starts, pauses, resumes, skips or aborts; it must be acknowledged."""
-        reply = self.ask(Steer(verb=Verb(verb), target=target))
+        reply = self.request(Steer(verb=Verb(verb), target=target))
         assert reply.outcome is Outcome.ACCEPTED, self.story(f"{verb} {target}: {reply.reason}")
 
     def refused(self, body: AnyBody) -> str:
         """The station asks for something that must be refused; the reason."""
-        reply = self.ask(body)
+        reply = self.request(body)
         assert reply.outcome is Outcome.REFUSED, self.story(f"{body} was {reply.outcome}")
         assert reply.reason
         return reply.reason
@@ -153,11 +153,11 @@ class Card:
 
     def component(self, name: str, command: str, *, is_forced: bool = False) -> CiReply:
         """The station commands a component's LCI."""
-        return self.ask(CommandComponent(component=name, command=command, is_forced=is_forced))
+        return self.request(CommandComponent(component=name, command=command, is_forced=is_forced))
 
     def action(self, capability: str, **arguments: Any) -> CiReply:
         """The station asks for a single action, a low-level command."""
-        return self.ask(RequestAction(capability=capability, arguments=arguments))
+        return self.request(RequestAction(capability=capability, arguments=arguments))
 
     def emergency(self, verb: str) -> None:
         """The emergency key."""
@@ -165,7 +165,7 @@ class Card:
 
     def emergency_reply(self, verb: str, confirmation: str = "") -> CiReply:
         """What becomes of the emergency key."""
-        return self.ask(Emergency(verb=EmergencyVerb(verb), confirmation=confirmation))
+        return self.request(Emergency(verb=EmergencyVerb(verb), confirmation=confirmation))
 
     # --- what is to be seen ---
 
@@ -177,7 +177,7 @@ class Card:
         begin_s = self.now_s
         while not condition():
             assert self.now_s - begin_s <= within_s, self.story(f"not within {within_s:g} s: {what}")
-            await asyncio.sleep(LOOK_EVERY_S)
+            await asyncio.sleep(POLL_PERIOD_S)
         return self.now_s - begin_s
 
     def always(self, condition: Callable[[], bool], seconds: float, what: str) -> None:
@@ -188,7 +188,7 @@ class Card:
         end_s = self.now_s + seconds
         while self.now_s < end_s:
             assert condition(), self.story(f"no longer so: {what}")
-            await asyncio.sleep(LOOK_EVERY_S)
+            await asyncio.sleep(POLL_PERIOD_S)
 
     def expect(self, topic: str, predicate: Callable[[Any], bool], within_s: float) -> Any:
         """Waits for a message that fits."""
@@ -275,18 +275,18 @@ class Card:
 
     def last(self, topic: str) -> Any:
         """The last message on a topic."""
-        heard = self.heard.get(topic)
-        assert heard, self.story(f"nothing ever came on {topic}")
-        return heard[-1].payload
+        received = self.received.get(topic)
+        assert received, self.story(f"nothing ever came on {topic}")
+        return received[-1].payload
 
     def since(self, t_s: float, topic: str) -> list[Any]:
         """The messages on a topic since a time."""
-        return [envelope.payload for envelope in self.heard.get(topic, []) if envelope.t_s >= t_s]
+        return [envelope.payload for envelope in self.received.get(topic, []) if envelope.t_s >= t_s]
 
     @property
     def events(self) -> list[CiEvent]:
         """What the platform told its stations."""
-        return [envelope.payload for envelope in self.heard.get("ci/event", [])]
+        return [envelope.payload for envelope in self.received.get("ci/event", [])]
 
     def was_told(self, text: str, since_s: float = 0.0) -> bool:
         """Whether an event held this text."""
@@ -295,9 +295,9 @@ class Card:
     def story(self, what: str) -> str:
         """What to say when something is wrong: what happened last."""
         lines = [f"{event.t_s:8.2f}  {event.source}: {event.text}" for event in self.events[-25:]]
-        for topic, heard in self.heard.items():
+        for topic, received in self.received.items():
             if topic == "components/command_server/event":  # what it cannot tell itself
-                lines += [f"{one.t_s:8.2f}  command_server: {one.payload.text}" for one in heard[-5:]]
+                lines += [f"{one.t_s:8.2f}  command_server: {one.payload.text}" for one in received[-5:]]
         texts = [f"{t_s:8.2f}  autopilot: {text}" for t_s, _, text in list(self.flight.simulator.texts)[-10:]]
         state = (
             f"now {self.now_s:.2f} s at {tuple(round(x, 2) for x in self.position_m)}"
@@ -327,7 +327,7 @@ class Card:
 
         end.on_data = listen
 
-    def _hear(self, envelope: Envelope[Any]) -> None:
+    def _receive(self, envelope: Envelope[Any]) -> None:
         if "/camera/" in envelope.topic:  # the pictures of a flight would fill the memory
             return
-        self.heard.setdefault(envelope.topic.partition("/")[2], []).append(envelope)
+        self.received.setdefault(envelope.topic.partition("/")[2], []).append(envelope)

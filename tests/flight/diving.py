@@ -11,7 +11,7 @@ from gloc3.messages.envelope import Envelope
 from gloc3.messages.vehicle import Pose
 from gloc3_sitl.faults.faults import schedule_faults
 from gloc3_sitl.flight.flight import Flight
-from gloc3_sitl.flight.path_error import Sample
+from gloc3_sitl.flight.path_error import TruthSample
 from gloc3_sitl.flight.plan import FlightPlan
 
 UNDER_WATER_M = 1.0
@@ -27,7 +27,7 @@ class Dive(NamedTuple):
     state: str
     """Of the mission."""
     reason: str
-    way_m: float
+    distance_m: float
     """Under water, over ground."""
     off_m: float
     """How much the error of the pose had grown when the vehicle came up."""
@@ -88,29 +88,29 @@ async def _dive(plan: FlightPlan, faults: tuple[str, ...]) -> Dive:
     return _judged(str(end.state), end.reason, poses, samples)
 
 
-def _judged(state: str, reason: str, poses: list[Envelope[Pose]], samples: list[Sample]) -> Dive:
+def _judged(state: str, reason: str, poses: list[Envelope[Pose]], samples: list[TruthSample]) -> Dive:
     times = np.array([sample.t_s for sample in samples])
     truth = np.array([sample.position_ned_m for sample in samples])
-    told = [envelope for envelope in poses if envelope.payload.is_valid and times[0] <= envelope.t_s <= times[-1]]
-    at = np.array([envelope.t_s for envelope in told])
+    reported = [envelope for envelope in poses if envelope.payload.is_valid and times[0] <= envelope.t_s <= times[-1]]
+    at = np.array([envelope.t_s for envelope in reported])
     true = np.column_stack([np.interp(at, times, truth[:, axis]) for axis in range(3)])
-    off = np.array([envelope.payload.position_ned_m for envelope in told])[:, :2] - true[:, :2]
+    off = np.array([envelope.payload.position_ned_m for envelope in reported])[:, :2] - true[:, :2]
     deep = np.flatnonzero(true[:, 2] > UNDER_WATER_M)
     first, last = (int(deep[0]), int(deep[-1])) if len(deep) else (0, len(at) - 1)
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(true[first : last + 1, :2], axis=0).T))])
     grown = np.hypot(*(off[first : last + 1] - off[first]).T)
     far = way > min(_WORTH_M, 0.5 * way[-1])
-    claimed = [hypot(*told[index].payload.position_std_m[:2]) for index in (first, last)]
+    claimed = [hypot(*reported[index].payload.position_std_m[:2]) for index in (first, last)]
     out = true[first : last + 1, :2] - true[first, :2]
     farthest = int(np.argmax(np.hypot(*out.T)))
     away = float(np.hypot(*out[farthest]))
     error, unit = off[first + farthest] - off[first], out[farthest] / max(away, 1e-9)
     marks = np.searchsorted(way, np.arange(0.0, way[-1], _EVERY_M))
-    reasons = dict.fromkeys(envelope.payload.reason for envelope in told if envelope.payload.reason)
+    reasons = dict.fromkeys(envelope.payload.reason for envelope in reported if envelope.payload.reason)
     return Dive(
         state=state,
         reason=reason,
-        way_m=float(way[-1]),
+        distance_m=float(way[-1]),
         off_m=float(grown[-1]),
         worst=float(np.max(grown[far] / way[far])),
         claimed_m=float(np.sqrt(max(0.0, claimed[1] ** 2 - claimed[0] ** 2))),

@@ -19,7 +19,7 @@ class Drive(NamedTuple):
 
     state: str
     """Of the mission."""
-    way_m: float
+    distance_m: float
     """Driven while satellites were away."""
     off_m: float
     """By how much the pose was off at the end of that, more than at its begin."""
@@ -62,19 +62,19 @@ async def _drive(plan: FlightPlan, away: tuple[float, float], faults: tuple[str,
         samples, texts = list(flight.truth.samples), list(flight.simulator.texts)
     times = np.array([sample.t_s for sample in samples])
     truth = np.array([sample.position_ned_m[:2] for sample in samples])
-    told = [envelope for envelope in poses if envelope.payload.is_valid and times[0] <= envelope.t_s <= times[-1]]
-    at = np.array([envelope.t_s for envelope in told])
+    reported = [envelope for envelope in poses if envelope.payload.is_valid and times[0] <= envelope.t_s <= times[-1]]
+    at = np.array([envelope.t_s for envelope in reported])
     true = np.column_stack([np.interp(at, times, truth[:, axis]) for axis in range(2)])
-    off = np.array([envelope.payload.position_ned_m[:2] for envelope in told]) - true
+    off = np.array([envelope.payload.position_ned_m[:2] for envelope in reported]) - true
     first, last = (int(np.searchsorted(at, min(t_s, at[-1]))) for t_s in away)
-    ways = np.hypot(*np.diff(true[first : last + 1], axis=0).T)
+    routes = np.hypot(*np.diff(true[first : last + 1], axis=0).T)
     return Drive(
         state=str(end.state),
-        way_m=float(ways.sum()),
+        distance_m=float(routes.sum()),
         off_m=math.dist(off[last], off[first]),
-        claimed_m=max(told[last].payload.position_std_m[:2]),
+        claimed_m=max(reported[last].payload.position_std_m[:2]),
         worst_m=float(np.hypot(*off.T).max()),
         turns=sum("source set" in text for _, _, text in texts),
-        reasons=tuple(dict.fromkeys(envelope.payload.reason for envelope in told if envelope.payload.reason)),
-        sources=tuple(dict.fromkeys(tuple(envelope.payload.sources) for envelope in told)),
+        reasons=tuple(dict.fromkeys(envelope.payload.reason for envelope in reported if envelope.payload.reason)),
+        sources=tuple(dict.fromkeys(tuple(envelope.payload.sources) for envelope in reported)),
     )

@@ -36,7 +36,7 @@ from tests.flight.fleet_trial import (
     rates_of,
     wrongs,
 )
-from tests.flight.fleet_trial import ways as ways_of
+from tests.flight.fleet_trial import routes as ways_of
 
 from gloc3.log.reader import LogReader
 from gloc3.messages.topics import TopicTable
@@ -75,19 +75,19 @@ async def _operate(
     while not knows_everything(station, names) and loop.time() < began_s + FULL_WITHIN_S:
         await asyncio.sleep(0.05)
     full_s = loop.time() - began_s if knows_everything(station, names) else -1.0
-    _say({"full_s": full_s})
+    _report({"full_s": full_s})
     chance, rates = Random(seed * 1000 + system), rates_of(LATE + 3 - system)
-    operator = Operator(station, names, names[FLYING:], chance, rates, _say)
+    operator = Operator(station, names, names[FLYING:], chance, rates, _report)
     await operator.work(loop.time() + (crash_s or span_s))
     while crash_s:
         held = await operator.seize()
         if held:
-            _say({"crashed_holding": held})
+            _report({"crashed_holding": held})
             os.kill(os.getpid(), signal.SIGKILL)
     await ground.close()
 
 
-def _say(what: Any) -> None:
+def _report(what: Any) -> None:
     sys.stdout.write(msgspec.json.encode(what).decode() + "\n")
     sys.stdout.flush()
 
@@ -98,14 +98,14 @@ def _vehicles(folder: Path, count: int, stations: int) -> Iterator[tuple[list[st
     kind = socket.SOCK_DGRAM
     names = [f"vehicle{number}" for number in range(count)]
     text = whole_text("pelican_rtk")
-    ways: list[list[str]] = [[] for _ in range(stations)]
+    routes: list[list[str]] = [[] for _ in range(stations)]
     with ExitStack() as stack:
         onboard = []
         for number, name in enumerate(names):
             file = folder / f"{name}.yaml"
             file.write_text(re.sub(r"(?m)^platform: .*$", f"platform: {name}", text))
             cable, *ports = free_ports(1 + stations, kind)
-            for way, port in zip(ways, ports, strict=True):
+            for way, port in zip(routes, ports, strict=True):
                 way.append(f"udpout://127.0.0.1:{port}")
             link = f"companion=udpout://127.0.0.1:{cable}"
             stack.enter_context(program("sitl", "--link", link, "--param", f"MAV_SYS_ID={number + 1}", folder=folder))
@@ -121,7 +121,7 @@ def _vehicles(folder: Path, count: int, stations: int) -> Iterator[tuple[list[st
             )
         for one in onboard:
             one.await_line(lambda line: "components; log in" in line)
-        yield names, ways, onboard
+        yield names, routes, onboard
 
 
 def _station(
@@ -137,27 +137,27 @@ def run_processes(seed: int, folder: Path, count: int = 5, span_s: float = 40.0)
     """Three stations command all vehicles and struggle for all but two of them, which fly a mission across them; the first
     dies while it holds control, another comes late.
     """
-    told: list[str] = []
-    with _vehicles(folder, count, len(SYSTEMS) + 2) as (names, ways, onboard):
+    reported: list[str] = []
+    with _vehicles(folder, count, len(SYSTEMS) + 2) as (names, routes, onboard):
         crew = [
             _station(system, seed, span_s, names, way, crash_s=0.0 if number else span_s / 2.0)
-            for number, (system, way) in enumerate(zip(SYSTEMS, ways, strict=False))
+            for number, (system, way) in enumerate(zip(SYSTEMS, routes, strict=False))
         ]
         (folder / "two.yaml").write_text(TWO)
-        links = [word for url in ways[-1][:FLYING] for word in ("--link", url)]
+        links = [word for url in routes[-1][:FLYING] for word in ("--link", url)]
         words = ("station", "--headless", "--mission", "two.yaml", "--station-id", str(FLYING_STATION), *links)
         with program(*words, folder=folder) as flying:
             time.sleep(span_s / 2.0)
-            late = _station(LATE, seed, span_s / 2.0, names, ways[-2])
+            late = _station(LATE, seed, span_s / 2.0, names, routes[-2])
             for one in (*crew, late):
-                told += one.communicate(timeout=span_s + 60.0)[0].splitlines()
+                reported += one.communicate(timeout=span_s + 60.0)[0].splitlines()
             ended = flying.end()
             mission = "done" if ended == 0 else flying.text[-400:]
         for each in onboard:
             each.interrupt()
         for each in onboard:
             each.end()
-    return _judge(told, {name: _witness(folder / name / "log.mcap") for name in names}, mission)
+    return _judge(reported, {name: _witness(folder / name / "log.mcap") for name in names}, mission)
 
 
 def _witness(log: Path) -> Witness:
@@ -168,20 +168,20 @@ def _witness(log: Path) -> Witness:
     return witness
 
 
-def _judge(told: Sequence[str], witnesses: dict[str, Witness], mission: str) -> ProcessesFound:
+def _judge(reported: Sequence[str], witnesses: dict[str, Witness], mission: str) -> ProcessesFound:
     commands: dict[float, Command] = {}
     full_s, hands = [], []
     held: list[str] = []
-    for line in told:
-        said = msgspec.json.decode(line)
-        if "full_s" in said:
-            full_s.append(said["full_s"])
-        elif "way" in said:
-            hands.append(said["way"])
-        elif "crashed_holding" in said:
-            held = said["crashed_holding"]
+    for line in reported:
+        text = msgspec.json.decode(line)
+        if "full_s" in text:
+            full_s.append(text["full_s"])
+        elif "way" in text:
+            hands.append(text["way"])
+        elif "crashed_holding" in text:
+            held = text["crashed_holding"]
         else:
-            command = msgspec.convert(said, Command)
+            command = msgspec.convert(text, Command)
             commands[command.rate_hz] = command
     outcomes = [command.outcome for command in commands.values()]
     return ProcessesFound(

@@ -129,12 +129,12 @@ class Operator:
         contested: Sequence[str],
         random: Random,
         rates: Iterator[float],
-        told: Callable[[Command | HandOver], None] = lambda _: None,
+        reported: Callable[[Command | HandOver], None] = lambda _: None,
     ) -> None:
         self.commands: list[Command] = []
         self.hand_overs: list[HandOver] = []
         self._station, self._platforms, self._contested, self._random = station, platforms, contested, random
-        self._rates, self._told = rates, told
+        self._rates, self._reported = rates, reported
 
     async def work(self, until_s: float) -> None:
         """Goes on until then."""
@@ -148,9 +148,9 @@ class Operator:
     async def seize(self) -> list[str]:
         """Takes control of one vehicle more; all that he holds then, as he knows it."""
         name = self._random.choice(self._contested)
-        reply: CiReply = await self._station.client.ask(name, Control(verb=ControlVerb.TAKE_OVER))
-        taken = [name] if reply.outcome == Outcome.ACCEPTED else []
-        return sorted({*taken, *(other for other in self._contested if self._holds(other))})
+        reply: CiReply = await self._station.client.request(name, Control(verb=ControlVerb.TAKE_OVER))
+        used = [name] if reply.outcome == Outcome.ACCEPTED else []
+        return sorted({*used, *(other for other in self._contested if self._holds(other))})
 
     def _holds(self, name: str) -> bool:
         platform = self._station.fleet.get(name)
@@ -161,20 +161,20 @@ class Operator:
     async def _control(self, name: str) -> None:
         verbs = (ControlVerb.REQUEST, ControlVerb.TAKE_OVER, ControlVerb.GRANT, ControlVerb.REFUSE, ControlVerb.RELEASE)
         verb = self._random.choices(verbs, (4, 2, 2, 1, 1))[0]
-        reply: CiReply = await self._station.client.ask(name, Control(verb=verb))
+        reply: CiReply = await self._station.client.request(name, Control(verb=verb))
         for begin, way in HAND_OVERS.items():
             if reply.outcome == Outcome.ACCEPTED and reply.reason.startswith(begin):
                 self.hand_overs.append(HandOver(way))
-                self._told(self.hand_overs[-1])
+                self._reported(self.hand_overs[-1])
 
     async def _command(self, name: str) -> None:
         command = Command(self._station.id, name, next(self._rates))
         self.commands.append(command)
-        self._told(command)
+        self._reported(command)
         body = CallFunction(component=COMPONENT, function="set_rate", arguments={"rate_hz": command.rate_hz})
-        reply: CiReply = await self._station.client.ask(name, body)
+        reply: CiReply = await self._station.client.request(name, body)
         command.outcome, command.reason = str(reply.outcome), reply.reason
-        self._told(command)
+        self._reported(command)
 
 
 def rates_of(number: int) -> Iterator[float]:
@@ -290,7 +290,7 @@ async def _trial(seed: int, platforms: int, stations: int, span_s: float, file: 
             accepted=outcomes.count("accepted"),
             refused=outcomes.count("refused"),
             unknown=len(outcomes) - outcomes.count("accepted") - outcomes.count("refused"),
-            hand_overs=ways(one.way for operator in operators for one in operator.hand_overs),
+            hand_overs=routes(one.way for operator in operators for one in operator.hand_overs),
             crashed_holding=passed_on(held, dead, witnesses),
             mission="" if flying is None else await asyncio.wait_for(flying, 120.0),
             late_full_s=round(late_full_s, 1),
@@ -298,7 +298,7 @@ async def _trial(seed: int, platforms: int, stations: int, span_s: float, file: 
         )
 
 
-def ways(seen: Iterable[str]) -> dict[str, int]:
+def routes(seen: Iterable[str]) -> dict[str, int]:
     """How often each way in which control changes hands was seen."""
     found = dict.fromkeys(HAND_OVERS.values(), 0)
     for way in seen:

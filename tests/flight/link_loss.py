@@ -13,7 +13,7 @@ from tests.flight.missions import mission
 
 from gloc3.messages.command_interface import Outcome, Preflight, Steer, Verb
 from gloc3.messages.preflight import PreflightReport, red
-from gloc3_sitl.autopilot.surroundings import Power
+from gloc3_sitl.autopilot.surroundings import SupplyState
 
 LINKS = ("station", "autopilot")
 PHASES = ("idle", "taking off", "mission", "paused", "landing")
@@ -23,7 +23,7 @@ SHORT_S = {"station": 2.0, "autopilot": 0.25}
 LONG_S = {"station": 8.0, "autopilot": 6.0}
 LINK_LOSS_S = 5.0
 GONE_S = 2.5
-TOLD_S = 2.0
+REPORTED_S = 2.0
 """So long after it is noticed the station shows it, or the platform has told it."""
 
 
@@ -36,7 +36,7 @@ class Case(NamedTuple):
     loss: str
 
     @property
-    def is_under_way(self) -> bool:
+    def is_running(self) -> bool:
         """Whether the policies of the mission act in this phase."""
         return self.phase in ("taking off", "mission")
 
@@ -72,14 +72,14 @@ def fall(card: Card) -> Found:
     card.begin(mission(on_link_loss="hold", on_pose_lost="continue"))
     _reach(card, "mission")
     began_s = card.now_s
-    card.flight.simulator.switch(Power.REBOOT)
+    card.flight.simulator.switch(SupplyState.REBOOT)
     noticed_s = card.until(lambda: card.was_told("the autopilot has restarted", began_s), 8.0, "the restart is told")
     card.until(lambda: not card.autopilot.is_armed, 3.0, "it is known to be disarmed")
     card.always(lambda: not card.autopilot.is_armed, 10.0, "nobody arms it")
     assert len([one for one in card.events if "has restarted" in one.text]) == 1, card.story("one restart is one")
     end = card.state("mission")
-    card.ask(Steer(verb=Verb.ABORT))
-    card.ask(Steer(verb=Verb.RESUME))
+    card.request(Steer(verb=Verb.ABORT))
+    card.request(Steer(verb=Verb.RESUME))
     card.until(lambda: not card.driver.has_pilot_control, 3.0, "the operator has given it back")
     _begin_anew(card)
     return Found(noticed_s=noticed_s, policy="", end=end, flight_s=card.now_s - began_s)
@@ -125,13 +125,13 @@ def _notice(card: Card, case: Case, began_s: float) -> float:
         card.until(lambda: _is_shown_silent(card), LONG_S["station"], "the station shows that nothing is heard")
         if case.phase != "idle":
             card.until(lambda: card.was_told("link lost", began_s), LONG_S["station"], "the platform tells it")
-        if case.is_under_way:
+        if case.is_running:
             card.until(lambda: card.mission.policy == "hold", 1.0, "it holds")
         return card.now_s - began_s
     card.until(lambda: not card.autopilot.is_connected, GONE_S + 1.0, "the autopilot has gone")
-    took_s = card.now_s - began_s
-    card.until(lambda: not card.last("ci/vehicle").is_autopilot_connected, TOLD_S, "the stations are told")
-    return took_s
+    elapsed_s = card.now_s - began_s
+    card.until(lambda: not card.last("ci/vehicle").is_autopilot_connected, REPORTED_S, "the stations are told")
+    return elapsed_s
 
 
 def _is_shown_silent(card: Card) -> bool:
@@ -145,7 +145,7 @@ def _restart_station(card: Card, case: Case) -> float:
     flight, began_s = card.flight, card.now_s
     card.run(flight.ground.close())
     card.wait(LONG_S["station"])
-    if case.is_under_way:
+    if case.is_running:
         assert card.mission.policy == "hold", card.story("it holds without a station")
     card.run(_new_station(card))
     return LINK_LOSS_S if card.was_told("link lost", began_s) else -1.0
@@ -164,7 +164,7 @@ def _restart_at_the_cable(card: Card, case: Case) -> float:
         card.fault("restart")
         card.wait(4.0)
         return -1.0
-    card.flight.simulator.switch(Power.REBOOT)
+    card.flight.simulator.switch(SupplyState.REBOOT)
     card.until(lambda: card.was_told("the autopilot has restarted", began_s), 8.0, "the restart is told")
     return card.now_s - began_s
 
@@ -182,7 +182,7 @@ def _recover(card: Card, case: Case) -> None:
 
 
 async def _take_control(card: Card) -> None:
-    await card.flight.station.client.take_control(card.flight.name)
+    await card.flight.station.client.request_control(card.flight.name)
 
 
 def _finish(card: Card, case: Case) -> None:
@@ -201,8 +201,8 @@ def _begin_anew(card: Card) -> None:
     card.until(lambda: card.last("pose").is_valid, 20.0, "there is a position")
     card.wait(2.0)
     card.run(card._upload())
-    report = msgspec.convert(card.ask(Preflight()).result, PreflightReport)
+    report = msgspec.convert(card.request(Preflight()).result, PreflightReport)
     assert not red(report.checks), card.story("; ".join(map(str, red(report.checks))))
     assert card.mission.policy == ""
-    assert card.ask(Steer(verb=Verb.START)).outcome is Outcome.ACCEPTED, card.story("a further start")
+    assert card.request(Steer(verb=Verb.START)).outcome is Outcome.ACCEPTED, card.story("a further start")
     card.until(lambda: card.autopilot.is_armed and card.height_m > 0.3, 15.0, "it flies again")

@@ -29,7 +29,7 @@ def mission(sweep: str = "{out: {" + OUT + "}}", *, options: str = "", fence: st
 def platform(changes: dict[str, str]) -> str:
     """The Pelican's platform file with other words in it, under another name: text to what stands in its place."""
     text = whole_text("pelican_rtk")
-    for old, new in {"platform: pelican": "platform: heron", **changes}.items():
-        assert old in text, old
-        text = text.replace(old, new)
+    for previous, new in {"platform: pelican": "platform: heron", **changes}.items():
+        assert previous in text, previous
+        text = text.replace(previous, new)
     return text

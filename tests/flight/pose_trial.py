@@ -86,7 +86,7 @@ class TrueWay:
         is_aloft = self.height_m > ALOFT_M
         self.begin_s, self.end_s = float(self.t_s[is_aloft][0]), float(self.t_s[is_aloft][-1])
         flown = self.place[is_aloft]
-        self.way_m = float(np.linalg.norm(np.diff(flown, axis=0), axis=1).sum())
+        self.distance_m = float(np.linalg.norm(np.diff(flown, axis=0), axis=1).sum())
 
     def at(self, t_s: float) -> tuple[Array, Quaternion]:
         after = int(np.clip(np.searchsorted(self.t_s, t_s), 1, len(self.t_s) - 1))
@@ -146,7 +146,7 @@ async def _fly(plan: FlightPlan, faults: tuple[str, ...]) -> PoseTrial:
     fused, blind = ProbedFusion.made
     return PoseTrial(
         state=str(end.state),
-        way_m=truth.way_m,
+        way_m=truth.distance_m,
         fused=judge(fused, truth),
         blind=judge(blind, truth),
         odometers={name: _alone(name, reports, truth) for name in ODOMETERS},
@@ -242,7 +242,7 @@ def _alone(name: str, reports: list[Envelope[Odometry]], truth: TrueWay) -> floa
     estimate = _trajectory(times, places, attitudes)
     if name == "laser":
         estimate.position_m[:, 2] = real.position_m[:, 2]
-    return 100.0 * evaluate(estimate, real).absolute_m.rms / truth.way_m
+    return 100.0 * evaluate(estimate, real).absolute_m.rms / truth.distance_m
 
 
 def _vector(pose: tuple[Array, Quaternion]) -> tuple[tuple[float, float, float], Quaternion]:

@@ -3,7 +3,7 @@
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
-from gloc3.mission.executing.board import Condition
+from gloc3.mission.executing.board import PolicyCondition
 
 STALL_S = 2.9
 
@@ -16,7 +16,7 @@ def test_what_was_not_heard_meanwhile_is_not_taken_for_lost(flight: Card) -> Non
     loop = flight.flight.loop
     loop.call_later(0.05, lambda: setattr(loop, "_now_s", loop.time() + STALL_S))
     flight.wait(STALL_S + 5.0)
-    told = [one.payload.text for one in flight.heard["ci/event"]]
-    assert not [text for text in told if Condition.POSE_LOST in text or "is lost" in text], told
-    assert any("this process stood still for" in text for text in told)
-    assert flight.heard["ci/mission"][-1].payload.policy == ""
+    reported = [one.payload.text for one in flight.received["ci/event"]]
+    assert not [text for text in reported if PolicyCondition.POSE_LOST in text or "is lost" in text], reported
+    assert any("this process stood still for" in text for text in reported)
+    assert flight.received["ci/mission"][-1].payload.policy == ""

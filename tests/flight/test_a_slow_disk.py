@@ -79,8 +79,8 @@ def started(flight: Card, disks: list[SlowDisk]) -> dict[str, float]:
     return found
 
 
-def told(flight: Card, topic: str) -> list[tuple[float, Any]]:
-    return [(envelope.t_s, envelope.payload) for envelope in flight.heard[topic]]
+def reported(flight: Card, topic: str) -> list[tuple[float, Any]]:
+    return [(envelope.t_s, envelope.payload) for envelope in flight.received[topic]]
 
 
 @pytest.mark.parametrize("disks", [0.4], indirect=True)
@@ -89,9 +89,9 @@ def test_no_action_is_reported_started_before_that_is_on_disk(disks: list[SlowDi
     flight.await_state("sweep.out", "running")
     kept_s = started(flight, disks)
     for name in ("depart", "depart.climb", "sweep", "sweep.out"):
-        first_s = next(t_s for t_s, summary in told(flight, "ci/mission") if summary.tasks.get(name) == "running")
+        first_s = next(t_s for t_s, summary in reported(flight, "ci/mission") if summary.tasks.get(name) == "running")
         assert kept_s[name] <= first_s < kept_s[name] + LONGEST_S
-        first_s = next(t_s for t_s, event in told(flight, "ci/event") if event.text == f"{name} running")
+        first_s = next(t_s for t_s, event in reported(flight, "ci/event") if event.text == f"{name} running")
         assert kept_s[name] <= first_s < kept_s[name] + LONGEST_S
 
 
@@ -132,5 +132,5 @@ def test_an_emergency_waits_for_no_disk(disks: list[SlowDisk], flight: Card) -> 
     flight.emergency(EmergencyVerb.HOLD)
     flight.until(lambda: flight.speed_m_s < 0.1, 3.0, "it stands")
     assert flight.now_s - begin_s < 3.5
-    held_s = next(t_s for t_s, grant in told(flight, "motion/grant") if t_s > begin_s and grant.component == "hold")
+    held_s = next(t_s for t_s, grant in reported(flight, "motion/grant") if t_s > begin_s and grant.component == "hold")
     assert held_s - begin_s < 0.4

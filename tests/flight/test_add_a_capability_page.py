@@ -94,6 +94,6 @@ def test_it_is_flown_and_its_message_reaches_the_log_and_the_station(package: No
     flight.wait(10.0)
     flight.command("resume", "samples.first")
     flight.await_state("mission", "done", 60.0)
-    taken = [envelope.payload for envelope in flight.heard["water_taken"]]
-    assert [one.bottle for one in taken] == [1, 2]
-    assert all(one.duration_s == pytest.approx(5.0, abs=0.2) for one in taken), "pauses are not counted"
+    used = [envelope.payload for envelope in flight.received["water_taken"]]
+    assert [one.bottle for one in used] == [1, 2]
+    assert all(one.duration_s == pytest.approx(5.0, abs=0.2) for one in used), "pauses are not counted"

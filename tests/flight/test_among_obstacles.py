@@ -48,21 +48,21 @@ def test_along_a_wall_it_keeps_its_distance_takes_pictures_and_finds_its_lamp_ag
     ruler = courses.fly(flight, courses.Course(world, plan.course.mission), tmp_path, seed=SEED, out=tmp_path / "run")
     assert flight.state("sweep") == "done"
     assert courses.off_the_wall_m(ruler.places_m, plan.distance_m) <= 0.15
-    fixes = [(each.t_s, each.payload) for each in flight.heard["position_fix/tracker"]]
+    fixes = [(each.t_s, each.payload) for each in flight.received["position_fix/tracker"]]
     lamp = courses.lost_and_found(ruler.in_sight, fixes)
     assert lamp["hidden_s"] >= 1.0
     assert (lamp["wrong"], lamp["found_s"] <= 0.5) == (0, True)
     assert max(errors_m(flight)) <= 0.15
-    taken = flight.heard["image_recorded"]
-    assert len(taken) > 8
-    assert {each.payload.camera for each in taken} == {"front_left"}
+    used = flight.received["image_recorded"]
+    assert len(used) > 8
+    assert {each.payload.camera for each in used} == {"front_left"}
 
 
 def test_in_a_duct_the_laser_says_that_it_does_not_know_how_far_it_came(flight: Card, tmp_path: Path) -> None:
     course = courses.through_the_duct(SEED, 2.0)
     courses.fly(flight, course, tmp_path, platform=courses.corridor_platform(), seed=SEED)
     assert flight.state("sweep") == "done"
-    reports = [each.payload for each in flight.heard["odometry/laser"]]
+    reports = [each.payload for each in flight.received["odometry/laser"]]
     ratios, off_deg = courses.corridor_ratios(reports)
     assert len(ratios) > 50
     assert min(ratios) >= 10.0

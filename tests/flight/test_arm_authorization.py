@@ -8,7 +8,7 @@ from gloc3.messages.summaries import Health
 
 ASKS = {"COM_ARM_AUTH_REQ": 1.0, "COM_ARM_AUTH_ID": 1.0}
 REQUEST, ARM = 3001, 400
-ACCEPTED, DENIED, REASON_IS_TOLD = 0, 2, 1
+ACCEPTED, DENIED, REASON_IS_REPORTED = 0, 2, 1
 
 
 def answers(flight: Card) -> list[MavlinkMessage]:
@@ -35,7 +35,7 @@ def test_a_platform_with_a_faulty_part_is_armed_by_nobody_and_the_reason_is_said
             message("COMMAND_LONG", target_system=1, target_component=1, command=ARM, param1=1.0)
         )
         flight.wait(2.0)
-    assert [(answer.result, answer.progress) for answer in answers(flight)] == 2 * [(DENIED, REASON_IS_TOLD)]
+    assert [(answer.result, answer.progress) for answer in answers(flight)] == 2 * [(DENIED, REASON_IS_REPORTED)]
     assert not flight.autopilot.is_armed
     texts = [sent.text for _, sent in flight.to_autopilot if sent.name == "STATUSTEXT"]
     assert any(text.startswith("Arming not authorised: a component") for text in texts)

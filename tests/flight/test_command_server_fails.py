@@ -102,8 +102,8 @@ def test_a_disk_that_is_full_ends_no_flight_and_is_told(flight: Card, monkeypatc
         flight.wait(1.0)
     assert flight.lci("command_server") == "working"
     for what in ("progress", "journal of requests"):
-        told = f"the {what} cannot be kept: No space left on device; a restart would know an older state"
-        assert flight.was_told(told), what
+        reported = f"the {what} cannot be kept: No space left on device; a restart would know an older state"
+        assert flight.was_told(reported), what
     assert flight.was_told("events cannot be kept: No space left on device")
     flight.wait(1.5)
     assert flight.was_told("everything is kept on disk again")

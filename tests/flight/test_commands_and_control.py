@@ -38,10 +38,10 @@ def sweep(flight: Card, **policies: str) -> None:
 def test_a_second_station_asks_for_control_and_gets_it_when_the_holder_grants_it(flight: Card) -> None:
     sweep(flight)
     assert flight.as_station(OTHER, Steer(verb=Verb.PAUSE)).outcome is Outcome.REFUSED
-    asked = flight.as_station(OTHER, Control(verb=ControlVerb.REQUEST))
-    assert "station 255 has been asked" in asked.reason
+    requested = flight.as_station(OTHER, Control(verb=ControlVerb.REQUEST))
+    assert "station 255 has been asked" in requested.reason
     flight.until(lambda: flight.last("ci/control").requested_by == OTHER, 1.5, "the holder is told")
-    assert flight.ask(Control(verb=ControlVerb.GRANT)).outcome is Outcome.ACCEPTED
+    assert flight.request(Control(verb=ControlVerb.GRANT)).outcome is Outcome.ACCEPTED
     assert flight.as_station(OTHER, Steer(verb=Verb.PAUSE)).outcome is Outcome.ACCEPTED
     assert "station 254 holds control" in flight.refused_steer("resume")
 
@@ -50,7 +50,7 @@ def test_a_second_station_asks_for_control_and_gets_it_when_the_holder_grants_it
 def test_a_request_that_the_holder_refuses_or_does_not_answer_leaves_control_where_it_is(flight: Card) -> None:
     sweep(flight)
     flight.as_station(OTHER, Control(verb=ControlVerb.REQUEST))
-    assert flight.ask(Control(verb=ControlVerb.REFUSE)).outcome is Outcome.ACCEPTED
+    assert flight.request(Control(verb=ControlVerb.REFUSE)).outcome is Outcome.ACCEPTED
     assert flight.as_station(OTHER, Steer(verb=Verb.PAUSE)).outcome is Outcome.REFUSED
     flight.as_station(OTHER, Control(verb=ControlVerb.REQUEST))
     flight.wait(11.5)
@@ -64,7 +64,7 @@ def test_control_may_be_taken_over_and_from_a_holder_that_is_gone_it_is_given(fl
     assert "taken over from station 255" in flight.as_station(OTHER, Control(verb=ControlVerb.TAKE_OVER)).reason
     flight.until(lambda: flight.last("ci/control").holder == OTHER, 1.5, "it is told")
     flight.wait(6.0)  # of 254 nothing more is heard
-    assert "is gone" in flight.ask(Control(verb=ControlVerb.REQUEST)).reason
+    assert "is gone" in flight.request(Control(verb=ControlVerb.REQUEST)).reason
     flight.command("pause")
 
 
@@ -101,7 +101,7 @@ def test_the_emergency_disarm_stops_the_motors_with_the_platforms_name_typed(fli
 def test_a_single_task_is_flown_beside_a_mission_that_waits(flight: Card) -> None:
     sweep(flight)
     flight.command("pause")
-    assert flight.ask(RequestTask(text=TASK)).outcome is Outcome.ACCEPTED
+    assert flight.request(RequestTask(text=TASK)).outcome is Outcome.ACCEPTED
     flight.await_state("look", "done", 20.0)
     assert flight.position_m[1] == pytest.approx(2.0, abs=0.3)
     assert flight.state("mission") == "paused"

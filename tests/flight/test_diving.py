@@ -32,8 +32,8 @@ def test_it_dives_by_its_own_reckoning_and_comes_up(tmp_path: Path) -> None:
     found = dive(MISSION, "auv", 5, tmp_path)
     assert (found.state, found.reason) == ("done", "")
     assert found.deepest_m == pytest.approx(3.0, abs=0.4)
-    assert found.way_m > 14.0
-    assert found.off_m < 0.03 * found.way_m
+    assert found.distance_m > 14.0
+    assert found.off_m < 0.03 * found.distance_m
     assert not found.reasons, "bottom lock all the way"
 
 

@@ -9,7 +9,7 @@ from tests.flight.card import Card
 from gloc3.messages.command_interface import Outcome
 from gloc3.messages.frames import yaw_of
 from gloc3.messages.teleoperation import EXPIRES_S
-from gloc3_groundstation.desk.teleoperation import FullSpeed, HandControl, Sticks
+from gloc3_groundstation.desk.teleoperation import FullSpeed, HandControl, StickDemand
 
 MISSION = """\
 mission: by hand
@@ -34,14 +34,14 @@ def test_a_rover_goes_ahead_turns_on_the_spot_stops_before_the_fence_and_when_de
         def speed() -> float:
             return hypot(*card.last("pose").velocity_ned_m_s)
 
-        keys.move(Sticks(surge=1.0))
-        keys.keep(30.0)
+        keys.move(StickDemand(surge=1.0))
+        keys.hold_key(30.0)
         card.until(lambda: speed() > 0.9, 5.0, "it goes")
         card.until(lambda: speed() < 0.1, 20.0, "the fence is near")
         assert 8.0 < card.last("pose").position_ned_m[0] < 10.5, "2 m of margin"
-        keys.move(Sticks(yaw=1.0))
+        keys.move(StickDemand(yaw=1.0))
         card.until(lambda: degrees(yaw_of(card.last("pose").ned_from_frd)) > 85.0, 6.0, "it turns on the spot")
-        keys.move(Sticks(surge=0.5))
+        keys.move(StickDemand(surge=0.5))
         card.until(lambda: speed() > 0.4, 5.0, "it goes along the fence")
         keys.release()
         card.until(lambda: not card.last("ci/teleoperation").is_live, EXPIRES_S + 0.3, "expired")

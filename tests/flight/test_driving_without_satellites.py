@@ -26,8 +26,8 @@ def test_it_drives_through_a_gap_by_its_wheels_and_the_autopilot_flies_by_its_po
     assert found.state == "done"
     assert not found.reasons
     assert ("wheels", "heading") in found.sources
-    assert found.way_m > 18.0
-    assert found.off_m < 0.03 * found.way_m
+    assert found.distance_m > 18.0
+    assert found.off_m < 0.03 * found.distance_m
     assert found.off_m < 3.0 * found.claimed_m
     assert found.turns == 3, "satellites, wheels, satellites"
 

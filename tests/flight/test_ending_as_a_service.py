@@ -19,16 +19,16 @@ class Ending:
 
     def __init__(self, flight: Card, on_stop: str) -> None:
         self.extended: list[float] = []
-        self.said: list[str] = []
+        self.reported: list[str] = []
         self.hurried = asyncio.Event()
         platform = msgspec.structs.replace(flight.flight.platform, on_stop=on_stop)
         self.departure = Departure(
-            flight.flight.exchange, platform, flight.flight.loop, 7, self.extended.append, self._say
+            flight.flight.exchange, platform, flight.flight.loop, 7, self.extended.append, self._report
         )
         flight.wait(1.0)
 
-    def _say(self, _: Severity, text: str) -> None:
-        self.said.append(text)
+    def _report(self, _: Severity, text: str) -> None:
+        self.reported.append(text)
 
 
 @ONE_STYLE
@@ -42,7 +42,7 @@ def test_a_vehicle_whose_file_says_so_lands_before_the_service_ends(flight: Card
     assert not flight.autopilot.is_armed
     assert flight.now_s - begin_s < 15.0
     assert len(ending.extended) > 20, "all the while the manager is asked for time"
-    assert ending.said == ["the vehicle lands first; told to stop once more, it is left to its autopilot"]
+    assert ending.reported == ["the vehicle lands first; told to stop once more, it is left to its autopilot"]
     onboard = flight.flight.process.onboard
     assert onboard is not None
     flight.run(onboard.stop())
@@ -79,7 +79,7 @@ def test_a_boat_stops_and_a_submarine_surfaces_before_the_service_ends(flight: C
     ending = Ending(flight, "land")
     flight.run(ending.departure.land(ending.hurried))
     assert not flight.autopilot.is_armed
-    assert len(ending.said) == 1, ending.said
+    assert len(ending.reported) == 1, ending.reported
     assert flight.position_m[2] > -0.5
 
 
@@ -97,9 +97,9 @@ def test_who_is_told_twice_leaves_the_landing_to_the_autopilot(flight: Card) -> 
         await onboard.stop()
 
     flight.run(twice())
-    assert ending.said[-1] == "leaves the vehicle in the air: told to"
+    assert ending.reported[-1] == "leaves the vehicle in the air: told to"
     assert flight.autopilot.is_armed
-    assert flight.heard["autopilot"][-1].payload.mode is FlightMode.LAND
+    assert flight.received["autopilot"][-1].payload.mode is FlightMode.LAND
     assert flight.height_m > 0.5
 
 
@@ -125,11 +125,11 @@ def test_a_component_that_works_in_flight_gets_its_settings_on_the_ground(flight
         flight.flight.loop,
         8,
         lambda: ending.departure.is_at_rest,
-        lambda _, text: ending.said.append(text),
+        lambda _, text: ending.reported.append(text),
     )
     begin_s = flight.now_s
     flight.run(ending.departure.land(ending.hurried))
-    assert (flight.now_s, ending.said, ending.extended) == (begin_s, [], []), "by default nothing is landed"
+    assert (flight.now_s, ending.reported, ending.extended) == (begin_s, [], []), "by default nothing is landed"
     flight.wait(2.0)
     flight.run(reload.read_again())
     flight.await_landed()
@@ -137,7 +137,7 @@ def test_a_component_that_works_in_flight_gets_its_settings_on_the_ground(flight
     flight.wait(2.0)
     flight.run(reload.read_again())
     flight.run(reload.read_again())
-    assert ending.said == [
+    assert ending.reported == [
         "read again: waypoints: settings: it is working, and the vehicle is armed or on a mission: reload again on the ground",
         "read again: waypoints: settings: adopted",
         "read again: nothing has changed",

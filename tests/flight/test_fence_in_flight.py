@@ -18,8 +18,8 @@ def test_setpoints_beyond_the_fence_end_before_it_at_full_speed(flight: Card) ->
     flight.fault("topic:setpoint_wanted/waypoints=jump/50", for_s=8.0)
     flight.wait(8.0)
     limits = flight.last("motion/limits")
-    asked = [setpoint.position_ned_m[0] for setpoint in flight.since(flight.now_s - 8.0, "setpoint")]
-    assert max(asked) <= 16.0 - limits.fence_margin_m + 0.01
+    requested = [setpoint.position_ned_m[0] for setpoint in flight.since(flight.now_s - 8.0, "setpoint")]
+    assert max(requested) <= 16.0 - limits.fence_margin_m + 0.01
     flown = [truth.position_ned_m[0] for truth in flight.since(flight.now_s - 8.0, "sim/truth")]
     assert max(flown) < 16.0
     assert max(flown) > 14.0

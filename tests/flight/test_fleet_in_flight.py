@@ -16,7 +16,7 @@ from gloc3.mavlink.transport.memory import Conditions
 from gloc3.messages.command_interface import CallFunction, EmergencyVerb, Verb
 from gloc3.mission.model.states import ActionState
 from gloc3_groundstation.desk import flights
-from gloc3_groundstation.missions.plans import Plan, read_plan
+from gloc3_groundstation.missions.plans import CheckedPlan, read_plan
 from gloc3_groundstation.station.station import Station
 from gloc3_sitl.flight.fleet_flight import FleetFlight
 from gloc3_sitl.flight.flight import Flight
@@ -47,25 +47,25 @@ def fly(work: Coroutine[Any, Any, None]) -> None:
 
 
 @pytest.fixture
-def plan(tmp_path: Path) -> Plan:
+def plan(tmp_path: Path) -> CheckedPlan:
     """A mission for two, in a file."""
     return in_file(tmp_path, TOGETHER)
 
 
-def in_file(folder: Path, text: str) -> Plan:
+def in_file(folder: Path, text: str) -> CheckedPlan:
     file = folder / "together.yaml"
     file.write_text(text)
     return read_plan(str(file))
 
 
-def pair(plan: Plan, stations: int = 1) -> FleetFlight:
+def pair(plan: CheckedPlan, stations: int = 1) -> FleetFlight:
     return FleetFlight(
         [FlightPlan(mission=plan.file, name=name, seed=number) for number, name in enumerate(("pelican", "heron"))],
         stations,
     )
 
 
-async def begun(station: Station, plan: Plan) -> dict[str, flights.Follower]:
+async def begun(station: Station, plan: CheckedPlan) -> dict[str, flights.Follower]:
     for name in plan.platforms:
         await flights.await_platform(station, name)
         assert not await flights.await_ready(station, name)
@@ -87,7 +87,7 @@ async def until(station: Station, name: str, task: str, state: str, within_s: fl
             await asyncio.sleep(0.1)
 
 
-def test_one_waits_for_the_other_and_goes_on_when_it_has_landed(plan: Plan) -> None:
+def test_one_waits_for_the_other_and_goes_on_when_it_has_landed(plan: CheckedPlan) -> None:
     async def work() -> None:
         async with pair(plan) as fleet:
             station = fleet.grounds[0].station
@@ -110,7 +110,7 @@ def test_one_waits_for_the_other_and_goes_on_when_it_has_landed(plan: Plan) -> N
     fly(work())
 
 
-def test_who_waits_for_a_lost_vehicle_follows_the_policy(plan: Plan) -> None:
+def test_who_waits_for_a_lost_vehicle_follows_the_policy(plan: CheckedPlan) -> None:
     async def work() -> None:
         async with pair(plan) as fleet:
             station = fleet.grounds[0].station
@@ -130,7 +130,7 @@ def test_who_waits_for_a_lost_vehicle_follows_the_policy(plan: Plan) -> None:
     fly(work())
 
 
-def test_another_station_takes_over_and_passes_on_in_place_of_the_first(plan: Plan) -> None:
+def test_another_station_takes_over_and_passes_on_in_place_of_the_first(plan: CheckedPlan) -> None:
     async def work() -> None:
         async with pair(plan, stations=2) as fleet:
             first, second = (ground.station for ground in fleet.grounds)
@@ -138,13 +138,13 @@ def test_another_station_takes_over_and_passes_on_in_place_of_the_first(plan: Pl
             await until(first, "heron", "follow", "running")
             await fleet.grounds[0].close()
             for name in plan.platforms:
-                await second.client.take_control(name, is_take_over=True)
+                await second.client.request_control(name, is_take_over=True)
             await until(second, "pelican", "back", "done", 90.0)
 
     fly(work())
 
 
-def test_a_station_without_control_is_not_believed(plan: Plan) -> None:
+def test_a_station_without_control_is_not_believed(plan: CheckedPlan) -> None:
     async def work() -> None:
         from gloc3.messages.command_interface import Elsewhere
         from gloc3.mission.model.model import digest_of
@@ -155,10 +155,10 @@ def test_a_station_without_control_is_not_believed(plan: Plan) -> None:
             await until(first, "pelican", "rise", "running")
             lie = Elsewhere(platform="heron", digest=digest_of(plan.text), state="done", tasks={"follow": "done"})
             for _ in range(20):
-                second.client.tell("pelican", lie)
+                second.client.send("pelican", lie)
                 await asyncio.sleep(0.2)
-            told = [event.text for event in first.fleet.events if event.platform == "pelican"]
-            assert "station 254 tells of heron without control: not believed" in told
+            reported = [event.text for event in first.fleet.events if event.platform == "pelican"]
+            assert "station 254 tells of heron without control: not believed" in reported
             pelican = first.fleet.get("pelican")
             assert pelican is not None
             assert pelican.mission is not None
@@ -169,7 +169,7 @@ def test_a_station_without_control_is_not_believed(plan: Plan) -> None:
     fly(work())
 
 
-def test_the_logs_tell_who_commanded_what(plan: Plan, tmp_path: Path) -> None:
+def test_the_logs_tell_who_commanded_what(plan: CheckedPlan, tmp_path: Path) -> None:
     async def work() -> None:
         flown = FlightPlan(mission=plan.file, name="heron", out=tmp_path / "run")
         async with FleetFlight([flown], stations=2) as fleet:
@@ -198,29 +198,29 @@ def test_the_logs_tell_who_commanded_what(plan: Plan, tmp_path: Path) -> None:
     assert "Emergency hold station 254: accepted" in text
 
 
-def test_a_second_way_takes_over_when_the_first_is_cut_and_nothing_is_done_or_told_twice(plan: Plan) -> None:
+def test_a_second_way_takes_over_when_the_first_is_cut_and_nothing_is_done_or_told_twice(plan: CheckedPlan) -> None:
     async def work() -> None:
         async with FleetFlight([FlightPlan(mission=plan.file, name="heron")]) as fleet:
             heron, ground = fleet.flights["heron"], fleet.grounds[0]
             station, wifi, radio = ground.station, ground.radios["heron"], heron.process.add_radio()
             ground.join("heron", radio)
-            asked = heard(heron)
+            requested = received(heron)
             await flights.await_platform(station, "heron")
             assert not await flights.await_ready(station, "heron")
-            await flights.take_control(station, "heron")
+            await flights.request_control(station, "heron")
             for number in range(40):
                 if number == 20:
                     wifi.set_conditions(Conditions(loss=1.0))
                 body = CallFunction(component="hold", function="set_rate", arguments={"rate_hz": 20.0 + 0.1 * number})
                 await station.client.carry_out("heron", body)
-            assert asked == [20.0 + 0.1 * number for number in range(40)]
+            assert requested == [20.0 + 0.1 * number for number in range(40)]
             texts = [event.text for event in station.fleet.events if event.source == "command_server"]
             assert len(texts) == len(set(texts)), "nothing is told twice"
 
     fly(work())
 
 
-def heard(flight: Flight) -> list[float]:
+def received(flight: Flight) -> list[float]:
     """The rates that reach the hold controller, from now on."""
     rates: list[float] = []
     topic = f"{flight.name}/components/hold/function"
@@ -228,7 +228,7 @@ def heard(flight: Flight) -> list[float]:
     return rates
 
 
-def test_none_starts_where_one_may_not(plan: Plan, tmp_path: Path) -> None:
+def test_none_starts_where_one_may_not(plan: CheckedPlan, tmp_path: Path) -> None:
     async def work() -> None:
         async with pair(plan, stations=2) as fleet:
             first, second = (ground.station for ground in fleet.grounds)
@@ -236,7 +236,7 @@ def test_none_starts_where_one_may_not(plan: Plan, tmp_path: Path) -> None:
                 await flights.await_platform(first, name)
                 assert not await flights.await_ready(first, name)
             await flights.stream_to_all(first, plan.platforms, plan)
-            await second.client.take_control("heron", is_take_over=True)
+            await second.client.request_control("heron", is_take_over=True)
             with pytest.raises(Gloc3Error, match="station 254 holds control"):
                 await flights.start_all(first, plan.platforms)
             await until(first, "pelican", "rise", "aborted")

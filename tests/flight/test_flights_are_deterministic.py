@@ -19,8 +19,8 @@ def fly(out: Path, *options: str, mission: str, seed: int = 3, hash_seed: int) -
     environment = {"PYTHONHASHSEED": str(hash_seed), "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     options = (mission, *options, "--quiet", "--seed", str(seed), "--out", str(out))
     command = [sys.executable, "-c", RUN, "fly", *options]
-    told = subprocess.run(command, check=False, env=environment, capture_output=True, text=True, timeout=120)
-    assert (out / "log.mcap").is_file(), told.stderr
+    reported = subprocess.run(command, check=False, env=environment, capture_output=True, text=True, timeout=120)
+    assert (out / "log.mcap").is_file(), reported.stderr
     return out
 
 
@@ -31,8 +31,8 @@ def faults(*texts: str) -> list[str]:
 
 def report(folder: Path) -> dict[str, object]:
     """What the flight reported, but for what it cost."""
-    told: dict[str, object] = msgspec.json.decode((folder / "report.json").read_bytes())
-    return {key: value for key, value in told.items() if key != "wall"}
+    reported: dict[str, object] = msgspec.json.decode((folder / "report.json").read_bytes())
+    return {key: value for key, value in reported.items() if key != "wall"}
 
 
 def truth(folder: Path) -> list[object]:

@@ -22,8 +22,8 @@ SOURCES = {"pelican": {"stereo", "ground", "laser", "tracker"}, "hummingbird": {
 
 def errors_m(flight: Card) -> list[float]:
     """How far each valid pose in the air was from the truth."""
-    truth: list[Envelope[SimTruth]] = flight.heard["sim/truth"]
-    poses: list[Envelope[Pose]] = [pose for pose in flight.heard["pose"] if pose.payload.is_valid]
+    truth: list[Envelope[SimTruth]] = flight.received["sim/truth"]
+    poses: list[Envelope[Pose]] = [pose for pose in flight.received["pose"] if pose.payload.is_valid]
     found, at = [], 0
     for pose in poses:
         while at + 1 < len(truth) and truth[at + 1].t_s <= pose.t_s:
@@ -45,7 +45,7 @@ def test_it_flies_a_mission_by_all_its_sources(flight: Card, platform: str) -> N
     way = TrueWay()
     watched = flight.run(watching(flight, way))
     flight.await_state("sweep", "done", 60.0)
-    states: list[Envelope[FusionState]] = flight.heard["fusion/primary"]
+    states: list[Envelope[FusionState]] = flight.received["fusion/primary"]
     used = {state.source for state in states[-1].payload.sources if state.is_used}
     assert used == SOURCES[platform] | {"imu", "height"}
     flight.await_state("mission", "done", 30.0)

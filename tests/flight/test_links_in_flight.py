@@ -5,7 +5,7 @@ from typing import Any
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
-from gloc3.exchange.acoustic import AcousticCode, Order, Verb
+from gloc3.exchange.acoustic import AcousticCode, AcousticOrder, AcousticVerb
 from gloc3.mavlink.codec import Encoder, MavlinkMessage, Parser, message
 
 STATION = Encoder(250, 190)
@@ -14,25 +14,25 @@ SET_MESSAGE_INTERVAL = 511
 
 def listen(flight: Card) -> list[MavlinkMessage]:
     """What a station of somebody else receives on a link of its own."""
-    heard: list[MavlinkMessage] = []
+    received: list[MavlinkMessage] = []
     parser, end = Parser(is_datagram=True), flight.flight.process.add_radio().a
 
     def receive(data: bytes) -> None:
-        heard.extend(filter(None, (frame.decode() for frame in parser.receive(data))))
+        received.extend(filter(None, (frame.decode() for frame in parser.receive(data))))
 
     end.on_data = receive
-    return heard
+    return received
 
 
 @ONE_STYLE
 def test_a_station_hears_the_autopilot_and_the_companion_s_warnings_on_its_link(flight: Card) -> None:
     flight.begin(mission(), is_started=False)
-    heard = listen(flight)
+    received = listen(flight)
     flight.wait(2.0)
-    assert "ATTITUDE" in {each.name for each in heard} or "LOCAL_POSITION_NED" in {each.name for each in heard}
+    assert "ATTITUDE" in {each.name for each in received} or "LOCAL_POSITION_NED" in {each.name for each in received}
     flight.fault("crash:take_off", for_s=5.0)
     flight.wait(3.0)
-    texts = [each.text for each in heard if each.name == "STATUSTEXT"]
+    texts = [each.text for each in received if each.name == "STATUSTEXT"]
     assert any(text.startswith("take_off: ") for text in texts)
 
 
@@ -57,6 +57,6 @@ def test_an_order_by_sound_to_a_dead_process_is_lost(flight: Card) -> None:
     flight.flight.process.kill()
     begin_s = flight.now_s
     flight.flight.links.modem.a.conditions = flight.flight.links.cable.a.conditions
-    flight.flight.links.modem.a.send(AcousticCode("pelican").encode(Order(9, Verb.HOLD)))
+    flight.flight.links.modem.a.send(AcousticCode("pelican").encode(AcousticOrder(9, AcousticVerb.HOLD)))
     flight.wait(3.0)
     assert not flight.since(begin_s, "ci/request")

@@ -53,14 +53,14 @@ def test_a_picture_comes_every_five_seconds_in_flight_and_status_once_a_second(f
         elif isinstance(envelope.payload, Pose):
             poses.append(envelope.payload)
 
-    def hear(envelope: Envelope[Summary]) -> None:
+    def receive(envelope: Envelope[Summary]) -> None:
         summaries_s.append(loop.time())
 
     flight.run(asyncio.sleep(8.0))
-    station.watcher.listen(see)
-    flight.flight.ground.exchange.subscribe(f"{flight.flight.name}/ci/summary", hear)
+    station.monitor.listen(see)
+    flight.flight.ground.exchange.subscribe(f"{flight.flight.name}/ci/summary", receive)
     begun_s = loop.time()
-    station.watcher.look("test", flight.flight.name, [Want("camera/ground", 1.0, 64, 48), Want("pose", 5.0)])
+    station.monitor.watch("test", flight.flight.name, [Want("camera/ground", 1.0, 64, 48), Want("pose", 5.0)])
     flight.run(asyncio.sleep(15.0))
     now_s = loop.time()
     assert max(later - earlier for earlier, later in pairwise([begun_s, *previews_s, now_s])) <= 5.0
@@ -78,12 +78,12 @@ def test_when_nobody_looks_any_more_or_the_station_is_lost_the_link_is_as_quiet_
     flight.run(asyncio.sleep(5.0))
     before = bytes_a_second(flight)
     wants = [Want("pose", 10.0), Want("autopilot_pose", 10.0)]
-    station.watcher.look("test", name, wants, is_listing=True)
+    station.monitor.watch("test", name, wants, is_listing=True)
     assert bytes_a_second(flight) > 1.5 * before
-    station.watcher.look_away("test")
+    station.monitor.unwatch("test")
     flight.run(asyncio.sleep(2.0))
     assert bytes_a_second(flight) == pytest.approx(before, rel=0.1)
-    station.watcher.look("test", name, wants)
+    station.monitor.watch("test", name, wants)
     flight.run(asyncio.sleep(2.0))
     flight.flight.links.radio.a.conditions = Conditions(loss=1.0)
     flight.run(asyncio.sleep(LEASE_S + 1.0))
@@ -96,9 +96,9 @@ def test_a_station_that_looks_gets_no_control_by_it_and_a_wrong_topic_names_the_
     flight.begin("hop", is_started=False)
     station, name = flight.flight.station, flight.flight.name
     holder = station.fleet.platforms[name].control
-    station.watcher.look("test", name, [Want("posse")], is_listing=True)
+    station.monitor.watch("test", name, [Want("posse")], is_listing=True)
     flight.run(asyncio.sleep(2.0))
-    watches = station.watcher.watches
+    watches = station.monitor.watches
     assert watches.sight(name, "posse", 0.0).problem == "there is no topic 'posse'; did you mean 'pose'?"
     assert any(entry.name == "pose" for entry in watches.entries(name))
     assert watches.activity(name) is not None

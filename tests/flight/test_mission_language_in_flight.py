@@ -40,10 +40,14 @@ def test_a_lap_is_flown_twice_with_a_refuge_on_the_way_and_what_it_took_stands_b
     options = FlyOptions(mission=file, faults=("link_loss@5..12",))
     report = run_virtual(fly_mission(options, platform, None, 0.0))
     assert (report.mission_state, report.tasks["laps.end"], report.tasks["refuge"]) == ("done", "done", "done")
-    told = [event.partition("mission: ")[2] for event in report.events]
-    assert told.count("laps.begin done") == told.count("laps.end done") == 2
-    assert told.count("laps.high skipped: not height above 3 m") == told.count("laps.low done") == 2
-    assert told.index("contingency refuge: link lost") < told.index("refuge.away done") < told.index("laps: 2 of 2")
+    reported = [event.partition("mission: ")[2] for event in report.events]
+    assert reported.count("laps.begin done") == reported.count("laps.end done") == 2
+    assert reported.count("laps.high skipped: not height above 3 m") == reported.count("laps.low done") == 2
+    assert (
+        reported.index("contingency refuge: link lost")
+        < reported.index("refuge.away done")
+        < reported.index("laps: 2 of 2")
+    )
     assert report.estimate["distance_m"] == pytest.approx(report.distance_m, rel=0.4)
     assert report.estimate["mission_time_s"] < report.mission_time_s < 2.0 * report.estimate["mission_time_s"]
     assert report.energy_wh == pytest.approx(report.estimate["energy_wh"], rel=0.6)

@@ -18,7 +18,7 @@ from gloc3.messages.summaries import MissionSummary
 from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.tui.app import StationApp
 from gloc3_groundstation.tui.dialogues.open_mission import OpenMission
-from gloc3_groundstation.tui.dialogues.questions import Question
+from gloc3_groundstation.tui.dialogues.questions import YesNoQuestion
 from gloc3_groundstation.tui.dialogues.single_action import SingleAction
 from gloc3_groundstation.tui.screens.mission import MissionScreen
 from gloc3_groundstation.tui.widgets.lines import text_of
@@ -85,7 +85,7 @@ class Operator:
         self.app, self.pilot, self.name = app, pilot, name
 
     @property
-    def told(self) -> MissionSummary:
+    def reported(self) -> MissionSummary:
         platform = self.app.desk.station.fleet.get(self.name)
         assert platform is not None
         assert platform.mission is not None
@@ -109,7 +109,7 @@ class Operator:
 
     async def state(self, target: str, *states: str) -> None:
         def is_so() -> bool:
-            return (self.told.tasks.get(target) if target else self.told.state) in states
+            return (self.reported.tasks.get(target) if target else self.reported.state) in states
 
         await self.wait(is_so, f"{target or 'mission'} {states}")
 
@@ -182,7 +182,7 @@ async def fly_and_steer(here: Operator) -> None:
     await here.state("sweep.out", "skipped")
     await here.state("sweep.side", "running")
     await here.press("home", "a")
-    await here.on(Question)
+    await here.on(YesNoQuestion)
     await here.press("y")
     await here.state("", "aborted")
     await here.see("graph", "aborted")
@@ -198,13 +198,15 @@ async def ask_for_single_actions(here: Operator) -> None:
     await here.wait(lambda: isinstance(here.app.focused, Input), "a field")
     here.app.screen.query_one("#field_height_m", Input).value = "1"
     await here.press("enter")
-    await here.on(Question)
+    await here.on(YesNoQuestion)
     await here.press("y")
     await here.see("reply", "accepted: it runs as command-")
     await here.press("escape", "escape")
     await here.on(MissionScreen)
     await here.see("graph", "command-")
-    await here.wait(lambda: any(s == "done" and "command" in t for t, s in here.told.tasks.items()), "the climb done")
+    await here.wait(
+        lambda: any(s == "done" and "command" in t for t, s in here.reported.tasks.items()), "the climb done"
+    )
 
 
 def missing(here: Operator) -> list[str]:

@@ -80,7 +80,7 @@ def test_a_single_action_on_claimed_motion_is_refused_naming_the_claimant(flight
     up = RequestAction(capability="go_to", arguments={"position_m": [2, 2, 2]})
     assert "motion is claimed by sweep.out; pause or abort it first" in flight.refused(up)
     flight.command("pause")
-    assert flight.ask(up).outcome is Outcome.ACCEPTED
+    assert flight.request(up).outcome is Outcome.ACCEPTED
     flight.until(lambda: abs(flight.height_m - 2.0) < 0.3 and flight.position_m[1] > 1.5, 15.0, "it is there")
     assert flight.state("mission") == "paused"
     flight.until(lambda: flight.driver.action_id == "hold", 5.0, "the action has ended")

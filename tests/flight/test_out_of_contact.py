@@ -7,7 +7,7 @@ from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
 from gloc3.errors import Gloc3Error
-from gloc3.exchange.acoustic import MOST_BYTES, AcousticCode, AcousticSummary, Order, Receipt, Verb
+from gloc3.exchange.acoustic import MOST_BYTES, AcousticCode, AcousticOrder, AcousticSummary, AcousticVerb, Receipt
 from gloc3.messages.command_interface import EmergencyVerb
 from gloc3_groundstation.station import wording
 
@@ -35,13 +35,13 @@ def test_the_summary_comes_first_and_then_every_event_once_and_in_order(flight: 
     silence.end()
     flight.until(lambda: any("contact after" in text for text in shown(flight, since)), 2.0, "the summary")
     flight.wait(5.0)
-    told = shown(flight, since)
-    summary = next(at for at, text in enumerate(told) if text.startswith("contact after"))
-    assert "is heard again" in told[0]
-    assert summary == 1, told
+    reported = shown(flight, since)
+    summary = next(at for at, text in enumerate(reported) if text.startswith("contact after"))
+    assert "is heard again" in reported[0]
+    assert summary == 1, reported
     below = [event.text for event in flight.events if contact_s - 69.0 < event.t_s < contact_s]
     assert len(below) >= 3, "what happened below"
-    after = [text.partition(" (")[0] for text in told[2:]]
+    after = [text.partition(" (")[0] for text in reported[2:]]
     assert after[: len(below)] == [text.partition(" (")[0] for text in below]
     flight.wait(20.0)
     assert flight.mission.policy == "", "contact was made in time"
@@ -50,25 +50,25 @@ def test_the_summary_comes_first_and_then_every_event_once_and_in_order(flight: 
 @ONE_STYLE
 def test_nothing_but_summaries_goes_by_sound_and_an_order_brings_the_vehicle_down(flight: Card) -> None:
     flight.begin(mission(SWEEP, options="silence: {expected_s: 900}, ", on_link_loss="land"), modem_period_s=15.0)
-    modem, code, heard = flight.flight.links.modem, AcousticCode("pelican"), list[tuple[float, bytes]]()
+    modem, code, received = flight.flight.links.modem, AcousticCode("pelican"), list[tuple[float, bytes]]()
     for end in (modem.a, modem.b):
         receive = end.on_data
         assert receive is not None
 
         def listen(data: bytes, receive: object = receive) -> None:
-            heard.append((flight.now_s, data))
+            received.append((flight.now_s, data))
             receive(data)  # type: ignore[operator]
 
         end.on_data = listen
     flight.await_state("sweep", "running")
     flight.wait(17.0)
-    assert not heard, "while a station is heard otherwise nothing is told by sound"
+    assert not received, "while a station is heard otherwise nothing is told by sound"
     flight.fault("link_loss")
     flight.wait(50.0)
-    frames = [code.decode(data) for _, data in heard]
+    frames = [code.decode(data) for _, data in received]
     assert 1 <= len(frames) <= 3
     assert all(isinstance(frame, AcousticSummary) for frame in frames)
-    assert all(len(data) <= MOST_BYTES for _, data in heard)
+    assert all(len(data) <= MOST_BYTES for _, data in received)
     platform = flight.flight.station.fleet.platforms["pelican"]
     assert platform.acoustic is not None
     x_m, _, height_m = platform.acoustic.value.position_m
@@ -76,14 +76,14 @@ def test_nothing_but_summaries_goes_by_sound_and_an_order_brings_the_vehicle_dow
     assert 0.0 < x_m < 8.2
     assert "by sound" in wording.silence(platform, flight.now_s)
     assert "sweep.out" in wording.silence(platform, flight.now_s)
-    heard.clear()
+    received.clear()
     flight.run(_press(flight))
     flight.await_policy("land", 60.0)
     flight.await_landed(60.0)
     flight.wait(30.0)
-    kinds = [type(code.decode(data)) for _, data in heard]
-    assert set(kinds) <= {Order, Receipt, AcousticSummary}
-    assert kinds.count(Order) >= 1
+    kinds = [type(code.decode(data)) for _, data in received]
+    assert set(kinds) <= {AcousticOrder, Receipt, AcousticSummary}
+    assert kinds.count(AcousticOrder) >= 1
     assert flight.was_told("emergency land by an operator, by acoustic modem")
     assert any("has taken the order: surface (by sound)" in text for text in shown(flight, 0))
 
@@ -96,8 +96,8 @@ async def _press(flight: Card) -> None:
 
 def test_frames_that_are_damaged_old_or_of_somebody_else_are_not_taken() -> None:
     code, other = AcousticCode("auv", b"key"), AcousticCode("auv", b"another key")
-    data = code.encode(Order(3, Verb.SURFACE))
-    assert AcousticCode("auv", b"key").decode(data) == Order(3, Verb.SURFACE)
+    data = code.encode(AcousticOrder(3, AcousticVerb.SURFACE))
+    assert AcousticCode("auv", b"key").decode(data) == AcousticOrder(3, AcousticVerb.SURFACE)
     assert other.decode(data) is None
     assert AcousticCode("rov", b"key").decode(data) is None
     assert all(code.decode(data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :]) is None for at in range(len(data)))

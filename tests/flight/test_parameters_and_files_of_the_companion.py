@@ -20,7 +20,7 @@ pytestmark = [ONE_STYLE]
 def begun(flight: Card) -> Tool:
     """A station of others beside one of ours, which has given up control."""
     flight.begin(GEO_HOP, is_started=False)
-    assert flight.ask(Control(verb=ControlVerb.RELEASE)).outcome is Outcome.ACCEPTED
+    assert flight.request(Control(verb=ControlVerb.RELEASE)).outcome is Outcome.ACCEPTED
     flight.wait(1.1)
     return Tool(flight)
 
@@ -39,7 +39,7 @@ def value_of(tool: Tool, name: str) -> float:
 
 
 def reasons(flight: Card) -> list[str]:
-    return [event.payload.text for event in flight.heard.get("components/companion/event", [])]
+    return [event.payload.text for event in flight.received.get("components/companion/event", [])]
 
 
 def test_every_rate_and_setting_is_listed_and_a_rate_changes_while_working(flight: Card) -> None:
@@ -66,33 +66,33 @@ def test_a_setting_is_changed_in_standby_only_and_by_whoever_holds_control_only(
     assert reasons(flight)[-1] == "parameter refused: HEIGHT_MAX_M is from 0.1 to 1000, not 5000"
     assert put(Tool(flight, system=249), "HEIGHT_MAX_M", 30.0) is ParameterResult.REFUSED
     assert "station 250 holds control" in reasons(flight)[-1]
-    assert tool.told("PARAM_ERROR")
+    assert tool.reported("PARAM_ERROR")
 
-    flight.ask(Control(verb=ControlVerb.TAKE_OVER))
+    flight.request(Control(verb=ControlVerb.TAKE_OVER))
     assert flight.component("height", "stop").outcome is Outcome.ACCEPTED
-    flight.ask(Control(verb=ControlVerb.RELEASE))
+    flight.request(Control(verb=ControlVerb.RELEASE))
     flight.wait(1.1)
     assert put(tool, "HEIGHT_MAX_M", 30.0) is ParameterResult.DONE
     assert put(tool, "HEIGHT_MIN_M", 0.1) is ParameterResult.DONE, "and what was set before stays"
     onboard = flight.flight.process.onboard
     assert onboard is not None
-    commands = [one.payload.settings for one in flight.heard["components/height/command"]]
+    commands = [one.payload.settings for one in flight.received["components/height/command"]]
     assert commands[-1] == {"max_m": 30.0, "min_m": 0.1}
     assert value_of(tool, "HEIGHT_MAX_M") == 30.0
 
 
 def test_what_our_own_station_changes_is_told_to_others(flight: Card) -> None:
     tool = begun(flight)
-    flight.ask(Control(verb=ControlVerb.REQUEST))
-    tool.heard.clear()
-    asked = CallFunction(component="height", function="set_rate", arguments={"rate_hz": 7.0})
-    assert flight.ask(asked).outcome is Outcome.ACCEPTED
+    flight.request(Control(verb=ControlVerb.REQUEST))
+    tool.received.clear()
+    requested = CallFunction(component="height", function="set_rate", arguments={"rate_hz": 7.0})
+    assert flight.request(requested).outcome is Outcome.ACCEPTED
     flight.wait(0.2)
-    assert [one.param_id for one in tool.told("PARAM_VALUE")] == ["HEIGHT_RATE_HZ"]
+    assert [one.param_id for one in tool.reported("PARAM_VALUE")] == ["HEIGHT_RATE_HZ"]
     assert flight.component("height", "stop").outcome is Outcome.ACCEPTED
     settings = {"max_m": 12.0}
     assert (
-        flight.ask(CommandComponent(component="height", command="initialize", settings=settings)).outcome
+        flight.request(CommandComponent(component="height", command="initialize", settings=settings)).outcome
         is Outcome.ACCEPTED
     )
     flight.wait(0.2)
@@ -172,7 +172,7 @@ def test_missions_are_written_under_names_of_missions_by_whoever_may(flight: Car
         (folder / "missions" / f"{number}.plan").touch()
     more = tool.files.write(COMPANION, "/missions/more.yaml", b"x", now_s=tool.now_s)
     assert tool.wait_for(more) is FtpError.FILE_PROTECTED
-    flight.ask(Control(verb=ControlVerb.REQUEST))
+    flight.request(Control(verb=ControlVerb.REQUEST))
     flight.wait(1.1)
     again = tool.files.write(COMPANION, "/missions/hop.yaml", b"x", now_s=tool.now_s)
     assert tool.wait_for(again) is FtpError.FILE_PROTECTED, "somebody else holds control"
@@ -185,9 +185,9 @@ def test_metadata_name_files_whose_checksums_are_right(flight: Card, folder: Pat
     companion.share(shared_files(folder, folder, companion.metadata.files))
     tool.command(512, 397)
     flight.wait(0.1)
-    (told,) = tool.told("COMPONENT_METADATA")
+    (reported,) = tool.reported("COMPONENT_METADATA")
     texts = {}
-    uri, crc = told.uri, told.file_crc
+    uri, crc = reported.uri, reported.file_crc
     for _ in range(2):
         head, path = uri.split("]")
         assert head == "mftp://[;comp=191"

@@ -18,7 +18,7 @@ RETURNS = {"px4": 2.0, "ardupilot": 1.0}
 
 def checks(flight: Card) -> dict[str, Check]:
     """The list, as the station gets it, by title."""
-    reply = flight.ask(Preflight())
+    reply = flight.request(Preflight())
     assert reply.outcome is Outcome.ACCEPTED, reply.reason
     return {check.title: check for check in msgspec.convert(reply.result, PreflightReport).checks}
 
@@ -42,7 +42,7 @@ def test_a_vehicle_that_is_set_up_like_its_platform_file_has_no_red_or_doubtful_
 def test_a_failsafe_that_is_set_otherwise_refuses_the_start_and_says_what_to_do(flight: Card) -> None:
     name = LINK_LOSS[flight.style]
     ready(flight, parameters={name: RETURNS[flight.style]})
-    reply = flight.ask(Steer(verb=Verb.START))
+    reply = flight.request(Steer(verb=Verb.START))
     assert reply.outcome is Outcome.REFUSED
     assert "a check is red: failsafes: link loss (return after " in reply.reason
     assert f"set {name} to 0" in reply.text
@@ -60,7 +60,7 @@ def test_a_station_of_another_version_is_seen_before_the_flight_for_as_long_as_i
     )
     assert checks(flight)["link: station 254"].verdict is Verdict.WARNING
     flight.as_station("254", Hello(version="0.0.9", protocol="00c0ffee"))
-    reply = flight.ask(Steer(verb=Verb.START))
+    reply = flight.request(Steer(verb=Verb.START))
     assert reply.outcome is Outcome.REFUSED
     assert "a check is red: link: station 254 (0.0.9 (00c0ffee) there, " in reply.reason
     flight.wait(31.0)
@@ -70,7 +70,7 @@ def test_a_station_of_another_version_is_seen_before_the_flight_for_as_long_as_i
 
 def test_an_override_starts_and_is_logged_with_its_author_and_what_was_red(flight: Card) -> None:
     ready(flight, parameters={LINK_LOSS[flight.style]: RETURNS[flight.style]})
-    reply = flight.ask(Steer(verb=Verb.START, override="no radio in this hold", author="ana"))
+    reply = flight.request(Steer(verb=Verb.START, override="no radio in this hold", author="ana"))
     assert reply.outcome is Outcome.ACCEPTED, reply.reason
     flight.await_state("mission", "running", 2.0)
     assert flight.was_told("ana (station 255) starts in spite of red checks: 'no radio in this hold'")
@@ -82,7 +82,7 @@ def test_an_override_starts_and_is_logged_with_its_author_and_what_was_red(fligh
 
 def test_an_override_of_a_list_without_red_is_just_a_start(flight: Card) -> None:
     ready(flight)
-    assert flight.ask(Steer(verb=Verb.START, override="always", author="ana")).outcome is Outcome.ACCEPTED
+    assert flight.request(Steer(verb=Verb.START, override="always", author="ana")).outcome is Outcome.ACCEPTED
     assert not flight.was_told("in spite of")
 
 
@@ -101,7 +101,7 @@ def test_a_single_take_off_has_to_pass_too_and_what_does_not_move_has_not(flight
     assert "link loss" in flight.refused(RequestAction(capability="take_off", arguments={"height_m": 1.0}))
     assert flight.action("record_images", camera="ground", every_s=1.0, count=1).outcome is Outcome.ACCEPTED
     up = RequestAction(capability="take_off", arguments={"height_m": 1.0}, override="test hop", author="ana")
-    assert flight.ask(up).outcome is Outcome.ACCEPTED
+    assert flight.request(up).outcome is Outcome.ACCEPTED
 
 
 def test_in_the_air_nothing_is_held_against_a_start(flight: Card) -> None:

@@ -171,8 +171,8 @@ def test_a_query_tells_what_became_of_a_request_and_unknown_of_one_that_never_ca
     pause = next(r for r in reversed(flight.since(0.0, "ci/request")) if isinstance(r.body, Steer))
     flight.fault("restart")
     flight.wait(5.0)
-    assert flight.ask(Query(boot=pause.boot, sequence=pause.sequence)).outcome is Outcome.ACCEPTED
-    assert flight.ask(Query(boot=pause.boot, sequence=999)).outcome is Outcome.UNKNOWN
+    assert flight.request(Query(boot=pause.boot, sequence=pause.sequence)).outcome is Outcome.ACCEPTED
+    assert flight.request(Query(boot=pause.boot, sequence=999)).outcome is Outcome.UNKNOWN
 
 
 @ONE_STYLE
@@ -252,11 +252,11 @@ def test_on_a_way_of_many_near_waypoints_a_restart_leads_no_waypoint_back(flight
 def test_after_a_restart_only_the_pictures_that_are_left_are_taken(flight: Card) -> None:
     photos = "{photos: {record_images: {camera: ground, every_s: 0.5, count: 8}}}"
     flight.begin(mission(photos, on_restart="continue"))
-    flight.until(lambda: len(flight.heard.get("image_recorded", [])) == 5, 40.0, "five pictures")
+    flight.until(lambda: len(flight.received.get("image_recorded", [])) == 5, 40.0, "five pictures")
     flight.wait(0.2)
     flight.fault("restart")
     flight.await_state("sweep.photos", "done", 20.0)
-    assert len(flight.heard["image_recorded"]) == 8
+    assert len(flight.received["image_recorded"]) == 8
 
 
 def test_an_emergency_is_obeyed_while_the_components_are_still_coming_up(flight: Card) -> None:

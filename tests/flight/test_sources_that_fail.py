@@ -56,7 +56,7 @@ def test_a_quiet_estimator_takes_over_within_100_ms_without_a_step(flight: Card)
     faulty_s = first_s(flight, "pose", State.FAULTY, begin_s)
     assert first_s(flight, "pose_standby", State.WORKING, begin_s) - faulty_s <= 0.1
     flight.await_state("mission", "done", 40.0)
-    poses: list[Envelope[Pose]] = [pose for pose in flight.heard["pose"] if begin_s - 1.0 < pose.t_s < begin_s + 2.0]
+    poses: list[Envelope[Pose]] = [pose for pose in flight.received["pose"] if begin_s - 1.0 < pose.t_s < begin_s + 2.0]
     assert len({pose.source.component for pose in poses}) == 2
     for before, after in pairwise(poses):
         assert after.t_s - before.t_s <= 0.1
@@ -68,8 +68,8 @@ def test_a_quiet_estimator_takes_over_within_100_ms_without_a_step(flight: Card)
 
 def first_s(flight: Card, component: str, state: State, since_s: float) -> float:
     """When a component first told a state."""
-    told = flight.heard[f"components/{component}/status"]
-    return next(status.t_s for status in told if status.t_s >= since_s and status.payload.state is state)
+    reported = flight.received[f"components/{component}/status"]
+    return next(status.t_s for status in reported if status.t_s >= since_s and status.payload.state is state)
 
 
 @ONE_STYLE

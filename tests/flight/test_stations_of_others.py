@@ -19,7 +19,7 @@ def begun(flight: Card, *, is_free: bool = True) -> Tool:
     """A station of others beside one of ours, which has given up control."""
     flight.begin(GEO_HOP, is_started=False)
     if is_free:
-        assert flight.ask(Control(verb=ControlVerb.RELEASE)).outcome is Outcome.ACCEPTED
+        assert flight.request(Control(verb=ControlVerb.RELEASE)).outcome is Outcome.ACCEPTED
         flight.wait(1.1)
     return Tool(flight)
 
@@ -29,7 +29,7 @@ def upload(tool: Tool, items: tuple[object, ...], kind: PlanType = PlanType.MISS
 
 
 def reasons(flight: Card) -> list[str]:
-    return [event.payload.text for event in flight.heard.get("components/companion/event", [])]
+    return [event.payload.text for event in flight.received.get("components/companion/event", [])]
 
 
 def test_an_uploaded_plan_is_a_mission_that_flies_pauses_and_ends(flight: Card) -> None:
@@ -73,9 +73,11 @@ def test_a_start_that_is_repeated_is_carried_out_once_and_what_it_began_can_be_c
     for confirmation in range(4):
         tool.send("COMMAND_LONG", **sent, confirmation=confirmation)
         flight.wait(0.3)
-    asked = [one.payload for one in flight.heard["ci/request"] if isinstance(one.payload.body, Steer)]
-    assert [one.body.verb for one in asked] == [Verb.START]
-    assert all(one.result in (CommandResult.ACCEPTED, CommandResult.IN_PROGRESS) for one in tool.told("COMMAND_ACK"))
+    requested = [one.payload for one in flight.received["ci/request"] if isinstance(one.payload.body, Steer)]
+    assert [one.body.verb for one in requested] == [Verb.START]
+    assert all(
+        one.result in (CommandResult.ACCEPTED, CommandResult.IN_PROGRESS) for one in tool.reported("COMMAND_ACK")
+    )
     flight.await_state("fly.take_off", "running")
     Tool(flight, system=249).send("COMMAND_CANCEL", command=START)
     flight.wait(1.0)
@@ -83,7 +85,7 @@ def test_a_start_that_is_repeated_is_carried_out_once_and_what_it_began_can_be_c
     tool.send("COMMAND_CANCEL", command=START)
     flight.await_state("mission", "aborted")
     flight.wait(0.1)
-    assert tool.told("COMMAND_ACK")[-1].result == CommandResult.CANCELLED
+    assert tool.reported("COMMAND_ACK")[-1].result == CommandResult.CANCELLED
 
 
 def test_what_is_no_command_of_an_onboard_computer_is_refused_with_a_reason(flight: Card) -> None:
@@ -116,9 +118,9 @@ def test_a_command_for_everybody_or_for_the_autopilot_is_not_ours(flight: Card) 
         tool.send_to("COMMAND_LONG", command=START, **fields)
         tool.send_to("COMMAND_LONG", command=512, param1=148, **fields)
     flight.wait(2.0)
-    assert not tool.told("COMMAND_ACK")
-    assert not tool.told("AUTOPILOT_VERSION")
-    assert not [one for one in flight.heard["ci/request"] if isinstance(one.payload.body, Steer)]
+    assert not tool.reported("COMMAND_ACK")
+    assert not tool.reported("AUTOPILOT_VERSION")
+    assert not [one for one in flight.received["ci/request"] if isinstance(one.payload.body, Steer)]
 
 
 def test_messages_are_told_on_request_and_at_the_rate_that_is_asked_for(flight: Card) -> None:
@@ -126,18 +128,18 @@ def test_messages_are_told_on_request_and_at_the_rate_that_is_asked_for(flight: 
     for number, name in ((148, "AUTOPILOT_VERSION"), (397, "COMPONENT_METADATA"), (42, "MISSION_CURRENT")):
         assert tool.command(512, number) is CommandResult.ACCEPTED
         flight.wait(0.1)
-        assert len(tool.told(name)) == 1
-    assert tool.told("MISSION_CURRENT")[0].total == 5, "the mission that our own station has loaded"
+        assert len(tool.reported(name)) == 1
+    assert tool.reported("MISSION_CURRENT")[0].total == 5, "the mission that our own station has loaded"
     flight.wait(10.0)
-    assert 2 <= len(tool.told("ONBOARD_COMPUTER_STATUS")) <= 3
-    tool.heard.clear()
+    assert 2 <= len(tool.reported("ONBOARD_COMPUTER_STATUS")) <= 3
+    tool.received.clear()
     assert tool.command(511, 512.0, 2e5) is CommandResult.ACCEPTED
     flight.wait(4.0)
-    assert 19 <= len(tool.told("CONTROL_STATUS")) <= 22
+    assert 19 <= len(tool.reported("CONTROL_STATUS")) <= 22
     assert tool.command(511, 512.0, -1.0) is CommandResult.ACCEPTED
-    tool.heard.clear()
+    tool.received.clear()
     flight.wait(3.0)
-    assert not tool.told("CONTROL_STATUS")
+    assert not tool.reported("CONTROL_STATUS")
 
 
 def test_a_mission_of_our_own_station_is_given_to_others_with_its_fence(flight: Card) -> None:
@@ -182,33 +184,33 @@ def test_a_plan_that_cannot_be_flown_is_refused_by_what_is_wrong_and_the_one_bef
         (item(93, frame=2, param1=-1.0), PlanResult.INVALID),
         (item(16, height_m=500.0), PlanResult.INVALID),
     ):
-        count = flight.flight.process.vehicle.companion.reasons.said
+        count = flight.flight.process.vehicle.companion.reasons.reported
         assert tool.wait_for(upload(tool, (HOP[0], wrong, HOP[3]))) is expected
         flight.wait(0.2)
         assert flight.mission.digest == before
-        assert flight.flight.process.vehicle.companion.reasons.said > count
+        assert flight.flight.process.vehicle.companion.reasons.reported > count
 
 
 def test_control_is_told_asked_for_and_handed_over(flight: Card) -> None:
     first = begun(flight)
     second = Tool(flight, system=249)
     flight.wait(1.2)
-    assert (first.told("CONTROL_STATUS")[-1].gcs_main, first.told("CONTROL_STATUS")[-1].flags) == (0, 2)
+    assert (first.reported("CONTROL_STATUS")[-1].gcs_main, first.reported("CONTROL_STATUS")[-1].flags) == (0, 2)
     assert first.command(REQUEST_CONTROL, 1.0, 0.0, 10.0, 250.0) is CommandResult.ACCEPTED
     flight.wait(1.1)
-    assert (second.told("CONTROL_STATUS")[-1].gcs_main, second.told("CONTROL_STATUS")[-1].flags) == (250, 0)
+    assert (second.reported("CONTROL_STATUS")[-1].gcs_main, second.reported("CONTROL_STATUS")[-1].flags) == (250, 0)
     assert second.command(REQUEST_CONTROL, 1.0, 0.0, 10.0, 250.0) is CommandResult.DENIED, "not for somebody else"
     assert second.command(REQUEST_CONTROL, 0.0) is CommandResult.NOT_IN_CONTROL
     assert second.command(REQUEST_CONTROL, 1.0, 0.0, 10.0, 249.0) is CommandResult.FAILED, "the holder is asked"
-    (asked,) = first.told("COMMAND_LONG")
-    assert (asked.command, asked.param1, asked.param4) == (REQUEST_CONTROL, 1.0, 249.0)
+    (requested,) = first.reported("COMMAND_LONG")
+    assert (requested.command, requested.param1, requested.param4) == (REQUEST_CONTROL, 1.0, 249.0)
     third = Tool(flight, system=248)
     assert third.command(REQUEST_CONTROL, 1.0) is CommandResult.DENIED
     assert first.command(REQUEST_CONTROL, 1.0, 1.0, 10.0, 250.0) is CommandResult.ACCEPTED, "lets it go"
     flight.until(lambda: flight.last("ci/control").holder == "249", 1.0, "handed over")
     assert second.command(REQUEST_CONTROL, 1.0, 1.0) is CommandResult.ACCEPTED, "lets everybody take over from it"
     assert first.command(512, 512.0) is CommandResult.ACCEPTED
-    assert first.told("CONTROL_STATUS")[-1].flags == 2
+    assert first.reported("CONTROL_STATUS")[-1].flags == 2
     flight.wait(0.5)  # the same command right after its answer would be a repeat
     assert third.command(REQUEST_CONTROL, 1.0) is CommandResult.ACCEPTED
     flight.until(lambda: flight.last("ci/control").holder == "248", 1.0, "taken over")
@@ -222,9 +224,9 @@ def test_control_is_told_asked_for_and_handed_over(flight: Card) -> None:
 def test_our_own_station_gets_control_from_one_of_others_that_grants_it(flight: Card) -> None:
     tool = begun(flight)
     assert tool.wait_for(upload(tool, HOP)) is PlanResult.ACCEPTED, "which gives it control"
-    assert "asked" in flight.ask(Control(verb=ControlVerb.REQUEST)).reason
-    flight.until(lambda: bool(tool.told("COMMAND_LONG")), 1.0, "the holder is told")
-    assert tool.told("COMMAND_LONG")[0].param4 == 255.0
+    assert "asked" in flight.request(Control(verb=ControlVerb.REQUEST)).reason
+    flight.until(lambda: bool(tool.reported("COMMAND_LONG")), 1.0, "the holder is told")
+    assert tool.reported("COMMAND_LONG")[0].param4 == 255.0
     assert tool.command(REQUEST_CONTROL, 1.0, 1.0) is CommandResult.ACCEPTED
     flight.until(lambda: flight.last("ci/control").holder == "255", 1.0, "granted")
 
@@ -242,9 +244,9 @@ def test_over_a_bad_radio_everything_arrives_once(flight: Card) -> None:
     assert len(read.items) == len(plan)
     # the last word after one of progress may be lost, and is not asked for again
     assert tool.command(START) in (CommandResult.ACCEPTED, CommandResult.NO_ANSWER)
-    steered = [one.payload.body.verb for one in flight.heard["ci/request"] if isinstance(one.payload.body, Steer)]
+    steered = [one.payload.body.verb for one in flight.received["ci/request"] if isinstance(one.payload.body, Steer)]
     assert steered == [Verb.START]
-    loaded = [one for one in flight.heard["ci/request"] if isinstance(one.payload.body, LoadMission)]
+    loaded = [one for one in flight.received["ci/request"] if isinstance(one.payload.body, LoadMission)]
     assert len(loaded) == 2, "one of our own station, one of this"
 
 
@@ -264,7 +266,7 @@ def test_after_the_onboard_process_has_come_up_again_the_plan_is_there(flight: C
 
 
 async def restart(flight: Card) -> None:
-    flight.heard.pop("ci/mission")
+    flight.received.pop("ci/mission")
     flight.flight.process.start()
 
 
@@ -273,7 +275,7 @@ def test_strangers_by_the_thousand_change_nothing_and_leave_nothing_behind(fligh
     assert tool.wait_for(upload(tool, HOP)) is PlanResult.ACCEPTED
     digest = flight.mission.digest
     companion = flight.flight.process.vehicle.companion
-    requests = len(flight.heard["ci/request"])
+    requests = len(flight.received["ci/request"])
     stranger = Tool(flight, system=200)
     encoders = stranger.as_strangers(2000)
     for encode in encoders:
@@ -287,8 +289,10 @@ def test_strangers_by_the_thousand_change_nothing_and_leave_nothing_behind(fligh
     assert flight.mission.digest == digest
     assert flight.state("mission") == "waiting"
     assert flight.last("ci/control").holder == "250"
-    asked = [one.payload for one in flight.heard["ci/request"][requests:]]
-    assert not [one for one in asked if isinstance(one, CiRequest) and one.sender != "255"], "none reached the journal"
+    requested = [one.payload for one in flight.received["ci/request"][requests:]]
+    assert not [one for one in requested if isinstance(one, CiRequest) and one.sender != "255"], (
+        "none reached the journal"
+    )
     assert companion.commands.refused >= 4000
     assert companion.plans.refused >= 4000
     assert companion.parameters.refused >= 2000

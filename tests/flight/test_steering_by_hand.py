@@ -11,7 +11,7 @@ from tests.flight.card import Card
 from gloc3.messages.command_interface import Control, ControlVerb, Outcome
 from gloc3.messages.teleoperation import EXPIRES_S, VelocityDemand
 from gloc3.messages.vehicle import Pose
-from gloc3_groundstation.desk.teleoperation import FullSpeed, HandControl, Sticks
+from gloc3_groundstation.desk.teleoperation import FullSpeed, HandControl, StickDemand
 
 MISSION = """\
 mission: by hand
@@ -59,8 +59,8 @@ def state(rov: Card) -> Any:
 
 def test_it_goes_where_it_is_steered_and_stops_when_the_key_is_let_go(rov: Card) -> None:
     keys, began = hand(rov), place(rov)
-    keys.move(Sticks(surge=1.0))
-    keys.keep(10.0)
+    keys.move(StickDemand(surge=1.0))
+    keys.hold_key(10.0)
     rov.until(lambda: speed(rov) > 0.35, 8.0, "it goes")
     assert state(rov).is_live
     assert state(rov).velocity_cm_s == (40, 0, 0)
@@ -74,15 +74,15 @@ def test_it_goes_where_it_is_steered_and_stops_when_the_key_is_let_go(rov: Card)
     rested = place(rov)
     rov.always(lambda: dist(rested, place(rov)) < 0.4, 10.0, "it keeps its place")
 
-    keys.move(Sticks(heave=-1.0, yaw=1.0))
-    keys.keep(5.0)
+    keys.move(StickDemand(heave=-1.0, yaw=1.0))
+    keys.hold_key(5.0)
     rov.wait(5.5)
     assert place(rov)[2] - rested[2] == pytest.approx(0.9, abs=0.4)
     yaw_rates = [one.measured_yaw_rate_cdeg_s for one in rov.since(rov.now_s - 3.0, "ci/teleoperation")]
     assert max(yaw_rates) == pytest.approx(2000, abs=500)
 
-    keys.move(Sticks(surge=-1.0))
-    keys.keep(3.0)
+    keys.move(StickDemand(surge=-1.0))
+    keys.hold_key(3.0)
     rov.wait(2.5)
     rov.command("abort", "command-3")
     rov.until(lambda: rov.driver.action_id == "hold", 1.0, "it keeps its place")
@@ -92,8 +92,8 @@ def test_it_goes_where_it_is_steered_and_stops_when_the_key_is_let_go(rov: Card)
 
 def test_a_link_that_falls_silent_stops_it_at_once_and_the_policy_of_a_lost_link_ends_it(rov: Card) -> None:
     keys = hand(rov)
-    keys.move(Sticks(sway=1.0))
-    keys.keep(60.0)
+    keys.move(StickDemand(sway=1.0))
+    keys.hold_key(60.0)
     rov.until(lambda: speed(rov) > 0.3, 8.0, "it goes")
     at, lost_s = place(rov), rov.now_s
     rov.fault("link_loss", for_s=30.0)
@@ -128,14 +128,14 @@ def test_only_the_holder_of_control_steers(rov: Card) -> None:
 
 def test_the_pilot_takes_the_sticks_and_what_is_demanded_moves_nothing_any_more(rov: Card) -> None:
     keys = hand(rov)
-    keys.move(Sticks(surge=1.0))
-    keys.keep(30.0)
+    keys.move(StickDemand(surge=1.0))
+    keys.hold_key(30.0)
     rov.until(lambda: speed(rov) > 0.3, 8.0, "it goes")
     rov.fault("pilot:poshold")
     rov.await_policy("pilot", 3.0)
     rov.wait(1.0)
     assert not rov.driver.is_streaming
     assert rov.driver.has_pilot_control
-    taken = state(rov).sequence
+    used = state(rov).sequence
     rov.wait(2.0)
-    assert state(rov).sequence == taken, "the action has ended"
+    assert state(rov).sequence == used, "the action has ended"

@@ -10,11 +10,11 @@ PROGRESS_S = 4.0
 
 
 def stop(flight: Card) -> list[str]:
-    told: list[str] = []
+    reported: list[str] = []
     onboard = flight.flight.process.onboard
     assert onboard is not None
-    flight.run(onboard.stop(told.append))
-    return told
+    flight.run(onboard.stop(reported.append))
+    return reported
 
 
 def test_hold_is_confirmed_before_the_driver_leaves(flight: Card) -> None:
@@ -30,10 +30,10 @@ def test_hold_is_confirmed_before_the_driver_leaves(flight: Card) -> None:
     assert all(onboard.state(name) is None for name in onboard.hosts)
     left_s = next(
         envelope.t_s
-        for envelope in flight.heard["components/autopilot_driver/status"]
+        for envelope in flight.received["components/autopilot_driver/status"]
         if envelope.payload.state is None
     )
-    held = [e for e in flight.heard["autopilot"] if e.payload.mode is FlightMode.HOLD and begin_s <= e.t_s <= left_s]
+    held = [e for e in flight.received["autopilot"] if e.payload.mode is FlightMode.HOLD and begin_s <= e.t_s <= left_s]
     assert held, flight.story("the driver left before hold was confirmed")
     assert flight.state("mission") == ActionState.RUNNING, "the progress that a restart finds is that of a flight"
     flight.wait(3.0)
@@ -48,8 +48,8 @@ def test_a_driver_whose_hold_is_never_confirmed_is_left_after_a_while_with_a_wor
     flight.await_state("sweep", "running", 30.0)
     flight.wait(PROGRESS_S)
     flight.fault("cable_loss")
-    told = stop(flight)
-    assert [text for text in told if text.startswith("autopilot_driver has not left: ")], told
+    reported = stop(flight)
+    assert [text for text in reported if text.startswith("autopilot_driver has not left: ")], reported
     onboard = flight.flight.process.onboard
     assert onboard is not None
     assert [name for name in onboard.hosts if onboard.state(name) is not None] == ["autopilot_driver"]

@@ -15,8 +15,8 @@ from gloc3_sitl.flight.flight import DEVICES
 
 def statuses(flight: Card, component: str, since_s: float) -> list[tuple[float, ComponentStatus]]:
     """When a component told what."""
-    heard = flight.heard[f"components/{component}/status"]
-    return [(envelope.t_s, envelope.payload) for envelope in heard if envelope.t_s >= since_s]
+    received = flight.received[f"components/{component}/status"]
+    return [(envelope.t_s, envelope.payload) for envelope in received if envelope.t_s >= since_s]
 
 
 def sweep(flight: Card, **policies: str) -> None:
@@ -34,7 +34,7 @@ def test_a_quiet_standby_takes_over_from_a_crashed_limiter_within_100_ms(flight:
     faulty_s = next(t_s for t_s, status in statuses(flight, "limiter", begin_s) if status.state is State.FAULTY)
     taken_s = next(t_s for t_s, status in statuses(flight, "limiter_standby", begin_s) if status.state is State.WORKING)
     assert taken_s - faulty_s <= 0.1
-    gaps = [b.t_s - a.t_s for a, b in zip(flight.heard["setpoint"], flight.heard["setpoint"][1:], strict=False)]
+    gaps = [b.t_s - a.t_s for a, b in zip(flight.received["setpoint"], flight.received["setpoint"][1:], strict=False)]
     flight.await_component("limiter", "quiet")  # it comes up again, as the standby of its standby
     assert flight.driver.expired == 0
     flight.await_state("mission", "done", 30.0)
@@ -47,11 +47,11 @@ def test_a_quiet_standby_takes_over_from_a_hung_limiter(flight: Card) -> None:
     begin_s = flight.now_s
     flight.await_component("limiter_standby", "working", 2.0)
     hang.end()
-    told = statuses(flight, "limiter", begin_s)
-    faulty_s, faulty = next((t_s, status) for t_s, status in told if status.state is State.FAULTY)
+    reported = statuses(flight, "limiter", begin_s)
+    faulty_s, faulty = next((t_s, status) for t_s, status in reported if status.state is State.FAULTY)
     assert "hung" in faulty.cause
-    taken = statuses(flight, "limiter_standby", faulty_s)
-    assert next(t_s for t_s, status in taken if status.state is State.WORKING) - faulty_s <= 0.1
+    used = statuses(flight, "limiter_standby", faulty_s)
+    assert next(t_s for t_s, status in used if status.state is State.WORKING) - faulty_s <= 0.1
     flight.await_state("mission", "done", 30.0)
 
 

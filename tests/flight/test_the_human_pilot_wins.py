@@ -58,7 +58,7 @@ def test_nothing_of_ours_moves_the_vehicle_whatever_happens_until_an_operator_re
     flight.fault("topic:autopilot_pose=lost", for_s=1.0)
     flight.wait(1.5)
     flight.emergency("hold")
-    assert flight.ask(RequestAction(capability="land")).outcome is Outcome.REFUSED
+    assert flight.request(RequestAction(capability="land")).outcome is Outcome.REFUSED
     flight.fault("crash:waypoints")
     flight.fault("link_loss", for_s=7.0)
     flight.wait(9.0)
@@ -163,7 +163,7 @@ def test_the_driver_that_goes_quiet_leaves_the_vehicle_in_the_autopilots_hold(fl
     sweep(flight)
     command = CommandComponent(component="autopilot_driver", command="goquiet", is_forced=True)
     for _ in range(4):
-        if flight.ask(command).outcome is Outcome.ACCEPTED:
+        if flight.request(command).outcome is Outcome.ACCEPTED:
             break
         flight.wait(0.5)
     flight.await_mode(FlightMode.HOLD, 3.0)

@@ -7,7 +7,7 @@ from tests.flight.card import ONE_STYLE, Card
 from gloc3.messages.summaries import VehicleSummary
 from gloc3_groundstation.mapping.mission_texts import MissionTexts
 from gloc3_groundstation.mapping.requested import requested
-from gloc3_groundstation.mapping.tracks import Channel, Tracks
+from gloc3_groundstation.mapping.tracks import TrackChannel, Tracks
 from gloc3_groundstation.station.snapshots import STALE_AFTER_S, PlatformSnapshot
 
 MISSION = """mission: corner
@@ -25,7 +25,7 @@ tasks:
 """
 
 
-def heard(flight: Card) -> PlatformSnapshot:
+def received(flight: Card) -> PlatformSnapshot:
     found = flight.flight.station.fleet.get(flight.flight.name)
     assert found is not None
     return found
@@ -38,7 +38,7 @@ def test_the_station_sees_path_setpoint_attitude_home_and_mission_of_a_flight(fl
     station.listen(tracks.follow)
     begun_s = flight.now_s
     flight.await_state("mission", "done", 60.0)
-    platform, track = heard(flight), tracks.get(flight.flight.name)
+    platform, track = received(flight), tracks.get(flight.flight.name)
     assert track is not None
     assert platform.site is not None
     assert platform.site.value.frame == "hold"
@@ -47,13 +47,13 @@ def test_the_station_sees_path_setpoint_attitude_home_and_mission_of_a_flight(fl
     assert len(samples) / (flight.now_s - begun_s) >= 1.8, "twice a second, but for what a radio may lose"
     assert np.nanmax(np.diff(samples.times_s)) < STALE_AFTER_S[VehicleSummary]
     flown = samples.rows
-    off_m = np.abs(flown[:, Channel.X] - flown[:, Channel.WANTED_X])
+    off_m = np.abs(flown[:, TrackChannel.X] - flown[:, TrackChannel.WANTED_X])
     assert np.isfinite(off_m).sum() > 20
     assert np.nanmax(off_m) < 1.5
-    assert np.nanmax(np.abs(flown[:, Channel.PITCH])) > 1.0
-    assert np.nanmin(flown[:, Channel.BATTERY_V]) > 5.0
+    assert np.nanmax(np.abs(flown[:, TrackChannel.PITCH])) > 1.0
+    assert np.nanmin(flown[:, TrackChannel.BATTERY_V]) > 5.0
     texts = MissionTexts(station)
-    assert texts.lacks(platform, flight.now_s)
+    assert texts.missing(platform, flight.now_s)
     flight.run(texts.fetch(platform))
     text, is_loaded = texts.text_of(platform, None)
     assert is_loaded
@@ -61,5 +61,5 @@ def test_the_station_sees_path_setpoint_attitude_home_and_mission_of_a_flight(fl
     assert request is not None
     for waypoint in request.waypoints:
         north, east, _ = waypoint.position_ned_m
-        away = np.hypot(flown[:, Channel.X] - north, -flown[:, Channel.Y] - east)
+        away = np.hypot(flown[:, TrackChannel.X] - north, -flown[:, TrackChannel.Y] - east)
         assert np.nanmin(away) < 0.5

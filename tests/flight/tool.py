@@ -9,9 +9,9 @@ from tests.node_runner import NodeRunner
 
 from gloc3.mavlink.codec import Encoder, MavlinkMessage, Parser, message
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.node import Node
+from gloc3.mavlink.node import MavlinkComponent
 from gloc3.mavlink.services.command import CommandResult
-from gloc3.mavlink.services.command_client import CommandCall, CommandClient
+from gloc3.mavlink.services.command_client import CommandCall, MavCommandClient
 from gloc3.mavlink.services.ftp_client import FtpClient
 from gloc3.mavlink.services.heartbeat import Heartbeat
 from gloc3.mavlink.services.mission_client import MissionClient
@@ -40,24 +40,24 @@ class Tool:
 
     def __init__(self, card: Card, system: int = 250, conditions: Conditions | None = None) -> None:
         self.card = card
-        self.heard: list[MavlinkMessage] = []
+        self.received: list[MavlinkMessage] = []
         own = Address(system, 190)
         loop, flight = card.flight.loop, card.flight
-        self.commands, self.missions, self.files = CommandClient(own), MissionClient(own), FtpClient(own)
+        self.commands, self.missions, self.files = MavCommandClient(own), MissionClient(own), FtpClient(own)
         self.parameters = ParameterClient(own, ParameterEncoding.CAST)
         self.heartbeat = Heartbeat(own, vehicle_type=6)
         self.link = MemoryLink(loop, Random(system), conditions or Conditions(latency_s=0.02))
         services = (self.commands, self.missions, self.files, self.parameters, self.heartbeat)
-        self.runner = NodeRunner(Node(own, services), loop, self.link.a.send)
+        self.runner = NodeRunner(MavlinkComponent(own, services), loop, self.link.a.send)
         self.link.a.on_data = self._take
         self._parser, theirs = Parser(is_datagram=True), Parser(is_datagram=True)
         encoder = Encoder(*COMPANION)
-        hear = flight.process.vehicle.companion.attach(lambda told: self.link.b.send(encoder.encode(told)))
+        receive = flight.process.vehicle.companion.attach(lambda reported: self.link.b.send(encoder.encode(reported)))
 
-        def take(data: bytes) -> None:
-            hear(theirs.receive(data))
+        def handle(data: bytes) -> None:
+            receive(theirs.receive(data))
 
-        self.link.b.on_data = take
+        self.link.b.on_data = handle
         self.runner.settle()
 
     @property
@@ -88,8 +88,8 @@ class Tool:
 
     def send(self, name: str, **fields: Any) -> None:
         """Sends one message to the companion."""
-        told = message(name, target_system=COMPANION.system, target_component=COMPANION.component, **fields)
-        self.link.a.send(self.runner.encoder.encode(told))
+        reported = message(name, target_system=COMPANION.system, target_component=COMPANION.component, **fields)
+        self.link.a.send(self.runner.encoder.encode(reported))
 
     def send_to(self, name: str, **fields: Any) -> None:
         """Sends one message to whom its fields say."""
@@ -102,19 +102,19 @@ class Tool:
             encoder = Encoder(number % 200 + 20, number // 200 + 1)
 
             def send(name: str, **fields: Any) -> None:
-                told = message(name, target_system=COMPANION.system, target_component=COMPANION.component, **fields)
-                self.link.a.send(encoder.encode(told))
+                reported = message(name, target_system=COMPANION.system, target_component=COMPANION.component, **fields)
+                self.link.a.send(encoder.encode(reported))
 
             return send
 
         return [sender(number) for number in range(count)]
 
-    def told(self, name: str) -> list[MavlinkMessage]:
+    def reported(self, name: str) -> list[MavlinkMessage]:
         """All messages of a name that came."""
-        return [one for one in self.heard if one.name == name]
+        return [one for one in self.received if one.name == name]
 
     def _take(self, data: bytes) -> None:
-        self.heard += [told for frame in self._parser.receive(data) if (told := frame.decode()) is not None]
+        self.received += [reported for frame in self._parser.receive(data) if (reported := frame.decode()) is not None]
         self.runner.on_data(data)
 
 

@@ -20,7 +20,7 @@ class Flown(NamedTuple):
     url: str
     code: int
     """The station's exit code."""
-    said: str
+    reported: str
     """What the station has said in its terminal."""
     picture: bytes
     """What the browser shows in flight, as PNG."""
@@ -79,5 +79,5 @@ async def fly(folder: Path) -> Flown:
                 while not await browser.evaluate(MESSAGE_IS_SHOWN):
                     await asyncio.sleep(0.05)
         received = browser.received_bytes
-        took_s = time.monotonic() - begin_s
-        return Flown(url, code, station.text, picture, browser.requested, browser.problems, received, took_s)
+        elapsed_s = time.monotonic() - begin_s
+        return Flown(url, code, station.text, picture, browser.requested, browser.problems, received, elapsed_s)

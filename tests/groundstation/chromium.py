@@ -149,9 +149,9 @@ async def chromium(folder: Path, width: int = 1000, height: int = 600) -> AsyncI
 
 async def _devtools_address(process: asyncio.subprocess.Process) -> str:
     assert process.stderr is not None
-    said = b""
+    text = b""
     async for line in process.stderr:
-        said += line
+        text += line
         if match := re.search(rb"DevTools listening on (\S+)", line):
             return match[1].decode()
-    raise AssertionError(f"Chromium did not start: {said.decode(errors='replace')}")
+    raise AssertionError(f"Chromium did not start: {text.decode(errors='replace')}")

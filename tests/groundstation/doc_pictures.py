@@ -109,7 +109,7 @@ async def settled(here: Scene) -> str:
     """The picture, once it no longer changes."""
     seen = ""
     for _ in range(100):
-        here.app.look()
+        here.app.show_fleet()
         await here.pilot.pause(0.15)
         svg = re.sub(r"@font-face \{.*?\}\s*(?=@|\.)", "", here.app.export_screenshot(), flags=re.DOTALL)
         svg = re.sub(r"terminal-\d+", "terminal", svg)

@@ -52,8 +52,8 @@ def _of_panel(panel: Panel) -> Iterator[str]:
     title = str(panel.border_title or "")
     if cell_len(title) > max(0, panel.size.width - 4):
         yield f"title {title!r} in {panel.size.width} columns"
-    is_led = isinstance(panel, ListPanel) and hasattr(panel.screen, "action_move")  # by the keys of its dialogue
-    if not (panel.can_focus or is_led) and len(panel.lines) > height:
+    is_guided = isinstance(panel, ListPanel) and hasattr(panel.screen, "action_move")  # by the keys of its dialogue
+    if not (panel.can_focus or is_guided) and len(panel.lines) > height:
         yield f"{len(panel.lines)} lines in {height}, which nobody can scroll"
     if panel.styles.overflow_x == "auto":
         return

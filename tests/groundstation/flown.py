@@ -65,8 +65,8 @@ class Flight:
         )
 
     def begin(self) -> None:
-        self.platform.say("site", SITE)
-        self.platform.say("mission", msgspec.structs.replace(self.platform.mission, state="waiting"))
+        self.platform.report("site", SITE)
+        self.platform.report("mission", msgspec.structs.replace(self.platform.mission, state="waiting"))
         self.platform.speak()
 
     def fly(self, seconds: float, speed_m_s: float = 0.5) -> None:
@@ -85,7 +85,7 @@ class Flight:
         drift_m = 0.25 * sin(t_s / 3.0) * min(1.0, t_s / 5.0)
         x, y, height = position[0] + drift_m * sin(t_s), -position[1] + drift_m, max(0.0, -position[2] + 0.3 * drift_m)
         charge = 97 - round(t_s / 4.0)
-        self.platform.say(
+        self.platform.report(
             "motion",
             MotionSummary(
                 t_s=t_s,

@@ -17,7 +17,7 @@ from gloc3.messages.vehicle import ObstacleScan
 from gloc3_groundstation.store.configuration import Configuration, ThemeName
 from gloc3_groundstation.tui.dialogues.component_dialogues import ComponentMenu, FunctionForm
 from gloc3_groundstation.tui.dialogues.open_mission import OpenMission
-from gloc3_groundstation.tui.dialogues.questions import AskFor, EmergencyQuestion, Question
+from gloc3_groundstation.tui.dialogues.questions import EmergencyQuestion, TextQuestion, YesNoQuestion
 from gloc3_groundstation.tui.dialogues.save_mission import SaveMission
 from gloc3_groundstation.tui.dialogues.single_action import SingleAction
 from gloc3_groundstation.tui.dialogues.unsaved import UnsavedQuestion
@@ -49,7 +49,7 @@ WRONG = TEXT.replace("after: [depart]", "after: [depart, nowhere]").replace("spe
 async def overview(here: Scene) -> Pose:
     """The overview, what may lie over any screen, and a vehicle that has fallen silent."""
     yield "waiting"
-    await _trouble(here)
+    await _problem(here)
     yield "overview"
     await _over(here, "question_mark", HelpScreen)
     await here.wait(lambda: any(each.lines for each in here.app.screen.query(Panel)))
@@ -59,7 +59,7 @@ async def overview(here: Scene) -> Pose:
     await here.wait(lambda: any(found.option_count for found in here.app.screen.query(OptionList)))
     yield "palette"
     await _leave(here)
-    await _over(here, "a", Question)
+    await _over(here, "a", YesNoQuestion)
     yield "abort"
     await _leave(here)
     here.platform.fly(is_armed=True)
@@ -72,8 +72,8 @@ async def overview(here: Scene) -> Pose:
     yield "disarm"
     await _leave(here)
     here.platform.control = ControlState(holder="255", requested_by="254")
-    here.platform.say("control", here.platform.control)
-    await _over(here, "q", Question)
+    here.platform.report("control", here.platform.control)
+    await _over(here, "q", YesNoQuestion)
     yield "quit"
     await _leave(here)
     loop, here.platform.is_deaf = here.platform.loop, True
@@ -91,7 +91,7 @@ async def overview(here: Scene) -> Pose:
 
 async def health(here: Scene) -> Pose:
     """The components; what one of them can be told; a form; a question; an error in full."""
-    await _trouble(here)
+    await _problem(here)
     await here.go("2")
     await here.until("components", "pose_backup")
     yield "health"
@@ -115,7 +115,7 @@ async def health(here: Scene) -> Pose:
     await _over(here, "enter", ComponentMenu)
     await here.wait(lambda: bool(here.app.screen.query_one(ListPanel).chosen))
     await here.press("down", "enter")
-    await here.shows(Question)
+    await here.shows(YesNoQuestion)
     yield "force"
 
 
@@ -125,13 +125,13 @@ async def mission(here: Scene) -> Pose:
     here.platform.speak_every(0.5)
     await here.until("graph", "sweep")
     yield "mission_at_hand"
-    await _trouble(here)
+    await _problem(here)
     await here.until("graph", "running")
     await here.press("down", "right", "down")
     await here.until("detail", "follow_waypoints")
     yield "mission"
     await here.press("a")
-    await here.shows(Question)
+    await here.shows(YesNoQuestion)
     yield "abort_action"
     await _leave(here)
     here.platform.answer_next(
@@ -242,14 +242,14 @@ async def checks(here: Scene) -> Pose:
     await here.go("8")
     await here.until("checks", "NAV_DLL_ACT")
     yield "checks"
-    await _over(here, "o", AskFor)
+    await _over(here, "o", TextQuestion)
     await here.wait(lambda: isinstance(here.app.focused, Input))
     yield "override"
 
 
 async def events(here: Scene) -> Pose:
     """A long list, a search, and the question about a file."""
-    await _trouble(here)
+    await _problem(here)
     for number in range(200):
         here.platform.event(f"number {number}: a gust of {number % 9} m/s", Severity(3 + number % 4), "limiter")
     await here.go("9")
@@ -261,40 +261,40 @@ async def events(here: Scene) -> Pose:
     await here.until("filter", "11 of")
     yield "events_search"
     await here.enter()
-    await _over(here, "e", AskFor)
+    await _over(here, "e", TextQuestion)
     await here.wait(lambda: isinstance(here.app.focused, Input))
     yield "export"
 
 
 async def fleet(here: Scene) -> Pose:
     """Three vehicles, of which two are marked and one asks for control; and the questions."""
-    await _trouble(here)
+    await _problem(here)
     for number, name in enumerate(("egret", "stork")):
         other = ScriptedPlatform(here.exchange, name, 20 + number)
         other.control = ControlState(holder="254")
         other.speak_every(0.5)
     here.platform.control = ControlState(holder="255", requested_by="254")
-    here.platform.say("control", here.platform.control)
+    here.platform.report("control", here.platform.control)
     await here.go("0")
     await here.until("vehicles", "stork")
     await here.press("m")
     await here.until("control", "asks for it")
     yield "fleet"
-    await _over(here, "h", Question)
+    await _over(here, "h", YesNoQuestion)
     yield "fleet_order"
     await _leave(here)
     await here.press("down")
     await here.until("title", "egret 2/3")
-    await _over(here, "t", Question)
+    await _over(here, "t", YesNoQuestion)
     yield "take_over"
     await _leave(here)
-    await _over(here, "n", AskFor)
+    await _over(here, "n", TextQuestion)
     await here.wait(lambda: isinstance(here.app.focused, Input))
     yield "new_link"
     await _leave(here)
     await here.press("tab")
     await here.wait(lambda: getattr(here.app.focused, "id", "") == "links")
-    await _over(here, "delete", Question)
+    await _over(here, "delete", YesNoQuestion)
     yield "close_link"
     await _leave(here)
     await here.go("1")
@@ -353,13 +353,13 @@ async def problems(here: Scene) -> list[str]:
 async def settle(here: Scene) -> None:
     """Waits until what is shown is laid out, and no longer scrolls."""
     for _ in range(3):
-        here.app.look()
+        here.app.show_fleet()
         await here.pilot.pause(0.02)
     for each in here.app.screen.query(VerticalScroll):
         await here.wait(lambda each=each: not each.is_scrolling)  # type: ignore[misc]
 
 
-async def _trouble(here: Scene) -> None:
+async def _problem(here: Scene) -> None:
     here.platform.speak_every(0.5)
     await _read_back(here)
     await here.trouble_in_flight()

@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Protocol
 
-from tests.commands.programs import PATIENCE_S, Program, program
+from tests.commands.programs import TIMEOUT_S, Program, program
 
 from gloc3_sitl.demo.demo import free_ports
 
@@ -27,7 +27,7 @@ OWN_TERMINAL = (
     "import fcntl, os, sys, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0); os.execv(sys.executable, sys.argv[1:])"
 )
 """Makes the pty the terminal of the program, so that its size and Ctrl-C come as they do from a person."""
-LOOK_EVERY_S = 0.05
+POLL_PERIOD_S = 0.05
 KEYS = {
     "enter": "\r",
     "escape": "\x1b",
@@ -64,17 +64,17 @@ class RealTerminal(Protocol):
         """The exit code; None while the station runs."""
 
 
-def until(terminal: RealTerminal, *texts: str, within_s: float = PATIENCE_S) -> str:
+def until(terminal: RealTerminal, *texts: str, within_s: float = TIMEOUT_S) -> str:
     """Waits until the terminal shows all of some texts; what it shows then."""
     return wait(terminal, lambda shown: all(text in shown for text in texts), " and ".join(texts), within_s)
 
 
-def wait(terminal: RealTerminal, is_so: Callable[[str], bool], what: str, within_s: float = PATIENCE_S) -> str:
+def wait(terminal: RealTerminal, is_so: Callable[[str], bool], what: str, within_s: float = TIMEOUT_S) -> str:
     """Waits until what the terminal shows is so."""
     end_s = time.monotonic() + within_s
     while not is_so(shown := terminal.text()):
         assert time.monotonic() < end_s, f"never shown: {what}\n{shown}"
-        time.sleep(LOOK_EVERY_S)
+        time.sleep(POLL_PERIOD_S)
     return shown
 
 
@@ -100,7 +100,7 @@ class PtyTerminal:
     def press(self, *keys: str) -> None:
         for key in keys:
             os.write(self._master, KEYS.get(key, key).encode())
-            time.sleep(LOOK_EVERY_S)
+            time.sleep(POLL_PERIOD_S)
 
     def text(self) -> str:
         self._read()
@@ -118,7 +118,7 @@ class PtyTerminal:
     def close(self) -> None:
         if self._process.poll() is None:
             os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.wait(PATIENCE_S)
+        self._process.wait(TIMEOUT_S)
         os.close(self._master)
 
     def _read(self) -> None:
@@ -145,7 +145,7 @@ class TmuxTerminal:
     def press(self, *keys: str) -> None:
         for key in keys:
             self._tmux("send-keys", TMUX_KEYS[key]) if key in TMUX_KEYS else self._tmux("send-keys", "-l", key)
-            time.sleep(LOOK_EVERY_S)
+            time.sleep(POLL_PERIOD_S)
 
     def text(self) -> str:
         return self._tmux("capture-pane", "-p")
@@ -162,7 +162,7 @@ class TmuxTerminal:
 
     def _tmux(self, *arguments: str, env: dict[str, str] | None = None) -> str:
         command = ["tmux", "-S", str(self._socket), *arguments]
-        return subprocess.run(command, env=env, capture_output=True, text=True, check=True, timeout=PATIENCE_S).stdout
+        return subprocess.run(command, env=env, capture_output=True, text=True, check=True, timeout=TIMEOUT_S).stdout
 
 
 TERMINALS: dict[str, type[PtyTerminal] | type[TmuxTerminal]] = {"pty": PtyTerminal, "tmux": TmuxTerminal}

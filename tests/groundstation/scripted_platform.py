@@ -143,18 +143,18 @@ class ScriptedPlatform:
 
     # --- what a test makes it say ---
 
-    def say(self, topic: str, message: Message) -> None:
+    def report(self, topic: str, message: Message) -> None:
         self.publisher.publish(f"{self.name}/ci/{topic}", message, self.loop.time())
 
     def speak(self) -> None:
         """Its periodic status, once."""
-        self.say("vehicle", self.vehicle)
-        self.say("mission", self.mission)
-        self.say("control", self.control)
+        self.report("vehicle", self.vehicle)
+        self.report("mission", self.mission)
+        self.report("control", self.control)
         states = list(Health)
         lines = [ComponentLine(i, states.index(self.states[row.name]), 100, 12, 0, 0) for i, row in enumerate(ROWS)]
         worst = Health.FAULTY if Health.FAULTY in self.states.values() else Health.WORKING
-        self.say("summary", Summary(table=1, health=worst, lines=lines))
+        self.report("summary", Summary(table=1, health=worst, lines=lines))
 
     def speak_every(self, period_s: float) -> None:
         if not self.is_deaf:
@@ -163,7 +163,7 @@ class ScriptedPlatform:
 
     def fly(self, **changes: Any) -> None:
         self.vehicle = msgspec.structs.replace(self.vehicle, **changes)
-        self.say("vehicle", self.vehicle)
+        self.report("vehicle", self.vehicle)
 
     def advance(self, state: str = "running", progress: dict[str, float] | None = None, /, **tasks: str) -> None:
         """Says another state of the mission; `sweep__wall="done"` stands for the action `sweep.wall`."""
@@ -171,14 +171,14 @@ class ScriptedPlatform:
         self.mission = msgspec.structs.replace(
             self.mission, state=state, tasks={**self.mission.tasks, **named}, progress=progress or {}
         )
-        self.say("mission", self.mission)
+        self.report("mission", self.mission)
 
     def event(self, text: str, severity: Severity = Severity.WARNING, source: str = "driver") -> None:
-        self.say("event", CiEvent(severity=severity, source=source, text=text, t_s=self.loop.time()))
+        self.report("event", CiEvent(severity=severity, source=source, text=text, t_s=self.loop.time()))
 
-    def trouble(self, name: str, cause: str) -> None:
+    def problem(self, name: str, cause: str) -> None:
         self.states[name] = Health.FAULTY
-        self.say("trouble", ComponentTrouble(name=name, cause=cause, errors=1))
+        self.report("trouble", ComponentTrouble(name=name, cause=cause, errors=1))
 
     # --- how it answers ---
 
@@ -199,12 +199,12 @@ class ScriptedPlatform:
             reply = self._replies.get(key) or self._carry_out(request)
             self._replies[key] = reply
         if reply is not None:
-            self.loop.call_later(self.delay_s, self.say, "reply", reply)
+            self.loop.call_later(self.delay_s, self.report, "reply", reply)
 
     def _carry_out(self, request: CiRequest) -> CiReply:
         match request.body:
             case Hello():
-                self.say("table", ComponentTable(table=1, rows=ROWS))
+                self.report("table", ComponentTable(table=1, rows=ROWS))
                 self.speak()
             case LoadMission(text=text):
                 self.text = text
@@ -213,7 +213,7 @@ class ScriptedPlatform:
                 return reply_to(request, text=self.text)
             case Control():
                 self.control = ControlState(holder=request.sender)
-                self.say("control", self.control)
+                self.report("control", self.control)
             case CommandComponent(component=name, command=command):
                 return self._command(request, name, command)
             case CallFunction(arguments=values):

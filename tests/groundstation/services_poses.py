@@ -13,7 +13,7 @@ from gloc3.mavlink.transport.memory import Conditions
 from gloc3.mission.formats import write_plan
 from gloc3_groundstation.store.configuration import Configuration, ThemeName
 from gloc3_groundstation.tui.help import HelpScreen
-from gloc3_groundstation.tui.widgets.entry import Entry
+from gloc3_groundstation.tui.widgets.entry import TextEntry
 
 from .services_scene import INFOS, NAME, ServicesScene, services_scene
 
@@ -59,7 +59,7 @@ async def _parameters(here: ServicesScene, folder: Path) -> AsyncGenerator[str, 
     await here.enter()
     yield "search"
     await here.press("e")
-    await here.wait(lambda: isinstance(here.app.screen, Entry) and isinstance(here.app.focused, Input))
+    await here.wait(lambda: isinstance(here.app.screen, TextEntry) and isinstance(here.app.focused, Input))
     here.app.screen.query_one(Input).value = "25"
     await here.press("enter")
     yield "edit"

@@ -15,7 +15,7 @@ from gloc3.mavlink.services.parameter import Parameter, ParameterType, parameter
 from gloc3.mavlink.transport.memory import PERFECT, Conditions, MemoryLink
 from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.desk.services_desk import ServicesDesk
-from gloc3_groundstation.links.link import Link, LinkContext
+from gloc3_groundstation.links.link import LinkContext, StationLinkCore
 from gloc3_groundstation.services.machines import Wire
 from gloc3_groundstation.station import fleet as reducers
 from gloc3_groundstation.station.snapshots import AutopilotSnapshot, Fleet, PlatformSnapshot, Timed
@@ -28,7 +28,7 @@ from .scripted_platform import ScriptedPlatform
 from .station_scene import Scene
 
 NAME = "px4-1"
-PATIENCE_S = 20.0
+TIMEOUT_S = 20.0
 PARAMETERS = [
     parameter("COM_ARM_WO_GPS", 1, ParameterType.INT32),
     parameter("EKF2_GPS_CHECK", 245, ParameterType.INT32),
@@ -61,7 +61,7 @@ class ServicesScene(Scene):
     async def wait(self, is_so: Callable[[], bool]) -> None:
         """Waits in wall time, as the vehicle's answers come in it."""
         loop = asyncio.get_running_loop()
-        ends_s = loop.time() + PATIENCE_S
+        ends_s = loop.time() + TIMEOUT_S
         while not is_so():
             if loop.time() > ends_s:
                 raise AssertionError("it never came to that")
@@ -99,7 +99,7 @@ async def services_scene(
     vehicle = ScriptedVehicle(
         loop, memory, autopilot=autopilot, parameters=parameters, logs=logs or Logs(), folder=folder
     )
-    link = Link(memory.a.send, LinkContext(loop=loop, exchange=exchange, topics=TOPICS, boot=1))
+    link = StationLinkCore(memory.a.send, LinkContext(loop=loop, exchange=exchange, topics=TOPICS, boot=1))
     memory.a.on_data = link.receive
     station = Station(exchange, loop, "255", 11)
 
@@ -110,19 +110,19 @@ async def services_scene(
     services = ServicesDesk(station, reach, downloads)
     app = StationApp(Desk(station, services=services), configuration)
 
-    def heard(fleet: Fleet, now_s: float) -> Fleet:
+    def received(fleet: Fleet, now_s: float) -> Fleet:
         bare = PlatformSnapshot(
             name=NAME,
             boot=0,
-            first_heard_s=now_s,
-            heard_s=now_s + 1000,
+            first_received_s=now_s,
+            received_s=now_s + 1000,
             vehicle=Timed(SUMMARY, now_s + 1000),
             has_companion=False,
             autopilot=AutopilotSnapshot(link="udpin://0.0.0.0:14550", system=1, component=1, firmware="PX4"),
         )
         return reducers.with_platform(fleet, bare)
 
-    station.change(heard)
+    station.change(received)
     async with app.run_test(size=size) as pilot:
         here = ServicesScene(app, pilot, ScriptedPlatform(exchange), station, exchange)
         here.vehicle, here.memory, here.services = vehicle, memory, services

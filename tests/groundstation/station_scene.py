@@ -19,7 +19,7 @@ from gloc3.mission.model.model import digest_of
 from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.desk.flights import End
 from gloc3_groundstation.links.link_snapshot import LinkSnapshot
-from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.store.configuration import Configuration
 from gloc3_groundstation.tui.app import Opening, StationApp
@@ -46,10 +46,10 @@ tasks:
       home: {return_home: {}}
       down: {land: {}, after: [home]}
 """
-PLAN = Plan(name="hold.yaml", title="cargo hold", text=TEXT)
+PLAN = CheckedPlan(name="hold.yaml", title="cargo hold", text=TEXT)
 
 
-PATIENCE_S = 60.0
+TIMEOUT_S = 60.0
 """So long it is waited for what is to be seen, on a machine that is busy."""
 
 
@@ -79,7 +79,7 @@ LINKS = (
         bytes_out_s=640.0,
         frames_in=120_311,
         frames_out=4_012,
-        heard=("autopilot 1/1", "system 1/191"),
+        received=("autopilot 1/1", "system 1/191"),
         platforms=("heron",),
     ),
     LinkSnapshot(
@@ -90,7 +90,7 @@ LINKS = (
         frames_in=9_120,
         frames_out=801,
         dropped=3,
-        heard=("system 2/191",),
+        received=("system 2/191",),
         platforms=("egret",),
     ),
     LinkSnapshot(url="tcpout://10.0.0.7:5760", is_connected=False, problem="10.0.0.7:5760: connection refused"),
@@ -106,7 +106,7 @@ class Scene(NamedTuple):
 
     def shown(self, panel: str) -> str:
         """The text of a panel of the screen that is shown (also below a dialogue)."""
-        self.app.look()
+        self.app.show_fleet()
         panels = self.app.base.query(f"#{panel}").results(Panel) if self.app.base is not None else ()
         return "\n".join(text_of(line) for each in panels for line in each.lines)
 
@@ -120,7 +120,7 @@ class Scene(NamedTuple):
     async def wait(self, is_so: Callable[[], bool]) -> None:
         """Waits until something is so."""
         loop = asyncio.get_running_loop()
-        end_s = loop.time() + PATIENCE_S
+        end_s = loop.time() + TIMEOUT_S
         while loop.time() < end_s:
             if is_so():
                 return
@@ -182,7 +182,7 @@ class Scene(NamedTuple):
             and any(panel.lines for panel in base.query("#tabs").results(Panel))
         )
 
-    def asked(self, kind: type) -> list[object]:
+    def requested(self, kind: type) -> list[object]:
         """The requests of a kind that the platform has had."""
         return [body for body in self.platform.requests if isinstance(body, kind)]
 
@@ -195,18 +195,18 @@ class Scene(NamedTuple):
         self.platform.advance("running", {"sweep.wall": 0.42}, **done, **running)
         self.platform.event("gust of 7 m/s: setpoint clamped to the limit of 3.0 m/s", Severity.NOTICE, "limiter")
         self.platform.event("battery below 30 %: on_low_battery is return", Severity.WARNING, "command_server")
-        self.platform.trouble("ground_camera", "ValueError: no frame for 1.0 s, the device has gone away")
+        self.platform.problem("ground_camera", "ValueError: no frame for 1.0 s, the device has gone away")
         self.platform.speak()
         self.platform.event("working -> faulty: no frame for 1.0 s", Severity.ERROR, "ground_camera")
         self.platform.fly(battery_percent=14)
         await self.pilot.pause()
-        self.app.look()
+        self.app.show_fleet()
         await self.pilot.pause()
 
 
 @asynccontextmanager
 async def scene(
-    plan: Plan | None = PLAN,
+    plan: CheckedPlan | None = PLAN,
     size: tuple[int, int] = (80, 24),
     configuration: Configuration = Configuration(),  # noqa: B008 - immutable
     *,

@@ -20,7 +20,7 @@ from .vehicles_scene import PX4, SMARTAP, Autopilot, over
 from .vehicles_scene import Scene as Links
 
 
-class Trouble(NamedTuple):
+class TunnelTrouble(NamedTuple):
     """One thing that goes wrong."""
 
     what: str
@@ -92,12 +92,12 @@ async def link_that_is_not_open() -> str:
 async def on_links(play: Callable[[Links], Awaitable[None]]) -> str:
     """What the alerts say after something on the links, in virtual time on a thread of its own."""
 
-    async def told(links: Links) -> str:
+    async def reported(links: Links) -> str:
         await play(links)
         found = alerts.update(Alerts(), links.station.fleet, links.station.now_s())
         return "\n".join(dict.fromkeys(f"{alert.severity.name.lower()} {alert.text}" for alert in found.pending))
 
-    return await asyncio.to_thread(over, told)
+    return await asyncio.to_thread(over, reported)
 
 
 async def restarted_autopilot() -> str:
@@ -160,57 +160,57 @@ PICTURE = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR" + bytes(range(256))
 MISSION = b"mission: x\nframe: hold\ntasks:\n  a:\n    actions:\n      up: {take_off: {hieght_m: 2}}\n"
 
 TROUBLES = (
-    Trouble("the terminal is too small", small_terminal, "has 60 × 20 characters", "enlarge it"),
-    Trouble(
+    TunnelTrouble("the terminal is too small", small_terminal, "has 60 × 20 characters", "enlarge it"),
+    TunnelTrouble(
         "a vehicle falls silent in flight", lambda: silent(is_armed=True), "it was armed", "see to radio and antenna"
     ),
-    Trouble(
+    TunnelTrouble(
         "a vehicle falls silent on the ground", lambda: silent(is_armed=False), "nothing is heard", "is it switched on"
     ),
-    Trouble(
+    TunnelTrouble(
         "a link cannot be opened",
         link_that_is_not_open,
         "connection refused",
         "is the program at the other end running",
     ),
-    Trouble("the onboard process restarts", restarted_companion, "has restarted", "look at mission and checks"),
-    Trouble("an autopilot restarts", restarted_autopilot, "has restarted", "look at them and at its plan"),
-    Trouble(
+    TunnelTrouble("the onboard process restarts", restarted_companion, "has restarted", "look at mission and checks"),
+    TunnelTrouble("an autopilot restarts", restarted_autopilot, "has restarted", "look at them and at its plan"),
+    TunnelTrouble(
         "two vehicles with one system id on one link",
         lambda: two_of_one_id(is_on_one_link=True),
         "two vehicles share system id 1",
         "give one of them another id",
     ),
-    Trouble(
+    TunnelTrouble(
         "two vehicles with one system id on two links",
         lambda: two_of_one_id(is_on_one_link=False),
         "the same system id 1",
         "give one of them another id",
     ),
-    Trouble("two platforms of one name", two_of_one_name, "two platforms have this name", "give it another name"),
-    Trouble(
+    TunnelTrouble("two platforms of one name", two_of_one_name, "two platforms have this name", "give it another name"),
+    TunnelTrouble(
         "an autopilot that nobody knows", unknown_autopilot, "unknown autopilot (smartap)", "use its own ground station"
     ),
-    Trouble(
+    TunnelTrouble(
         "a mission with a misspelt word", lambda: opened("m.yaml", MISSION), "'hieght_m'", "did you mean 'height_m'?"
     ),
-    Trouble("a plan that ends in the middle", lambda: opened("m.plan", PLAN), "not JSON", "save it again"),
-    Trouble(
+    TunnelTrouble("a plan that ends in the middle", lambda: opened("m.plan", PLAN), "not JSON", "save it again"),
+    TunnelTrouble(
         "a picture in place of a mission", lambda: opened("m.yaml", PICTURE), "not UTF-8 text", "save the file as UTF-8"
     ),
-    Trouble(
+    TunnelTrouble(
         "a configuration file with a misspelt word",
         lambda: refused(lambda file: ConfigurationFile(file).read(), 'theme = "dark"\nlink = []\n'),
         "FILE:2:1: unknown setting 'link'",
         "did you mean 'links'?",
     ),
-    Trouble(
+    TunnelTrouble(
         "a parameter file that is none",
         lambda: refused(load_parameter_file, "hello\nworld\n"),
         "is not understood",
         "a name and a value",
     ),
-    Trouble(
+    TunnelTrouble(
         "a signing key that is none", lambda: refused(read_signing_key, "xyz\n"), "64 hexadecimal digits", "openssl"
     ),
 )

@@ -7,12 +7,12 @@ from typing import Any, TypeVar
 
 from gloc3.clock import run_virtual
 from gloc3.exchange import LocalExchange
-from gloc3.exchange.mavlink import MavlinkExchange, Role, TunnelEndpoint
+from gloc3.exchange.mavlink import MavlinkExchange, TunnelEndpoint, TunnelRole
 from gloc3.mavlink.codec import Encoder, Parser, message
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.transport.memory import MemoryLink
 from gloc3.messages.topics import TopicTable
-from gloc3_groundstation.links.link import Link, LinkContext
+from gloc3_groundstation.links.link import LinkContext, StationLinkCore
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.station.vehicles import Vehicles
@@ -36,14 +36,14 @@ class Autopilot:
         self.is_on = True
         self._tick()
 
-    def say(self, name: str, **fields: Any) -> None:
+    def report(self, name: str, **fields: Any) -> None:
         self._send(self._encoder.encode(message(name, **fields)))
 
     def _tick(self) -> None:
         self._loop.call_later(1.0, self._tick)
         if self.is_on:
-            self.say("HEARTBEAT", **self.beat)
-            self.say("SYSTEM_TIME", time_boot_ms=int(1000 * (self._loop.time() - self.booted_s)))
+            self.report("HEARTBEAT", **self.beat)
+            self.report("SYSTEM_TIME", time_boot_ms=int(1000 * (self._loop.time() - self.booted_s)))
 
 
 class Scene:
@@ -54,9 +54,9 @@ class Scene:
         exchange = LocalExchange()
         self.station = Station(exchange, loop, "255", 11)
         self.memories = [MemoryLink(loop, Random(n)) for n in range(2)]
-        self.links: list[tuple[str, Link]] = []
+        self.links: list[tuple[str, StationLinkCore]] = []
         for number, memory in enumerate(self.memories):
-            link = Link(memory.a.send, LinkContext(loop=loop, exchange=exchange, topics=TOPICS, boot=11))
+            link = StationLinkCore(memory.a.send, LinkContext(loop=loop, exchange=exchange, topics=TOPICS, boot=11))
             memory.a.on_data = link.receive
             self.links.append((f"udpin://0.0.0.0:{14550 + number}", link))
         self.vehicles = Vehicles(self.station, lambda: self.links)
@@ -70,17 +70,17 @@ class Scene:
         """A platform's companion on a link, that speaks twice a second."""
         memory, there, address = self.memories[number], LocalExchange(), Address(system, 191)
         platform, encoder = ScriptedPlatform(there, name), Encoder(*address)
-        end = TunnelEndpoint(Role.PLATFORM, name, address, 99, TOPICS)
+        end = TunnelEndpoint(TunnelRole.PLATFORM, name, address, 99, TOPICS)
         tunnel = MavlinkExchange(end, platform.loop, lambda sent: memory.b.send(encoder.encode(sent)))
         tunnel.bridge(there, TOPICS, name)
 
-        def take(data: bytes) -> None:
+        def handle(data: bytes) -> None:
             for frame in Parser(is_datagram=True).receive(data):
                 decoded = frame.decode()
                 if decoded is not None:
                     tunnel.receive(decoded, frame.sender)
 
-        memory.b.on_data = take
+        memory.b.on_data = handle
         platform.loop.call_later(0.3, platform.speak_every, 0.5)
         return tunnel
 

@@ -73,14 +73,14 @@ class DriverRig:
         self.stage.put(grant=given)
         return given
 
-    def ask(self, kind: ManoeuvreKind, owner: str = "go", **fields: Any) -> None:
+    def request(self, kind: ManoeuvreKind, owner: str = "go", **fields: Any) -> None:
         """The owner asks for a manoeuvre."""
         self.step(manoeuvre=Manoeuvre(action_id=owner, kind=kind, **fields))
 
     def in_flight(self) -> "DriverRig":
         """Takes off for the owner and streams until the autopilot follows."""
         self.step()
-        self.ask(ManoeuvreKind.TAKE_OFF, height_m=2.0, may_arm=True)
+        self.request(ManoeuvreKind.TAKE_OFF, height_m=2.0, may_arm=True)
         self.run(1.0)
         self.at = (0.0, 0.0, 2.0)
         self.step()

@@ -5,9 +5,9 @@ from typing import Any
 from gloc3.clock import VirtualLoop
 from gloc3.mavlink import codec
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.node import Node
+from gloc3.mavlink.node import MavlinkComponent
 from gloc3.mavlink.services.command import CommandResult
-from gloc3.mavlink.services.command_server import CommandRequest, CommandServer
+from gloc3.mavlink.services.command_server import MavCommandRequest, MavCommandServer
 from gloc3.mavlink.services.heartbeat import Heartbeat
 from gloc3.mavlink.services.interval import STREAM_COMMANDS, StreamScheduler
 from gloc3.mavlink.services.statustext import StatusTextSender
@@ -33,8 +33,8 @@ class FakeAutopilot:
         self.own = own
         self.vehicle_type = vehicle_type
         self.style = style
-        self.ran: list[CommandRequest] = []
-        self.heard: list[MavlinkMessage] = []
+        self.ran: list[MavCommandRequest] = []
+        self.received: list[MavlinkMessage] = []
         self.refuses: dict[int, tuple[CommandResult, str]] = {}
         """Command to the result and the text that says why."""
         self.silent_on: set[int] = set()
@@ -46,7 +46,7 @@ class FakeAutopilot:
         self._loop, self._end = loop, end
         self._encoder = codec.Encoder(*own)
         self._parser = codec.Parser(is_datagram=True)
-        end.on_data = self._hear
+        end.on_data = self._receive
         self.has_clock = True
         """Answers TIMESYNC."""
         self.boot()
@@ -56,17 +56,17 @@ class FakeAutopilot:
         """Begins anew, with the usual streams and its clock at zero."""
         own = self.own
         self._booted_s = self._loop.time()
-        self._commands = CommandServer(own, is_autopilot=True)
+        self._commands = MavCommandServer(own, is_autopilot=True)
         self._texts = StatusTextSender(own)
         self.heartbeat = Heartbeat(own, vehicle_type=self.vehicle_type, autopilot=FAMILIES.get(self.style, 4))
         self.heartbeat.custom_mode, self.heartbeat.base_mode = HOLD.get(self.style, 0), 1
         self._streams = StreamScheduler(own, USUAL_HZ)
-        self._node = Node(own, [self._commands, self._texts, self.heartbeat])
+        self._node = MavlinkComponent(own, [self._commands, self._texts, self.heartbeat])
         if self.has_clock:
-            self._node.add(TimeSync(own, tell_s=lambda _: self.boot_s))
+            self._node.add(TimeSync(own, send_s=lambda _: self.boot_s))
 
-    def say(self, text: str, severity: int = 4) -> None:
-        self._texts.say(severity, text)
+    def report(self, text: str, severity: int = 4) -> None:
+        self._texts.send(severity, text)
 
     @property
     def boot_s(self) -> float:
@@ -87,11 +87,11 @@ class FakeAutopilot:
     def send(self, name: str, **fields: Any) -> None:
         self._end.send(self._encoder.encode(codec.message(name, **fields)))
 
-    def _hear(self, data: bytes) -> None:
+    def _receive(self, data: bytes) -> None:
         now_s = self._loop.time()
         for frame in self._parser.receive(data):
             if not self.is_off and (message := frame.decode()) is not None:
-                self.heard.append(message)
+                self.received.append(message)
                 self._node.receive(frame, now_s)
         for request in self._commands.events():
             self.ran.append(request)
@@ -102,7 +102,7 @@ class FakeAutopilot:
             if request.command not in self.silent_on:
                 self._commands.answer(request, result, now_s=now_s)
             if why:
-                self.say(why)
+                self.report(why)
 
     def _tick(self) -> None:
         now_s = self._loop.time()

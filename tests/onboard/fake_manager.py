@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
-PATIENCE_S = 60.0
+TIMEOUT_S = 60.0
 
 
 class FakeManager:
@@ -27,7 +27,7 @@ class FakeManager:
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.bind("\0" + self._address[1:] if is_abstract else self._address)
         self._socket.settimeout(0.05)
-        self.told: list[tuple[int, float, str]] = []
+        self.reported: list[tuple[int, float, str]] = []
         """The process's number, when, and a line that it told."""
         self.ends: list[int] = []
         """How each process ended: its exit code, or minus the signal."""
@@ -67,14 +67,14 @@ class FakeManager:
             now_s = time.monotonic()
             with self._changed:
                 number = len(self.ends)
-                self.told += [(number, now_s, line) for line in text.splitlines()]
+                self.reported += [(number, now_s, line) for line in text.splitlines()]
                 if "READY=1" in text or "WATCHDOG=1" in text:  # the watchdog begins with READY
                     is_watched = "READY=1" in text or self._fed_s is not None
                     self._fed_s = now_s if is_watched else None
                 self._changed.notify_all()
             if self._fed_s is not None and now_s - self._fed_s > self._watchdog_s and self.process.poll() is None:
                 self.process.send_signal(signal.SIGABRT)
-                self.process.wait(PATIENCE_S)
+                self.process.wait(TIMEOUT_S)
             code = self.process.poll()
             if code is not None and self._is_open:
                 with self._changed:
@@ -87,13 +87,13 @@ class FakeManager:
     def lines(self, life: int) -> list[str]:
         """What a process told, but for what only feeds the watchdog."""
         with self._changed:
-            return [line for number, _, line in self.told if number == life and line != "WATCHDOG=1"]
+            return [line for number, _, line in self.reported if number == life and line != "WATCHDOG=1"]
 
     def until(self, is_so: Callable[[], bool], what: str) -> None:
         """Waits until something is so; fails with the journal if it does not come."""
-        end_s = time.monotonic() + PATIENCE_S
+        end_s = time.monotonic() + TIMEOUT_S
         while not is_so():
-            assert time.monotonic() < end_s, f"not within {PATIENCE_S:g} s: {what}\n{self.journal}\n{self.told}"
+            assert time.monotonic() < end_s, f"not within {TIMEOUT_S:g} s: {what}\n{self.journal}\n{self.reported}"
             time.sleep(0.02)
 
     def await_line(self, life: int, line: str) -> None:
@@ -108,10 +108,10 @@ class FakeManager:
     def close(self) -> None:
         """Ends it all, however it is."""
         self._is_open = False
-        self._thread.join(PATIENCE_S)
+        self._thread.join(TIMEOUT_S)
         if self.process.poll() is None:
             self.process.kill()
-            self.process.wait(PATIENCE_S)
+            self.process.wait(TIMEOUT_S)
         self._socket.close()
 
 

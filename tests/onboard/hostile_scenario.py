@@ -21,7 +21,7 @@ from gloc3.mavlink.transport.memory import MemoryLink
 from gloc3.messages.command_interface import CiRequest, Hello
 from gloc3.messages.envelope import Envelope, Event
 from gloc3.messages.topics import TopicTable
-from gloc3_groundstation.links.link import Link, LinkContext, LinkSettings
+from gloc3_groundstation.links.link import LinkContext, LinkSettings, StationLinkCore
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.companion.routing import RoutedLink
 from gloc3_onboard.companion.station_link import StationLink, StationLinkSettings
@@ -85,9 +85,13 @@ class _Scene:
         self.ours = self.remembered()
         self.platform = StationLink("heron", 1, loop, self.here, topics, 7, StationLinkSettings(signing=self.ours))
         self.autopilot = AutopilotLink(loop, self.clock)
-        vehicle = RoutedLink("udpin://:14540", router, loop, self.autopilot.take)
+        vehicle = RoutedLink("udpin://:14540", router, loop, self.autopilot.receive_frames)
         self.radio = RoutedLink(
-            "serial:///dev/ttyUSB0:57600", router, loop, self.platform.take, signed_only=self.platform.signed_only
+            "serial:///dev/ttyUSB0:57600",
+            router,
+            loop,
+            self.platform.receive_frames,
+            signed_only=self.platform.signed_only,
         )
         self.open = RoutedLink("udpin://:14560", router, loop, lambda _: None)
         self.sink = MemoryLink(loop, Random(3))
@@ -98,10 +102,10 @@ class _Scene:
         self.autopilot.open(vehicle)
         self.at_autopilot: list[bytes] = []
         self.cable.b.on_data = self.at_autopilot.append
-        self.told: list[str] = []
-        self.station = Link(
+        self.reported: list[str] = []
+        self.station = StationLinkCore(
             self._station_sends,
-            LinkContext(loop=loop, exchange=self.there, topics=topics, boot=8, report=self.told.append),
+            LinkContext(loop=loop, exchange=self.there, topics=topics, boot=8, report=self.reported.append),
             LinkSettings(key=KEY),
         )
         self.memory.a.on_data = self.station.receive
@@ -127,7 +131,7 @@ class _Scene:
 
     async def is_served(self, sequence: int) -> bool:
         """Whether the true station reaches the autopilot and the companion."""
-        before, heard = len(self.requests), len(self.at_autopilot)
+        before, received = len(self.requests), len(self.at_autopilot)
         self.cable.b.send(self._pilot.encode(message("HEARTBEAT", type=2, autopilot=12, mavlink_version=3)))
         await asyncio.sleep(1.0)
         self.station.send(ARM)
@@ -135,7 +139,9 @@ class _Scene:
         Publisher(self.there, "station", "client", 8).publish("heron/ci/request", request, self.loop.time())
         await asyncio.sleep(4.0)
         commands = [
-            frame for frame in _frames(self.at_autopilot[heard:]) if frame.system == 255 and frame.message_id == ARM.id
+            frame
+            for frame in _frames(self.at_autopilot[received:])
+            if frame.system == 255 and frame.message_id == ARM.id
         ]
         return len(self.requests) == before + 1 and len(commands) == 1 and commands[0].is_signed
 
@@ -188,10 +194,10 @@ def scenario(count: int, rounds: int = 4) -> Figures:
 async def _run(count: int, rounds: int, folder: Path) -> Figures:
     scene, figures = _Scene(folder), Figures()
     assert await scene.is_served(0)
-    heard, requests = len(scene.at_autopilot), len(scene.requests)
+    received, requests = len(scene.at_autopilot), len(scene.requests)
     figures.attacks = await _attack(scene, count, 1)
     figures.refused = scene.platform.signed_only.refused() if scene.platform.signed_only else {}
-    strange = [frame for frame in _frames(scene.at_autopilot[heard:]) if frame.system != 1]
+    strange = [frame for frame in _frames(scene.at_autopilot[received:]) if frame.system != 1]
     figures.reached_autopilot = sum(not _is_genuine(frame) for frame in strange)
     figures.reached_companion = len(scene.requests) - requests
     figures.told = len(scene.events)
@@ -260,13 +266,13 @@ async def _flood(scene: _Scene, count: int, figures: Figures) -> None:
         if number % 100 == 0:
             scene.open.receive(chance.randbytes(300))
             await asyncio.sleep(0.001)
-    heard = len(scene.at_autopilot)
+    received = len(scene.at_autopilot)
     scene.open.receive(station.encode(ARM))
     await asyncio.sleep(0.1)
     figures.invented, figures.senders = count, len(scene.open.routed.senders)
     figures.no_room = scene.open.routed.counts.refused - before
     figures.flood_still_served = any(
-        frame.system == 254 and frame.message_id == ARM.id for frame in _frames(scene.at_autopilot[heard:])
+        frame.system == 254 and frame.message_id == ARM.id for frame in _frames(scene.at_autopilot[received:])
     )
     assert figures.senders <= MOST_ADDRESSES
 

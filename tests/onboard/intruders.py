@@ -24,14 +24,14 @@ from tests.common.network.yard import NOW, Yard
 
 from gloc3.exchange import Publisher
 from gloc3.exchange.zenoh import ZenohExchange, open_exchange
-from gloc3.exchange.zenoh_session import Node
+from gloc3.exchange.zenoh_session import ZenohEndpoints
 from gloc3.log.commands import list_commands
 from gloc3.log.reader import LogReader
 from gloc3.messages.command_interface import AnyBody, CallFunction, CiReply, CiRequest, Control, ControlVerb
 from gloc3.messages.envelope import Envelope, FunctionRequest
 from gloc3.messages.topics import TopicTable
 from gloc3.network import register
-from gloc3.network.access import Role
+from gloc3.network.access import MemberRole
 from gloc3.platform.reader import whole_text
 from gloc3_sitl.demo.demo import free_ports
 
@@ -40,7 +40,7 @@ FUNCTION = f"{PLATFORM}/components/{COMPONENT}/function"
 TRY_S = 3.0
 """So long each intruder reads and commands."""
 EVERY_S = 0.1
-PATIENCE_S = 60.0
+TIMEOUT_S = 60.0
 DAY = timedelta(days=1)
 LEAST_HZ, STEP_HZ = 20.0, 0.01
 
@@ -98,7 +98,7 @@ class Speaker:
         self._publisher = Publisher(exchange, name, "ci", boot)
         self._sequences = count()
         self._answered: dict[int, asyncio.Future[CiReply]] = {}
-        exchange.subscribe(f"{PLATFORM}/ci/reply", self._hear)
+        exchange.subscribe(f"{PLATFORM}/ci/reply", self._receive)
 
     def request(self, body: AnyBody) -> CiRequest:
         """The next request."""
@@ -123,11 +123,11 @@ class Speaker:
             FUNCTION, FunctionRequest(request_id="1", function="set_rate", arguments=arguments), 0.0
         )
 
-    async def ask(self, body: AnyBody, times: int = 1) -> CiReply:
+    async def send_request(self, body: AnyBody, times: int = 1) -> CiReply:
         """Asks as a station does, some times at once, until it is answered."""
         request = self.request(body)
         answer = self._answered[request.sequence] = asyncio.get_running_loop().create_future()
-        async with asyncio.timeout(PATIENCE_S):
+        async with asyncio.timeout(TIMEOUT_S):
             while not answer.done():
                 for _ in range(times):
                     self.send(f"request/{self._name}", request)
@@ -135,7 +135,7 @@ class Speaker:
         reply: CiReply = answer.result()
         return reply
 
-    def _hear(self, envelope: Envelope[CiReply]) -> None:
+    def _receive(self, envelope: Envelope[CiReply]) -> None:
         reply = envelope.payload
         answer = self._answered.get(reply.sequence)
         if reply.sender == self._name and reply.boot == self._boot and answer is not None and not answer.done():
@@ -154,18 +154,18 @@ class Scene:
         before = len(self.onboard.lines)
         self.onboard.process.send_signal(signal.SIGHUP)
         await asyncio.to_thread(
-            self.onboard.await_line, lambda line: "network.yaml is read again" in line, PATIENCE_S, before
+            self.onboard.await_line, lambda line: "network.yaml is read again" in line, TIMEOUT_S, before
         )
         await self.show_that_it_obeys()
 
     async def show_that_it_obeys(self) -> None:
         """The operator takes control and commands."""
-        await self.alice.ask(Control(verb=ControlVerb.TAKE_OVER))
-        reply = await self.alice.ask(self.alice.command())
+        await self.alice.send_request(Control(verb=ControlVerb.TAKE_OVER))
+        reply = await self.alice.send_request(self.alice.command())
         assert reply.outcome == "accepted", reply
 
     async def attempt(
-        self, who: str, name: str, node: Node, settings: dict[str, Any], keys: tuple[str, ...]
+        self, who: str, name: str, node: ZenohEndpoints, settings: dict[str, Any], keys: tuple[str, ...]
     ) -> Attempt:
         """Somebody opens a link, reads what can be read, and commands as some name."""
         loop, topics = asyncio.get_running_loop(), TopicTable.installed()
@@ -224,12 +224,12 @@ async def scene(folder: Path, stack: ExitStack) -> AsyncIterator[Scene]:
     assert await asyncio.to_thread(onboard.end) == 0, onboard.text
 
 
-def entry() -> register.Member:
+def entry() -> register.NetworkMember:
     """An operator's."""
-    return register.Member(role=Role.OPERATOR, certificate="", until="")
+    return register.NetworkMember(role=MemberRole.OPERATOR, certificate="", until="")
 
 
-async def strangers(yard: Yard, folder: Path) -> list[tuple[str, str, Node, dict[str, Any]]]:
+async def strangers(yard: Yard, folder: Path) -> list[tuple[str, str, ZenohEndpoints, dict[str, Any]]]:
     """Those whose certificates do not count: who, their name, node and settings."""
     carol = yard.membership("carol")
     no_certificate = carol.settings()
@@ -331,7 +331,7 @@ async def intrude(folder: Path) -> Found:
             )
             attempts += await expire(at)
             repeated = at.alice.command()
-            assert (await at.alice.ask(repeated, times=5)).outcome == "accepted"
+            assert (await at.alice.send_request(repeated, times=5)).outcome == "accepted"
     with program("log", "commands", "out", folder=folder) as listed:
         assert listed.end() == 0, listed.text
     return judge(folder, attempts, at, tapped_hz, kept, repeated.arguments["rate_hz"], listed.lines)
@@ -345,8 +345,8 @@ async def tap(at: Scene) -> tuple[float, int]:
     loop = asyncio.get_running_loop()
     with open_exchange(node, loop, TopicTable.installed(), settings=carol.settings()) as network:
         speaker = Speaker(network, "carol", at.rates, 8)
-        await speaker.ask(Control(verb=ControlVerb.TAKE_OVER))
-        assert (await speaker.ask(speaker.command())).outcome == "accepted"
+        await speaker.send_request(Control(verb=ControlVerb.TAKE_OVER))
+        assert (await speaker.send_request(speaker.command())).outcome == "accepted"
     await line.close()
     await line.send_again()
     await at.show_that_it_obeys()

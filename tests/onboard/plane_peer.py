@@ -11,7 +11,7 @@ from gloc3.clock import VirtualLoop
 from gloc3.mavlink import codec
 from gloc3.mavlink.message import MavlinkMessage
 from gloc3.mavlink.services.command import CommandResult
-from gloc3.mavlink.services.command_server import CommandRequest
+from gloc3.mavlink.services.command_server import MavCommandRequest
 from gloc3.mavlink.transport.memory import MemoryEnd
 from gloc3.messages.frames import GeoPoint, TangentPlane, Vector3, wrap_pi
 
@@ -37,7 +37,7 @@ class PlanePeer(VehiclePeer):
         self.mode = self.loiter
         self.place: Vector3 = (0.0, 0.0, -50.0)
         """Where it flies to, or goes round."""
-        self.asked_s: list[float] = []
+        self.requested_s: list[float] = []
         """When it was sent to a place."""
 
     def _enter(self, mode: int) -> None:
@@ -54,7 +54,7 @@ class PlanePeer(VehiclePeer):
     def send_to(self, place: Vector3) -> None:
         """Sent to a place."""
         self.place, self.last_s = place, self._loop.time()
-        self.asked_s.append(self.last_s)
+        self.requested_s.append(self.last_s)
 
     def move(self, now_s: float) -> None:
         """Turns towards its place, or onto a circle around it; climbs and sinks on the way."""
@@ -75,12 +75,12 @@ class PlanePeer(VehiclePeer):
         if self.mode == self.land and self.position[2] > -0.3:
             self.position[2], self.is_armed = 0.0, False
 
-    def _tell(self, name: str, boot_ms: int) -> MavlinkMessage | None:
+    def _report(self, name: str, boot_ms: int) -> MavlinkMessage | None:
         if name == "EXTENDED_SYS_STATE":
             is_down = not self.is_armed or self.position[2] > -1.0
             landed = ON_GROUND if is_down else TAKING_OFF if self.mode == self.take_off else IN_AIR
             return codec.message(name, landed_state=LANDING if not is_down and self.mode == self.land else landed)
-        return super()._tell(name, boot_ms)
+        return super()._report(name, boot_ms)
 
 
 class ArduPlane(PlanePeer):
@@ -93,7 +93,7 @@ class ArduPlane(PlanePeer):
         """A plane of ArduPilot takes no local setpoints."""
         self.refused.append(message.name)
 
-    def _run(self, request: CommandRequest, now_s: float) -> CommandResult:
+    def _run(self, request: MavCommandRequest, now_s: float) -> CommandResult:
         if request.command != REPOSITION:
             return super()._run(request, now_s)
         if self.mode != self.guided or not request.is_int:
@@ -119,13 +119,13 @@ class Px4Plane(PlanePeer):
         else:
             self.send_to((message.x, message.y, message.z))
 
-    def _hear(self, data: bytes) -> None:
+    def _receive(self, data: bytes) -> None:
         frames = codec.Parser(is_datagram=True).receive(data)
         if any(frame.shape is not None and frame.shape.name == "SET_POSITION_TARGET_LOCAL_NED" for frame in frames):
             self._streamed_s = self._loop.time()
-        super()._hear(data)
+        super()._receive(data)
 
-    def _run(self, request: CommandRequest, now_s: float) -> CommandResult:
+    def _run(self, request: MavCommandRequest, now_s: float) -> CommandResult:
         match request.command:
             case 176:
                 mode = int(request.params[1]) << 16 | int(request.params[2]) << 24

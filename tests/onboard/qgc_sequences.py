@@ -44,7 +44,7 @@ class Station:
     def send(self, message: Any) -> None:
         self._socket.send(message.pack(self._codec))
 
-    def hear(self, is_it: Callable[[Any], bool], within_s: float, what: str) -> Any:
+    def receive(self, is_it: Callable[[Any], bool], within_s: float, what: str) -> Any:
         """The next message that fits; fails when none comes in time."""
         until_s = time.monotonic() + ATTEMPTS * within_s
         while (now_s := time.monotonic()) < until_s:
@@ -77,7 +77,9 @@ class Station:
         values = [*params, *[0.0] * (7 - len(params))]
         self.send(mavlink.MAVLink_command_long_message(1, component, number, 0, *values))
         while True:
-            ack = self.hear(self.kind("COMMAND_ACK", component, command=number), 2 * ACK_TIMEOUT_S, f"ack of {number}")
+            ack = self.receive(
+                self.kind("COMMAND_ACK", component, command=number), 2 * ACK_TIMEOUT_S, f"ack of {number}"
+            )
             if ack.result != mavlink.MAV_RESULT_IN_PROGRESS:
                 return int(ack.result)
 
@@ -87,7 +89,7 @@ class Station:
         sender = None if name.startswith("UNKNOWN") else component  # pymavlink does not tell whose an unknown one is
         found, result = None, None
         while result is None or (result == 0 and found is None):
-            message = self.hear(
+            message = self.receive(
                 lambda one: (
                     self.kind(name, sender)(one) or self.kind("COMMAND_ACK", component, command=REQUEST_MESSAGE)(one)
                 ),
@@ -107,26 +109,28 @@ class Station:
         counts: dict[int, int] = {}
         while True:
             try:
-                told = self.hear(self.kind("PARAM_VALUE"), 1.5, "a parameter")
+                reported = self.receive(self.kind("PARAM_VALUE"), 1.5, "a parameter")
             except AssertionError:
-                lacking = [(c, i) for c, count in counts.items() for i in range(count) if i not in found[c]]
-                if not lacking:
+                missing = [(c, i) for c, count in counts.items() for i in range(count) if i not in found[c]]
+                if not missing:
                     return {component: dict(rows.values()) for component, rows in found.items()}
-                for component, index in lacking[:10]:
+                for component, index in missing[:10]:
                     self.send(mavlink.MAVLink_param_request_read_message(1, component, b"", index))
                 continue
-            component = told.get_srcComponent()
-            counts[component] = told.param_count
-            found.setdefault(component, {})[told.param_index] = (told.param_id, told.param_value)
+            component = reported.get_srcComponent()
+            counts[component] = reported.param_count
+            found.setdefault(component, {})[reported.param_index] = (reported.param_id, reported.param_value)
 
     def read_plan(self, component: int, kind: int) -> list[Any]:
         """Reads a plan as PlanManager does."""
         self.send(mavlink.MAVLink_mission_request_list_message(1, component, kind))
-        count = self.hear(self.kind("MISSION_COUNT", mission_type=kind), ACK_TIMEOUT_S, f"count of {kind}").count
+        count = self.receive(self.kind("MISSION_COUNT", mission_type=kind), ACK_TIMEOUT_S, f"count of {kind}").count
         items = []
         for number in range(count):
             self.send(mavlink.MAVLink_mission_request_int_message(1, component, number, kind))
-            items.append(self.hear(self.kind("MISSION_ITEM_INT", mission_type=kind), ACK_TIMEOUT_S, f"item {number}"))
+            items.append(
+                self.receive(self.kind("MISSION_ITEM_INT", mission_type=kind), ACK_TIMEOUT_S, f"item {number}")
+            )
         self.send(mavlink.MAVLink_mission_ack_message(1, component, 0, kind))
         return items
 
@@ -134,7 +138,7 @@ class Station:
         """Writes a plan as PlanManager does: no answer for 1.5 s at the end is a failure."""
         self.send(mavlink.MAVLink_mission_count_message(1, component, len(items), kind))
         while True:
-            asked = self.hear(
+            requested = self.receive(
                 lambda one: (
                     one.get_type() in ("MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK")
                     and one.mission_type == kind
@@ -142,12 +146,12 @@ class Station:
                 ACK_TIMEOUT_S,
                 "a request, or the acknowledgement",
             )
-            if asked.get_type() == "MISSION_ACK":
-                return int(asked.type)
-            command, frame, params, x, y, z = items[asked.seq]
+            if requested.get_type() == "MISSION_ACK":
+                return int(requested.type)
+            command, frame, params, x, y, z = items[requested.seq]
             self.send(
                 mavlink.MAVLink_mission_item_int_message(
-                    1, component, asked.seq, frame, command, int(asked.seq == 0), 1, *params, x, y, z, kind
+                    1, component, requested.seq, frame, command, int(requested.seq == 0), 1, *params, x, y, z, kind
                 )
             )
 
@@ -156,12 +160,12 @@ class Station:
         data = path.encode()
         payload = struct.pack("<HBBBBBxI", 1, 0, 4, len(data), 0, 0, 0) + data
         self.send(mavlink.MAVLink_file_transfer_protocol_message(0, 1, component, payload.ljust(251, b"\0")))
-        answer = self.hear(self.kind("FILE_TRANSFER_PROTOCOL", component), 2 * ACK_TIMEOUT_S, path)
+        answer = self.receive(self.kind("FILE_TRANSFER_PROTOCOL", component), 2 * ACK_TIMEOUT_S, path)
         return int(answer.payload[3]) == 128
 
     def connect(self) -> dict[int, dict[str, float]]:
         """The whole of the initial connect; gives the parameters."""
-        self.hear(self.kind("HEARTBEAT", AUTOPILOT), 10.0, "a heartbeat")
+        self.receive(self.kind("HEARTBEAT", AUTOPILOT), 10.0, "a heartbeat")
         version = self.request(AUTOPILOT, AUTOPILOT_VERSION, "AUTOPILOT_VERSION")
         assert version is not None
         self.request(AUTOPILOT, AVAILABLE_MODES, f"UNKNOWN_{AVAILABLE_MODES}", 1.0)

@@ -17,11 +17,11 @@ from gloc3.exchange import LocalExchange, Publisher
 from gloc3.exchange.tunnel.pacing import RADIO
 from gloc3.mavlink.codec import Frame, MavlinkMessage, message, shape
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.node import Node
+from gloc3.mavlink.node import MavlinkComponent
 from gloc3.mavlink.router import Router
 from gloc3.mavlink.services.command import CommandResult
-from gloc3.mavlink.services.command_client import CommandCall, CommandClient
-from gloc3.mavlink.services.command_server import CommandServer
+from gloc3.mavlink.services.command_client import CommandCall, MavCommandClient
+from gloc3.mavlink.services.command_server import MavCommandServer
 from gloc3.mavlink.services.heartbeat import Heartbeat
 from gloc3.mavlink.services.mission_client import MissionClient
 from gloc3.mavlink.services.mission_server import MissionServer
@@ -31,7 +31,7 @@ from gloc3.messages.command_interface import CiRequest, LoadMission
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.summaries import ComponentLine, Health, Summary
 from gloc3.messages.topics import TopicTable
-from gloc3_groundstation.links.link import Link, LinkContext, LinkSettings
+from gloc3_groundstation.links.link import LinkContext, LinkSettings, StationLinkCore
 from gloc3_onboard.companion.routing import RoutedLink
 from gloc3_onboard.companion.station_link import StationLink, heartbeat
 
@@ -96,9 +96,11 @@ class _Autopilot:
     def __init__(self, link: MemoryLink) -> None:
         self.missions = MissionServer(AUTOPILOT)
         self.ran: list[float] = []
-        self._commands = CommandServer(AUTOPILOT, is_autopilot=True)
+        self._commands = MavCommandServer(AUTOPILOT, is_autopilot=True)
         self._loop = asyncio.get_running_loop()
-        node = Node(AUTOPILOT, [Heartbeat(AUTOPILOT, vehicle_type=2, autopilot=12), self._commands, self.missions])
+        node = MavlinkComponent(
+            AUTOPILOT, [Heartbeat(AUTOPILOT, vehicle_type=2, autopilot=12), self._commands, self.missions]
+        )
         self._runner = NodeRunner(node, self._loop, link.b.send, after=self._after)
         self._send = link.b.send
         link.b.on_data = self._runner.on_data
@@ -141,35 +143,35 @@ class _Scene:
         router = Router(Address(1, 191))
         self.station_link = StationLink("heron", 1, loop, self.here, topics, 7)
         vehicle = RoutedLink("serial:///dev/ttyACM0:921600", router, loop, lambda _: None)
-        self.routed = RoutedLink("serial:///dev/ttyUSB0:57600", router, loop, self.station_link.take)
+        self.routed = RoutedLink("serial:///dev/ttyUSB0:57600", router, loop, self.station_link.receive_frames)
         for routed, end in ((vehicle, cable.a), (self.routed, self.radio.a)):
             end.on_data = routed.receive
             routed.open(end)
         self.station_link.open(self.routed)
-        self.link = Link(
+        self.link = StationLinkCore(
             self.radio.b.send,
             LinkContext(loop=loop, exchange=self.there, topics=topics, system=STATION.system, boot=8),
             LinkSettings(budget=RADIO),
         )
-        self.radio.b.on_data = self._heard
+        self.radio.b.on_data = self._received
         self.bytes_heard = 0
         self.came: dict[tuple[int, str], list[float]] = {}
         self.rows: dict[int, list[float]] = {}
         self.given: list[tuple[float, CiRequest]] = []
-        self.commands, self.missions = CommandClient(STATION), MissionClient(STATION)
-        self.node = Node(STATION, [self.commands, self.missions])
-        self.link.listen(self._hear)
+        self.commands, self.missions = MavCommandClient(STATION), MissionClient(STATION)
+        self.node = MavlinkComponent(STATION, [self.commands, self.missions])
+        self.link.listen(self._receive)
         self.here.subscribe("heron/ci/request", lambda one: self.given.append((loop.time(), one.payload)))
         self.there.subscribe("heron/ci/summary", self._summary)
         self._publisher = Publisher(self.here, "heron", "ci", 7)
         self._report()
         self._tick()
 
-    def _heard(self, data: bytes) -> None:
+    def _received(self, data: bytes) -> None:
         self.bytes_heard += len(data)
         self.link.receive(data)
 
-    def _hear(self, frame: Frame) -> None:
+    def _receive(self, frame: Frame) -> None:
         if frame.shape is not None:
             self.came.setdefault((frame.component, frame.shape.name), []).append(self.loop.time())
         self.node.receive(frame, self.loop.time())
@@ -215,10 +217,10 @@ class _Scene:
             await asyncio.sleep(0.05)
         return self.loop.time() - began_s, getattr(transfer, "result", None)
 
-    async def answer_s(self, number: int, patience_s: float = 10.0) -> float | None:
+    async def answer_s(self, number: int, timeout_s: float = 10.0) -> float | None:
         """Commands, and waits for the answer: how long it took; None where there was none."""
         began_s, call = self.loop.time(), self.command(number)
-        while call.result is None and self.loop.time() < began_s + patience_s:
+        while call.result is None and self.loop.time() < began_s + timeout_s:
             await asyncio.sleep(0.02)
         return self.loop.time() - began_s if call.result is CommandResult.ACCEPTED else None
 

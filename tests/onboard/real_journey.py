@@ -54,13 +54,13 @@ def state(operator: Station, vehicle: Vehicle) -> str:
 
 
 def is_armed(operator: Station, vehicle: Vehicle) -> bool:
-    told = known(operator, vehicle).vehicle
-    return told is None or told.value.is_armed
+    reported = known(operator, vehicle).vehicle
+    return reported is None or reported.value.is_armed
 
 
 def speed_m_s(operator: Station, vehicle: Vehicle) -> float:
-    told = known(operator, vehicle).vehicle
-    return float(told.value.speed_m_s) if told is not None else math.inf
+    reported = known(operator, vehicle).vehicle
+    return float(reported.value.speed_m_s) if reported is not None else math.inf
 
 
 class Led(msgspec.Struct, frozen=True):
@@ -90,13 +90,13 @@ async def lead(vehicle: Vehicle, folder: Path) -> Led:
             with program("preset", "apply", vehicle.preset, "--autopilot", link, "--yes", folder=folder) as preset:
                 assert await asyncio.to_thread(preset.end) == 0, preset.text
         links = ["--station", f"udpout://127.0.0.1:{first}", "--station", f"udpout://127.0.0.1:{second}"]
-        heard = ["--link", f"udpin://127.0.0.1:{first}"]
+        received = ["--link", f"udpin://127.0.0.1:{first}"]
         with (
             program(
                 "onboard", vehicle.platform, "--autopilot", link, *links, "--device", camera, "--out", "out",
                 folder=folder,
             ) as onboard,
-            program("station", "--headless", "--mission", "mission.yaml", *heard, folder=folder) as begun,
+            program("station", "--headless", "--mission", "mission.yaml", *received, folder=folder) as begun,
         ):  # fmt: skip
             begun.await_line(lambda line: "task box: running" in line, within_s=150.0)
             begun.interrupt(9)
@@ -111,7 +111,7 @@ async def finish(vehicle: Vehicle, url: str, onboard: Program) -> None:
     async with station(url, 254) as operator:
         await until(lambda: operator.fleet.get(vehicle.platform) is not None, 20.0, "the platform is heard")
         await until(lambda: state(operator, vehicle) == "running", 20.0, "the mission runs")
-        await operator.client.take_control(vehicle.platform, is_take_over=True)
+        await operator.client.request_control(vehicle.platform, is_take_over=True)
         await operator.client.steer(vehicle.platform, Verb.PAUSE)
         await until(lambda: state(operator, vehicle) == "paused", 10.0, "it is paused")
         await until(lambda: speed_m_s(operator, vehicle) < 0.3, 20.0, f"it stands; {onboard.text}")

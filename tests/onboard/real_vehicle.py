@@ -92,8 +92,8 @@ def simulated(vehicle: Vehicle, folder: Path) -> Iterator[Lines]:
     command = [program, "--model", vehicle.model, "--home", vehicle.home, "--defaults", "defaults.parm"]
     command += ["--serial0", f"tcp:{first}", "--serial1", f"tcp:{second}", "--serial2", "none:0"]
     command += ["--rc-in-port", str(rc)]
-    with (folder / "said.txt").open("wb") as said:
-        process = subprocess.Popen(command, cwd=folder, stdin=subprocess.DEVNULL, stdout=said, stderr=said)
+    with (folder / "said.txt").open("wb") as text:
+        process = subprocess.Popen(command, cwd=folder, stdin=subprocess.DEVNULL, stdout=text, stderr=text)
     try:
         time.sleep(1.0)
         assert process.poll() is None, (folder / "said.txt").read_text(errors="replace")

@@ -5,7 +5,7 @@ from msgspec.structs import replace
 from gloc3.messages.frames import Vector3
 from gloc3.messages.vehicle import AutopilotState, FlightMode, LandedState, VehicleClass
 from gloc3_onboard.autopilot import ardupilot, px4
-from gloc3_onboard.sensors.devices import Answer, AutopilotSetpoint, Manners
+from gloc3_onboard.sensors.devices import AutopilotBehaviour, AutopilotSetpoint, CommandAnswer
 
 from .messages import standing
 
@@ -31,15 +31,15 @@ class ScriptedAutopilot:
         self.delay_s = 0.1
         self.now_s = 0.0
         self._waiting: list[tuple[float, int, str]] = []
-        self._answers: dict[int, Answer] = {}
+        self._answers: dict[int, CommandAnswer] = {}
         self._tickets = 0
 
     # --- the device ---
 
     @property
-    def manners(self) -> Manners:
+    def behaviour(self) -> AutopilotBehaviour:
         classes = px4.CLASSES if self.is_px4 else ardupilot.CLASSES
-        return classes[self.vehicle].manners
+        return classes[self.vehicle].behaviour
 
     def send_setpoint(self, setpoint: AutopilotSetpoint) -> None:
         self.setpoints.append((self.now_s, setpoint.position_ned_m, setpoint.velocity_ned_m_s))
@@ -56,7 +56,7 @@ class ScriptedAutopilot:
     def command_take_off(self, height_m: float) -> int:
         return self._command(f"take off to {height_m:g}")
 
-    def answer(self, ticket: int) -> Answer | None:
+    def answer(self, ticket: int) -> CommandAnswer | None:
         return self._answers.get(ticket)
 
     def abandon_commands(self) -> None:
@@ -78,7 +78,7 @@ class ScriptedAutopilot:
             _, ticket, words = self._waiting.pop(0)
             if not self.is_deaf:
                 reason = next((why for begin, why in self.refuses.items() if words.startswith(begin)), "")
-                self._answers[ticket] = Answer(not reason, reason)
+                self._answers[ticket] = CommandAnswer(not reason, reason)
                 if not reason:
                     self._do(words)
         return self.state

@@ -21,11 +21,11 @@ class ScriptedSource:
 
     def __init__(self) -> None:
         self.is_open = False
-        self.gone = ""
+        self.lost = ""
         self.now_frame: StampedImage | None = None
         self.now_pair: StampedPair | None = None
         self.now_scan: StampedScan | None = None
-        self.felt: list[StampedImu] = []
+        self.measured: list[StampedImu] = []
         self.bell = Bell()
 
     def open(self) -> None:
@@ -35,7 +35,7 @@ class ScriptedSource:
     def close(self) -> None:
         self.is_open = False
 
-    def on_news(self, ready: Callable[[], None]) -> Unwatch:
+    def on_new_data(self, ready: Callable[[], None]) -> Unwatch:
         return self.bell.listen(ready)
 
     def frame(self) -> StampedImage | None:
@@ -49,11 +49,11 @@ class ScriptedSource:
         return self.now_scan
 
     def samples(self, after_s: float) -> Sequence[StampedImu]:
-        return [stamped for stamped in self.felt if stamped.t_s > after_s]
+        return [stamped for stamped in self.measured if stamped.t_s > after_s]
 
     def _fail(self) -> None:
-        if self.gone:
-            raise Gloc3Error(self.gone)
+        if self.lost:
+            raise Gloc3Error(self.lost)
 
 
 class OneModel:
@@ -81,7 +81,7 @@ def scan(ranges_m: Sequence[float]) -> LaserScan:
     )
 
 
-def felt(t_s: float, rate_rad_s: float = 0.01) -> StampedImu:
+def measured(t_s: float, rate_rad_s: float = 0.01) -> StampedImu:
     """A sample at rest, but for a rate about x."""
     sample = ImuSample(rate_frd_rad_s=(rate_rad_s, 0.0, 0.0), specific_force_frd_m_s2=(0.0, 0.0, -9.81))
     return StampedImu(t_s, sample)

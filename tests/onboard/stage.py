@@ -5,7 +5,7 @@ from typing import Any
 from gloc3.component.action import ActionPerformer
 from gloc3.component.component import ActuatorDriver, Component
 from gloc3.component.cycle import Mailbox
-from gloc3.component.ports import Actuation, Report
+from gloc3.component.ports import Actuation, PortReport
 from gloc3.messages.envelope import Message
 from gloc3.mission.model.messages import ActionStatus
 
@@ -19,7 +19,7 @@ class Stage:
         self.component = component
         self.now_s = 0.0
         self.is_quiet = False
-        self.heard: list[Message] = []
+        self.received: list[Message] = []
         """Everything that was reported, oldest first."""
         self.new: list[Message] = []
         """What the last cycle reported."""
@@ -35,13 +35,13 @@ class Stage:
     def cycle(self) -> list[Message]:
         """Runs one cycle now."""
         self.new = []
-        for result in self.component.work(self.now_s, self._mailbox.take()):
+        for result in self.component.work(self.now_s, self._mailbox.drain()):
             if isinstance(result, Actuation):
                 if isinstance(self.component, ActuatorDriver) and not self.is_quiet:
                     self.component.actuate(result.write)
             else:
-                self.new.append(result.message if isinstance(result, Report) else result)
-        self.heard += self.new
+                self.new.append(result.message if isinstance(result, PortReport) else result)
+        self.received += self.new
         return self.new
 
     def step(self, seconds: float = 0.05, **messages: Message) -> list[Message]:
@@ -52,11 +52,11 @@ class Stage:
 
     def last(self, kind: type[Message]) -> Any:
         """The newest report of a type; None before the first."""
-        return next((message for message in reversed(self.heard) if type(message) is kind), None)
+        return next((message for message in reversed(self.received) if type(message) is kind), None)
 
     def all(self, kind: type[Message]) -> list[Any]:
         """All reports of a type."""
-        return [message for message in self.heard if type(message) is kind]
+        return [message for message in self.received if type(message) is kind]
 
     def call(self, function: str, **arguments: Any) -> Message:
         """Calls a function of the component, as its host would."""

@@ -10,17 +10,17 @@ from typing import Any, Final
 from gloc3.clock import VirtualLoop
 from gloc3.mavlink import codec
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.node import Node
-from gloc3.mavlink.service import Service
+from gloc3.mavlink.node import MavlinkComponent
+from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.command import CommandResult
-from gloc3.mavlink.services.command_server import CommandRequest, CommandServer
+from gloc3.mavlink.services.command_server import MavCommandRequest, MavCommandServer
 from gloc3.mavlink.services.heartbeat import Heartbeat
 from gloc3.mavlink.services.interval import STREAM_COMMANDS, StreamScheduler
 from gloc3.mavlink.services.parameter import Parameter, ParameterEncoding, ParameterType
 from gloc3.mavlink.services.parameter_server import ParameterServer
 from gloc3.mavlink.services.statustext import StatusTextSender
 from gloc3.mavlink.services.timesync import TimeSync
-from gloc3.mavlink.services.version import Capability, Version, version_number
+from gloc3.mavlink.services.version import ProtocolCapability, Version, version_number
 from gloc3.mavlink.transport.memory import MemoryEnd
 from gloc3.messages.frames import GeoPoint, TangentPlane, from_yaw, wrap_pi
 
@@ -67,20 +67,20 @@ class VehiclePeer:
         self.last_s = self._stopped_s = -math.inf
         self._loop, self._end, self._origin = loop, end, origin
         self._encoder, self._parser = codec.Encoder(*OWN), codec.Parser(is_datagram=True)
-        self._commands = CommandServer(OWN, is_autopilot=True)
+        self._commands = MavCommandServer(OWN, is_autopilot=True)
         self._heartbeat = Heartbeat(OWN, vehicle_type=self.vehicle_type, autopilot=self.autopilot)
         self._streams = StreamScheduler(OWN, dict.fromkeys(STREAMS, 0.0))
         self._texts = StatusTextSender(OWN)
         whole = [Parameter(name, float(value), ParameterType.INT16) for name, value in parameters.items()]
-        services: list[Service[Any]] = [
+        services: list[Microservice[Any]] = [
             self._commands,
             self._heartbeat,
             self._texts,
             TimeSync(OWN),
             ParameterServer(OWN, whole, encoding=ParameterEncoding.CAST),
         ]
-        self._node = Node(OWN, services)
-        end.on_data = self._hear
+        self._node = MavlinkComponent(OWN, services)
+        end.on_data = self._receive
         loop.call_soon(self._tick)
 
     def lead(self, message: MavlinkMessage) -> None:
@@ -93,7 +93,7 @@ class VehiclePeer:
 
     # --- the link ---
 
-    def _hear(self, data: bytes) -> None:
+    def _receive(self, data: bytes) -> None:
         now_s = self._loop.time()
         for frame in self._parser.receive(data):
             message = frame.decode()
@@ -105,12 +105,12 @@ class VehiclePeer:
         for request in self._commands.events():
             self._commands.answer(request, self._run(request, now_s), now_s=now_s)
 
-    def _run(self, request: CommandRequest, now_s: float) -> CommandResult:
+    def _run(self, request: MavCommandRequest, now_s: float) -> CommandResult:
         if request.command in STREAM_COMMANDS:
-            told = self._streams.command(request, now_s)
-            return CommandResult.UNSUPPORTED if told is None else told
+            reported = self._streams.command(request, now_s)
+            return CommandResult.UNSUPPORTED if reported is None else reported
         if request.command == 512 and request.params[0] == 148:
-            about = Version(capabilities=Capability.COMMAND_INT, flight_software=version_number(4, 6, 0))
+            about = Version(capabilities=ProtocolCapability.COMMAND_INT, flight_software=version_number(4, 6, 0))
             self._send(about.message())
             return CommandResult.ACCEPTED
         if request.command == SET_MODE and int(request.params[1]) in self.names:
@@ -133,7 +133,7 @@ class VehiclePeer:
         now_s = self._loop.time()
         if self.target is not None and now_s - self.last_s > TIMEOUT_S:
             self.target = None
-            self._texts.say(4, "target not received last 3secs, stopping")
+            self._texts.send(4, "target not received last 3secs, stopping")
         self.move(now_s)
         for axis in range(3):
             self.position[axis] += self.velocity[axis] * STEP_S
@@ -143,12 +143,12 @@ class VehiclePeer:
         for message in self._node.outgoing():
             self._send(message)
         for number in self._streams.due(now_s):
-            told = self._tell(codec.name_of(number) or "", int(now_s * 1e3))
-            if told is not None:
-                self._send(told)
+            reported = self._report(codec.name_of(number) or "", int(now_s * 1e3))
+            if reported is not None:
+                self._send(reported)
         self._loop.call_later(STEP_S, self._tick)
 
-    def _tell(self, name: str, boot_ms: int) -> MavlinkMessage | None:
+    def _report(self, name: str, boot_ms: int) -> MavlinkMessage | None:
         latitude, longitude, altitude = self._origin
         place = {
             "latitude": round(latitude * 1e7),
@@ -243,12 +243,12 @@ class SubPeer(VehiclePeer):
                 self._enter(2)
                 wanted[2] = 0.0
         elif self.is_armed and target is not None:
-            told = (target.vx, target.vy, target.vz)
+            reported = (target.vx, target.vy, target.vz)
             if not target.type_mask & IGNORES_POSITION:
                 place = (target.x, target.y, target.z)
-                wanted = [told[axis] + 0.8 * (place[axis] - self.position[axis]) for axis in range(3)]
+                wanted = [reported[axis] + 0.8 * (place[axis] - self.position[axis]) for axis in range(3)]
             else:
-                wanted = list(told)
+                wanted = list(reported)
         speed = math.hypot(*wanted)
         share = min(1.0, 1.0 / speed) if speed > 0.0 else 0.0
         for axis in range(3):

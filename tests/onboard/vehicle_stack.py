@@ -20,7 +20,7 @@ from gloc3.store import MemoryRecords
 from gloc3_groundstation.station.command_client import CommandClient
 from gloc3_onboard.autopilot.device import AutopilotDevice
 from gloc3_onboard.autopilot.link import AutopilotLink
-from gloc3_onboard.autopilot.news import LinkNews
+from gloc3_onboard.autopilot.news import LinkReports
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.process.computer import SimulatedComputer
 from gloc3_onboard.process.runner import Onboard
@@ -46,15 +46,15 @@ class VehicleStack(Generic[PeerT_co]):
         assert isinstance(loop, VirtualLoop)
         self.loop, self.exchange = loop, LocalExchange()
         self.platform = load_platform(platform)
-        self.heard: dict[str, Envelope[Any]] = {}
+        self.received: dict[str, Envelope[Any]] = {}
         self.events: list[str] = []
         name = self.platform.platform
-        self.exchange.subscribe(f"{name}/**", self._hear)
+        self.exchange.subscribe(f"{name}/**", self._receive)
         cable = MemoryLink(loop, Random(1), Conditions(latency_s=0.01))
         origin = next(iter(self.platform.frames.values())).origin.geo
         self.peer = kind(loop, cable.b, origin, parameters)
         clock, topics = Clock(loop), TopicTable.installed()
-        self.link = AutopilotLink(loop, clock, say=LinkNews(self.exchange, name, 3, loop.time).say)
+        self.link = AutopilotLink(loop, clock, report=LinkReports(self.exchange, name, 3, loop.time).report)
         self.device = AutopilotDevice(self.link)
         devices = {
             "autopilot": self.device,
@@ -71,8 +71,8 @@ class VehicleStack(Generic[PeerT_co]):
         self.onboard.begin()
         self.client = CommandClient(self.exchange, loop, STATION, boot=1)
 
-    def _hear(self, envelope: Envelope[Any]) -> None:
-        self.heard[envelope.topic.partition("/")[2]] = envelope
+    def _receive(self, envelope: Envelope[Any]) -> None:
+        self.received[envelope.topic.partition("/")[2]] = envelope
         if isinstance(envelope.payload, CiEvent):
             self.events.append(f"{envelope.t_s:7.2f} {envelope.payload.source}: {envelope.payload.text}")
 
@@ -80,7 +80,7 @@ class VehicleStack(Generic[PeerT_co]):
         return self.runner.run(steps)
 
     def last(self, topic: str) -> Any:
-        return self.heard[topic].payload
+        return self.received[topic].payload
 
     def wait(self, seconds: float) -> None:
         self.run(asyncio.sleep(seconds))
@@ -91,15 +91,15 @@ class VehicleStack(Generic[PeerT_co]):
             assert self.loop.time() < end_s, "\n".join([f"not within {within_s:g} s: {what}", *self.events[-20:]])
             self.wait(0.05)
 
-    def ask(self, body: Any) -> CiReply:
-        return self.run(self.client.ask(self.platform.platform, body))
+    def request(self, body: Any) -> CiReply:
+        return self.run(self.client.request(self.platform.platform, body))
 
     def steer(self, verb: Verb) -> None:
-        reply = self.ask(Steer(verb=verb))
+        reply = self.request(Steer(verb=verb))
         assert reply.outcome is Outcome.ACCEPTED, reply.reason
 
     def upload(self, text: str) -> None:
-        self.run(self.client.take_control(self.platform.platform))
+        self.run(self.client.request_control(self.platform.platform))
         self.run(self.client.upload(self.platform.platform, "mission.yaml", text))
 
     @property

@@ -17,7 +17,7 @@ class Vehicle:
     def __init__(self, port: int, timeout_s: float = 20.0) -> None:
         self.master: Any = mavutil.mavlink_connection(f"tcp:127.0.0.1:{port}", source_system=255, autoreconnect=False)
         self.timeout_s = timeout_s
-        self.heard: dict[str, Any] = {}
+        self.received: dict[str, Any] = {}
         self.listeners: list[tuple[str, Callable[[Any], None]]] = []
         self.parameters: dict[str, float] = {}
 
@@ -37,7 +37,7 @@ class Vehicle:
             if message is None or message.get_srcComponent() != 1:
                 continue
             name = message.get_type()
-            self.heard[name] = message
+            self.received[name] = message
             if name == "PARAM_VALUE":
                 self.parameters[message.param_id] = message.param_value
             for wanted, listener in self.listeners:
@@ -46,9 +46,9 @@ class Vehicle:
 
     def await_message(self, name: str, fits: Callable[[Any], bool] = lambda _: True) -> Any:
         """The next message of a name that fits."""
-        self.heard.pop(name, None)
-        self.wait(lambda: name in self.heard and fits(self.heard[name]))
-        return self.heard[name]
+        self.received.pop(name, None)
+        self.wait(lambda: name in self.received and fits(self.received[name]))
+        return self.received[name]
 
     def connect(self) -> None:
         """As `wait_ready`: heartbeat, all streams at 4 Hz, all parameters, a fix."""
@@ -56,16 +56,18 @@ class Vehicle:
         self.master.target_system, self.master.target_component = 1, 1
         self.master.mav.request_data_stream_send(1, 1, 0, 4, 1)
         self.master.mav.param_request_list_send(1, 1)
-        self.wait(lambda: "PARAM_VALUE" in self.heard and len(self.parameters) >= self.heard["PARAM_VALUE"].param_count)
+        self.wait(
+            lambda: "PARAM_VALUE" in self.received and len(self.parameters) >= self.received["PARAM_VALUE"].param_count
+        )
         self.await_message("GPS_RAW_INT", lambda fix: fix.fix_type >= 3)
 
     @property
     def mode(self) -> int:
-        return int(self.heard["HEARTBEAT"].custom_mode)
+        return int(self.received["HEARTBEAT"].custom_mode)
 
     @property
     def is_armed(self) -> bool:
-        return bool(self.heard["HEARTBEAT"].base_mode & 128)
+        return bool(self.received["HEARTBEAT"].base_mode & 128)
 
     def set_mode(self, mode: int) -> None:
         """SET_MODE, as `vehicle.mode = ...`."""
@@ -97,23 +99,23 @@ class Vehicle:
     def upload(self, *rows: tuple[int, float, float]) -> None:
         """As `commands.upload()`: MISSION_COUNT, then a MISSION_ITEM of floats for each MISSION_REQUEST."""
         items = [(dialect.MAV_CMD_NAV_WAYPOINT, 0.0, 0.0), *rows]
-        self.heard.pop("MISSION_ACK", None)
+        self.received.pop("MISSION_ACK", None)
         self.master.mav.mission_count_send(1, 1, len(items))
-        asked = [-1]
+        requested = [-1]
 
         def answer(request: Any) -> None:
-            asked[0] = request.seq
+            requested[0] = request.seq
             command, north_m, height_m = items[request.seq]
             place = (degrees_north(north_m), LONGITUDE_DEG, height_m)
             self.master.mav.mission_item_send(1, 1, request.seq, 3, command, 0, 1, 0, 0, 0, 0, *place)
 
         self.listeners.append(("MISSION_REQUEST", answer))
         try:
-            self.wait(lambda: "MISSION_ACK" in self.heard)
+            self.wait(lambda: "MISSION_ACK" in self.received)
         finally:
             self.listeners.pop()
-        assert self.heard["MISSION_ACK"].type == 0
-        assert asked[0] == len(items) - 1
+        assert self.received["MISSION_ACK"].type == 0
+        assert requested[0] == len(items) - 1
 
     def download(self) -> list[Any]:
         """As `commands.download()`: MISSION_REQUEST for each item, answered by a MISSION_ITEM of floats."""

@@ -132,7 +132,7 @@ class Client:
                 return
         raise AssertionError("offboard was refused again and again")
 
-    def told(self, begin: Callable[..., Any], *arguments: Any, within_s: float = 90.0) -> list[Any]:
+    def reported(self, begin: Callable[..., Any], *arguments: Any, within_s: float = 90.0) -> list[Any]:
         """Calls what tells its progress; gives everything that it told, the result last."""
         arrived: queue.SimpleQueue[Any] = queue.SimpleQueue()
         begin(*arguments, lambda *values: arrived.put(values))
@@ -143,9 +143,9 @@ class Client:
 
     def download(self, logs: LogFiles, entry: Any, path: Path, within_s: float = 90.0) -> None:
         """Fetches a log by the log protocol."""
-        told: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        logs.download_log_file_async(entry, str(path), lambda result, progress, _: told.put(result))
-        while (result := told.get(timeout=within_s)).name == "NEXT":
+        reported: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        logs.download_log_file_async(entry, str(path), lambda result, progress, _: reported.put(result))
+        while (result := reported.get(timeout=within_s)).name == "NEXT":
             pass
         assert result.name == "SUCCESS", result.name
 

@@ -16,7 +16,7 @@ SCAN_MAGIC: Final = b"G3S1"
 _HEADER: Final = struct.Struct("<4sQHHB")
 _SCAN_HEADER: Final = struct.Struct("<4sQHB5f")
 MOST_PIXELS: Final = 16_000_000
-MOST_WISH_BYTES: Final = 1024
+MOST_REQUEST_BYTES: Final = 1024
 """The longest line of a client."""
 
 
@@ -77,12 +77,12 @@ def encode_scan(scan: ScanFrame) -> bytes:
     return _SCAN_HEADER.pack(SCAN_MAGIC, scan.boot_us, beams, len(name), *numbers) + name + scan.ranges_m
 
 
-def encode_wish(*sensors: str) -> bytes:
+def encode_stream_request(*sensors: str) -> bytes:
     """The line with which a client asks for sensors by name."""
     return " ".join(sensors).encode() + b"\n"
 
 
-def read_wish(line: bytes) -> frozenset[str]:
+def read_stream_request(line: bytes) -> frozenset[str]:
     """The sensors that a client's line asks for."""
     return frozenset(line.decode("ascii", "replace").split())
 
@@ -91,7 +91,7 @@ class FrameReader:
     """Cuts frames and scans out of a stream."""
 
     def __init__(self) -> None:
-        self._rest = bytearray()
+        self._remainder = bytearray()
 
     def receive(self, data: bytes) -> list[GreyFrame | ScanFrame]:
         """Takes bytes in, gives the records that are complete.
@@ -99,43 +99,45 @@ class FrameReader:
         Raises:
             FrameError: the bytes are no records; the stream must be opened anew.
         """
-        self._rest += data
+        self._remainder += data
         found: list[GreyFrame | ScanFrame] = []
-        while len(self._rest) >= _HEADER.size:
-            magic = bytes(self._rest[:4])
+        while len(self._remainder) >= _HEADER.size:
+            magic = bytes(self._remainder[:4])
             if magic not in (MAGIC, SCAN_MAGIC):
                 raise FrameError("this is no stream of camera frames and scans")
-            taken = self._frame() if magic == MAGIC else self._scan()
-            if taken is None:
+            used = self._frame() if magic == MAGIC else self._scan()
+            if used is None:
                 break
-            record, end = taken
+            record, end = used
             found.append(record)
-            del self._rest[:end]
+            del self._remainder[:end]
         return found
 
     def _frame(self) -> tuple[GreyFrame, int] | None:
-        _, boot_us, width, height, name_length = _HEADER.unpack_from(self._rest)
+        _, boot_us, width, height, name_length = _HEADER.unpack_from(self._remainder)
         if not 0 < width * height <= MOST_PIXELS:
             raise FrameError(f"a frame of {width} x {height} pixels")
         begin = _HEADER.size + name_length
         end = begin + width * height
-        if len(self._rest) < end:
+        if len(self._remainder) < end:
             return None
-        return GreyFrame(boot_us, self._name(_HEADER.size, begin), width, height, bytes(self._rest[begin:end])), end
+        return GreyFrame(
+            boot_us, self._name(_HEADER.size, begin), width, height, bytes(self._remainder[begin:end])
+        ), end
 
     def _scan(self) -> tuple[ScanFrame, int] | None:
-        if len(self._rest) < _SCAN_HEADER.size:
+        if len(self._remainder) < _SCAN_HEADER.size:
             return None
-        _, boot_us, beams, name_length, *numbers = _SCAN_HEADER.unpack_from(self._rest)
+        _, boot_us, beams, name_length, *numbers = _SCAN_HEADER.unpack_from(self._remainder)
         if beams == 0 or not all(map(math.isfinite, numbers)):
             raise FrameError("a scan without beams or directions")
         begin = _SCAN_HEADER.size + name_length
         end = begin + 4 * beams
-        if len(self._rest) < end:
+        if len(self._remainder) < end:
             return None
         least, step, near, far, duration = numbers
-        name, ranges = self._name(_SCAN_HEADER.size, begin), bytes(self._rest[begin:end])
+        name, ranges = self._name(_SCAN_HEADER.size, begin), bytes(self._remainder[begin:end])
         return ScanFrame(boot_us, name, least, step, near, far, duration, ranges), end
 
     def _name(self, begin: int, end: int) -> str:
-        return bytes(self._rest[begin:end]).decode("ascii", "replace")
+        return bytes(self._remainder[begin:end]).decode("ascii", "replace")

@@ -17,7 +17,7 @@ _RIM_POINTS: Final = 33
 _MOST_CELLS: Final = 1_000_000
 
 
-class View(NamedTuple):
+class WallView(NamedTuple):
     """A picture and where the body of its vehicle was."""
 
     camera: str
@@ -60,7 +60,7 @@ class Wall(NamedTuple):
         return float(np.linalg.norm(self.across_ned_m)), float(np.linalg.norm(self.down_ned_m))
 
 
-class Limits(NamedTuple):
+class CoverageLimits(NamedTuple):
     """What counts as seen."""
 
     most_oblique_deg: float = 70.0
@@ -99,7 +99,7 @@ class Coverage(NamedTuple):
         return float(np.median(seen)) if len(seen) else float("nan")
 
 
-def cover(wall: Wall, views: list[View], cameras: dict[str, CameraModel], limits: Limits) -> Coverage:
+def cover(wall: Wall, views: list[WallView], cameras: dict[str, CameraModel], limits: CoverageLimits) -> Coverage:
     """Projects the middle of each cell into each picture. What hides the wall is not known, and not looked at.
 
     Raises:
@@ -134,7 +134,7 @@ def cover(wall: Wall, views: list[View], cameras: dict[str, CameraModel], limits
     return Coverage(wall, count.reshape(rows, columns), finest_mm.reshape(rows, columns), used)
 
 
-def footprint(wall: Wall, view: View, camera: CameraModel) -> Array | None:
+def footprint(wall: Wall, view: WallView, camera: CameraModel) -> Array | None:
     """Where the corners of a picture meet the wall's plane, (4, 2) metres across and down; None if one does not."""
     rays, eye = _rays(view, camera)
     corner, across, down = (np.array(v) for v in wall)
@@ -148,7 +148,7 @@ def footprint(wall: Wall, view: View, camera: CameraModel) -> Array | None:
     return np.column_stack((places @ across / width_m, places @ down / height_m))
 
 
-def optical_axis(view: View, camera: CameraModel) -> tuple[Array, Array]:
+def optical_axis(view: WallView, camera: CameraModel) -> tuple[Array, Array]:
     """The optical centre and the direction that a camera looks in, north, east and down."""
     turn = matrix(view.ned_from_frd)
     eye = np.array(view.position_ned_m) + turn @ np.array(camera.position_frd_m)
@@ -156,7 +156,7 @@ def optical_axis(view: View, camera: CameraModel) -> tuple[Array, Array]:
 
 
 def _seen(
-    points: Array, normal: Array, view: View, camera: CameraModel, reach: float, limits: Limits
+    points: Array, normal: Array, view: WallView, camera: CameraModel, reach: float, limits: CoverageLimits
 ) -> tuple[NDArray[np.intp], Array]:
     """Which points are in a picture, and how large a pixel is there, in millimetres."""
     ned_from_rdf = matrix(view.ned_from_frd) @ matrix(camera.frd_from_rdf)
@@ -178,7 +178,7 @@ def _seen(
     return which, pixel_mm
 
 
-def _rays(view: View, camera: CameraModel) -> tuple[Array, Array]:
+def _rays(view: WallView, camera: CameraModel) -> tuple[Array, Array]:
     last = np.array([camera.width - 0.5, camera.height - 0.5])
     corners = np.array([[-0.5, -0.5], [last[0], -0.5], last, [-0.5, last[1]]])
     flat = unproject(camera, corners)

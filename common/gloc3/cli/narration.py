@@ -12,7 +12,7 @@ from typing import Final
 
 MOST_WAITING: Final = 1000
 """Lines that wait for a stderr that takes none at the moment; further ones are lost."""
-LAST_WORDS_S: Final = 1.0
+LAST_LINES_S: Final = 1.0
 """How long the last lines may take to get out."""
 
 
@@ -54,7 +54,7 @@ class Narrator:
         self._thread = threading.Thread(target=self._write, name="narrator", daemon=True)
         self._thread.start()
 
-    def say(self, text: str, level: int = INFO) -> None:
+    def narrate(self, text: str, level: int = INFO) -> None:
         """Has a line written soon."""
         with suppress(queue.Full):
             self._lines.put_nowait((text, level))
@@ -63,7 +63,7 @@ class Narrator:
         """Waits for what has been said, but not long."""
         with suppress(queue.Full):
             self._lines.put_nowait(None)
-            self._thread.join(LAST_WORDS_S)
+            self._thread.join(LAST_LINES_S)
 
     def _write(self) -> None:
         while (line := self._lines.get()) is not None:

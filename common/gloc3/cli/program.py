@@ -16,7 +16,7 @@ from rich.text import Text
 
 from gloc3 import __version__
 from gloc3.cli.narration import ERROR, narrate
-from gloc3.errors import Gloc3Error, InputError, NotHeard, nearest
+from gloc3.errors import Gloc3Error, InputError, NoContact, nearest
 from gloc3.installed import installed_points
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ EXTRAS: Final = {
 EXIT_FAILED: Final = 1
 EXIT_WRONG_USE: Final = 2
 EXIT_INTERRUPTED: Final = 128 + signal.SIGINT
-EXIT_NOBODY_READS: Final = 128 + signal.SIGPIPE
+EXIT_BROKEN_PIPE: Final = 128 + signal.SIGPIPE
 
 
 def main() -> None:
@@ -73,7 +73,7 @@ def run(arguments: Sequence[str]) -> int:
         sys.stdout.flush()
     except InputError as error:
         narrate(str(error), ERROR)
-    except NotHeard as error:
+    except NoContact as error:
         narrate(f"{name}: {error}", ERROR)
         return EXIT_FAILED
     except Gloc3Error as error:
@@ -82,8 +82,8 @@ def run(arguments: Sequence[str]) -> int:
         narrate(f"{name}: interrupted")
         return EXIT_INTERRUPTED
     except BrokenPipeError:
-        _forget_stdout()
-        return EXIT_NOBODY_READS
+        _close_stdout()
+        return EXIT_BROKEN_PIPE
     except ModuleNotFoundError as error:
         extra = EXTRAS.get(str(error.name).partition(".")[0])
         if extra is None:
@@ -157,7 +157,7 @@ def _have_streams() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
-def _forget_stdout() -> None:
+def _close_stdout() -> None:
     """Nobody reads stdout any more: what is still in its buffer must not come up again at the end of the process."""
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, sys.stdout.fileno())

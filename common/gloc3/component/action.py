@@ -24,7 +24,7 @@ from gloc3.mission.model.messages import (
 from gloc3.mission.model.states import ActionState
 
 REPORT_PERIOD_S: Final = 1.0
-_UNDER_WAY: Final = (ActionState.RUNNING, ActionState.PAUSED)
+_RUNNING: Final = (ActionState.RUNNING, ActionState.PAUSED)
 
 
 class ActionPerformer:
@@ -65,7 +65,7 @@ class ActionPerformer:
     @property
     def action_id(self) -> str:
         """The action under way; empty when there is none."""
-        return self._action.action_id if self._action is not None and self._action.state in _UNDER_WAY else ""
+        return self._action.action_id if self._action is not None and self._action.state in _RUNNING else ""
 
     @property
     def is_running(self) -> bool:
@@ -108,14 +108,14 @@ class ActionPerformer:
             achieved=achieved,
             is_blocked=is_blocked,
         )
-        if state not in _UNDER_WAY:
+        if state not in _RUNNING:
             self.end_action(now_s)
 
     def action_reports(self, now_s: float) -> list[ActionStatus]:
         """The status to publish in this cycle: on change, and once a second while an action is under way."""
         if self._action is None:
             return []
-        is_due = self._action.state in _UNDER_WAY and now_s - self._reported_s >= REPORT_PERIOD_S - 1e-9
+        is_due = self._action.state in _RUNNING and now_s - self._reported_s >= REPORT_PERIOD_S - 1e-9
         if not (self._is_changed or is_due):
             return []
         self._is_changed = False
@@ -164,7 +164,7 @@ class ActionPerformer:
     @function("action.cancel")
     def _cancel_action(self, request: ActionCancel, now_s: float) -> ActionAccepted:
         """Ends an action for good."""
-        action = self._require(request.action_id, *_UNDER_WAY)
+        action = self._require(request.action_id, *_RUNNING)
         self.advance(now_s, action.progress, ActionState.ABORTED, "cancelled")
         return ActionAccepted(action_id=request.action_id)
 

@@ -19,7 +19,7 @@ from gloc3.messages.envelope import Envelope
 
 HUNG_PERIODS: Final = 5.0
 HUNG_FLOOR_S: Final = 0.2
-HUNG_LOOKS: Final = 5
+HUNG_POLLS: Final = 5
 """In so many pieces it is waited for the end of a cycle, in wall time."""
 HUNG_SPARE_PIECES: Final = 15
 """So many pieces do not count because the process did not get on in them."""
@@ -39,11 +39,11 @@ class Mailbox:
         self._inputs = {port.name: port for port in inputs}
         self._queues: dict[str, deque[Envelope[Any]]] = {port.name: deque() for port in inputs}
         self._latest: dict[str, Envelope[Any]] = {}
-        self._taken: dict[str, Envelope[Any]] = {}
+        self._drained: dict[str, Envelope[Any]] = {}
         """What the last inbox holds: never changed, because a worker may be reading it."""
         self._filled: list[str] = []
         """The ports whose queues are not empty."""
-        self._nothing = Inbox({}, self._taken)
+        self._nothing = Inbox({}, self._drained)
         self.dropped = 0
 
     def put(self, port: str, envelope: Envelope[Any]) -> None:
@@ -63,7 +63,7 @@ class Mailbox:
         queue.append(envelope)
         self._latest[port] = envelope
 
-    def take(self) -> Inbox:
+    def drain(self) -> Inbox:
         """What the next cycle reads; the queues are empty afterwards."""
         if not self._filled:
             return self._nothing
@@ -73,17 +73,17 @@ class Mailbox:
             new[name] = tuple(queue)
             queue.clear()
         self._filled.clear()
-        self._taken = self._latest.copy()
-        self._nothing = Inbox({}, self._taken)
-        return Inbox(new, self._taken)
+        self._drained = self._latest.copy()
+        self._nothing = Inbox({}, self._drained)
+        return Inbox(new, self._drained)
 
     def clear(self) -> None:
         """Forgets everything, as at a start: a component never works on what came before."""
         for queue in self._queues.values():
             queue.clear()
-        self._latest, self._taken = {}, {}
+        self._latest, self._drained = {}, {}
         self._filled.clear()
-        self._nothing = Inbox({}, self._taken)
+        self._nothing = Inbox({}, self._drained)
 
 
 class Cycler:
@@ -153,16 +153,16 @@ class Cycler:
         """Binds the component's inputs to their topics."""
         exchange, platform = self._context.exchange, self._context.platform
         return [
-            exchange.subscribe(f"{platform}/{topic}", self._taker(name))
+            exchange.subscribe(f"{platform}/{topic}", self._receiver(name))
             for name in self._class.inputs
             for topic in self._row.topics(name)
         ]
 
-    def _taker(self, port: str) -> Callable[[Envelope[Any]], None]:
+    def _receiver(self, port: str) -> Callable[[Envelope[Any]], None]:
         put, expected = self._mailbox.put, self._class.inputs[port].message
         is_trigger = port in self._row.triggers
 
-        def take(envelope: Envelope[Any]) -> None:
+        def handle(envelope: Envelope[Any]) -> None:
             if self._job is None:
                 return
             if not isinstance(envelope.payload, expected):
@@ -173,7 +173,7 @@ class Cycler:
                 self._is_triggered = True
                 self._loop.call_soon(self._triggered)
 
-        return take
+        return handle
 
     def request(self) -> None:
         """Begins a cycle soon, because a device has something new; from any thread."""
@@ -291,12 +291,12 @@ class Cycler:
         assert job is not None
         self._is_running = True
         self._began_s = job.now_s = now_s
-        job.inbox = self._mailbox.take()
+        job.inbox = self._mailbox.drain()
         job.is_quiet = self.is_quiet
         job.items = self.items
         self._worker.run(job.run, self._done, self._model_cost_s(job, now_s) if self._is_modelled else 0.0)
         if self._is_running:
-            self._await_end(1 if self._context.clock.is_virtual else HUNG_LOOKS)
+            self._await_end(1 if self._context.clock.is_virtual else HUNG_POLLS)
 
     def _model_cost_s(self, job: CycleJob, now_s: float) -> float:
         """What the cycle costs in virtual time; one that hangs never ends."""

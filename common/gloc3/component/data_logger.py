@@ -6,7 +6,7 @@ from typing import Any, Final
 import msgspec
 
 from gloc3.component.component import Component
-from gloc3.component.error_handler import Failure, one_line
+from gloc3.component.error_handler import CountedError, one_line
 from gloc3.component.guard import guard
 from gloc3.errors import Refused, nearest
 
@@ -40,7 +40,7 @@ class DataLogger:
         return tuple(dict.fromkeys(items))
 
 
-def read_items(component: Component[Any], items: Sequence[str], failures: list[Failure]) -> dict[str, Any]:
+def read_items(component: Component[Any], items: Sequence[str], failures: list[CountedError]) -> dict[str, Any]:
     """The items' values as plain data, a snapshot; one that cannot be read is None and adds to the failures."""
     read, _ = guard(_read_all, component, items)
     if read is not None:
@@ -49,7 +49,7 @@ def read_items(component: Component[Any], items: Sequence[str], failures: list[F
     for item in items:  # one by one, to find out which of them it is
         values[item], error = guard(_read, component, item)
         if error is not None:
-            failures.append(Failure(f"log item {item}", error))
+            failures.append(CountedError(f"log item {item}", error))
     return values
 
 

@@ -163,7 +163,7 @@ def _load(path: str) -> Any:
         raise
 
 
-TOLD_BY_HOSTS: Final = ("status", "reply", "function_reply", "event", "internal")
+PUBLISHED_BY_HOSTS: Final = ("status", "reply", "function_reply", "event", "internal")
 """What the host of every component publishes."""
 
 Classes = dict[str, type[Component[Any]]]
@@ -346,7 +346,7 @@ def _topic_problems(
     rows: Sequence[ComponentRow], classes: Classes, topics: TopicTable, external: Collection[str]
 ) -> Iterator[Problem]:
     produced = [topic for row in rows for _, topic in _topics_of(row, classes, "outputs")]
-    produced += [f"components/{row.name}/{what}" for row in rows for what in TOLD_BY_HOSTS]
+    produced += [f"components/{row.name}/{what}" for row in rows for what in PUBLISHED_BY_HOSTS]
     known = sorted({*(topic for topic in produced if topics.row(f"platform/{topic}")), *(topic for topic, _ in topics)})
     for index, row in enumerate(rows):
         if row.name not in classes:

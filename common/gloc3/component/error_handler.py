@@ -14,7 +14,7 @@ LINE_MAX: Final = 240
 _ADDRESS: Final = re.compile(r" at 0x[0-9a-fA-F]+")
 
 
-class Cause(NamedTuple):
+class ErrorCause(NamedTuple):
     """One kind of error that a component has had."""
 
     times: int
@@ -22,7 +22,7 @@ class Cause(NamedTuple):
     last_s: float
 
 
-class Failure(NamedTuple):
+class CountedError(NamedTuple):
     """An error that is counted and told, but does not make the component faulty."""
 
     during: str
@@ -33,7 +33,7 @@ class ErrorHandler:
     """Counts errors by cause, with the first and last time; hands out each cause's traceback once."""
 
     def __init__(self) -> None:
-        self.causes: dict[str, Cause] = {}
+        self.causes: dict[str, ErrorCause] = {}
         """The newest last."""
         self.total = 0
         self.last_cause = ""
@@ -52,14 +52,14 @@ class ErrorHandler:
         if not is_minor:
             self.last_cause = cause
         self.causes[cause] = (
-            Cause(1, now_s, now_s) if known is None else known._replace(times=known.times + 1, last_s=now_s)
+            ErrorCause(1, now_s, now_s) if known is None else known._replace(times=known.times + 1, last_s=now_s)
         )
         if len(self.causes) > CAUSES_MAX:
             del self.causes[next(iter(self.causes))]
         return "" if known is not None or error is None else trace(error)
 
     @property
-    def last(self) -> Cause | None:
+    def last(self) -> ErrorCause | None:
         """The last error's cause."""
         return self.causes.get(self.last_cause)
 

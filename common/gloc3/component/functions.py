@@ -82,7 +82,7 @@ class FunctionDesk:
     def __init__(self, hosted: HostedComponent) -> None:
         self._hosted = hosted
 
-    def take(self, request: FunctionRequest, now_s: float) -> None:
+    def handle(self, request: FunctionRequest, now_s: float) -> None:
         """Answers a request, now or when the function has run."""
         hosted = self._hosted
         try:
@@ -90,7 +90,7 @@ class FunctionDesk:
                 raise Refused(f"functions are taken while working or quiet; it is {hosted.state or 'absent'}")
             if hosted.is_busy:
                 raise Refused("busy: no function is taken while a command is carried out")
-            if len(hosted.errands) >= WAITING_MAX:
+            if len(hosted.jobs) >= WAITING_MAX:
                 raise Refused(f"busy: {WAITING_MAX} functions wait already")
             entry, arguments = decode_request(type(hosted.component), request)
             if isinstance(arguments, SetRate | SetLogging):
@@ -100,7 +100,7 @@ class FunctionDesk:
             self._reply(request, str(refusal))
             return
         job = FunctionJob(hosted.component, entry, arguments, now_s, hosted.gate, is_device_live=hosted.is_device_live)
-        hosted.errands.run(
+        hosted.jobs.run(
             job.run,
             lambda job: self._ended(request, job),
             lambda cause: self._reply(request, f"{request.function} failed: {cause}"),
@@ -133,7 +133,7 @@ class FunctionDesk:
             self._reply(request, result=job.result)
 
     def _reply(self, request: FunctionRequest, refusal: str = "", result: dict[str, Any] | None = None) -> None:
-        self._hosted.tell(
+        self._hosted.publish(
             "function_reply",
             FunctionReply(
                 request_id=request.request_id,

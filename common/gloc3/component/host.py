@@ -72,26 +72,26 @@ class ComponentHost:
         self._make(component)
         base = f"{context.platform}/components/{row.name}/"
         self._subscriptions: list[Unsubscribe] = [
-            context.exchange.subscribe(base + "command", self._taker(CommandRequest, self._take_command)),
-            context.exchange.subscribe(base + "function", self._taker(FunctionRequest, self._take_function)),
+            context.exchange.subscribe(base + "command", self._receiver(CommandRequest, self._handle_command)),
+            context.exchange.subscribe(base + "function", self._receiver(FunctionRequest, self._handle_function)),
         ]
 
     def _make(self, component: Component[Any]) -> None:
         self._hosted = HostedComponent(self.row, component, self._create, self._context)
         self._functions = FunctionDesk(self._hosted)
 
-    def _taker(self, expected: type[Message], take: Callable[[Any], None]) -> Callable[[Envelope[Any]], None]:
+    def _receiver(self, expected: type[Message], handle: Callable[[Any], None]) -> Callable[[Envelope[Any]], None]:
         def deliver(envelope: Envelope[Any]) -> None:
             if isinstance(envelope.payload, expected):
-                self._loop.call_soon(self._guarded, take, envelope.payload)
+                self._loop.call_soon(self._guarded, handle, envelope.payload)
             else:
                 self._hosted.count_cause(f"{envelope.topic} brought {type(envelope.payload).__name__}")
 
         return deliver
 
-    def _guarded(self, take: Callable[[Any], None], message: Any) -> None:
+    def _guarded(self, handle: Callable[[Any], None], message: Any) -> None:
         """A request that nobody foresaw must not end the host."""
-        _, error = guard(take, message)
+        _, error = guard(handle, message)
         if error is not None:
             self._hosted.count_cause(f"{type(message).__name__}: {describe(error)}", error)
 
@@ -146,9 +146,9 @@ class ComponentHost:
 
     # --- commands ---
 
-    def _take_command(self, request: CommandRequest) -> None:
+    def _handle_command(self, request: CommandRequest) -> None:
         def reply(refusal: str) -> None:
-            self._hosted.tell(
+            self._hosted.publish(
                 "reply",
                 CommandReply(
                     request_id=request.request_id,
@@ -167,7 +167,7 @@ class ComponentHost:
                 reply(f"{word!r} is no command; {nearest(str(word), known)}")
                 return
         if words[0] == CREATE:
-            refusal = self._create_anew()
+            refusal = self._recreate()
             if refusal:
                 reply(refusal)
                 return
@@ -183,7 +183,7 @@ class ComponentHost:
 
         self._carry_out([Command(word) for word in words], request.settings, keep_and_reply)
 
-    def _create_anew(self) -> str:
+    def _recreate(self) -> str:
         """Begins another life of an absent component; returns why not, or an empty text."""
         if self.state is not None:
             return f"{CREATE} is not accepted: the component is {self.state}, not absent"
@@ -240,5 +240,5 @@ class ComponentHost:
 
     # --- functions ---
 
-    def _take_function(self, request: FunctionRequest) -> None:
-        self._functions.take(request, self._loop.time())
+    def _handle_function(self, request: FunctionRequest) -> None:
+        self._functions.handle(request, self._loop.time())

@@ -12,12 +12,12 @@ from gloc3.component.context import HostContext
 from gloc3.component.cycle import Cycler, CycleStatistics, Mailbox
 from gloc3.component.data_logger import DataLogger
 from gloc3.component.deployment import ComponentRow
-from gloc3.component.error_handler import ErrorHandler, Failure, describe, reason_of
+from gloc3.component.error_handler import CountedError, ErrorHandler, describe, reason_of
 from gloc3.component.guard import guard
 from gloc3.component.jobs import CHECK_LEAVING, MAKE_SAFE, CycleJob, Gate, MethodJob
 from gloc3.component.lci import OPERATING, Command, State, Transition
 from gloc3.component.outlets import KEY, Outlets, Routed
-from gloc3.component.workers import Errands
+from gloc3.component.workers import JobQueue
 from gloc3.exchange.base import Publisher, Unsubscribe
 from gloc3.messages.envelope import ComponentStatus, Envelope, Event, InternalState, Kind, Message, Severity
 
@@ -45,7 +45,7 @@ class HostedComponent:
         self._is_driver = isinstance(component, ActuatorDriver)
         self.gate = Gate()
         worker = context.new_worker(row.name)
-        self.errands: Final = Errands(context.loop, worker, self._give_up)
+        self.jobs: Final = JobQueue(context.loop, worker, self._give_up)
         self._create = create
         self._context = context
         self._loop = context.loop
@@ -97,7 +97,7 @@ class HostedComponent:
             end()
         self._ends.clear()
         self.gate.is_shut = True
-        self.errands.abandon()
+        self.jobs.abandon()
 
     def _new_boot(self) -> int:
         return self._context.random.getrandbits(32)
@@ -136,7 +136,7 @@ class HostedComponent:
                 self._commit(command, row, job)
                 answer("")
 
-        self.errands.run(
+        self.jobs.run(
             job.run,
             ended,
             lambda cause: answer(f"{command} failed: {cause}"),
@@ -184,7 +184,7 @@ class HostedComponent:
     def _may_begin(self) -> bool:
         if self.is_busy:
             return False
-        if self.errands:  # a function takes the time of this cycle
+        if self.jobs:  # a function takes the time of this cycle
             self._cycler.statistics.overruns += 1
             return False
         if self.state is State.WORKING:
@@ -264,7 +264,7 @@ class HostedComponent:
             for failure in job.failures:
                 self.count(failure)
 
-        self.errands.run(job.run, ended, lambda _: None, what="stop", limit_s=self.row.timeout_s)
+        self.jobs.run(job.run, ended, lambda _: None, what="stop", limit_s=self.row.timeout_s)
 
     def _give_up(self, cause: str) -> None:
         """A job is stuck: it is left to its fate, and everyone who waits is told."""
@@ -272,12 +272,12 @@ class HostedComponent:
         self._transition = None
         self._is_stuck = True
         self._is_finish_left_out = self._is_finish_left_out or called[-1:] == ["finish"]
-        told = self.errands.abandon()
+        reported = self.jobs.abandon()
         self.fault(cause, None, is_stopped="stop" in called)
-        for gave_up in told:
+        for gave_up in reported:
             gave_up(cause)
 
-    def count(self, failure: Failure) -> None:
+    def count(self, failure: CountedError) -> None:
         """Counts an error that the component gets over; the first of its kind is told."""
         self.count_cause(f"{failure.during}: {describe(failure.error)}", failure.error)
 
@@ -290,18 +290,18 @@ class HostedComponent:
 
     # --- what is told ---
 
-    def tell(self, topic: str, message: Message) -> None:
+    def publish(self, topic: str, message: Message) -> None:
         """Publishes on one of the topics that every component has."""
         self._publisher.publish(self._base + topic, message, self._loop.time())
 
     def event(self, severity: Severity, text: str, details: str = "") -> None:
         """Tells something that happened once."""
-        self.tell("event", Event(severity=severity, text=text, details=details))
+        self.publish("event", Event(severity=severity, text=text, details=details))
 
     def _report_status(self, is_periodic: bool) -> None:
         if is_periodic:
             self._cycler.statistics.close_window(self._loop.time(), 0.5 * self.row.status_period_s)
-        self.tell("status", self.status())
+        self.publish("status", self.status())
 
     def status(self) -> ComponentStatus:
         """The component's health as it is now."""

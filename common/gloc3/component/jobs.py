@@ -7,7 +7,7 @@ import msgspec
 
 from gloc3.component.component import ActuatorDriver, Component, FunctionEntry
 from gloc3.component.data_logger import read_items
-from gloc3.component.error_handler import Failure
+from gloc3.component.error_handler import CountedError
 from gloc3.component.guard import guard
 from gloc3.component.outlets import Outlets, Routed
 from gloc3.component.ports import Actuation, Inbox
@@ -43,7 +43,7 @@ class ComponentJob:
     def __init__(self, component: Component[Any], gate: Gate, *, is_device_live: bool = False) -> None:
         self.component = component
         self.error: BaseException | None = None
-        self.failures: list[Failure] = []
+        self.failures: list[CountedError] = []
         """What went wrong without ending the job."""
         self.is_skipped = False
         """The gate was shut before the job's turn came."""
@@ -78,7 +78,7 @@ class ComponentJob:
         if isinstance(self.component, ActuatorDriver):
             _, error = guard(self.component.make_safe)
             if error is not None:
-                self.failures.append(Failure(MAKE_SAFE, error))
+                self.failures.append(CountedError(MAKE_SAFE, error))
 
 
 class MethodJob(ComponentJob):
@@ -129,7 +129,7 @@ class MethodJob(ComponentJob):
             if name in self._tolerated:
                 _, error = guard(getattr(self.component, name), *arguments)
                 if error is not None:
-                    self.failures.append(Failure(name, error))
+                    self.failures.append(CountedError(name, error))
             else:
                 getattr(self.component, name)(*arguments)
 

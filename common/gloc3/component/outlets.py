@@ -7,7 +7,7 @@ import msgspec
 
 from gloc3.component.component import Component
 from gloc3.component.deployment import ComponentRow
-from gloc3.component.ports import Actuation, Output, Report, Result
+from gloc3.component.ports import Actuation, Output, PortReport, Result
 from gloc3.errors import Misuse
 from gloc3.messages.envelope import Message
 from gloc3.messages.topics import TopicTable
@@ -15,7 +15,7 @@ from gloc3.messages.topics import TopicTable
 KEY: Final = "{key}"
 
 
-class Outlet:
+class PortOutlet:
     """An output of one hosted component, bound to its topics."""
 
     __slots__ = ("frame", "is_keyed", "message", "port", "reported_s", "topics")
@@ -29,7 +29,7 @@ class Outlet:
         self.reported_s = -math.inf
         """When something was reported last."""
 
-    def takes(self, key: object) -> bool:
+    def accepts(self, key: object) -> bool:
         """Whether a key fits: it stands for one level of a topic, at the end of a topic for any number of levels."""
         if not self.is_keyed or not isinstance(key, str):
             return key == ""
@@ -40,7 +40,7 @@ class Outlet:
 class Routed(msgspec.Struct, frozen=True, gc=False):
     """A result that has been checked and has an outlet."""
 
-    outlet: Outlet
+    outlet: PortOutlet
     message: Message
     t_s: float
     key: str = ""
@@ -59,7 +59,7 @@ class Outlets:
     def __init__(self, row: ComponentRow, component: type[Component[Any]], platform: str, topics: TopicTable) -> None:
         self._class_name = component.__name__
         self._by_port = {
-            name: Outlet(port, tuple(f"{platform}/{topic}" for topic in row.topics(name)))
+            name: PortOutlet(port, tuple(f"{platform}/{topic}" for topic in row.topics(name)))
             for name, port in component.outputs.items()
         }
         outlets = list(self._by_port.values())
@@ -102,11 +102,11 @@ class Outlets:
             return Routed(outlet, result, cycle_s)  # type: ignore[arg-type] # its type is that of a port
         if isinstance(result, Actuation):
             return result
-        if isinstance(result, Report):
+        if isinstance(result, PortReport):
             return self._route_report(result, cycle_s)
         raise Misuse(f"{self._class_name} reported {type(result).__name__}, which fits no single output of its class")
 
-    def _route_report(self, report: Report, cycle_s: float) -> Routed:
+    def _route_report(self, report: PortReport, cycle_s: float) -> Routed:
         outlet = self._by_port.get(report.port)
         if outlet is None:
             raise Misuse(f"{self._class_name} has no output {report.port!r}")
@@ -116,6 +116,6 @@ class Outlets:
         t_s = cycle_s if report.t_s is None else report.t_s
         if not isinstance(t_s, float | int) or not math.isfinite(t_s):
             raise Misuse(f"{self._class_name}.{outlet.port}: {t_s!r} is no time of validity")
-        if not outlet.takes(report.key):
+        if not outlet.accepts(report.key):
             raise Misuse(f"{self._class_name}.{outlet.port}: {report.key!r} is no key for {', '.join(outlet.topics)}")
         return Routed(outlet, report.message, t_s, report.key)

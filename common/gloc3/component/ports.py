@@ -51,9 +51,9 @@ class Output(Port[M]):
         super().__init__(message)
         self.frame = frame
 
-    def report(self, message: M, *, t_s: float | None = None, key: str = "") -> "Report":
+    def report(self, message: M, *, t_s: float | None = None, key: str = "") -> "PortReport":
         """A result for this port; needed where a class has two ports of one type, or to state the time of validity."""
-        return Report(self.name, message, t_s, key)
+        return PortReport(self.name, message, t_s, key)
 
 
 class PortGroup:
@@ -63,7 +63,7 @@ class PortGroup:
     """
 
 
-class Report(msgspec.Struct, frozen=True, gc=False):
+class PortReport(msgspec.Struct, frozen=True, gc=False):
     """A result on its way to a port of its component."""
 
     port: str
@@ -79,7 +79,7 @@ class Actuation(msgspec.Struct, frozen=True):
     write: Any
 
 
-Result = Message | Report | Actuation
+Result = Message | PortReport | Actuation
 """What `work()` returns."""
 
 

@@ -41,7 +41,7 @@ UP: Final = (Command.INITIALIZE, Command.START)
 UP_QUIETLY: Final = (*UP, Command.GOQUIET)
 
 
-class Order(NamedTuple):
+class LciRequest(NamedTuple):
     """A request for a component's LCI."""
 
     component: str
@@ -49,7 +49,7 @@ class Order(NamedTuple):
     reason: str
 
 
-class Verdict(NamedTuple):
+class SupervisionVerdict(NamedTuple):
     """A component's function is lost: what its row says is to be done."""
 
     component: str
@@ -57,7 +57,7 @@ class Verdict(NamedTuple):
     reason: str
 
 
-Step = Order | Verdict
+Step = LciRequest | SupervisionVerdict
 
 
 SETTLED_S: Final = 0.5
@@ -81,7 +81,7 @@ class _Watched:
         self.on_fault: Final = policy if isinstance(policy, OnFault) else OnFault(then=policy)
         self.state: State | None = None
         """None: never heard, left, or silent."""
-        self.heard_s: float | None = None
+        self.received_s: float | None = None
         """None while it is not expected to be heard."""
         self.reason = ""
         """Why it fails; empty while it does not."""
@@ -103,7 +103,7 @@ class _Watched:
     @property
     def silent_at_s(self) -> float | None:
         """When it counts as silent, if nothing is heard until then."""
-        return None if self.heard_s is None else self.heard_s + SILENT_PERIODS * self.row.status_period_s
+        return None if self.received_s is None else self.received_s + SILENT_PERIODS * self.row.status_period_s
 
 
 class _Group:
@@ -198,11 +198,11 @@ class Supervision:
         watched = self._watched.get(status.name)
         if watched is None:
             return []
-        if watched.heard_s is None:  # it comes, or comes back
+        if watched.received_s is None:  # it comes, or comes back
             watched.recover()
             self._next_s = -inf
         watched.state = status.state
-        watched.heard_s = None if status.state is None else now_s
+        watched.received_s = None if status.state is None else now_s
         if watched.pending is not None:  # what we have asked for is under way: its reply decides
             return []
         return list(self._judge(watched, status.cause, now_s))
@@ -224,7 +224,7 @@ class Supervision:
         self._next_s = -inf
         watched.pending = None
         watched.state = reply.state
-        watched.heard_s = None if reply.state is None else now_s
+        watched.received_s = None if reply.state is None else now_s
         if reply.is_accepted:
             return list(self._judge(watched, "", now_s))
         return list(self._not_done(watched, pending, reply.reason, now_s))
@@ -278,13 +278,13 @@ class Supervision:
         if watched.up_since_s is None:
             watched.up_since_s = now_s
         if watched.state is State.WORKING:
-            yield from self._keep_one_voice(watched, now_s)
+            yield from self._keep_one_publisher(watched, now_s)
         else:
             charge = self._groups[watched.row.name].in_charge
             if charge.reason and charge.pending is None:
                 yield from self._hand_over(charge, now_s)
 
-    def _keep_one_voice(self, watched: _Watched, now_s: float) -> Iterator[Step]:
+    def _keep_one_publisher(self, watched: _Watched, now_s: float) -> Iterator[Step]:
         """At most one of a group is not quiet: who comes second is told to go quiet.
 
         A standby that is seen between its start and its going quiet, before the primary is up, is not in charge.
@@ -311,7 +311,7 @@ class Supervision:
             yield from self._hand_over(watched, now_s)
         yield from self._schedule(watched, now_s)
 
-    def _hand_over(self, failed: _Watched, now_s: float, besides: _Watched | None = None) -> Iterator[Order]:
+    def _hand_over(self, failed: _Watched, now_s: float, besides: _Watched | None = None) -> Iterator[LciRequest]:
         group = self._groups[failed.row.name]
         successor = group.successor(besides)
         if successor is not None:
@@ -319,7 +319,7 @@ class Supervision:
             reason = f"{failed.row.name}: {failed.reason}"
             yield self._order(successor, (Command.RESUME,), reason, now_s, limit_s=RESUME_LIMIT_S)
 
-    def _schedule(self, watched: _Watched, now_s: float) -> Iterator[Verdict]:
+    def _schedule(self, watched: _Watched, now_s: float) -> Iterator[SupervisionVerdict]:
         plan: Reinitialize | None = watched.on_fault.reinitialize
         if watched.state is State.FAULTY and plan is not None and watched.attempts < plan.times:
             watched.due_s = now_s + plan.back_off_s * 2.0**watched.attempts
@@ -329,7 +329,7 @@ class Supervision:
         policy = group.primary.on_fault.then
         if group.in_charge is watched and policy is not FaultPolicy.IGNORE and not watched.is_lost:
             watched.is_lost = True
-            yield Verdict(watched.row.name, policy, watched.reason)
+            yield SupervisionVerdict(watched.row.name, policy, watched.reason)
 
     def _not_done(self, watched: _Watched, pending: _Pending, reason: str, now_s: float) -> Iterator[Step]:
         """An order of ours was refused, failed, or not answered."""
@@ -349,7 +349,7 @@ class Supervision:
 
     def _fell_silent(self, watched: _Watched, now_s: float, reason: str = SILENT) -> Iterator[Step]:
         was, watched.state = watched.state, None
-        watched.heard_s = watched.due_s = None
+        watched.received_s = watched.due_s = None
         if was in OPERATING:
             yield from self._fail(watched, reason, now_s)
 
@@ -360,12 +360,12 @@ class Supervision:
         reason: str,
         now_s: float,
         limit_s: float | None = None,
-    ) -> Order:
+    ) -> LciRequest:
         self._orders += 1
         self._next_s = -inf
         request_id = f"{self._name}-{self._orders}"
-        patience_s = watched.row.timeout_s * len(commands) + MARGIN_S if limit_s is None else limit_s
+        timeout_s = watched.row.timeout_s * len(commands) + MARGIN_S if limit_s is None else limit_s
         is_resume = commands[0] is Command.RESUME
-        watched.pending = _Pending(request_id, is_resume, now_s + patience_s)
+        watched.pending = _Pending(request_id, is_resume, now_s + timeout_s)
         request = CommandRequest(request_id=request_id, command=commands[0], then=tuple(commands[1:]))
-        return Order(watched.row.name, request, reason)
+        return LciRequest(watched.row.name, request, reason)

@@ -123,24 +123,24 @@ GaveUp = Callable[[str], None]
 """Is told why an errand will never end."""
 
 
-class _Errand(NamedTuple):
+class _Job(NamedTuple):
     deadline: asyncio.TimerHandle
     gave_up: GaveUp
 
 
-class Errands:
+class JobQueue:
     """Runs an author's methods on a worker; when one of them sticks, all are given up."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, worker: Worker, expired: Callable[[str], None]) -> None:
         self._loop = loop
         self._worker = worker
         self._expired = expired
-        self._under_way: dict[int, _Errand] = {}
+        self._running: dict[int, _Job] = {}
         self._made = 0
 
     def __len__(self) -> int:
         """How many have not ended."""
-        return len(self._under_way)
+        return len(self._running)
 
     def run(
         self,
@@ -165,18 +165,18 @@ class Errands:
         self._made += 1
         number = self._made
         cause = f"timeout: {what} took over {limit_s:g} s"
-        self._under_way[number] = _Errand(self._loop.call_later(limit_s, self._expired, cause), gave_up)
+        self._running[number] = _Job(self._loop.call_later(limit_s, self._expired, cause), gave_up)
         self._worker.run(job, lambda result: self._end(number, ended, result), cost_s)
 
     def _end(self, number: int, ended: Callable[[Any], None], result: Any) -> None:
-        self._under_way.pop(number).deadline.cancel()
+        self._running.pop(number).deadline.cancel()
         ended(result)
 
     def abandon(self) -> list[GaveUp]:
         """Leaves what is under way to its fate; returns who has to be told, in order."""
-        errands = list(self._under_way.values())
-        self._under_way.clear()
-        for errand in errands:
-            errand.deadline.cancel()
+        jobs = list(self._running.values())
+        self._running.clear()
+        for job in jobs:
+            job.deadline.cancel()
         self._worker.abandon()
-        return [errand.gave_up for errand in errands]
+        return [job.gave_up for job in jobs]

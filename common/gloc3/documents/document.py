@@ -13,8 +13,8 @@ from typing import Any, Final, TypeVar, cast
 import yaml
 
 from gloc3.documents import schema
-from gloc3.documents.yaml_nodes import Node, build, place_of, stays_text
-from gloc3.errors import Finding, InputError, NotThere
+from gloc3.documents.yaml_nodes import YamlNode, build, place_of, stays_text
+from gloc3.errors import Finding, InputError, NotFound
 
 T = TypeVar("T")
 
@@ -28,7 +28,7 @@ WIDTH: Final = 120
 class Document:
     """A file that was read: its plain value, and where each part of it stands."""
 
-    def __init__(self, file: str, root: Node) -> None:
+    def __init__(self, file: str, root: YamlNode) -> None:
         self.file = file
         self.root = root
 
@@ -37,7 +37,7 @@ class Document:
         """The whole as plain Python."""
         return self.root.value
 
-    def node(self, where: Where) -> Node:
+    def node(self, where: Where) -> YamlNode:
         """The node at a path, or the deepest one on the way to it that is there."""
         node = self.root
         for step in where:
@@ -48,7 +48,7 @@ class Document:
 
     def seen_as(self, key: str, other: str) -> "Document":
         """The same document with what stands under one key in the place of another."""
-        root = Node(self.root.value, self.root.line, self.root.column, self.root.file)
+        root = YamlNode(self.root.value, self.root.line, self.root.column, self.root.file)
         root.children, root.key_places = dict(self.root.children), dict(self.root.key_places)
         root.children.pop(key, None)
         if other in self.root.children:
@@ -74,7 +74,7 @@ def load_bytes(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
     """The content of a file.
 
     Raises:
-        NotThere: it cannot be opened.
+        NotFound: it cannot be opened.
         InputError: it is larger than allowed; in that case it is not read at all, or, if its size is not known before (a pipe, a device), no further than that.
     """
     try:
@@ -88,7 +88,7 @@ def load_bytes(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
         return data
     except (OSError, ValueError) as error:
         reason = (getattr(error, "strerror", None) or str(error)).lower()
-        raise NotThere([Finding(file=str(path), message=f"cannot be read: {reason}")]) from error
+        raise NotFound([Finding(file=str(path), message=f"cannot be read: {reason}")]) from error
 
 
 def load(path: Path, kind: type[T]) -> T:

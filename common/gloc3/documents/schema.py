@@ -8,7 +8,7 @@ from typing import Any, Final, TypeVar
 
 import msgspec
 
-from gloc3.documents.yaml_nodes import Node
+from gloc3.documents.yaml_nodes import YamlNode
 from gloc3.errors import Finding, nearest
 
 T = TypeVar("T")
@@ -26,7 +26,7 @@ _KINDS: Final = {
 _SHOWN_MAX: Final = 40
 
 
-def check(node: Node, kind: type[T], file: str, findings: list[Finding], name: str = "") -> T | None:
+def check(node: YamlNode, kind: type[T], file: str, findings: list[Finding], name: str = "") -> T | None:
     """The value of a node as `kind`; where it does not fit, None and a finding for each thing that is wrong.
 
     Args:
@@ -91,7 +91,7 @@ class _Checker:
         self._file = file
         self.findings: list[Finding] = []
 
-    def visit(self, node: Node, kind: Any, name: str) -> None:
+    def visit(self, node: YamlNode, kind: Any, name: str) -> None:
         before = len(self.findings)
         options = _options(kind)
         if isinstance(node.value, dict):
@@ -105,7 +105,7 @@ class _Checker:
         if len(self.findings) == before:
             self._leaf(node, kind, name)
 
-    def _mapping(self, node: Node, shape: Any, name: str) -> None:
+    def _mapping(self, node: YamlNode, shape: Any, name: str) -> None:
         if not _is_struct(shape):
             key_kind, value_kind = typing.get_args(shape)
             for key, child in node.children.items():
@@ -125,13 +125,13 @@ class _Checker:
                 owner = f" in {name}" if name else ""
                 self._add(node, f"{key!r} is missing{owner}")
 
-    def _key(self, node: Node, key: str, kind: Any) -> None:
+    def _key(self, node: YamlNode, key: str, kind: Any) -> None:
         try:
             msgspec.convert(key, kind)
         except msgspec.ValidationError as error:
             self._add(node.children[key], f"name {key!r}: {in_words(error)}", place=node.key_places[key])
 
-    def _sequence(self, node: Node, shape: Any, name: str) -> None:
+    def _sequence(self, node: YamlNode, shape: Any, name: str) -> None:
         items = typing.get_args(shape)
         if not items:
             return
@@ -142,7 +142,7 @@ class _Checker:
             kind = items[int(index)] if is_fixed else items[0]
             self.visit(child, kind, f"{name}[{index}]")
 
-    def _leaf(self, node: Node, kind: Any, name: str) -> None:
+    def _leaf(self, node: YamlNode, kind: Any, name: str) -> None:
         try:
             msgspec.convert(node.value, kind)
         except msgspec.ValidationError as error:
@@ -156,7 +156,7 @@ class _Checker:
                     hint = "put it in quotes"
             self._add(node, f"{name}: {message}" if name else message, hint)
 
-    def _add(self, node: Node, message: str, hint: str = "", place: tuple[int, int] | None = None) -> None:
+    def _add(self, node: YamlNode, message: str, hint: str = "", place: tuple[int, int] | None = None) -> None:
         line, column = place or (node.line, node.column)
         if node.note:
             message = f"{message} ({node.note})"

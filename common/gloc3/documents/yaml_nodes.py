@@ -26,7 +26,7 @@ _DIGITS_MAX: Final = 40
 _WHOLE_MAX: Final = 2**63 - 1
 
 
-class Node:
+class YamlNode:
     """A value of a document with its place."""
 
     __slots__ = ("children", "column", "file", "key_places", "line", "note", "value")
@@ -40,12 +40,12 @@ class Node:
         """Where it stands, if not in the document's own file."""
         self.note = note
         """What whoever is told of it should know besides: what it was put there for."""
-        self.children: dict[str | int, Node] = {}
+        self.children: dict[str | int, YamlNode] = {}
         """The nodes below, by key or index."""
         self.key_places: dict[str, tuple[int, int]] = {}
         """Line and column of each key of a mapping."""
 
-    def put(self, key: str | int, child: "Node", place: tuple[int, int] | None = None) -> None:
+    def put(self, key: str | int, child: "YamlNode", place: tuple[int, int] | None = None) -> None:
         """Sets a value of a mapping, with the place of its key, or the next of a list."""
         self.children[key] = child
         if isinstance(self.value, dict):
@@ -55,7 +55,7 @@ class Node:
         else:
             self.value.append(child.value)
 
-    def descendants(self) -> Iterator["Node"]:
+    def descendants(self) -> Iterator["YamlNode"]:
         """The node itself, and all below it."""
         waiting = [self]
         while waiting:
@@ -64,12 +64,12 @@ class Node:
             waiting += one.children.values()
 
 
-def build(text: str, file: str) -> tuple[Node | None, list[Finding]]:
+def build(text: str, file: str) -> tuple[YamlNode | None, list[Finding]]:
     """The root of a YAML document (None if there is none), and everything that is wrong with it."""
     builder = _Builder(file)
     try:
         for event in yaml.parse(text, Loader=_LOADER):
-            builder.take(event)
+            builder.add_event(event)
     except _TooMuch:
         pass
     except yaml.YAMLError as error:
@@ -86,14 +86,14 @@ class _Builder:
 
     def __init__(self, file: str) -> None:
         self.findings: list[Finding] = []
-        self.root: Node | None = None
+        self.root: YamlNode | None = None
         self._file = file
-        self._stack: list[Node] = []
+        self._stack: list[YamlNode] = []
         self._keys: list[str | None] = []
         self._nodes = 0
         self._documents = 0
 
-    def take(self, event: yaml.Event) -> None:
+    def add_event(self, event: yaml.Event) -> None:
         match event:
             case yaml.ScalarEvent():
                 self._scalar(event)
@@ -142,12 +142,12 @@ class _Builder:
             places[name] = _mark(event)
         self._keys[-1] = name
 
-    def _put(self, event: yaml.Event, value: Any) -> Node:
+    def _put(self, event: yaml.Event, value: Any) -> YamlNode:
         self._nodes += 1
         if self._nodes > MAX_NODES:
             self._find(event, f"more than {MAX_NODES:,} values in one file")
             raise _TooMuch
-        node = Node(value, *_mark(event))
+        node = YamlNode(value, *_mark(event))
         if not self._stack:
             self.root = node
             return node

@@ -14,7 +14,7 @@ from gloc3.errors import Refused
 from gloc3.evaluation.trajectory import Array, Trajectory
 
 BEGIN_SHARE: Final = 0.1
-"""The part of the poses that `Alignment.BEGIN` looks at."""
+"""The part of the poses that `TrajectoryAlignment.BEGIN` looks at."""
 
 TOLERANCE: Final = 0.1
 """How much longer or shorter than asked a stretch of the relative error may be, as a share."""
@@ -27,7 +27,7 @@ MATCH_S: Final = 0.01
 """Farthest apart in time that an estimate and the truth belong together."""
 
 
-class Alignment(StrEnum):
+class TrajectoryAlignment(StrEnum):
     """How the estimate's frame is laid over that of the truth; never its scale."""
 
     BEGIN = "begin"
@@ -77,7 +77,10 @@ class Evaluation(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def evaluate(
-    estimate: Trajectory, truth: Trajectory, align: Alignment = Alignment.BEGIN, over_m: float = 10.0
+    estimate: Trajectory,
+    truth: Trajectory,
+    align: TrajectoryAlignment = TrajectoryAlignment.BEGIN,
+    over_m: float = 10.0,
 ) -> Evaluation:
     """Compares a trajectory with the truth.
 
@@ -122,13 +125,13 @@ def matched(estimate: Trajectory, truth: Trajectory) -> tuple[Trajectory, Trajec
     is_near = np.abs(long.t_s[nearest] - short.t_s) <= MATCH_S
     if not is_near.any():
         raise Refused("the trajectory and the truth have no times in common")
-    short, long = short.take(np.flatnonzero(is_near)), long.take(nearest[is_near])
+    short, long = short.select(np.flatnonzero(is_near)), long.select(nearest[is_near])
     return (long, short) if is_swapped else (short, long)
 
 
-def tells_a_frame(estimate: Trajectory, truth: Trajectory, align: Alignment) -> bool:
+def names_a_frame(estimate: Trajectory, truth: Trajectory, align: TrajectoryAlignment) -> bool:
     """Whether the positions that an alignment goes by are enough for it: neither in one place nor along one line."""
-    if align in (Alignment.NONE, Alignment.ORIGIN):
+    if align in (TrajectoryAlignment.NONE, TrajectoryAlignment.ORIGIN):
         return True
     _, truth = matched(estimate, truth)
     positions = truth.position_m[: _count(truth, align)]
@@ -137,19 +140,19 @@ def tells_a_frame(estimate: Trajectory, truth: Trajectory, align: Alignment) -> 
     return bool(size_m > LEAST_SIZE_M and across > LEAST_WIDTH * along)
 
 
-def _count(poses: Trajectory, align: Alignment) -> int:
-    return len(poses) if align is Alignment.ALL else max(3, int(len(poses) * BEGIN_SHARE))
+def _count(poses: Trajectory, align: TrajectoryAlignment) -> int:
+    return len(poses) if align is TrajectoryAlignment.ALL else max(3, int(len(poses) * BEGIN_SHARE))
 
 
-def laid_over(estimate: Trajectory, truth: Trajectory, align: Alignment) -> Trajectory:
+def laid_over(estimate: Trajectory, truth: Trajectory, align: TrajectoryAlignment) -> Trajectory:
     """The estimate in the frame of the truth; both have the same times.
 
     Raises:
         Refused: the positions that are to align it lie in one point or line.
     """
-    if align is Alignment.NONE:
+    if align is TrajectoryAlignment.NONE:
         return estimate
-    if align is Alignment.ORIGIN:
+    if align is TrajectoryAlignment.ORIGIN:
         rotation: Array = truth.world_from_body[0] @ estimate.world_from_body[0].T
         return estimate.moved(rotation, truth.position_m[0] - rotation @ estimate.position_m[0])
     count = _count(estimate, align)

@@ -30,9 +30,9 @@ class RequestedPath:
         self.flights: Final[list[RequestedFlight]] = []
         self._position_ned_m: Vector3 = (0.0, 0.0, 0.0)
         self._unsubscribes = [
-            exchange.subscribe(f"{platform}/components/*/function", self._ask),
+            exchange.subscribe(f"{platform}/components/*/function", self._receive_request),
             exchange.subscribe(f"{platform}/action_status/*", self._report),
-            exchange.subscribe(f"{platform}/pose", self._see),
+            exchange.subscribe(f"{platform}/pose", self._receive_pose),
         ]
 
     @property
@@ -45,10 +45,10 @@ class RequestedPath:
         for unsubscribe in self._unsubscribes:
             unsubscribe()
 
-    def _see(self, envelope: Envelope[Pose]) -> None:
+    def _receive_pose(self, envelope: Envelope[Pose]) -> None:
         self._position_ned_m = envelope.payload.position_ned_m
 
-    def _ask(self, envelope: Envelope[FunctionRequest]) -> None:
+    def _receive_request(self, envelope: Envelope[FunctionRequest]) -> None:
         request = envelope.payload
         order: dict[str, Any] = request.arguments.get("arguments", {})
         if request.function != "action.start" or "waypoints_ned_m" not in order:

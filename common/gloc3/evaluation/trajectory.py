@@ -37,7 +37,7 @@ class Trajectory:
         steps = np.linalg.norm(np.diff(self.position_m, axis=0), axis=1)
         return np.concatenate([np.zeros(min(1, len(self))), np.cumsum(steps)])
 
-    def take(self, which: NDArray[np.intp] | slice) -> "Trajectory":
+    def select(self, which: NDArray[np.intp] | slice) -> "Trajectory":
         """Some of its poses."""
         return Trajectory(
             t_s=self.t_s[which], position_m=self.position_m[which], world_from_body=self.world_from_body[which]

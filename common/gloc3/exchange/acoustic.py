@@ -32,7 +32,7 @@ _POLICIES: Final = ("", "pilot", *(str(policy) for policy in Policy))
 _HEALTHS: Final = tuple(Health)
 
 
-class Kind(IntEnum):
+class AcousticFrameKind(IntEnum):
     """What a frame is."""
 
     SUMMARY = 1
@@ -40,7 +40,7 @@ class Kind(IntEnum):
     RECEIPT = 3
 
 
-class Verb(IntEnum):
+class AcousticVerb(IntEnum):
     """What can be ordered."""
 
     HOLD = 1
@@ -73,12 +73,12 @@ class AcousticSummary(Message, frozen=True):
     """The severity of the worst event that no station has been told; 7 for none."""
 
 
-class Order(msgspec.Struct, frozen=True):
+class AcousticOrder(msgspec.Struct, frozen=True):
     """What the station wants done."""
 
     number: int
     """Grows with every order: an older one is not taken."""
-    verb: Verb
+    verb: AcousticVerb
 
 
 class Receipt(msgspec.Struct, frozen=True):
@@ -88,7 +88,7 @@ class Receipt(msgspec.Struct, frozen=True):
     is_accepted: bool
 
 
-AcousticFrame = AcousticSummary | Order | Receipt
+AcousticFrame = AcousticSummary | AcousticOrder | Receipt
 
 
 class AcousticCode:
@@ -110,11 +110,11 @@ class AcousticCode:
         """The bytes of a frame."""
         match frame:
             case AcousticSummary():
-                kind, body = Kind.SUMMARY, _pack(frame)
-            case Order(number=number, verb=verb):
-                kind, body = Kind.ORDER, _ORDER.pack(number, verb)
+                kind, body = AcousticFrameKind.SUMMARY, _pack(frame)
+            case AcousticOrder(number=number, verb=verb):
+                kind, body = AcousticFrameKind.ORDER, _ORDER.pack(number, verb)
             case Receipt(number=number, is_accepted=is_accepted):
-                kind, body = Kind.RECEIPT, _RECEIPT.pack(number, is_accepted)
+                kind, body = AcousticFrameKind.RECEIPT, _RECEIPT.pack(number, is_accepted)
         self._sequence = self._sequence + 1 & 0xFFFF
         data = _HEAD.pack(VERSION << 4 | kind, self._platform, self._sequence) + body
         return data + self._tag(data)
@@ -135,12 +135,12 @@ class AcousticCode:
         body = begin[_HEAD.size :]
         try:
             match first & 0x0F:
-                case Kind.SUMMARY:
+                case AcousticFrameKind.SUMMARY:
                     return _unpack(body)
-                case Kind.ORDER:
+                case AcousticFrameKind.ORDER:
                     number, verb = _ORDER.unpack(body)
-                    return Order(number, Verb(verb))
-                case Kind.RECEIPT:
+                    return AcousticOrder(number, AcousticVerb(verb))
+                case AcousticFrameKind.RECEIPT:
                     number, is_accepted = _RECEIPT.unpack(body)
                     return Receipt(number, bool(is_accepted))
         except (struct.error, ValueError, IndexError):

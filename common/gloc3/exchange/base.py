@@ -79,7 +79,7 @@ class LocalExchange:
         self._subscribers: list[tuple[str, Deliver]] = []
         self._routes: dict[str, tuple[Deliver, ...]] = {}
         self._tokens: dict[str, int] = {}
-        self._watchers: list[tuple[str, Callable[[str, bool], None]]] = []
+        self._listeners: list[tuple[str, Callable[[str, bool], None]]] = []
         self._waiting: deque[Envelope[Any]] = deque()
         self._is_delivering = False
 
@@ -117,7 +117,7 @@ class LocalExchange:
     def _hand_over(self, route: Iterable[Deliver], envelope: Envelope[Any]) -> None:
         rest = iter(route)
         while (error := guard(_hand, rest, envelope)[1]) is not None:  # goes on behind the one that failed
-            _complain(f"a subscriber of {envelope.topic} failed", error)
+            _report_problem(f"a subscriber of {envelope.topic} failed", error)
 
     def _keep(self, envelope: Envelope[Any]) -> None:
         self._last[envelope.topic] = envelope
@@ -146,7 +146,7 @@ class LocalExchange:
         """Says that something is here."""
         self._tokens[token] = self._tokens.get(token, 0) + 1
         if self._tokens[token] == 1:
-            self._tell(token, True)
+            self._notify_watchers(token, True)
         is_open = True
 
         def withdraw() -> None:
@@ -157,30 +157,30 @@ class LocalExchange:
             self._tokens[token] -= 1
             if not self._tokens[token]:
                 del self._tokens[token]
-                self._tell(token, False)
+                self._notify_watchers(token, False)
 
         return withdraw
 
     def watch(self, pattern: str, changed: Callable[[str, bool], None]) -> Unsubscribe:
         """Reports tokens that come and go."""
         entry = (pattern, changed)
-        self._watchers.append(entry)
+        self._listeners.append(entry)
         for token in list(self._tokens):
             if matches(pattern, token):
                 changed(token, True)
 
         def unwatch() -> None:
-            if entry in self._watchers:
-                self._watchers.remove(entry)
+            if entry in self._listeners:
+                self._listeners.remove(entry)
 
         return unwatch
 
-    def _tell(self, token: str, is_alive: bool) -> None:
-        for pattern, changed in list(self._watchers):
+    def _notify_watchers(self, token: str, is_alive: bool) -> None:
+        for pattern, changed in list(self._listeners):
             if matches(pattern, token):
                 _, error = guard(changed, token, is_alive)
                 if error is not None:
-                    _complain(f"a watcher of {token} failed", error)
+                    _report_problem(f"a watcher of {token} failed", error)
 
 
 def _hand(rest: Iterator[Deliver], envelope: Envelope[Any]) -> None:
@@ -188,7 +188,7 @@ def _hand(rest: Iterator[Deliver], envelope: Envelope[Any]) -> None:
         deliver(envelope)
 
 
-def _complain(message: str, error: BaseException) -> None:
+def _report_problem(message: str, error: BaseException) -> None:
     """A bug of ours: told loudly, without harm to who published."""
     asyncio.get_running_loop().call_exception_handler({"message": message, "exception": error})
 
@@ -207,11 +207,11 @@ async def request(
     loop = asyncio.get_running_loop()
     answer: asyncio.Future[Message] = loop.create_future()
 
-    def take(envelope: Envelope[Any]) -> None:
+    def handle(envelope: Envelope[Any]) -> None:
         if envelope.payload.request_id == message.request_id and not answer.done():
             answer.set_result(envelope.payload)
 
-    unsubscribe = exchange.subscribe(f"{topic.rpartition('/')[0]}/{REPLY_TOPICS[type(message)]}", take)
+    unsubscribe = exchange.subscribe(f"{topic.rpartition('/')[0]}/{REPLY_TOPICS[type(message)]}", handle)
     try:
         publisher.publish(topic, message, loop.time())
         async with asyncio.timeout(timeout_s):

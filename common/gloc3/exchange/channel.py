@@ -13,7 +13,7 @@ import zenoh
 from gloc3.component.guard import guard
 from gloc3.exchange.inbound import Arrivals, Inbound
 from gloc3.exchange.near import NearServer
-from gloc3.messages.topics import Service
+from gloc3.messages.topics import TopicService
 from gloc3.messages.wire import TypeRegistry
 
 LEAVE_S: Final = 1.0
@@ -63,14 +63,14 @@ class SendQueue:
             try:
                 send = self._waiting.popleft()
             except IndexError:
-                if not self._rest():
+                if not self._remainder():
                     return
                 continue
             _, error = guard(send)
             if error is not None:
                 self._failed(error)
 
-    def _rest(self) -> bool:
+    def _remainder(self) -> bool:
         """Waits for a message; False when none will come any more."""
         with self._changed:
             self._is_idle = True  # before the look: who gives one after it will notify
@@ -82,12 +82,12 @@ class SendQueue:
             return True
 
 
-SERVICES: Final[Mapping[Service, tuple[zenoh.Priority, zenoh.Reliability]]] = {
-    Service.CONTROL: (zenoh.Priority.REAL_TIME, zenoh.Reliability.BEST_EFFORT),
-    Service.COMMAND: (zenoh.Priority.INTERACTIVE_HIGH, zenoh.Reliability.RELIABLE),
-    Service.STREAM: (zenoh.Priority.DATA_HIGH, zenoh.Reliability.BEST_EFFORT),
-    Service.REPORT: (zenoh.Priority.DATA, zenoh.Reliability.RELIABLE),
-    Service.BULK: (zenoh.Priority.DATA_LOW, zenoh.Reliability.BEST_EFFORT),
+SERVICES: Final[Mapping[TopicService, tuple[zenoh.Priority, zenoh.Reliability]]] = {
+    TopicService.CONTROL: (zenoh.Priority.REAL_TIME, zenoh.Reliability.BEST_EFFORT),
+    TopicService.COMMAND: (zenoh.Priority.INTERACTIVE_HIGH, zenoh.Reliability.RELIABLE),
+    TopicService.STREAM: (zenoh.Priority.DATA_HIGH, zenoh.Reliability.BEST_EFFORT),
+    TopicService.REPORT: (zenoh.Priority.DATA, zenoh.Reliability.RELIABLE),
+    TopicService.BULK: (zenoh.Priority.DATA_LOW, zenoh.Reliability.BEST_EFFORT),
 }
 """What Zenoh is told for each service. Nothing ever waits in the loop: what does not fit a link's queue is dropped, and
 the queue of each priority holds so much that only a receiver that stands still loses what is reliable."""
@@ -110,7 +110,7 @@ class Means(NamedTuple):
     """Sends what is huge."""
 
 
-class Channel:
+class TopicChannel:
     """Sends on one key, and knows whether somebody elsewhere asks for it.
 
     Args:
@@ -119,7 +119,7 @@ class Channel:
         service: how that travels.
     """
 
-    def __init__(self, means: Means, key: str, service: Service) -> None:
+    def __init__(self, means: Means, key: str, service: TopicService) -> None:
         priority, reliability = SERVICES[service]
         self._key, self._priority = key, priority
         self._session, self._sender = means.session, means.sender
@@ -128,10 +128,12 @@ class Channel:
             allowed_destination=zenoh.Locality.REMOTE,
             priority=priority,
             congestion_control=zenoh.CongestionControl.DROP,
-            express=service is Service.BULK,  # what is large fills packets of its own
+            express=service is TopicService.BULK,  # what is large fills packets of its own
             reliability=reliability,
         )
-        self._listener = self._publisher.declare_matching_listener(means.arrivals.taker(Inbound(self._look)))
+        self._listener = self._publisher.declare_matching_listener(
+            means.arrivals.receiver(Inbound(self._matching_changed))
+        )
         self.is_settled = False
         """Whether it is known by now who asks for it; those who have just begun to ask may not be known yet."""
         self._is_wanted = False
@@ -166,7 +168,7 @@ class Channel:
         self._is_open = False
         self._timer.cancel()
 
-    def _look(self, _: object = None) -> None:
+    def _matching_changed(self, _: object = None) -> None:
         """In the loop: who asks for it has changed."""
         if self._is_open:
             status: Any = self._publisher.matching_status  # the stub says bool
@@ -174,4 +176,4 @@ class Channel:
 
     def _settle(self) -> None:
         self.is_settled = True
-        self._look()
+        self._matching_changed()

@@ -22,10 +22,10 @@ class Inbound:
         depth: so many may wait.
     """
 
-    __slots__ = ("depth", "dropped", "take", "waiting")
+    __slots__ = ("depth", "dropped", "handle", "waiting")
 
-    def __init__(self, take: Callable[[Any], None], depth: int = DEPTH) -> None:
-        self.take = take
+    def __init__(self, handle: Callable[[Any], None], depth: int = DEPTH) -> None:
+        self.handle = handle
         self.depth = depth
         self.dropped = 0
         """How many came while the loop was busy and were lost."""
@@ -46,10 +46,10 @@ class Arrivals:
         self._is_awake = False
         self._is_open = True
 
-    def taker(self, inbound: Inbound) -> Callable[[Any], None]:
+    def receiver(self, inbound: Inbound) -> Callable[[Any], None]:
         """Takes what comes for a subscription, in any thread."""
 
-        def take(thing: Any) -> None:
+        def handle(thing: Any) -> None:
             with self._lock:
                 if len(inbound.waiting) >= inbound.depth:
                     inbound.waiting.popleft()
@@ -62,7 +62,7 @@ class Arrivals:
             if has_to_wake:
                 self._loop.call_soon_threadsafe(self._drain)
 
-        return take
+        return handle
 
     def close(self) -> None:
         """Takes nothing any more; what waits is forgotten. No thread wakes the loop after this."""
@@ -80,4 +80,4 @@ class Arrivals:
         if has_more:
             self._loop.call_soon(self._drain)
         for inbound, thing in batch:
-            inbound.take(thing)
+            inbound.handle(thing)

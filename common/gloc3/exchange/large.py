@@ -14,10 +14,10 @@ from typing import Final
 
 import zenoh
 
-from gloc3.exchange.channel import Channel, Means
+from gloc3.exchange.channel import Means, TopicChannel
 from gloc3.exchange.inbound import Inbound
 from gloc3.exchange.near import DEPTH, LONGEST_HEAD, NearLink, NearServer
-from gloc3.messages.topics import Service
+from gloc3.messages.topics import TopicService
 
 LARGE: Final = 16_384
 """Messages of so many bytes go this way."""
@@ -29,9 +29,9 @@ TICKET_S: Final = 2.0
 AGAIN_S: Final = 0.5
 """After so long a reader that was cut off asks again."""
 
-Take = Callable[[str, bytes | None, bytes], None]
+Receive = Callable[[str, bytes | None, bytes], None]
 """Takes the topic, the head and the body of a message, in the loop."""
-Trouble = Callable[[str, str, str], None]
+ReportProblem = Callable[[str, str, str], None]
 """Is told of what went wrong: a word, the topic, a reason."""
 
 
@@ -58,7 +58,7 @@ class LargeOutlet:
     def __init__(self, means: Means, near: NearServer, topic: str) -> None:
         self._key = bulk_key(topic, near.name)
         self._near = near.open()
-        self._channel = Channel(means, self._key, Service.BULK)
+        self._channel = TopicChannel(means, self._key, TopicService.BULK)
         self._held = (
             means.session.declare_queryable(self._key, self._answer, allowed_origin=zenoh.Locality.REMOTE),
             means.session.liveliness().declare_token(self._key),
@@ -100,13 +100,13 @@ class LargeInlet:
         trouble: is told of memory that cannot be used.
     """
 
-    def __init__(self, means: Means, take: Take, trouble: Trouble) -> None:
-        self.means, self.take, self.trouble = means, take, trouble
+    def __init__(self, means: Means, handle: Receive, problem: ReportProblem) -> None:
+        self.means, self.take, self.report_problem = means, handle, problem
         self._sources: dict[str, LargeSource] = {}
         self._late: dict[str, int] = {}
         """Of those that are gone."""
 
-    def see(self, key: str, is_alive: bool) -> None:
+    def set_alive(self, key: str, is_alive: bool) -> None:
         """Somebody with large messages of a topic that is asked for came or went."""
         if not is_alive:
             source = self._sources.pop(key, None)
@@ -116,10 +116,10 @@ class LargeInlet:
         elif key not in self._sources:
             self._sources[key] = LargeSource(self, key)
 
-    def keep(self, is_wanted: Callable[[str], bool]) -> None:
+    def drop_unwanted(self, is_wanted: Callable[[str], bool]) -> None:
         """Forgets the topics that nobody here asks for any more."""
         for key in [key for key, source in self._sources.items() if not is_wanted(source.topic)]:
-            self.see(key, False)
+            self.set_alive(key, False)
 
     def late(self) -> dict[str, int]:
         """By topic, how many messages came while the loop was busy and were dropped."""
@@ -130,7 +130,7 @@ class LargeInlet:
 
     def close(self) -> None:
         """Reads nothing any more."""
-        self.keep(lambda _: False)
+        self.drop_unwanted(lambda _: False)
 
 
 class LargeSource:
@@ -140,8 +140,8 @@ class LargeSource:
         self.topic = topic_of(key)
         self._inlet, self._key = inlet, key
         self._session, self._loop = inlet.means.session, inlet.means.loop
-        self._inbound = Inbound(self._take, DEPTH)
-        self._arrived = inlet.means.arrivals.taker(self._inbound)
+        self._inbound = Inbound(self._receive, DEPTH)
+        self._arrived = inlet.means.arrivals.receiver(self._inbound)
         self._near: NearLink | None = None
         self._late = 0
         self._through_zenoh: zenoh.Subscriber[None] | None = None
@@ -153,7 +153,7 @@ class LargeSource:
         """How many came while the loop was busy, and were dropped."""
         return self._late + self._inbound.dropped + (self._near.late if self._near is not None else 0)
 
-    def _take(self, thing: zenoh.Reply | zenoh.Sample) -> None:
+    def _receive(self, thing: zenoh.Reply | zenoh.Sample) -> None:
         """In the loop: the answer with the ticket, or a message that came through Zenoh."""
         if isinstance(thing, zenoh.Sample):
             if self._through_zenoh is not None:
@@ -178,7 +178,7 @@ class LargeSource:
             return
         name = self._key.rpartition("/")[2]
         try:
-            self._near = NearLink(self._loop, name, self._take_near, self._cut_off)
+            self._near = NearLink(self._loop, name, self._receive_near, self._cut_off)
         except OSError:  # it is on another computer, or of another user
             self._go_through_zenoh()
             return
@@ -190,7 +190,7 @@ class LargeSource:
             timeout=TICKET_S,
         )
 
-    def _take_near(self, head: bytes, body: bytes) -> None:
+    def _receive_near(self, head: bytes, body: bytes) -> None:
         self._inlet.take(self.topic, head or None, body)
 
     def _cut_off(self, reason: str) -> None:
@@ -198,7 +198,7 @@ class LargeSource:
         self._leave()
         self._stop_timer()
         if reason:
-            self._inlet.trouble("damaged", self.topic, reason)
+            self._inlet.report_problem("damaged", self.topic, reason)
             self._go_through_zenoh()
         else:
             self._timer = self._loop.call_later(AGAIN_S, self._begin)

@@ -14,7 +14,7 @@ from typing import Any, Final
 from gloc3.exchange.base import Deliver, Exchange, LocalExchange, Unsubscribe
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
 from gloc3.exchange.tunnel.happenings import Delivered, Happening, TokenChanged
-from gloc3.exchange.tunnel.layout import PAYLOAD_TYPE, Role
+from gloc3.exchange.tunnel.layout import PAYLOAD_TYPE, TunnelRole
 from gloc3.exchange.tunnel.routes import route
 from gloc3.mavlink.codec import message as make
 from gloc3.mavlink.message import Address, MavlinkMessage
@@ -53,7 +53,7 @@ class MavlinkExchange:
         self._own_tokens: dict[str, int] = {}
         self._peer_tokens: dict[str, list[Unsubscribe]] = {}
         self._listeners: list[Callable[[Happening], None]] = []
-        self._happened: deque[Happening] = deque()
+        self._on_event: deque[Happening] = deque()
         self._timer: asyncio.Handle | None = None
         self._is_due = False
         self._is_open = True
@@ -105,10 +105,10 @@ class MavlinkExchange:
 
     # --- what only this middleware has ---
 
-    def listen(self, told: Callable[[Happening], None]) -> Unsubscribe:
+    def listen(self, reported: Callable[[Happening], None]) -> Unsubscribe:
         """Tells what happens on the link: peers, acknowledged and undelivered messages, troubles."""
-        self._listeners.append(told)
-        return lambda: self._listeners.remove(told) if told in self._listeners else None
+        self._listeners.append(reported)
+        return lambda: self._listeners.remove(reported) if reported in self._listeners else None
 
     def bridge(
         self,
@@ -128,10 +128,10 @@ class MavlinkExchange:
             outward: whether a message goes out.
         """
 
-        def take_in(envelope: Envelope[Any]) -> None:
-            taken = inward(envelope)
-            if taken is not None:
-                other.publish(taken)
+        def receive(envelope: Envelope[Any]) -> None:
+            used = inward(envelope)
+            if used is not None:
+                other.publish(used)
 
         def send_out(envelope: Envelope[Any]) -> None:
             if outward(envelope):
@@ -144,7 +144,7 @@ class MavlinkExchange:
                 continue
             if way.sender is self.endpoint.role:
                 undo.append(other.subscribe(f"{platform}/{name}", send_out))
-        self._deliver = take_in
+        self._deliver = receive
 
         def part() -> None:
             self._deliver = self.here.publish
@@ -163,10 +163,10 @@ class MavlinkExchange:
         last = next((peer.clock.latest for peer in self.endpoint.peers() if peer.name == name), None)
         return None if last is None else last.round_trip_s
 
-    def heard_age_s(self, name: str) -> float | None:
+    def received_age_s(self, name: str) -> float | None:
         """How long ago anything came from a peer; None for one that is not known."""
-        heard_s = [peer.heard_s for peer in self.endpoint.peers() if peer.name == name]
-        return self._loop.time() - max(heard_s) if heard_s else None
+        received_s = [peer.received_s for peer in self.endpoint.peers() if peer.name == name]
+        return self._loop.time() - max(received_s) if received_s else None
 
     # --- the link ---
 
@@ -209,7 +209,7 @@ class MavlinkExchange:
         try:
             self._work(self._loop.time())
         finally:  # a subscriber's error ends neither the link nor what else was to be told
-            if self._happened:
+            if self._on_event:
                 self._wake()
             elif self._is_open and not self._is_due:
                 when_s = max(self.endpoint.next_tick_s(), self._loop.time() + SMALLEST_WAIT_S)
@@ -217,9 +217,9 @@ class MavlinkExchange:
 
     def _work(self, now_s: float) -> None:
         self.endpoint.tick(now_s)
-        self._happened.extend(self.endpoint.happenings())
-        while self._happened:  # first, so that nothing is acknowledged that was not handed over
-            self._tell(self._happened.popleft())
+        self._on_event.extend(self.endpoint.events())
+        while self._on_event:  # first, so that nothing is acknowledged that was not handed over
+            self._handle_event(self._on_event.popleft())
         for system, component, payload in self.endpoint.outgoing(now_s):
             self._send(
                 make(
@@ -232,7 +232,7 @@ class MavlinkExchange:
                 )
             )
 
-    def _tell(self, happening: Happening) -> None:
+    def _handle_event(self, happening: Happening) -> None:
         match happening:
             case Delivered(envelope=envelope):
                 self._deliver(envelope)
@@ -243,8 +243,8 @@ class MavlinkExchange:
                 if withdraw:
                     withdraw.pop()()
             case _:
-                for told in tuple(self._listeners):
-                    told(happening)
+                for reported in tuple(self._listeners):
+                    reported(happening)
 
 
-__all__ = ["MavlinkExchange", "Role", "TunnelEndpoint"]
+__all__ = ["MavlinkExchange", "TunnelEndpoint", "TunnelRole"]

@@ -19,7 +19,7 @@ from contextlib import suppress
 from typing import Final, NamedTuple
 
 from gloc3.errors import Gloc3Error
-from gloc3.exchange.shared_memory import Shared, Slots
+from gloc3.exchange.shared_memory import SharedRegion, Slots
 
 AHEAD: Final = 16
 """So many messages may wait for one reader; more are dropped for it."""
@@ -39,7 +39,7 @@ _FILE: Final = struct.Struct("i")
 _CONTROL: Final = socket.CMSG_LEN(_FILE.size)
 _LONGEST: Final = _PACKET.size + LONGEST_HEAD
 
-Take = Callable[[bytes, bytes], None]
+Receive = Callable[[bytes, bytes], None]
 """Takes a message's head, which may be empty, and its body; called in the loop."""
 
 
@@ -55,7 +55,7 @@ class NearServer:
         """By which others find it."""
         self._loop = loop
         self._topics: dict[bytes, NearTopic] = {}
-        self._asking: set[socket.socket] = set()
+        self._requesting: set[socket.socket] = set()
         self._socket: socket.socket | None = None
 
     def open(self) -> NearTopic:
@@ -74,8 +74,8 @@ class NearServer:
         if self._socket is not None:
             self._loop.remove_reader(self._socket)
             self._socket.close()
-        for other in list(self._asking):
-            self._forget(other)
+        for other in list(self._requesting):
+            self._drop(other)
             other.close()
         for topic in self._topics.values():
             topic.close()
@@ -90,12 +90,12 @@ class NearServer:
             other.close()
             return
         other.setblocking(False)
-        self._asking.add(other)
+        self._requesting.add(other)
         self._loop.add_reader(other, self._admit, other)
 
     def _admit(self, other: socket.socket) -> None:
         """Takes a ticket."""
-        self._forget(other)
+        self._drop(other)
         ticket = b""
         with suppress(OSError):
             ticket = other.recv(TICKET_BYTES)
@@ -105,8 +105,8 @@ class NearServer:
         else:
             topic.add(other)
 
-    def _forget(self, other: socket.socket) -> None:
-        self._asking.discard(other)
+    def _drop(self, other: socket.socket) -> None:
+        self._requesting.discard(other)
         self._loop.remove_reader(other)
 
 
@@ -153,7 +153,7 @@ class NearTopic:
         if not self._readers:
             return ""
         if not self._has_room():
-            self._hear()
+            self._release_read()
             if not self._has_room():
                 return "" if not self._readers else TOO_SLOW
         slots = self._slots
@@ -162,17 +162,17 @@ class NearTopic:
         self._number += 1
         slot = slots.write(body, self._number)
         if slot is None:
-            self._hear()
+            self._release_read()
             return "receivers hold all of the shared memory"
         packet = _PACKET.pack(self._number, slot, len(body)) + head
         reason = ""
         for reader in list(self._readers):
-            if len(reader.waiting) >= AHEAD or not self._tell(reader, packet):
+            if len(reader.waiting) >= AHEAD or not self._send(reader, packet):
                 reason = TOO_SLOW
             else:
                 slots.hold(slot)
                 reader.waiting.append((self._number, slot))
-        self._hear()  # behind it, since a message is under way sooner so
+        self._release_read()  # behind it, since a message is under way sooner so
         return reason
 
     def close(self) -> None:
@@ -205,7 +205,7 @@ class NearTopic:
         except OSError:  # it is gone, or takes nothing: it may come again
             self._drop(reader)
 
-    def _tell(self, reader: _Reader, packet: bytes) -> bool:
+    def _send(self, reader: _Reader, packet: bytes) -> bool:
         try:
             reader.socket.send(packet)
         except BlockingIOError:
@@ -214,20 +214,20 @@ class NearTopic:
             self._drop(reader)
         return reader in self._readers
 
-    def _hear(self) -> None:
+    def _release_read(self) -> None:
         """What readers have read is free."""
         for reader in list(self._readers):
             while True:
                 try:
-                    said = reader.socket.recv(_READ.size)
+                    text = reader.socket.recv(_READ.size)
                 except BlockingIOError:
                     break
                 except OSError:
-                    said = b""
-                if len(said) != _READ.size:
+                    text = b""
+                if len(text) != _READ.size:
                     self._drop(reader)
                     break
-                (number,) = _READ.unpack(said)
+                (number,) = _READ.unpack(text)
                 while reader.waiting and reader.waiting[0][0] <= number:
                     self._release(reader.waiting.popleft()[1])
 
@@ -255,11 +255,13 @@ class NearLink:
         OSError: it is not on this computer, or of another user.
     """
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, name: str, take: Take, ended: Callable[[str], None]) -> None:
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, name: str, handle: Receive, ended: Callable[[str], None]
+    ) -> None:
         self.late = 0
         """How many came while the loop was busy, and were dropped."""
-        self._loop, self._take, self._ended = loop, take, ended
-        self._memory: Shared | None = None
+        self._loop, self._take, self._ended = loop, handle, ended
+        self._memory: SharedRegion | None = None
         self._socket = _socket()
         try:
             self._socket.connect(_address(name))
@@ -309,7 +311,7 @@ class NearLink:
         number, slot, length = _PACKET.unpack_from(packet)
         if control:
             (file,) = _FILE.unpack(control[0][2])
-            memory, self._memory = self._memory, Shared(file, length)
+            memory, self._memory = self._memory, SharedRegion(file, length)
             if memory is not None:
                 memory.close()
         elif self._memory is not None:

@@ -6,24 +6,24 @@ from typing import Any, Final
 
 import zenoh
 
-from gloc3.exchange.channel import Channel, Means
+from gloc3.exchange.channel import Means, TopicChannel
 from gloc3.exchange.large import LARGE, LargeOutlet
 from gloc3.messages.envelope import Envelope, Message
-from gloc3.messages.topics import Service, TopicRow
+from gloc3.messages.topics import TopicRow, TopicService
 
 LATCHED: Final = "latched"
 """The level of a token's name that stands behind the platform's."""
-UNKNOWN: Final = TopicRow(Message, service=Service.REPORT)
+UNKNOWN: Final = TopicRow(Message, service=TopicService.REPORT)
 """For topics that nobody has declared."""
 
 
-class Outlet:
+class TopicOutlet:
     """Sends one topic while somebody elsewhere asks for it, or while that is not known yet."""
 
     def __init__(self, means: Means, topic: str, row: TopicRow) -> None:
         self._topic, self._means = topic, means
-        self._channel = Channel(means, topic, row.travels)
-        self._is_bulk = row.travels is Service.BULK and not row.is_latched
+        self._channel = TopicChannel(means, topic, row.travels)
+        self._is_bulk = row.travels is TopicService.BULK and not row.is_latched
         self._large: LargeOutlet | None = None
         self.last: Envelope[Any] | None = None
         """Of a latched topic, the last message."""

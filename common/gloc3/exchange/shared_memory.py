@@ -73,7 +73,7 @@ class Slots:
         os.close(self.file)
 
 
-class Shared:
+class SharedRegion:
     """What another process made: its places can be read.
 
     Args:

@@ -21,13 +21,13 @@ from gloc3.exchange.channel import Means, SendQueue
 from gloc3.exchange.inbound import Arrivals, Inbound
 from gloc3.exchange.large import LARGE, LargeInlet, bulk_key, topic_of
 from gloc3.exchange.near import NearServer
-from gloc3.exchange.outlet import LATCHED, UNKNOWN, Outlet, latched_token
-from gloc3.exchange.zenoh_session import Node, new_session, plain
+from gloc3.exchange.outlet import LATCHED, UNKNOWN, TopicOutlet, latched_token
+from gloc3.exchange.zenoh_session import ZenohEndpoints, new_session, plain
 from gloc3.messages.envelope import Envelope, Source
-from gloc3.messages.topics import Service, TopicTable, matches
+from gloc3.messages.topics import TopicService, TopicTable, matches
 from gloc3.messages.wire import VersionsDiffer, WireError
 
-DEPTHS: Final = {Service.CONTROL: 64, Service.STREAM: 1024, Service.BULK: 8}
+DEPTHS: Final = {TopicService.CONTROL: 64, TopicService.STREAM: 1024, TopicService.BULK: 8}
 """So many messages of one subscription wait for a loop that is busy."""
 RELIABLE_DEPTH: Final = 16_384
 """The same for what has to arrive, and for patterns that many topics fit."""
@@ -45,7 +45,7 @@ Troubled = Callable[[str, str], None]
 
 @contextmanager
 def open_exchange(
-    node: Node,
+    node: ZenohEndpoints,
     loop: asyncio.AbstractEventLoop,
     topics: TopicTable,
     troubled: Troubled = lambda *_: None,
@@ -100,7 +100,7 @@ class ZenohExchange:
         self._loop = loop
         self._topics = topics
         self._troubled = troubled
-        self._outlets: dict[str, Outlet | None] = {}
+        self._outlets: dict[str, TopicOutlet | None] = {}
         self._sources: dict[str, _Subscription] = {}
         self._tokens: dict[object, tuple[str, zenoh.LivelinessToken | None]] = {}
         self._watches: dict[str, _Watch] = {}
@@ -112,7 +112,7 @@ class ZenohExchange:
         sender = SendQueue("zenoh huge", HUGE_DEPTH, self._fail)
         near = NearServer(loop) if is_sharing else None
         self._means = Means(session, loop, self._arrivals, topics.types, near, sender)
-        self._large = LargeInlet(self._means, self._take_bytes, self._count)
+        self._large = LargeInlet(self._means, self._receive_bytes, self._count)
         self._is_open = True
 
     # --- the exchange ---
@@ -137,7 +137,7 @@ class ZenohExchange:
         if subscription is None:
             row = self._topics.row(pattern) or UNKNOWN
             subscription = self._sources[pattern] = _Subscription(
-                self._take_message, DEPTHS.get(row.travels, RELIABLE_DEPTH)
+                self._receive_message, DEPTHS.get(row.travels, RELIABLE_DEPTH)
             )
             self._declare(pattern, subscription)
             self._owners.clear()
@@ -158,7 +158,7 @@ class ZenohExchange:
                 self._sequences.clear()  # what is not asked for is not lost
                 for declared in subscription.declared:
                     declared.undeclare()  # type: ignore[no-untyped-call]
-                self._large.keep(lambda topic: any(matches(p, topic) for p in self._sources))
+                self._large.drop_unwanted(lambda topic: any(matches(p, topic) for p in self._sources))
 
         return unsubscribe
 
@@ -181,7 +181,7 @@ class ZenohExchange:
         """Reports tokens that come and go, here and elsewhere; those of a node that fell silent go after its lease."""
         watch = self._watches.get(pattern)
         if watch is None:
-            watch = self._watches[pattern] = _Watch(self._take_token)
+            watch = self._watches[pattern] = _Watch(self._receive_token)
             self._declare_watch(pattern, watch)
         watch.users += 1
         end_here = self.here.watch(pattern, changed)
@@ -213,7 +213,7 @@ class ZenohExchange:
 
     # --- what only this middleware has ---
 
-    async def renew(self, node: Node, settings: Mapping[str, Any] | None = None) -> None:
+    async def renew(self, node: ZenohEndpoints, settings: Mapping[str, Any] | None = None) -> None:
         """Opens a new session in place of the present one, as after a change of who is accepted.
 
         The loop goes on meanwhile, and this process with itself alone.
@@ -239,7 +239,7 @@ class ZenohExchange:
         self._session = await self._loop.run_in_executor(None, change)
         near = NearServer(self._loop) if self._means.near is not None else None
         self._means = self._means._replace(session=self._session, near=near)
-        self._large = LargeInlet(self._means, self._take_bytes, self._count)
+        self._large = LargeInlet(self._means, self._receive_bytes, self._count)
         self._is_open = True
         self._sequences.clear()
         for topic, last in kept.items():
@@ -256,7 +256,7 @@ class ZenohExchange:
                 withdraw()
             self._declare_watch(pattern, watch)
 
-    def troubles(self) -> dict[str, int]:
+    def problems(self) -> dict[str, int]:
         """How many messages were lost or refused so far, by the reason in a word and the topic, `WORD TOPIC`.
 
         `unsent`: dropped here, because receivers were too slow; `lost`: missing in what came, wherever it was dropped;
@@ -274,11 +274,11 @@ class ZenohExchange:
         if self._means.near is not None:
             self._means.near.close()
 
-    def _open_outlet(self, topic: str) -> Outlet | None:
+    def _open_outlet(self, topic: str) -> TopicOutlet | None:
         """What sends a topic; none for one whose name cannot travel."""
         outlet = None
         try:
-            outlet = Outlet(self._means, topic, self._topics.row(topic) or UNKNOWN)
+            outlet = TopicOutlet(self._means, topic, self._topics.row(topic) or UNKNOWN)
         except zenoh.ZError as error:
             self._count("unsent", topic, plain(error))
         self._outlets[topic] = outlet
@@ -297,22 +297,22 @@ class ZenohExchange:
         key = key_expression(pattern)
         subscription.declared = [
             self._session.declare_subscriber(
-                key, self._arrivals.taker(subscription.inbound), allowed_origin=zenoh.Locality.REMOTE
+                key, self._arrivals.receiver(subscription.inbound), allowed_origin=zenoh.Locality.REMOTE
             )
         ]
         if any(row.is_latched and key.intersects(f"*/{name}") for name, row in self._topics):
             subscription.declared.append(
                 self._session.liveliness().declare_subscriber(
                     key_expression(latched_token(pattern)),
-                    self._arrivals.taker(Inbound(partial(self._ask_for_last, subscription))),
+                    self._arrivals.receiver(Inbound(partial(self._request_last, subscription))),
                     history=True,
                 )
             )
-        if any(row.travels is Service.BULK and key.intersects(f"*/{name}") for name, row in self._topics):
+        if any(row.travels is TopicService.BULK and key.intersects(f"*/{name}") for name, row in self._topics):
             subscription.declared.append(
                 self._session.liveliness().declare_subscriber(
                     key_expression(bulk_key(pattern)),
-                    self._arrivals.taker(Inbound(partial(self._see_bulk, subscription))),
+                    self._arrivals.receiver(Inbound(partial(self._receive_bulk, subscription))),
                     history=True,
                 )
             )
@@ -320,19 +320,19 @@ class ZenohExchange:
     def _declare_watch(self, pattern: str, watch: _Watch) -> None:
         if self._is_open:
             watch.declared = self._session.liveliness().declare_subscriber(
-                key_expression(pattern), self._arrivals.taker(watch.inbound), history=True
+                key_expression(pattern), self._arrivals.receiver(watch.inbound), history=True
             )
 
     def _declare_token(self, token: str) -> zenoh.LivelinessToken | None:
         """A token; it is withdrawn when nobody holds this."""
         return self._session.liveliness().declare_token(token) if self._is_open else None
 
-    def _see_bulk(self, subscription: _Subscription, sample: zenoh.Sample) -> None:
+    def _receive_bulk(self, subscription: _Subscription, sample: zenoh.Sample) -> None:
         """Somebody has large messages of a topic, or has them no more."""
         if subscription.users and self._is_open:
-            self._large.see(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+            self._large.set_alive(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
-    def _take_message(self, subscription: _Subscription, sample: Any) -> None:
+    def _receive_message(self, subscription: _Subscription, sample: Any) -> None:
         if isinstance(sample, zenoh.Reply):
             if sample.ok is None:
                 return
@@ -344,9 +344,9 @@ class ZenohExchange:
             owner = self._owners[topic] = next((s for p, s in self._sources.items() if matches(p, topic)), None)
         if owner is subscription:
             head = sample.attachment
-            self._take_bytes(topic, None if head is None else head.to_bytes(), sample.payload.to_bytes())
+            self._receive_bytes(topic, None if head is None else head.to_bytes(), sample.payload.to_bytes())
 
-    def _take_bytes(self, topic: str, head: bytes | None, body: bytes) -> None:
+    def _receive_bytes(self, topic: str, head: bytes | None, body: bytes) -> None:
         """A message of a topic that is asked for."""
         types = self._topics.types
         try:
@@ -375,20 +375,20 @@ class ZenohExchange:
         if before is not None and envelope.sequence > before + 1:
             self._count("lost", envelope.topic, "messages are missing", envelope.sequence - before - 1)
 
-    def _ask_for_last(self, subscription: _Subscription, sample: zenoh.Sample) -> None:
+    def _request_last(self, subscription: _Subscription, sample: zenoh.Sample) -> None:
         """Somebody has the last message of a latched topic: what came before we met it."""
         if sample.kind == zenoh.SampleKind.PUT and self._is_open:
             topic = str(sample.key_expr).replace(f"/{LATCHED}/", "/", 1)
             self._session.get(
                 topic,
-                self._arrivals.taker(subscription.inbound),
+                self._arrivals.receiver(subscription.inbound),
                 target=zenoh.QueryTarget.ALL,
                 consolidation=zenoh.ConsolidationMode.NONE,
                 allowed_destination=zenoh.Locality.REMOTE,
                 timeout=ANSWER_S,
             )
 
-    def _take_token(self, watch: _Watch, sample: zenoh.Sample) -> None:
+    def _receive_token(self, watch: _Watch, sample: zenoh.Sample) -> None:
         token, is_alive = str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
         if is_alive and token not in watch.tokens:
             watch.tokens[token] = self.here.declare_alive(token)
@@ -415,8 +415,8 @@ def _is_newer(one: Envelope[Any], other: Envelope[Any]) -> bool:
 class _Subscription:
     """One pattern that somebody here asks others for."""
 
-    def __init__(self, take: Callable[[_Subscription, Any], None], depth: int) -> None:
-        self.inbound = Inbound(partial(take, self), depth)
+    def __init__(self, handle: Callable[[_Subscription, Any], None], depth: int) -> None:
+        self.inbound = Inbound(partial(handle, self), depth)
         self.users = 0
         self.declared: list[zenoh.Subscriber[None]] = []
 
@@ -424,14 +424,14 @@ class _Subscription:
 class _Watch:
     """One pattern of tokens that somebody here watches elsewhere."""
 
-    def __init__(self, take: Callable[[_Watch, Any], None]) -> None:
+    def __init__(self, handle: Callable[[_Watch, Any], None]) -> None:
         self.declared: zenoh.Subscriber[None] | None = None
-        self.inbound = Inbound(partial(take, self))
+        self.inbound = Inbound(partial(handle, self))
         self.tokens: dict[str, Unsubscribe] = {}
         self.users = 0
 
 
-def _end_session(session: zenoh.Session, outlets: Mapping[str, Outlet | None]) -> None:
+def _end_session(session: zenoh.Session, outlets: Mapping[str, TopicOutlet | None]) -> None:
     for outlet in outlets.values():
         if outlet is not None:
             outlet.close()

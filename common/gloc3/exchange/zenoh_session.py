@@ -42,7 +42,7 @@ RELEASED_S, TRY_S = 3.0, 0.05
 """A session that is closed lets go of its QUIC port only when it has said good-bye: some tenths of a second."""
 
 
-class Node(msgspec.Struct, frozen=True, kw_only=True):
+class ZenohEndpoints(msgspec.Struct, frozen=True, kw_only=True):
     """A process on the network. Endpoints are Zenoh's: `tcp/HOST:PORT`, `tls/…`, `quic/…`, `unixsock-stream/PATH`."""
 
     name: str
@@ -56,7 +56,7 @@ class Node(msgspec.Struct, frozen=True, kw_only=True):
     """It connects to its parent process, which must be there."""
 
 
-def configuration(node: Node, extra: Mapping[str, Any] | None = None) -> zenoh.Config:
+def configuration(node: ZenohEndpoints, extra: Mapping[str, Any] | None = None) -> zenoh.Config:
     """Zenoh's configuration of a node.
 
     Args:
@@ -95,7 +95,7 @@ def configuration(node: Node, extra: Mapping[str, Any] | None = None) -> zenoh.C
     return config
 
 
-def new_session(node: Node, extra: Mapping[str, Any] | None = None) -> zenoh.Session:
+def new_session(node: ZenohEndpoints, extra: Mapping[str, Any] | None = None) -> zenoh.Session:
     """A session; whoever opens it has to close it, since an interpreter with an open one never ends.
 
     Raises:

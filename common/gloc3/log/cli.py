@@ -90,7 +90,7 @@ def commands_(
         json: Print JSON for programs.
     """
     with LogReader(find_log(file), TopicTable.installed().types) as reader:
-        found = list_commands(reader, has_looks=looks)
+        found = list_commands(reader, has_queries=looks)
         _warn(reader)
     print(msgspec.json.format(msgspec.json.encode(found)).decode() if json else render_commands(found))  # noqa: T201
     return DONE
@@ -200,7 +200,7 @@ def report_(
             stands, where poses count from there.
         out: Folder for the report; by default `report` beside the pictures.
     """
-    from gloc3.camera.wall_coverage import Limits
+    from gloc3.camera.wall_coverage import CoverageLimits
     from gloc3.log.report.inspection_report import PAGE, summary, write_report
     from gloc3.log.report.recording import read_cameras, read_recording
     from gloc3.log.report.walls import read_wall
@@ -216,7 +216,7 @@ def report_(
     of_this = recording.folder.name.removeprefix("images") if recording.folder.name.startswith("images") else ""
     target = out or recording.folder.parent / f"report{of_this}"
     found = read_wall(wall, recording.bearings_deg, frame) if wall else None
-    figures = write_report(recording, known, found, Limits(oblique, farthest, cell), target)
+    figures = write_report(recording, known, found, CoverageLimits(oblique, farthest, cell), target)
     print(f"{target / PAGE}: {summary(figures)}")  # noqa: T201
     return DONE
 

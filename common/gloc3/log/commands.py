@@ -5,7 +5,7 @@ from typing import Any, Final
 import msgspec
 
 from gloc3.log.reader import LogReader
-from gloc3.messages.command_interface import LOOKS, AnyBody, CiRequest, Elsewhere
+from gloc3.messages.command_interface import QUERIES, AnyBody, CiRequest, Elsewhere
 from gloc3.messages.envelope import Envelope
 
 LONG: Final = 60
@@ -28,27 +28,27 @@ class CommandInfo(msgspec.Struct, frozen=True, kw_only=True):
     reason: str = ""
 
 
-def list_commands(reader: LogReader, *, has_looks: bool = False) -> list[CommandInfo]:
+def list_commands(reader: LogReader, *, has_queries: bool = False) -> list[CommandInfo]:
     """The requests of a log, in the order in which they came; a repeat is the same request.
 
     Args:
         reader: the log.
-        has_looks: whether what only looks is listed, too.
+        has_queries: whether what only looks is listed, too.
     """
-    asked: dict[tuple[str, int, int], tuple[float, CiRequest]] = {}
+    requested: dict[tuple[str, int, int], tuple[float, CiRequest]] = {}
     for entry in reader.entries("ci/request"):
         request = entry.envelope.payload
         if isinstance(request, CiRequest) and not isinstance(request.body, Elsewhere):
             key = request.sender, request.boot, request.sequence
-            if has_looks or not isinstance(request.body, LOOKS):
-                asked.setdefault(key, (entry.now_s, request))
+            if has_queries or not isinstance(request.body, QUERIES):
+                requested.setdefault(key, (entry.now_s, request))
     answers: dict[tuple[str, int, int], Any] = {}
     for entry in reader.entries("ci/reply"):
         envelope: Envelope[Any] = entry.envelope
         reply = envelope.payload
         answers[reply.sender, reply.boot, reply.sequence] = reply
     found = []
-    for key, (t_s, request) in asked.items():
+    for key, (t_s, request) in requested.items():
         answer = answers.get(key)
         found.append(
             CommandInfo(
@@ -66,8 +66,8 @@ def list_commands(reader: LogReader, *, has_looks: bool = False) -> list[Command
 
 def words(body: AnyBody) -> str:
     """A request in a few words: its name, and what it says."""
-    said = [_short(value) for value in msgspec.structs.asdict(body).values() if value not in ("", None, False, {}, [])]
-    return " ".join([type(body).__name__, *said])
+    text = [_short(value) for value in msgspec.structs.asdict(body).values() if value not in ("", None, False, {}, [])]
+    return " ".join([type(body).__name__, *text])
 
 
 def render_commands(commands: list[CommandInfo]) -> str:

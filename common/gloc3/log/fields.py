@@ -14,7 +14,7 @@ from gloc3.log.report.figure import drawing, thin
 _STEP: Final = re.compile(r"[^.\[\]]+")
 
 
-class Series(msgspec.Struct, frozen=True):
+class FieldSeries(msgspec.Struct, frozen=True):
     """The values of one number, from one life of one component."""
 
     name: str
@@ -33,14 +33,14 @@ def flatten(value: Any, path: str = "") -> dict[str, Any]:
     return {name: leaf for inner_path, inner in items for name, leaf in flatten(inner, inner_path).items()}
 
 
-def read_series(reader: LogReader, topic: str, fields: Sequence[str]) -> list[Series]:
+def read_series(reader: LogReader, topic: str, fields: Sequence[str]) -> list[FieldSeries]:
     """The numbers of a topic whose paths begin with any of `fields`; all of them where none is given.
 
     Raises:
         Refused: there is no such number.
     """
     wanted = [tuple(_STEP.findall(field)) for field in fields]
-    found: dict[tuple[str, str], Series] = {}
+    found: dict[tuple[str, str], FieldSeries] = {}
     known: dict[str, None] = {}
     for entry in reader.entries(topic):
         envelope = entry.envelope
@@ -52,7 +52,7 @@ def read_series(reader: LogReader, topic: str, fields: Sequence[str]) -> list[Se
             if wanted and not any(steps[: len(want)] == want for want in wanted):
                 continue
             life = f"{envelope.source.component}, {envelope.source.boot:08x}"
-            series = found.setdefault((path, life), Series(path, [], []))
+            series = found.setdefault((path, life), FieldSeries(path, [], []))
             series.t_s.append(envelope.t_s)
             series.values.append(float(value))
     for field, want in zip(fields, wanted, strict=True):
@@ -63,13 +63,13 @@ def read_series(reader: LogReader, topic: str, fields: Sequence[str]) -> list[Se
     return list(found.values())
 
 
-def plot_series(series: Sequence[Series], file: Path, title: str) -> None:
+def plot_series(series: Sequence[FieldSeries], file: Path, title: str) -> None:
     """Draws numbers over time, those of one array or structure together.
 
     Raises:
         Gloc3Error: matplotlib is not installed, or the file cannot be written.
     """
-    groups: dict[str, list[Series]] = {}
+    groups: dict[str, list[FieldSeries]] = {}
     for one in series:
         groups.setdefault(re.split(r"[.\[]", one.name)[0], []).append(one)
     with drawing(file, 9.0, 1.2 + 1.8 * len(groups)) as figure:

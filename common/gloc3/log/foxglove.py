@@ -52,7 +52,7 @@ _LEVEL_OF: Final[Mapping[Severity, int]] = {
 }
 
 
-class View(NamedTuple):
+class FoxgloveView(NamedTuple):
     """One of Foxglove's schemas, and how its fields follow from a message."""
 
     schema: str
@@ -120,10 +120,10 @@ _FIX_PROPERTIES: Final = {
     "altitude": _NUMBER,
 }
 
-VIEWS: Final[tuple[tuple[frozenset[str], View], ...]] = (
+VIEWS: Final[tuple[tuple[frozenset[str], FoxgloveView], ...]] = (
     (
         frozenset({"position_ned_m", "ned_from_frd"}),
-        View(
+        FoxgloveView(
             "foxglove.PoseInFrame",
             _POSE_PROPERTIES,
             lambda e: _pose(e.payload.position_ned_m, e.payload.ned_from_frd, e.frame),
@@ -131,7 +131,7 @@ VIEWS: Final[tuple[tuple[frozenset[str], View], ...]] = (
     ),
     (
         frozenset({"position_ned_m", "attitude_wxyz"}),
-        View(
+        FoxgloveView(
             "foxglove.PoseInFrame",
             _POSE_PROPERTIES,
             lambda e: _pose(e.payload.position_ned_m, e.payload.attitude_wxyz, e.frame),
@@ -139,7 +139,7 @@ VIEWS: Final[tuple[tuple[frozenset[str], View], ...]] = (
     ),
     (
         frozenset({"camera", "width", "height", "data"}),
-        View(
+        FoxgloveView(
             "foxglove.RawImage",
             {"timestamp": _TIME, "frame_id": _TEXT, "encoding": _TEXT, "step": _INTEGER},
             _image,
@@ -147,12 +147,12 @@ VIEWS: Final[tuple[tuple[frozenset[str], View], ...]] = (
     ),
     (
         frozenset({"latitude_deg", "longitude_deg", "altitude_m"}),
-        View("foxglove.LocationFix", _FIX_PROPERTIES, _fix),
+        FoxgloveView("foxglove.LocationFix", _FIX_PROPERTIES, _fix),
     ),
-    (frozenset({"geo"}), View("foxglove.LocationFix", _FIX_PROPERTIES, _location)),
+    (frozenset({"geo"}), FoxgloveView("foxglove.LocationFix", _FIX_PROPERTIES, _location)),
     (
         frozenset({"severity", "text"}),
-        View(
+        FoxgloveView(
             "foxglove.Log",
             {
                 "timestamp": _TIME,
@@ -192,7 +192,7 @@ PATH_SCHEMA: Final[Schema] = {
 }
 
 
-def view_of(message_type: type[msgspec.Struct]) -> View | None:
+def view_of(message_type: type[msgspec.Struct]) -> FoxgloveView | None:
     """Foxglove's view of a message type; None where it has no schema for it."""
     names = {field.encode_name for field in msgspec.structs.fields(message_type)}
     for needed, view in VIEWS:

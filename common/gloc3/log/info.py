@@ -83,7 +83,7 @@ class LogInfo(msgspec.Struct, frozen=True):
     """Name to bytes."""
 
 
-class _Tally:
+class _TopicCounts:
     """What is counted of a topic."""
 
     def __init__(self) -> None:
@@ -110,7 +110,7 @@ def summarize(reader: LogReader, topics: TopicTable, progress: Callable[[float],
         topics: the rows with the nominal rates.
         progress: told the share that is done, 0 to 1.
     """
-    tallies: dict[str, _Tally] = {channel.topic: _Tally() for channel in reader.scan.channels.values()}
+    tallies: dict[str, _TopicCounts] = {channel.topic: _TopicCounts() for channel in reader.scan.channels.values()}
     by_channel = {identifier: tallies[channel.topic] for identifier, channel in reader.scan.channels.items()}
     start_ns, end_ns = 0, 0
     for chunk, messages in reader.chunks():
@@ -131,7 +131,7 @@ def summarize(reader: LogReader, topics: TopicTable, progress: Callable[[float],
         start_utc=_utc(start_ns) if start_ns else "",
         start_s=reader.seconds(start_ns) if start_ns else 0.0,
         duration_s=(end_ns - start_ns) / 1e9,
-        messages=sum(tally.messages for tally in tallies.values()),
+        messages=sum(counts.messages for counts in tallies.values()),
         topics=[_topic_info(reader, topics, topic, tallies[topic]) for topic in sorted(tallies)],
         events=events,
         faults=_faults(events),
@@ -173,7 +173,7 @@ def _faults(events: list[EventInfo]) -> list[FaultInfo]:
     return list(found.values())
 
 
-def _topic_info(reader: LogReader, topics: TopicTable, topic: str, tally: _Tally) -> TopicInfo:
+def _topic_info(reader: LogReader, topics: TopicTable, topic: str, counts: _TopicCounts) -> TopicInfo:
     infos = [reader.channel(identifier) for identifier in reader.scan.channels]
     own = [info for info in infos if info.topic == topic]
     row = topics.row(topic)
@@ -181,10 +181,10 @@ def _topic_info(reader: LogReader, topics: TopicTable, topic: str, tally: _Tally
         topic=topic,
         type=own[0].type.partition("#")[0],
         encoding=own[0].encoding,
-        messages=tally.messages,
-        bytes=tally.bytes,
+        messages=counts.messages,
+        bytes=counts.bytes,
         lives=len(own),
-        rate_hz=tally.rate_hz,
+        rate_hz=counts.rate_hz,
         nominal_hz=row.rate_hz if row is not None else 0.0,
     )
 

@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
-from gloc3.log.foxglove import View, timestamp, view_of
+from gloc3.log.foxglove import FoxgloveView, timestamp, view_of
 from gloc3.log.json_schema import describe_type
 from gloc3.messages.envelope import Envelope, Message
 from gloc3.messages.wire import wire_name
@@ -52,7 +52,7 @@ class PayloadEncoder:
         self._encode = _encode_sorted if has_sets else _encode
         self._separator = b"," if fields else b""
         self._nones = _counter_of_nones(tuple(field.name for field in fields if "None" in str(field.type)))
-        self.view: Final[View | None] = view_of(message_type)
+        self.view: Final[FoxgloveView | None] = view_of(message_type)
 
     @property
     def schema(self) -> tuple[str, bytes]:

@@ -23,7 +23,7 @@ _NUMBERED: Final = re.compile(r"log(-\d+)?")
 _VIEW_FIELDS: Final = {view.schema: tuple(view.properties) for _, view in VIEWS}
 
 
-class Entry(NamedTuple):
+class LoggedMessage(NamedTuple):
     """A message of the log."""
 
     now_s: float
@@ -172,7 +172,7 @@ class LogReader:
             self._orphans += len(messages) - len(known)
             yield chunk, known
 
-    def entries(self, *patterns: str) -> Iterator[Entry]:
+    def entries(self, *patterns: str) -> Iterator[LoggedMessage]:
         """The messages in the order of recording.
 
         Args:
@@ -214,7 +214,7 @@ class LogReader:
         name = record.topic.partition("/")[2]
         return not patterns or any(matches(pattern, name) for pattern in patterns)
 
-    def _restore(self, message: RawMessage, info: ChannelInfo) -> Entry | None:
+    def _restore(self, message: RawMessage, info: ChannelInfo) -> LoggedMessage | None:
         decoder = self._decoders.get(message.channel)
         if decoder is None:
             decoder = self._decoders[message.channel] = self._decoder(message.channel, info)
@@ -224,7 +224,7 @@ class LogReader:
             self._unreadable += 1
             return None
         envelope = Envelope(info.topic, info.source, message.sequence, t_s, info.frame, info.type, payload)
-        return Entry(self.seconds(message.log_ns), envelope)
+        return LoggedMessage(self.seconds(message.log_ns), envelope)
 
     def _decoder(self, identifier: int, info: ChannelInfo) -> PayloadDecoder:
         message_type: type[Message] | None

@@ -21,7 +21,7 @@ from gloc3.component.host import ComponentHost
 from gloc3.errors import Refused, nearest
 from gloc3.exchange.base import LocalExchange
 from gloc3.log.fields import flatten
-from gloc3.log.reader import Entry, LogReader
+from gloc3.log.reader import LoggedMessage, LogReader
 from gloc3.log.report.flight_path import value_of
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.topics import TopicTable, matches
@@ -93,11 +93,11 @@ def _fits(envelope: Envelope[Any], name: str, topics: list[str]) -> bool:
     return envelope.source.component == name and any(matches(topic.replace("{key}", "*"), below) for topic in topics)
 
 
-def _is_output(entry: Entry, name: str, outputs: list[str]) -> bool:
+def _is_output(entry: LoggedMessage, name: str, outputs: list[str]) -> bool:
     return _fits(entry.envelope, name, outputs)
 
 
-def _begin_s(entries: list[Entry], row: ComponentRow, name: str) -> float:
+def _begin_s(entries: list[LoggedMessage], row: ComponentRow, name: str) -> float:
     """When the host began: at the start of the work, or where the row asks for none, at the first sign of life."""
     is_started = row.begin in (Begin.WORKING, Begin.QUIET)
     for entry in entries:
@@ -110,7 +110,7 @@ def _begin_s(entries: list[Entry], row: ComponentRow, name: str) -> float:
 
 
 def _give(
-    entries: list[Entry], row: ComponentRow, inputs: list[str], name: str
+    entries: list[LoggedMessage], row: ComponentRow, inputs: list[str], name: str
 ) -> Iterator[tuple[float, Envelope[Any]]]:
     """The inputs with the times at which they are given, so that they come before or after a cycle as they did."""
     trigger = [topic for port in row.triggers for topic in row.topics(port)]

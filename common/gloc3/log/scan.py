@@ -147,12 +147,12 @@ class Scan:
             case _ if opcode in _READERS:
                 record = _parse(opcode, data[begin:end])
                 fits = record is not None
-                self._take(record)
+                self._add_record(record)
             case _:
                 fits = opcode >= PRIVATE_OPCODES
         return int(end) if fits else -1
 
-    def _take(self, record: Any) -> None:
+    def _add_record(self, record: Any) -> None:
         match record:
             case Header():
                 self.library = record.library
@@ -216,7 +216,7 @@ class Scan:
             if opcode == Opcode.MESSAGE:
                 found.append(RawMessage(channel, sequence, log_ns, publish_ns, data[at + MESSAGE_HEAD.size : end]))
             elif opcode in _READERS:
-                self._take(_parse(opcode, data[at + RECORD_HEAD.size : end]))
+                self._add_record(_parse(opcode, data[at + RECORD_HEAD.size : end]))
             at = end
         return found
 

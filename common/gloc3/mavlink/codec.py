@@ -13,7 +13,7 @@ from fastcrc.crc16 import mcrf4xx as checksum
 
 from gloc3.errors import Misuse, nearest
 from gloc3.mavlink import upstream
-from gloc3.mavlink.message import Address, Field, MavlinkMessage, Shape
+from gloc3.mavlink.message import Address, Field, MavlinkMessage, MessageLayout
 from gloc3.mavlink.parser import HEADER_LENGTH, SIGNED, Frame, FrameParser
 from gloc3.mavlink.signing import Signing
 
@@ -45,7 +45,7 @@ def _dialect() -> Any:
     return ardupilotmega
 
 
-def _describe(number: int) -> Shape | None:
+def _describe(number: int) -> MessageLayout | None:
     """Builds the shape of one message from pymavlink's description of it."""
     kind = _dialect().mavlink_map.get(number)
     if kind is None:
@@ -56,23 +56,23 @@ def _describe(number: int) -> Shape | None:
     columns = zip(kind.ordered_fieldnames, kind.array_lengths, strict=True)
     fields = [Field(name, types[name], count) for name, count in columns]
     fields += [field for field in upstream.EXTENSIONS.get(kind.msgname, ()) if field.name not in types]
-    return Shape(kind.msgname, number, kind.crc_extra, fields, kind.instance_field)
+    return MessageLayout(kind.msgname, number, kind.crc_extra, fields, kind.instance_field)
 
 
-class _Shapes(dict[int, Shape | None]):
+class _Shapes(dict[int, MessageLayout | None]):
     """Shapes by message id, each built when it is first needed; None for ids that the dialect does not know."""
 
-    def __missing__(self, number: int) -> Shape | None:
+    def __missing__(self, number: int) -> MessageLayout | None:
         shape = _describe(number)
         if shape is not None:  # unknown ids are not kept: a stranger could send 16 million of them
             self[number] = shape
         return shape
 
 
-class _Names(dict[str, Shape]):
+class _Names(dict[str, MessageLayout]):
     """Shapes by message name, each built when it is first needed."""
 
-    def __missing__(self, name: str) -> Shape:
+    def __missing__(self, name: str) -> MessageLayout:
         number = getattr(_dialect(), f"MAVLINK_MSG_ID_{name}", upstream.NUMBERS.get(name))
         found = None if number is None else _SHAPES[number]
         if found is None:
@@ -86,7 +86,7 @@ _SHAPES: Final = _Shapes()
 _NAMES: Final = _Names()
 
 
-def shape(name: str) -> Shape:
+def shape(name: str) -> MessageLayout:
     """How the message of this name lies on the wire."""
     return _NAMES[name]
 
@@ -169,7 +169,7 @@ class Encoder:
             raise Misuse(f"message {frame.message_id} is not known and cannot be sent as ours")
         return self._frame(frame.shape, frame.payload.rstrip(b"\0") or b"\0").raw
 
-    def _frame(self, shape: Shape, payload: bytes) -> Frame:
+    def _frame(self, shape: MessageLayout, payload: bytes) -> Frame:
         sequence = self._sequence
         self._sequence = (sequence + 1) & 0xFF
         number, signing = shape.id, self.signing

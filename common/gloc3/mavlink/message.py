@@ -44,7 +44,7 @@ class MavlinkMessage(msgspec.Struct, frozen=True, gc=False):
     """The name in the definition, as "ATTITUDE"."""
     id: ClassVar[int] = -1
     """The number in the definition, as 30."""
-    shape: ClassVar[Shape]
+    shape: ClassVar[MessageLayout]
     """How it lies on the wire."""
 
     if TYPE_CHECKING:
@@ -84,7 +84,7 @@ class Field(NamedTuple):
         return (zero,) * self.elements if self.elements else zero
 
 
-class Shape:
+class MessageLayout:
     """Where the fields of one message lie in its payload; encodes and decodes with one precompiled `struct`."""
 
     __slots__ = (

@@ -8,20 +8,20 @@ from typing import Any
 from gloc3.mavlink import codec
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.parser import Frame
-from gloc3.mavlink.service import Service, earliest
+from gloc3.mavlink.service import Microservice, earliest
 
 
-class Node:
+class MavlinkComponent:
     """Several services of one component, driven as one. Frames that no service handles are never decoded."""
 
-    def __init__(self, own: Address, services: Iterable[Service[Any]] = ()) -> None:
+    def __init__(self, own: Address, services: Iterable[Microservice[Any]] = ()) -> None:
         self.own = own
-        self._services: list[Service[Any]] = []
-        self._by_id: dict[int, tuple[Service[Any], ...]] = {}
+        self._services: list[Microservice[Any]] = []
+        self._by_id: dict[int, tuple[Microservice[Any], ...]] = {}
         for service in services:
             self.add(service)
 
-    def add(self, service: Service[Any]) -> None:
+    def add(self, service: Microservice[Any]) -> None:
         """Takes one more service in."""
         self._services.append(service)
         for name in sorted(service.handles):

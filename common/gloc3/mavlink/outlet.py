@@ -25,7 +25,7 @@ QUANTUM_BYTES: Final = 64
 """A class of weight 1 may send so much in its turn."""
 
 
-class Kind(StrEnum):
+class TrafficKind(StrEnum):
     """What a frame is for."""
 
     COMMAND = "command"
@@ -47,26 +47,26 @@ class Share(msgspec.Struct, frozen=True):
 
 
 SHARES: Final = {
-    Kind.COMMAND: Share(8, 64),
-    Kind.TRANSFER: Share(4, 128),
-    Kind.TELEMETRY: Share(4, 128),
-    Kind.BULK: Share(1, 64),
+    TrafficKind.COMMAND: Share(8, 64),
+    TrafficKind.TRANSFER: Share(4, 128),
+    TrafficKind.TELEMETRY: Share(4, 128),
+    TrafficKind.BULK: Share(1, 64),
 }
 
 _NAMES: Final = {
-    Kind.COMMAND: (
+    TrafficKind.COMMAND: (
         "HEARTBEAT COMMAND_LONG COMMAND_INT COMMAND_ACK SET_MODE STATUSTEXT TUNNEL PING TIMESYNC SYSTEM_TIME "
         "MANUAL_CONTROL RC_CHANNELS_OVERRIDE SET_POSITION_TARGET_LOCAL_NED SET_POSITION_TARGET_GLOBAL_INT "
         "SET_ATTITUDE_TARGET CHANGE_OPERATOR_CONTROL CHANGE_OPERATOR_CONTROL_ACK SETUP_SIGNING MISSION_SET_CURRENT "
         "MISSION_ITEM_REACHED"
     ),
-    Kind.TRANSFER: (
+    TrafficKind.TRANSFER: (
         "MISSION_REQUEST_LIST MISSION_COUNT MISSION_REQUEST MISSION_REQUEST_INT MISSION_ITEM MISSION_ITEM_INT "
         "MISSION_ACK MISSION_CLEAR_ALL MISSION_REQUEST_PARTIAL_LIST MISSION_WRITE_PARTIAL_LIST PARAM_REQUEST_READ "
         "PARAM_REQUEST_LIST PARAM_VALUE PARAM_SET AUTOPILOT_VERSION MESSAGE_INTERVAL REQUEST_DATA_STREAM "
         "FENCE_POINT FENCE_FETCH_POINT RALLY_POINT RALLY_FETCH_POINT"
     ),
-    Kind.BULK: (
+    TrafficKind.BULK: (
         "FILE_TRANSFER_PROTOCOL LOG_REQUEST_LIST LOG_ENTRY LOG_REQUEST_DATA LOG_DATA LOG_ERASE LOG_REQUEST_END "
         "ENCAPSULATED_DATA DATA_TRANSMISSION_HANDSHAKE TERRAIN_DATA TERRAIN_REQUEST REMOTE_LOG_DATA_BLOCK "
         "REMOTE_LOG_BLOCK_STATUS GPS_RTCM_DATA"
@@ -75,12 +75,12 @@ _NAMES: Final = {
 
 
 @cache
-def kinds() -> dict[int, Kind]:
+def kinds() -> dict[int, TrafficKind]:
     """Message id to kind, for every message that is not telemetry."""
     return {codec.shape(name).id: kind for kind, names in _NAMES.items() for name in names.split()}
 
 
-class Outlet:
+class LinkOutlet:
     """The way out of one link, with its rate. It has no clock: somebody calls `pump` when `next_s` says so.
 
     Args:
@@ -89,7 +89,7 @@ class Outlet:
     """
 
     def __init__(self, send: Callable[[bytes], None], rate_byte_s: float | None = None) -> None:
-        self.dropped: Final = dict.fromkeys(Kind, 0)
+        self.dropped: Final = dict.fromkeys(TrafficKind, 0)
         """Frames that found no room."""
         self.overtaken = 0
         """Telemetry that a newer frame of its kind took the place of."""
@@ -97,11 +97,11 @@ class Outlet:
         """May be set once it is known, while nothing waits."""
         self._send = send
         self._kinds = kinds()
-        self._waiting: dict[Kind, dict[Hashable, bytes]] = {kind: {} for kind in Kind}
+        self._waiting: dict[TrafficKind, dict[Hashable, bytes]] = {kind: {} for kind in TrafficKind}
         """Frames in the order of their coming: telemetry by sender, message and instance, all others by a number."""
         self._numbers = count()
-        self._credit = dict.fromkeys(Kind, 0)
-        self._turns = deque(Kind)
+        self._credit = dict.fromkeys(TrafficKind, 0)
+        self._turns = deque(TrafficKind)
         self._free_s = 0.0
         """When the line will have sent all that was given to it."""
 
@@ -115,10 +115,10 @@ class Outlet:
         if self.rate_byte_s is None:
             self._send(frame.raw)
             return
-        kind = self._kinds.get(frame.message_id, Kind.TELEMETRY)
+        kind = self._kinds.get(frame.message_id, TrafficKind.TELEMETRY)
         waiting = self._waiting[kind]
         which: Hashable = next(self._numbers)
-        if kind is Kind.TELEMETRY:
+        if kind is TrafficKind.TELEMETRY:
             which = (frame.system, frame.component, frame.message_id, frame.instance)
         if which in waiting:
             self.overtaken += 1

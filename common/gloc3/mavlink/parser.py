@@ -11,7 +11,7 @@ from typing import Final
 import msgspec
 from fastcrc.crc16 import mcrf4xx as checksum
 
-from gloc3.mavlink.message import Address, MavlinkMessage, Shape
+from gloc3.mavlink.message import Address, MavlinkMessage, MessageLayout
 
 MAGIC_1: Final = 0xFE
 MAGIC_2: Final = 0xFD
@@ -27,7 +27,7 @@ HEADER_LENGTH: Final = 10
 _NEXT_MAGIC = re.compile(rb"[\xfd\xfe]").search
 
 
-class _Doubt(Enum):
+class _Suspect(Enum):
     """Why no frame begins at a place."""
 
     FALSE_START = "no frame begins here"
@@ -49,7 +49,7 @@ class Frame(msgspec.Struct, frozen=True, gc=False):
     """Where the payload begins in `raw`."""
     length: int
     """Bytes of payload, after the sender has cut trailing zeros off."""
-    shape: Shape | None
+    shape: MessageLayout | None
     """None for a message that the dialect does not know: it can be forwarded, not decoded."""
 
     @property
@@ -98,10 +98,10 @@ class FrameParser:
     checksum that could be tested, so it counts as one only if no good frame of a known message begins inside it.
     """
 
-    def __init__(self, shapes: Mapping[int, Shape | None], *, is_datagram: bool = False) -> None:
+    def __init__(self, shapes: Mapping[int, MessageLayout | None], *, is_datagram: bool = False) -> None:
         self._shapes = shapes
         self._is_datagram = is_datagram
-        self._rest = b""
+        self._remainder = b""
         self.frames_received = 0
         self.bytes_dropped = 0
 
@@ -111,7 +111,7 @@ class FrameParser:
         Args:
             data: what came: a piece of the stream of any length, or one whole datagram.
         """
-        data = self._rest + data if self._rest else data
+        data = self._remainder + data if self._remainder else data
         frames: list[Frame] = []
         position, size, shapes = 0, len(data), self._shapes
         while position < size:
@@ -135,17 +135,17 @@ class FrameParser:
             if isinstance(found, Frame):
                 frames.append(found)
                 position += len(found.raw)
-            elif found is _Doubt.FALSE_START or self._is_datagram:
+            elif found is _Suspect.FALSE_START or self._is_datagram:
                 start = position
                 position = _find_magic(data, position + 1, size)
                 self.bytes_dropped += position - start
             else:
                 break
-        self._rest = b"" if self._is_datagram else data[position:]
+        self._remainder = b"" if self._is_datagram else data[position:]
         self.frames_received += len(frames)
         return frames
 
-    def _examine(self, data: bytes, position: int) -> Frame | _Doubt:
+    def _examine(self, data: bytes, position: int) -> Frame | _Suspect:
         """What begins at a place that is not simply an unsigned, known, good MAVLink 2 frame."""
         found = self._read(data, position)
         if not isinstance(found, Frame) or found.shape is not None:
@@ -155,38 +155,38 @@ class FrameParser:
         while inner < end:
             other = self._read(data, inner)
             if isinstance(other, Frame) and other.shape is not None:
-                return _Doubt.FALSE_START
-            if other is _Doubt.INCOMPLETE and not self._is_datagram:
+                return _Suspect.FALSE_START
+            if other is _Suspect.INCOMPLETE and not self._is_datagram:
                 return other
             inner = _find_magic(data, inner + 1, end)
         return found
 
-    def _read(self, data: bytes, position: int) -> Frame | _Doubt:
+    def _read(self, data: bytes, position: int) -> Frame | _Suspect:
         """The frame at a place, judged by its own header and checksum alone."""
         available = len(data) - position
         flags = 0
         if data[position] == MAGIC_2:
             if available < HEADER_LENGTH:
-                return _Doubt.INCOMPLETE
+                return _Suspect.INCOMPLETE
             _, length, flags, _, sequence, system, component, low, high = _HEADER_2(data, position)
             message_id, start = low | high << 16, HEADER_LENGTH
         elif data[position] == MAGIC_1:
             if available < _LENGTH_1:
-                return _Doubt.INCOMPLETE
+                return _Suspect.INCOMPLETE
             _, length, sequence, system, component, message_id = _HEADER_1(data, position)
             start = _LENGTH_1
         else:
-            return _Doubt.FALSE_START
+            return _Suspect.FALSE_START
         if flags & ~SIGNED:
-            return _Doubt.FALSE_START
+            return _Suspect.FALSE_START
         body = start + length
         total = body + 2 + (SIGNATURE_LENGTH if flags else 0)
         if total > available:
-            return _Doubt.INCOMPLETE
+            return _Suspect.INCOMPLETE
         raw = data[position : position + total]
         shape = self._shapes[message_id]
         if shape is not None and checksum(shape.crc_extra, checksum(raw[1:body])) != raw[body] | raw[body + 1] << 8:
-            return _Doubt.FALSE_START
+            return _Suspect.FALSE_START
         return Frame(raw, system, component, sequence, message_id, flags, start, length, shape)
 
 

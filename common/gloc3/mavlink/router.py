@@ -29,7 +29,7 @@ class Gaps:
         self.lost = 0
         self._last: dict[int, int] = {}
 
-    def hear(self, frame: Frame) -> None:
+    def receive(self, frame: Frame) -> None:
         """A frame has come."""
         key = frame.system << 8 | frame.component
         last = self._last.get(key)
@@ -49,7 +49,7 @@ REPEAT_S: Final = 0.5
 """A frame that comes by another link within this time of the first is the same one, come back."""
 MOST_RECENT: Final = 20_000
 """So many frames are remembered at most, twice; in a flood for less time than that."""
-LOOK_AGAIN_S: Final = 1.0
+POLL_AGAIN_S: Final = 1.0
 """So long at most the ways of a sender are taken for right before they are looked up anew."""
 _SYSTEM_TIME: Final = 2
 _BOOT_MS_AT: Final = slice(8, 12)
@@ -154,17 +154,17 @@ class Router:
     def route(self, source: RouterLink, frames: Sequence[Frame], now_s: float) -> None:
         """Passes on frames that have come in by a link together; where they go on together, they leave together."""
         if len(frames) == 1:
-            for link in self._ways(source, frames[0], now_s):
+            for link in self._routes(source, frames[0], now_s):
                 link.put(frames)
             return
         leaving: dict[RouterLink, list[Frame]] = {}
         for frame in frames:
-            for link in self._ways(source, frame, now_s):
+            for link in self._routes(source, frame, now_s):
                 leaving.setdefault(link, []).append(frame)
         for link, some in leaving.items():
             link.put(some)
 
-    def _ways(self, source: RouterLink, frame: Frame, now_s: float) -> Sequence[RouterLink]:
+    def _routes(self, source: RouterLink, frame: Frame, now_s: float) -> Sequence[RouterLink]:
         """Where a frame is to go; keeps what it tells of its sender."""
         counts, raw = source.counts, frame.raw
         counts.frames_in += 1
@@ -175,32 +175,34 @@ class Router:
             return ()
         sender = source.senders.get(key)
         if frame.message_id == SETUP_SIGNING or (
-            sender is None and (sender := self._meet(source, key, frame, now_s)) is None
+            sender is None and (sender := self._add_peer(source, key, frame, now_s)) is None
         ):
             counts.refused += 1
             return ()
         self._remember(source, sender, key, frame, now_s)
         shape = frame.shape
         if shape is not None and shape.target_system_at >= 0 and (system := frame.target_system):
-            return self._ways_to(source, key, system, frame.target_component, now_s)
-        return self._ways_to_all(source, sender, key, now_s)
+            return self._routes_to(source, key, system, frame.target_component, now_s)
+        return self._routes_to_all(source, sender, key, now_s)
 
-    def _ways_to_all(self, source: RouterLink, sender: KnownSender, key: int, now_s: float) -> Links:
+    def _routes_to_all(self, source: RouterLink, sender: KnownSender, key: int, now_s: float) -> Links:
         """Where goes what somebody says to all."""
         if sender.ways_of != self._changes or now_s > sender.ways_until_s:
-            sender.ways = tuple(link for link in self.links if link is not source and not _hears(link, key, now_s))
-            sender.ways_of, sender.ways_until_s = self._changes, now_s + LOOK_AGAIN_S
+            sender.ways = tuple(link for link in self.links if link is not source and not _accepts(link, key, now_s))
+            sender.ways_of, sender.ways_until_s = self._changes, now_s + POLL_AGAIN_S
         return sender.ways
 
-    def _ways_to(self, source: RouterLink, key: int, system: int, component: int, now_s: float) -> Sequence[RouterLink]:
+    def _routes_to(
+        self, source: RouterLink, key: int, system: int, component: int, now_s: float
+    ) -> Sequence[RouterLink]:
         """Where something goes that has an address."""
         if system << 8 | component == self._own:
             return ()
         there = [link for link in self.links if link is not source and link.has(system, component)]
-        ways = [link for link in there if not _hears(link, key, now_s)]
-        if not ways and not source.has(system, component):
+        routes = [link for link in there if not _accepts(link, key, now_s)]
+        if not routes and not source.has(system, component):
             source.counts.unroutable += 1
-        return ways
+        return routes
 
     def _has_returned(self, source: RouterLink, raw: bytes, now_s: float) -> bool:
         """Whether the very same frame has just come by another link."""
@@ -211,13 +213,13 @@ class Router:
         first = self._before.get(raw) or self._recent.setdefault(raw, source)
         return first is not source
 
-    def _meet(self, source: RouterLink, key: int, frame: Frame, now_s: float) -> KnownSender | None:
+    def _add_peer(self, source: RouterLink, key: int, frame: Frame, now_s: float) -> KnownSender | None:
         """Takes in a sender that is new on this link; None if there is no room for one more."""
         if not _make_room(source, now_s):
             return None
         self._changes += 1
         for link in self.links:
-            if link is not source and key in link.senders and not _hears(link, key, now_s):
+            if link is not source and key in link.senders and not _accepts(link, key, now_s):
                 del link.senders[key]
         sender = source.senders[key] = KnownSender(now_s, frame.sequence - 1 & 0xFF)
         return sender
@@ -233,19 +235,19 @@ class Router:
         if frame.message_id == _SYSTEM_TIME:
             boot_ms = int.from_bytes(frame.payload[_BOOT_MS_AT], "little")
             if boot_ms + _RESTART_MS < sender.boot_ms:
-                self._forget(frame.system)
+                self._drop(frame.system)
                 source.senders[key] = sender
                 self._restarted(frame.system)
             sender.boot_ms = boot_ms
 
-    def _forget(self, system: int) -> None:
+    def _drop(self, system: int) -> None:
         self._changes += 1
         for link in self.links:
             for key in [key for key in link.senders if key >> 8 == system]:
                 del link.senders[key]
 
 
-def _hears(link: RouterLink, key: int, now_s: float) -> bool:
+def _accepts(link: RouterLink, key: int, now_s: float) -> bool:
     """Whether a sender is heard on a link now, so that nothing of its own is sent there."""
     sender = link.senders.get(key)
     return sender is not None and now_s - sender.heard_s < MOVED_AFTER_S

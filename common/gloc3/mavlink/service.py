@@ -11,7 +11,7 @@ from gloc3.mavlink.message import Address, MavlinkMessage
 Event = TypeVar("Event")
 
 
-class Service(ABC, Generic[Event]):
+class Microservice(ABC, Generic[Event]):
     """One end of one microservice, without I/O and without a clock.
 
     It is driven by `receive` and `tick`; after either, `outgoing` holds what is to be sent and `events` what has
@@ -49,8 +49,8 @@ class Service(ABC, Generic[Event]):
         """What has happened, in order; asking empties it."""
         if not self._events:
             return []
-        happened, self._events = self._events, []
-        return happened
+        events, self._events = self._events, []
+        return events
 
     def _send(self, name: str, **fields: Any) -> None:
         self._outgoing.append(make(name, **fields))

@@ -30,7 +30,7 @@ Stream = tuple[int, int, int]
 """System, component and link of a sender."""
 
 
-class Verdict(StrEnum):
+class SigningVerdict(StrEnum):
     """What is to be thought of a frame; the text is for a person."""
 
     GENUINE = "genuine"
@@ -43,7 +43,7 @@ class Verdict(StrEnum):
     @property
     def is_good(self) -> bool:
         """Whether the frame may be used."""
-        return self in (Verdict.GENUINE, Verdict.ALLOWED)
+        return self in (SigningVerdict.GENUINE, SigningVerdict.ALLOWED)
 
 
 def timestamp(utc_s: float) -> int:
@@ -78,7 +78,7 @@ class Streams:
         """Signing's time of the last frame of each stream."""
         self._noted = noted
 
-    def takes(self, stream: Stream, time: int, earliest: int) -> bool:
+    def accepts(self, stream: Stream, time: int, earliest: int) -> bool:
         """Whether a frame is the next of its stream; a new stream begins no earlier than that. It is noted then."""
         last = self.latest.get(stream)
         if last is None:
@@ -128,9 +128,9 @@ class Signing:
         self._ahead = 0 if is_clock_right() else self.timestamp - now
         """So much later than by our clock it is, as others have told while that could not be relied on."""
         self._now = now + self._ahead
-        self._has_met = False
+        self._has_seen = False
         """Whether somebody has shown the time."""
-        self.verdicts = dict.fromkeys(Verdict, 0)
+        self.verdicts = dict.fromkeys(SigningVerdict, 0)
         """How many frames were judged how."""
 
     @property
@@ -151,40 +151,40 @@ class Signing:
         frame += self._link + self.timestamp.to_bytes(6, "little")
         return frame + sha256(self._key + frame).digest()[:6]
 
-    def verify(self, frame: Frame) -> Verdict:
+    def verify(self, frame: Frame) -> SigningVerdict:
         """Judges a frame that came; one that is not good is to be dropped."""
         verdict = self._judge(frame)
         self.verdicts[verdict] += 1
         return verdict
 
-    def _judge(self, frame: Frame) -> Verdict:
+    def _judge(self, frame: Frame) -> SigningVerdict:
         if not frame.is_signed:
-            return Verdict.ALLOWED if frame.message_id in self._unsigned_ids else Verdict.UNSIGNED
+            return SigningVerdict.ALLOWED if frame.message_id in self._unsigned_ids else SigningVerdict.UNSIGNED
         if not is_signed_with(self._key, frame):
-            return Verdict.FORGED
+            return SigningVerdict.FORGED
         raw = frame.raw
         time = int.from_bytes(raw[-12:-6], "little")
         is_early = self._most_ahead is not None and time > self._now + self._most_ahead
-        if is_early and (self._has_met or self._is_clock_right()):
-            return Verdict.FUTURE
+        if is_early and (self._has_seen or self._is_clock_right()):
+            return SigningVerdict.FUTURE
         stream = (frame.system, frame.component, raw[-SIGNATURE_LENGTH])
-        if not self._streams.takes(stream, time, self._now - MAY_BE_OFF):
-            return Verdict.REPEATED
+        if not self._streams.accepts(stream, time, self._now - MAY_BE_OFF):
+            return SigningVerdict.REPEATED
         if is_early:
             self._ahead += time - self._now
             self._now = time
-        self._has_met = True
+        self._has_seen = True
         self.timestamp = max(self.timestamp, time)
-        return Verdict.GENUINE
+        return SigningVerdict.GENUINE
 
 
 AGAIN_S: Final = 60.0
 """So often a person is told how many frames were dropped for their signature."""
 HINTS: Final = {
-    Verdict.UNSIGNED: "; is signing switched on there?",
-    Verdict.FORGED: "; has it another key?",
-    Verdict.REPEATED: "; is its clock right?",
-    Verdict.FUTURE: "; which clock is wrong, its own or the one here?",
+    SigningVerdict.UNSIGNED: "; is signing switched on there?",
+    SigningVerdict.FORGED: "; has it another key?",
+    SigningVerdict.REPEATED: "; is its clock right?",
+    SigningVerdict.FUTURE: "; which clock is wrong, its own or the one here?",
 }
 
 
@@ -196,24 +196,24 @@ class SignedOnly:
         told: is told in words what a person should know.
     """
 
-    def __init__(self, signing: Signing, told: Callable[[str], None]) -> None:
-        self._signing, self._told = signing, told
-        self._told_s: dict[Verdict, float] = {}
+    def __init__(self, signing: Signing, reported: Callable[[str], None]) -> None:
+        self._signing, self._reported = signing, reported
+        self._reported_s: dict[SigningVerdict, float] = {}
 
     def passes(self, frame: Frame, now_s: float) -> bool:
         """Whether a frame may be used."""
         verdict = self._signing.verify(frame)
-        if not verdict.is_good and now_s >= self._told_s.get(verdict, float("-inf")):
-            self._told_s[verdict] = now_s + AGAIN_S
+        if not verdict.is_good and now_s >= self._reported_s.get(verdict, float("-inf")):
+            self._reported_s[verdict] = now_s + AGAIN_S
             count, who = self._signing.verdicts[verdict], f"{frame.system}/{frame.component}"
             so_far = f"{count} so far" if count > 1 else "and so will others be"
-            self._told(f"a frame from {who} is dropped ({verdict}), {so_far}{HINTS.get(verdict, '')}")
+            self._reported(f"a frame from {who} is dropped ({verdict}), {so_far}{HINTS.get(verdict, '')}")
         return verdict.is_good
 
     @property
     def genuine(self) -> int:
         """Frames with a right signature."""
-        return self._signing.verdicts[Verdict.GENUINE]
+        return self._signing.verdicts[SigningVerdict.GENUINE]
 
     def refused(self) -> dict[str, int]:
         """By reason, how many frames were dropped."""

@@ -12,7 +12,7 @@ from typing import Final
 
 from fastcrc.crc16 import mcrf4xx as checksum
 
-from gloc3.mavlink.message import Field, Shape
+from gloc3.mavlink.message import Field, MessageLayout
 
 _BYTE: Final = "uint8_t"
 _TARGET: Final = (Field("target_system", _BYTE, 0), Field("target_component", _BYTE, 0))
@@ -38,13 +38,13 @@ NUMBERS: Final = {name: number for name, (number, _) in _MESSAGES.items()}
 _NAMES: Final = {number: name for name, number in NUMBERS.items()}
 
 
-def describe(number: int) -> Shape | None:
+def describe(number: int) -> MessageLayout | None:
     """How the message of this number lies on the wire; None for one that is not here either."""
     name = _NAMES.get(number)
     if name is None:
         return None
     fields = wire_order(_MESSAGES[name][1])
-    return Shape(name, number, crc_extra(name, fields), fields)
+    return MessageLayout(name, number, crc_extra(name, fields), fields)
 
 
 def wire_order(fields: Sequence[Field]) -> list[Field]:

@@ -20,18 +20,18 @@ FORCE: Final = "force the command"
 """In the reason of a refusal: the same would be carried out with `CommandComponent.is_forced`."""
 
 
-class Body(msgspec.Struct, frozen=True, kw_only=True, tag=wire_name, array_like=True):
+class RequestBody(msgspec.Struct, frozen=True, kw_only=True, tag=wire_name, array_like=True):
     """The base of what a station can ask for."""
 
 
-class LoadMission(Body, frozen=True):
+class LoadMission(RequestBody, frozen=True):
     """Checks a mission's text onboard and keeps it, in place of the one before."""
 
     name: str
     text: str
 
 
-class ReadMission(Body, frozen=True):
+class ReadMission(RequestBody, frozen=True):
     """Reads the loaded mission back, to compare it."""
 
 
@@ -47,7 +47,7 @@ class Verb(StrEnum):
     CLEAR = "clear"
 
 
-class Steer(Body, frozen=True):
+class Steer(RequestBody, frozen=True):
     """Start, pause, resume, skip or abort the mission, or one of its tasks or actions."""
 
     verb: Verb
@@ -59,7 +59,7 @@ class Steer(Body, frozen=True):
     """With an override: whose it is."""
 
 
-class RequestTask(Body, frozen=True):
+class RequestTask(RequestBody, frozen=True):
     """A high-level command: a single task, as the YAML of a mission that holds just this task."""
 
     text: str
@@ -68,7 +68,7 @@ class RequestTask(Body, frozen=True):
     author: str = ""
 
 
-class RequestAction(Body, frozen=True):
+class RequestAction(RequestBody, frozen=True):
     """A low-level command: a single action."""
 
     capability: str
@@ -78,7 +78,7 @@ class RequestAction(Body, frozen=True):
     author: str = ""
 
 
-class CommandComponent(Body, frozen=True):
+class CommandComponent(RequestBody, frozen=True):
     """A command for a component's LCI."""
 
     component: str
@@ -88,7 +88,7 @@ class CommandComponent(Body, frozen=True):
     """Carry it out although a running action needs the component; the action then fails by its policy."""
 
 
-class CallFunction(Body, frozen=True):
+class CallFunction(RequestBody, frozen=True):
     """A function message for a component."""
 
     component: str
@@ -108,7 +108,7 @@ class ControlVerb(StrEnum):
     """Take control without the holder's leave; recorded with its author."""
 
 
-class Control(Body, frozen=True):
+class Control(RequestBody, frozen=True):
     """Control of the platform: one station holds it at a time."""
 
     verb: ControlVerb
@@ -127,7 +127,7 @@ class EmergencyVerb(StrEnum):
     DISARM = "disarm"
 
 
-class Emergency(Body, frozen=True):
+class Emergency(RequestBody, frozen=True):
     """The emergency key: accepted from any authenticated operator, logged with its author."""
 
     verb: EmergencyVerb
@@ -136,7 +136,7 @@ class Emergency(Body, frozen=True):
     """With disarm: the platform's name, typed."""
 
 
-class Elsewhere(Body, frozen=True):
+class Elsewhere(RequestBody, frozen=True):
     """Tells a platform how far another one is in the mission that both have loaded; the holder of control passes it on.
 
     It needs no answer: the next one, a second later at the latest, says more.
@@ -152,18 +152,18 @@ class Elsewhere(Body, frozen=True):
     """Its tasks' states."""
 
 
-class Query(Body, frozen=True):
+class Query(RequestBody, frozen=True):
     """Asks what became of an earlier request of the same sender."""
 
     boot: int
     sequence: int
 
 
-class Preflight(Body, frozen=True):
+class Preflight(RequestBody, frozen=True):
     """Asks for the list of checks before a start; what the autopilot is set to is read anew for it."""
 
 
-class Hello(Body, frozen=True):
+class Hello(RequestBody, frozen=True):
     """Asks for the full state: components' table, mission, control; the answer comes on the topics."""
 
     version: str = ""
@@ -172,7 +172,7 @@ class Hello(Body, frozen=True):
     """The hash of what it speaks, `gloc3.messages.software`."""
 
 
-class Watch(Body, frozen=True):
+class Watch(RequestBody, frozen=True):
     """Everything that the station wants to see from now on, for `watch.LEASE_S`; asked again while somebody looks.
 
     The reply's result tells under `refused` the topics that cannot be looked at, each with the reason.
@@ -184,11 +184,11 @@ class Watch(Body, frozen=True):
     """Somebody looks at the list of topics: how they speak is wanted, too."""
 
 
-class ListTopics(Body, frozen=True):
+class ListTopics(RequestBody, frozen=True):
     """Asks for the topics that can be looked at; the reply's result holds them as `TopicEntry`s under `topics`."""
 
 
-class ReadReports(Body, frozen=True):
+class ReadReports(RequestBody, frozen=True):
     """Asks for the events behind a number, oldest first; says also that all up to that number are here.
 
     The reply's result holds under `reports` for each its number, severity, source, text and time, and under `last` the
@@ -200,21 +200,21 @@ class ReadReports(Body, frozen=True):
     most: int = 40
 
 
-class ListLogs(Body, frozen=True):
+class ListLogs(RequestBody, frozen=True):
     """Asks for the logs onboard; the reply's result holds a `LogOnboard` for each under `logs`."""
 
 
-class CutLog(Body, frozen=True):
+class CutLog(RequestBody, frozen=True):
     """Ends the log that is being written and begins the next, so that what was recorded so far can be fetched."""
 
 
-class DigestLog(Body, frozen=True):
+class DigestLog(RequestBody, frozen=True):
     """Has the SHA-256 digest of a log calculated; it is under `sha256` in the reply's result, in hexadecimal digits."""
 
     name: str
 
 
-class ReadLog(Body, frozen=True):
+class ReadLog(RequestBody, frozen=True):
     """Asks for a piece of a log, which comes as a `LogChunk` where the way to the station has room for it."""
 
     name: str
@@ -222,7 +222,7 @@ class ReadLog(Body, frozen=True):
     size: int
 
 
-class ConfirmLog(Body, frozen=True):
+class ConfirmLog(RequestBody, frozen=True):
     """The station has the whole log, with this digest: it is deleted onboard if that is its own digest, too."""
 
     name: str
@@ -255,7 +255,7 @@ AnyBody = (
 AboutLogs = ListLogs | CutLog | DigestLog | ReadLog | ConfirmLog
 
 
-LOOKS: Final = (ReadMission, Query, Hello, Watch, ListTopics, Preflight, ReadReports, ListLogs, DigestLog, ReadLog)
+QUERIES: Final = (ReadMission, Query, Hello, Watch, ListTopics, Preflight, ReadReports, ListLogs, DigestLog, ReadLog)
 """What only looks: everybody who may watch the platform may ask for it."""
 
 

@@ -23,7 +23,7 @@ from gloc3.messages.envelope import (
 from gloc3.messages.wire import TypeRegistry
 
 
-class Service(StrEnum):
+class TopicService(StrEnum):
     """How a topic travels between processes."""
 
     COMMAND = "command"
@@ -49,15 +49,15 @@ class TopicRow(msgspec.Struct, frozen=True):
     """Every n-th message goes to the stations; 0 for none."""
     silent_after: float = 10.0
     """The topic is *silent* when nothing came for so many nominal periods."""
-    service: Service | None = None
+    service: TopicService | None = None
     """None is a stream for topics with a rate, and a report for others."""
     is_latched: bool = False
     """It says what is, not what happens: who asks for it late gets the last message."""
 
     @property
-    def travels(self) -> Service:
+    def travels(self) -> TopicService:
         """How the topic travels between processes."""
-        return self.service or (Service.STREAM if self.rate_hz else Service.REPORT)
+        return self.service or (TopicService.STREAM if self.rate_hz else TopicService.REPORT)
 
     def is_alive(self, age_s: float) -> bool:
         """Whether a topic whose last message is so old still counts as alive."""
@@ -70,11 +70,11 @@ class TopicRow(msgspec.Struct, frozen=True):
 
 
 GENERIC: Final[Mapping[str, TopicRow]] = {
-    "components/*/status": TopicRow(ComponentStatus, 1.0, service=Service.REPORT),
-    "components/*/command": TopicRow(CommandRequest, service=Service.COMMAND),
-    "components/*/reply": TopicRow(CommandReply, service=Service.COMMAND),
-    "components/*/function": TopicRow(FunctionRequest, service=Service.COMMAND),
-    "components/*/function_reply": TopicRow(FunctionReply, service=Service.COMMAND),
+    "components/*/status": TopicRow(ComponentStatus, 1.0, service=TopicService.REPORT),
+    "components/*/command": TopicRow(CommandRequest, service=TopicService.COMMAND),
+    "components/*/reply": TopicRow(CommandReply, service=TopicService.COMMAND),
+    "components/*/function": TopicRow(FunctionRequest, service=TopicService.COMMAND),
+    "components/*/function_reply": TopicRow(FunctionReply, service=TopicService.COMMAND),
     "components/*/event": TopicRow(Event),
     "components/*/internal": TopicRow(InternalState),
 }

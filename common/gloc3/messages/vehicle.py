@@ -127,7 +127,7 @@ class Pose(Message, frozen=True):
 
 
 OBSTACLE_SECTORS: Final = 72
-NOT_LOOKED_M: Final = -1.0
+NOT_MEASURED_M: Final = -1.0
 """Distance of a sector that no beam has looked at."""
 
 
@@ -142,7 +142,7 @@ class ObstacleScan(Message, frozen=True):
     reason: str = ""
     sectors_m: list[float] = []
     """The nearest hit in each of `OBSTACLE_SECTORS` sectors, clockwise, the first with its middle ahead of the body, as
-    in MAVLink's OBSTACLE_DISTANCE. `range_max_m` and more: nothing there; `NOT_LOOKED_M`: not looked at."""
+    in MAVLink's OBSTACLE_DISTANCE. `range_max_m` and more: nothing there; `NOT_MEASURED_M`: not looked at."""
     range_max_m: float = 0.0
     closest_ne_m: list[tuple[float, float]] = []
     """The nearest points of things that stand apart, the nearest first."""

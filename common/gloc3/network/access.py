@@ -9,7 +9,7 @@ from typing import Any, Final, Literal, NamedTuple
 import msgspec
 
 
-class Role(StrEnum):
+class MemberRole(StrEnum):
     """What a member is."""
 
     PLATFORM = "platform"
@@ -24,7 +24,7 @@ class Accepted(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """A member that others take for what it is."""
 
     member: str
-    role: Role
+    role: MemberRole
     certificate: str
     """The number of its one certificate that counts."""
 
@@ -63,7 +63,7 @@ EVERYTHING: Final = "**"
 CHILDREN: Final = "children"
 
 
-class Grant(NamedTuple):
+class AccessGrant(NamedTuple):
     """Something that one member lets pass on its links to another."""
 
     flow: Flow
@@ -77,23 +77,23 @@ def common_name(member: str, certificate: str) -> str:
     return f"{member}/{certificate}"
 
 
-def grants(own: Accepted, other: Accepted) -> list[Grant]:
+def grants(own: Accepted, other: Accepted) -> list[AccessGrant]:
     """What a member lets pass between itself and another."""
-    if own.role is Role.PLATFORM and other.role is Role.PLATFORM:
-        return _fellows(own, other) if own.platform != other.platform else _all((EVERYTHING,))
-    if own.role is Role.PLATFORM:
+    if own.role is MemberRole.PLATFORM and other.role is MemberRole.PLATFORM:
+        return _peers(own, other) if own.platform != other.platform else _all((EVERYTHING,))
+    if own.role is MemberRole.PLATFORM:
         return [
-            Grant("ingress", "say", spoken(other, own.platform)),
-            Grant("ingress", "ask", _below("*", READABLE)),
-            Grant("egress", "say", _below(own.platform, READABLE)),
-            Grant("egress", "ask", (EVERYTHING,)),
+            AccessGrant("ingress", "say", spoken(other, own.platform)),
+            AccessGrant("ingress", "ask", _below("*", READABLE)),
+            AccessGrant("egress", "say", _below(own.platform, READABLE)),
+            AccessGrant("egress", "ask", (EVERYTHING,)),
         ]
-    if other.role is Role.PLATFORM:
+    if other.role is MemberRole.PLATFORM:
         return [
-            Grant("ingress", "say", (f"{other.platform}/**", "stations/**")),
-            Grant("ingress", "ask", (EVERYTHING,)),
-            Grant("egress", "say", spoken(own, other.platform)),
-            Grant("egress", "ask", (EVERYTHING,)),
+            AccessGrant("ingress", "say", (f"{other.platform}/**", "stations/**")),
+            AccessGrant("ingress", "ask", (EVERYTHING,)),
+            AccessGrant("egress", "say", spoken(own, other.platform)),
+            AccessGrant("egress", "ask", (EVERYTHING,)),
         ]
     return []
 
@@ -101,7 +101,7 @@ def grants(own: Accepted, other: Accepted) -> list[Grant]:
 def spoken(station: Accepted, platform: str) -> tuple[str, ...]:
     """What a station may say to a platform."""
     keys = (f"{platform}/ci/ask/{station.member}", f"stations/{station.member}/**")
-    if station.role is not Role.OPERATOR:
+    if station.role is not MemberRole.OPERATOR:
         return keys
     return (f"{platform}/ci/request/{station.member}", f"{platform}/demand/{station.member}", *keys)
 
@@ -136,7 +136,7 @@ def access_control(own: Accepted, others: Sequence[Accepted]) -> dict[str, Any]:
     }
 
 
-def _rule(name: str, grant: Grant) -> dict[str, Any]:
+def _rule(name: str, grant: AccessGrant) -> dict[str, Any]:
     return {
         "id": name,
         "permission": "allow",
@@ -146,18 +146,18 @@ def _rule(name: str, grant: Grant) -> dict[str, Any]:
     }
 
 
-def _all(keys: tuple[str, ...]) -> list[Grant]:
+def _all(keys: tuple[str, ...]) -> list[AccessGrant]:
     flows: tuple[Flow, ...] = ("ingress", "egress")
-    return [Grant(flow, speech, keys) for flow in flows for speech in MESSAGES]
+    return [AccessGrant(flow, speech, keys) for flow in flows for speech in MESSAGES]
 
 
-def _fellows(own: Accepted, other: Accepted) -> list[Grant]:
+def _peers(own: Accepted, other: Accepted) -> list[AccessGrant]:
     """Between hosts of two platforms."""
     return [
-        Grant("ingress", "say", _below(other.platform, SEEN_BY_PLATFORMS)),
-        Grant("ingress", "ask", _below("*", SEEN_BY_PLATFORMS)),
-        Grant("egress", "say", _below(own.platform, SEEN_BY_PLATFORMS)),
-        Grant("egress", "ask", (EVERYTHING,)),
+        AccessGrant("ingress", "say", _below(other.platform, SEEN_BY_PLATFORMS)),
+        AccessGrant("ingress", "ask", _below("*", SEEN_BY_PLATFORMS)),
+        AccessGrant("egress", "say", _below(own.platform, SEEN_BY_PLATFORMS)),
+        AccessGrant("egress", "ask", (EVERYTHING,)),
     ]
 
 

@@ -15,7 +15,7 @@ from gloc3.cli.narration import narrate
 from gloc3.clock import utc_now
 from gloc3.errors import Refused
 from gloc3.network import register
-from gloc3.network.access import Role, access_control, grants
+from gloc3.network.access import MemberRole, access_control, grants
 from gloc3.network.file import Membership, read_network
 
 app = App(
@@ -67,7 +67,7 @@ def add(
     member: str,
     /,
     *,
-    role: Role,
+    role: MemberRole,
     listen: Annotated[list[str] | None, Parameter(negative=())] = None,
     reached_at: Annotated[list[str] | None, Parameter(negative=())] = None,
     to: Annotated[list[str] | None, Parameter(negative=())] = None,
@@ -89,7 +89,7 @@ def add(
         renew: It is a member already, and gets a new key and certificate; the old ones count no more.
     """
     folder = folder.expanduser()
-    entry = register.Member(
+    entry = register.NetworkMember(
         role=role, certificate="", until="", listen=listen or [], reached_at=reached_at or [], to=to or []
     )
     _check(days)
@@ -97,7 +97,7 @@ def add(
     narrate(f"{folder / member} is for {member} alone; its certificate is valid for {days} days")
     if not entry.listen and not register.read_register(folder).connections(member):
         narrate(f"nobody listens yet to whom {member} could connect: add a platform with --listen")
-    _tell(name for name in changed if name != member)
+    _narrate(name for name in changed if name != member)
     return 0
 
 
@@ -112,7 +112,7 @@ def revoke(folder: Path, member: str, /) -> int:
     folder = folder.expanduser()
     changed = register.revoke(folder, member)
     narrate(f"{member} is on no list any more")
-    _tell(changed)
+    _narrate(changed)
     return 0
 
 
@@ -163,7 +163,7 @@ def _words(membership: Membership) -> list[str]:
     return [*lines, "child processes of this computer's user: everything; anybody else: nothing"]
 
 
-def _tell(changed: Iterable[str]) -> None:
+def _narrate(changed: Iterable[str]) -> None:
     names = ", ".join(changed)
     if names:
         narrate(f"network.yaml is new for {names}: copy it there, and send SIGHUP to what runs with it")

@@ -13,8 +13,8 @@ import msgspec
 from gloc3.documents.document import Document, load_bytes, parse
 from gloc3.documents.schema import check
 from gloc3.errors import Finding, InputError, nearest
-from gloc3.exchange.zenoh_session import QUIC, Node
-from gloc3.network.access import Accepted, Role, access_control
+from gloc3.exchange.zenoh_session import QUIC, ZenohEndpoints
+from gloc3.network.access import Accepted, MemberRole, access_control
 from gloc3.network.authority import findings as certificate_findings
 
 NAME: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,30}")
@@ -49,7 +49,7 @@ class NetworkFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
         return [entry for entry in self.accepts if entry.member != self.member]
 
     @property
-    def roles(self) -> Mapping[str, Role]:
+    def roles(self) -> Mapping[str, MemberRole]:
         """The role of each member."""
         return {entry.member: entry.role for entry in self.accepts}
 
@@ -60,14 +60,14 @@ class Membership(NamedTuple):
     path: Path
     file: NetworkFile
 
-    def node(self, *sockets: str) -> Node:
+    def node(self, *sockets: str) -> ZenohEndpoints:
         """This member as a node.
 
         Args:
             sockets: endpoints for child processes, beside what the file says.
         """
         file = self.file
-        return Node(
+        return ZenohEndpoints(
             name=file.member,
             listen=(*map(_endpoint, file.listen), *sockets),
             connect=tuple(map(_endpoint, file.connect)),
@@ -145,14 +145,14 @@ def _findings(document: Document, file: NetworkFile) -> list[Finding]:
     return found
 
 
-def member_problem(member: str, role: Role) -> str:
+def member_problem(member: str, role: MemberRole) -> str:
     """What is wrong with a member's name; empty where nothing is."""
     parts = member.split(".")
     if not all(NAME.fullmatch(part) for part in parts):
         return f"{member!r} is no name: small letters, digits, _ and -, at most 31 of them"
-    if role is Role.PLATFORM and len(parts) != 2:
+    if role is MemberRole.PLATFORM and len(parts) != 2:
         return f"{member!r} is no host of a platform: write PLATFORM.HOST, such as {parts[0]}.main"
-    if role is not Role.PLATFORM and len(parts) != 1:
+    if role is not MemberRole.PLATFORM and len(parts) != 1:
         return f"{member!r} is no name of a station: write it without a dot"
     return ""
 

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from gloc3.documents.document import dump, load
 from gloc3.errors import Refused, nearest
-from gloc3.network.access import Accepted, Role, grants
+from gloc3.network.access import Accepted, MemberRole, grants
 from gloc3.network.authority import AUTHORITY, CERTIFICATE, KEY, issue, make_authority
 from gloc3.network.file import address_problem, host_of, member_problem
 from gloc3.store import replace_file
@@ -20,10 +20,10 @@ REGISTER: Final = "members.yaml"
 NETWORK_FILE: Final = "network.yaml"
 
 
-class Member(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+class NetworkMember(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
     """A member of the network."""
 
-    role: Role
+    role: MemberRole
     certificate: str
     """The number of its one certificate that counts."""
     until: str
@@ -41,9 +41,9 @@ class Register(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """Everybody who is or was on the network."""
 
     network: str
-    members: dict[str, Member] = {}
+    members: dict[str, NetworkMember] = {}
 
-    def current(self) -> dict[str, Member]:
+    def current(self) -> dict[str, NetworkMember]:
         """Those that have not been revoked."""
         return {name: member for name, member in self.members.items() if not member.is_revoked}
 
@@ -57,11 +57,11 @@ class Register(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         member = self.members[name]
         roots: dict[str, str] = {}
         for host, each in self.current().items():
-            if each.role is Role.PLATFORM and each.listen:
+            if each.role is MemberRole.PLATFORM and each.listen:
                 roots.setdefault(host.partition(".")[0], host)
         if member.to:
             targets = list(member.to)
-        elif member.role is Role.PLATFORM:
+        elif member.role is MemberRole.PLATFORM:
             targets = [root for root in [roots.get(name.partition(".")[0])] if root is not None and root != name]
         else:
             targets = list(roots.values())
@@ -93,7 +93,9 @@ def read_register(folder: Path) -> Register:
     return load(folder / REGISTER, Register)
 
 
-def add(folder: Path, name: str, member: Member, now: datetime, valid: timedelta, *, is_renewed: bool) -> list[str]:
+def add(
+    folder: Path, name: str, member: NetworkMember, now: datetime, valid: timedelta, *, is_renewed: bool
+) -> list[str]:
     """Takes a member in, with a new key and certificate, and writes everybody's network file anew.
 
     Returns:

@@ -13,22 +13,22 @@ from typing import Any, Final
 from msgspec.structs import replace
 
 from gloc3.exchange.base import Exchange, Publisher, Unsubscribe
-from gloc3.exchange.tunnel.layout import Role as End
+from gloc3.exchange.tunnel.layout import TunnelRole as End
 from gloc3.exchange.tunnel.routes import route
-from gloc3.messages.command_interface import LOOKS, CiRequest, StationRole
+from gloc3.messages.command_interface import QUERIES, CiRequest, StationRole
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.summaries import StationHeard
 from gloc3.messages.teleoperation import VelocityDemand
 from gloc3.messages.topics import TopicTable
-from gloc3.network.access import Role
+from gloc3.network.access import MemberRole
 
-HEARD_S: Final = 1.0
+CONTACT_S: Final = 1.0
 """So often the platform is told of each station that is there."""
-WAY: Final = "network"
+RELAYED: Final = "network"
 """How these requests came, for the record."""
-STATION_ROLES: Final[Mapping[Role | None, StationRole]] = {
-    Role.OPERATOR: StationRole.OPERATOR,
-    Role.OBSERVER: StationRole.OBSERVER,
+STATION_ROLES: Final[Mapping[MemberRole | None, StationRole]] = {
+    MemberRole.OPERATOR: StationRole.OPERATOR,
+    MemberRole.OBSERVER: StationRole.OBSERVER,
 }
 CHUNKS: Final = "log_chunk"
 """Pieces of logs, which no radio carries."""
@@ -41,7 +41,7 @@ DEMANDS: Final = "demand"
 def key_of(station: str, envelope: Envelope[CiRequest]) -> str:
     """Where a station's request to a platform goes."""
     platform = envelope.topic.partition("/")[0]
-    return f"{platform}/ci/{QUESTIONS if isinstance(envelope.payload.body, LOOKS) else COMMANDS}/{station}"
+    return f"{platform}/ci/{QUESTIONS if isinstance(envelope.payload.body, QUERIES) else COMMANDS}/{station}"
 
 
 def presence(station: str) -> str:
@@ -76,7 +76,7 @@ def join_platforms(
         if carries(envelope):
             network.publish(replace(envelope, topic=f"{envelope.topic.partition('/')[0]}/{DEMANDS}/{station}"))
 
-    def take(envelope: Envelope[Any]) -> None:
+    def handle(envelope: Envelope[Any]) -> None:
         if is_new(envelope):
             inside.publish(envelope)
 
@@ -88,7 +88,7 @@ def join_platforms(
     for name, row in topics:
         way = route(name, row)
         if name == CHUNKS or (way is not None and way.sender is End.PLATFORM):
-            undo.append(network.subscribe(f"*/{name}", take))
+            undo.append(network.subscribe(f"*/{name}", handle))
 
     def part() -> None:
         for end in undo:
@@ -114,7 +114,7 @@ class StationBridge:
         network: Exchange,
         loop: asyncio.AbstractEventLoop,
         platform: str,
-        roles: Mapping[str, Role],
+        roles: Mapping[str, MemberRole],
         boot: int,
         forged: Callable[[str, str], None],
     ) -> None:
@@ -129,11 +129,11 @@ class StationBridge:
         self._publisher = Publisher(network, platform, "stations", boot)
         self._here: set[str] = set()
         self._undo = [
-            *(network.subscribe(f"{platform}/ci/{kind}/*", self._take) for kind in (COMMANDS, QUESTIONS)),
-            network.subscribe(f"{platform}/{DEMANDS}/*", self._take),
-            network.watch(presence("*"), self._meet),
+            *(network.subscribe(f"{platform}/ci/{kind}/*", self._receive) for kind in (COMMANDS, QUESTIONS)),
+            network.subscribe(f"{platform}/{DEMANDS}/*", self._receive),
+            network.watch(presence("*"), self._add_station),
         ]
-        self._timer = loop.call_later(HEARD_S, self._tick)
+        self._timer = loop.call_later(CONTACT_S, self._tick)
 
     def close(self) -> None:
         """Takes nothing any more."""
@@ -141,7 +141,7 @@ class StationBridge:
         for end in self._undo:
             end()
 
-    def _take(self, envelope: Envelope[Any]) -> None:
+    def _receive(self, envelope: Envelope[Any]) -> None:
         _, *_, kind, station = envelope.topic.split("/")
         request = envelope.payload
         role = self.roles.get(station)
@@ -150,28 +150,28 @@ class StationBridge:
             self.forgeries[station] = self.forgeries.get(station, 0) + 1
             self._forged(station, reason)
         else:
-            request = replace(request, role=STATION_ROLES[role], way=WAY)
+            request = replace(request, role=STATION_ROLES[role], way=RELAYED)
             topic = "velocity_demand" if kind == DEMANDS else "ci/request"
             self._inside.publish(replace(envelope, topic=f"{self._platform}/{topic}", payload=request))
 
-    def _meet(self, token: str, is_here: bool) -> None:
+    def _add_station(self, token: str, is_here: bool) -> None:
         station = token.rpartition("/")[2]
         if is_here and station in self.roles:
             self._here.add(station)
-            self._tell(station)
+            self._publish_contact(station)
         else:
             self._here.discard(station)
 
     def _tick(self) -> None:
-        self._timer = self._loop.call_later(HEARD_S, self._tick)
+        self._timer = self._loop.call_later(CONTACT_S, self._tick)
         for station in sorted(self._here):
-            self._tell(station)
+            self._publish_contact(station)
 
-    def _tell(self, station: str) -> None:
+    def _publish_contact(self, station: str) -> None:
         self._publisher.publish(f"{self._platform}/ci/heard", StationHeard(station=station), self._loop.time())
 
 
-def _wrong(request: Any, kind: str, station: str, role: Role | None) -> str:
+def _wrong(request: Any, kind: str, station: str, role: MemberRole | None) -> str:
     """Why a request is not what its key says; empty where it is."""
     if not isinstance(request, VelocityDemand if kind == DEMANDS else CiRequest):
         return f"{type(request).__name__} is no request"
@@ -180,7 +180,7 @@ def _wrong(request: Any, kind: str, station: str, role: Role | None) -> str:
     if request.sender != station:
         return f"it says that it is of {request.sender!r}"
     if isinstance(request, VelocityDemand):
-        return "" if role is Role.OPERATOR else "an observer steers nothing"
-    if isinstance(request.body, LOOKS) != (kind == QUESTIONS):
+        return "" if role is MemberRole.OPERATOR else "an observer steers nothing"
+    if isinstance(request.body, QUERIES) != (kind == QUESTIONS):
         return f"{type(request.body).__name__} came as a {'question' if kind == QUESTIONS else 'command'}"
     return ""

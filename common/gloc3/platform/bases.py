@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from gloc3.documents.document import Document, load_bytes, parse
-from gloc3.documents.yaml_nodes import Node
+from gloc3.documents.yaml_nodes import YamlNode
 from gloc3.errors import Finding, InputError, nearest
 from gloc3.installed import installed_points
 
@@ -61,7 +61,7 @@ def completed(document: Document, extending: tuple[Path, ...] = ()) -> Document:
     _move_calibrations(base, file)
     for node in base.root.descendants():
         node.file = node.file or base.file
-    own = Node(dict(document.root.value), document.root.line, document.root.column)
+    own = YamlNode(dict(document.root.value), document.root.line, document.root.column)
     own.children, own.key_places = dict(document.root.children), document.root.key_places
     del own.children[EXTENDS]
     findings: list[Finding] = []
@@ -74,7 +74,7 @@ def completed(document: Document, extending: tuple[Path, ...] = ()) -> Document:
     return Document(document.file, root)
 
 
-def _base_file(document: Document, where: Node) -> Path:
+def _base_file(document: Document, where: YamlNode) -> Path:
     name = where.value
     if not isinstance(name, str):
         raise InputError([document.finding((EXTENDS,), "extends takes the name of a base or platform, or a file")])
@@ -101,9 +101,9 @@ def _move_calibrations(base: Document, file: Path) -> None:
             camera.value = cameras.value[name] = f"{folder}/{camera.value}"
 
 
-def _merged(base: Node, own: Node) -> Node:
+def _merged(base: YamlNode, own: YamlNode) -> YamlNode:
     """A mapping with another's values on top; a new entry stands behind the one that is written before it, or first."""
-    made = Node({}, own.line, own.column, own.file)
+    made = YamlNode({}, own.line, own.column, own.file)
     order, last = [str(key) for key in base.children], ""
     for name in map(str, own.children):
         if name not in base.children:
@@ -120,9 +120,9 @@ def _merged(base: Node, own: Node) -> Node:
     return made
 
 
-def _merged_rows(base: Node, own: Node, document: Document, findings: list[Finding]) -> Node:
+def _merged_rows(base: YamlNode, own: YamlNode, document: Document, findings: list[Finding]) -> YamlNode:
     """The base's components with the file's rows on top; a new one stands behind the row that is written before it, or last."""
-    rows: dict[str, Node] = {}
+    rows: dict[str, YamlNode] = {}
     for index, row in base.children.items():
         name = _name_of(row)
         rows[f"{name} {index}" if not name or name in rows else name] = row
@@ -145,11 +145,11 @@ def _merged_rows(base: Node, own: Node, document: Document, findings: list[Findi
             order.insert(order.index(last) + 1 if last else len(order), key)
             name = key
         last = name
-    made = Node([], own.line, own.column, own.file)
+    made = YamlNode([], own.line, own.column, own.file)
     for index, name in enumerate(order):
         made.put(index, rows[name])
     return made
 
 
-def _name_of(row: Node) -> str:
+def _name_of(row: YamlNode) -> str:
     return str(row.value.get("name", "")) if isinstance(row.value, dict) else ""

@@ -10,7 +10,7 @@ from gloc3.errors import Finding, nearest
 from gloc3.messages.topics import TopicTable
 from gloc3.mission.model.arguments import argument_kinds
 from gloc3.mission.model.model import ActionFile
-from gloc3.platform.places import Place, clock_host, host_names, place_of, tied_device
+from gloc3.platform.places import ProcessPlace, clock_host, host_names, place_of, tied_device
 from gloc3.platform.platform import Platform
 
 FROM_LINKS: Final = ("ci/request", "ci/heard", "velocity_demand", "host_presence")
@@ -70,8 +70,8 @@ def _places(platform: Platform, document: Document) -> Iterator[Finding]:
 def _place_problems(platform: Platform) -> Iterator[Problem]:
     """The problems of the rows' `host` and `process`, each with its place in the file."""
     known = host_names(platform)
-    owners: dict[str, tuple[str, Place]] = {}
-    main = Place(clock_host(platform))
+    owners: dict[str, tuple[str, ProcessPlace]] = {}
+    main = ProcessPlace(clock_host(platform))
     by_name = {row.name: row for row in platform.components}
     for index, row in enumerate(platform.components):
         if row.host and row.host not in known:
@@ -112,9 +112,9 @@ def _capabilities(platform: Platform, document: Document) -> Iterator[Finding]:
         if row.arguments not in kinds:
             hint = nearest(row.arguments, sorted(kinds))
             yield document.finding((*where, "arguments"), f"unknown kind of arguments {row.arguments!r}", hint)
-        elif lacking := [one for one in kinds[row.arguments].claims() if one not in row.claims]:
-            claims = ", ".join([*row.claims, *lacking])
-            message = f"{name} does not claim {', '.join(lacking)}, which {row.arguments} always needs for itself"
+        elif missing := [one for one in kinds[row.arguments].claims() if one not in row.claims]:
+            claims = ", ".join([*row.claims, *missing])
+            message = f"{name} does not claim {', '.join(missing)}, which {row.arguments} always needs for itself"
             yield document.finding(where, message, f"claims: [{claims}]", at_key=True)
         if name in ActionFile.__struct_fields__:
             hint = "give it another name"

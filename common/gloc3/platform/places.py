@@ -14,7 +14,7 @@ TIED_DEVICES: Final = ("autopilot", "computer", "site")
 _TIED_SOURCE: Final = "autopilot:"
 
 
-class Place(NamedTuple):
+class ProcessPlace(NamedTuple):
     """A process of a host."""
 
     host: str
@@ -30,9 +30,9 @@ def host_names(platform: Platform) -> list[str]:
     return list(platform.hosts) or [ONLY_HOST]
 
 
-def place_of(platform: Platform, row: ComponentRow) -> Place:
+def place_of(platform: Platform, row: ComponentRow) -> ProcessPlace:
     """Where a component runs."""
-    return Place(row.host or host_names(platform)[0], row.process)
+    return ProcessPlace(row.host or host_names(platform)[0], row.process)
 
 
 def clock_host(platform: Platform) -> str:
@@ -41,7 +41,7 @@ def clock_host(platform: Platform) -> str:
     return votes.most_common(1)[0][0] if votes else host_names(platform)[0]
 
 
-def rows_at(platform: Platform, place: Place) -> list[ComponentRow]:
+def rows_at(platform: Platform, place: ProcessPlace) -> list[ComponentRow]:
     """The components of a process, in the order of the file."""
     return [row for row in platform.components if place_of(platform, row) == place]
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from gloc3.documents import schema
 from gloc3.documents.document import Document, dump_rows, load_bytes, parse
-from gloc3.errors import Finding, InputError, NotThere, nearest
+from gloc3.errors import Finding, InputError, NotFound, nearest
 from gloc3.platform.bases import completed, platform_files
 from gloc3.platform.check import findings_of
 from gloc3.platform.platform import Platform
@@ -31,15 +31,15 @@ def find_platform(name: str) -> Path:
     """The file of a platform; plain names are looked up in the folders of the entry points `gloc3.platforms`.
 
     Raises:
-        NotThere: there is none of that name.
+        NotFound: there is none of that name.
     """
     path, known = Path(name), platform_files()
     if path.is_dir() and name not in known:
-        raise NotThere([Finding(file=name, message="is a folder, not a platform file")])
+        raise NotFound([Finding(file=name, message="is a folder, not a platform file")])
     if path.suffix or path.is_file():
         return path
     if name not in known:
-        raise NotThere([Finding(file=name, message="no such platform", hint=nearest(name, sorted(known)))])
+        raise NotFound([Finding(file=name, message="no such platform", hint=nearest(name, sorted(known)))])
     return known[name]
 
 

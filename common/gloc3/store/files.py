@@ -73,7 +73,7 @@ class DocumentFile(Generic[T]):
     """
 
     def __init__(self, path: Path, type_: type[T]) -> None:
-        self._path, self._old, self._type = path, path.with_name(path.name + ".old"), type_
+        self._path, self._previous, self._type = path, path.with_name(path.name + ".old"), type_
         self._written: bytes | None = None
         self._lock = threading.Lock()
         """Held while files are renamed or removed."""
@@ -85,7 +85,7 @@ class DocumentFile(Generic[T]):
 
     def read(self) -> T | None:
         """The value that was written last, or the one before where a power cut has torn it; None where there is none."""
-        for path in (self._path, self._old):
+        for path in (self._path, self._previous):
             try:
                 self._written = path.read_bytes()
                 value = msgspec.json.decode(self._written, type=self._type)
@@ -106,8 +106,8 @@ class DocumentFile(Generic[T]):
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             with self._lock:
-                if self._path.exists() and not self._old.exists():
-                    self._path.replace(self._old)
+                if self._path.exists() and not self._previous.exists():
+                    self._path.replace(self._previous)
                 replace_file(self._path, data)
                 self._count += 1
         except OSError as error:
@@ -122,7 +122,7 @@ class DocumentFile(Generic[T]):
         sync(self._path.parent)
         with self._lock:
             if count == self._count:
-                self._old.unlink(missing_ok=True)
+                self._previous.unlink(missing_ok=True)
 
 
 class DiskThread:

@@ -149,9 +149,9 @@ class RecordFile:
             self._named = number
         with self._lock:
             self._safe = number
-        for old in self._numbers():
-            if old < number:
-                self._file(old).unlink(missing_ok=True)
+        for previous in self._numbers():
+            if previous < number:
+                self._file(previous).unlink(missing_ok=True)
 
     def _numbers(self) -> list[int]:
         found = (

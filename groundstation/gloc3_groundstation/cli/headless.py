@@ -5,12 +5,12 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager, suppress
 from typing import Final
 
-from gloc3.errors import NotHeard
+from gloc3.errors import NoContact
 from gloc3.exchange.base import Unsubscribe
-from gloc3_groundstation.cli.narration import Line, Narrator
+from gloc3_groundstation.cli.narration import ChangeNarrator, NarrationLine
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.desk.flights import End
-from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station.snapshots import Fleet
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.station.wording import duration
@@ -18,35 +18,35 @@ from gloc3_groundstation.station.wording import duration
 PROGRESS_EVERY_S: Final = 5.0
 PATIENT_PROGRESS_EVERY_S: Final = 30.0
 """The same while a platform is silent."""
-LOOK_EVERY_S: Final = 1.0
+POLL_PERIOD_S: Final = 1.0
 CATCH_UP_S: Final = 30.0
 """So long a run goes on after its end for what happened out of contact."""
 
-Tell = Callable[[Line], None]
+Report = Callable[[NarrationLine], None]
 
 
 class Headless:
     """One run of the station for scripts."""
 
-    def __init__(self, station: Station, tell: Tell, *, platform: str | None = None) -> None:
+    def __init__(self, station: Station, report: Report, *, platform: str | None = None) -> None:
         """A run.
 
         Args:
             station: hears and commands the platforms.
-            tell: takes what is told, line by line.
+            report: takes what is told, line by line.
             platform: the one to command; None for the first that is heard.
         """
         self._station = station
-        self._tell = tell
+        self._report = report
         self._platform = platform
-        self._narrator = Narrator(station.now_s())
-        self._told: dict[str, tuple[bool, bool, float]] = {}
+        self._narrator = ChangeNarrator(station.now_s())
+        self._reported: dict[str, tuple[bool, bool, float]] = {}
         """Platform to whether it was silent, and overdue, when its progress was told last, and when that was."""
         self._loop = asyncio.get_running_loop()
         self._unlisten: Unsubscribe = lambda: None
         self._timer: asyncio.TimerHandle | None = None
 
-    async def fly(self, plan: Plan, wait_s: float, override: str = "", author: str = "") -> End:
+    async def fly(self, plan: CheckedPlan, wait_s: float, override: str = "", author: str = "") -> End:
         """Flies a mission to its end.
 
         Args:
@@ -63,19 +63,19 @@ class Headless:
         try:
             names = [await self._found(wait_s, wanted) for wanted in plan.platforms or (self._platform,)]
             for name in names:
-                lacks = await flights.await_ready(station, name, max(wait_s, flights.READY_WITHIN_S))
-                if lacks:
-                    self.say(f"{name} still lacks {', '.join(lacks)}; it will say itself whether it starts")
+                missing = await flights.await_ready(station, name, max(wait_s, flights.READY_WITHIN_S))
+                if missing:
+                    self.narrate(f"{name} still lacks {', '.join(missing)}; it will say itself whether it starts")
             await flights.stream_to_all(station, names, plan)
             began_s = station.now_s()
             end = await flights.follow_all(station, await flights.start_all(station, names, override, author))
-            took = duration(station.now_s() - began_s)
+            used = duration(station.now_s() - began_s)
             await self._catch_up(names)
             reason = f" ({end.reason})" if end.reason else ""
             data = {"mission": plan.title, "state": end.state, "reason": end.reason}
-            text = f"{plan.title!r}: {end.state}{reason} after {took}"
+            text = f"{plan.title!r}: {end.state}{reason} after {used}"
             whose = names[0] if len(names) == 1 else ""
-            self._tell(self._narrator.line(whose, "result", text, station.now_s(), data))
+            self._report(self._narrator.line(whose, "result", text, station.now_s(), data))
             return end
         finally:
             self.close()
@@ -109,15 +109,15 @@ class Headless:
         if self._timer is not None:
             self._timer.cancel()
 
-    def say(self, text: str) -> None:
+    def narrate(self, text: str) -> None:
         """Tells something of the station's own."""
-        self._tell(self._narrator.line("", "event", text, self._station.now_s()))
+        self._report(self._narrator.line("", "event", text, self._station.now_s()))
 
     def _begin(self) -> None:
         """Tells what is known already, and from now on what changes."""
         self._changed(Fleet(), self._station.fleet, self._station.now_s())
         self._unlisten = self._station.listen(self._changed)
-        self._tell_progress()
+        self._report_progress()
 
     async def _found(self, wait_s: float, wanted: str | None) -> str:
         try:
@@ -127,22 +127,22 @@ class Headless:
             who = wanted or "a platform"
             others = ", ".join(platform.name for platform in self._station.fleet)
             hint = f"heard: {others}" if others else "is it running, and does its link lead here?"
-            raise NotHeard(f"{who} was not heard within {duration(wait_s)}; {hint}") from None
+            raise NoContact(f"{who} was not heard within {duration(wait_s)}; {hint}") from None
 
     def _changed(self, before: Fleet, after: Fleet, now_s: float) -> None:
         for line in self._narrator.changes(before, after, now_s):
-            self._tell(line)
+            self._report(line)
 
-    def _tell_progress(self) -> None:
+    def _report_progress(self) -> None:
         """A line for each platform in flight now and then; for a silent one less often."""
-        self._timer = self._loop.call_later(LOOK_EVERY_S, self._tell_progress)
+        self._timer = self._loop.call_later(POLL_PERIOD_S, self._report_progress)
         now_s = self._station.now_s()
         for platform in self._station.fleet:
             is_silent = platform.is_quiet_link(now_s)
             is_flying, is_overdue = platform.is_armed, platform.is_overdue(now_s)
-            was_silent, was_overdue, told_s = self._told.get(platform.name, (False, False, float("-inf")))
-            is_news = is_silent > was_silent or is_overdue > was_overdue
+            was_silent, was_overdue, reported_s = self._reported.get(platform.name, (False, False, float("-inf")))
+            is_new = is_silent > was_silent or is_overdue > was_overdue
             period_s = PATIENT_PROGRESS_EVERY_S if is_silent and was_silent else PROGRESS_EVERY_S
-            if (is_flying or is_silent) and (is_news or now_s - told_s >= period_s):
-                self._told[platform.name] = is_silent, is_overdue, now_s
-                self._tell(self._narrator.progress(platform, now_s))
+            if (is_flying or is_silent) and (is_new or now_s - reported_s >= period_s):
+                self._reported[platform.name] = is_silent, is_overdue, now_s
+                self._report(self._narrator.progress(platform, now_s))

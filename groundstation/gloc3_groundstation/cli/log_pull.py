@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from gloc3.cli.counting import counted
 from gloc3.cli.narration import ERROR, narrate
-from gloc3.errors import Gloc3Error, NotHeard, Refused
+from gloc3.errors import Gloc3Error, NoContact, Refused
 from gloc3.messages.command_interface import LogOnboard
 from gloc3.messages.envelope import Severity
 from gloc3_groundstation.services.saving import part_of
@@ -79,13 +79,13 @@ def pull(
         raise Refused(f"--out {out} is a file, not a folder")
     if list_only and (logs or keep):
         raise Refused("--list names all logs and fetches none; leave it out to fetch")
-    wanted = Wanted(
+    wanted = PullRequest(
         names=logs, is_kept=keep, has_frames=frames, is_uncut=no_cut or list_only, is_list=list_only, out=out
     )
     return asyncio.run(_pull(source, platform, wanted, wait, station_id, signing_key))
 
 
-class Wanted(msgspec.Struct, frozen=True, kw_only=True):
+class PullRequest(msgspec.Struct, frozen=True, kw_only=True):
     """What is to be done with the logs."""
 
     names: tuple[str, ...] = ()
@@ -102,7 +102,7 @@ class Wanted(msgspec.Struct, frozen=True, kw_only=True):
 
 
 async def _pull(
-    source: str, platform: str | None, wanted: Wanted, wait_s: float, system: int, key_file: Path | None
+    source: str, platform: str | None, wanted: PullRequest, wait_s: float, system: int, key_file: Path | None
 ) -> int:
     from gloc3.clock import utc_now
     from gloc3.mavlink.signing_key import read_signing_key
@@ -126,18 +126,18 @@ async def _pull(
         except TimeoutError:
             who, others = platform or "a vehicle", ", ".join(known.name for known in station.fleet)
             hint = f"; heard: {others}" if others else "; is it running, and does its link lead here?"
-            raise NotHeard(f"{who} was not heard within {wait_s:g} s at {links.describe()}{hint}") from None
-        found = [(link, at) for _, link in links.ways() for each, at in link.platforms() if each == name]
+            raise NoContact(f"{who} was not heard within {wait_s:g} s at {links.describe()}{hint}") from None
+        found = [(link, at) for _, link in links.routes() for each, at in link.platforms() if each == name]
         progress = PullProgress(ground.loop)
         carrier = (
             await stack.enter_async_context(ftp_carrier(*found[0]))
             if found
             else ChunkCarrier(station, ground.exchange, name)
         )
-        return await fetch(LogPuller(station, name, carrier, progress.tell, progress.pause), name, wanted, progress)
+        return await fetch(LogPuller(station, name, carrier, progress.update, progress.pause), name, wanted, progress)
 
 
-async def fetch(puller: "LogPuller", name: str, wanted: Wanted, progress: PullProgress) -> int:
+async def fetch(puller: "LogPuller", name: str, wanted: PullRequest, progress: PullProgress) -> int:
     """Fetches what is wanted of a vehicle that is heard."""
     from gloc3_groundstation.station.command_client import Declined
 
@@ -178,7 +178,7 @@ async def fetch(puller: "LogPuller", name: str, wanted: Wanted, progress: PullPr
     return 1 if failed else 0
 
 
-def _chosen(platform: str, listed: list[LogOnboard], wanted: Wanted) -> list[LogOnboard]:
+def _chosen(platform: str, listed: list[LogOnboard], wanted: PullRequest) -> list[LogOnboard]:
     """The logs that are fetched.
 
     Raises:

@@ -13,7 +13,7 @@ LOUDEST_UNTOLD: Final = Severity.INFO
 """Events of platforms from this severity on are not told: changes of state are told anyway."""
 
 
-class Line(msgspec.Struct, frozen=True, kw_only=True):
+class NarrationLine(msgspec.Struct, frozen=True, kw_only=True):
     """One thing that is told: a sentence for people, the same as data for programs."""
 
     t_s: float
@@ -29,20 +29,20 @@ class Line(msgspec.Struct, frozen=True, kw_only=True):
         return f"{self.t_s:7.1f} s  {who}{self.text}"
 
 
-class Narrator:
+class ChangeNarrator:
     """Turns changes into lines; its times count from `start_s`."""
 
     def __init__(self, start_s: float) -> None:
         self._start_s = start_s
 
-    def changes(self, before: Fleet, after: Fleet, now_s: float) -> Iterator[Line]:
+    def changes(self, before: Fleet, after: Fleet, now_s: float) -> Iterator[NarrationLine]:
         """What is worth telling of the difference between two snapshots."""
         for event in after.events_after(before.event_count):
             if event.source and event.severity >= LOUDEST_UNTOLD:
                 continue
             data = {"severity": event.severity.name.lower(), "source": event.source, "text": event.text}
-            said = f"{event.source}: {event.text}" if event.source else event.text
-            yield self.line(event.platform, "event", _loud(event.severity) + said, now_s, data)
+            text = f"{event.source}: {event.text}" if event.source else event.text
+            yield self.line(event.platform, "event", _loud(event.severity) + text, now_s, data)
         for name, platform in after.platforms.items():
             was = before.get(name)
             if platform is not was:
@@ -50,7 +50,7 @@ class Narrator:
                 yield from self._mission(was, platform, now_s)
                 yield from self._components(was, platform, now_s)
 
-    def progress(self, platform: PlatformSnapshot, now_s: float) -> Line:
+    def progress(self, platform: PlatformSnapshot, now_s: float) -> NarrationLine:
         """Where the vehicle and its mission are now."""
         parts, data = [], {}
         if platform.mission is not None and (doing := wording.running(platform.mission.value)):
@@ -67,54 +67,68 @@ class Narrator:
             parts = [silent, *(["last seen: " + "; ".join(parts)] if parts else [])]
         return self.line(platform.name, "progress", "; ".join(parts) or "nothing known yet", now_s, data)
 
-    def line(self, platform: str, kind: str, text: str, now_s: float, data: dict[str, Any] | None = None) -> Line:
+    def line(
+        self, platform: str, kind: str, text: str, now_s: float, data: dict[str, Any] | None = None
+    ) -> NarrationLine:
         """A line of now."""
-        return Line(t_s=round(now_s - self._start_s, 3), platform=platform, kind=kind, text=text, data=data or {})
+        return NarrationLine(
+            t_s=round(now_s - self._start_s, 3), platform=platform, kind=kind, text=text, data=data or {}
+        )
 
-    def _vehicle(self, was: PlatformSnapshot | None, platform: PlatformSnapshot, now_s: float) -> Iterator[Line]:
+    def _vehicle(
+        self, was: PlatformSnapshot | None, platform: PlatformSnapshot, now_s: float
+    ) -> Iterator[NarrationLine]:
         if platform.vehicle is None:
             return
         new = platform.vehicle.value
-        old = was.vehicle.value if was and was.vehicle else None
+        previous = was.vehicle.value if was and was.vehicle else None
         parts = []
-        if old is None or (old.is_armed, old.landed) != (new.is_armed, new.landed):
+        if previous is None or (previous.is_armed, previous.landed) != (new.is_armed, new.landed):
             parts.append(wording.arming(new))
-        if old is None or old.mode != new.mode:
+        if previous is None or previous.mode != new.mode:
             parts.append(f"mode {new.mode}" if new.mode else "mode unknown")
-        if (old is not None and old.has_pilot_control) != new.has_pilot_control:
+        if (previous is not None and previous.has_pilot_control) != new.has_pilot_control:
             parts.append("the pilot has control" if new.has_pilot_control else "the pilot has handed back")
-        if (old is None or old.is_autopilot_connected) != new.is_autopilot_connected:
+        if (previous is None or previous.is_autopilot_connected) != new.is_autopilot_connected:
             parts.append("autopilot connected" if new.is_autopilot_connected else "NO AUTOPILOT")
         if parts:
             yield self.line(platform.name, "vehicle", ", ".join(parts), now_s, msgspec.to_builtins(new))
 
-    def _mission(self, was: PlatformSnapshot | None, platform: PlatformSnapshot, now_s: float) -> Iterator[Line]:
+    def _mission(
+        self, was: PlatformSnapshot | None, platform: PlatformSnapshot, now_s: float
+    ) -> Iterator[NarrationLine]:
         if platform.mission is None:
             return
         new = platform.mission.value
-        old = was.mission.value if was and was.mission else None
-        is_same = old is not None and old.digest == new.digest
+        previous = was.mission.value if was and was.mission else None
+        is_same = previous is not None and previous.digest == new.digest
         if not is_same and not new.state:
-            if old is not None and old.state:
+            if previous is not None and previous.state:
                 yield self.line(platform.name, "mission", "no mission is loaded any more", now_s)
             return
         for item in wording.items(new):
-            if old is None or not is_same or old.tasks.get(item.target) == item.state:
+            if previous is None or not is_same or previous.tasks.get(item.target) == item.state:
                 continue
             kind = "task" if item.is_task else "action"
             data = {"target": item.target, "state": item.state}
             yield self.line(platform.name, kind, f"{kind} {item.target}: {item.state}", now_s, data)
-        if old is None or not is_same or (old.state, old.reason, old.policy) != (new.state, new.reason, new.policy):
+        if (
+            previous is None
+            or not is_same
+            or (previous.state, previous.reason, previous.policy) != (new.state, new.reason, new.policy)
+        ):
             text = f"mission {new.name!r}: {new.state}"
             text += (f", policy {new.policy}" if new.policy else "") + (f" ({new.reason})" if new.reason else "")
             data = {"name": new.name, "state": new.state, "policy": new.policy, "reason": new.reason}
             yield self.line(platform.name, "mission", text, now_s, data)
 
-    def _components(self, was: PlatformSnapshot | None, platform: PlatformSnapshot, now_s: float) -> Iterator[Line]:
+    def _components(
+        self, was: PlatformSnapshot | None, platform: PlatformSnapshot, now_s: float
+    ) -> Iterator[NarrationLine]:
         if was is None or platform.lines is was.lines or platform.table is None or was.table is not platform.table:
             return
-        for old, new in zip(was.components(now_s), platform.components(now_s), strict=True):
-            if old.health is not None and new.health is not None and old.health is not new.health:
+        for previous, new in zip(was.components(now_s), platform.components(now_s), strict=True):
+            if previous.health is not None and new.health is not None and previous.health is not new.health:
                 cause = f" ({new.cause})" if new.cause and not new.is_well else ""
                 text = f"component {new.name}: {new.health}{cause}"
                 data = {"name": new.name, "state": new.health.value, "cause": new.cause}

@@ -17,13 +17,13 @@ from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages.envelope import Severity
 from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.cli.headless import Headless
-from gloc3_groundstation.cli.narration import Line
-from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.cli.narration import NarrationLine
+from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.store.configuration import Configuration, unsaved_folder
 from gloc3_groundstation.web.live_view import LiveView
-from gloc3_groundstation.web.server import Told, WebOptions, WebServer, Window, exposure
+from gloc3_groundstation.web.server import Notify, TerminalWindow, WebOptions, WebServer, exposure
 
 if TYPE_CHECKING:
     from gloc3_groundstation.desk.desk import Desk
@@ -40,7 +40,7 @@ class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Acoustic modems: the platform that each leads to, and its URL."""
     platform: str | None = None
     """The one to command; None for the first that is heard."""
-    plan: Plan | None = None
+    plan: CheckedPlan | None = None
     """The selected mission."""
     configuration: Configuration = Configuration()
     """How the terminal looks, and where it was left."""
@@ -85,7 +85,7 @@ class Session:
     def __init__(self, setup: StationSetup, options: SessionOptions) -> None:
         self._setup, self._options = setup, options
 
-    async def narrate(self, options: HeadlessOptions, data: Callable[[Line], None] | None = None) -> int:
+    async def narrate(self, options: HeadlessOptions, data: Callable[[NarrationLine], None] | None = None) -> int:
         """Flies the selected mission, or watches; narrates on stderr.
 
         Args:
@@ -96,23 +96,23 @@ class Session:
             The exit code.
         """
 
-        def tell(line: Line) -> None:
+        def report(line: NarrationLine) -> None:
             narrate(str(line))
             if data is not None:
                 data(line)
 
-        asked = self._options
+        requested = self._options
         async with self._ground() as ground:
-            run = Headless(ground.station, tell, platform=asked.platform)
-            if asked.problem:
-                run.say(f"warning: {asked.problem}")
-            run.say(f"listening on {ground.links.describe()}")
+            run = Headless(ground.station, report, platform=requested.platform)
+            if requested.problem:
+                run.narrate(f"warning: {requested.problem}")
+            run.narrate(f"listening on {ground.links.describe()}")
             work = asyncio.ensure_future(
                 run.watch()
-                if asked.plan is None
-                else self._leave(run, asked.plan, ground)
+                if requested.plan is None
+                else self._leave(run, requested.plan, ground)
                 if options.is_at_contact
-                else self._fly(run, asked.plan, options)
+                else self._fly(run, requested.plan, options)
             )
             loop = asyncio.get_running_loop()
             for number in (signal.SIGINT, signal.SIGTERM):
@@ -120,8 +120,8 @@ class Session:
             try:
                 return await work or 0
             except asyncio.CancelledError:
-                run.say(wording.farewell(ground.station.fleet))
-                return 0 if asked.plan is None else INTERRUPTED
+                run.narrate(wording.farewell(ground.station.fleet))
+                return 0 if requested.plan is None else INTERRUPTED
 
     async def show(self, options: TerminalOptions, keep: Callable[[Configuration], bool]) -> int:
         """Opens the terminal.
@@ -137,14 +137,14 @@ class Session:
             os.environ.setdefault("TEXTUAL_COLOR_SYSTEM", "truecolor")  # read by Textual when it is loaded
         from gloc3_groundstation.tui.app import Opening, StationApp
 
-        asked = self._options
+        requested = self._options
         async with self._ground() as ground:
             station = ground.station
             app = StationApp(
                 self._desk(ground),
-                asked.configuration,
+                requested.configuration,
                 Opening(
-                    platform=asked.platform,
+                    platform=requested.platform,
                     is_starting=options.is_starting,
                     is_closing=options.is_closing,
                     is_in_browser=options.web is not None,
@@ -155,15 +155,15 @@ class Session:
             loop = asyncio.get_running_loop()
             for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
                 loop.add_signal_handler(number, app.interrupt)
-            if asked.problem:
-                station.note("", Severity.WARNING, asked.problem)
+            if requested.problem:
+                station.note("", Severity.WARNING, requested.problem)
             gc.freeze()  # what is loaded stays: a search for garbage among it would hold keys up for a tenth of a second
             if options.web is None:
                 end = await app.run_async()
             else:
                 async with _served(app.desk, options.web, lambda: app.window):
                     end = await app.run_async()
-            if not keep(app.configuration()) and not asked.problem:
+            if not keep(app.configuration()) and not requested.problem:
                 narrate("warning: the configuration file cannot be written: this session is not kept")
             kept = app.desk.missions.keep_unsaved(unsaved_folder())
             if kept is not None:
@@ -188,7 +188,7 @@ class Session:
             author=operator(),
         )
 
-    async def _leave(self, run: Headless, plan: Plan, ground: GroundStation) -> int:
+    async def _leave(self, run: Headless, plan: CheckedPlan, ground: GroundStation) -> int:
         """Queues a mission, and waits until it is there or refused."""
         name = self._options.platform or next(iter(plan.platforms), "")
         if not name or len(plan.platforms) > 1:
@@ -198,12 +198,12 @@ class Session:
             return 1 if await queue.ended(queue.add(name, plan)) else 0
 
     @staticmethod
-    async def _fly(run: Headless, plan: Plan, options: HeadlessOptions) -> int:
+    async def _fly(run: Headless, plan: CheckedPlan, options: HeadlessOptions) -> int:
         author = operator() if options.override else ""
         try:
             return 0 if (await run.fly(plan, options.wait_s, options.override, author)).is_done else 1
         except Gloc3Error as error:
-            run.say(f"error: {error}")
+            run.narrate(f"error: {error}")
             return 1
 
     @asynccontextmanager
@@ -225,26 +225,28 @@ class Session:
 
 
 @asynccontextmanager
-async def _served(desk: "Desk", options: WebOptions, window: Callable[[], Window | None]) -> AsyncIterator[None]:
+async def _served(
+    desk: "Desk", options: WebOptions, window: Callable[[], TerminalWindow | None]
+) -> AsyncIterator[None]:
     """The page for a browser, and what is said of it in the terminal that the station was started in."""
-    async with WebServer(window, options, teller(desk)).serving() as url:
+    async with WebServer(window, options, reporter(desk)).serving() as url:
         if options.is_exposed:
             narrate(exposure(url, operator()))
         narrate(f"the station is at {url} (Ctrl-C here ends it)")
         yield
 
 
-def teller(desk: "Desk") -> Told:
+def reporter(desk: "Desk") -> Notify:
     """Tells in the terminal, and among the events, who looks; that nobody does is a warning while a vehicle needs it."""
 
-    def told(text: str, is_watched: bool) -> None:
+    def reported(text: str, is_watched: bool) -> None:
         armed = [] if is_watched else desk.armed_in_our_control()
         if armed:
             text = f"{text}; {', '.join(armed)}: armed and in this station's control, on_link_loss does not begin"
         desk.station.note("", Severity.WARNING if armed else Severity.NOTICE, text)
         narrate(text)
 
-    return told
+    return reported
 
 
 def operator() -> str:
@@ -261,7 +263,7 @@ def _summary(station: Station) -> list[str]:
     for event in station.fleet.events:
         if event.severity <= Severity.WARNING:
             who = ": ".join(part for part in (event.platform, event.source) if part)
-            clock = wording.clock(event.heard_s - station.started_s)
+            clock = wording.clock(event.received_s - station.started_s)
             lines.append(f"{clock}  {event.severity.name.lower()}: {who + ': ' if who else ''}{event.text}")
     for platform in station.fleet:
         if platform.mission is not None and platform.mission.value.state:

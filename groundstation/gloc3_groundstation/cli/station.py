@@ -13,7 +13,7 @@ from cyclopts import App, Parameter
 from gloc3.cli.narration import narrate
 from gloc3.errors import InputError, Refused
 from gloc3.mission.examples import find_mission
-from gloc3_groundstation.missions.plans import Plan, read_plan
+from gloc3_groundstation.missions.plans import CheckedPlan, read_plan
 from gloc3_groundstation.web.server import HOST, PORT, WebOptions
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ def station(options: StationOptions = StationOptions()) -> int:
     """Watch and command vehicles."""
     _check(options)
     modems = tuple(_modem(text) for text in options.acoustic or ())
-    plan: Plan | None = None
+    plan: CheckedPlan | None = None
     opens = ""
     if options.mission is not None:
         find_mission(options.mission)  # a name that nothing has is wrong use; what is wrong in a file is not
@@ -150,7 +150,7 @@ def station(options: StationOptions = StationOptions()) -> int:
         is_file = Path(options.mission).is_file()
         configuration = configuration.with_mission(str(Path(options.mission).resolve()) if is_file else options.mission)
     setup = _setup(options, configuration)
-    asked = SessionOptions(
+    requested = SessionOptions(
         urls=tuple(options.link or ([] if setup.network is not None else configuration.links)),
         modems=modems,
         platform=options.platform,
@@ -159,7 +159,7 @@ def station(options: StationOptions = StationOptions()) -> int:
         problem=problem,
         foxglove_port=options.foxglove_port if options.foxglove else None,
     )
-    session = Session(setup, asked)
+    session = Session(setup, requested)
     if options.headless:
         run = HeadlessOptions(wait_s=options.wait, override=options.override, is_at_contact=options.at_contact)
         return asyncio.run(session.narrate(run, data=_print_json if options.json else None))

@@ -23,15 +23,15 @@ if TYPE_CHECKING:
     from gloc3_groundstation.desk.desk import Desk
 
 
-class Answer(msgspec.Struct, frozen=True, kw_only=True):
+class ComponentReply(msgspec.Struct, frozen=True, kw_only=True):
     """What became of something that was asked of a component."""
 
-    asked: str
+    requested: str
     """`initialize`, `set_rate`."""
     is_accepted: bool
     text: str
     """The reply in words: the state that followed, a function's result, or the reason of a refusal."""
-    heard_s: float
+    received_s: float
     can_be_forced: bool = False
     """Refused since a running action needs the component; forced, the action fails by its policy."""
 
@@ -41,11 +41,11 @@ class ComponentDesk:
 
     def __init__(self, desk: "Desk") -> None:
         self._station = desk.station
-        self._answers: dict[tuple[str, str], Answer] = {}
+        self._answers: dict[tuple[str, str], ComponentReply] = {}
         self._functions: dict[tuple[str, str], tuple[FunctionEntry, ...]] = {}
         self._wirings: dict[tuple[str, tuple[str, ...]], Wiring | None] = {}
 
-    def answer(self, platform: str, component: str) -> Answer | None:
+    def answer(self, platform: str, component: str) -> ComponentReply | None:
         """What became of what was asked of a component last."""
         return self._answers.get((platform, component))
 
@@ -61,10 +61,10 @@ class ComponentDesk:
         state = State(component.health.value)
         return {command.value: _effect(state, command) for command in allowed(state)}
 
-    async def command(self, platform: str, component: str, command: str, *, is_forced: bool = False) -> Answer:
+    async def command(self, platform: str, component: str, command: str, *, is_forced: bool = False) -> ComponentReply:
         """Commands a component's LCI, after control has been asked for."""
         body = CommandComponent(component=component, command=command, is_forced=is_forced)
-        return await self._ask(platform, component, command, body)
+        return await self._request(platform, component, command, body)
 
     # --- functions ---
 
@@ -77,7 +77,9 @@ class ComponentDesk:
             self._functions[key] = (*self._own_functions(*key), *GENERIC.values())
         return self._functions[key]
 
-    async def call(self, platform: str, component: str, entry: FunctionEntry, texts: Mapping[str, str]) -> Answer:
+    async def call(
+        self, platform: str, component: str, entry: FunctionEntry, texts: Mapping[str, str]
+    ) -> ComponentReply:
         """Sends a function message, after control has been asked for.
 
         Args:
@@ -90,7 +92,7 @@ class ComponentDesk:
             Refused: the arguments do not fit.
         """
         body = CallFunction(component=component, function=entry.name, arguments=arguments(entry, texts))
-        return await self._ask(platform, component, entry.name, body)
+        return await self._request(platform, component, entry.name, body)
 
     def wiring(self, platform: str) -> Wiring | None:
         """Who hands what to whom; None where the platform's file is not installed here."""
@@ -104,8 +106,8 @@ class ComponentDesk:
         return self._wirings[key]
 
     def _names(self, platform: str) -> tuple[str, ...]:
-        heard = self._station.fleet.get(platform)
-        return heard.component_names if heard is not None else ()
+        received = self._station.fleet.get(platform)
+        return received.component_names if received is not None else ()
 
     def _own_functions(self, platform: str, component: str) -> tuple[FunctionEntry, ...]:
         try:
@@ -116,21 +118,21 @@ class ComponentDesk:
             return ()
         return tuple(entry for entry in own if not entry.name.startswith("action."))
 
-    async def _ask(self, platform: str, component: str, what: str, body: AnyBody) -> Answer:
+    async def _request(self, platform: str, component: str, what: str, body: AnyBody) -> ComponentReply:
         try:
-            await flights.take_control(self._station, platform)
-            reply = await self._station.client.ask(platform, body)
+            await flights.request_control(self._station, platform)
+            reply = await self._station.client.request(platform, body)
         except Gloc3Error as error:
             is_accepted, text = False, str(error)
         else:
             is_accepted = reply.outcome is Outcome.ACCEPTED
             result = ", ".join(f"{name} {_spell(value)}" for name, value in reply.result.items())
             text = (result or reply.reason or "done") if is_accepted else f"{reply.outcome}: {reply.reason}"
-        answer = Answer(
-            asked=what,
+        answer = ComponentReply(
+            requested=what,
             is_accepted=is_accepted,
             text=text,
-            heard_s=self._station.now_s(),
+            received_s=self._station.now_s(),
             can_be_forced=not is_accepted and FORCE in text,
         )
         self._answers[platform, component] = answer

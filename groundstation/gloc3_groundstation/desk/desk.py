@@ -11,12 +11,12 @@ from gloc3.mission.model.states import ENDED, ActionState, allowed
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.desk.component_desk import ComponentDesk
 from gloc3_groundstation.desk.events_desk import EventsDesk
-from gloc3_groundstation.desk.fleet_desk import FleetDesk, LinkKeeper
+from gloc3_groundstation.desk.fleet_desk import FleetDesk, LinkStore
 from gloc3_groundstation.desk.flights import End, Follower
 from gloc3_groundstation.desk.mission_desk import MissionDesk
 from gloc3_groundstation.desk.preflight_desk import PreflightDesk
 from gloc3_groundstation.desk.services_desk import ServicesDesk
-from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station import alerts
 from gloc3_groundstation.station.alerts import Alerts
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
@@ -44,11 +44,11 @@ class Desk:
     def __init__(
         self,
         station: Station,
-        plan: Plan | None = None,
+        plan: CheckedPlan | None = None,
         *,
         events: EventsDesk | None = None,
         services: ServicesDesk | None = None,
-        links: LinkKeeper | None = None,
+        links: LinkStore | None = None,
         queue: ContactQueue | None = None,
         author: str = "",
     ) -> None:
@@ -80,7 +80,7 @@ class Desk:
         self._alerts = Alerts()
 
     @property
-    def plan(self) -> Plan | None:
+    def plan(self) -> CheckedPlan | None:
         """The mission at hand; None without one, or while it may not fly."""
         return self.missions.plan
 
@@ -103,8 +103,8 @@ class Desk:
         found = set() if holds_control else {Move.CONTROL}
         mission = platform.mission.value if platform.mission is not None else None
         state = mission.state if mission is not None else ""
-        is_under_way = state in (ActionState.RUNNING, ActionState.PAUSED)
-        if self.plan is not None and not is_under_way:
+        is_running = state in (ActionState.RUNNING, ActionState.PAUSED)
+        if self.plan is not None and not is_running:
             found |= {Move.STREAM, Move.START}
         if self.plan is not None and self._is_silent(platform.name):  # it waits for contact
             found.add(Move.STREAM)
@@ -129,7 +129,7 @@ class Desk:
             case Move.STREAM:
                 await self.stream(name)
             case Move.CONTROL:
-                await self.take_control(name)
+                await self.request_control(name)
             case Move.START:
                 await self.start(name)
             case Move.PAUSE | Move.RESUME | Move.ABORT:
@@ -179,7 +179,7 @@ class Desk:
                 return {}
         else:
             for one in crew:
-                if not await self.take_control(one):
+                if not await self.request_control(one):
                     return {}
         followers: dict[str, Follower] = {}
 
@@ -188,7 +188,7 @@ class Desk:
 
         await self._do(name, "start", begin())
         for one in crew:
-            self.preflight.forget(one)
+            self.preflight.invalidate(one)
         return followers
 
     def _needs_streaming(self, name: str) -> bool:
@@ -199,9 +199,9 @@ class Desk:
     async def bring(self, name: str) -> bool:
         """Streams the mission at hand as soon as the platform is ready for one."""
         for one in self._crew(name):
-            lacks = await flights.await_ready(self.station, one)
-            if lacks:
-                self.station.note(one, Severity.WARNING, f"it still lacks {', '.join(lacks)}")
+            missing = await flights.await_ready(self.station, one)
+            if missing:
+                self.station.note(one, Severity.WARNING, f"it still lacks {', '.join(missing)}")
         return await self.stream(name)
 
     async def fly(self, name: str) -> End | None:
@@ -211,19 +211,19 @@ class Desk:
         followers = await self.start(name)
         return await flights.follow_all(self.station, followers) if followers else None
 
-    async def take_control(self, name: str) -> bool:
+    async def request_control(self, name: str) -> bool:
         """Asks for control."""
-        return await self._do(name, "control", flights.take_control(self.station, name))
+        return await self._do(name, "control", flights.request_control(self.station, name))
 
     async def steer(self, name: str, verb: Verb) -> bool:
         """Pauses, resumes or aborts the mission."""
 
-        async def ask() -> None:
-            await flights.take_control(self.station, name)
+        async def request() -> None:
+            await flights.request_control(self.station, name)
             await self.station.client.steer(name, verb)
             self.station.note(name, Severity.INFO, f"{verb}: accepted")
 
-        return await self._do(name, verb.value, ask())
+        return await self._do(name, verb.value, request())
 
     def armed_in_our_control(self) -> list[str]:
         """The platforms that would miss this station."""

@@ -27,12 +27,12 @@ class EventsDesk:
         self.store: Final = EventStore() if store is None else store
         self.search = Search(self.store)
         """What the operator looks at."""
-        self._has_told = False
+        self._has_reported = False
         self._kept = 0
-        self._take(station.fleet, station.fleet, station.now_s())
-        station.listen(self._take)
+        self._receive_events(station.fleet, station.fleet, station.now_s())
+        station.listen(self._receive_events)
 
-    def look_for(self, wanted: EventFilter) -> None:
+    def search_for(self, wanted: EventFilter) -> None:
         """Looks for other events, from the newest on."""
         if wanted != self.search.wanted:
             self.search = Search(self.store, wanted)
@@ -50,12 +50,12 @@ class EventsDesk:
         self._station.note("", Severity.INFO, f"{count:,} {'event is' if count == 1 else 'events are'} in {path}")
         return True
 
-    def _take(self, before: Fleet, after: Fleet, now_s: float) -> None:
+    def _receive_events(self, before: Fleet, after: Fleet, now_s: float) -> None:
         if after.event_count == self._kept:
             return
         for event in after.events_after(self._kept):
             self.store.add(event)
         self._kept = after.event_count
-        if self.store.problem and not self._has_told:
-            self._has_told = True
+        if self.store.problem and not self._has_reported:
+            self._has_reported = True
             self._station.note("", Severity.WARNING, self.store.problem)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from gloc3_groundstation.desk.desk import Desk
 
 
-class Order(StrEnum):
+class FleetOrder(StrEnum):
     """What is asked of a selection of vehicles."""
 
     HOLD = "hold"
@@ -27,7 +27,7 @@ class Order(StrEnum):
     START = "start"
 
 
-class LinkKeeper(Protocol):
+class LinkStore(Protocol):
     """Whoever holds the station's links."""
 
     def snapshots(self, platforms: Iterable[str]) -> tuple[LinkSnapshot, ...]:
@@ -59,7 +59,7 @@ class NoLinks:
 class FleetDesk:
     """Orders for a selection, control of a vehicle, and links; refusals become events, never exceptions."""
 
-    def __init__(self, desk: "Desk", links: LinkKeeper | None = None) -> None:
+    def __init__(self, desk: "Desk", links: LinkStore | None = None) -> None:
         """A desk.
 
         Args:
@@ -68,7 +68,7 @@ class FleetDesk:
         """
         self._desk = desk
         self._station = desk.station
-        self._links: LinkKeeper = NoLinks() if links is None else links
+        self._links: LinkStore = NoLinks() if links is None else links
         self._station.listen(self._watch_control)
 
     # --- several vehicles ---
@@ -78,16 +78,16 @@ class FleetDesk:
         wanted = set(names)
         return [platform.name for platform in self._station.fleet if platform.name in wanted]
 
-    async def order(self, names: Sequence[str], order: Order) -> list[str]:
+    async def order(self, names: Sequence[str], order: FleetOrder) -> list[str]:
         """Asks the same of several vehicles at once; returns those that accepted it."""
 
         async def one(name: str) -> bool:
             match order:
-                case Order.HOLD | Order.LAND:
+                case FleetOrder.HOLD | FleetOrder.LAND:
                     return await self._desk.emergency(name, EmergencyVerb(order.value))
-                case Order.PAUSE | Order.RESUME:
+                case FleetOrder.PAUSE | FleetOrder.RESUME:
                     return await self._desk.steer(name, Verb(order.value))
-                case Order.START:
+                case FleetOrder.START:
                     return bool(await self._desk.start(name))
 
         done = await asyncio.gather(*(one(name) for name in names))
@@ -108,30 +108,30 @@ class FleetDesk:
             return frozenset()
         state = platform.control.value if platform.control is not None else None
         if state is None or state.holder != self._station.id:
-            taken = {ControlVerb.TAKE_OVER} if state is not None and state.holder else set()
-            return frozenset({ControlVerb.REQUEST, *taken})
-        asked = {ControlVerb.GRANT, ControlVerb.REFUSE} if state.requested_by else set()
-        return frozenset({ControlVerb.RELEASE, *asked})
+            used = {ControlVerb.TAKE_OVER} if state is not None and state.holder else set()
+            return frozenset({ControlVerb.REQUEST, *used})
+        requested = {ControlVerb.GRANT, ControlVerb.REFUSE} if state.requested_by else set()
+        return frozenset({ControlVerb.RELEASE, *requested})
 
     async def control(self, name: str, verb: ControlVerb) -> bool:
         """Requests, takes over, releases, grants or refuses control of a vehicle."""
         if verb is ControlVerb.REQUEST:
-            return await self._desk.take_control(name)
+            return await self._desk.request_control(name)
         platform = self._station.fleet.get(name)
-        asks = platform.control.value.requested_by if platform is not None and platform.control is not None else ""
+        requester = platform.control.value.requested_by if platform is not None and platform.control is not None else ""
 
-        async def ask() -> None:
+        async def request() -> None:
             if verb is ControlVerb.TAKE_OVER:
-                await self._station.client.take_control(name, is_take_over=True)
-                await flights.take_control(self._station, name)
+                await self._station.client.request_control(name, is_take_over=True)
+                await flights.request_control(self._station, name)
                 return
-            station = asks if verb in (ControlVerb.GRANT, ControlVerb.REFUSE) else ""
+            station = requester if verb in (ControlVerb.GRANT, ControlVerb.REFUSE) else ""
             reply = await self._station.client.carry_out(
                 name, Control(verb=verb, station=station, **own_software()._asdict())
             )
             self._station.note(name, Severity.INFO, f"control: {reply.reason or verb}")
 
-        return await self._do(name, f"control: {verb.replace('_', ' ')}", ask())
+        return await self._do(name, f"control: {verb.replace('_', ' ')}", request())
 
     def _watch_control(self, before: Fleet, after: Fleet, now_s: float) -> None:
         """Tells when another station asks for control that is here, and when it has gone."""
@@ -139,11 +139,15 @@ class FleetDesk:
         for was, platform in after.changed_since(before):
             if platform.control is None:
                 continue
-            state, old = platform.control.value, was.control.value if was is not None and was.control else None
-            if state.holder == own and state.requested_by and (old is None or old.requested_by != state.requested_by):
-                asks = f"station {state.requested_by} asks for control; grant or refuse it on the screen Fleet"
-                self._station.note(platform.name, Severity.WARNING, asks)
-            elif old is not None and old.holder == own and state.holder != own:
+            state, previous = platform.control.value, was.control.value if was is not None and was.control else None
+            if (
+                state.holder == own
+                and state.requested_by
+                and (previous is None or previous.requested_by != state.requested_by)
+            ):
+                requester = f"station {state.requested_by} asks for control; grant or refuse it on the screen Fleet"
+                self._station.note(platform.name, Severity.WARNING, requester)
+            elif previous is not None and previous.holder == own and state.holder != own:
                 whose = f"station {state.holder} has control now" if state.holder else "nobody has control now"
                 self._station.note(platform.name, Severity.WARNING, whose)
 

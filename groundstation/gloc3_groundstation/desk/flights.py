@@ -11,7 +11,7 @@ from gloc3.messages.command_interface import Verb
 from gloc3.messages.envelope import Severity
 from gloc3.messages.summaries import WELL, MissionSummary
 from gloc3.mission.model.states import ENDED, ActionState
-from gloc3_groundstation.missions.plans import Plan, recheck
+from gloc3_groundstation.missions.plans import CheckedPlan, recheck
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.station.station import Station
 
@@ -21,7 +21,7 @@ GRANTED_WITHIN_S: Final = 12.0
 """The holder of control is given 10 s to answer."""
 SETTLED_AFTER_S: Final = 3.0
 """An end that is reported sooner after the start, with nothing running in between, is that of the flight before."""
-LOOK_EVERY_S: Final = 0.5
+POLL_PERIOD_S: Final = 0.5
 
 
 class End(msgspec.Struct, frozen=True, kw_only=True):
@@ -39,37 +39,37 @@ class End(msgspec.Struct, frozen=True, kw_only=True):
 
 def missing(platform: PlatformSnapshot, now_s: float) -> list[str]:
     """What a platform still lacks before a start makes sense; empty when it is ready."""
-    lacks = []
+    missing = []
     vehicle, summary = platform.vehicle, platform.summary
     if vehicle is None or vehicle.is_stale(now_s):
-        lacks.append("the vehicle's state")
+        missing.append("the vehicle's state")
     elif not vehicle.value.is_autopilot_connected:
-        lacks.append("the autopilot")
+        missing.append("the autopilot")
     elif not vehicle.value.is_pose_valid:
-        lacks.append("a valid position")
+        missing.append("a valid position")
     elif not vehicle.value.is_armable:
-        lacks.append("readiness to arm")
+        missing.append("readiness to arm")
     if summary is None or summary.is_stale(now_s):
-        lacks.append("the components' state")
+        missing.append("the components' state")
     elif summary.value.health not in WELL:
-        unwell = [c.name for c in platform.components(now_s) if c.is_required and c.health not in WELL]
-        lacks.append(", ".join(unwell) or "a required component")
-    return lacks
+        unhealthy = [c.name for c in platform.components(now_s) if c.is_required and c.health not in WELL]
+        missing.append(", ".join(unhealthy) or "a required component")
+    return missing
 
 
 async def await_platform(station: Station, name: str | None) -> str:
     """Waits until a platform is heard; the one called `name`, or the first. Bare vehicles fly no missions of ours."""
     found: list[str] = []
 
-    def is_heard() -> bool:
+    def is_in_contact() -> bool:
         found[:] = [
             platform.name
             for platform in station.fleet
-            if platform.has_companion and platform.is_met and name in (None, platform.name)
+            if platform.has_companion and platform.is_known and name in (None, platform.name)
         ]
         return bool(found)
 
-    await until(station, is_heard)
+    await until(station, is_in_contact)
     return found[0]
 
 
@@ -92,7 +92,7 @@ async def await_ready(station: Station, platform: str, within_s: float = READY_W
     return []
 
 
-async def take_control(station: Station, platform: str) -> None:
+async def request_control(station: Station, platform: str) -> None:
     """Asks for control and waits until it is here; the station that has it may have to grant it first.
 
     Raises:
@@ -100,7 +100,7 @@ async def take_control(station: Station, platform: str) -> None:
     """
     if _holder(station, platform) == station.id:
         return
-    reply = await station.client.take_control(platform)
+    reply = await station.client.request_control(platform)
     try:
         async with asyncio.timeout(GRANTED_WITHIN_S):
             await until(station, lambda: _holder(station, platform) == station.id)
@@ -116,25 +116,25 @@ def _holder(station: Station, platform: str) -> str:
     return known.control.value.holder if known is not None and known.control is not None else ""
 
 
-async def stream(station: Station, platform: str, plan: Plan) -> None:
+async def stream(station: Station, platform: str, plan: CheckedPlan) -> None:
     """Checks the mission for its platform, takes control, and brings it over, read back and compared.
 
     Raises:
         InputError: it may not fly there; otherwise as `CommandClient.upload`.
     """
-    heard = station.fleet.get(platform)
-    plan = recheck(plan, platform, heard.component_names if heard is not None else ())
+    received = station.fleet.get(platform)
+    plan = recheck(plan, platform, received.component_names if received is not None else ())
     for warning in plan.warnings:
         station.note(platform, Severity.WARNING, warning)
-    await take_control(station, platform)
+    await request_control(station, platform)
     started_s = station.now_s()
     await station.client.upload(platform, plan.name, plan.text)
     size = len(plan.text.encode())
-    took_s = station.now_s() - started_s
-    station.note(platform, Severity.INFO, f"{plan.title!r} is loaded and read back ({size} bytes in {took_s:.1f} s)")
+    elapsed_s = station.now_s() - started_s
+    station.note(platform, Severity.INFO, f"{plan.title!r} is loaded and read back ({size} bytes in {elapsed_s:.1f} s)")
 
 
-async def stream_to_all(station: Station, platforms: Sequence[str], plan: Plan) -> None:
+async def stream_to_all(station: Station, platforms: Sequence[str], plan: CheckedPlan) -> None:
     """Brings a mission to all platforms that have a part in it; raises as `stream`."""
     for platform in platforms:
         await stream(station, platform, plan)
@@ -182,7 +182,7 @@ class Follower:
             return None
         if self._has_run and mission.digest != self._digest:
             return self._lost()
-        if mission.state not in ENDED or not (self._has_run or timed.heard_s >= self._settled_s):
+        if mission.state not in ENDED or not (self._has_run or timed.received_s >= self._settled_s):
             return None
         if self._is_carrying_out_policy(platform, mission, now_s):
             return None
@@ -237,7 +237,7 @@ async def until(station: Station, is_so: Callable[[], bool]) -> None:
         while not is_so():
             changed.clear()
             try:
-                async with asyncio.timeout(LOOK_EVERY_S):
+                async with asyncio.timeout(POLL_PERIOD_S):
                     await changed.wait()
             except TimeoutError:
                 continue

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from gloc3.errors import Refused
-from gloc3_groundstation.desk.teleoperation import Sticks
+from gloc3_groundstation.desk.teleoperation import StickDemand
 
 EVENT: Final = struct.Struct("<IhBB")
 """`struct js_event` of linux/joystick.h: milliseconds, value, kind, number."""
@@ -31,7 +31,7 @@ class GamepadState:
     """What the events so far say; told bytes, which may be cut anywhere."""
 
     def __init__(self) -> None:
-        self._rest = b""
+        self._remainder = b""
         self._axes: dict[int, float] = {}
         self._held: set[int] = set()
 
@@ -41,16 +41,16 @@ class GamepadState:
         return bool(self._held)
 
     @property
-    def sticks(self) -> Sticks:
+    def sticks(self) -> StickDemand:
         """Where the sticks are; a joystick's axes count to the right and towards the operator."""
         surge, sway = -self._axis(SURGE_AXIS), self._axis(SWAY_AXIS)
-        return Sticks(surge, sway, -self._axis(HEAVE_AXIS), self._axis(YAW_AXIS))
+        return StickDemand(surge, sway, -self._axis(HEAVE_AXIS), self._axis(YAW_AXIS))
 
     def feed(self, data: bytes) -> None:
         """Takes bytes in."""
-        data = self._rest + data
+        data = self._remainder + data
         whole = len(data) - len(data) % EVENT.size
-        self._rest = data[whole:]
+        self._remainder = data[whole:]
         for _, value, kind, number in EVENT.iter_unpack(data[:whole]):
             if kind & ~_INITIAL == _AXIS:
                 self._axes[number] = max(-1.0, value / FULL)

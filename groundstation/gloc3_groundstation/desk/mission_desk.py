@@ -18,21 +18,21 @@ from gloc3_groundstation.desk import flights
 from gloc3_groundstation.missions import draft as drafts
 from gloc3_groundstation.missions import forms
 from gloc3_groundstation.missions.draft import Draft
-from gloc3_groundstation.missions.outline import COMMANDS, Outline, outline_of, told_outline
-from gloc3_groundstation.missions.plans import Plan, known_platform
+from gloc3_groundstation.missions.outline import COMMANDS, Outline, outline_of, received_outline
+from gloc3_groundstation.missions.plans import CheckedPlan, known_platform
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.store.configuration import with_recent
 
 OUTLINES_KEPT: Final = 8
-ASKED_AGAIN_S: Final = 10.0
+REQUESTED_AGAIN_S: Final = 10.0
 """A mission that could not be read back is asked for again after so long."""
 
 
 class MissionDesk:
     """Holds the mission at hand, and knows the order of those that are loaded; refusals become events."""
 
-    def __init__(self, station: Station, plan: Plan | None = None, recent: tuple[str, ...] = ()) -> None:
+    def __init__(self, station: Station, plan: CheckedPlan | None = None, recent: tuple[str, ...] = ()) -> None:
         """A table.
 
         Args:
@@ -45,7 +45,7 @@ class MissionDesk:
         self.draft: Draft | None = None
         self._plan = plan
         self._outlines: dict[str, Outline] = {}
-        self._asked_s: dict[tuple[str, str], float] = {}
+        self._requested_s: dict[tuple[str, str], float] = {}
         self._platforms: dict[tuple[str, tuple[str, ...]], Platform | None] = {}
         if plan is not None:
             self.draft = drafts.checked(
@@ -62,7 +62,7 @@ class MissionDesk:
     # --- the mission at hand ---
 
     @property
-    def plan(self) -> Plan | None:
+    def plan(self) -> CheckedPlan | None:
         """What would be streamed: the mission at hand, if it may fly."""
         return self._plan
 
@@ -178,8 +178,8 @@ class MissionDesk:
         """The platform's file, if it is installed here and sound."""
         if name is None:
             return None
-        heard = self.station.fleet.get(name)
-        key = name, heard.component_names if heard is not None else ()
+        received = self.station.fleet.get(name)
+        key = name, received.component_names if received is not None else ()
         if key not in self._platforms:
             try:
                 self._platforms[key] = known_platform(*key)
@@ -190,18 +190,18 @@ class MissionDesk:
 
     def outline(self, mission: MissionSummary) -> Outline:
         """The order of what a platform tells the states of, as far as it is known."""
-        return told_outline(mission, self._outlines.get(mission.digest) if mission.digest else None)
+        return received_outline(mission, self._outlines.get(mission.digest) if mission.digest else None)
 
     def is_at_hand(self, mission: MissionSummary | None) -> bool:
         """Whether a platform holds the mission at hand."""
         return mission is not None and self.draft is not None and mission.digest == digest_of(self.draft.carried)
 
-    def lacks_order(self, platform: PlatformSnapshot) -> bool:
+    def lacks_instruction(self, platform: PlatformSnapshot) -> bool:
         """Whether the order of the mission that a platform holds is not known, and should be asked for."""
         mission = platform.mission.value if platform.mission is not None else None
         if mission is None or not mission.digest or mission.digest in self._outlines:
             return False
-        return self.station.now_s() >= self._asked_s.get((platform.name, mission.digest), 0.0)
+        return self.station.now_s() >= self._requested_s.get((platform.name, mission.digest), 0.0)
 
     async def learn(self, name: str) -> None:
         """Reads the mission that a platform holds back, to know its order."""
@@ -209,7 +209,7 @@ class MissionDesk:
         if platform is None or platform.mission is None:
             return
         digest = platform.mission.value.digest
-        self._asked_s[name, digest] = self.station.now_s() + ASKED_AGAIN_S
+        self._requested_s[name, digest] = self.station.now_s() + REQUESTED_AGAIN_S
         try:
             reply = await self.station.client.carry_out(name, ReadMission())
         except Gloc3Error:
@@ -231,7 +231,7 @@ class MissionDesk:
     async def steer(self, name: str, verb: Verb, target: str) -> bool:
         """Pauses, resumes, skips, aborts or retries the mission (empty), a task or an action."""
         try:
-            await flights.take_control(self.station, name)
+            await flights.request_control(self.station, name)
             await self.station.client.steer(name, verb, target)
         except Gloc3Error as error:
             self._note(name, Severity.ERROR, f"{verb} {target}: {error}".replace(" :", ":"))
@@ -243,7 +243,7 @@ class MissionDesk:
         """What single actions a vehicle can be asked for."""
         return forms.capabilities(self.platform(name))
 
-    def form(self, name: str, capability: str) -> forms.Form:
+    def form(self, name: str, capability: str) -> forms.CapabilityForm:
         """The form of a capability's arguments, in the frame that the vehicle's commands are in."""
         platform = self.platform(name)
         known = self.station.fleet.get(name)
@@ -281,7 +281,7 @@ class MissionDesk:
             Gloc3Error: it was refused, or nothing is known of it; with the reason, which is noted too.
         """
         try:
-            await flights.take_control(self.station, name)
+            await flights.request_control(self.station, name)
             body = RequestAction(capability=capability, arguments=arguments)
             reply = await self.station.client.carry_out(name, body)
         except Gloc3Error as error:

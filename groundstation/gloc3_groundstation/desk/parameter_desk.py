@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from gloc3.cli.counting import counted
 from gloc3.errors import Refused
-from gloc3_groundstation.desk.service_jobs import Begin, Service
+from gloc3_groundstation.desk.service_jobs import JobStarter, ServiceKind
 from gloc3_groundstation.services.parameter_table import DiffKind, ParameterDiff, ParameterTable
 from gloc3_groundstation.services.parameters import ParameterService, WriteReport
 from gloc3_groundstation.services.progress import OnProgress
@@ -31,7 +31,7 @@ class ParameterDesk:
         service: of the vehicle.
     """
 
-    def __init__(self, begin: Begin, service: ParameterService) -> None:
+    def __init__(self, begin: JobStarter, service: ParameterService) -> None:
         self.diff: ParameterDiff | None = None
         """The comparison with a file that is looked at; None while there is none."""
         self.left_out: frozenset[str] = frozenset()
@@ -47,35 +47,35 @@ class ParameterDesk:
     def fetch(self) -> None:
         """Fetches the whole list."""
 
-        async def work(tell: OnProgress) -> str:
-            table = await self._service.fetch(tell)
+        async def work(report: OnProgress) -> str:
+            table = await self._service.fetch(report)
             return counted(len(table), "parameter")
 
-        self._begin(Service.PARAMETERS, "listing the parameters", work)
+        self._begin(ServiceKind.PARAMETERS, "listing the parameters", work)
 
     def set(self, name: str, value: float, *, force: bool = False) -> None:
         """Sets one parameter and reads it back."""
 
-        async def work(tell: OnProgress) -> str:
-            del tell
+        async def work(report: OnProgress) -> str:
+            del report
             before = self.table[name].text
             row = await self._service.set(name, value, force=force)
             restart = "; it holds after the vehicle was restarted" if row.info.needs_restart else ""
             return f"{name} is {row.text} now (was {before}){restart}"
 
-        self._begin(Service.PARAMETERS, f"setting {name}", work, is_change=True)
+        self._begin(ServiceKind.PARAMETERS, f"setting {name}", work, is_change=True)
 
     def compare(self, file: Path) -> None:
         """Compares with a file; nothing is written before the operator has seen the differences."""
 
-        async def work(tell: OnProgress) -> str:
+        async def work(report: OnProgress) -> str:
             if not self.table.is_complete:
-                await self._service.fetch(tell)
+                await self._service.fetch(report)
             self.diff, self.left_out = self._service.compare(file), frozenset()
             counts = [(len(self.diff.of(kind)), str(kind)) for kind in DiffKind if kind is not DiffKind.ONLY_ON_VEHICLE]
             return f"{file.name}: " + ", ".join(f"{count} {kind}" for count, kind in counts if count)
 
-        self._begin(Service.PARAMETERS, f"comparing with {file.name}", work)
+        self._begin(ServiceKind.PARAMETERS, f"comparing with {file.name}", work)
 
     def leave_out(self, name: str) -> None:
         """Leaves a parameter of the file as it is on the vehicle, or not any more."""
@@ -88,16 +88,16 @@ class ParameterDesk:
             return
         changes = diff.changes(self.left_out)
 
-        async def work(tell: OnProgress) -> str:
-            report = await self._service.write(changes, tell)
+        async def work(on_progress: OnProgress) -> str:
+            report = await self._service.write(changes, on_progress)
             if self.diff is diff:
                 self.diff = None
-            words = told(report, Path(diff.file).name)
+            words = reported(report, Path(diff.file).name)
             if report.refused:
                 raise Refused(words)
             return words
 
-        self._begin(Service.PARAMETERS, f"writing {counted(len(changes), 'parameter')}", work, is_change=True)
+        self._begin(ServiceKind.PARAMETERS, f"writing {counted(len(changes), 'parameter')}", work, is_change=True)
 
     def close_comparison(self) -> None:
         """Looks at the parameters again; nothing is written."""
@@ -106,23 +106,23 @@ class ParameterDesk:
     def save(self, file: Path) -> None:
         """Saves all parameters in the format of the file's suffix."""
 
-        async def work(tell: OnProgress) -> str:
-            del tell
+        async def work(report: OnProgress) -> str:
+            del report
             return f"{self._service.save(file)} parameters are in {file}"
 
-        self._begin(Service.PARAMETERS, f"saving {file.name}", work)
+        self._begin(ServiceKind.PARAMETERS, f"saving {file.name}", work)
 
     def describe(self, file: Path | None) -> None:
         """Takes titles, units and bounds from the firmware's description in a file, or from the vehicle."""
 
-        async def work(tell: OnProgress) -> str:
-            count = await self._service.fetch_infos(tell) if file is None else self._service.load_infos(file)
+        async def work(report: OnProgress) -> str:
+            count = await self._service.fetch_infos(report) if file is None else self._service.load_infos(file)
             return f"{count} of {len(self.table)} parameters are described"
 
-        self._begin(Service.PARAMETERS, "reading the description of the parameters", work)
+        self._begin(ServiceKind.PARAMETERS, "reading the description of the parameters", work)
 
 
-def told(report: WriteReport, file: str) -> str:
+def reported(report: WriteReport, file: str) -> str:
     """What became of a file's values, in a sentence."""
     words = f"{file}: {counted(len(report.written), 'parameter')} set and read back"
     if report.needs_restart:

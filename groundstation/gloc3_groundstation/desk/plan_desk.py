@@ -6,8 +6,8 @@ import msgspec
 
 from gloc3.errors import Refused
 from gloc3.mavlink.codec import enum_name
-from gloc3.mission.formats.items import Plan
-from gloc3_groundstation.desk.service_jobs import Begin, Service
+from gloc3.mission.formats.items import ForeignPlan
+from gloc3_groundstation.desk.service_jobs import JobStarter, ServiceKind
 from gloc3_groundstation.services.plan_items import PlanDifference
 from gloc3_groundstation.services.plans import PlanService, VehiclePlan
 from gloc3_groundstation.services.progress import OnProgress
@@ -17,7 +17,7 @@ class PlanFile(msgspec.Struct, frozen=True, kw_only=True):
     """A plan that was opened."""
 
     name: str
-    plan: Plan
+    plan: ForeignPlan
 
 
 class PlanDesk:
@@ -28,7 +28,7 @@ class PlanDesk:
         service: of the vehicle.
     """
 
-    def __init__(self, begin: Begin, service: PlanService) -> None:
+    def __init__(self, begin: JobStarter, service: PlanService) -> None:
         self.found: VehiclePlan | None = None
         """What was on the vehicle when it was downloaded last."""
         self.file: PlanFile | None = None
@@ -41,22 +41,22 @@ class PlanDesk:
     def download(self) -> None:
         """Gets mission, fence and rally points."""
 
-        async def work(tell: OnProgress) -> str:
-            self.found = await self._service.download(tell)
+        async def work(report: OnProgress) -> str:
+            self.found = await self._service.download(report)
             return f"on the vehicle: {self.found.summary}"
 
-        self._begin(Service.PLANS, "downloading the plan", work)
+        self._begin(ServiceKind.PLANS, "downloading the plan", work)
 
     def open(self, file: Path) -> None:
         """Opens a `.plan` or a file of waypoints."""
 
-        async def work(tell: OnProgress) -> str:
-            del tell
+        async def work(report: OnProgress) -> str:
+            del report
             plan = self._service.read(file)
             self.file, self.differences = PlanFile(name=file.name, plan=plan), None
             return f"{file.name}: {VehiclePlan.summary_of(plan)}"
 
-        self._begin(Service.PLANS, f"opening {file.name}", work)
+        self._begin(ServiceKind.PLANS, f"opening {file.name}", work)
 
     def upload(self) -> None:
         """Gives the vehicle the plan at hand, reads it back and compares."""
@@ -64,14 +64,14 @@ class PlanDesk:
         if file is None:
             return
 
-        async def work(tell: OnProgress) -> str:
+        async def work(report: OnProgress) -> str:
             self.found, self.differences = None, None
-            self.differences = await self._service.upload(file.plan, tell)
+            self.differences = await self._service.upload(file.plan, report)
             if self.differences:
                 raise Refused(f"{file.name} was uploaded, but {len(self.differences)} things are not as they should be")
             return f"{file.name} is on the vehicle, read back and compared"
 
-        self._begin(Service.PLANS, f"uploading {file.name}", work, is_change=True)
+        self._begin(ServiceKind.PLANS, f"uploading {file.name}", work, is_change=True)
 
     def verify(self) -> None:
         """Compares the vehicle's plan with the one at hand."""
@@ -79,37 +79,37 @@ class PlanDesk:
         if file is None:
             return
 
-        async def work(tell: OnProgress) -> str:
+        async def work(report: OnProgress) -> str:
             self.differences = None
-            self.differences = await self._service.verify(file.plan, tell)
+            self.differences = await self._service.verify(file.plan, report)
             if self.differences:
                 raise Refused(f"the vehicle's plan is not {file.name}: {len(self.differences)} differences")
             return f"the vehicle has {file.name}"
 
-        self._begin(Service.PLANS, f"comparing with {file.name}", work)
+        self._begin(ServiceKind.PLANS, f"comparing with {file.name}", work)
 
     def save(self, file: Path) -> None:
         """Saves what was downloaded."""
         found = self.found
 
-        async def work(tell: OnProgress) -> str:
-            found_now = found or await self._service.download(tell)
+        async def work(report: OnProgress) -> str:
+            found_now = found or await self._service.download(report)
             self.found = found_now
             self._service.save(found_now, file)
             return f"{found_now.summary}, in {file}"
 
-        self._begin(Service.PLANS, f"saving {file.name}", work)
+        self._begin(ServiceKind.PLANS, f"saving {file.name}", work)
 
     def clear(self) -> None:
         """Takes mission, fence and rally points off the vehicle."""
 
-        async def work(tell: OnProgress) -> str:
+        async def work(report: OnProgress) -> str:
             self.found, self.differences = None, None
-            if await self._service.upload(Plan(entries=(), raw={}), tell):
+            if await self._service.upload(ForeignPlan(entries=(), raw={}), report):
                 raise Refused("the plan was not cleared: something of it is still there")
             return "mission, fence and rally points are off the vehicle"
 
-        self._begin(Service.PLANS, "clearing the plan", work, is_change=True)
+        self._begin(ServiceKind.PLANS, "clearing the plan", work, is_change=True)
 
 
 def command_name(command: int) -> str:

@@ -24,13 +24,13 @@ SLOW_S: Final = 1.5
 CLOCKS_AGREE_S: Final = 2.0
 
 
-class Told(NamedTuple):
+class ReceivedList(NamedTuple):
     """A platform's list, as it came."""
 
     report: PreflightReport
     boot: int
     """The life of the platform that it is of."""
-    heard_s: float
+    received_s: float
     """On the station's clock."""
     utc_s: float
     """The station's UTC then."""
@@ -43,7 +43,7 @@ class CheckList(NamedTuple):
     """The platform's lines and the station's; empty while the platform has told none."""
     age_s: float | None
     """Of the platform's; None while there are none."""
-    is_asking: bool
+    is_requesting: bool
     problem: str
     """Why the last list that was asked for did not come; empty where it did."""
 
@@ -53,18 +53,18 @@ class PreflightDesk:
 
     def __init__(self, station: Station) -> None:
         self._station = station
-        self._told: dict[str, Told] = {}
-        self._asked_s: dict[str, float] = {}
-        self._asking: set[str] = set()
+        self._reported: dict[str, ReceivedList] = {}
+        self._requested_s: dict[str, float] = {}
+        self._requesting: set[str] = set()
         self._problems: dict[str, str] = {}
 
     async def refresh(self, name: str) -> bool:
         """Asks a platform for its list; a second time while the first has not come does nothing."""
-        if name in self._asking:
+        if name in self._requesting:
             return False
         station = self._station
-        self._asking.add(name)
-        self._asked_s[name] = station.now_s()
+        self._requesting.add(name)
+        self._requested_s[name] = station.now_s()
         try:
             reply = await station.client.carry_out(name, Preflight())
             report = msgspec.convert(reply.result, PreflightReport)
@@ -75,35 +75,38 @@ class PreflightDesk:
             self._problems[name] = f"its list cannot be read, versions differ: {error}"
             return False
         finally:
-            self._asking.discard(name)
+            self._requesting.discard(name)
         known = station.fleet.get(name)
         utc_s = Clock(asyncio.get_running_loop()).utc_s()
-        self._told[name] = Told(report, known.boot if known is not None else 0, station.now_s(), utc_s)
+        self._reported[name] = ReceivedList(report, known.boot if known is not None else 0, station.now_s(), utc_s)
         self._problems.pop(name, None)
         return True
 
     def is_due(self, name: str) -> bool:
         """Whether a list that is looked at should be asked for again."""
-        return name not in self._asking and self._station.now_s() - self._asked_s.get(name, float("-inf")) >= AGAIN_S
+        return (
+            name not in self._requesting
+            and self._station.now_s() - self._requested_s.get(name, float("-inf")) >= AGAIN_S
+        )
 
-    def forget(self, name: str) -> None:
+    def invalidate(self, name: str) -> None:
         """The next look asks again."""
-        self._asked_s.pop(name, None)
+        self._requested_s.pop(name, None)
 
     def list_of(self, platform: PlatformSnapshot) -> CheckList:
         """Everything that is known; a list of a former life of the platform counts no more."""
         station, name = self._station, platform.name
-        told, now_s = self._told.get(name), station.now_s()
-        if told is not None and told.boot != platform.boot:
-            told = None
-        own = station_checks(platform, told, station.round_trip_s(name), now_s)
-        checks = in_order([*told.report.checks, *own]) if told is not None else []
-        age_s = now_s - told.heard_s if told is not None else None
-        return CheckList(tuple(checks), age_s, name in self._asking, self._problems.get(name, ""))
+        reported, now_s = self._reported.get(name), station.now_s()
+        if reported is not None and reported.boot != platform.boot:
+            reported = None
+        own = station_checks(platform, reported, station.round_trip_s(name), now_s)
+        checks = in_order([*reported.report.checks, *own]) if reported is not None else []
+        age_s = now_s - reported.received_s if reported is not None else None
+        return CheckList(tuple(checks), age_s, name in self._requesting, self._problems.get(name, ""))
 
 
 def station_checks(
-    platform: PlatformSnapshot, told: Told | None, round_trip_s: float | None, now_s: float
+    platform: PlatformSnapshot, reported: ReceivedList | None, round_trip_s: float | None, now_s: float
 ) -> Iterator[Check]:
     """What only this end can tell: how good the link is, and whether both ends fit together."""
     yield _loss(platform, now_s)
@@ -114,13 +117,13 @@ def station_checks(
         yield Check(Group.LINK, "round trip", Verdict.WARNING, f"{round_trip_s:.1f} s", advice)
     else:
         yield Check(Group.LINK, "round trip", Verdict.OK, f"{1000.0 * round_trip_s:.0f} ms")
-    if told is None:
+    if reported is None:
         return
-    yield compared("versions", Software(told.report.version, told.report.protocol), "onboard")
-    if told.report.utc_s is None:
+    yield compared("versions", Software(reported.report.version, reported.report.protocol), "onboard")
+    if reported.report.utc_s is None:
         yield Check(Group.LINK, "clocks", Verdict.UNKNOWN, "the platform has not told its time of day")
         return
-    offset_s = told.report.utc_s + (round_trip_s or 0.0) / 2.0 - told.utc_s
+    offset_s = reported.report.utc_s + (round_trip_s or 0.0) / 2.0 - reported.utc_s
     if abs(offset_s) > CLOCKS_AGREE_S:
         finding = f"the platform's is {duration(abs(offset_s))} {'ahead' if offset_s > 0.0 else 'behind'}"
         advice = "set both by NTP or GPS, or logs cannot be compared"

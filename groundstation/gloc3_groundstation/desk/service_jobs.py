@@ -9,10 +9,10 @@ from typing import Final, Protocol, TypeAlias
 import msgspec
 
 from gloc3.errors import Gloc3Error, InputError
-from gloc3_groundstation.services.progress import OnProgress, Progress
+from gloc3_groundstation.services.progress import JobProgress, OnProgress
 
 
-class Service(StrEnum):
+class ServiceKind(StrEnum):
     """A kind of service; the text is its title."""
 
     PARAMETERS = "Parameters"
@@ -23,7 +23,7 @@ class Service(StrEnum):
     RATES = "Rates"
 
 
-class Job(msgspec.Struct, frozen=True, kw_only=True):
+class ServiceJob(msgspec.Struct, frozen=True, kw_only=True):
     """Something that is under way."""
 
     what: str
@@ -32,7 +32,7 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
     detail: str = ""
 
 
-class Outcome(msgspec.Struct, frozen=True, kw_only=True):
+class JobOutcome(msgspec.Struct, frozen=True, kw_only=True):
     """How something ended."""
 
     text: str
@@ -45,10 +45,10 @@ Work: TypeAlias = Callable[[OnProgress], Awaitable[str]]
 """Does something and gives what is to be told of it; refused, or wrong input, is told too."""
 
 
-class Begin(Protocol):
+class JobStarter(Protocol):
     """Begins something for a service."""
 
-    def __call__(self, service: Service, what: str, work: Work, *, is_change: bool = False) -> None:
+    def __call__(self, service: ServiceKind, what: str, work: Work, *, is_change: bool = False) -> None:
         """Begins it; what changes the vehicle is told to everyone."""
 
 
@@ -56,11 +56,13 @@ class Jobs:
     """See the module. Different services of a vehicle work side by side."""
 
     def __init__(self) -> None:
-        self.running: Final[dict[Service, Job]] = {}
-        self.outcomes: Final[dict[Service, Outcome]] = {}
-        self._tasks: dict[Service, asyncio.Task[None]] = {}
+        self.running: Final[dict[ServiceKind, ServiceJob]] = {}
+        self.outcomes: Final[dict[ServiceKind, JobOutcome]] = {}
+        self._tasks: dict[ServiceKind, asyncio.Task[None]] = {}
 
-    def begin(self, service: Service, what: str, work: Work, done: Callable[[Outcome], None] | None = None) -> None:
+    def begin(
+        self, service: ServiceKind, what: str, work: Work, done: Callable[[JobOutcome], None] | None = None
+    ) -> None:
         """Begins something, unless the service is still at something else.
 
         Args:
@@ -71,17 +73,17 @@ class Jobs:
         """
         if service in self._tasks:
             busy = f"{what}: not begun, {self.running[service].what} is still under way (esc cancels that)"
-            self.outcomes[service] = Outcome(text=busy, is_good=False)
+            self.outcomes[service] = JobOutcome(text=busy, is_good=False)
             return
         self.outcomes.pop(service, None)
-        self.running[service] = Job(what=what)
+        self.running[service] = ServiceJob(what=what)
         self._tasks[service] = asyncio.get_running_loop().create_task(self._run(service, what, work, done))
 
-    def end(self, service: Service, outcome: Outcome) -> None:
+    def end(self, service: ServiceKind, outcome: JobOutcome) -> None:
         """Tells of something that took no time."""
         self.outcomes[service] = outcome
 
-    def cancel(self, service: Service) -> bool:
+    def cancel(self, service: ServiceKind) -> bool:
         """Stops what a service is at; tells whether there was anything."""
         task = self._tasks.get(service)
         return task is not None and task.cancel()
@@ -93,13 +95,15 @@ class Jobs:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
-    async def _run(self, service: Service, what: str, work: Work, done: Callable[[Outcome], None] | None) -> None:
-        def tell(progress: Progress) -> None:
-            self.running[service] = Job(what=progress.what, fraction=progress.fraction, detail=progress.detail)
+    async def _run(
+        self, service: ServiceKind, what: str, work: Work, done: Callable[[JobOutcome], None] | None
+    ) -> None:
+        def report(progress: JobProgress) -> None:
+            self.running[service] = ServiceJob(what=progress.what, fraction=progress.fraction, detail=progress.detail)
 
-        outcome = Outcome(text=f"{what}: cancelled", is_good=False)
+        outcome = JobOutcome(text=f"{what}: cancelled", is_good=False)
         try:
-            outcome = await attempt(work(tell))
+            outcome = await attempt(work(report))
         finally:
             del self.running[service], self._tasks[service]
             self.outcomes[service] = outcome
@@ -107,16 +111,16 @@ class Jobs:
             done(outcome)
 
 
-async def attempt(work: Awaitable[str]) -> Outcome:
+async def attempt(work: Awaitable[str]) -> JobOutcome:
     """What becomes of some work: its word, or why it was refused."""
     try:
-        return Outcome(text=await work)
+        return JobOutcome(text=await work)
     except InputError as error:
         lines = tuple(str(msgspec.structs.replace(one, file=Path(one.file).name)) for one in error.findings)
-        return Outcome(
+        return JobOutcome(
             text=lines[0] if len(lines) == 1 else f"{len(lines)} things are wrong in it", is_good=False, lines=lines
         )
     except Gloc3Error as error:
-        return Outcome(text=str(error), is_good=False)
+        return JobOutcome(text=str(error), is_good=False)
     except OSError as error:
-        return Outcome(text=f"{error.filename or 'the file'}: {error.strerror or error}", is_good=False)
+        return JobOutcome(text=f"{error.filename or 'the file'}: {error.strerror or error}", is_good=False)

@@ -10,7 +10,7 @@ RELEASES: Final = 3
 """So often it is said that the key was let go; where all are lost, the last demand expires onboard."""
 
 
-class Sticks(NamedTuple):
+class StickDemand(NamedTuple):
     """How far each way is asked for, -1 to 1."""
 
     surge: float = 0.0
@@ -53,13 +53,13 @@ class HandControl:
         self.sent = 0
         """Demands so far; the number of the next one."""
         self._client, self._loop, self._full = client, loop, full
-        self._sticks = Sticks()
+        self._sticks = StickDemand()
         self._kept_until_s = float("-inf")
         self._releases = 0
         self._timer: asyncio.TimerHandle | None = None
 
     @property
-    def sticks(self) -> Sticks:
+    def sticks(self) -> StickDemand:
         """Where the sticks are."""
         return self._sticks
 
@@ -68,11 +68,11 @@ class HandControl:
         """Whether the dead-man's key is kept: demands go out."""
         return self._loop.time() < self._kept_until_s
 
-    def move(self, sticks: Sticks) -> None:
+    def move(self, sticks: StickDemand) -> None:
         """Moves the sticks; nothing goes out for that alone."""
-        self._sticks = Sticks(*(min(max(part, -1.0), 1.0) for part in sticks))
+        self._sticks = StickDemand(*(min(max(part, -1.0), 1.0) for part in sticks))
 
-    def keep(self, for_s: float) -> None:
+    def hold_key(self, for_s: float) -> None:
         """The dead-man's key is there, and counts as kept for so long from now on."""
         was_kept, self._kept_until_s = self.is_kept, self._loop.time() + for_s
         self._releases = RELEASES
@@ -93,7 +93,7 @@ class HandControl:
         self._cancel()
         if self._releases:
             self._releases = 0
-            self._send(Sticks())
+            self._send(StickDemand())
 
     def _cancel(self) -> None:
         if self._timer is not None:
@@ -107,12 +107,12 @@ class HandControl:
             self._send(self._sticks)
         elif self._releases:
             self._releases -= 1
-            self._send(Sticks())
+            self._send(StickDemand())
         else:
             return
         self._timer = self._loop.call_later(1.0 / DEMAND_HZ, self._tick)
 
-    def _send(self, sticks: Sticks) -> None:
+    def _send(self, sticks: StickDemand) -> None:
         full = self._full
         demand = VelocityDemand(
             sender=self._client.station,

@@ -8,34 +8,34 @@ from typing import Final
 from gloc3.cli.counting import counted
 from gloc3.errors import Refused
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.services.calibration import CalibrationKind, CalibrationState, Phase, Side, SideState
+from gloc3.mavlink.services.calibration import CalibrationKind, CalibrationPhase, CalibrationState, Side, SideState
 from gloc3.mavlink.services.plan import PlanType
 from gloc3.messages.envelope import Severity
 from gloc3_groundstation.desk.parameter_desk import ParameterDesk
 from gloc3_groundstation.desk.plan_desk import PlanDesk
-from gloc3_groundstation.desk.service_jobs import Job, Jobs, Outcome, Service, Work, attempt
-from gloc3_groundstation.services.facts import Firmware, VehicleFacts
+from gloc3_groundstation.desk.service_jobs import JobOutcome, Jobs, ServiceJob, ServiceKind, Work, attempt
+from gloc3_groundstation.services.facts import Firmware, ServicesSnapshot
 from gloc3_groundstation.services.files import Folder
 from gloc3_groundstation.services.logs import LogLine
-from gloc3_groundstation.services.progress import OnProgress, Progress
+from gloc3_groundstation.services.progress import JobProgress, OnProgress
 from gloc3_groundstation.services.rates import RateTable
 from gloc3_groundstation.services.vehicle import VehicleServices
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.store.log_pull import FtpCarrier, LogPuller
-from gloc3_groundstation.store.pace import Pace
+from gloc3_groundstation.store.pace import DownloadProgress
 
 COMPANION: Final = 191
 """The onboard computer among the components of its vehicle."""
 
 __all__ = [
     "CalibrationKind",
+    "CalibrationPhase",
     "CalibrationState",
     "Firmware",
-    "Job",
-    "Outcome",
-    "Phase",
+    "JobOutcome",
     "PlanType",
-    "Service",
+    "ServiceJob",
+    "ServiceKind",
     "Side",
     "SideState",
     "VehicleDesk",
@@ -69,14 +69,14 @@ class VehicleDesk:
         self._learning = asyncio.get_running_loop().create_task(attempt(self._learn()))
 
     @property
-    def facts(self) -> VehicleFacts:
+    def snapshot(self) -> ServicesSnapshot:
         """What is known of the vehicle."""
-        return self._services.facts
+        return self._services.snapshots
 
     @property
     def is_armed(self) -> bool:
         """Whether a change asks to be confirmed."""
-        return self.facts.is_armed
+        return self.snapshot.is_armed
 
     @property
     def now_s(self) -> float:
@@ -92,7 +92,7 @@ class VehicleDesk:
         """The file that was typed: from the desk's folder on, or from the home folder with `~`."""
         return self.folder / Path(typed.strip()).expanduser()
 
-    def begin(self, service: Service, what: str, work: Work, *, is_change: bool = False) -> None:
+    def begin(self, service: ServiceKind, what: str, work: Work, *, is_change: bool = False) -> None:
         """Begins something; what changes the vehicle becomes an event."""
         self.jobs.begin(service, what, work, self._note if is_change else None)
 
@@ -101,44 +101,44 @@ class VehicleDesk:
     def list_logs(self) -> None:
         """Lists the vehicle's logs."""
 
-        async def work(tell: OnProgress) -> str:
-            self.logs = await self._services.logs.list(tell)
+        async def work(report: OnProgress) -> str:
+            self.logs = await self._services.logs.list(report)
             return counted(len(self.logs), "log") if self.logs else "the vehicle has no logs"
 
-        self.begin(Service.LOGS, "listing the logs", work)
+        self.begin(ServiceKind.LOGS, "listing the logs", work)
 
     def download_log(self, line: LogLine) -> None:
         """Downloads a log into the folder; one that was begun goes on."""
 
-        async def work(tell: OnProgress) -> str:
-            return f"log {line.entry.number} is in {await self._services.logs.download(line, self.folder, tell)}"
+        async def work(report: OnProgress) -> str:
+            return f"log {line.entry.number} is in {await self._services.logs.download(line, self.folder, report)}"
 
-        self.begin(Service.LOGS, f"downloading log {line.entry.number}", work)
+        self.begin(ServiceKind.LOGS, f"downloading log {line.entry.number}", work)
 
     def pull_logs(self) -> None:
         """Fetches the finished logs of the onboard computer, see `log_pull`; what has come of one is kept when it is cancelled."""
 
-        async def work(tell: OnProgress) -> str:
+        async def work(report: OnProgress) -> str:
             services, folder = self._services, self.folder / self.name
 
-            pace = Pace()
+            pace = DownloadProgress()
 
             def came(name: str, here: int, size: int) -> None:
                 words, fraction = pace.words(here, size, self.now_s), here / size if size else 1.0
-                tell(Progress(what=f"fetching {name}", fraction=fraction, detail=words.partition(" % of ")[2]))
+                report(JobProgress(what=f"fetching {name}", fraction=fraction, detail=words.partition(" % of ")[2]))
 
-            def told(text: str) -> None:
-                pace.forget()
-                tell(Progress(what="fetching the onboard computer's logs", detail=text))
+            def reported(text: str) -> None:
+                pace.reset()
+                report(JobProgress(what="fetching the onboard computer's logs", detail=text))
 
             carrier = FtpCarrier(services.machines, services.ftp, Address(services.target.system, COMPANION))
-            puller = LogPuller(self._station, self.name, carrier, came, told)
+            puller = LogPuller(self._station, self.name, carrier, came, reported)
             folder.mkdir(parents=True, exist_ok=True)
             await puller.cut()
             pulled = []
             for log in await puller.list():
                 if not log.is_open and log.name.endswith(".mcap"):
-                    pace.forget()
+                    pace.reset()
                     pulled.append(await puller.pull(log, folder))
             if not pulled:
                 return f"the onboard computer of {self.name} has no finished logs"
@@ -146,74 +146,74 @@ class VehicleDesk:
             there = f"{left} stay onboard" if left else "deleted onboard"
             return f"{counted(len(pulled), 'log')} of the onboard computer: in {folder}, digests equal, {there}"
 
-        self.begin(Service.LOGS, "fetching the onboard computer's logs", work, is_change=True)
+        self.begin(ServiceKind.LOGS, "fetching the onboard computer's logs", work, is_change=True)
 
     def erase_logs(self) -> None:
         """Has the vehicle erase all its logs."""
 
-        async def work(tell: OnProgress) -> str:
-            del tell
+        async def work(report: OnProgress) -> str:
+            del report
             self._services.logs.erase_all()
             self.logs = None
             return "the vehicle was asked to erase all its logs; list them again to see"
 
-        self.begin(Service.LOGS, "erasing the logs", work, is_change=True)
+        self.begin(ServiceKind.LOGS, "erasing the logs", work, is_change=True)
 
     # --- files ---
 
     def list_folder(self, path: str) -> None:
         """Looks into a folder of the vehicle."""
 
-        async def work(tell: OnProgress) -> str:
-            del tell
-            return await self._look_into(path)
+        async def work(report: OnProgress) -> str:
+            del report
+            return await self._open_log(path)
 
-        self.begin(Service.FILES, f"listing {path}", work)
+        self.begin(ServiceKind.FILES, f"listing {path}", work)
 
     def download_file(self, path: str) -> None:
         """Downloads a file into the folder; one that was begun goes on."""
 
-        async def work(tell: OnProgress) -> str:
-            return f"{path} is in {await self._services.files.download(path, self.folder, tell)}"
+        async def work(report: OnProgress) -> str:
+            return f"{path} is in {await self._services.files.download(path, self.folder, report)}"
 
-        self.begin(Service.FILES, f"downloading {path}", work)
+        self.begin(ServiceKind.FILES, f"downloading {path}", work)
 
     def upload_file(self, file: Path, folder: str) -> None:
         """Uploads a file into a folder of the vehicle."""
 
-        async def work(tell: OnProgress) -> str:
-            path = await self._services.files.upload(file, folder, tell)
-            await self._look_into(folder)
+        async def work(report: OnProgress) -> str:
+            path = await self._services.files.upload(file, folder, report)
+            await self._open_log(folder)
             return f"{path} is on the vehicle, checked"
 
-        self.begin(Service.FILES, f"uploading {file.name}", work, is_change=True)
+        self.begin(ServiceKind.FILES, f"uploading {file.name}", work, is_change=True)
 
     def remove_file(self, path: str, *, is_folder: bool) -> None:
         """Removes a file, or an empty folder."""
 
-        async def work(tell: OnProgress) -> str:
-            del tell
+        async def work(report: OnProgress) -> str:
+            del report
             files = self._services.files
             await (files.remove_folder(path) if is_folder else files.remove(path))
             if self.listing is not None:
-                await self._look_into(self.listing.path)
+                await self._open_log(self.listing.path)
             return f"{path} is removed"
 
-        self.begin(Service.FILES, f"removing {path}", work, is_change=True)
+        self.begin(ServiceKind.FILES, f"removing {path}", work, is_change=True)
 
     def make_folder(self, path: str) -> None:
         """Makes a folder on the vehicle."""
 
-        async def work(tell: OnProgress) -> str:
-            del tell
+        async def work(report: OnProgress) -> str:
+            del report
             await self._services.files.make_folder(path)
             if self.listing is not None:
-                await self._look_into(self.listing.path)
+                await self._open_log(self.listing.path)
             return f"{path} is made"
 
-        self.begin(Service.FILES, f"making {path}", work, is_change=True)
+        self.begin(ServiceKind.FILES, f"making {path}", work, is_change=True)
 
-    async def _look_into(self, path: str) -> str:
+    async def _open_log(self, path: str) -> str:
         self.listing = await self._services.files.list(path)
         folders = sum(entry.is_folder for entry in self.listing.entries)
         return f"{counted(folders, 'folder')}, {counted(len(self.listing.entries) - folders, 'file')}"
@@ -223,22 +223,22 @@ class VehicleDesk:
     def calibrate(self, kind: CalibrationKind) -> None:
         """Calibrates a sensor."""
 
-        async def work(tell: OnProgress) -> str:
-            del tell
-            self.calibration = state = await self._services.calibration.run(kind, self._take_calibration)
-            if state.phase is not Phase.DONE:
+        async def work(report: OnProgress) -> str:
+            del report
+            self.calibration = state = await self._services.calibration.run(kind, self._receive_calibration)
+            if state.phase is not CalibrationPhase.DONE:
                 raise Refused(f"{kind}: {state.phase}{f', {state.reason}' if state.reason else ''}")
             return f"{kind}: calibrated{f'; {state.reason}' if state.reason else ''}"
 
         self.calibration = None
-        self.begin(Service.CALIBRATION, f"calibrating the {kind}", work, is_change=True)
+        self.begin(ServiceKind.CALIBRATION, f"calibrating the {kind}", work, is_change=True)
 
     def confirm_calibration(self) -> None:
         """The vehicle lies as it was asked to; nothing happens where it does not ask."""
         with suppress(Refused):
             self._services.calibration.confirm()
 
-    def _take_calibration(self, state: CalibrationState) -> None:
+    def _receive_calibration(self, state: CalibrationState) -> None:
         self.calibration = state
 
     # --- rates ---
@@ -246,13 +246,13 @@ class VehicleDesk:
     def request_rate(self, name: str, rate_hz: float | None) -> None:
         """Asks for a message at a rate: 0 for not at all, None for the usual one."""
 
-        async def work(tell: OnProgress) -> str:
-            del tell
+        async def work(report: OnProgress) -> str:
+            del report
             await self._services.rates.request(name, rate_hz)
             wanted = "its usual rate" if rate_hz is None else f"{rate_hz:g} Hz" if rate_hz else "not at all"
             return f"{name}: asked for, {wanted}"
 
-        self.begin(Service.RATES, f"asking for {name}", work)
+        self.begin(ServiceKind.RATES, f"asking for {name}", work)
 
     async def close(self) -> None:
         """Stops everything."""
@@ -263,5 +263,5 @@ class VehicleDesk:
     async def _learn(self) -> str:
         return (await self._services.learn()).title
 
-    def _note(self, outcome: Outcome) -> None:
+    def _note(self, outcome: JobOutcome) -> None:
         self._station.note(self.name, Severity.NOTICE if outcome.is_good else Severity.ERROR, outcome.text)

@@ -8,7 +8,7 @@ from typing import Any, Final
 import msgspec
 
 from gloc3.clock import Clock
-from gloc3.exchange.acoustic import AcousticCode, AcousticSummary, Order, Receipt, Verb
+from gloc3.exchange.acoustic import AcousticCode, AcousticOrder, AcousticSummary, AcousticVerb, Receipt
 from gloc3.exchange.base import Exchange, Publisher
 from gloc3.mavlink.signing_key import read_signing_key
 from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint, parse_url
@@ -19,9 +19,9 @@ from gloc3_groundstation.station.station import Station
 
 AGAIN_S: Final = 12.0
 """An order and its receipt are seconds on their way; then it is said again."""
-PATIENCE_S: Final = 120.0
+TIMEOUT_S: Final = 120.0
 """An order that has no receipt by then is given up: it is not carried out behind the operator's back."""
-_VERBS: Final = {EmergencyVerb.HOLD: Verb.HOLD, EmergencyVerb.LAND: Verb.SURFACE}
+_VERBS: Final = {EmergencyVerb.HOLD: AcousticVerb.HOLD, EmergencyVerb.LAND: AcousticVerb.SURFACE}
 
 
 class ModemContext(msgspec.Struct, frozen=True, kw_only=True):
@@ -40,7 +40,7 @@ class ModemContext(msgspec.Struct, frozen=True, kw_only=True):
     """Of the link; None for none."""
 
 
-class AcousticWay:
+class AcousticRoute:
     """One modem, for one platform.
 
     Args:
@@ -62,10 +62,10 @@ class AcousticWay:
         self._publisher = Publisher(context.exchange, platform, "acoustic", context.boot)
         self._number = 0
         """Of the last order."""
-        self._order: tuple[Order, float] | None = None
+        self._order: tuple[AcousticOrder, float] | None = None
         """What waits for its receipt, and until when."""
         self._timer: asyncio.TimerHandle | None = None
-        self._undo = context.exchange.subscribe(f"{platform}/ci/request", self._take)
+        self._undo = context.exchange.subscribe(f"{platform}/ci/request", self._handle_request)
 
     def close(self) -> None:
         """Hears and says nothing more."""
@@ -85,21 +85,21 @@ class AcousticWay:
                         f"{self._platform} has {'taken' if is_accepted else 'REFUSED'} the order: {verb} (by sound)"
                     )
 
-    def order(self, verb: Verb) -> None:
+    def order(self, verb: AcousticVerb) -> None:
         """Orders something, in place of what was ordered before."""
         self._number = max(self._number + 1, int(self._context.now_utc_s())) & 0xFFFF_FFFF
-        self._order = Order(self._number, verb), self._loop.time() + PATIENCE_S
+        self._order = AcousticOrder(self._number, verb), self._loop.time() + TIMEOUT_S
         self._context.report(f"the order goes to {self._platform} by sound: {verb.name.lower()}; wait for its receipt")
-        self._say()
+        self._transmit()
 
-    def _take(self, envelope: Envelope[Any]) -> None:
+    def _handle_request(self, envelope: Envelope[Any]) -> None:
         request = envelope.payload
         if isinstance(request, CiRequest) and isinstance(request.body, Emergency) and self._context.is_silent():
             verb = _VERBS.get(request.body.verb)
             if verb is not None:
                 self.order(verb)
 
-    def _say(self) -> None:
+    def _transmit(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
         if self._order is None:
@@ -109,7 +109,7 @@ class AcousticWay:
             self._end(f"no receipt came from {self._platform}: it is not known whether it has the order")
             return
         self._send(self.code.encode(order))
-        self._timer = self._loop.call_later(AGAIN_S, self._say)
+        self._timer = self._loop.call_later(AGAIN_S, self._transmit)
 
     def _end(self, text: str) -> None:
         self._order = None
@@ -121,7 +121,7 @@ class AcousticWay:
 class Modem:
     """An acoustic modem of the station, with its endpoint."""
 
-    def __init__(self, way: AcousticWay, endpoint: Endpoint) -> None:
+    def __init__(self, way: AcousticRoute, endpoint: Endpoint) -> None:
         self.way: Final = way
         self._endpoint = endpoint
 
@@ -145,16 +145,16 @@ async def open_modem(platform: str, url: str, station: Station, exchange: Exchan
     """
     loop, file = asyncio.get_running_loop(), parse_url(url).key
     key = read_signing_key(Path(file).expanduser()) if file else None
-    ways: list[AcousticWay] = []
-    endpoint = await open_endpoint(url, loop, lambda data: ways[0].receive(data) if ways else None)
-    ways.append(AcousticWay(platform, loop, endpoint.send, _context(platform, station, exchange, boot, key)))
-    return Modem(ways[0], endpoint)
+    routes: list[AcousticRoute] = []
+    endpoint = await open_endpoint(url, loop, lambda data: routes[0].receive(data) if routes else None)
+    routes.append(AcousticRoute(platform, loop, endpoint.send, _context(platform, station, exchange, boot, key)))
+    return Modem(routes[0], endpoint)
 
 
 def attach_modem(platform: str, end: MemoryEnd, station: Station, exchange: Exchange, boot: int) -> Modem:
     """Opens a modem in memory that leads to a platform."""
     loop = asyncio.get_running_loop()
-    way = AcousticWay(platform, loop, end.send, _context(platform, station, exchange, boot))
+    way = AcousticRoute(platform, loop, end.send, _context(platform, station, exchange, boot))
     end.on_data = way.receive
     return Modem(way, end)
 

@@ -9,17 +9,17 @@ import msgspec
 
 from gloc3.clock import Clock
 from gloc3.exchange.base import Exchange, Unsubscribe
-from gloc3.exchange.mavlink import MavlinkExchange, Role, TunnelEndpoint
-from gloc3.exchange.tunnel.happenings import Happening, Trouble, Undelivered
+from gloc3.exchange.mavlink import MavlinkExchange, TunnelEndpoint, TunnelRole
+from gloc3.exchange.tunnel.happenings import Happening, TunnelTrouble, Undelivered
 from gloc3.exchange.tunnel.pacing import LinkBudget
 from gloc3.mavlink.codec import Encoder, Frame, Parser, enums, shape
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.node import Node
+from gloc3.mavlink.node import MavlinkComponent
 from gloc3.mavlink.router import Gaps
-from gloc3.mavlink.services.heartbeat import Heartbeat, Peer, Peers
+from gloc3.mavlink.services.heartbeat import Heartbeat, MavlinkPeer, MavlinkPeers
 from gloc3.mavlink.signing import SignedOnly, Signing, timestamp
 from gloc3.messages.topics import TopicTable
-from gloc3_groundstation.links.ways import NETWORK, Way, Ways
+from gloc3_groundstation.links.ways import NETWORK, StationRoute, StationRoutes
 
 STATION_COMPONENT: Final = 190
 MOST_LOCKED: Final = 16
@@ -55,7 +55,7 @@ class LinkContext(msgspec.Struct, frozen=True, kw_only=True):
     """Receives what the command link has given up on all links that carried it."""
     tap: Tap = lambda _: None
     """Receives every frame, in and out."""
-    ways: Ways = msgspec.field(default_factory=Ways)
+    routes: StationRoutes = msgspec.field(default_factory=StationRoutes)
     """Which message goes by which link, and which has come by another already."""
 
     @property
@@ -79,7 +79,7 @@ class LinkSettings(msgspec.Struct, frozen=True, kw_only=True):
     """Signs all that is sent, and judges all that is received; None for a link without signatures."""
 
 
-class Link:
+class StationLinkCore:
     """One link: frames in and out, without the socket; begins to send heartbeats and to look for platforms.
 
     Args:
@@ -99,35 +99,35 @@ class Link:
         self._clock = Clock(loop)
         self._listeners: list[Callable[[Frame], None]] = []
         self._tunnel_id = shape("TUNNEL").id
-        self._peers = Peers(own)
-        self._node = Node(own, [Heartbeat(own, vehicle_type=enums.MAV_TYPE_GCS), self._peers])
-        self._has_told_of_double = False
+        self._peers = MavlinkPeers(own)
+        self._node = MavlinkComponent(own, [Heartbeat(own, vehicle_type=enums.MAV_TYPE_GCS), self._peers])
+        self._has_reported_double = False
         self._locked: set[int] = set()
         self._gaps = Gaps()
         self._context, self._url = context, settings.url
-        ways = context.ways
-        way = self._way = ways.open(Way(settings.rank, self.age_s))
+        routes = context.routes
+        way = self._route = routes.open(StationRoute(settings.rank, self.age_s))
         self._signing = None if settings.key is None else self._new_signing(settings.key)
         self._signed_only = None if self._signing is None else SignedOnly(self._signing, self._report)
         self._parser = Parser(is_datagram=settings.is_datagram)
         self._encoder = Encoder(*own, self._signing)
         self.frames_sent = 0
         end = TunnelEndpoint(
-            Role.STATION, context.name or str(own.system), own, context.boot, context.topics, settings.budget
+            TunnelRole.STATION, context.name or str(own.system), own, context.boot, context.topics, settings.budget
         )
         self._tunnel = MavlinkExchange(end, loop, self._send_message)
-        self._tunnel.listen(self._happened)
+        self._tunnel.listen(self._on_event)
         self._part = self._tunnel.bridge(
             context.exchange,
             context.topics,
-            inward=lambda envelope: envelope if ways.is_new(way, envelope) else None,
-            outward=partial(ways.carries, way),
+            inward=lambda envelope: envelope if routes.is_new(way, envelope) else None,
+            outward=partial(routes.carries, way),
         )
         self._timer = loop.call_soon(self._tick)
 
     def _new_signing(self, key: bytes) -> Signing:
         clock = self._clock
-        return Signing(key, link_id=self._way & 0xFF, now=timestamp(clock.utc_s()), is_clock_right=clock.is_utc_right)
+        return Signing(key, link_id=self._route & 0xFF, now=timestamp(clock.utc_s()), is_clock_right=clock.is_utc_right)
 
     def receive(self, data: bytes) -> None:
         """Takes bytes from the link."""
@@ -139,7 +139,7 @@ class Link:
                     self._is_locked_out(frame)
             elif not self._signed_only.passes(frame, now_s):
                 continue
-            self._gaps.hear(frame)
+            self._gaps.receive(frame)
             if frame.message_id == self._tunnel_id:
                 message = frame.decode()
                 if message is not None:
@@ -162,7 +162,7 @@ class Link:
         return self._own
 
     @property
-    def autopilots(self) -> list[Peer]:
+    def autopilots(self) -> list[MavlinkPeer]:
         """The autopilots that are heard here now, in the order in which they came."""
         return self._peers.autopilots
 
@@ -179,7 +179,7 @@ class Link:
         """Sends a frame that a library behind this link has made in the station's name."""
         self._send(self._encoder.forward(frame))
 
-    def heard(self) -> list[str]:
+    def received(self) -> list[str]:
         """Who is there, told by their heartbeats: `autopilot 1/1`, `system 1/191`."""
         return [
             f"{'autopilot' if peer.is_autopilot else 'system'} {peer.address.system}/{peer.address.component}"
@@ -216,12 +216,12 @@ class Link:
 
     def age_s(self, platform: str) -> float | None:
         """How long ago anything of the command link came from a platform here; None where nothing ever did."""
-        return self._tunnel.heard_age_s(platform)
+        return self._tunnel.received_age_s(platform)
 
     def close(self) -> None:
         """Sends and hears nothing more."""
         self._timer.cancel()
-        self._context.ways.close(self._way)
+        self._context.routes.close(self._route)
         self._part()
         self._tunnel.close()
 
@@ -244,10 +244,10 @@ class Link:
     def _send_message(self, message: MavlinkMessage) -> None:
         self._send(self._encoder.encode(message))
 
-    def _happened(self, happening: Happening) -> None:
-        if isinstance(happening, Trouble):
+    def _on_event(self, happening: Happening) -> None:
+        if isinstance(happening, TunnelTrouble):
             self._report(happening.text)
-        elif isinstance(happening, Undelivered) and self._context.ways.is_lost(self._way, happening):
+        elif isinstance(happening, Undelivered) and self._context.routes.is_lost(self._route, happening):
             self._context.undelivered(happening)
 
     def _report(self, text: str) -> None:
@@ -264,7 +264,7 @@ class Link:
             )
 
     def _is_doubled(self) -> None:
-        if not self._has_told_of_double:
-            self._has_told_of_double = True
+        if not self._has_reported_double:
+            self._has_reported_double = True
             system = self._own.system
             self._report(f"somebody else is station {system}, or the link sends back what we send; see --station-id")

@@ -4,7 +4,7 @@ from typing import Final
 
 import msgspec
 
-TELLING_LOSS: Final = 0.01
+REPORTED_LOSS: Final = 0.01
 
 
 class LinkSnapshot(msgspec.Struct, frozen=True, kw_only=True):
@@ -23,7 +23,7 @@ class LinkSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     frames_out: int = 0
     dropped: int = 0
     """What found no room, or no way."""
-    heard: tuple[str, ...] = ()
+    received: tuple[str, ...] = ()
     """Whose heartbeats come in: `autopilot 1/1`."""
     platforms: tuple[str, ...] = ()
     """The vehicles whose command interface is behind it."""
@@ -34,10 +34,10 @@ class LinkSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     genuine: int = 0
     """Frames with a right signature."""
 
-    def remark(self) -> str:
+    def note(self) -> str:
         """What a person should know of its frames; empty where all is well."""
         parts = [f"{count:,} refused: {reason}" for reason, count in self.refusals.items()]
         share = self.lost / max(1, self.lost + self.frames_in)
-        if share >= TELLING_LOSS:
+        if share >= REPORTED_LOSS:
             parts.append(f"{share:.0%} lost or left out")
         return "; ".join(parts)

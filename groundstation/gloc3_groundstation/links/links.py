@@ -12,9 +12,9 @@ from gloc3.mavlink.signing_key import read_signing_key
 from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint, parse_url
 from gloc3.mavlink.transport.memory import MemoryEnd
 from gloc3.network.file import Membership
-from gloc3_groundstation.links.link import Link, LinkContext, LinkSettings
+from gloc3_groundstation.links.link import LinkContext, LinkSettings, StationLinkCore
 from gloc3_groundstation.links.link_snapshot import LinkSnapshot
-from gloc3_groundstation.links.network_way import NetworkWay
+from gloc3_groundstation.links.network_way import NetworkRoute
 from gloc3_groundstation.links.ways import LINE, NETWORK
 
 MEASURE_EVERY_S: Final = 1.0
@@ -23,7 +23,7 @@ MEASURE_EVERY_S: Final = 1.0
 class _Opened:
     """A link with its socket, and how much passes."""
 
-    def __init__(self, endpoint: Endpoint, link: Link) -> None:
+    def __init__(self, endpoint: Endpoint, link: StationLinkCore) -> None:
         self.endpoint: Final = endpoint
         self.link: Final = link
         self.rates = (0.0, 0.0)
@@ -47,7 +47,7 @@ class Links:
     def __init__(self, context: LinkContext, signing_key: bytes | None = None) -> None:
         self._context, self._signing_key = context, signing_key
         self._open: list[_Opened] = []
-        self._network: NetworkWay | None = None
+        self._network: NetworkRoute | None = None
         self._is_closed = False
         self._timer: asyncio.TimerHandle | None = None
 
@@ -58,7 +58,7 @@ class Links:
             Gloc3Error: an address that it is to listen on cannot be had.
         """
         context = self._context
-        self._network = NetworkWay(network, context.ways, lambda text: context.report(f"network: {text}"))
+        self._network = NetworkRoute(network, context.routes, lambda text: context.report(f"network: {text}"))
         self._network.open(context.loop, context.exchange, context.topics)
 
     async def add(self, url: str) -> None:
@@ -74,7 +74,7 @@ class Links:
             raise Refused(f"link {url} is open already")
         wanted = parse_url(url)
         key = read_signing_key(Path(wanted.key).expanduser()) if wanted.key else self._signing_key
-        links: list[Link] = []
+        links: list[StationLinkCore] = []
         endpoint = await open_endpoint(url, self._context.loop, lambda data: links[0].receive(data) if links else None)
         settings = LinkSettings(
             url=url,
@@ -85,14 +85,14 @@ class Links:
         )
         links.append(self._begin(endpoint, settings))
 
-    def attach(self, end: MemoryEnd) -> Link:
+    def attach(self, end: MemoryEnd) -> StationLinkCore:
         """Opens a link in memory, as flights in virtual time have it."""
         link = self._begin(end, LinkSettings(key=self._signing_key))
         end.on_data = link.receive
         return link
 
-    def _begin(self, endpoint: Endpoint, settings: LinkSettings) -> Link:
-        link = Link(endpoint.send, self._context, settings)
+    def _begin(self, endpoint: Endpoint, settings: LinkSettings) -> StationLinkCore:
+        link = StationLinkCore(endpoint.send, self._context, settings)
         self._open.append(_Opened(endpoint, link))
         if self._timer is None:
             self._timer = self._context.loop.call_later(MEASURE_EVERY_S, self._measure)
@@ -125,7 +125,7 @@ class Links:
                 frames_in=link.frames_received,
                 frames_out=link.frames_sent,
                 dropped=endpoint.dropped,
-                heard=tuple(link.heard()),
+                received=tuple(link.received()),
                 platforms=tuple(name for name, _ in link.platforms() if name in names),
                 lost=link.lost,
                 refusals=link.refusals,
@@ -145,12 +145,12 @@ class Links:
         parts = []
         for opened in self._open:
             endpoint, link = opened.endpoint, opened.link
-            heard = ", ".join(link.heard())
+            received = ", ".join(link.received())
             aside = (
                 endpoint.problem
                 if endpoint.problem and not endpoint.is_connected
-                else f"{heard} heard"
-                if heard
+                else f"{received} heard"
+                if received
                 else f"{link.refused} frames dropped, not signed with our key"
                 if link.refused
                 else ""
@@ -165,11 +165,11 @@ class Links:
         trips = [trip for each in self._open if (trip := each.link.round_trip_s(platform)) is not None]
         return min(trips, default=None)
 
-    def ways(self) -> list[tuple[str, Link]]:
+    def routes(self) -> list[tuple[str, StationLinkCore]]:
         """All links with their URLs."""
         return [(each.endpoint.url, each.link) for each in self._open]
 
-    def autopilots(self) -> list[tuple[Link, Address]]:
+    def autopilots(self) -> list[tuple[StationLinkCore, Address]]:
         """Every autopilot that is heard now, with the link on which it is."""
         return [(each.link, peer.address) for each in self._open for peer in each.link.autopilots]
 

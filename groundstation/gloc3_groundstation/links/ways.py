@@ -21,7 +21,7 @@ Key = tuple[str, int, int]
 """A message: its topic, its source's boot, its sequence."""
 
 
-class Way(msgspec.Struct, frozen=True):
+class StationRoute(msgspec.Struct, frozen=True):
     """One way."""
 
     rank: int
@@ -30,7 +30,7 @@ class Way(msgspec.Struct, frozen=True):
     """How long ago anything came from a platform by this way; None where nothing ever did."""
 
 
-class Ways:
+class StationRoutes:
     """All ways of a station, by numbers of its own.
 
     A request goes by the best way that leads to its platform now. What may have been lost on it (a question what became of
@@ -38,26 +38,26 @@ class Ways:
     """
 
     def __init__(self) -> None:
-        self._ways: dict[int, Way] = {}
+        self._routes: dict[int, StationRoute] = {}
         self._count = 0
         self._carriers: dict[Key, frozenset[int]] = {}
         self._sent: dict[Key, None] = {}
         self._came: dict[Key, int] = {}
         self._certain: dict[Key, set[int]] = {}
 
-    def open(self, way: Way) -> int:
+    def open(self, way: StationRoute) -> int:
         """One more way; its number."""
         self._count += 1
-        self._ways[self._count] = way
+        self._routes[self._count] = way
         return self._count
 
     def close(self, number: int) -> None:
         """A way is no longer there, and has no say any more."""
-        self._ways.pop(number, None)
+        self._routes.pop(number, None)
 
     def carries(self, number: int, envelope: Envelope[Any]) -> bool:
         """Whether a message of the station goes by this way."""
-        if len(self._ways) < 2:
+        if len(self._routes) < 2:
             return True
         key = _key(envelope)
         if key not in self._carriers:
@@ -66,7 +66,7 @@ class Ways:
 
     def is_new(self, number: int, envelope: Envelope[Any]) -> bool:
         """Whether a message that has come by this way has not come by another."""
-        if len(self._ways) < 2:
+        if len(self._routes) < 2:
             return True
         return _remember(self._came, _key(envelope), number) == number
 
@@ -78,10 +78,10 @@ class Ways:
         if not lost.is_certain:
             return True
         key = _key(lost.envelope)
-        carriers = self._carriers.get(key, frozenset(self._ways)) & self._ways.keys()
-        said = _remember(self._certain, key, set())
-        said.add(number)
-        if not carriers <= said:
+        carriers = self._carriers.get(key, frozenset(self._routes)) & self._routes.keys()
+        text = _remember(self._certain, key, set())
+        text.add(number)
+        if not carriers <= text:
             return False
         del self._certain[key]
         return True
@@ -89,14 +89,14 @@ class Ways:
     def _choose(self, envelope: Envelope[Any]) -> frozenset[int]:
         platform, request = envelope.topic.partition("/")[0], envelope.payload
         leading = {
-            n: way for n, way in self._ways.items() if (age_s := way.age_s(platform)) is not None and age_s < FRESH_S
+            n: way for n, way in self._routes.items() if (age_s := way.age_s(platform)) is not None and age_s < FRESH_S
         }
         if not leading or not isinstance(request, CiRequest) or isinstance(request.body, Emergency | Query):
-            return frozenset(self._ways)
-        asked = (envelope.topic, request.boot, request.sequence)
-        if asked in self._sent:
-            return frozenset(self._ways)
-        _remember(self._sent, asked, None)
+            return frozenset(self._routes)
+        requested = (envelope.topic, request.boot, request.sequence)
+        if requested in self._sent:
+            return frozenset(self._routes)
+        _remember(self._sent, requested, None)
         return frozenset([min(leading, key=lambda number: (leading[number].rank, number))])
 
 

@@ -21,7 +21,7 @@ FARTHEST_M = 100_000.0
 """Vehicles farther away are not on one map: it is flat, and the Earth is not."""
 
 
-class Place(NamedTuple):
+class MapPlacement(NamedTuple):
     """How a vehicle's frame (x, y, height) lies on the map."""
 
     cosine: float = 1.0
@@ -80,11 +80,11 @@ class Ground:
     def __repr__(self) -> str:
         return f"Ground({self._name!r}, {self.frame!r}, {self.origin!r})"
 
-    def place(self, platform: PlatformSnapshot) -> Place | None:
+    def place(self, platform: PlatformSnapshot) -> MapPlacement | None:
         """Where a vehicle's frame lies; None where it is not known, or far away."""
         site = _site(platform)
         bearing_rad = radians(site.x_axis_bearing_deg) if site is not None else 0.0
-        turned = Place(cos(bearing_rad), sin(bearing_rad))
+        turned = MapPlacement(cos(bearing_rad), sin(bearing_rad))
         if platform.name == self._name:
             return turned
         origin = _origin(platform, site)

@@ -64,7 +64,7 @@ class Ring:
         self._times, self._rows, self._begin, self._end = times, rows, 0, count
 
 
-class Level(NamedTuple):
+class HistoryLevel(NamedTuple):
     """How values are kept beyond the last minutes."""
 
     period_s: float
@@ -73,7 +73,7 @@ class Level(NamedTuple):
     """So many are kept."""
 
 
-class Series(NamedTuple):
+class HistorySeries(NamedTuple):
     """Values over time, one or a range for each moment; NaN where there is none."""
 
     times_s: Floats
@@ -92,7 +92,7 @@ class Series(NamedTuple):
 class History:
     """The values of some channels over hours."""
 
-    def __init__(self, channels: int, samples: int, levels: Sequence[Level]) -> None:
+    def __init__(self, channels: int, samples: int, levels: Sequence[HistoryLevel]) -> None:
         """A history.
 
         Args:
@@ -138,18 +138,18 @@ class History:
             ring.clear()
         self._open = [None] * len(self._levels)
 
-    def series(self, channel: int, from_s: float, to_s: float, points: int) -> Series:
+    def series(self, channel: int, from_s: float, to_s: float, points: int) -> HistorySeries:
         """A channel over a time, in at most about so many points, from the finest record that goes back so far."""
         times_s, lows, highs, step_s = self._record(channel, from_s)
         begin, end = np.searchsorted(times_s, (from_s, to_s), side="left")
         begin, end = max(0, begin - 1), min(len(times_s), end + 1)
         times_s, lows, highs = times_s[begin:end], lows[begin:end], highs[begin:end]
         if len(times_s) <= points or to_s <= from_s:
-            return Series(times_s, lows, highs, step_s)
+            return HistorySeries(times_s, lows, highs, step_s)
         step_s = max(step_s, (to_s - from_s) / points)
         slots = np.floor(times_s / step_s)  # of absolute time, so that points do not change while the window moves
         starts = np.flatnonzero(np.diff(slots, prepend=np.nan))
-        return Series(
+        return HistorySeries(
             (slots[starts] + 0.5) * step_s, np.fmin.reduceat(lows, starts), np.fmax.reduceat(highs, starts), step_s
         )
 

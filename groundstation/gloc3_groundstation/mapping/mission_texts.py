@@ -4,11 +4,11 @@ from typing import Final
 
 from gloc3.messages.command_interface import Outcome, ReadMission
 from gloc3.mission.model.model import digest_of
-from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.station.station import Station
 
-ASKED_AGAIN_S: Final = 10.0
+REQUESTED_AGAIN_S: Final = 10.0
 """A text that did not come is asked for again after so long."""
 KEPT: Final = 32
 
@@ -19,9 +19,9 @@ class MissionTexts:
     def __init__(self, station: Station) -> None:
         self._station = station
         self._texts: dict[str, str] = {}
-        self._asked_s: dict[str, float] = {}
+        self._requested_s: dict[str, float] = {}
 
-    def text_of(self, platform: PlatformSnapshot | None, plan: Plan | None) -> tuple[str, bool]:
+    def text_of(self, platform: PlatformSnapshot | None, plan: CheckedPlan | None) -> tuple[str, bool]:
         """The mission of a vehicle, and whether it is loaded there.
 
         Returns:
@@ -34,16 +34,16 @@ class MissionTexts:
             return self._texts[digest], True
         return ("", False) if plan is None or digest else (plan.text, False)
 
-    def lacks(self, platform: PlatformSnapshot | None, now_s: float) -> bool:
+    def missing(self, platform: PlatformSnapshot | None, now_s: float) -> bool:
         """Whether the text of what a vehicle has loaded should be asked for now."""
         digest = _digest(platform)
-        return bool(digest) and digest not in self._texts and now_s >= self._asked_s.get(digest, 0.0)
+        return bool(digest) and digest not in self._texts and now_s >= self._requested_s.get(digest, 0.0)
 
     async def fetch(self, platform: PlatformSnapshot) -> None:
         """Asks a vehicle for the text of what it has loaded; without an answer it is asked again later."""
         digest, now_s = _digest(platform), self._station.now_s()
-        self._asked_s[digest] = now_s + ASKED_AGAIN_S
-        reply = await self._station.client.ask(platform.name, ReadMission())
+        self._requested_s[digest] = now_s + REQUESTED_AGAIN_S
+        reply = await self._station.client.request(platform.name, ReadMission())
         if reply.outcome is Outcome.ACCEPTED and digest_of(reply.text) == digest:
             self._keep(digest, reply.text)
 

@@ -15,7 +15,7 @@ KEPT: Final = 4096
 Floats = NDArray[np.float64]
 
 
-class Progress:
+class PathProgress:
     """Finds the place of a vehicle on a path, never going back, and never far ahead of what it flew."""
 
     def __init__(self, path: Sequence[Vector3]) -> None:
@@ -54,11 +54,11 @@ class Progress:
             if row[3] <= self.until_s or np.isnan(row[0]):
                 continue
             self.until_s = float(row[3])
-            self._take(row[:3])
+            self._advance_to(row[:3])
             if len(self._flown) > KEPT:
                 self._flown = self._flown[::2]
 
-    def _take(self, point: Floats) -> None:
+    def _advance_to(self, point: Floats) -> None:
         moved_m = 0.0 if self._last is None else float(np.sqrt(((point - self._last) ** 2).sum()))
         self._last = point.copy()
         limit_m = self.reached_m + 2.0 * moved_m + SLACK_M

@@ -15,13 +15,13 @@ from gloc3.mission.model.fence import Fence
 from gloc3.mission.model.legs import Budget
 from gloc3.mission.model.model import GEO
 from gloc3.mission.model.structure import PartialOrder, structure_findings
-from gloc3.mission.reading.reader import Surroundings, inspect_mission
+from gloc3.mission.reading.reader import MissionReferences, inspect_mission
 
 SAME_M = 0.05
 """Points that are nearer to each other are one."""
 
 
-class Way(NamedTuple):
+class ActionPath(NamedTuple):
     """What one action flies."""
 
     target: str
@@ -46,7 +46,7 @@ class Requested(msgspec.Struct, frozen=True):
 
     name: str
     is_geo: bool
-    ways: tuple[Way, ...] = ()
+    paths: tuple[ActionPath, ...] = ()
     """In an order in which they can be flown."""
     waypoints: tuple[Waypoint, ...] = ()
     fence: Fence | None = None
@@ -55,14 +55,14 @@ class Requested(msgspec.Struct, frozen=True):
     def path_ned_m(self) -> tuple[Vector3, ...]:
         """The whole path."""
         points: list[Vector3] = []
-        for way in self.ways:
+        for way in self.paths:
             points += [point for point in way.points_ned_m if not points or dist(point, points[-1]) > SAME_M]
         return tuple(points)
 
     @property
     def length_m(self) -> float:
         """Of the whole path."""
-        return self.ways[-1].starts_m + self.ways[-1].length_m if self.ways else 0.0
+        return self.paths[-1].starts_m + self.paths[-1].length_m if self.paths else 0.0
 
 
 def requested(text: str, site: SiteSummary | None) -> Requested | None:
@@ -88,7 +88,7 @@ def _requested(
     origin = GeoPoint(*origin_geo) if origin_geo is not None else None
     frame = LocalFrame(origin or GeoPoint(0.0, 0.0, 0.0), bearing_deg)
     home_ned_m = frame.to_ned(home_m) if home_m is not None else (0.0, 0.0, 0.0)
-    surroundings = Surroundings(
+    surroundings = MissionReferences(
         frames={frame_name: frame} if frame_name else None,
         origin=origin,
         home_altitude_m=origin.altitude_m - home_ned_m[2] if origin is not None else None,
@@ -105,7 +105,7 @@ def _requested(
         return found
     figures = estimate(mission, PartialOrder.of(mission), home_ned_m, Budget(home_ned_m=home_ned_m), None)
     actions = mission.actions()
-    ways: list[Way] = []
+    routes: list[ActionPath] = []
     waypoints: list[Waypoint] = []
     along_m = 0.0
     for target, part in figures.actions.items():
@@ -114,8 +114,8 @@ def _requested(
         points = [part.legs[0].start]
         points += [leg.end for leg in part.legs if dist(leg.end, points[-1]) > SAME_M]
         length_m = sum(dist(a, b) for a, b in pairwise(points))
-        ways.append(Way(target, tuple(points), along_m, length_m))
+        routes.append(ActionPath(target, tuple(points), along_m, length_m))
         along_m += length_m
         for position in getattr(actions[target].order, "waypoints_ned_m", ()):
             waypoints.append(Waypoint(len(waypoints) + 1, target, position))
-    return msgspec.structs.replace(found, ways=tuple(ways), waypoints=tuple(waypoints))
+    return msgspec.structs.replace(found, paths=tuple(routes), waypoints=tuple(waypoints))

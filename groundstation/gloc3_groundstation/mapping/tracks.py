@@ -10,13 +10,13 @@ import numpy as np
 from gloc3.messages.motion import MotionSummary
 from gloc3.messages.summaries import VehicleSummary
 from gloc3.mission.model.states import ActionState
-from gloc3_groundstation.mapping.history import History, Level, Series, Singles
+from gloc3_groundstation.mapping.history import History, HistoryLevel, HistorySeries, Singles
 from gloc3_groundstation.mapping.trail import Trail
 from gloc3_groundstation.station.snapshots import Fleet, PlatformSnapshot
 
 SAMPLES_KEPT: Final = 2400
 """As they came: ten minutes at 4 Hz."""
-LEVELS: Final = (Level(2.0, 1800), Level(30.0, 1000))
+LEVELS: Final = (HistoryLevel(2.0, 1800), HistoryLevel(30.0, 1000))
 """An hour in steps of 2 s, and eight hours in steps of 30 s."""
 GAP_S: Final = 3.0
 """Silence after which the way is not drawn through."""
@@ -26,7 +26,7 @@ DRIFT: Final = 2e-4
 """How much faster than the station's clock a platform's may run."""
 
 
-class Channel(IntEnum):
+class TrackChannel(IntEnum):
     """What is kept over time."""
 
     X = 0
@@ -54,10 +54,10 @@ class Track:
 
     def __init__(self) -> None:
         self.trail: Final = Trail()
-        self.history: Final = History(len(Channel), SAMPLES_KEPT, LEVELS)
+        self.history: Final = History(len(TrackChannel), SAMPLES_KEPT, LEVELS)
         self.started_s: float | None = None
         """When its mission was started last; None if it never was."""
-        self.latest: Singles = np.full(len(Channel), nan, np.float32)
+        self.latest: Singles = np.full(len(TrackChannel), nan, np.float32)
         """The newest sample."""
         self.latest_s: float | None = None
         self._frame: object = None
@@ -69,7 +69,7 @@ class Track:
         """The memory it takes."""
         return self.trail.bytes + self.history.bytes
 
-    def series(self, channel: Channel, from_s: float, to_s: float, points: int) -> Series:
+    def series(self, channel: TrackChannel, from_s: float, to_s: float, points: int) -> HistorySeries:
         """A channel over a time on the station's clock."""
         return self.history.series(channel, from_s, to_s, points)
 
@@ -80,15 +80,15 @@ class Track:
             self._ahead_s = None
         motion, vehicle = after.motion, after.vehicle
         if motion is not None and (before is None or before.motion is None or motion.value is not before.motion.value):
-            self._motion_s = motion.heard_s
-            self._take_motion(motion.value, self._when(motion.value.t_s, motion.heard_s), after)
+            self._motion_s = motion.received_s
+            self._receive_motion(motion.value, self._when(motion.value.t_s, motion.received_s), after)
         elif (
             vehicle is not None
             and (before is None or vehicle is not before.vehicle)
-            and vehicle.heard_s - self._motion_s > MOTION_SILENT_S
+            and vehicle.received_s - self._motion_s > MOTION_SILENT_S
         ):
-            self._take_vehicle(vehicle.value, vehicle.heard_s)
-        self._see_mission(before, after)
+            self._receive_vehicle(vehicle.value, vehicle.received_s)
+        self._receive_mission(before, after)
 
     def _stay_in_frame(self, platform: PlatformSnapshot) -> None:
         """Begins anew where the positions are told in another frame than before."""
@@ -101,15 +101,15 @@ class Track:
             self.history.clear()
         self._frame = frame
 
-    def _when(self, t_s: float, heard_s: float) -> float:
+    def _when(self, t_s: float, received_s: float) -> float:
         """The station's time of something that was so at a platform's time: as if all came as fast as the fastest."""
-        ahead_s = heard_s - t_s
+        ahead_s = received_s - t_s
         if self._ahead_s is None or not -GAP_S < ahead_s - self._ahead_s < 10.0 * GAP_S:
             self._ahead_s = ahead_s
         self._ahead_s = min(ahead_s, self._ahead_s + DRIFT)
         return t_s + self._ahead_s
 
-    def _take_motion(self, motion: MotionSummary, t_s: float, platform: PlatformSnapshot) -> None:
+    def _receive_motion(self, motion: MotionSummary, t_s: float, platform: PlatformSnapshot) -> None:
         vx, vy, climb = motion.velocity_cm_s
         wanted, speed = motion.setpoint_cm, motion.setpoint_velocity_cm_s
         heading = motion.setpoint_heading_cdeg
@@ -132,21 +132,21 @@ class Track:
             ],
         )
 
-    def _take_vehicle(self, vehicle: VehicleSummary, t_s: float) -> None:
-        row = [nan] * len(Channel)
+    def _receive_vehicle(self, vehicle: VehicleSummary, t_s: float) -> None:
+        row = [nan] * len(TrackChannel)
         if vehicle.is_pose_valid:
             row[:3] = [100.0 * value for value in vehicle.position_m]
-            row[Channel.SPEED] = 100.0 * vehicle.speed_m_s
-        row[Channel.HEADING] = 100.0 * vehicle.heading_deg
+            row[TrackChannel.SPEED] = 100.0 * vehicle.speed_m_s
+        row[TrackChannel.HEADING] = 100.0 * vehicle.heading_deg
         if vehicle.battery_percent >= 0:
-            row[Channel.BATTERY_PERCENT] = 100.0 * vehicle.battery_percent
+            row[TrackChannel.BATTERY_PERCENT] = 100.0 * vehicle.battery_percent
         self._append(t_s, row)
 
     def _append(self, t_s: float, hundredths: list[float]) -> None:
         if self.latest_s is not None and t_s <= self.latest_s:
             return
         if self.latest_s is not None and t_s - self.latest_s > GAP_S:
-            self.history.append((t_s + self.latest_s) / 2.0, np.full(len(Channel), nan, np.float32))
+            self.history.append((t_s + self.latest_s) / 2.0, np.full(len(TrackChannel), nan, np.float32))
             self.trail.interrupt()
         self.latest_s = t_s
         values = self.latest = np.array(hundredths, np.float32) / np.float32(100.0)
@@ -157,13 +157,13 @@ class Track:
         else:
             self.trail.add(t_s, (x, y, height))
 
-    def _see_mission(self, before: PlatformSnapshot | None, after: PlatformSnapshot) -> None:
+    def _receive_mission(self, before: PlatformSnapshot | None, after: PlatformSnapshot) -> None:
         mission = after.mission
         was = before.mission if before is not None else None
         if mission is None or mission is was or mission.value.state != ActionState.RUNNING:
             return
         if was is None or was.value.state not in (ActionState.RUNNING, ActionState.PAUSED):
-            self.started_s = mission.heard_s
+            self.started_s = mission.received_s
 
 
 class Tracks:

@@ -31,22 +31,22 @@ class Trail:
     def __init__(self) -> None:
         self.tolerance_m = FIRST_TOLERANCE_M
         """How far the thinned way may be from what was told."""
-        self._old: Points = np.empty((0, 4))
+        self._older: Points = np.empty((0, 4))
         self._fresh: Points = np.empty((FRESH, 4))
         self._count = 0
 
     def __len__(self) -> int:
-        return len(self._old) + self._count
+        return len(self._older) + self._count
 
     @property
     def points(self) -> Points:
         """All points, the oldest first."""
-        return np.concatenate((self._old, self._fresh[: self._count]))
+        return np.concatenate((self._older, self._fresh[: self._count]))
 
     @property
     def bytes(self) -> int:
         """The memory it takes."""
-        return self._old.nbytes + self._fresh.nbytes
+        return self._older.nbytes + self._fresh.nbytes
 
     def add(self, t_s: float, position_m: Vector3) -> None:
         """Adds a point; one at the place of the last takes its place in time."""
@@ -65,7 +65,7 @@ class Trail:
 
     def clear(self) -> None:
         """Forgets the way."""
-        self._old, self._count, self.tolerance_m = np.empty((0, 4)), 0, FIRST_TOLERANCE_M
+        self._older, self._count, self.tolerance_m = np.empty((0, 4)), 0, FIRST_TOLERANCE_M
 
     def _append(self, row: tuple[float, float, float, float]) -> None:
         if self._count == FRESH:
@@ -77,14 +77,14 @@ class Trail:
         """Thins the older half of the fresh points, and all old ones where these have become too many."""
         half = FRESH // 2
         thin = thinned(self._fresh[: half + 1], self.tolerance_m)[:-1]
-        self._old = np.concatenate((self._old, thin))
+        self._older = np.concatenate((self._older, thin))
         self._fresh[: FRESH - half] = self._fresh[half:].copy()
         self._count -= half
-        while len(self._old) > MOST:
+        while len(self._older) > MOST:
             self.tolerance_m *= 2.0
-            self._old = thinned(self._old, self.tolerance_m)
+            self._older = thinned(self._older, self.tolerance_m)
             if self.tolerance_m > 1e6:  # nothing but gaps
-                self._old = self._old[-MOST:]
+                self._older = self._older[-MOST:]
 
 
 def thinned(points: Points, tolerance_m: float) -> Points:

@@ -10,11 +10,11 @@ from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.examples import example_missions, find_mission
 from gloc3.mission.formats import MISSION_SUFFIXES, PLAN_SUFFIXES, WPL_SUFFIXES, exported, mission_text, written_text
 from gloc3.mission.reading.library import bundled
-from gloc3.mission.reading.reader import Surroundings, read_mission
+from gloc3.mission.reading.reader import MissionReferences, read_mission
 from gloc3.platform.platform import Platform
 from gloc3.store import replace_file
 from gloc3_groundstation.missions.outline import Outline, outline_of
-from gloc3_groundstation.missions.plans import Plan, known_platform
+from gloc3_groundstation.missions.plans import CheckedPlan, known_platform
 
 SHOWN_MAX: Final = 200_000
 """Characters of a file that is no mission at all that are shown."""
@@ -67,8 +67,8 @@ class Draft(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def first_error(self) -> int:
-        """Which finding of `told` is the first error; 0 where none is."""
-        return next((number for number, finding in enumerate(self.told) if not finding.is_warning), 0)
+        """Which finding of `requested` is the first error; 0 where none is."""
+        return next((number for number, finding in enumerate(self.requested) if not finding.is_warning), 0)
 
     @property
     def is_ok(self) -> bool:
@@ -76,17 +76,17 @@ class Draft(msgspec.Struct, frozen=True, kw_only=True):
         return self.outline is not None and not self.errors
 
     @property
-    def told(self) -> tuple[Finding, ...]:
+    def requested(self) -> tuple[Finding, ...]:
         """Everything that the operator should read: findings of the check, then what a conversion left out."""
         return (*self.findings, *self.left_out)
 
-    def plan(self) -> Plan | None:
+    def plan(self) -> CheckedPlan | None:
         """What is streamed; None while it may not fly."""
         if self.outline is None or not self.is_ok:
             return None
         untouched = self.made_of if self.text == self.kept_text else ""
-        warnings = [msgspec.structs.replace(finding, is_warning=False) for finding in self.told]
-        return Plan(
+        warnings = [msgspec.structs.replace(finding, is_warning=False) for finding in self.requested]
+        return CheckedPlan(
             name=self.name,
             title=self.outline.title,
             text=self.carried,
@@ -179,7 +179,7 @@ def written_as(draft: Draft, path: Path, platform: Platform | None) -> tuple[str
     """
     if is_mission_file(path):
         return draft.text, ()
-    mission = read_mission(draft.carried, draft.name, Surroundings.of(platform))
+    mission = read_mission(draft.carried, draft.name, MissionReferences.of(platform))
     text, lost = exported(mission, path.suffix, draft.name)
     return text, tuple(lost)
 

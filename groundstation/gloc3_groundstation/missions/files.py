@@ -19,7 +19,7 @@ KINDS: Final = {
     **dict.fromkeys(WPL_SUFFIXES, "waypoints"),
 }
 
-LOOKED_AT: Final = 1 << 16
+LISTED_MOST: Final = 1 << 16
 """Bytes of a file in which it shows whether it may be a mission."""
 _BEGINS: Final = {
     **dict.fromkeys(
@@ -30,7 +30,7 @@ _BEGINS: Final = {
 }
 
 
-class Group(StrEnum):
+class FileGroup(StrEnum):
     """Where an entry comes from."""
 
     RECENT = "opened lately"
@@ -38,10 +38,10 @@ class Group(StrEnum):
     FOLDER = "folder"
 
 
-class Entry(msgspec.Struct, frozen=True, kw_only=True):
+class MissionEntry(msgspec.Struct, frozen=True, kw_only=True):
     """Something that can be opened."""
 
-    group: Group
+    group: FileGroup
     name: str
     path: str
     kind: str
@@ -59,14 +59,14 @@ class Listing(msgspec.Struct, frozen=True, kw_only=True):
     """A folder's missions and folders."""
 
     folder: str
-    entries: tuple[Entry, ...] = ()
+    entries: tuple[MissionEntry, ...] = ()
     problem: str = ""
     """Why it could not be listed."""
 
 
 def listing(folder: Path) -> Listing:
     """The folders, then the files that can be opened, by name; the folder above comes first."""
-    above = [Entry(group=Group.FOLDER, name="..", path=str(folder.parent), kind="folder")]
+    above = [MissionEntry(group=FileGroup.FOLDER, name="..", path=str(folder.parent), kind="folder")]
     if folder.parent == folder:
         above = []
     try:
@@ -77,41 +77,45 @@ def listing(folder: Path) -> Listing:
     return Listing(folder=str(folder), entries=(*above, *found[:LISTED_MAX]), problem=problem)
 
 
-def start_entries(recent: Sequence[str]) -> tuple[Entry, ...]:
+def start_entries(recent: Sequence[str]) -> tuple[MissionEntry, ...]:
     """What can be opened without looking for it: missions opened lately that are still there, and the examples."""
     examples = example_missions()
     lately = [
-        Entry(group=Group.RECENT, name=Path(name).name, path=name, kind=KINDS.get(Path(name).suffix, "mission"))
+        MissionEntry(
+            group=FileGroup.RECENT, name=Path(name).name, path=name, kind=KINDS.get(Path(name).suffix, "mission")
+        )
         for name in recent
         if name not in examples and _is_file(Path(name))
     ]
     return (
         *lately,
-        *(Entry(group=Group.EXAMPLE, name=name, path=name, kind="example") for name in examples),
+        *(MissionEntry(group=FileGroup.EXAMPLE, name=name, path=name, kind="example") for name in examples),
     )
 
 
-def matching(entries: Sequence[Entry], typed: str) -> tuple[Entry, ...]:
+def matching(entries: Sequence[MissionEntry], typed: str) -> tuple[MissionEntry, ...]:
     """The entries whose name holds what was typed, those that begin with it first."""
     wanted = typed.strip().lower()
     if not wanted:
         return tuple(entries)
     kept = [entry for entry in entries if wanted in entry.name.lower() and entry.name != ".."]
     return tuple(
-        sorted(kept, key=lambda entry: (entry.group is Group.FOLDER, not entry.name.lower().startswith(wanted)))
+        sorted(kept, key=lambda entry: (entry.group is FileGroup.FOLDER, not entry.name.lower().startswith(wanted)))
     )
 
 
-def _entries(folder: Path) -> Iterator[Entry]:
+def _entries(folder: Path) -> Iterator[MissionEntry]:
     for path in folder.iterdir():
         if path.name.startswith("."):
             continue
         try:
             if path.is_dir():
-                yield Entry(group=Group.FOLDER, name=path.name, path=str(path), kind="folder")
+                yield MissionEntry(group=FileGroup.FOLDER, name=path.name, path=str(path), kind="folder")
             elif path.suffix in KINDS and path.is_file() and _may_be_mission(path):
                 size = path.stat().st_size
-                yield Entry(group=Group.FOLDER, name=path.name, path=str(path), kind=KINDS[path.suffix], size=size)
+                yield MissionEntry(
+                    group=FileGroup.FOLDER, name=path.name, path=str(path), kind=KINDS[path.suffix], size=size
+                )
         except OSError:
             continue
 
@@ -123,7 +127,7 @@ def _may_be_mission(path: Path) -> bool:
         return True
     try:
         with path.open("rb") as file:
-            return begins(file.read(LOOKED_AT)) is not None
+            return begins(file.read(LISTED_MOST)) is not None
     except OSError:  # opening it says why
         return True
 

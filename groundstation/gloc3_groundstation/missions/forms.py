@@ -32,7 +32,7 @@ FLAT: Final = ("at_m", "area_m", "wall_m", "to_m")
 """Those of them whose positions have no height."""
 
 
-class Shape(StrEnum):
+class FieldShape(StrEnum):
     """How a field is typed."""
 
     VALUE = "value"
@@ -40,13 +40,13 @@ class Shape(StrEnum):
     POSITIONS = "positions"
 
 
-class Field(msgspec.Struct, frozen=True, kw_only=True):
+class FormField(msgspec.Struct, frozen=True, kw_only=True):
     """One argument."""
 
     name: str
     label: str
     unit: str = ""
-    shape: Shape = Shape.VALUE
+    shape: FieldShape = FieldShape.VALUE
     hint: str = ""
     """What is typed, with its bounds."""
     doc: str = ""
@@ -57,12 +57,12 @@ class Field(msgspec.Struct, frozen=True, kw_only=True):
     """The values that are possible, where they are few."""
 
 
-class Form(msgspec.Struct, frozen=True, kw_only=True):
+class CapabilityForm(msgspec.Struct, frozen=True, kw_only=True):
     """All arguments of a capability."""
 
     capability: str
     doc: str
-    fields: tuple[Field, ...]
+    fields: tuple[FormField, ...]
     claims: tuple[str, ...] = ()
 
 
@@ -81,7 +81,7 @@ def capabilities(platform: Platform | None) -> Mapping[str, Capability]:
     return {name: Capability(arguments=name, performed_by="") for name in argument_kinds() if name != "wait"}
 
 
-def form_for(capability: str, row: Capability, *, is_geo: bool) -> Form:
+def form_for(capability: str, row: Capability, *, is_geo: bool) -> CapabilityForm:
     """The form of a capability.
 
     Args:
@@ -91,16 +91,18 @@ def form_for(capability: str, row: Capability, *, is_geo: bool) -> Form:
     """
     kind = argument_kinds().get(row.arguments)
     if kind is None:
-        return Form(capability=capability, doc="its arguments are not known here", fields=(), claims=row.claims)
+        return CapabilityForm(
+            capability=capability, doc="its arguments are not known here", fields=(), claims=row.claims
+        )
     unwanted = set(PAIRS) if is_geo else set(PAIRS.values())
     shown = [line for line in fields_of(kind) if line.name not in unwanted]
     fields = [_field(line, row.options.get(line.name, ()), is_geo=is_geo) for line in shown]
     options = options_of(kind)
     fields.sort(key=lambda field: (not field.is_required, field.name in options))
-    return Form(capability=capability, doc=_first_line(kind), fields=tuple(fields), claims=row.claims)
+    return CapabilityForm(capability=capability, doc=_first_line(kind), fields=tuple(fields), claims=row.claims)
 
 
-def arguments_of(form: Form, row: Capability, typed: Mapping[str, str]) -> dict[str, Any]:
+def arguments_of(form: CapabilityForm, row: Capability, typed: Mapping[str, str]) -> dict[str, Any]:
     """The arguments as in a mission file; what was left empty has its default.
 
     Raises:
@@ -124,39 +126,39 @@ def arguments_of(form: Form, row: Capability, typed: Mapping[str, str]) -> dict[
     return found
 
 
-def _field(line: FieldLine, options: tuple[str, ...], *, is_geo: bool) -> Field:
+def _field(line: FieldLine, options: tuple[str, ...], *, is_geo: bool) -> FormField:
     name, place = line.name, "latitude, longitude, height" if is_geo else "x, y, height"
     label, unit = split_unit(name)
-    shape, hint = Shape.VALUE, line.bounds
+    shape, hint = FieldShape.VALUE, line.bounds
     local = _local(name)
     where = place.removesuffix(", height") if local in FLAT else place
     if local in LISTS:
-        shape, hint = Shape.POSITIONS, f"{where}; {where}; …"
+        shape, hint = FieldShape.POSITIONS, f"{where}; {where}; …"
     elif local in PAIRS:
-        shape, hint = Shape.POSITION, where
+        shape, hint = FieldShape.POSITION, where
     elif name == "heading":
         hint = f"along, hold, degrees, or {{look_at: [{place}]}}"
     choices = options or tuple(re.findall(r"'([^']*)'", line.type)) if name != "heading" else ()
     default = "" if line.default is None else str(line.default)
-    return Field(
+    return FormField(
         name=name,
         label=label.replace("_", " "),
-        unit=unit if shape is Shape.VALUE else "",
+        unit=unit if shape is FieldShape.VALUE else "",
         shape=shape,
         hint=" | ".join(choices) if choices else hint.replace(">= ", "≥ ").replace("<= ", "≤ "),
-        doc=_plain_doc(line.doc) if shape is Shape.VALUE and name != "heading" else "",
+        doc=_plain_doc(line.doc) if shape is FieldShape.VALUE and name != "heading" else "",
         default=default or (choices[0] if len(choices) == 1 else ""),
-        is_required=line.is_required or (shape is not Shape.VALUE and local != "at_m"),
+        is_required=line.is_required or (shape is not FieldShape.VALUE and local != "at_m"),
         choices=choices,
     )
 
 
-def _value(field: Field, text: str) -> Any:
+def _value(field: FormField, text: str) -> Any:
     """What was typed, read as in a mission file; positions need no brackets."""
     match field.shape:
-        case Shape.POSITION:
+        case FieldShape.POSITION:
             return _position(field, text)
-        case Shape.POSITIONS if not text.startswith("["):
+        case FieldShape.POSITIONS if not text.startswith("["):
             return [_position(field, part) for part in text.split(";") if part.strip()]
     try:
         return parse(f"value: {text}", field.name).value["value"]
@@ -164,7 +166,7 @@ def _value(field: Field, text: str) -> Any:
         raise FormError(field.name, error.findings[0].message) from None
 
 
-def _position(field: Field, text: str) -> list[float]:
+def _position(field: FormField, text: str) -> list[float]:
     parts = text.strip().strip("[]").replace(",", " ").split()
     wanted = 2 if _local(field.name) in FLAT else 3
     try:

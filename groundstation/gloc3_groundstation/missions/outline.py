@@ -6,8 +6,8 @@ from typing import Final
 import msgspec
 
 from gloc3.messages.summaries import MissionSummary
-from gloc3.mission.checking.checker import Report
-from gloc3.mission.checking.estimate import Estimate, Figures
+from gloc3.mission.checking.checker import CheckReport
+from gloc3.mission.checking.estimate import MissionEstimate, MissionFigures
 from gloc3.mission.model.model import Action, Mission, Task, digest_of
 from gloc3.mission.showing.show import answers, summary, terms
 from gloc3.platform.platform import Capability
@@ -16,7 +16,7 @@ COMMANDS: Final = "command-"
 """How the platform calls the tasks of single actions that were asked for."""
 
 
-class Step(msgspec.Struct, frozen=True, kw_only=True):
+class OutlineAction(msgspec.Struct, frozen=True, kw_only=True):
     """An action."""
 
     target: str
@@ -36,11 +36,11 @@ class Step(msgspec.Struct, frozen=True, kw_only=True):
     """By the estimate; None where there is none."""
 
 
-class Stage(msgspec.Struct, frozen=True, kw_only=True):
+class OutlineTask(msgspec.Struct, frozen=True, kw_only=True):
     """A task."""
 
     name: str
-    steps: tuple[Step, ...]
+    steps: tuple[OutlineAction, ...]
     after: tuple[str, ...] = ()
     """The tasks that come before it."""
     terms: tuple[str, ...] = ()
@@ -50,7 +50,7 @@ class Outline(msgspec.Struct, frozen=True, kw_only=True):
     """A mission."""
 
     title: str
-    stages: tuple[Stage, ...]
+    stages: tuple[OutlineTask, ...]
     digest: str = ""
     """Of its text."""
     platforms: tuple[str, ...] = ()
@@ -60,16 +60,16 @@ class Outline(msgspec.Struct, frozen=True, kw_only=True):
     duration_s: float | None = None
     length_m: float | None = None
     battery_share: float | None = None
-    least: Figures | None = None
+    least: MissionFigures | None = None
     """Where guards may leave something out, and loops end early: what it takes at least."""
     is_ordered: bool = True
     """False where only the names are known: the platform has told its states, and nobody its order yet."""
 
-    def stage(self, name: str) -> Stage | None:
+    def stage(self, name: str) -> OutlineTask | None:
         """A task by name."""
         return next((stage for stage in self.stages if stage.name == name), None)
 
-    def step(self, target: str) -> Step | None:
+    def step(self, target: str) -> OutlineAction | None:
         """An action by `TASK.ACTION`."""
         return next((step for stage in self.stages for step in stage.steps if step.target == target), None)
 
@@ -78,7 +78,7 @@ class Outline(msgspec.Struct, frozen=True, kw_only=True):
         return tuple(target for stage in self.stages for target in (stage.name, *(one.target for one in stage.steps)))
 
 
-def outline_of(report: Report, capabilities: Mapping[str, Capability]) -> Outline | None:
+def outline_of(report: CheckReport, capabilities: Mapping[str, Capability]) -> Outline | None:
     """The outline of a mission that was read, whatever is wrong with it; None where nothing of it can be drawn."""
     mission = report.mission
     if mission is None or not mission.tasks:
@@ -97,7 +97,7 @@ def outline_of(report: Report, capabilities: Mapping[str, Capability]) -> Outlin
     )
 
 
-def told_outline(mission: MissionSummary, known: Outline | None) -> Outline:
+def received_outline(mission: MissionSummary, known: Outline | None) -> Outline:
     """The outline of what a platform tells the states of.
 
     Args:
@@ -111,7 +111,7 @@ def told_outline(mission: MissionSummary, known: Outline | None) -> Outline:
     stages = known.stages if known is not None else ()
     listed = {stage.name for stage in stages}
     others = [
-        Stage(name=task, steps=tuple(Step(target=f"{task}.{action}", name=action) for action in actions))
+        OutlineTask(name=task, steps=tuple(OutlineAction(target=f"{task}.{action}", name=action) for action in actions))
         for task, actions in names.items()
         if task not in listed
     ]
@@ -123,8 +123,10 @@ def told_outline(mission: MissionSummary, known: Outline | None) -> Outline:
     return Outline(title=mission.name, stages=tuple(others), digest=mission.digest, is_ordered=is_ordered)
 
 
-def _stage(task: Task, mission: Mission, figures: Estimate | None, capabilities: Mapping[str, Capability]) -> Stage:
-    return Stage(
+def _stage(
+    task: Task, mission: Mission, figures: MissionEstimate | None, capabilities: Mapping[str, Capability]
+) -> OutlineTask:
+    return OutlineTask(
         name=task.name,
         after=tuple(name for name in task.options.after if name in mission.tasks),
         terms=tuple(terms(task.options)),
@@ -132,18 +134,20 @@ def _stage(task: Task, mission: Mission, figures: Estimate | None, capabilities:
     )
 
 
-def _step(task: Task, action: Action, figures: Estimate | None, capabilities: Mapping[str, Capability]) -> Step:
+def _step(
+    task: Task, action: Action, figures: MissionEstimate | None, capabilities: Mapping[str, Capability]
+) -> OutlineAction:
     target = f"{task.name}.{action.name}"
     claims = capabilities[action.ability].claims if action.ability in capabilities else ()
     part = figures.actions.get(target) if figures is not None else None
-    told = [*terms(action.options), *([f"claims {', '.join(claims)}"] if claims else [])]
-    return Step(
+    reported = [*terms(action.options), *([f"claims {', '.join(claims)}"] if claims else [])]
+    return OutlineAction(
         target=target,
         name=action.name,
         what=summary(action),
         after=tuple(name for name in action.options.after if name in task.actions),
         until=action.options.until or "",
-        terms=tuple(told),
+        terms=tuple(reported),
         capability=action.capability,
         claims=claims,
         duration_s=part.end_s - part.start_s if part is not None else None,

@@ -8,7 +8,7 @@ import msgspec
 
 from gloc3.documents.document import load_bytes
 from gloc3.errors import Finding, InputError, Refused
-from gloc3.mission.checking.checker import Circumstances, Report, check_text
+from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text
 from gloc3.mission.examples import example_missions, find_mission
 from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, mission_text
 from gloc3.platform.bases import platform_files
@@ -16,7 +16,7 @@ from gloc3.platform.platform import Platform
 from gloc3.platform.reader import find_platform, load_platform
 
 
-class Plan(msgspec.Struct, frozen=True, kw_only=True):
+class CheckedPlan(msgspec.Struct, frozen=True, kw_only=True):
     """A mission that was read and checked, ready to be streamed."""
 
     name: str
@@ -34,7 +34,7 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
     """Found against the platform's file; nothing where that is not installed here."""
 
 
-def read_plan(name: str, platform: str | None = None, components: Collection[str] = ()) -> Plan:
+def read_plan(name: str, platform: str | None = None, components: Collection[str] = ()) -> CheckedPlan:
     """Reads and checks a mission.
 
     Args:
@@ -59,7 +59,7 @@ def read_plan(name: str, platform: str | None = None, components: Collection[str
     return plan if known is not None else msgspec.structs.replace(plan, warnings=())
 
 
-def recheck(plan: Plan, platform: str, components: Collection[str] = ()) -> Plan:
+def recheck(plan: CheckedPlan, platform: str, components: Collection[str] = ()) -> CheckedPlan:
     """Checks a mission again for the platform that it goes to, if that one's file is installed here.
 
     A plan of another program is converted again, at the platform's speed.
@@ -107,10 +107,10 @@ def _has(platform: Platform, components: Collection[str]) -> bool:
     return {row.name for row in platform.components} == set(components)
 
 
-def _plan(report: Report, left_out: Iterable[Finding] = ()) -> Plan:
+def _plan(report: CheckReport, left_out: Iterable[Finding] = ()) -> CheckedPlan:
     mission = report.flyable()
     warnings = [msgspec.structs.replace(finding, is_warning=False) for finding in (*left_out, *report.findings)]
-    return Plan(
+    return CheckedPlan(
         name=Path(report.file).name,
         title=mission.name,
         text=mission.text,

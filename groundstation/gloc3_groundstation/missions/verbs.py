@@ -4,15 +4,15 @@ from typing import Final
 
 from gloc3.messages.command_interface import Verb
 from gloc3.messages.summaries import MissionSummary
-from gloc3.mission.model.states import ENDED, ActionState, Trigger, allowed
+from gloc3.mission.model.states import ENDED, ActionState, StateTrigger, allowed
 from gloc3_groundstation.missions.outline import COMMANDS
 
 COMMANDED: Final = {
-    Trigger.PAUSE: Verb.PAUSE,
-    Trigger.RESUME: Verb.RESUME,
-    Trigger.SKIP: Verb.SKIP,
-    Trigger.ABORT: Verb.ABORT,
-    Trigger.RETRY: Verb.RETRY,
+    StateTrigger.PAUSE: Verb.PAUSE,
+    StateTrigger.RESUME: Verb.RESUME,
+    StateTrigger.SKIP: Verb.SKIP,
+    StateTrigger.ABORT: Verb.ABORT,
+    StateTrigger.RETRY: Verb.RETRY,
 }
 """Start is not among them: an item starts when its turn comes, and the mission is started by the desk."""
 

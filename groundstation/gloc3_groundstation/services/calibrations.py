@@ -12,10 +12,10 @@ from gloc3.errors import Refused
 from gloc3.mavlink.services.calibration import Calibration, CalibrationKind, CalibrationState
 from gloc3.mavlink.services.calibration_ardupilot import ArduPilotCalibration
 from gloc3.mavlink.services.calibration_px4 import Px4Calibration
-from gloc3_groundstation.services.facts import FactsService, Firmware
+from gloc3_groundstation.services.facts import Firmware, SnapshotService
 from gloc3_groundstation.services.machines import Machines, Wire
 
-LAST_WORDS_S: Final = 2.0
+LAST_LINES_S: Final = 2.0
 """How long a cancelled calibration may take to tell the vehicle."""
 
 OnState = Callable[[CalibrationState], None]
@@ -24,10 +24,10 @@ OnState = Callable[[CalibrationState], None]
 class CalibrationService:
     """See the module. One calibration of a vehicle runs at a time."""
 
-    def __init__(self, wire: Wire, machines: Machines, facts: FactsService) -> None:
+    def __init__(self, wire: Wire, machines: Machines, snapshot: SnapshotService) -> None:
         self._wire = wire
         self._machines = machines
-        self._facts = facts
+        self._snapshot = snapshot
         self._running: Calibration | None = None
         self._own: Machines | None = None
 
@@ -51,14 +51,14 @@ class CalibrationService:
         """
         if self._running is not None:
             raise Refused(f"the {self._running.state.kind} is being calibrated")
-        facts = await self._facts.learn(self._machines)
-        if facts.is_armed:
+        snapshot = await self._snapshot.learn(self._machines)
+        if snapshot.is_armed:
             raise Refused("the vehicle is armed; sensors are calibrated on the ground, disarmed")
-        machine = {Firmware.PX4: Px4Calibration, Firmware.ARDUPILOT: ArduPilotCalibration}.get(facts.firmware)
+        machine = {Firmware.PX4: Px4Calibration, Firmware.ARDUPILOT: ArduPilotCalibration}.get(snapshot.firmware)
         if machine is None:
             raise Refused("how to calibrate a vehicle of this firmware is not known")
-        running = self._running = machine(self._wire.own, facts.address, kind)
-        own = self._own = Machines(self._wire, facts.address.system, [running])
+        running = self._running = machine(self._wire.own, snapshot.address, kind)
+        own = self._own = Machines(self._wire, snapshot.address.system, [running])
         if on_state is not None:
             own.on_event(on_state)
         try:
@@ -68,7 +68,7 @@ class CalibrationService:
             if not running.state.is_over:
                 running.cancel(own.now_s)
                 own.settle()
-            own.loop.call_later(LAST_WORDS_S, own.close)
+            own.loop.call_later(LAST_LINES_S, own.close)
             self._running = self._own = None
         return running.state
 

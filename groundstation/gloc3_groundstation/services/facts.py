@@ -8,18 +8,18 @@ import msgspec
 
 from gloc3.errors import Refused
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.service import Service
+from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.command import CommandResult
-from gloc3.mavlink.services.command_client import CommandCall, CommandClient
+from gloc3.mavlink.services.command_client import CommandCall, MavCommandClient
 from gloc3.mavlink.services.heartbeat import ARMED
 from gloc3.mavlink.services.interval import REQUEST_MESSAGE
 from gloc3.mavlink.services.parameter import ParameterEncoding
-from gloc3.mavlink.services.version import AUTOPILOT_VERSION, Capability, Version, read_version
+from gloc3.mavlink.services.version import AUTOPILOT_VERSION, ProtocolCapability, Version, read_version
 from gloc3_groundstation.services.machines import Machines
 
 LEARN_S: Final = 5.0
 """How long a vehicle may take to tell its version; without it the heartbeat has to do."""
-ASK_AGAIN_S: Final = 60.0
+RETRY_S: Final = 60.0
 """A vehicle that has not told its version is left in peace for so long."""
 
 
@@ -35,7 +35,7 @@ FIRMWARES: Final = {3: Firmware.ARDUPILOT, 12: Firmware.PX4}
 """By MAV_AUTOPILOT."""
 
 
-class VehicleFacts(msgspec.Struct, frozen=True, kw_only=True):
+class ServicesSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """A vehicle as it was last heard."""
 
     address: Address
@@ -43,7 +43,7 @@ class VehicleFacts(msgspec.Struct, frozen=True, kw_only=True):
     vehicle_type: int = 0
     """MAV_TYPE."""
     is_armed: bool = False
-    heard_s: float | None = None
+    received_s: float | None = None
     """When its last heartbeat came, on the station's clock; None before the first."""
     version: Version | None = None
     """None until it was asked for and has come."""
@@ -57,55 +57,57 @@ class VehicleFacts(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def encoding(self) -> ParameterEncoding:
         """How it puts integers into parameters: as it says, or else as its firmware does."""
-        capabilities = Capability(0) if self.version is None else self.version.capabilities
-        if Capability.PARAM_ENCODE_BYTEWISE in capabilities:
+        capabilities = ProtocolCapability(0) if self.version is None else self.version.capabilities
+        if ProtocolCapability.PARAM_ENCODE_BYTEWISE in capabilities:
             return ParameterEncoding.BYTEWISE
-        if Capability.PARAM_ENCODE_C_CAST in capabilities:
+        if ProtocolCapability.PARAM_ENCODE_C_CAST in capabilities:
             return ParameterEncoding.CAST
         return ParameterEncoding.BYTEWISE if self.firmware is Firmware.PX4 else ParameterEncoding.CAST
 
 
-class FactsService(Service[Never]):
+class SnapshotService(Microservice[Never]):
     """Keeps a vehicle's facts up to date."""
 
     handles = frozenset({"HEARTBEAT", "AUTOPILOT_VERSION"})
 
-    def __init__(self, own: Address, target: Address, commands: CommandClient) -> None:
+    def __init__(self, own: Address, target: Address, commands: MavCommandClient) -> None:
         super().__init__(own)
-        self.facts = VehicleFacts(address=target)
+        self.snapshot = ServicesSnapshot(address=target)
         self._commands = commands
-        self._ask_again_s = 0.0
+        self._retry_s = 0.0
 
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
         """Takes in what the autopilot says of itself."""
-        if sender != self.facts.address:
+        if sender != self.snapshot.address:
             return
         if message.name == "HEARTBEAT":
-            self.facts = msgspec.structs.replace(
-                self.facts,
+            self.snapshot = msgspec.structs.replace(
+                self.snapshot,
                 firmware=FIRMWARES.get(message.autopilot, Firmware.OTHER),
                 vehicle_type=message.type,
                 is_armed=bool(message.base_mode & ARMED),
-                heard_s=now_s,
+                received_s=now_s,
             )
         else:
-            self.facts = msgspec.structs.replace(self.facts, version=read_version(message))
+            self.snapshot = msgspec.structs.replace(self.snapshot, version=read_version(message))
 
-    async def learn(self, machines: Machines) -> VehicleFacts:
+    async def learn(self, machines: Machines) -> ServicesSnapshot:
         """Waits for a heartbeat and the version, but not for long, nor often; what stays away stays unknown."""
-        if self.facts.heard_s is not None and (self.facts.version is not None or machines.now_s < self._ask_again_s):
-            return self.facts
+        if self.snapshot.received_s is not None and (
+            self.snapshot.version is not None or machines.now_s < self._retry_s
+        ):
+            return self.snapshot
         call: CommandCall | None = None
         with suppress(Refused):  # somebody else is asking just now
-            target = self.facts.address
+            target = self.snapshot.address
             call = self._commands.send_long(target, REQUEST_MESSAGE, (AUTOPILOT_VERSION,), now_s=machines.now_s)
         ends_s = machines.now_s + LEARN_S
         timer = machines.loop.call_at(ends_s, machines.settle)
 
         def is_over() -> bool:
             is_refused = call is not None and call.result not in (None, CommandResult.ACCEPTED)
-            knows = self.facts.heard_s is not None and (self.facts.version is not None or is_refused)
-            return knows or machines.now_s >= ends_s
+            is_complete = self.snapshot.received_s is not None and (self.snapshot.version is not None or is_refused)
+            return is_complete or machines.now_s >= ends_s
 
         try:
             await machines.until(is_over)
@@ -113,5 +115,5 @@ class FactsService(Service[Never]):
             timer.cancel()
             if call is not None:
                 self._commands.abandon(call)
-        self._ask_again_s = machines.now_s + ASK_AGAIN_S
-        return self.facts
+        self._retry_s = machines.now_s + RETRY_S
+        return self.snapshot

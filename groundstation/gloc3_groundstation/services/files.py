@@ -12,7 +12,7 @@ import msgspec
 
 from gloc3.errors import Refused
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.services.ftp import Entry, FtpError, checksum
+from gloc3.mavlink.services.ftp import FolderEntry, FtpError, checksum
 from gloc3.mavlink.services.ftp_client import FtpCall, FtpClient
 from gloc3_groundstation.services.machines import Machines
 from gloc3_groundstation.services.progress import OnProgress, Quietly
@@ -25,7 +25,7 @@ class Folder(msgspec.Struct, frozen=True, kw_only=True):
     """What a folder on the vehicle holds."""
 
     path: str
-    entries: tuple[Entry, ...]
+    entries: tuple[FolderEntry, ...]
     """Folders first, then by name."""
 
     @property
@@ -33,7 +33,7 @@ class Folder(msgspec.Struct, frozen=True, kw_only=True):
         """The folder above; the top is its own."""
         return str(PurePosixPath(self.path).parent)
 
-    def path_of(self, entry: Entry) -> str:
+    def path_of(self, entry: FolderEntry) -> str:
         """The whole path of one of the entries."""
         return str(PurePosixPath(self.path) / entry.name)
 
@@ -69,13 +69,13 @@ class FileService:
         Raises:
             Refused: there is none, or no answer; with the reason.
         """
-        path, tell = _absolute(path), Quietly(on_progress)
+        path, report = _absolute(path), Quietly(on_progress)
         call = self._client.read(self._target, path, now_s=self._machines.now_s)
 
-        def look() -> None:
-            tell(f"downloading {path}", call.progress, _size(len(call.data)))
+        def poll() -> None:
+            report(f"downloading {path}", call.progress, _size(len(call.data)))
 
-        await self._finish(call, f"{path} cannot be downloaded", look)
+        await self._finish(call, f"{path} cannot be downloaded", poll)
         return bytes(call.data)
 
     async def download(self, path: str, to: Path, on_progress: OnProgress | None = None) -> Path:
@@ -92,19 +92,19 @@ class FileService:
         Raises:
             Refused: it cannot be had, or not be written; with the reason. What has come is kept.
         """
-        path, tell = _absolute(path), Quietly(on_progress)
+        path, report = _absolute(path), Quietly(on_progress)
         part = PartFile(to / PurePosixPath(path).name if to.is_dir() else to)
         call = self._client.read(self._target, path, now_s=self._machines.now_s, sink=part)
 
-        def look() -> None:
-            tell(f"downloading {path}", call.progress, _size(call.received))
+        def poll() -> None:
+            report(f"downloading {path}", call.progress, _size(call.received))
 
         try:
-            await self._finish(call, f"{path} cannot be downloaded", look, lambda: part.problem)
+            await self._finish(call, f"{path} cannot be downloaded", poll, lambda: part.problem)
         finally:
             part.close()
         if part.begun:
-            tell(f"comparing {path} with the vehicle's")
+            report(f"comparing {path} with the vehicle's")
             await self._compare(path, part)
         part.finish()
         return part.path
@@ -134,12 +134,12 @@ class FileService:
             data = file.read_bytes()
         except OSError as error:
             raise Refused(f"{file} cannot be read: {error.strerror or error}") from error
-        path, tell = _absolute(str(PurePosixPath(folder) / file.name)), Quietly(on_progress)
+        path, report = _absolute(str(PurePosixPath(folder) / file.name)), Quietly(on_progress)
         call = self._client.write(self._target, path, data, now_s=self._machines.now_s)
         await self._finish(
             call,
             f"{path} cannot be written",
-            lambda: tell(f"uploading {file.name}", call.progress, _size(len(data))),
+            lambda: report(f"uploading {file.name}", call.progress, _size(len(data))),
         )
         return path
 
@@ -198,12 +198,12 @@ class FileService:
     async def _finish(
         self,
         call: FtpCall,
-        lament: str,
-        look: Callable[[], None] | None = None,
+        on_error: str,
+        poll: Callable[[], None] | None = None,
         problem: Callable[[], Refused | None] = lambda: None,
     ) -> None:
         try:
-            await self._machines.until(lambda: call.result is not None or problem() is not None, look)
+            await self._machines.until(lambda: call.result is not None or problem() is not None, poll)
         finally:
             if call.result is None:
                 self._client.cancel(call, self._machines.now_s)
@@ -212,7 +212,7 @@ class FileService:
         if found is not None:
             raise found
         if call.result is not FtpError.NONE:
-            raise Refused(f"{lament}: {call.result.words if call.result is not None else 'cancelled'}")
+            raise Refused(f"{on_error}: {call.result.words if call.result is not None else 'cancelled'}")
 
 
 def _checksum(part: PartFile) -> int:

@@ -41,7 +41,7 @@ class HelperCall:
         finally:
             self._timer.cancel()
 
-    def heard(self, *, is_transfer: bool) -> None:
+    def received(self, *, is_transfer: bool) -> None:
         """Something came from the vehicle."""
         if is_transfer and not self._ended.done():
             self._timer.cancel()

@@ -11,7 +11,7 @@ LENGTH_BYTES: Final = 4
 LARGEST_BYTES: Final = 32_000_000
 
 
-class Heard(msgspec.Struct, frozen=True, tag=True):
+class LinkReceived(msgspec.Struct, frozen=True, tag=True):
     """To the helper: frames of the vehicle."""
 
     data: bytes
@@ -32,7 +32,7 @@ class DownloadPlan(msgspec.Struct, frozen=True, tag=True):
     kind: int
 
 
-class Said(msgspec.Struct, frozen=True, tag=True):
+class LinkSent(msgspec.Struct, frozen=True, tag=True):
     """From the helper: frames that MAVSDK sends."""
 
     data: bytes
@@ -63,8 +63,8 @@ class Failed(msgspec.Struct, frozen=True, tag=True):
     reason: str
 
 
-ToHelper: TypeAlias = Heard | UploadPlan | DownloadPlan
-FromHelper: TypeAlias = Said | Ready | Advanced | Done | Failed
+ToHelper: TypeAlias = LinkReceived | UploadPlan | DownloadPlan
+FromHelper: TypeAlias = LinkSent | Ready | Advanced | Done | Failed
 
 _encode = msgspec.msgpack.Encoder().encode
 to_helper: Final = msgspec.msgpack.Decoder(ToHelper)

@@ -15,7 +15,7 @@ from gloc3.errors import Refused
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.log_client import LogClient, LogDownload, LogList, LogResult
 from gloc3.mavlink.services.log_server import LogEntry
-from gloc3_groundstation.services.facts import FactsService, Firmware
+from gloc3_groundstation.services.facts import Firmware, SnapshotService
 from gloc3_groundstation.services.machines import Machines
 from gloc3_groundstation.services.progress import OnProgress, Quietly
 from gloc3_groundstation.services.saving import Saving
@@ -41,11 +41,11 @@ class LogLine(msgspec.Struct, frozen=True, kw_only=True):
 class LogService:
     """See the module. One request runs at a time."""
 
-    def __init__(self, machines: Machines, client: LogClient, target: Address, facts: FactsService) -> None:
+    def __init__(self, machines: Machines, client: LogClient, target: Address, snapshot: SnapshotService) -> None:
         self._machines = machines
         self._client = client
         self._target = target
-        self._facts = facts
+        self._snapshot = snapshot
 
     async def list(self, on_progress: OnProgress | None = None) -> tuple[LogLine, ...]:
         """Lists the logs, the newest first.
@@ -53,14 +53,14 @@ class LogService:
         Raises:
             Refused: no answer, or another request is under way.
         """
-        tell = Quietly(on_progress)
+        report = Quietly(on_progress)
         listing = self._client.list(self._target, now_s=self._machines.now_s)
         await self._finish(
             listing,
             "the logs were not listed",
-            lambda: tell("listing the logs", None, f"{len(listing.entries)} so far"),
+            lambda: report("listing the logs", None, f"{len(listing.entries)} so far"),
         )
-        suffix = SUFFIXES.get(self._facts.facts.firmware, ".log")
+        suffix = SUFFIXES.get(self._snapshot.snapshot.firmware, ".log")
         entries = sorted(listing.entries.values(), key=lambda entry: entry.number, reverse=True)
         return tuple(LogLine(entry=entry, file_name=_file_name(entry, suffix)) for entry in entries)
 
@@ -73,16 +73,16 @@ class LogService:
         Raises:
             Refused: no answer, the log is too large, or the file cannot be written; what has come is kept.
         """
-        entry, tell = line.entry, Quietly(on_progress)
+        entry, report = line.entry, Quietly(on_progress)
         saving = Saving(folder / line.file_name, f"{entry.number}-{entry.size}-{entry.utc_s}")
         download = self._client.read(self._target, entry, now_s=self._machines.now_s, begun=saving.begun())
         kept_s = self._machines.now_s
         problem: list[Refused] = []
 
-        def look() -> None:
+        def poll() -> None:
             nonlocal kept_s
             fraction = download.progress
-            tell(
+            report(
                 f"downloading log {entry.number}",
                 fraction,
                 f"{fraction * entry.size / 1e6:.2f} of {entry.size / 1e6:.2f} MB",
@@ -90,7 +90,7 @@ class LogService:
             if self._machines.now_s >= kept_s + KEEP_EVERY_S and download.result is None and not problem:
                 kept_s = self._machines.now_s
                 try:
-                    saving.keep(download.data, download.whole_bytes)
+                    saving.add(download.data, download.whole_bytes)
                 except Refused as error:  # as a full disk
                     problem.append(error)
 
@@ -99,13 +99,13 @@ class LogService:
             await self._finish(
                 download,
                 f"log {entry.number} was not downloaded",
-                look,
+                poll,
                 lambda: download.result is not None or bool(problem),
             )
             is_over = True
         finally:
             if not is_over and not problem:
-                saving.keep(download.data, download.whole_bytes)
+                saving.add(download.data, download.whole_bytes)
         if problem:
             raise problem[0]
         saving.finish(download.data)
@@ -119,18 +119,18 @@ class LogService:
     async def _finish(
         self,
         request: LogList | LogDownload,
-        lament: str,
-        look: Callable[[], None],
+        on_error: str,
+        poll: Callable[[], None],
         is_over: Callable[[], bool] | None = None,
     ) -> None:
         try:
-            await self._machines.until(is_over or (lambda: request.result is not None), look)
+            await self._machines.until(is_over or (lambda: request.result is not None), poll)
         finally:
             if request.result is None:
                 self._client.cancel()
                 self._machines.settle()
         if request.result is not LogResult.DONE and request.result is not LogResult.CANCELLED:
-            raise Refused(f"{lament}: {request.result}")
+            raise Refused(f"{on_error}: {request.result}")
 
 
 def _file_name(entry: LogEntry, suffix: str) -> str:

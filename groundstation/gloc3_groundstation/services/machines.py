@@ -7,9 +7,9 @@ from typing import Any, Final, Protocol
 from gloc3.errors import Refused
 from gloc3.exchange.base import Unsubscribe
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.node import Node
+from gloc3.mavlink.node import MavlinkComponent
 from gloc3.mavlink.parser import Frame
-from gloc3.mavlink.service import Service
+from gloc3.mavlink.service import Microservice
 
 
 class Wire(Protocol):
@@ -32,10 +32,10 @@ class Wire(Protocol):
 class _Waiter:
     """A coroutine that waits for something."""
 
-    __slots__ = ("ended", "is_over", "look")
+    __slots__ = ("ended", "is_over", "poll")
 
-    def __init__(self, is_over: Callable[[], bool], look: Callable[[], None] | None, ended: asyncio.Future[None]):
-        self.is_over, self.look, self.ended = is_over, look, ended
+    def __init__(self, is_over: Callable[[], bool], poll: Callable[[], None] | None, ended: asyncio.Future[None]):
+        self.is_over, self.poll, self.ended = is_over, poll, ended
 
 
 class Machines:
@@ -52,21 +52,21 @@ class Machines:
         self,
         wire: Wire,
         system: int,
-        services: Iterable[Service[Any]],
+        services: Iterable[Microservice[Any]],
         *,
-        heard: Callable[[Frame, float], None] | None = None,
+        received: Callable[[Frame, float], None] | None = None,
     ) -> None:
         self.loop: Final = asyncio.get_running_loop()
         self._wire = wire
         self._system = system
         self._services = list(services)
-        self._node = Node(wire.own, self._services)
-        self._heard = heard
+        self._node = MavlinkComponent(wire.own, self._services)
+        self._received = received
         self._waiters: list[_Waiter] = []
-        self._happened: list[Callable[[Any], None]] = []
+        self._on_event: list[Callable[[Any], None]] = []
         self._timer: asyncio.TimerHandle | None = None
         self._is_open = True
-        self._unlisten = wire.listen(self._take)
+        self._unlisten = wire.listen(self._receive_frame)
         self.settle()
 
     @property
@@ -76,21 +76,21 @@ class Machines:
 
     def on_event(self, listener: Callable[[Any], None]) -> None:
         """Is told every event of the services."""
-        self._happened.append(listener)
+        self._on_event.append(listener)
 
-    async def until(self, is_over: Callable[[], bool], look: Callable[[], None] | None = None) -> None:
+    async def until(self, is_over: Callable[[], bool], poll: Callable[[], None] | None = None) -> None:
         """Waits until something is so; to be called right after a service was asked for something.
 
         Args:
             is_over: what is waited for.
-            look: called each time something may have changed, as to tell the progress.
+            poll: called each time something may have changed, as to tell the progress.
 
         Raises:
             Refused: the services are closed meanwhile.
         """
         if not self._is_open:
             raise Refused("the services of this vehicle are closed")
-        waiter = _Waiter(is_over, look, self.loop.create_future())
+        waiter = _Waiter(is_over, poll, self.loop.create_future())
         self._waiters.append(waiter)
         try:
             self.settle()
@@ -106,13 +106,13 @@ class Machines:
             return
         for service in self._services:
             for event in service.events():
-                for listener in self._happened:
+                for listener in self._on_event:
                     listener(event)
         for message in self._node.outgoing():
             self._wire.send(message)
         for waiter in tuple(self._waiters):
-            if waiter.look is not None:
-                waiter.look()
+            if waiter.poll is not None:
+                waiter.poll()
             if waiter.is_over() and not waiter.ended.done():
                 waiter.ended.set_result(None)
         if self._timer is not None:
@@ -134,14 +134,14 @@ class Machines:
             if not waiter.ended.done():
                 waiter.ended.set_exception(Refused("the services of this vehicle are closed"))
 
-    def _take(self, frame: Frame) -> None:
+    def _receive_frame(self, frame: Frame) -> None:
         if frame.system != self._system:
             return
         now_s = self.now_s
-        is_taken = self._node.receive(frame, now_s)
-        if self._heard is not None:
-            self._heard(frame, now_s)
-        if is_taken:
+        is_accepted = self._node.receive(frame, now_s)
+        if self._received is not None:
+            self._received(frame, now_s)
+        if is_accepted:
             self.settle()
 
     def _tick(self) -> None:

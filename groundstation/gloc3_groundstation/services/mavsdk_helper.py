@@ -23,9 +23,9 @@ from gloc3_groundstation.services.helper_messages import (
     DownloadPlan,
     Failed,
     FromHelper,
-    Heard,
+    LinkReceived,
+    LinkSent,
     Ready,
-    Said,
     ToHelper,
     UploadPlan,
     length_of,
@@ -75,18 +75,18 @@ class Helper:
         """Does what is asked for until nobody asks any more."""
         loop = asyncio.get_running_loop()
         self._native.subscribe_raw_bytes_to_be_sent(
-            lambda data: loop.call_soon_threadsafe(self._say, Said(bytes(data)))
+            lambda data: loop.call_soon_threadsafe(self._send, LinkSent(bytes(data)))
         )
         await self._mavsdk.add_any_connection("raw://")
-        self._say(Ready())
+        self._send(Ready())
         with suppress(asyncio.IncompleteReadError):
             while True:
                 head = await reader.readexactly(LENGTH_BYTES)
-                self._take(to_helper.decode(await reader.readexactly(length_of(head))))
+                self._handle(to_helper.decode(await reader.readexactly(length_of(head))))
 
-    def _take(self, message: ToHelper) -> None:
+    def _handle(self, message: ToHelper) -> None:
         match message:
-            case Heard(data=data):
+            case LinkReceived(data=data):
                 self._native.pass_received_raw_bytes(data)
             case UploadPlan() | DownloadPlan():
                 task = asyncio.ensure_future(self._answer(message))
@@ -100,14 +100,14 @@ class Helper:
             plugin = await self._mission()
             if isinstance(request, UploadPlan):
                 await self._upload(plugin, request)
-                self._say(Done(request.number))
+                self._send(Done(request.number))
             else:
-                self._say(Done(request.number, await self._download(plugin, request.kind)))
+                self._send(Done(request.number, await self._download(plugin, request.kind)))
         except MissionRawError as error:
             name = error.result.name
-            self._say(Failed(request.number, _WORDS.get(name, name.lower().replace("_", " "))))
+            self._send(Failed(request.number, _WORDS.get(name, name.lower().replace("_", " "))))
         except HelperError as error:
-            self._say(Failed(request.number, str(error)))
+            self._send(Failed(request.number, str(error)))
 
     async def _mission(self) -> Any:
         from mavsdk.asyncio.plugins.mission_raw import MissionRawAsync
@@ -131,7 +131,7 @@ class Helper:
             case _:
                 async for _, data in plugin.upload_mission_with_progress(MissionPlan(items)):
                     if data.progress == data.progress:
-                        self._say(Advanced(request.number, float(data.progress)))
+                        self._send(Advanced(request.number, float(data.progress)))
 
     @staticmethod
     async def _download(plugin: Any, kind: int) -> tuple[PlanItem, ...]:
@@ -144,7 +144,7 @@ class Helper:
                 items = await plugin.download_mission()
         return tuple(_from_mavsdk(item) for item in items)
 
-    def _say(self, message: FromHelper) -> None:
+    def _send(self, message: FromHelper) -> None:
         data = memoryview(packed(message))
         while data:
             data = data[os.write(self._output, data) :]

@@ -56,7 +56,7 @@ class FileParameter(msgspec.Struct, frozen=True, kw_only=True):
         return _single(self.value) == _single(value) or (self.is_rounded and abs(self.value - value) <= _FIXED_STEP)
 
 
-class ParameterFile(msgspec.Struct, frozen=True, kw_only=True):
+class SavedParameters(msgspec.Struct, frozen=True, kw_only=True):
     """A file that was read."""
 
     file: str
@@ -64,7 +64,7 @@ class ParameterFile(msgspec.Struct, frozen=True, kw_only=True):
     warnings: tuple[Finding, ...] = ()
 
 
-def load_parameter_file(path: Path) -> ParameterFile:
+def load_parameter_file(path: Path) -> SavedParameters:
     """Reads a file of parameters.
 
     Raises:
@@ -73,7 +73,7 @@ def load_parameter_file(path: Path) -> ParameterFile:
     return read_parameter_file(load_bytes(path, MAX_BYTES), str(path))
 
 
-def read_parameter_file(data: bytes, file: str) -> ParameterFile:
+def read_parameter_file(data: bytes, file: str) -> SavedParameters:
     """Reads a file of parameters in any of the formats.
 
     Raises:
@@ -88,14 +88,14 @@ def read_parameter_file(data: bytes, file: str) -> ParameterFile:
         raise InputError([Finding(file=file, message="not UTF-8 text", hint=hint)]) from error
     reader = _Reader(file)
     for number, line in enumerate(lines, start=1):
-        reader.take(number, line)
+        reader.read_line(number, line)
         if len(reader.findings) >= MOST_FINDINGS:
             break
     if not reader.found and not reader.findings:
         reader.findings.append(Finding(file=file, message="there are no parameters in it"))
     if reader.findings:
         raise InputError(sorted(reader.findings))
-    return ParameterFile(file=file, parameters=tuple(reader.found.values()), warnings=tuple(reader.warnings))
+    return SavedParameters(file=file, parameters=tuple(reader.found.values()), warnings=tuple(reader.warnings))
 
 
 def write_parameter_file(
@@ -145,7 +145,7 @@ class _Reader:
         self.warnings: list[Finding] = []
         self._file = file
 
-    def take(self, number: int, line: str) -> None:
+    def read_line(self, number: int, line: str) -> None:
         content = line.partition("#")[0]
         words = [(match[0], match.start() + 1) for match in _WORD.finditer(content)]
         if not words:

@@ -9,7 +9,7 @@ import msgspec
 
 from gloc3.errors import Finding, Refused, nearest
 from gloc3.mavlink.services.parameter import Parameter, ParameterType, parameter
-from gloc3_groundstation.services.parameter_files import FileParameter, ParameterFile, spell
+from gloc3_groundstation.services.parameter_files import FileParameter, SavedParameters, spell
 from gloc3_groundstation.services.parameter_info import Infos, ParameterInfo, info_of
 
 _NOTHING: Final = ParameterInfo()
@@ -91,7 +91,7 @@ class DiffRow(msgspec.Struct, frozen=True, kw_only=True):
     """Why it is not allowed."""
 
 
-class Change(msgspec.Struct, frozen=True):
+class ParameterChange(msgspec.Struct, frozen=True):
     """A value that shall be written."""
 
     name: str
@@ -109,10 +109,10 @@ class ParameterDiff(msgspec.Struct, frozen=True, kw_only=True):
         """The rows of some kinds."""
         return tuple(row for row in self.rows if row.kind in kinds)
 
-    def changes(self, left_out: frozenset[str] = frozenset()) -> tuple[Change, ...]:
+    def changes(self, left_out: frozenset[str] = frozenset()) -> tuple[ParameterChange, ...]:
         """What has to be written, but for the names that shall stay as they are."""
         return tuple(
-            Change(row.name, row.file)
+            ParameterChange(row.name, row.file)
             for row in self.of(DiffKind.DIFFERENT)
             if row.name not in left_out and row.file is not None
         )
@@ -207,7 +207,7 @@ class ParameterTable(msgspec.Struct, frozen=True, kw_only=True):
             hint = f"; {nearest(text, names)}" if names else ""
             raise Refused(f"{text!r} is no value for {name}{hint}") from None
 
-    def compare(self, file: ParameterFile) -> ParameterDiff:
+    def compare(self, file: SavedParameters) -> ParameterDiff:
         """What a file would change on the vehicle; rows are in the order of the file, then of the names."""
         rows = [self._compare(one) for one in file.parameters]
         named = {one.name for one in file.parameters}
@@ -219,22 +219,24 @@ class ParameterTable(msgspec.Struct, frozen=True, kw_only=True):
         return ParameterDiff(file=file.file, rows=tuple(rows), warnings=file.warnings)
 
     @classmethod
-    def of(cls, told: Mapping[str, Parameter], infos: Infos, *, is_complete: bool) -> "ParameterTable":
+    def of(cls, reported: Mapping[str, Parameter], infos: Infos, *, is_complete: bool) -> "ParameterTable":
         """The table of a list that was just fetched."""
         rows = {
-            name: ParameterRow(parameter=told[name], first=told[name].value, info=info_of(infos, name) or _NOTHING)
-            for name in sorted(told)
+            name: ParameterRow(
+                parameter=reported[name], first=reported[name].value, info=info_of(infos, name) or _NOTHING
+            )
+            for name in sorted(reported)
         }
         return ParameterTable(rows=rows, is_complete=is_complete)
 
-    def with_value(self, told: Parameter) -> "ParameterTable":
+    def with_value(self, reported: Parameter) -> "ParameterTable":
         """The table after one parameter was told anew."""
-        row = self.rows.get(told.name)
+        row = self.rows.get(reported.name)
         if row is None:
-            rows = {**self.rows, told.name: ParameterRow(parameter=told, first=told.value)}
+            rows = {**self.rows, reported.name: ParameterRow(parameter=reported, first=reported.value)}
             return ParameterTable(rows=dict(sorted(rows.items())), is_complete=self.is_complete)
         return msgspec.structs.replace(
-            self, rows={**self.rows, told.name: msgspec.structs.replace(row, parameter=told)}
+            self, rows={**self.rows, reported.name: msgspec.structs.replace(row, parameter=reported)}
         )
 
     def with_infos(self, infos: Infos) -> "ParameterTable":

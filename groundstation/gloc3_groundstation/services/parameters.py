@@ -15,12 +15,12 @@ from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange.base import Unsubscribe
 from gloc3.mavlink.services.parameter import Parameter
 from gloc3.mavlink.services.parameter_client import ParameterCall, ParameterClient, ParameterResult
-from gloc3_groundstation.services.facts import FactsService
+from gloc3_groundstation.services.facts import SnapshotService
 from gloc3_groundstation.services.files import FileService
 from gloc3_groundstation.services.machines import Machines
 from gloc3_groundstation.services.parameter_files import ParameterFormat, load_parameter_file, write_parameter_file
 from gloc3_groundstation.services.parameter_info import Infos, load_infos, read_infos
-from gloc3_groundstation.services.parameter_table import Change, ParameterDiff, ParameterRow, ParameterTable
+from gloc3_groundstation.services.parameter_table import ParameterChange, ParameterDiff, ParameterRow, ParameterTable
 from gloc3_groundstation.services.progress import OnProgress, Quietly
 
 INFO_PATHS: Final = ("/etc/extras/parameters.json.xz",)
@@ -32,7 +32,7 @@ MOST_SILENT: Final = 2
 class WriteReport(msgspec.Struct, frozen=True, kw_only=True):
     """What became of several changes."""
 
-    written: tuple[Change, ...] = ()
+    written: tuple[ParameterChange, ...] = ()
     """Set, and read back as they were set."""
     refused: Mapping[str, str] = {}
     """Name to reason."""
@@ -43,15 +43,17 @@ class WriteReport(msgspec.Struct, frozen=True, kw_only=True):
 class ParameterService:
     """See the module. `table` is what is known now; it is exchanged for another one at each change."""
 
-    def __init__(self, machines: Machines, client: ParameterClient, facts: FactsService, files: FileService) -> None:
+    def __init__(
+        self, machines: Machines, client: ParameterClient, snapshot: SnapshotService, files: FileService
+    ) -> None:
         self.table = ParameterTable()
         self._machines = machines
         self._client = client
-        self._facts = facts
+        self._snapshot = snapshot
         self._files = files
         self._infos: Infos = {}
         self._listeners: list[Callable[[ParameterTable], None]] = []
-        machines.on_event(self._happened)
+        machines.on_event(self._on_event)
 
     def listen(self, listener: Callable[[ParameterTable], None]) -> Unsubscribe:
         """Is told each new table, also when another station has set something."""
@@ -64,18 +66,18 @@ class ParameterService:
         Raises:
             Refused: the vehicle does not answer, too much is lost, or it is being fetched already.
         """
-        tell = Quietly(on_progress)
-        tell("listing the parameters")
-        self._client.encoding = (await self._facts.learn(self._machines)).encoding
-        fetch = self._client.fetch(self._facts.facts.address, now_s=self._machines.now_s)
+        report = Quietly(on_progress)
+        report("listing the parameters")
+        self._client.encoding = (await self._snapshot.learn(self._machines)).encoding
+        fetch = self._client.fetch(self._snapshot.snapshot.address, now_s=self._machines.now_s)
 
-        def look() -> None:
+        def poll() -> None:
             if fetch.count:
                 detail = f"{len(fetch.parameters)} of {fetch.count}"
-                tell("listing the parameters", fetch.progress, detail)
+                report("listing the parameters", fetch.progress, detail)
 
         try:
-            await self._machines.until(lambda: fetch.result is not None, look)
+            await self._machines.until(lambda: fetch.result is not None, poll)
         finally:
             self._client.cancel(fetch)
         if fetch.result is not ParameterResult.DONE:
@@ -89,9 +91,9 @@ class ParameterService:
         Raises:
             Refused: there is none of that name, or no answer.
         """
-        self._client.encoding = (await self._facts.learn(self._machines)).encoding
-        call = self._client.read(self._facts.facts.address, name, now_s=self._machines.now_s)
-        return self._take(await self._finish(call, f"{name} was not read"))
+        self._client.encoding = (await self._snapshot.learn(self._machines)).encoding
+        call = self._client.read(self._snapshot.snapshot.address, name, now_s=self._machines.now_s)
+        return self._store_parameter(await self._finish(call, f"{name} was not read"))
 
     async def set(self, name: str, value: float, *, force: bool = False) -> ParameterRow:
         """Sets one parameter and reads it back.
@@ -105,29 +107,29 @@ class ParameterService:
             Refused: it may not be that, or the vehicle does not take it; with the reason.
         """
         wanted = self.table.check(name, value, force=force)
-        target = self._facts.facts.address
+        target = self._snapshot.snapshot.address
         call = self._client.set(target, name, wanted.value, wanted.type, now_s=self._machines.now_s)
         try:
             await self._finish(call, f"{name} was not set")
         except Refused:
             if call.value is not None:
-                self._take(call.value)
+                self._store_parameter(call.value)
             raise
         call = self._client.read(target, name, now_s=self._machines.now_s)
-        told = await self._finish(call, f"{name} was set, but not read back")
-        row = self._take(told)
-        if not told.is_same(wanted):
+        reported = await self._finish(call, f"{name} was set, but not read back")
+        row = self._store_parameter(reported)
+        if not reported.is_same(wanted):
             raise Refused(f"{name} was set, but is {row.text} now")
         return row
 
-    async def write(self, changes: Sequence[Change], on_progress: OnProgress | None = None) -> WriteReport:
+    async def write(self, changes: Sequence[ParameterChange], on_progress: OnProgress | None = None) -> WriteReport:
         """Sets several parameters, each read back; one that is refused does not keep the others from being set."""
-        tell = Quietly(on_progress)
-        written: list[Change] = []
+        report = Quietly(on_progress)
+        written: list[ParameterChange] = []
         refused: dict[str, str] = {}
         silent = 0
         for number, change in enumerate(changes):
-            tell("setting the parameters", number / len(changes), f"{number} of {len(changes)}: {change.name}")
+            report("setting the parameters", number / len(changes), f"{number} of {len(changes)}: {change.name}")
             if silent >= MOST_SILENT:
                 refused[change.name] = "not tried: the vehicle does not answer"
                 continue
@@ -166,9 +168,9 @@ class ParameterService:
             raise Refused("fetch the parameters first")
         if path.suffix not in list(ParameterFormat):
             raise Refused(f"{path.name}: the file must end in {', '.join(ParameterFormat)}")
-        facts = self._facts.facts
+        snapshot = self._snapshot.snapshot
         rows = [row.parameter for row in self.table]
-        text = write_parameter_file(rows, ParameterFormat(path.suffix), facts.address, [facts.title])
+        text = write_parameter_file(rows, ParameterFormat(path.suffix), snapshot.address, [snapshot.title])
         try:
             path.write_text(text)
         except OSError as error:
@@ -209,28 +211,28 @@ class ParameterService:
         self._set_table(self.table.with_infos(infos))
         return sum(bool(row.info.title) for row in self.table)
 
-    async def _finish(self, call: ParameterCall, lament: str) -> Parameter:
+    async def _finish(self, call: ParameterCall, on_error: str) -> Parameter:
         try:
             await self._machines.until(lambda: call.result is not None)
         finally:
             self._client.cancel(call)
         if call.result is not ParameterResult.DONE or call.value is None:
             kept = "" if call.value is None else f" ({call.value.value:g})"
-            raise Refused(f"{lament}: {call.result}{kept}")
+            raise Refused(f"{on_error}: {call.result}{kept}")
         return call.value
 
-    def _take(self, told: Parameter) -> ParameterRow:
-        self._set_table(self.table.with_value(told))
-        return self.table[told.name]
+    def _store_parameter(self, reported: Parameter) -> ParameterRow:
+        self._set_table(self.table.with_value(reported))
+        return self.table[reported.name]
 
     def _set_table(self, table: ParameterTable) -> None:
         self.table = table
         for listener in tuple(self._listeners):
             listener(table)
 
-    def _happened(self, event: Any) -> None:
+    def _on_event(self, event: Any) -> None:
         """Another station has set a parameter; those of the vehicle's other components are not kept here."""
         if isinstance(event, Parameter) and event.name in self.table.rows:
-            known = self._client.known.get(self._facts.facts.address, {})
+            known = self._client.known.get(self._snapshot.snapshot.address, {})
             if known.get(event.name) is event:
-                self._take(event)
+                self._store_parameter(event)

@@ -13,7 +13,7 @@ import msgspec
 from gloc3.cli.counting import counted
 from gloc3.errors import Refused
 from gloc3.mavlink.services.plan import PlanItem, PlanType
-from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
+from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
 from gloc3.plan_wire import from_wire as item_from_wire
 from gloc3.plan_wire import to_wire as item_to_wire
 from gloc3_groundstation.services.facts import Firmware
@@ -52,7 +52,7 @@ class PlanDifference(msgspec.Struct, frozen=True, kw_only=True):
         return f"{self.kind.name.lower()} item {self.number}: {self.text}"
 
 
-def to_wire(plan: Plan, firmware: Firmware) -> PlanParts:
+def to_wire(plan: ForeignPlan, firmware: Firmware) -> PlanParts:
     """A file's plan as the vehicle wants it.
 
     Raises:
@@ -76,7 +76,7 @@ def to_wire(plan: Plan, firmware: Firmware) -> PlanParts:
     )
 
 
-def from_wire(parts: PlanParts, firmware: Firmware, vehicle_type: int = 2) -> Plan:
+def from_wire(parts: PlanParts, firmware: Firmware, vehicle_type: int = 2) -> ForeignPlan:
     """The vehicle's plan as a file has it.
 
     Raises:
@@ -89,8 +89,8 @@ def from_wire(parts: PlanParts, firmware: Firmware, vehicle_type: int = 2) -> Pl
         home = (first.x or 0.0, first.y or 0.0, first.z or 0.0)
     elif firmware is not Firmware.ARDUPILOT:
         items = [_jump_moved(item, 1) for item in items]
-    return Plan(
-        entries=tuple(Entry(items=(item,)) for item in items),
+    return ForeignPlan(
+        entries=tuple(PlanEntry(items=(item,)) for item in items),
         fence=_areas([item_from_wire(item) for item in parts.fence]),
         rally=_points([item_from_wire(item) for item in parts.rally]),
         home=home,

@@ -14,10 +14,10 @@ from gloc3.cli.counting import counted
 from gloc3.errors import Refused
 from gloc3.mavlink.services.mission_client import MissionClient
 from gloc3.mavlink.services.plan import PlanItem, PlanResult, PlanType
-from gloc3.mavlink.services.version import Capability
+from gloc3.mavlink.services.version import ProtocolCapability
 from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, load_plan, write_plan, write_wpl
-from gloc3.mission.formats.items import Plan
-from gloc3_groundstation.services.facts import FactsService, VehicleFacts
+from gloc3.mission.formats.items import ForeignPlan
+from gloc3_groundstation.services.facts import ServicesSnapshot, SnapshotService
 from gloc3_groundstation.services.machines import Machines
 from gloc3_groundstation.services.plan_items import PlanDifference, PlanParts, differences, from_wire, to_wire
 from gloc3_groundstation.services.progress import OnProgress, Quietly
@@ -25,13 +25,13 @@ from gloc3_groundstation.services.raw import MavsdkBehindLink
 
 KINDS: Final = (PlanType.MISSION, PlanType.FENCE, PlanType.RALLY)
 _NAMES: Final = {PlanType.MISSION: "mission", PlanType.FENCE: "fence", PlanType.RALLY: "rally points"}
-_NEEDED: Final = {PlanType.FENCE: Capability.MISSION_FENCE, PlanType.RALLY: Capability.MISSION_RALLY}
+_NEEDED: Final = {PlanType.FENCE: ProtocolCapability.MISSION_FENCE, PlanType.RALLY: ProtocolCapability.MISSION_RALLY}
 
 
 class VehiclePlan(msgspec.Struct, frozen=True, kw_only=True):
     """What is on the vehicle."""
 
-    plan: Plan
+    plan: ForeignPlan
     """As a file has it."""
     parts: PlanParts
     """As it came."""
@@ -42,7 +42,7 @@ class VehiclePlan(msgspec.Struct, frozen=True, kw_only=True):
         return self.summary_of(self.plan)
 
     @staticmethod
-    def summary_of(plan: Plan) -> str:
+    def summary_of(plan: ForeignPlan) -> str:
         """The same of any plan."""
         counts = (
             (len(plan.items), "item"),
@@ -56,12 +56,12 @@ class PlanService:
     """See the module."""
 
     def __init__(
-        self, machines: Machines, mavsdk: MavsdkBehindLink, client: MissionClient, facts: FactsService
+        self, machines: Machines, mavsdk: MavsdkBehindLink, client: MissionClient, snapshot: SnapshotService
     ) -> None:
         self._machines = machines
         self._mavsdk = mavsdk
         self._client = client
-        self._facts = facts
+        self._snapshot = snapshot
 
     async def download(self, on_progress: OnProgress | None = None) -> VehiclePlan:
         """Gets mission, fence and rally points.
@@ -69,17 +69,17 @@ class PlanService:
         Raises:
             Refused: the vehicle does not answer, or tells what cannot be understood.
         """
-        facts = await self._facts.learn(self._machines)
+        snapshot = await self._snapshot.learn(self._machines)
         found: dict[PlanType, tuple[PlanItem, ...]] = {}
-        tell = Quietly(on_progress)
+        report = Quietly(on_progress)
         for number, kind in enumerate(KINDS):
-            tell(f"downloading the {_NAMES[kind]}", number / len(KINDS))
-            found[kind] = await self._get(kind) if _can(facts, kind) else ()
+            report(f"downloading the {_NAMES[kind]}", number / len(KINDS))
+            found[kind] = await self._get(kind) if _can(snapshot, kind) else ()
         parts = PlanParts(mission=found[PlanType.MISSION], fence=found[PlanType.FENCE], rally=found[PlanType.RALLY])
-        return VehiclePlan(plan=from_wire(parts, facts.firmware, facts.vehicle_type), parts=parts)
+        return VehiclePlan(plan=from_wire(parts, snapshot.firmware, snapshot.vehicle_type), parts=parts)
 
     async def upload(
-        self, plan: Plan, on_progress: OnProgress | None = None, kinds: Sequence[PlanType] | None = None
+        self, plan: ForeignPlan, on_progress: OnProgress | None = None, kinds: Sequence[PlanType] | None = None
     ) -> tuple[PlanDifference, ...]:
         """Gives the vehicle a plan, reads it back and compares.
 
@@ -97,27 +97,27 @@ class PlanService:
         Raises:
             Refused: the vehicle does not take it, or does not answer; the parts before stay as they were given.
         """
-        facts = await self._facts.learn(self._machines)
-        parts, tell = to_wire(plan, facts.firmware), Quietly(on_progress)
+        snapshot = await self._snapshot.learn(self._machines)
+        parts, report = to_wire(plan, snapshot.firmware), Quietly(on_progress)
         kinds = kinds_of(plan) if kinds is None else kinds
         for kind in kinds:
             items = parts.of(kind)
-            if not _can(facts, kind):
+            if not _can(snapshot, kind):
                 if items:
                     raise Refused(f"the vehicle takes no {_NAMES[kind]}")
                 continue
             what = f"uploading the {_NAMES[kind]}"
-            tell(what, 0.0, counted(len(items), "item"))
+            report(what, 0.0, counted(len(items), "item"))
             if items:
                 try:
-                    await self._mavsdk.upload(kind, items, lambda fraction, what=what: tell(what, fraction))  # type: ignore[misc]
+                    await self._mavsdk.upload(kind, items, lambda fraction, what=what: report(what, fraction))  # type: ignore[misc]
                 except Refused as error:
                     raise Refused(f"the {_NAMES[kind]} was not uploaded: {error}") from error
             else:
                 await self.clear(kind)
-        return await self._differences(parts, facts, kinds, tell)
+        return await self._differences(parts, snapshot, kinds, report)
 
-    async def verify(self, plan: Plan, on_progress: OnProgress | None = None) -> tuple[PlanDifference, ...]:
+    async def verify(self, plan: ForeignPlan, on_progress: OnProgress | None = None) -> tuple[PlanDifference, ...]:
         """Reads the vehicle's plan and compares it with another one.
 
         Returns:
@@ -126,9 +126,9 @@ class PlanService:
         Raises:
             Refused: the vehicle does not answer.
         """
-        facts = await self._facts.learn(self._machines)
-        parts = to_wire(plan, facts.firmware)
-        return await self._differences(parts, facts, kinds_of(plan), Quietly(on_progress))
+        snapshot = await self._snapshot.learn(self._machines)
+        parts = to_wire(plan, snapshot.firmware)
+        return await self._differences(parts, snapshot, kinds_of(plan), Quietly(on_progress))
 
     async def clear(self, kind: PlanType) -> None:
         """Takes one part of the plan off the vehicle.
@@ -136,7 +136,7 @@ class PlanService:
         Raises:
             Refused: the vehicle does not do so, or does not answer.
         """
-        transfer = self._client.clear(self._facts.facts.address, now_s=self._machines.now_s, kind=kind)
+        transfer = self._client.clear(self._snapshot.snapshot.address, now_s=self._machines.now_s, kind=kind)
         try:
             await self._machines.until(lambda: transfer.result is not None)
         finally:
@@ -147,7 +147,7 @@ class PlanService:
             raise Refused(f"the {_NAMES[kind]} was not cleared: {reason}")
 
     @staticmethod
-    def read(path: Path) -> Plan:
+    def read(path: Path) -> ForeignPlan:
         """Reads a `.plan` or a file of waypoints.
 
         Raises:
@@ -180,30 +180,30 @@ class PlanService:
             raise Refused(f"the {_NAMES[kind]} was not downloaded: {error}") from error
 
     async def _differences(
-        self, parts: PlanParts, facts: VehicleFacts, kinds: Sequence[PlanType], tell: Quietly
+        self, parts: PlanParts, snapshot: ServicesSnapshot, kinds: Sequence[PlanType], report: Quietly
     ) -> tuple[PlanDifference, ...]:
         rows: list[PlanDifference] = []
         for number, kind in enumerate(kinds):
-            tell(f"reading the {_NAMES[kind]} back", number / len(kinds))
-            found = await self._get(kind) if _can(facts, kind) else ()
-            rows += differences(parts.of(kind), found, kind, facts.firmware)
+            report(f"reading the {_NAMES[kind]} back", number / len(kinds))
+            found = await self._get(kind) if _can(snapshot, kind) else ()
+            rows += differences(parts.of(kind), found, kind, snapshot.firmware)
         return tuple(rows)
 
 
-def kinds_of(plan: Plan) -> tuple[PlanType, ...]:
+def kinds_of(plan: ForeignPlan) -> tuple[PlanType, ...]:
     """What a plan's file has a place for: a file of waypoints has neither a fence nor rally points."""
     return (PlanType.MISSION,) if plan.raw is None else KINDS
 
 
-def _can(facts: VehicleFacts, kind: PlanType) -> bool:
+def _can(snapshot: ServicesSnapshot, kind: PlanType) -> bool:
     """Whether the vehicle has this type of plan; one that says nothing of itself is asked."""
     needed = _NEEDED.get(kind)
-    return needed is None or facts.version is None or needed in facts.version.capabilities
+    return needed is None or snapshot.version is None or needed in snapshot.version.capabilities
 
 
-def _with_home_first(plan: Plan) -> Plan:
-    from gloc3.mission.formats.items import Entry, MavItem
+def _with_home_first(plan: ForeignPlan) -> ForeignPlan:
+    from gloc3.mission.formats.items import MavItem, PlanEntry
 
     x, y, z = plan.home or (0.0, 0.0, 0.0)
-    home = Entry(items=(MavItem(command=16, frame=0, x=x, y=y, z=z, is_current=True),))
+    home = PlanEntry(items=(MavItem(command=16, frame=0, x=x, y=y, z=z, is_current=True),))
     return msgspec.structs.replace(plan, entries=(home, *plan.entries))

@@ -6,7 +6,7 @@ from typing import TypeAlias
 import msgspec
 
 
-class Progress(msgspec.Struct, frozen=True, kw_only=True):
+class JobProgress(msgspec.Struct, frozen=True, kw_only=True):
     """One moment of something that takes a while."""
 
     what: str
@@ -17,10 +17,10 @@ class Progress(msgspec.Struct, frozen=True, kw_only=True):
     """Figures for a person, as "120 of 900"."""
 
 
-OnProgress: TypeAlias = Callable[[Progress], None]
+OnProgress: TypeAlias = Callable[[JobProgress], None]
 
 
-def nobody(progress: Progress) -> None:
+def no_progress(progress: JobProgress) -> None:
     """Takes progress that nobody wants to see."""
     del progress
 
@@ -33,12 +33,12 @@ class Quietly:
     """
 
     def __init__(self, listener: OnProgress | None) -> None:
-        self._listener = listener or nobody
-        self._last: Progress | None = None
+        self._listener = listener or no_progress
+        self._last: JobProgress | None = None
 
     def __call__(self, what: str, fraction: float | None = None, detail: str = "") -> None:
         """Tells, if this is news."""
-        progress = Progress(what=what, fraction=fraction, detail=detail)
+        progress = JobProgress(what=what, fraction=fraction, detail=detail)
         if progress != self._last:
             self._last = progress
             self._listener(progress)

@@ -10,7 +10,7 @@ from gloc3.mavlink import codec
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.parser import Frame
 from gloc3.mavlink.services.command import CommandResult
-from gloc3.mavlink.services.command_client import CommandClient
+from gloc3.mavlink.services.command_client import MavCommandClient
 from gloc3.mavlink.services.interval import FASTEST_HZ, SET_MESSAGE_INTERVAL
 from gloc3_groundstation.services.machines import Machines
 
@@ -71,7 +71,7 @@ class _Meter:
         self.size = 0
 
 
-class RateMeter:
+class FrameRateMeter:
     """Counts frames."""
 
     def __init__(self) -> None:
@@ -79,7 +79,7 @@ class RateMeter:
         """What was asked for, by message id."""
         self._meters: dict[tuple[Address, int], _Meter] = {}
 
-    def take(self, frame: Frame, now_s: float) -> None:
+    def count(self, frame: Frame, now_s: float) -> None:
         """Takes in a frame of the vehicle."""
         key = (frame.sender, frame.message_id)
         meter = self._meters.get(key)
@@ -123,7 +123,7 @@ class RateMeter:
 class RateService:
     """See the module."""
 
-    def __init__(self, machines: Machines, commands: CommandClient, meter: RateMeter, target: Address) -> None:
+    def __init__(self, machines: Machines, commands: MavCommandClient, meter: FrameRateMeter, target: Address) -> None:
         self._machines = machines
         self._commands = commands
         self._meter = meter

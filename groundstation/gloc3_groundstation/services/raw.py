@@ -28,10 +28,10 @@ from gloc3_groundstation.services.helper_messages import (
     DownloadPlan,
     Failed,
     FromHelper,
-    Heard,
+    LinkReceived,
+    LinkSent,
     PipeError,
     Ready,
-    Said,
     ToHelper,
     UploadPlan,
     from_helper,
@@ -44,7 +44,7 @@ START_S: Final = 20.0
 """How long the process may take to begin."""
 IDLE_S: Final = 120.0
 """A process that nobody has asked for anything for so long is ended; the next request begins another."""
-HEARD: Final = (
+RECEIVED_MESSAGES: Final = (
     "HEARTBEAT",
     "AUTOPILOT_VERSION",
     "COMMAND_ACK",
@@ -77,7 +77,7 @@ class MavsdkBehindLink:
         """How often the process was begun."""
         self._wire = wire
         self._target = target
-        self._heard_ids = frozenset(shape(name).id for name in HEARD)
+        self._received_ids = frozenset(shape(name).id for name in RECEIVED_MESSAGES)
         self._sent_ids = frozenset(shape(name).id for name in SENT)
         self._parser = Parser(is_datagram=True)
         self._process: asyncio.subprocess.Process | None = None
@@ -103,7 +103,7 @@ class MavsdkBehindLink:
         Raises:
             Refused: the vehicle does not take it, or does not answer; with the reason.
         """
-        await self._ask(lambda number: UploadPlan(number, kind, items), kind, on_fraction)
+        await self._request(lambda number: UploadPlan(number, kind, items), kind, on_fraction)
 
     async def download(self, kind: PlanType) -> tuple[PlanItem, ...]:
         """Gets the vehicle's plan.
@@ -111,14 +111,14 @@ class MavsdkBehindLink:
         Raises:
             Refused: the vehicle does not answer; with the reason.
         """
-        return await self._ask(lambda number: DownloadPlan(number, kind), kind, None)
+        return await self._request(lambda number: DownloadPlan(number, kind), kind, None)
 
     async def close(self) -> None:
         """Ends the process; who waits is refused."""
         self._is_open = False
         await self._end("the services of this vehicle are closed")
 
-    async def _ask(
+    async def _request(
         self,
         request: Callable[[int], ToHelper],
         kind: PlanType,
@@ -130,7 +130,7 @@ class MavsdkBehindLink:
             await self._start()
             self._number += 1
             call = self._calls[self._number] = HelperCall(on_fraction)
-            self._tell(request(self._number))
+            self._send(request(self._number))
             try:
                 return await call.wait()
             except TimeoutError:
@@ -169,7 +169,7 @@ class MavsdkBehindLink:
         )
         self._ready = asyncio.get_running_loop().create_future()
         self._reading = asyncio.ensure_future(self._read(self._process))
-        self._unlisten = self._wire.listen(self._take_frame)
+        self._unlisten = self._wire.listen(self._receive_frame)
         try:
             await asyncio.wait_for(asyncio.shield(self._ready), START_S)
         except (TimeoutError, asyncio.CancelledError) as error:
@@ -206,7 +206,7 @@ class MavsdkBehindLink:
         try:
             while True:
                 head = await process.stdout.readexactly(LENGTH_BYTES)
-                self._take(from_helper.decode(await process.stdout.readexactly(length_of(head))))
+                self._handle(from_helper.decode(await process.stdout.readexactly(length_of(head))))
         except asyncio.IncompleteReadError:
             pass
         except (PipeError, msgspec.DecodeError) as error:
@@ -219,15 +219,15 @@ class MavsdkBehindLink:
             reason = problem or words or f"code {code}"
             if "No module named 'mavsdk'" in reason:
                 reason = "it is not installed; install gloc3[groundstation]"
-            lament = f"MAVSDK has ended: {reason}"
+            on_error = f"MAVSDK has ended: {reason}"
             for call in self._calls.values():
-                call.fail(lament)
+                call.fail(on_error)
             if self._ready is not None and not self._ready.done():
-                self._ready.set_exception(Refused(lament))
+                self._ready.set_exception(Refused(on_error))
 
-    def _take(self, message: FromHelper) -> None:
+    def _handle(self, message: FromHelper) -> None:
         match message:
-            case Said(data=data):
+            case LinkSent(data=data):
                 for frame in self._parser.receive(data):
                     if frame.message_id in self._sent_ids and frame.sender == self._wire.own:
                         self._wire.forward(frame)
@@ -243,13 +243,13 @@ class MavsdkBehindLink:
             case Failed(number=number, reason=reason) if number in self._calls:
                 self._calls[number].fail(reason)
 
-    def _take_frame(self, frame: Frame) -> None:
-        if frame.sender == self._target and frame.message_id in self._heard_ids:
-            self._tell(Heard(frame.raw))
+    def _receive_frame(self, frame: Frame) -> None:
+        if frame.sender == self._target and frame.message_id in self._received_ids:
+            self._send(LinkReceived(frame.raw))
             for call in self._calls.values():
-                call.heard(is_transfer=frame.message_id != 0)
+                call.received(is_transfer=frame.message_id != 0)
 
-    def _tell(self, message: ToHelper) -> None:
+    def _send(self, message: ToHelper) -> None:
         if self.is_running and self._process is not None and self._process.stdin is not None:
             self._process.stdin.write(packed(message))
 

@@ -36,7 +36,7 @@ class Saving:
         self._kept = len(data)
         return data
 
-    def keep(self, data: bytes | bytearray, whole_bytes: int) -> None:
+    def add(self, data: bytes | bytearray, whole_bytes: int) -> None:
         """Adds what has come since the last time.
 
         Args:
@@ -102,7 +102,7 @@ class PartFile:
             self._fail(error)
         return self.begun
 
-    def take(self, data: bytes) -> None:
+    def write(self, data: bytes) -> None:
         """Writes the next bytes."""
         if self._file is None or self.problem is not None:
             return

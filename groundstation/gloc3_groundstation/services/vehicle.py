@@ -4,19 +4,19 @@ from types import TracebackType
 from typing import Final, Self
 
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.services.command_client import CommandClient
+from gloc3.mavlink.services.command_client import MavCommandClient
 from gloc3.mavlink.services.ftp_client import FtpClient
 from gloc3.mavlink.services.log_client import LogClient
 from gloc3.mavlink.services.mission_client import MissionClient
 from gloc3.mavlink.services.parameter_client import ParameterClient
 from gloc3_groundstation.services.calibrations import CalibrationService
-from gloc3_groundstation.services.facts import FactsService, VehicleFacts
+from gloc3_groundstation.services.facts import ServicesSnapshot, SnapshotService
 from gloc3_groundstation.services.files import FileService
 from gloc3_groundstation.services.logs import LogService
 from gloc3_groundstation.services.machines import Machines, Wire
 from gloc3_groundstation.services.parameters import ParameterService
 from gloc3_groundstation.services.plans import PlanService
-from gloc3_groundstation.services.rates import RateMeter, RateService
+from gloc3_groundstation.services.rates import FrameRateMeter, RateService
 from gloc3_groundstation.services.raw import MavsdkBehindLink
 
 
@@ -30,15 +30,15 @@ class VehicleServices:
 
     def __init__(self, wire: Wire, target: Address) -> None:
         own = wire.own
-        commands, parameters, files = CommandClient(own), ParameterClient(own), FtpClient(own)
+        commands, parameters, files = MavCommandClient(own), ParameterClient(own), FtpClient(own)
         logs, mission = LogClient(own), MissionClient(own)
-        self._facts = FactsService(own, target, commands)
-        meter = RateMeter()
+        self._snapshots = SnapshotService(own, target, commands)
+        meter = FrameRateMeter()
         self.machines: Final = Machines(
             wire,
             target.system,
-            [commands, parameters, files, logs, mission, self._facts],
-            heard=meter.take,
+            [commands, parameters, files, logs, mission, self._snapshots],
+            received=meter.count,
         )
         self.ftp: Final = files
         """Files of whoever is on the vehicle."""
@@ -46,10 +46,10 @@ class VehicleServices:
         self.target: Final = target
         self.files: Final = FileService(self.machines, files, target)
         """The autopilot's files."""
-        self.parameters: Final = ParameterService(self.machines, parameters, self._facts, self.files)
-        self.plans: Final = PlanService(self.machines, self._mavsdk, mission, self._facts)
-        self.logs: Final = LogService(self.machines, logs, target, self._facts)
-        self.calibration: Final = CalibrationService(wire, self.machines, self._facts)
+        self.parameters: Final = ParameterService(self.machines, parameters, self._snapshots, self.files)
+        self.plans: Final = PlanService(self.machines, self._mavsdk, mission, self._snapshots)
+        self.logs: Final = LogService(self.machines, logs, target, self._snapshots)
+        self.calibration: Final = CalibrationService(wire, self.machines, self._snapshots)
         self.rates: Final = RateService(self.machines, commands, meter, target)
 
     async def __aenter__(self) -> Self:
@@ -61,13 +61,13 @@ class VehicleServices:
         await self.close()
 
     @property
-    def facts(self) -> VehicleFacts:
+    def snapshots(self) -> ServicesSnapshot:
         """What is known of the vehicle now."""
-        return self._facts.facts
+        return self._snapshots.snapshot
 
-    async def learn(self) -> VehicleFacts:
+    async def learn(self) -> ServicesSnapshot:
         """What the vehicle says of itself, asked for if need be; what it does not tell stays unknown."""
-        return await self._facts.learn(self.machines)
+        return await self._snapshots.learn(self.machines)
 
     async def close(self) -> None:
         """Ends what is under way, which is refused, and MAVSDK's process."""

@@ -27,7 +27,7 @@ ANSWERED_S: Final = 10.0
 """So long a refusal of what the operator asked for is shown."""
 LINK: Final = "link"
 """What a vehicle that is not heard is known by."""
-SAID: Final = "event "
+LABELS: Final = "event "
 """What an alert of a warning that was said begins with."""
 _WELL: Final = frozenset(n for n, health in enumerate(HEALTHS) if health not in (Health.FAULTY, Health.ABSENT))
 """States of a component that are no cause."""
@@ -35,7 +35,7 @@ KEPT: Final = 200
 """Alerts at most; the oldest that are over make room."""
 
 
-class Cause(msgspec.Struct, frozen=True):
+class AlertCause(msgspec.Struct, frozen=True):
     """Something that is wrong now."""
 
     platform: str
@@ -68,9 +68,9 @@ class Alert(msgspec.Struct, frozen=True, kw_only=True):
         return self.platform, self.what
 
     @property
-    def has_gone(self) -> bool:
+    def is_cleared(self) -> bool:
         """Whether it was a cause, and is no more; a warning that was said is over at once, and stays what it was."""
-        return self.is_over and not self.what.startswith(SAID)
+        return self.is_over and not self.what.startswith(LABELS)
 
 
 TWO_OF_ONE_NAME: Final = (
@@ -122,7 +122,7 @@ def update(alerts: Alerts, fleet: Fleet, now_s: float) -> Alerts:
         if event.severity > Severity.WARNING or is_answer(event):
             continue
         if (event.platform, f"component {event.source}") not in standing:
-            alert = _said(found.get((event.platform, _what(event))), event)
+            alert = _text(found.get((event.platform, _what(event))), event)
             found[alert.key] = alert
     for key, alert in list(found.items()):
         if key in standing:
@@ -154,29 +154,29 @@ def began(alerts: Alerts, before: Alerts, what: str) -> list[Alert]:
     return [alert for alert in found if alert.key not in before.all or before.all[alert.key].is_over]
 
 
-def causes(fleet: Fleet, now_s: float) -> Iterator[Cause]:
+def causes(fleet: Fleet, now_s: float) -> Iterator[AlertCause]:
     """What is wrong now, platform by platform."""
     for platform in fleet:
         for problem in platform.problems:
-            yield Cause(platform.name, problem.what, problem.severity, problem.text)
+            yield AlertCause(platform.name, problem.what, problem.severity, problem.text)
         if platform.is_doubled(now_s):
-            yield Cause(platform.name, "name", Severity.ERROR, TWO_OF_ONE_NAME)
+            yield AlertCause(platform.name, "name", Severity.ERROR, TWO_OF_ONE_NAME)
         if platform.is_quiet_link(now_s):
-            if platform.is_silent_as_planned(now_s) or (not platform.is_met and platform.silence is None):
+            if platform.is_silent_as_planned(now_s) or (not platform.is_known and platform.silence is None):
                 continue
             text = _silence(
                 is_flying=platform.is_armed, has_companion=platform.has_companion, is_overdue=platform.is_overdue(now_s)
             )
-            yield Cause(platform.name, LINK, Severity.CRITICAL if platform.is_armed else Severity.ERROR, text)
+            yield AlertCause(platform.name, LINK, Severity.CRITICAL if platform.is_armed else Severity.ERROR, text)
             continue
         if platform.table is not None and platform.table.version:
             ends = compared("versions", Software(platform.table.version, platform.table.protocol), "onboard")
             if ends.verdict in (Verdict.WARNING, Verdict.RED):
                 severity = Severity.ERROR if ends.verdict is Verdict.RED else Severity.WARNING
-                yield Cause(platform.name, "versions", severity, f"versions differ: {ends.finding}; {ends.advice}")
+                yield AlertCause(platform.name, "versions", severity, f"versions differ: {ends.finding}; {ends.advice}")
         is_settled = now_s - platform.began_s >= SETTLE_S
         if is_settled and platform.link.loss >= LOSS_BAD:
-            yield Cause(platform.name, "loss", Severity.WARNING, "more than half of its status is lost on the way")
+            yield AlertCause(platform.name, "loss", Severity.WARNING, "more than half of its status is lost on the way")
         yield from _vehicle_causes(platform, now_s, is_settled=is_settled)
         yield from _component_causes(platform, is_settled=is_settled)
 
@@ -191,7 +191,7 @@ def _silence(*, is_flying: bool, has_companion: bool, is_overdue: bool) -> str:
     return f"nothing is heard of it, and it was armed: {policy}; see to radio and antenna, and to its link (Fleet)"
 
 
-def _vehicle_causes(platform: PlatformSnapshot, now_s: float, *, is_settled: bool) -> Iterator[Cause]:
+def _vehicle_causes(platform: PlatformSnapshot, now_s: float, *, is_settled: bool) -> Iterator[AlertCause]:
     if platform.vehicle is None or platform.vehicle.is_stale(now_s):
         return
     vehicle, name = platform.vehicle.value, platform.name
@@ -199,17 +199,19 @@ def _vehicle_causes(platform: PlatformSnapshot, now_s: float, *, is_settled: boo
         is_critical = vehicle.battery_percent <= BATTERY_CRITICAL_PERCENT
         limit = BATTERY_CRITICAL_PERCENT if is_critical else BATTERY_LOW_PERCENT
         severity = Severity.CRITICAL if is_critical else Severity.WARNING
-        yield Cause(name, "battery", severity, f"battery at or below {limit} %")
+        yield AlertCause(name, "battery", severity, f"battery at or below {limit} %")
     if is_settled and not vehicle.is_autopilot_connected:
         text = "no autopilot: the companion does not hear it; see to its cable, and to gloc3 onboard --autopilot"
-        yield Cause(name, "autopilot", Severity.CRITICAL, text)
+        yield AlertCause(name, "autopilot", Severity.CRITICAL, text)
     if is_settled and vehicle.has_pilot_control:
-        yield Cause(name, "pilot", Severity.WARNING, "the pilot has control; resume when the vehicle is handed back")
+        yield AlertCause(
+            name, "pilot", Severity.WARNING, "the pilot has control; resume when the vehicle is handed back"
+        )
     if is_settled and vehicle.is_armed and not vehicle.is_pose_valid and platform.has_companion:
-        yield Cause(name, "position", Severity.CRITICAL, "armed without a valid position")
+        yield AlertCause(name, "position", Severity.CRITICAL, "armed without a valid position")
 
 
-def _component_causes(platform: PlatformSnapshot, *, is_settled: bool) -> Iterator[Cause]:
+def _component_causes(platform: PlatformSnapshot, *, is_settled: bool) -> Iterator[AlertCause]:
     if platform.table is None or all(line.state in _WELL for line, _ in platform.lines.values()):
         return  # as nearly always; this is looked at for every vehicle, several times a second
     for index, row in enumerate(platform.table.rows):
@@ -220,13 +222,13 @@ def _component_causes(platform: PlatformSnapshot, *, is_settled: bool) -> Iterat
         is_missing = health is Health.ABSENT and row.is_required and is_settled
         if health is not Health.FAULTY and not is_missing:
             continue
-        trouble = platform.troubles.get(row.name)
-        cause = f": {trouble.cause.strip().splitlines()[-1]}" if trouble and trouble.cause.strip() else ""
+        problem = platform.troubles.get(row.name)
+        cause = f": {problem.cause.strip().splitlines()[-1]}" if problem and problem.cause.strip() else ""
         severity = Severity.ERROR if row.is_required else Severity.WARNING
-        yield Cause(platform.name, f"component {row.name}", severity, f"{row.name} is {health}{cause}")
+        yield AlertCause(platform.name, f"component {row.name}", severity, f"{row.name} is {health}{cause}")
 
 
-def _standing(alert: Alert | None, cause: Cause, now_s: float) -> Alert:
+def _standing(alert: Alert | None, cause: AlertCause, now_s: float) -> Alert:
     """The alert of a cause that stands: a new one, or one that came back or got worse, is not acknowledged."""
     if alert is None or alert.is_over:
         count = alert.count + 1 if alert is not None else 1
@@ -245,22 +247,22 @@ def _standing(alert: Alert | None, cause: Cause, now_s: float) -> Alert:
     )
 
 
-def _said(alert: Alert | None, event: FleetEvent) -> Alert:
+def _text(alert: Alert | None, event: FleetEvent) -> Alert:
     """The alert of a warning that was said, perhaps again."""
     return Alert(
         platform=event.platform,
         what=_what(event),
         severity=event.severity,
         text=f"{event.source}: {event.text}" if event.source else event.text,
-        since_s=alert.since_s if alert else event.heard_s,
-        last_s=event.heard_s,
+        since_s=alert.since_s if alert else event.received_s,
+        last_s=event.received_s,
         is_over=True,
         count=alert.count + 1 if alert else 1,
     )
 
 
 def _what(event: FleetEvent) -> str:
-    return f"{SAID}{event.source}: {event.text}"
+    return f"{LABELS}{event.source}: {event.text}"
 
 
 def is_answer(event: FleetEvent) -> bool:
@@ -271,7 +273,7 @@ def is_answer(event: FleetEvent) -> bool:
 def answer(fleet: Fleet, now_s: float) -> FleetEvent | None:
     """The refusal that the operator has to be shown now; None where there was none lately."""
     for event in reversed(fleet.events):
-        if now_s - event.heard_s >= ANSWERED_S:
+        if now_s - event.received_s >= ANSWERED_S:
             return None
         if is_answer(event):
             return event
@@ -279,7 +281,7 @@ def answer(fleet: Fleet, now_s: float) -> FleetEvent | None:
 
 
 def _sorted(alerts: Iterable[Alert]) -> list[Alert]:
-    return sorted(alerts, key=lambda alert: (alert.severity, alert.has_gone, -alert.last_s))
+    return sorted(alerts, key=lambda alert: (alert.severity, alert.is_cleared, -alert.last_s))
 
 
 def _bounded(found: dict[tuple[str, str], Alert]) -> dict[tuple[str, str], Alert]:

@@ -12,7 +12,7 @@ from gloc3.mavlink.parser import Frame
 from gloc3.mavlink.services.heartbeat import ARMED
 from gloc3.messages.summaries import VehicleSummary
 from gloc3_groundstation.station.fleet import SMOOTHING
-from gloc3_groundstation.station.place_watch import HEARD, PlaceWatch
+from gloc3_groundstation.station.place_watch import RECEIVED_MESSAGES, PlaceWatch
 from gloc3_groundstation.station.snapshots import LinkStatistics
 
 BEATS_WITHIN_S: Final = 4.5
@@ -28,7 +28,9 @@ DOUBLED_JUMPS: Final = 4
 _LANDED: Final = {1: "on_ground", 2: "in_air", 3: "taking_off", 4: "landing"}
 """MAV_LANDED_STATE."""
 _HEADING_UNKNOWN: Final = 65_535
-WANTED: Final = frozenset(codec.shape(name).id for name in (*HEARD, "EXTENDED_SYS_STATE", "VFR_HUD", "SYSTEM_TIME"))
+WANTED: Final = frozenset(
+    codec.shape(name).id for name in (*RECEIVED_MESSAGES, "EXTENDED_SYS_STATE", "VFR_HUD", "SYSTEM_TIME")
+)
 """What tells of the vehicle beside its heartbeat."""
 _IDS: Final = WANTED | {codec.shape("HEARTBEAT").id}
 
@@ -38,7 +40,7 @@ class AutopilotWatch:
 
     def __init__(self, now_s: float) -> None:
         self.first_s: Final = now_s
-        self.heard_s = now_s
+        self.received_s = now_s
         """When anything came from it."""
         self.beat_s = now_s
         """When its last heartbeat came."""
@@ -58,20 +60,20 @@ class AutopilotWatch:
         """When it told its place last."""
         self._speed_m_s = 0.0
         self._sequence: int | None = None
-        self._heard: set[int] = set()
+        self._received: set[int] = set()
         self._jumps: deque[tuple[float, bool]] = deque(maxlen=DOUBLED_JUMPS)
 
-    def take(self, frame: Frame, now_s: float) -> None:
+    def receive(self, frame: Frame, now_s: float) -> None:
         """Takes in a frame that the autopilot has sent."""
         self._count(frame.sequence)
-        self.heard_s = now_s
+        self.received_s = now_s
         if frame.message_id not in _IDS:
             return
-        self._heard.add(frame.message_id)
+        self._received.add(frame.message_id)
         message = frame.decode()
         if message is None:
             return
-        self.place.take(message, now_s)
+        self.place.receive(message, now_s)
         match message.name:
             case "HEARTBEAT":
                 self.beat_s = now_s
@@ -92,7 +94,7 @@ class AutopilotWatch:
     @property
     def missing(self) -> list[int]:
         """Those of the wanted messages that have not come."""
-        return sorted(WANTED - self._heard)
+        return sorted(WANTED - self._received)
 
     def is_doubled(self, now_s: float) -> bool:
         """Whether two vehicles speak under this address: its time since boot jumps to and fro."""
@@ -117,9 +119,9 @@ class AutopilotWatch:
             return False
         return self.autopilot == other.autopilot and abs(self.boot_at_s - other.boot_at_s) <= SAME_BOOT_S
 
-    def told_s(self, now_s: float) -> float:
+    def reported_s(self, now_s: float) -> float:
         """When what is known of it was so: now, unless its heartbeats stay away."""
-        return self.heard_s if now_s - self.beat_s < BEATS_WITHIN_S else self.beat_s
+        return self.received_s if now_s - self.beat_s < BEATS_WITHIN_S else self.beat_s
 
     def summary(self, now_s: float) -> VehicleSummary:
         """The vehicle as it is known."""

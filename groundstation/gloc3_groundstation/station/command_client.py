@@ -7,7 +7,7 @@ from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange.base import Exchange, Publisher
 from gloc3.exchange.tunnel.happenings import Undelivered
 from gloc3.messages.command_interface import (
-    LOOKS,
+    QUERIES,
     AnyBody,
     CiReply,
     CiRequest,
@@ -75,7 +75,7 @@ class CommandClient:
         self._waiting: dict[tuple[str, int], asyncio.Future[CiReply]] = {}
         self._timer: asyncio.TimerHandle | None = None
         self._sessions = 0
-        self._unsubscribe = exchange.subscribe("*/ci/reply", self._take)
+        self._unsubscribe = exchange.subscribe("*/ci/reply", self._receive)
         self._withdraw = exchange.declare_alive(f"stations/{station}")
 
     def close(self) -> None:
@@ -88,13 +88,13 @@ class CommandClient:
             future.cancel()
         self._waiting.clear()
 
-    async def ask(self, platform: str, body: AnyBody, timeout_s: float = TIMEOUT_S) -> CiReply:
+    async def request(self, platform: str, body: AnyBody, timeout_s: float = TIMEOUT_S) -> CiReply:
         """Sends a request and waits for what became of it.
 
         Returns:
             The reply. Its outcome is *unknown*, with the reason, where none came within `timeout_s`.
         """
-        if self.role is StationRole.OBSERVER and not isinstance(body, LOOKS):
+        if self.role is StationRole.OBSERVER and not isinstance(body, QUERIES):
             reason = f"station {self.station} may look and not command: it is an observer"
             return CiReply(sender=self.station, boot=0, sequence=-1, outcome=Outcome.REFUSED, reason=reason)
         key = self._requests.request(platform, body, timeout_s, self._loop.time())
@@ -105,9 +105,9 @@ class CommandClient:
             return await future
         finally:
             self._waiting.pop(key, None)
-            self._requests.forget(key)
+            self._requests.drop(key)
 
-    def tell(self, platform: str, body: AnyBody) -> None:
+    def send(self, platform: str, body: AnyBody) -> None:
         """Sends what needs no answer."""
         request = self._requests.unanswered(platform, body)
         self._publisher.publish(f"{platform}/ci/request", request, self._loop.time())
@@ -128,19 +128,19 @@ class CommandClient:
             Declined: the platform turned it down.
             Unanswered: it is not known whether it was carried out.
         """
-        reply = await self.ask(platform, body, timeout_s)
+        reply = await self.request(platform, body, timeout_s)
         if reply.outcome is Outcome.ACCEPTED:
             return reply
         if reply.outcome is Outcome.REFUSED:
             raise Declined(reply)
         raise Unanswered(reply.reason or f"{platform} does not know what became of the request ({reply.outcome})")
 
-    def undelivered(self, told: Undelivered) -> None:
+    def undelivered(self, reported: Undelivered) -> None:
         """Whoever holds the links tells that a message was given up; see `Requests.undelivered`."""
-        request = told.envelope.payload
+        request = reported.envelope.payload
         if isinstance(request, CiRequest):
-            platform, now_s = told.envelope.topic.partition("/")[0], self._loop.time()
-            self._requests.undelivered(platform, request, told.reason, now_s, is_certain=told.is_certain)
+            platform, now_s = reported.envelope.topic.partition("/")[0], self._loop.time()
+            self._requests.undelivered(platform, request, reported.reason, now_s, is_certain=reported.is_certain)
             self._run()
 
     # --- what operators ask for most; all raise as `carry_out` does ---
@@ -159,7 +159,7 @@ class CommandClient:
                 f"{platform} holds another mission than the one that was sent: {_differ(text, reply.text)}"
             )
 
-    async def take_control(self, platform: str, *, is_take_over: bool = False) -> CiReply:
+    async def request_control(self, platform: str, *, is_take_over: bool = False) -> CiReply:
         """Asks for control, which the holder may have to grant first; a take-over does not wait for its leave."""
         verb = ControlVerb.TAKE_OVER if is_take_over else ControlVerb.REQUEST
         return await self.carry_out(platform, Control(verb=verb, **own_software()._asdict()))
@@ -183,7 +183,7 @@ class CommandClient:
 
     # --- the shell around the machine ---
 
-    def _take(self, envelope: Envelope[Any]) -> None:
+    def _receive(self, envelope: Envelope[Any]) -> None:
         if isinstance(envelope.payload, CiReply):
             self._requests.receive(envelope.topic.partition("/")[0], envelope.payload, self._loop.time())
             self._run()

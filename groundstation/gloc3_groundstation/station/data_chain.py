@@ -10,7 +10,7 @@ from gloc3.platform.platform import Platform
 from gloc3_groundstation.station.snapshots import ComponentSnapshot
 
 
-class Stage(NamedTuple):
+class ChainStage(NamedTuple):
     """The components of one kind."""
 
     kind: Kind
@@ -19,13 +19,15 @@ class Stage(NamedTuple):
     """Those that are required and deliver nothing, with no other in their place: here the data stops."""
 
 
-def stages(components: Sequence[ComponentSnapshot]) -> list[Stage]:
+def stages(components: Sequence[ComponentSnapshot]) -> list[ChainStage]:
     """The chain SS → DP → CC → AD → CI of a platform, without the kinds that it has none of."""
     found = []
     for kind in Kind:
         own = tuple(component for component in components if component.kind == kind.value)
         if own:
-            found.append(Stage(kind, own, tuple(each for each in own if each.is_required and not delivers(each, own))))
+            found.append(
+                ChainStage(kind, own, tuple(each for each in own if each.is_required and not delivers(each, own)))
+            )
     return found
 
 
@@ -68,7 +70,7 @@ class Wiring:
         """What a component publishes: topic to those that read it."""
         return {topic: self._takers.get(topic, ()) for topic, makers in self._makers.items() if name in makers}
 
-    def takes(self, name: str) -> dict[str, Sequence[str]]:
+    def inputs(self, name: str) -> dict[str, Sequence[str]]:
         """What a component reads: topic to those that publish it."""
         return {topic: self._makers.get(topic, ()) for topic, takers in self._takers.items() if name in takers}
 
@@ -79,5 +81,9 @@ class Wiring:
         for topic, takers in self._takers.items():
             makers = [known[name] for name in self._makers.get(topic, ()) if name in known]
             if makers and not any(maker.health in (Health.WORKING, None) for maker in makers):
-                found |= {taker: topic for taker in takers if taker in known and known[taker].health is Health.WORKING}
+                found |= {
+                    receiver: topic
+                    for receiver in takers
+                    if receiver in known and known[receiver].health is Health.WORKING
+                }
         return found

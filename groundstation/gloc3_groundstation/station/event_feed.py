@@ -9,15 +9,15 @@ from gloc3.messages.command_interface import CiReply, Outcome, ReadReports
 from gloc3.messages.envelope import Severity
 from gloc3.messages.summaries import CiEvent, ContactSummary
 
-ASK_AGAIN_S: Final = 3.0
+REQUEST_AGAIN_S: Final = 3.0
 """What was not answered is asked for again after this time, once something is heard."""
 PAGE: Final = 40
 SUMMARY_WITHIN_S: Final = 2.0
-WORTH_TELLING_S: Final = 3.0
+REPORTED_SILENCE_S: Final = 3.0
 """Events that are older when they come are told with their age."""
 
 
-class ToldEvent(msgspec.Struct, frozen=True):
+class FeedEvent(msgspec.Struct, frozen=True):
     """An event that is to be shown now."""
 
     severity: Severity
@@ -55,9 +55,9 @@ class _Line:
         """What was shown before it was known what is missing."""
         self.last = 0
         """The highest number that was told of."""
-        self.asked_s = float("-inf")
-        self.is_asking = False
-        self.wants_receipt = False
+        self.requested_s = float("-inf")
+        self.is_requesting = False
+        self.needs_receipt = False
         self.held_until_s = float("-inf")
         """What comes after a silence waits so long for the summary, which is shown first."""
 
@@ -83,7 +83,7 @@ class EventFeed:
         lines = self._lines.items()
         return {name: Cursor(line.store, line.shown) for name, line in lines if line.shown is not None}
 
-    def heard_again(self, platform: str, now_s: float) -> None:
+    def note_contact(self, platform: str, now_s: float) -> None:
         """A platform is heard after a silence: the first that is shown is the summary of its state."""
         if platform in self._lines:
             self._lines[platform].held_until_s = now_s + SUMMARY_WITHIN_S
@@ -98,14 +98,14 @@ class EventFeed:
         line = self._lines.get(platform)
         return line is not None and (now_s < line.held_until_s or self.missing(platform) > 0)
 
-    def release(self, platform: str, now_s: float) -> list[ToldEvent]:
+    def release(self, platform: str, now_s: float) -> list[FeedEvent]:
         """What was held back for a summary that has not come."""
         line = self._lines.get(platform)
         if line is None or line.shown is None or not line.early or now_s < line.held_until_s:
             return []
         return list(self._drain(line))
 
-    def event(self, platform: str, event: CiEvent, now_s: float) -> list[ToldEvent]:
+    def event(self, platform: str, event: CiEvent, now_s: float) -> list[FeedEvent]:
         """An event has come; what is to be shown now, in order."""
         if not event.number:
             return [_now(event)]
@@ -120,72 +120,74 @@ class EventFeed:
             line.early[event.number] = event
         return [] if now_s < line.held_until_s else list(self._drain(line))
 
-    def contact(self, platform: str, contact: ContactSummary) -> list[ToldEvent]:
+    def contact(self, platform: str, contact: ContactSummary) -> list[FeedEvent]:
         """A platform has told its state at the begin of a contact."""
         line = self._line(platform, contact.store)
         if line.shown is None:
             line.shown = contact.delivered
         line.held_until_s = float("-inf")
-        line.wants_receipt = line.wants_receipt or contact.delivered < line.shown
+        line.needs_receipt = line.needs_receipt or contact.delivered < line.shown
         line.last = max(line.last, contact.last)
-        line.asked_s = float("-inf")
+        line.requested_s = float("-inf")
         return list(self._drain(line))
 
     def wanted(self, platform: str, now_s: float) -> ReadReports | None:
         """What is to be asked of a platform now; None while nothing is missing, or it has been asked already."""
         line = self._lines.get(platform)
-        if line is None or line.shown is None or line.is_asking or now_s < line.asked_s + ASK_AGAIN_S:
+        if line is None or line.shown is None or line.is_requesting or now_s < line.requested_s + REQUEST_AGAIN_S:
             return None
-        if line.last <= line.shown and not line.wants_receipt:
+        if line.last <= line.shown and not line.needs_receipt:
             return None
-        line.is_asking, line.asked_s = True, now_s
+        line.is_requesting, line.requested_s = True, now_s
         return ReadReports(store=line.store, after=line.shown, most=PAGE)
 
-    def answered(self, platform: str, asked: ReadReports, reply: CiReply, platform_s: float | None) -> list[ToldEvent]:
+    def answered(
+        self, platform: str, requested: ReadReports, reply: CiReply, platform_s: float | None
+    ) -> list[FeedEvent]:
         """The answer to what was asked; what is to be shown now, in order.
 
         Args:
             platform: who has answered.
-            asked: what it was asked.
+            requested: what it was asked.
             reply: the answer.
             platform_s: the time on the platform's clock; None where it is not known.
         """
         line = self._lines[platform]
-        line.is_asking = False
-        if reply.outcome is not Outcome.ACCEPTED or line.store != asked.store or line.shown is None:
+        line.is_requesting = False
+        if reply.outcome is not Outcome.ACCEPTED or line.store != requested.store or line.shown is None:
             return []
-        line.asked_s = float("-inf")
+        line.requested_s = float("-inf")
         try:
             rows = msgspec.convert(reply.result.get("reports"), list[_Row])
             store, last = msgspec.convert((reply.result.get("store"), reply.result.get("last")), tuple[int, int])
         except msgspec.ValidationError as error:
-            line.wants_receipt, line.last = False, line.shown
+            line.needs_receipt, line.last = False, line.shown
             text = f"what {platform} has kept cannot be read: {error}"
-            return [ToldEvent(Severity.WARNING, "", text, 0.0)]
+            return [FeedEvent(Severity.WARNING, "", text, 0.0)]
         if store != line.store:
             line.begin(store)
             line.shown = 0
         line.last = max(line.last, last)
-        told: list[ToldEvent] = []
+        reported: list[FeedEvent] = []
         for row in rows:
             lost = row.number - line.shown - 1
             if lost < 0:
                 continue
             if lost and (missing := lost - sum(line.shown < number < row.number for number in line.early)):
-                told.append(ToldEvent(Severity.WARNING, "", f"{missing} events before were not kept onboard", 0.0))
-            told += self._drain(line, below=row.number)
+                reported.append(FeedEvent(Severity.WARNING, "", f"{missing} events before were not kept onboard", 0.0))
+            reported += self._drain(line, below=row.number)
             if row.number <= line.shown:
                 continue
             line.early.pop(row.number, None)
             line.shown = row.number
             age_s = 0.0 if platform_s is None else max(0.0, platform_s - row.t_s)
             if row.number not in line.at_once:
-                told.append(ToldEvent(Severity(row.severity), row.source, row.text, age_s))
-        told += self._drain(line)
+                reported.append(FeedEvent(Severity(row.severity), row.source, row.text, age_s))
+        reported += self._drain(line)
         if not rows:
             line.last = max([line.shown, *line.early])
-        line.wants_receipt = bool(rows) and line.last <= line.shown
-        return told
+        line.needs_receipt = bool(rows) and line.last <= line.shown
+        return reported
 
     def _line(self, platform: str, store: int) -> _Line:
         line = self._lines.setdefault(platform, _Line(None))
@@ -194,7 +196,7 @@ class EventFeed:
         return line
 
     @staticmethod
-    def _drain(line: _Line, below: int | None = None) -> Iterator[ToldEvent]:
+    def _drain(line: _Line, below: int | None = None) -> Iterator[FeedEvent]:
         """What has its turn now; with `below`, all of what came early up to there."""
         assert line.shown is not None
         if below is not None:
@@ -212,10 +214,10 @@ class EventFeed:
             line.at_once.clear()
 
 
-def _now(event: CiEvent) -> ToldEvent:
-    return ToldEvent(event.severity, event.source, event.text, 0.0)
+def _now(event: CiEvent) -> FeedEvent:
+    return FeedEvent(event.severity, event.source, event.text, 0.0)
 
 
-def with_age(told: ToldEvent, age: str) -> str:
+def with_age(reported: FeedEvent, age: str) -> str:
     """The text of an event, with its age where it is old."""
-    return f"{told.text} ({age} ago)" if told.age_s >= WORTH_TELLING_S else told.text
+    return f"{reported.text} ({age} ago)" if reported.age_s >= REPORTED_SILENCE_S else reported.text

@@ -29,8 +29,8 @@ from gloc3_groundstation.station.snapshots import (
     Fleet,
     FleetEvent,
     LinkStatistics,
-    PlannedSilence,
     PlatformSnapshot,
+    ReportedSilence,
     Timed,
 )
 
@@ -38,7 +38,7 @@ EVENTS_KEPT: Final = 500
 SMOOTHING: Final = 0.05
 
 CONTACT: Final = "contact"
-HEARD_TOPICS: Final = (
+CONTACT_TOPICS: Final = (
     *(name for name in TOPICS if name.startswith("ci/") and name != "ci/request"),
     CONTACT,
 )
@@ -53,7 +53,7 @@ RESTARTED: Final = (
     "its onboard process has restarted: in flight it keeps to the mission's on_restart; look at mission and checks before "
     "it goes on"
 )
-_COUNTED: Final = frozenset(name for name in HEARD_TOPICS if TOPICS[name].rate_hz and name != "ci/motion")
+_COUNTED: Final = frozenset(name for name in CONTACT_TOPICS if TOPICS[name].rate_hz and name != "ci/motion")
 """The periodic topics: gaps in their sequences are losses, and what is older than what is here is dropped.
 
 The motion is left out by a slow link on purpose.
@@ -78,9 +78,9 @@ def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
     ):  # of another component, with a boot of its own
         return fleet if known is None else with_platform(fleet, reduce(known, envelope.payload, now_s))
     if known is None:
-        platform = PlatformSnapshot(name=name, boot=boot, first_heard_s=now_s, heard_s=now_s, began_s=now_s)
+        platform = PlatformSnapshot(name=name, boot=boot, first_received_s=now_s, received_s=now_s, began_s=now_s)
         fleet = note(fleet, name, Severity.INFO, "is heard", now_s)
-    elif not known.is_met:
+    elif not known.is_known:
         platform = replace(known, boot=boot, began_s=now_s)
         text = "is heard" + (f" again after {_silent(known, now_s)}" if known.silence is not None else "")
         fleet = note(fleet, name, Severity.NOTICE, text, now_s)
@@ -96,9 +96,9 @@ def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
     if topic in _COUNTED:
         link = _counted(platform.link, topic, envelope.sequence)
         if link is None:
-            return with_platform(fleet, replace(platform, heard_s=now_s))
+            return with_platform(fleet, replace(platform, received_s=now_s))
         platform = replace(platform, link=link)
-    platform = reduce(replace(platform, heard_s=now_s), envelope.payload, now_s)
+    platform = reduce(replace(platform, received_s=now_s), envelope.payload, now_s)
     if isinstance(envelope.payload, MissionSummary):
         platform = replace(platform, silence=_planned(platform, envelope, fleet.utc_offset_s, now_s))
     if isinstance(envelope.payload, CiEvent) and not envelope.payload.number:  # others have their turn: `EventFeed`
@@ -111,15 +111,17 @@ def by_sound(fleet: Fleet, name: str, summary: AcousticSummary, now_s: float) ->
     """The fleet with what an acoustic modem has brought of a platform; it stays silent otherwise."""
     known = fleet.get(name)
     if known is None:
-        known = PlatformSnapshot(name=name, boot=0, first_heard_s=now_s, heard_s=now_s - QUIET_LINK_S, began_s=now_s)
+        known = PlatformSnapshot(
+            name=name, boot=0, first_received_s=now_s, received_s=now_s - QUIET_LINK_S, began_s=now_s
+        )
         fleet = note(fleet, name, Severity.NOTICE, "is heard by sound, and not otherwise", now_s)
     return with_platform(fleet, replace(known, acoustic=Timed(summary, now_s)))
 
 
-def remembered(fleet: Fleet, name: str, silence: PlannedSilence, heard_s: float, now_s: float) -> Fleet:
+def remembered(fleet: Fleet, name: str, silence: ReportedSilence, received_s: float, now_s: float) -> Fleet:
     """The fleet with a platform whose planned silence had begun before the station was started."""
     known = PlatformSnapshot(
-        name=name, boot=0, first_heard_s=now_s, heard_s=min(heard_s, now_s - QUIET_LINK_S), silence=silence
+        name=name, boot=0, first_received_s=now_s, received_s=min(received_s, now_s - QUIET_LINK_S), silence=silence
     )
     fleet = note(
         fleet, name, Severity.NOTICE, f"was silent as planned ({silence.target}), due {silence.due_text}", now_s
@@ -130,7 +132,7 @@ def remembered(fleet: Fleet, name: str, silence: PlannedSilence, heard_s: float,
 def note(fleet: Fleet, platform: str, severity: Severity, text: str, now_s: float, *, source: str = "") -> Fleet:
     """The fleet with one more event; without a source it is the station's own."""
     number = fleet.event_count + 1
-    event = FleetEvent(number=number, platform=platform, heard_s=now_s, severity=severity, source=source, text=text)
+    event = FleetEvent(number=number, platform=platform, received_s=now_s, severity=severity, source=source, text=text)
     return replace(fleet, events=(*fleet.events[1 - EVENTS_KEPT :], event), event_count=number)
 
 
@@ -155,16 +157,16 @@ def _silent(platform: PlatformSnapshot, now_s: float) -> str:
 
 def _planned(
     platform: PlatformSnapshot, envelope: Envelope[Any], utc_offset_s: float, now_s: float
-) -> PlannedSilence | None:
+) -> ReportedSilence | None:
     """The silence that a mission summary tells of, on the station's clock; reckoned once, so that it stands still."""
-    told: MissionSummary = envelope.payload
-    if not told.silence:
+    reported: MissionSummary = envelope.payload
+    if not reported.silence:
         return None
-    if platform.silence is not None and platform.silence.until_s == told.silent_until_s:
+    if platform.silence is not None and platform.silence.until_s == reported.silent_until_s:
         return platform.silence
-    due_s = now_s + told.silent_until_s - envelope.t_s
+    due_s = now_s + reported.silent_until_s - envelope.t_s
     text = f"{utc_text(due_s + utc_offset_s, '%H:%M:%S')} UTC"
-    return PlannedSilence(target=told.silence, until_s=told.silent_until_s, due_s=due_s, due_text=text)
+    return ReportedSilence(target=reported.silence, until_s=reported.silent_until_s, due_s=due_s, due_text=text)
 
 
 def _restarted(platform: PlatformSnapshot, boot: int, now_s: float) -> PlatformSnapshot:
@@ -172,8 +174,8 @@ def _restarted(platform: PlatformSnapshot, boot: int, now_s: float) -> PlatformS
     return PlatformSnapshot(
         name=platform.name,
         boot=boot,
-        first_heard_s=platform.first_heard_s,
-        heard_s=now_s,
+        first_received_s=platform.first_received_s,
+        received_s=now_s,
         began_s=now_s,
         vehicle=platform.vehicle,
         site=platform.site,
@@ -249,7 +251,7 @@ def _table(platform: PlatformSnapshot, message: ComponentTable, now_s: float) ->
     return replace(platform, table=message)
 
 
-def _trouble(platform: PlatformSnapshot, message: ComponentTrouble, now_s: float) -> PlatformSnapshot:  # noqa: ARG001
+def _problem(platform: PlatformSnapshot, message: ComponentTrouble, now_s: float) -> PlatformSnapshot:  # noqa: ARG001
     return replace(platform, troubles={**platform.troubles, message.name: message})
 
 
@@ -269,7 +271,7 @@ def _teleoperation(platform: PlatformSnapshot, message: TeleoperationState, now_
     return replace(platform, teleoperation=Timed(message, now_s))
 
 
-def _heard(platform: PlatformSnapshot, message: CiEvent | CiReply, now_s: float) -> PlatformSnapshot:  # noqa: ARG001
+def _received(platform: PlatformSnapshot, message: CiEvent | CiReply, now_s: float) -> PlatformSnapshot:  # noqa: ARG001
     return platform
 
 
@@ -283,10 +285,10 @@ _REDUCERS: Final[Mapping[type, Callable[[PlatformSnapshot, Any, float], Platform
     ControlState: _control,
     Summary: _summary,
     ComponentTable: _table,
-    ComponentTrouble: _trouble,
+    ComponentTrouble: _problem,
     ContactSummary: _contact,
     HostSummary: _hosts,
     HostNames: _host_names,
-    CiEvent: _heard,
-    CiReply: _heard,
+    CiEvent: _received,
+    CiReply: _received,
 }

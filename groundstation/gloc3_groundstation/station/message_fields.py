@@ -14,7 +14,7 @@ LONG: Final = 8
 DEEPEST: Final = 6
 
 
-class Field(NamedTuple):
+class FieldValue(NamedTuple):
     """One value, or a short row of numbers that belong together."""
 
     path: str
@@ -35,7 +35,7 @@ class Field(NamedTuple):
         return (float(self.value),) if _is_number(self.value) else ()
 
 
-def fields_of(message: Any) -> list[Field]:
+def fields_of(message: Any) -> list[FieldValue]:
     """All fields of a message; a structure is followed by its own fields, one level deeper."""
     plain = msgspec.to_builtins(_named(message), builtin_types=(bytes,), enc_hook=str)
     return list(_walk(plain, "", 0)) if isinstance(plain, dict) else []
@@ -63,12 +63,12 @@ def _named(value: Any) -> Any:
     return value
 
 
-def _walk(values: Mapping[Any, Any], path: str, depth: int) -> Iterator[Field]:
+def _walk(values: Mapping[Any, Any], path: str, depth: int) -> Iterator[FieldValue]:
     for name, value in values.items():
         label, unit = split_unit(str(name))
         place = f"{path}.{name}" if path else str(name)
         is_tree = isinstance(value, dict) and value and depth < DEEPEST
-        yield Field(place, depth, label, None if is_tree else _short(value), unit, bool(is_tree))
+        yield FieldValue(place, depth, label, None if is_tree else _short(value), unit, bool(is_tree))
         if is_tree:
             yield from _walk(value, place, depth + 1)
 

@@ -7,7 +7,7 @@ from gloc3.camera.opencv import load_opencv
 from gloc3.messages.watch import Preview
 
 
-class Picture(NamedTuple):
+class GreyImage(NamedTuple):
     """Grey values, row after row."""
 
     width: int
@@ -25,7 +25,7 @@ def load() -> None:
     load_opencv()
 
 
-def unpack_picture(preview: Preview, room: tuple[int, int] | None = None) -> Picture | None:
+def unpack_picture(preview: Preview, room: tuple[int, int] | None = None) -> GreyImage | None:
     """The picture, scaled to the room that there is for it with its proportions kept; None where there is none.
 
     Args:
@@ -47,4 +47,4 @@ def unpack_picture(preview: Preview, room: tuple[int, int] | None = None) -> Pic
         if size != (width, height):
             pixels = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA if scale < 1.0 else cv2.INTER_LINEAR)
     height, width = pixels.shape
-    return Picture(width, height, pixels.tobytes())
+    return GreyImage(width, height, pixels.tobytes())

@@ -7,7 +7,7 @@ from gloc3.mavlink.message import MavlinkMessage
 from gloc3.messages.frames import GeoPoint, LocalFrame
 from gloc3.messages.motion import MotionSummary, SiteSummary, Whole3
 
-HEARD: Final = ("GLOBAL_POSITION_INT", "ATTITUDE", "SYS_STATUS")
+RECEIVED_MESSAGES: Final = ("GLOBAL_POSITION_INT", "ATTITUDE", "SYS_STATUS")
 WITHIN_S: Final = 5.0
 """A place or an attitude that is older is not known any more."""
 _VOLTAGE_UNKNOWN: Final = 65_535
@@ -27,8 +27,8 @@ class PlaceWatch:
         self._battery_cv = 0
         self._battery_ca = 0
 
-    def take(self, message: MavlinkMessage, now_s: float) -> None:
-        """Takes in a message, if it is one of `HEARD`."""
+    def receive(self, message: MavlinkMessage, now_s: float) -> None:
+        """Takes in a message, if it is one of `RECEIVED_MESSAGES`."""
         match message.name:
             case "ATTITUDE":
                 angles = message.roll, message.pitch, message.yaw

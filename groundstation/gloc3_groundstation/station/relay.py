@@ -33,7 +33,7 @@ class Relay:
                 theirs = [task for task, whose in other.mission.value.elsewhere.items() if whose == name]
                 states = {task: mission.tasks[task] for task in theirs if task in mission.tasks}
                 body = Elsewhere(platform=name, digest=mission.digest, state=mission.state, tasks=states)
-                self._client.tell(other.name, body)
+                self._client.send(other.name, body)
 
     def _waits_for(self, platform: PlatformSnapshot, name: str, digest: str) -> bool:
         if platform.mission is None or platform.control is None:

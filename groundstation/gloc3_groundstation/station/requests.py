@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from gloc3.messages.command_interface import AnyBody, CiReply, CiRequest, LoadMission, Outcome, Query, RequestTask
 
-PATIENCE_S: Final = 2.0
+TIMEOUT_S: Final = 2.0
 """How long a reply may take before it is asked for."""
 SLOWEST_BYTES_S: Final = 1000.0
 """A mission's text is given time for this rate, so that no question is asked while it is still on its way."""
@@ -23,7 +23,7 @@ SLOWEST_BYTES_S: Final = 1000.0
 class _Pending:
     platform: str
     request: CiRequest
-    patience_s: float
+    wait_s: float
     next_s: float
     deadline_s: float
     timeout_s: float
@@ -47,7 +47,7 @@ class Requests:
     def request(self, platform: str, body: AnyBody, timeout_s: float, now_s: float) -> tuple[str, int]:
         """Sends a request; returns the key under which `ended()` will give its reply."""
         request = self._new(platform, body)
-        patience_s = PATIENCE_S
+        patience_s = TIMEOUT_S
         if isinstance(body, LoadMission | RequestTask):
             patience_s += len(body.text.encode()) / SLOWEST_BYTES_S
         key = platform, request.sequence
@@ -59,7 +59,7 @@ class Requests:
         """A request that nobody waits for."""
         return self._new(platform, body)
 
-    def forget(self, key: tuple[str, int]) -> None:
+    def drop(self, key: tuple[str, int]) -> None:
         """Nobody waits for this reply any more."""
         self._end(key, None)
 
@@ -71,14 +71,14 @@ class Requests:
         if key in self._pending:
             self._end(key, reply)
             return
-        asked = self._queries.pop(key, None)
-        pending = self._pending.get(asked) if asked else None
-        if asked is None or pending is None:
+        requested = self._queries.pop(key, None)
+        pending = self._pending.get(requested) if requested else None
+        if requested is None or pending is None:
             return
         if reply.outcome is not Outcome.UNKNOWN:
-            self._end(asked, replace(reply, sequence=pending.request.sequence))
+            self._end(requested, replace(reply, sequence=pending.request.sequence))
             return
-        pending.next_s = now_s + pending.patience_s
+        pending.next_s = now_s + pending.wait_s
         pending.times_sent += 1
         self._outgoing.append((platform, pending.request))
 
@@ -112,7 +112,7 @@ class Requests:
                     reason = f"it may have been delivered ({pending.given_up}), and {reason}"
                 self._end(key, self._ended_as(Outcome.UNKNOWN, pending.request, reason))
             elif now_s >= pending.next_s:
-                pending.next_s = now_s + PATIENCE_S
+                pending.next_s = now_s + TIMEOUT_S
                 query = self._new(pending.platform, Query(boot=self.boot, sequence=pending.request.sequence))
                 self._queries[pending.platform, query.sequence] = key
                 self._outgoing.append((pending.platform, query))
@@ -123,13 +123,13 @@ class Requests:
 
     def outgoing(self) -> list[tuple[str, CiRequest]]:
         """Takes what is to be sent: platform and request."""
-        taken, self._outgoing = self._outgoing, []
-        return taken
+        used, self._outgoing = self._outgoing, []
+        return used
 
     def ended(self) -> list[tuple[tuple[str, int], CiReply]]:
         """Takes the requests that have ended: their keys and replies."""
-        taken, self._ended = self._ended, []
-        return taken
+        used, self._ended = self._ended, []
+        return used
 
     def _new(self, platform: str, body: AnyBody) -> CiRequest:
         sequence = self._sequences.get(platform, 0)
@@ -141,6 +141,6 @@ class Requests:
 
     def _end(self, key: tuple[str, int], reply: CiReply | None) -> None:
         self._pending.pop(key, None)
-        self._queries = {query: asked for query, asked in self._queries.items() if asked != key}
+        self._queries = {query: requested for query, requested in self._queries.items() if requested != key}
         if reply is not None:
             self._ended.append((key, reply))

@@ -46,16 +46,16 @@ class Timed(msgspec.Struct, Generic[M], frozen=True):
     """The last message of its type, and when it came."""
 
     value: M
-    heard_s: float
+    received_s: float
     """On the station's clock."""
 
     def age_s(self, now_s: float) -> float:
         """Seconds since it came."""
-        return now_s - self.heard_s
+        return now_s - self.received_s
 
     def is_stale(self, now_s: float) -> bool:
         """Whether it is too old to be taken for what is so now."""
-        return now_s - self.heard_s >= STALE_AFTER_S.get(type(self.value), float("inf"))
+        return now_s - self.received_s >= STALE_AFTER_S.get(type(self.value), float("inf"))
 
 
 class LinkStatistics(msgspec.Struct, frozen=True):
@@ -118,7 +118,7 @@ class AutopilotSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """`quadrotor`; empty where it does not say."""
 
 
-class Problem(msgspec.Struct, frozen=True, kw_only=True):
+class VehicleProblem(msgspec.Struct, frozen=True, kw_only=True):
     """Something that the station has noticed of a vehicle, as long as it is so."""
 
     what: str
@@ -132,7 +132,7 @@ DOUBLED_FOR_S: Final = 10.0
 """So long after it was seen last that two platforms have one name it is taken to be so."""
 
 
-class PlannedSilence(msgspec.Struct, frozen=True, kw_only=True):
+class ReportedSilence(msgspec.Struct, frozen=True, kw_only=True):
     """A silence that the platform's mission plans, as it has told while it was heard."""
 
     target: str
@@ -151,8 +151,8 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     boot: int
     """Of its command interface server; 0 while that has not been heard."""
-    first_heard_s: float
-    heard_s: float
+    first_received_s: float
+    received_s: float
     """When anything came from it last."""
     began_s: float = float("-inf")
     """When its present life was first heard: it is new, or its onboard process has restarted."""
@@ -163,7 +163,7 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """What it makes of being steered by hand."""
     obstacles: Timed[ObstacleScan] | None = None
     mission: Timed[MissionSummary] | None = None
-    silence: PlannedSilence | None = None
+    silence: ReportedSilence | None = None
     contact: Timed[ContactSummary] | None = None
     """What it told first when it was heard after a silence."""
     acoustic: Timed[AcousticSummary] | None = None
@@ -182,7 +182,7 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """Whether a command interface of ours is aboard; a bare vehicle has an autopilot alone, and offers services."""
     autopilot: AutopilotSnapshot | None = None
     """None where no link of this station hears its autopilot."""
-    problems: tuple[Problem, ...] = ()
+    problems: tuple[VehicleProblem, ...] = ()
     """What its links show to be wrong with it."""
     host_names: HostNames | None = None
     hosts: Mapping[int, tuple[HostLine, float]] = {}
@@ -193,7 +193,7 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """When a life that should be over spoke last."""
 
     @property
-    def is_met(self) -> bool:
+    def is_known(self) -> bool:
         """Whether this station has heard it; otherwise it knows of it by sound alone, or from before its restart."""
         return bool(self.boot) or not self.has_companion
 
@@ -209,11 +209,11 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
 
     def age_s(self, now_s: float) -> float:
         """Seconds since anything came from it."""
-        return now_s - self.heard_s
+        return now_s - self.received_s
 
     def is_quiet_link(self, now_s: float) -> bool:
         """Whether nothing came for longer than it should."""
-        return now_s - self.heard_s >= QUIET_LINK_S
+        return now_s - self.received_s >= QUIET_LINK_S
 
     def is_silent_as_planned(self, now_s: float) -> bool:
         """Whether nothing comes because its mission says so, and contact is not due yet."""
@@ -234,8 +234,9 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
             return False
         since_s = now_s - STALE_AFTER_S[Summary]
         return all(
-            heard_s > since_s and (line.state == _WORKING or (line.state == _QUIET and bool(rows[index].standby_for)))
-            for index, (line, heard_s) in self.lines.items()
+            received_s > since_s
+            and (line.state == _WORKING or (line.state == _QUIET and bool(rows[index].standby_for)))
+            for index, (line, received_s) in self.lines.items()
             if index < len(rows)
         )
 
@@ -251,8 +252,8 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
         limit_s = STALE_AFTER_S[Summary]
         found = []
         for index, row in enumerate(self.table.rows):
-            line, heard_s = self.lines.get(index, (None, 0.0))
-            trouble = self.troubles.get(row.name)
+            line, received_s = self.lines.get(index, (None, 0.0))
+            problem = self.troubles.get(row.name)
             found.append(
                 ComponentSnapshot(
                     name=row.name,
@@ -263,8 +264,8 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
                     is_triggered=row.is_triggered,
                     health=None if line is None or line.state >= len(HEALTHS) else HEALTHS[line.state],
                     values=self._values(index, line),
-                    cause=trouble.cause if trouble else "",
-                    is_stale=line is not None and now_s - heard_s >= limit_s,
+                    cause=problem.cause if problem else "",
+                    is_stale=line is not None and now_s - received_s >= limit_s,
                 )
             )
         return tuple(sorted(found, key=lambda component: _ORDER.get(component.kind, len(_ORDER))))
@@ -285,7 +286,7 @@ class FleetEvent(msgspec.Struct, frozen=True, kw_only=True):
     number: int
     """Counts from 1 over all events of the fleet."""
     platform: str
-    heard_s: float
+    received_s: float
     severity: Severity
     source: str
     """The component; empty for what the station itself noticed or did."""
@@ -315,8 +316,12 @@ class Fleet(msgspec.Struct, frozen=True, kw_only=True):
         """The platforms that are others than before, each behind what it was: told with every message, so it is quick."""
         was, now = before.platforms, self.platforms
         if len(was) == len(now):
-            pairs = [(old, new) for old, new in zip(was.values(), now.values(), strict=True) if old is not new]
-            if all(old.name == new.name for old, new in pairs):  # in the same order, as but after one has gone
+            pairs = [
+                (previous, new) for previous, new in zip(was.values(), now.values(), strict=True) if previous is not new
+            ]
+            if all(
+                previous.name == new.name for previous, new in pairs
+            ):  # in the same order, as but after one has gone
                 return [*pairs]
         return [(was.get(name), platform) for name, platform in now.items() if was.get(name) is not platform]
 

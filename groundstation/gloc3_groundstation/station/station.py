@@ -15,10 +15,10 @@ from gloc3.messages.vehicle import ObstacleScan
 from gloc3_groundstation.station import fleet as reducers
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.command_client import CommandClient
-from gloc3_groundstation.station.event_feed import EventFeed, ToldEvent, with_age
+from gloc3_groundstation.station.event_feed import EventFeed, FeedEvent, with_age
 from gloc3_groundstation.station.relay import Relay
 from gloc3_groundstation.station.snapshots import Fleet
-from gloc3_groundstation.station.watcher import Watcher
+from gloc3_groundstation.station.watcher import FleetMonitor
 
 HELLO_EVERY_S: Final = 3.0
 
@@ -48,7 +48,7 @@ class Station:
         """
         self.fleet = Fleet(utc_offset_s=Clock(loop).utc_offset_s)
         self.client: Final = CommandClient(exchange, loop, station, boot)
-        self.watcher: Final = Watcher(exchange, loop, self.client)
+        self.monitor: Final = FleetMonitor(exchange, loop, self.client)
         """Looks at topics of platforms, for as long as somebody in the station does."""
         self.now_s: Final[Callable[[], float]] = loop.time
         self.started_s: Final = loop.time()
@@ -60,12 +60,12 @@ class Station:
         self._relay = Relay(self.client)
         self.feed: Final = feed or EventFeed()
         """Up to where the events of each platform have been shown."""
-        self._asked_s: dict[str, float] = {}
+        self._requested_s: dict[str, float] = {}
         self._unsubscribes: list[Unsubscribe] = [
-            exchange.subscribe(f"*/{topic}", self._take) for topic in reducers.HEARD_TOPICS
+            exchange.subscribe(f"*/{topic}", self._receive) for topic in reducers.CONTACT_TOPICS
         ]
-        self._unsubscribes.append(exchange.subscribe("*/acoustic", self._hear_by_sound))
-        self._unsubscribes.append(self.watcher.listen(self._see))
+        self._unsubscribes.append(exchange.subscribe("*/acoustic", self._receive_acoustic))
+        self._unsubscribes.append(self.monitor.listen(self._receive_obstacles))
 
     @property
     def id(self) -> str:
@@ -99,44 +99,44 @@ class Station:
             unsubscribe()
         for task in list(self._tasks):
             task.cancel()
-        self.watcher.close()
+        self.monitor.close()
         self.client.close()
 
-    def _take(self, envelope: Envelope[Any]) -> None:
+    def _receive(self, envelope: Envelope[Any]) -> None:
         now_s = self.now_s()
         name = envelope.topic.partition("/")[0]
         before = self.fleet.get(name)
         if before is not None and before.is_quiet_link(now_s):
-            self.feed.heard_again(name, now_s)
+            self.feed.note_contact(name, now_s)
         self._change(reducers.receive(self.fleet, envelope, now_s), now_s)
         if isinstance(envelope.payload, CiEvent) and envelope.payload.number:
             self._show(name, self.feed.event(name, envelope.payload, now_s))
         elif isinstance(envelope.payload, ContactSummary):
-            self._meet(name, envelope.payload)
+            self._add_platform(name, envelope.payload)
         self._show(name, self.feed.release(name, now_s))
-        self._ask_events(name, now_s)
+        self._request_events(name, now_s)
         if isinstance(envelope.payload, MissionSummary):
             self._relay.pass_on(name, envelope.payload, self.fleet)
         platform = self.fleet.get(name)
-        if platform is not None and platform.is_incomplete and now_s >= self._asked_s.get(name, 0.0):
-            self._asked_s[name] = now_s + HELLO_EVERY_S
-            self._start(self.client.ask(name, Hello(**own_software()._asdict()), HELLO_EVERY_S))
+        if platform is not None and platform.is_incomplete and now_s >= self._requested_s.get(name, 0.0):
+            self._requested_s[name] = now_s + HELLO_EVERY_S
+            self._start(self.client.request(name, Hello(**own_software()._asdict()), HELLO_EVERY_S))
 
-    def _meet(self, name: str, contact: ContactSummary) -> None:
+    def _add_platform(self, name: str, contact: ContactSummary) -> None:
         """The summary is shown first, then what has happened meanwhile."""
         events, missed = self.feed.contact(name, contact), self.feed.missing(name)
         if contact.station == self.id and (contact.silent_s >= 0.0 or missed):
             self.note(name, Severity.NOTICE, wording.contact(contact, len(events) + missed))
         self._show(name, events)
 
-    def _show(self, name: str, events: Sequence[ToldEvent]) -> None:
+    def _show(self, name: str, events: Sequence[FeedEvent]) -> None:
         """Notes events of a platform, in their order."""
         for event in events:
             text = with_age(event, wording.duration(event.age_s))
             now_s = self.now_s()
             self._change(reducers.note(self.fleet, name, event.severity, text, now_s, source=event.source), now_s)
 
-    def _ask_events(self, name: str, now_s: float) -> None:
+    def _request_events(self, name: str, now_s: float) -> None:
         """Asks a platform for the events that are missing here."""
         wanted = self.feed.wanted(name, now_s)
         if wanted is not None:
@@ -144,7 +144,7 @@ class Station:
 
     async def _fetch(self, name: str, wanted: ReadReports) -> None:
         while True:
-            reply = await self.client.ask(name, wanted)
+            reply = await self.client.request(name, wanted)
             platform, now_s = self.fleet.get(name), self.now_s()
             vehicle = platform.vehicle if platform is not None else None
             platform_s = None if vehicle is None else vehicle.value.t_s + vehicle.age_s(now_s)
@@ -154,11 +154,11 @@ class Station:
                 return
             wanted = more
 
-    def _hear_by_sound(self, envelope: Envelope[AcousticSummary]) -> None:
+    def _receive_acoustic(self, envelope: Envelope[AcousticSummary]) -> None:
         name, now_s = envelope.topic.partition("/")[0], self.now_s()
         self._change(reducers.by_sound(self.fleet, name, envelope.payload, now_s), now_s)
 
-    def _see(self, _: str, envelope: Envelope[Any]) -> None:
+    def _receive_obstacles(self, _: str, envelope: Envelope[Any]) -> None:
         """Keeps obstacles that somebody looks at with what is known of the platform, for the map."""
         if isinstance(envelope.payload, ObstacleScan):
             now_s = self.now_s()

@@ -23,18 +23,18 @@ from gloc3_groundstation.services.facts import FIRMWARES
 from gloc3_groundstation.services.machines import Wire
 from gloc3_groundstation.station import fleet as reducers
 from gloc3_groundstation.station.autopilot_watch import BEATS_WITHIN_S, AutopilotWatch
-from gloc3_groundstation.station.snapshots import AutopilotSnapshot, Fleet, PlatformSnapshot, Problem, Timed
+from gloc3_groundstation.station.snapshots import AutopilotSnapshot, Fleet, PlatformSnapshot, Timed, VehicleProblem
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.station.wording import duration
 
-LOOK_EVERY_S: Final = 0.5
-PATIENCE_S: Final = 3.0
+POLL_PERIOD_S: Final = 0.5
+TIMEOUT_S: Final = 3.0
 """A vehicle without our companion is shown after so long; its companion's word comes sooner."""
-MORE_PATIENCE_S: Final = 8.0
+EXTRA_TIMEOUT_S: Final = 8.0
 """The same where a companion is heard that has not said whether it is one of ours."""
-ASKED_TIMES: Final = 4
-ASK_EVERY_S: Final = 5.0
-TOLD_HZ: Final = 1.0
+REQUEST_COUNT: Final = 4
+REQUEST_PERIOD_S: Final = 5.0
+REPORTED_HZ: Final = 1.0
 MOST_VEHICLES: Final = 64
 _COMPANION: Final = 191
 _HEARTBEAT: Final = shape("HEARTBEAT").id
@@ -42,14 +42,14 @@ RESTARTED: Final = "its autopilot has restarted: mode and home are those of a fr
 _IDS_HINT: Final = "give one of them another id (PX4: MAV_SYS_ID, ArduPilot: SYSID_THISMAV or MAV_SYSID)"
 
 
-class HearsVehicles(Wire, Protocol):
+class VehicleListener(Wire, Protocol):
     """What is needed of a link; `gloc3_groundstation.links.links.Link` is one."""
 
     def platforms(self) -> list[tuple[str, Address]]:
         """The platforms whose companions are heard there, with the companions' addresses."""
 
 
-Way = tuple[int, int, int]
+SenderKey = tuple[int, int, int]
 """How a vehicle is reached: number of the link from 1, system and component of its autopilot."""
 
 
@@ -57,14 +57,14 @@ class _Line(NamedTuple):
     """A link that is open."""
 
     url: str
-    link: HearsVehicles
+    link: VehicleListener
     unlisten: Unsubscribe
 
 
 class Vehicles:
     """Keeps the fleet's autopilots up to date."""
 
-    def __init__(self, station: Station, links: Callable[[], Sequence[tuple[str, HearsVehicles]]]) -> None:
+    def __init__(self, station: Station, links: Callable[[], Sequence[tuple[str, VehicleListener]]]) -> None:
         """Begins to listen.
 
         Args:
@@ -77,18 +77,18 @@ class Vehicles:
         self._lines: dict[int, _Line] = {}
         """By number, in the order in which they were opened."""
         self._opened = 0
-        self._watches: dict[Way, AutopilotWatch] = {}
+        self._watches: dict[SenderKey, AutopilotWatch] = {}
         self._companions: set[tuple[int, int]] = set()
         """Links and systems on which a companion is heard."""
         self._platforms: dict[tuple[int, int], str] = {}
         """Links and systems to the platform whose companion speaks there."""
-        self._names: dict[Way, str] = {}
+        self._names: dict[SenderKey, str] = {}
         """Which vehicle is reached by which way."""
-        self._restarts: dict[Way, float] = {}
+        self._restarts: dict[SenderKey, float] = {}
         """When an autopilot was started anew, as far as that has been told."""
-        self._asked: dict[Way, tuple[int, float]] = {}
+        self._requested: dict[SenderKey, tuple[int, float]] = {}
         """How often a vehicle was asked for what it does not tell by itself, and when last."""
-        self._timer = self._loop.call_later(LOOK_EVERY_S, self._look)
+        self._timer = self._loop.call_later(POLL_PERIOD_S, self._poll)
 
     def reach(self, name: str) -> tuple[Wire, Address]:
         """The link and the address by which a vehicle's autopilot is spoken to.
@@ -96,7 +96,7 @@ class Vehicles:
         Raises:
             Refused: no link hears it.
         """
-        way = self._way(name)
+        way = self._route(name)
         if way is None:
             hint = "--link udpin://0.0.0.0:14550 listens where autopilots and telemetry routers send"
             raise Refused(f"no link of this station hears the autopilot of {name}; {hint}")
@@ -110,7 +110,7 @@ class Vehicles:
 
     # --- what is heard ---
 
-    def _take(self, number: int, frame: Frame) -> None:
+    def _receive_frame(self, number: int, frame: Frame) -> None:
         way = (number, frame.system, frame.component)
         watch = self._watches.get(way)
         if watch is None:
@@ -124,39 +124,39 @@ class Vehicles:
             if len(self._watches) >= MOST_VEHICLES:
                 return
             watch = self._watches[way] = AutopilotWatch(self._station.now_s())
-        watch.take(frame, self._station.now_s())
+        watch.receive(frame, self._station.now_s())
 
     # --- what follows from it ---
 
-    def _look(self) -> None:
-        self._timer = self._loop.call_later(LOOK_EVERY_S, self._look)
+    def _poll(self) -> None:
+        self._timer = self._loop.call_later(POLL_PERIOD_S, self._poll)
         links = self._links()
         for number, line in list(self._lines.items()):
             if not any(link is line.link for _, link in links):
-                self._forget(number)
+                self._drop_link(number)
         for url, link in links:
             if not any(link is line.link for line in self._lines.values()):
                 self._opened += 1
-                self._lines[self._opened] = _Line(url, link, link.listen(partial(self._take, self._opened)))
+                self._lines[self._opened] = _Line(url, link, link.listen(partial(self._receive_frame, self._opened)))
         for number, line in self._lines.items():
             for name, address in line.link.platforms():
                 self._platforms[number, address.system] = name
         self._station.change(self._settled)
         for name in dict.fromkeys(self._names.values()):
-            known, best = self._station.fleet.get(name), self._way(name)
+            known, best = self._station.fleet.get(name), self._route(name)
             if known is not None and not known.has_companion and best is not None:
-                self._ask(best)
+                self._request_streams(best)
 
-    def _ask(self, way: Way) -> None:
+    def _request_streams(self, way: SenderKey) -> None:
         """Asks a bare vehicle for what it does not tell by itself, as radios' default streams leave it out."""
-        now_s, (times, last_s) = self._station.now_s(), self._asked.get(way, (0, float("-inf")))
+        now_s, (times, last_s) = self._station.now_s(), self._requested.get(way, (0, float("-inf")))
         missing = self._watches[way].missing
-        if not missing or times >= ASKED_TIMES or now_s < last_s + ASK_EVERY_S:
+        if not missing or times >= REQUEST_COUNT or now_s < last_s + REQUEST_PERIOD_S:
             return
-        self._asked[way] = times + 1, now_s
+        self._requested[way] = times + 1, now_s
         link = self._lines[way[0]].link
         for number in missing:
-            params = {"param1": float(number), "param2": 1e6 / TOLD_HZ}
+            params = {"param1": float(number), "param2": 1e6 / REPORTED_HZ}
             link.send(
                 message(
                     "COMMAND_LONG",
@@ -167,19 +167,19 @@ class Vehicles:
                 )
             )
 
-    def _forget(self, number: int) -> None:
+    def _drop_link(self, number: int) -> None:
         """A link was closed: vehicles that were heard there alone are no longer shown, or have lost their autopilot."""
         self._lines.pop(number).unlisten()
-        ways = [way for way in self._watches if way[0] == number]
-        before = {self._names[way] for way in ways if way in self._names}
-        for way in ways:
+        routes = [way for way in self._watches if way[0] == number]
+        before = {self._names[way] for way in routes if way in self._names}
+        for way in routes:
             del self._watches[way]
             self._names.pop(way, None)
-        gone = before - set(self._names.values())
+        lost = before - set(self._names.values())
 
         def without(fleet: Fleet, now_s: float) -> Fleet:
             del now_s
-            for name in sorted(gone):
+            for name in sorted(lost):
                 known = fleet.get(name)
                 if known is not None and known.has_companion:
                     fleet = reducers.with_platform(fleet, replace(known, autopilot=None, problems=()))
@@ -201,12 +201,12 @@ class Vehicles:
                 fleet = reducers.without(fleet, before)
                 fleet = reducers.note(fleet, name, Severity.INFO, f"was shown as {before} so far", now_s)
         for name in dict.fromkeys(self._names.values()):
-            best = self._way(name)
+            best = self._route(name)
             if best is not None:
                 fleet = self._shown(fleet, name, best, now_s)
         return fleet
 
-    def _name_for(self, way: Way, watch: AutopilotWatch, fleet: Fleet, now_s: float) -> str | None:
+    def _name_for(self, way: SenderKey, watch: AutopilotWatch, fleet: Fleet, now_s: float) -> str | None:
         """Which vehicle an autopilot belongs to; None while that is not known."""
         number, system, _ = way
         platform = self._platforms.get((number, system))
@@ -218,15 +218,15 @@ class Vehicles:
             if other[0] != number and other[1] == system and self._watches[other].is_same_life(watch):
                 return name
         is_awaited = (number, system) in self._companions
-        if now_s - watch.first_s < (MORE_PATIENCE_S if is_awaited else PATIENCE_S):
+        if now_s - watch.first_s < (EXTRA_TIMEOUT_S if is_awaited else TIMEOUT_S):
             return None
         firmware = FIRMWARES.get(watch.autopilot)
         base = f"{firmware.lower() if firmware else 'autopilot'}-{system}"
-        taken = {*self._names.values(), *fleet.platforms}
-        name = base if base not in taken else f"{base}@{number}"
-        return name if name not in taken else f"{name}.{way[2]}"
+        used = {*self._names.values(), *fleet.platforms}
+        name = base if base not in used else f"{base}@{number}"
+        return name if name not in used else f"{name}.{way[2]}"
 
-    def _shown(self, fleet: Fleet, name: str, way: Way, now_s: float) -> Fleet:
+    def _shown(self, fleet: Fleet, name: str, way: SenderKey, now_s: float) -> Fleet:
         """The fleet with what is known of one autopilot."""
         number, system, component = way
         watch, known = self._watches[way], fleet.get(name)
@@ -246,8 +246,8 @@ class Vehicles:
             what = f"{autopilot.firmware} {autopilot.vehicle_type}".rstrip()
             text = f"is heard: {what}, system {system}, without a companion of ours: services only"
             fleet = reducers.note(fleet, name, Severity.INFO, text, now_s)
-        elif known.is_quiet_link(now_s) and watch.heard_s > known.heard_s:
-            silence = duration(watch.heard_s - known.heard_s)
+        elif known.is_quiet_link(now_s) and watch.received_s > known.received_s:
+            silence = duration(watch.received_s - known.received_s)
             fleet = reducers.note(fleet, name, Severity.NOTICE, f"is heard again after {silence} of silence", now_s)
         restarted_s = watch.restarted_s(now_s)
         if restarted_s is not None and restarted_s != self._restarts.get(way):
@@ -256,9 +256,9 @@ class Vehicles:
         platform = PlatformSnapshot(
             name=name,
             boot=0,
-            first_heard_s=watch.first_s if known is None else known.first_heard_s,
-            heard_s=watch.heard_s,
-            vehicle=Timed(watch.summary(now_s), watch.told_s(now_s)),
+            first_received_s=watch.first_s if known is None else known.first_received_s,
+            received_s=watch.received_s,
+            vehicle=Timed(watch.summary(now_s), watch.reported_s(now_s)),
             motion=Timed(watch.place.motion, watch.place_s) if watch.place.motion is not None else None,
             site=Timed(watch.place.site, watch.place_s) if watch.place.site is not None else None,
             link=watch.link,
@@ -268,14 +268,14 @@ class Vehicles:
         )
         return fleet if platform == known else reducers.with_platform(fleet, platform)
 
-    def _way(self, name: str) -> Way | None:
+    def _route(self, name: str) -> SenderKey | None:
         """The best way to a vehicle: where its heartbeats come, the link first that was given first."""
-        ways = sorted(way for way, owner in self._names.items() if owner == name)
+        routes = sorted(way for way, owner in self._names.items() if owner == name)
         now_s = self._station.now_s()
-        alive = [way for way in ways if now_s - self._watches[way].beat_s < BEATS_WITHIN_S]
-        return next(iter(alive or ways), None)
+        alive = [way for way in routes if now_s - self._watches[way].beat_s < BEATS_WITHIN_S]
+        return next(iter(alive or routes), None)
 
-    def _problems(self, name: str, way: Way, now_s: float) -> list[Problem]:
+    def _problems(self, name: str, way: SenderKey, now_s: float) -> list[VehicleProblem]:
         """What is wrong with one autopilot."""
         found = []
         number, system, _ = way
@@ -286,10 +286,10 @@ class Vehicles:
                 f"unknown autopilot ({said}), neither PX4 nor ArduPilot: parameters, files and message rates may work,"
                 " calibration does not; use its own ground station for the rest"
             )
-            found.append(Problem(what="firmware", severity=Severity.WARNING, text=text))
+            found.append(VehicleProblem(what="firmware", severity=Severity.WARNING, text=text))
         if watch.is_doubled(now_s):
             text = f"two vehicles share system id {system} on {self._lines[number].url}: both obey; {_IDS_HINT}"
-            found.append(Problem(what="system id", severity=Severity.ERROR, text=text))
+            found.append(VehicleProblem(what="system id", severity=Severity.ERROR, text=text))
         others = [
             f"{owner} on {self._lines[other[0]].url}"
             for other, owner in self._names.items()
@@ -297,5 +297,5 @@ class Vehicles:
         ]
         if others:
             text = f"{others[0]} has the same system id {system}: each is spoken to on its own link; {_IDS_HINT}"
-            found.append(Problem(what="same system id", severity=Severity.WARNING, text=text))
+            found.append(VehicleProblem(what="same system id", severity=Severity.WARNING, text=text))
         return found

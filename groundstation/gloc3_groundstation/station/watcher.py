@@ -24,7 +24,7 @@ Seen = Callable[[str, Envelope[Any]], None]
 """Is told the platform and the message that was looked at."""
 
 
-class Watcher:
+class FleetMonitor:
     """One for a station, so that all who look at a platform share one lease."""
 
     def __init__(self, exchange: Exchange, loop: asyncio.AbstractEventLoop, client: CommandClient) -> None:
@@ -50,7 +50,7 @@ class Watcher:
         """What is looked at, and what came."""
         return Watches(TopicTable.installed().types)
 
-    def look(
+    def watch(
         self,
         viewer: str,
         platform: str,
@@ -59,13 +59,13 @@ class Watcher:
         is_listing: bool = False,
         for_s: float = float("inf"),
     ) -> None:
-        """See `Watches.look`."""
-        self.watches.look(viewer, platform, wants, self._loop.time(), is_listing=is_listing, for_s=for_s)
+        """See `Watches.watch`."""
+        self.watches.watch(viewer, platform, wants, self._loop.time(), is_listing=is_listing, for_s=for_s)
         self._run()
 
-    def look_away(self, viewer: str, except_from: str = "") -> None:
-        """See `Watches.look_away`."""
-        self.watches.look_away(viewer, except_from)
+    def unwatch(self, viewer: str, except_from: str = "") -> None:
+        """See `Watches.unwatch`."""
+        self.watches.unwatch(viewer, except_from)
         self._run()
 
     def list_topics(self, platform: str) -> None:
@@ -92,35 +92,35 @@ class Watcher:
     def _run(self) -> None:
         """Asks for what is due, and sets the alarm."""
         if self._unsubscribe is None:
-            self._unsubscribe = self._exchange.subscribe(f"*/{WATCH}**", self._take)
+            self._unsubscribe = self._exchange.subscribe(f"*/{WATCH}**", self._receive)
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
         now_s = self._loop.time()
         for platform, wanted in self.watches.due(now_s):
-            self._start(self._ask(platform, wanted))
+            self._start(self._request(platform, wanted))
         for platform in self.watches.lists_due():
             self.list_topics(platform)
         next_s = self.watches.next_s()
         if next_s is not None:
             self._timer = self._loop.call_at(max(next_s, now_s + 1e-3), self._run)
 
-    def _take(self, envelope: Envelope[Any]) -> None:
+    def _receive(self, envelope: Envelope[Any]) -> None:
         message = self.watches.receive(envelope, self._loop.time())
         if message is not None:
             platform = envelope.topic.partition("/")[0]
             for seen in tuple(self._seen):
                 seen(platform, message)
 
-    async def _ask(self, platform: str, wanted: Watch) -> None:
-        reply = await self._client.ask(platform, wanted, ANSWER_S)
+    async def _request(self, platform: str, wanted: Watch) -> None:
+        reply = await self._client.request(platform, wanted, ANSWER_S)
         if reply.outcome is Outcome.ACCEPTED:
             self.watches.answered(platform, reply.result.get("refused", {}))
         elif reply.outcome is Outcome.REFUSED:
             self.watches.answered(platform, {}, reply.reason)
 
     async def _list(self, platform: str) -> None:
-        reply = await self._client.ask(platform, ListTopics(), LIST_S)
+        reply = await self._client.request(platform, ListTopics(), LIST_S)
         if reply.outcome is Outcome.ACCEPTED:
             entries = msgspec.convert(reply.result.get("topics", []), list[TopicEntry])
             self.watches.listed(platform, entries)

@@ -31,7 +31,7 @@ class Sight(NamedTuple):
     """Below the platform's name."""
     envelope: Envelope[Any] | None
     """The last message, as it was published; None before the first."""
-    heard_s: float
+    received_s: float
     """When it came, on the station's clock."""
     rate_hz: float
     """At which samples arrive."""
@@ -41,7 +41,7 @@ class Sight(NamedTuple):
     """Why nothing is seen, or not the last message."""
 
 
-class _Look(NamedTuple):
+class _View(NamedTuple):
     wants: tuple[Want, ...]
     is_listing: bool
     until_s: float
@@ -52,7 +52,7 @@ class _Track:
 
     def __init__(self) -> None:
         self.envelope: Envelope[Any] | None = None
-        self.heard_s = float("-inf")
+        self.received_s = float("-inf")
         self.source_rate_hz = 0.0
         self.problem = ""
         self.arrivals_s: deque[tuple[float, float]] = deque(maxlen=20)
@@ -60,9 +60,9 @@ class _Track:
         self.numbers: deque[tuple[float, Mapping[str, tuple[float, ...]]]] = deque(maxlen=HISTORY)
         self.preview_size = PreviewSize()
 
-    def take(self, envelope: Envelope[Any], source_rate_hz: float, now_s: float) -> None:
+    def receive(self, envelope: Envelope[Any], source_rate_hz: float, now_s: float) -> None:
         """A message has come."""
-        self.envelope, self.heard_s, self.source_rate_hz, self.problem = envelope, now_s, source_rate_hz, ""
+        self.envelope, self.received_s, self.source_rate_hz, self.problem = envelope, now_s, source_rate_hz, ""
         self.arrivals_s.append((now_s, envelope.t_s))
         if isinstance(envelope.payload, Preview):
             self.preview_size.came(now_s)
@@ -82,9 +82,9 @@ class _Track:
 
 class _Platform:
     def __init__(self) -> None:
-        self.looks: dict[str, _Look] = {}
-        self.asked = Watch()
-        self.asked_s = float("-inf")
+        self.views: dict[str, _View] = {}
+        self.requested = Watch()
+        self.requested_s = float("-inf")
         self.refused: Mapping[str, str] = {}
         self.entries: tuple[TopicEntry, ...] = ()
         self.activity: TopicActivity | None = None
@@ -93,7 +93,7 @@ class _Platform:
         self.last: dict[str, tuple[int, int]] = {}
         """Of each topic of samples: the viewer's boot, and the last sequence."""
 
-    def is_news(self, envelope: Envelope[Any]) -> bool:
+    def is_new(self, envelope: Envelope[Any]) -> bool:
         """Whether a sample has not come already, by another link."""
         boot, sequence = self.last.get(envelope.topic, (0, -1))
         if envelope.source.boot == boot and envelope.sequence <= sequence:
@@ -104,8 +104,8 @@ class _Platform:
     def wanted(self) -> Watch:
         """What all viewers want together."""
         found: dict[str, Want] = {}
-        for look in self.looks.values():
-            for want in look.wants:
+        for poll in self.views.values():
+            for want in poll.wants:
                 other = found.get(want.topic)
                 if other is not None:
                     want = Want(
@@ -116,7 +116,7 @@ class _Platform:
                         max(want.quality, other.quality),
                     )
                 found[want.topic] = want
-        is_listing = any(look.is_listing for look in self.looks.values())
+        is_listing = any(poll.is_listing for poll in self.views.values())
         return Watch(wants=sorted(found.values(), key=lambda want: want.topic), is_listing=is_listing)
 
 
@@ -129,7 +129,7 @@ class Watches:
 
     # --- who looks ---
 
-    def look(
+    def watch(
         self,
         viewer: str,
         platform: str,
@@ -151,15 +151,15 @@ class Watches:
         """
         known = self._platforms.setdefault(platform, _Platform())
         if wants or is_listing:
-            known.looks[viewer] = _Look(tuple(wants), is_listing, now_s + for_s)
+            known.views[viewer] = _View(tuple(wants), is_listing, now_s + for_s)
         else:
-            known.looks.pop(viewer, None)
+            known.views.pop(viewer, None)
 
-    def look_away(self, viewer: str, except_from: str = "") -> None:
+    def unwatch(self, viewer: str, except_from: str = "") -> None:
         """A viewer looks at nothing any more, of no platform but one."""
         for name, platform in self._platforms.items():
             if name != except_from:
-                platform.looks.pop(viewer, None)
+                platform.views.pop(viewer, None)
 
     # --- what is asked for ---
 
@@ -167,15 +167,15 @@ class Watches:
         """What is to be asked now of which platform."""
         found = []
         for name, platform in self._platforms.items():
-            for viewer in [who for who, look in platform.looks.items() if now_s >= look.until_s]:
-                del platform.looks[viewer]
+            for viewer in [who for who, poll in platform.views.items() if now_s >= poll.until_s]:
+                del platform.views[viewer]
             wanted = platform.wanted()
-            is_renewal = bool(wanted.wants or wanted.is_listing) and now_s - platform.asked_s >= RENEW_S
-            if wanted != platform.asked or is_renewal:
+            is_renewal = bool(wanted.wants or wanted.is_listing) and now_s - platform.requested_s >= RENEW_S
+            if wanted != platform.requested or is_renewal:
                 if not wanted.is_listing:
                     platform.activity = None
-                self._forget(platform, wanted)
-                platform.asked, platform.asked_s = wanted, now_s
+                self._drop_oldest(platform, wanted)
+                platform.requested, platform.requested_s = wanted, now_s
                 found.append((name, wanted))
         return found
 
@@ -184,15 +184,15 @@ class Watches:
         return [
             name
             for name, platform in self._platforms.items()
-            if not platform.entries and any(look.is_listing for look in platform.looks.values())
+            if not platform.entries and any(poll.is_listing for poll in platform.views.values())
         ]
 
     def next_s(self) -> float | None:
         """When something is due; None while nobody looks."""
         times_s = [
-            min(platform.asked_s + RENEW_S, *(look.until_s for look in platform.looks.values()))
+            min(platform.requested_s + RENEW_S, *(poll.until_s for poll in platform.views.values()))
             for platform in self._platforms.values()
-            if platform.looks
+            if platform.views
         ]
         return min(times_s, default=None)
 
@@ -217,14 +217,14 @@ class Watches:
         """Takes in what came on a topic `PLATFORM/watch/...`; the message that was looked at, if that is what came."""
         name, _, topic = envelope.topic.partition("/")
         platform = self._platforms.get(name)
-        if platform is None or not platform.is_news(envelope):
+        if platform is None or not platform.is_new(envelope):
             return None
         if topic == ACTIVITY:
             platform.activity = envelope.payload
             return None
         sample: Sample = envelope.payload
         watched = topic_of(topic)
-        if all(want.topic != watched for want in platform.asked.wants):
+        if all(want.topic != watched for want in platform.requested.wants):
             return None  # somebody else looks at it
         track = platform.tracks.setdefault(watched, _Track())
         try:
@@ -232,7 +232,7 @@ class Watches:
         except WireError as error:
             track.problem, track.source_rate_hz = str(error), sample.rate_hz
             return None
-        track.take(message, sample.rate_hz, now_s)
+        track.receive(message, sample.rate_hz, now_s)
         return message
 
     # --- what is known ---
@@ -262,7 +262,7 @@ class Watches:
         return Sight(
             topic,
             track.envelope,
-            track.heard_s,
+            track.received_s,
             track.rate_hz(now_s),
             track.source_rate_hz,
             refused or track.problem,
@@ -281,12 +281,12 @@ class Watches:
         return (track.preview_size if track is not None else PreviewSize()).size(room)
 
     @staticmethod
-    def _forget(platform: _Platform, wanted: Watch) -> None:
+    def _drop_oldest(platform: _Platform, wanted: Watch) -> None:
         """Drops what was looked at longest ago."""
         topics = {want.topic for want in wanted.wants}
         for topic, track in platform.tracks.items():
             if topic not in topics:
                 track.preview_size.pause()
-        old = [topic for topic in platform.tracks if topic not in topics]
-        for topic in old[: max(0, len(platform.tracks) - TOPICS_KEPT)]:
+        previous = [topic for topic in platform.tracks if topic not in topics]
+        for topic in previous[: max(0, len(platform.tracks) - TOPICS_KEPT)]:
             del platform.tracks[topic]

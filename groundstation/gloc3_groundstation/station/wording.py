@@ -10,10 +10,10 @@ from gloc3.mission.checking.estimate import span
 from gloc3_groundstation.missions.outline import Outline
 from gloc3_groundstation.station.snapshots import Fleet, PlatformSnapshot
 
-LOSS_WORTH_TELLING: Final = 0.05
+REPORTED_LOSS: Final = 0.05
 
 
-class Item(NamedTuple):
+class ItemLabel(NamedTuple):
     """A task or an action of a mission, as an operator sees it."""
 
     target: str
@@ -35,13 +35,13 @@ class Item(NamedTuple):
         return self.target.rpartition(".")[2]
 
 
-def items(mission: MissionSummary) -> list[Item]:
+def items(mission: MissionSummary) -> list[ItemLabel]:
     """The tasks in the order of the mission, each followed by its actions."""
-    found: list[Item] = []
+    found: list[ItemLabel] = []
     for task in [target for target in mission.tasks if "." not in target]:
         for target, state in mission.tasks.items():
             if target == task or target.startswith(f"{task}."):
-                found.append(Item(target, state, mission.progress.get(target), times(mission, target)))
+                found.append(ItemLabel(target, state, mission.progress.get(target), times(mission, target)))
     return found
 
 
@@ -51,7 +51,7 @@ def times(mission: MissionSummary, task: str) -> str:
     return f"{count}/{most}" if count else ""
 
 
-def taken(mission: MissionSummary, outline: Outline) -> str:
+def used(mission: MissionSummary, outline: Outline) -> str:
     """What a mission that has ended took, beside what was estimated: `took 66 s (about 20 to 58), 61 m (about 56)`."""
     least = outline.least
     parts = [f"{mission.took_s:.0f} s" + _about(outline.duration_s, least.duration_s if least else None)]
@@ -59,8 +59,8 @@ def taken(mission: MissionSummary, outline: Outline) -> str:
         parts.append(f"{mission.took_m:.0f} m" + _about(outline.length_m, least.length_m if least else None))
     if mission.took_battery >= 0.0:
         share, least_share = outline.battery_share, least.battery_share if least else None
-        said = _about(share and 100.0 * share, least_share and 100.0 * least_share)
-        parts.append(f"{100.0 * mission.took_battery:.0f} % of the battery{said}")
+        text = _about(share and 100.0 * share, least_share and 100.0 * least_share)
+        parts.append(f"{100.0 * mission.took_battery:.0f} % of the battery{text}")
     return "took " + ", ".join(parts)
 
 
@@ -152,45 +152,49 @@ def silence(platform: PlatformSnapshot, now_s: float) -> str:
 
 def by_sound(platform: PlatformSnapshot, now_s: float) -> str:
     """`; by sound 40 s ago: x 12.0  y 3.5  h -8.2 m, dive.out, battery 84 %` where it came after all else; else empty."""
-    parts = told_by_sound(platform)
+    parts = received_by_sound(platform)
     if platform.acoustic is None or not parts:
         return ""
     return f"; by sound {duration(platform.acoustic.age_s(now_s))} ago: {', '.join(parts)}"
 
 
-def told_by_sound(platform: PlatformSnapshot) -> list[str]:
+def received_by_sound(platform: PlatformSnapshot) -> list[str]:
     """Place, action and what else the last summary by sound tells, where it came after all else; empty otherwise."""
     timed = platform.acoustic
-    if timed is None or timed.heard_s < platform.heard_s:
+    if timed is None or timed.received_s < platform.received_s:
         return []
-    told = timed.value
-    x_m, y_m, height_m = told.position_m
-    doing = action_of(told, platform.mission.value if platform.mission is not None else None)
+    reported = timed.value
+    x_m, y_m, height_m = reported.position_m
+    doing = action_of(reported, platform.mission.value if platform.mission is not None else None)
     return [
-        f"x {tenths(x_m)}  y {tenths(y_m)}  h {tenths(height_m)} m" if told.is_pose_valid else "position unknown",
-        *filter(None, (f"policy {told.policy}" if told.policy else "", doing or told.state or "no mission")),
-        *([f"battery {told.battery_percent} %"] if told.battery_percent >= 0 else []),
-        *([f"components {told.health}"] if told.health is not Health.WORKING else []),
-        *(["trouble below"] if told.worst <= Severity.WARNING else []),
+        f"x {tenths(x_m)}  y {tenths(y_m)}  h {tenths(height_m)} m" if reported.is_pose_valid else "position unknown",
+        *filter(
+            None, (f"policy {reported.policy}" if reported.policy else "", doing or reported.state or "no mission")
+        ),
+        *([f"battery {reported.battery_percent} %"] if reported.battery_percent >= 0 else []),
+        *([f"components {reported.health}"] if reported.health is not Health.WORKING else []),
+        *(["trouble below"] if reported.worst <= Severity.WARNING else []),
     ]
 
 
-def contact(told: ContactSummary, missed: int) -> str:
+def contact(reported: ContactSummary, missed: int) -> str:
     """The state in a nutshell at the begin of a contact."""
-    x_m, y_m, height_m = told.position_m
-    mission = f"mission {told.mission!r} {told.state}" if told.mission else "no mission"
+    x_m, y_m, height_m = reported.position_m
+    mission = f"mission {reported.mission!r} {reported.state}" if reported.mission else "no mission"
     parts = [
-        f"contact after {duration(told.silent_s)}" if told.silent_s >= 0.0 else "contact",
-        mission + (f", policy {told.policy}" if told.policy else "") + (f" ({told.doing})" if told.doing else ""),
+        f"contact after {duration(reported.silent_s)}" if reported.silent_s >= 0.0 else "contact",
+        mission
+        + (f", policy {reported.policy}" if reported.policy else "")
+        + (f" ({reported.doing})" if reported.doing else ""),
         f"x {tenths(x_m)}  y {tenths(y_m)}  h {tenths(height_m)} m",
-        *([f"battery {told.battery_percent} %"] if told.battery_percent >= 0 else []),
-        f"components {told.health}",
-        *told.conditions,
+        *([f"battery {reported.battery_percent} %"] if reported.battery_percent >= 0 else []),
+        f"components {reported.health}",
+        *reported.conditions,
     ]
     if missed > 0:
         parts.append(
             f"{missed} events meanwhile"
-            + (f", worst: {told.worst_text}" if told.worst_text and told.worst <= Severity.NOTICE else "")
+            + (f", worst: {reported.worst_text}" if reported.worst_text and reported.worst <= Severity.NOTICE else "")
         )
     return "; ".join(parts)
 
@@ -198,7 +202,7 @@ def contact(told: ContactSummary, missed: int) -> str:
 def arrival(platform: PlatformSnapshot) -> str:
     """`status 80 %` where part of the periodic status is lost on the way, or left out by a slow link; else empty."""
     loss = platform.link.loss
-    return f"status {(1.0 - loss) * 100.0:.0f} %" if loss >= LOSS_WORTH_TELLING else ""
+    return f"status {(1.0 - loss) * 100.0:.0f} %" if loss >= REPORTED_LOSS else ""
 
 
 def holder(platform: PlatformSnapshot, station: str) -> str:

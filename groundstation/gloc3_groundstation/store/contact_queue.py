@@ -18,7 +18,7 @@ from gloc3.mission.model.model import digest_of
 from gloc3.mission.model.states import ActionState
 from gloc3.store import DocumentFile
 from gloc3_groundstation.desk import flights
-from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station.command_client import Declined, Unanswered
 from gloc3_groundstation.station.snapshots import Fleet
 from gloc3_groundstation.station.station import Station
@@ -35,7 +35,7 @@ class Queued(msgspec.Struct, frozen=True, kw_only=True):
     number: int
     """In the order in which they were queued, over all platforms."""
     platform: str
-    plan: Plan
+    plan: CheckedPlan
 
 
 class ContactQueue:
@@ -53,11 +53,11 @@ class ContactQueue:
         self._count = 0
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._ended: dict[int, str] = {}
-        self._watchers: list[Callable[[], None]] = []
+        self._listeners: list[Callable[[], None]] = []
         self._load()
-        self._unlisten = station.listen(self._look)
+        self._unlisten = station.listen(self._send_on_contact)
 
-    def add(self, platform: str, plan: Plan) -> Queued:
+    def add(self, platform: str, plan: CheckedPlan) -> Queued:
         """Queues a mission for the next contact."""
         self._count += 1
         queued = Queued(number=self._count, platform=platform, plan=plan)
@@ -67,7 +67,7 @@ class ContactQueue:
         self._note(
             platform, Severity.NOTICE, f"{plan.title!r} waits for the next contact{turn}; nothing is started then"
         )
-        self._look(self._station.fleet, self._station.fleet, self._station.now_s())
+        self._send_on_contact(self._station.fleet, self._station.fleet, self._station.now_s())
         return queued
 
     def of(self, platform: str) -> list[Queued]:
@@ -86,13 +86,13 @@ class ContactQueue:
     async def ended(self, queued: Queued) -> str:
         """Waits until one has been sent, refused or withdrawn; why it was not sent, or an empty text."""
         changed = asyncio.Event()
-        self._watchers.append(changed.set)
+        self._listeners.append(changed.set)
         try:
             while queued.number not in self._ended:
                 changed.clear()
                 await changed.wait()
         finally:
-            self._watchers.remove(changed.set)
+            self._listeners.remove(changed.set)
         return self._ended[queued.number]
 
     def close(self) -> None:
@@ -101,7 +101,7 @@ class ContactQueue:
         for task in self._tasks.values():
             task.cancel()
 
-    def _look(self, _before: Fleet, after: Fleet, now_s: float) -> None:
+    def _send_on_contact(self, _before: Fleet, after: Fleet, now_s: float) -> None:
         """Begins to send where there is contact."""
         for name in dict.fromkeys(queued.platform for queued in self._waiting):
             platform = after.get(name)
@@ -115,9 +115,9 @@ class ContactQueue:
         await flights.passed(self._station, SETTLE_S)
         while (waiting := self.of(name)) and not self._is_silent(name):
             queued = waiting[0]
-            if self._is_under_way(name):
+            if self._is_sending(name):
                 self._note(name, Severity.INFO, f"{queued.plan.title!r} waits for the end of the mission under way")
-                await flights.until(self._station, lambda: self._is_silent(name) or not self._is_under_way(name))
+                await flights.until(self._station, lambda: self._is_silent(name) or not self._is_sending(name))
                 continue
             try:
                 await self._bring(queued)
@@ -148,7 +148,7 @@ class ContactQueue:
             return
         await flights.stream(self._station, queued.platform, queued.plan)
 
-    def _is_under_way(self, name: str) -> bool:
+    def _is_sending(self, name: str) -> bool:
         """Whether a platform is at a mission, in whose place no other can be loaded."""
         platform = self._station.fleet.get(name)
         mission = platform.mission.value if platform is not None and platform.mission is not None else None
@@ -166,8 +166,8 @@ class ContactQueue:
         self._waiting = [one for one in self._waiting if one.number != queued.number]
         self._ended[queued.number] = reason
         self._keep()
-        for watcher in tuple(self._watchers):
-            watcher()
+        for monitor in tuple(self._listeners):
+            monitor()
 
     def _note(self, platform: str, severity: Severity, text: str) -> None:
         self._station.note(platform, severity, text)

@@ -85,7 +85,7 @@ class EventStore:
         number = len(self._ends)
         stored = StoredEvent(
             number + 1,
-            round(event.heard_s + self._offset_s, 3),
+            round(event.received_s + self._offset_s, 3),
             event.severity.name.lower(),
             event.platform,
             event.source,
@@ -145,7 +145,7 @@ class EventStore:
         return FleetEvent(
             number=stored.number,
             platform=stored.platform,
-            heard_s=stored.utc_s - self._offset_s,
+            received_s=stored.utc_s - self._offset_s,
             severity=Severity[stored.severity.upper()],
             source=stored.component,
             text=stored.text,

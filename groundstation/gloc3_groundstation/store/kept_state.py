@@ -11,13 +11,13 @@ from gloc3.clock import utc_text
 from gloc3.store import DocumentFile
 from gloc3_groundstation.station import fleet as reducers
 from gloc3_groundstation.station.event_feed import Cursor, EventFeed
-from gloc3_groundstation.station.snapshots import PlannedSilence
+from gloc3_groundstation.station.snapshots import ReportedSilence
 from gloc3_groundstation.station.station import Station
 
 SHOWN: Final = "shown.json"
 SILENCES: Final = "silences.json"
 POLL_EVERY_S: Final = 1.0
-HEARD_STEP_S: Final = 10.0
+CONTACT_STEP_S: Final = 10.0
 """Resolution of the kept time of a platform's last message."""
 
 T = TypeVar("T")
@@ -101,14 +101,14 @@ class SilenceFile:
 
     def _restore(self, name: str, kept: KeptSilence) -> None:
         offset_s = self._station.fleet.utc_offset_s
-        planned = PlannedSilence(
+        planned = ReportedSilence(
             target=kept.target,
             until_s=kept.until_s,
             due_s=kept.due_utc_s - offset_s,
             due_text=f"{utc_text(kept.due_utc_s, '%H:%M:%S')} UTC",
         )
-        heard_s = kept.heard_utc_s - offset_s
-        self._station.change(lambda fleet, now_s: reducers.remembered(fleet, name, planned, heard_s, now_s))
+        received_s = kept.heard_utc_s - offset_s
+        self._station.change(lambda fleet, now_s: reducers.remembered(fleet, name, planned, received_s, now_s))
 
     def _silences(self) -> dict[str, KeptSilence]:
         offset_s = self._station.fleet.utc_offset_s
@@ -117,7 +117,7 @@ class SilenceFile:
                 target=planned.target,
                 until_s=planned.until_s,
                 due_utc_s=round(planned.due_s + offset_s, 3),
-                heard_utc_s=(platform.heard_s + offset_s) // HEARD_STEP_S * HEARD_STEP_S,
+                heard_utc_s=(platform.received_s + offset_s) // CONTACT_STEP_S * CONTACT_STEP_S,
             )
             for platform in self._station.fleet
             if (planned := platform.silence) is not None

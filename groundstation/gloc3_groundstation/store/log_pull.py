@@ -102,43 +102,43 @@ class ChunkCarrier:
         at = part.opened(size)
         on_bytes(at)
         came: dict[int, bytes] = {}
-        asked_s: dict[int, float] = {}
+        requested_s: dict[int, float] = {}
         problem: list[str] = []
-        news = asyncio.Event()
+        reports = asyncio.Event()
 
-        def take(envelope: Envelope[LogChunk]) -> None:
+        def handle(envelope: Envelope[LogChunk]) -> None:
             chunk = envelope.payload
-            if chunk.station == self._station.id and chunk.name == name and chunk.offset in asked_s:
+            if chunk.station == self._station.id and chunk.name == name and chunk.offset in requested_s:
                 came[chunk.offset] = chunk.data
                 if chunk.reason:
                     problem.append(chunk.reason)
-                news.set()
+                reports.set()
 
-        unsubscribe = self._exchange.subscribe(f"{self._platform}/log_chunk", take)
-        heard_s = self._station.now_s()
+        unsubscribe = self._exchange.subscribe(f"{self._platform}/log_chunk", handle)
+        received_s = self._station.now_s()
         try:
             while at < size:
                 now_s = self._station.now_s()
                 for offset in range(at, min(size, at + WINDOW * CHUNK_BYTES), CHUNK_BYTES):
-                    if offset not in came and now_s >= asked_s.get(offset, float("-inf")) + CHUNK_S:
-                        asked_s[offset] = now_s
-                        self._station.client.tell(self._platform, ReadLog(name=name, offset=offset, size=CHUNK_BYTES))
-                news.clear()
+                    if offset not in came and now_s >= requested_s.get(offset, float("-inf")) + CHUNK_S:
+                        requested_s[offset] = now_s
+                        self._station.client.send(self._platform, ReadLog(name=name, offset=offset, size=CHUNK_BYTES))
+                reports.clear()
                 try:
                     async with asyncio.timeout(CHUNK_S):
-                        await news.wait()
-                    heard_s = self._station.now_s()
+                        await reports.wait()
+                    received_s = self._station.now_s()
                 except TimeoutError:
-                    if self._station.now_s() - heard_s >= LOST_S:
+                    if self._station.now_s() - received_s >= LOST_S:
                         raise Refused(f"no piece of {name} has come for {LOST_S:g} s") from None
                 if problem:
                     raise Refused(f"{name}: {problem[0]}")
                 while at in came:
                     data = came.pop(at)
-                    asked_s.pop(at)
+                    requested_s.pop(at)
                     if len(data) != min(CHUNK_BYTES, size - at):
                         raise Refused(f"{name} is not as long as it was")
-                    part.take(data)
+                    part.write(data)
                     at += len(data)
                     on_bytes(at)
         finally:
@@ -185,10 +185,10 @@ class LogPuller:
         platform: str,
         carrier: Carrier,
         on_fraction: OnFraction = lambda _name, _here, _size: None,
-        told: Callable[[str], None] = lambda _: None,
+        reported: Callable[[str], None] = lambda _: None,
     ) -> None:
         self._station, self._platform, self._carrier = station, platform, carrier
-        self._on_fraction, self._told = on_fraction, told
+        self._on_fraction, self._reported = on_fraction, reported
 
     async def cut(self) -> None:
         """Ends the log that is being written, and waits until it is finished.
@@ -196,7 +196,7 @@ class LogPuller:
         Raises:
             Gloc3Error: the platform refuses.
         """
-        await self._ask(CutLog())
+        await self._request(CutLog())
         until_s = self._station.now_s() + SETTLE_S
         while sum(log.is_open for log in await self.list()) > 2 and self._station.now_s() < until_s:
             await flights.passed(self._station, TRY_AGAIN_S)
@@ -207,7 +207,7 @@ class LogPuller:
         Raises:
             Gloc3Error: the platform refuses.
         """
-        reply = await self._ask(ListLogs())
+        reply = await self._request(ListLogs())
         try:
             logs = msgspec.convert(reply.result.get("logs", []), list[LogOnboard])
         except msgspec.ValidationError as error:
@@ -244,7 +244,7 @@ class LogPuller:
                     part.finish()
                     break
                 part.discard()
-                self._told(f"{log.name} came with another digest: {'once more' if attempt == 1 else 'given up'}")
+                self._reported(f"{log.name} came with another digest: {'once more' if attempt == 1 else 'given up'}")
             else:
                 raise Refused(f"{log.name} has the digest {wanted} onboard, and what came had {found}")
         is_deleted = False
@@ -256,14 +256,14 @@ class LogPuller:
     async def _confirm(self, log: LogOnboard, sha256: str) -> bool:
         """Says that a log is here; whether it is deleted onboard."""
         try:
-            await self._ask(ConfirmLog(name=log.name, sha256=sha256))
+            await self._request(ConfirmLog(name=log.name, sha256=sha256))
         except Declined as error:
-            self._told(f"{log.name} is here, and stays onboard: {error}")
+            self._reported(f"{log.name} is here, and stays onboard: {error}")
             return False
         return True
 
     async def _digest(self, log: LogOnboard) -> str:
-        reply = await self._ask(DigestLog(name=log.name), DIGEST_S)
+        reply = await self._request(DigestLog(name=log.name), DIGEST_S)
         digest, size = reply.result.get("sha256"), reply.result.get("size")
         if not isinstance(digest, str) or not DIGEST.fullmatch(digest) or size != log.size:
             raise Refused(f"{log.name} has changed since it was listed")
@@ -279,10 +279,10 @@ class LogPuller:
                 )
             except Refused as error:
                 if part.problem is not None or not self._has_been_silent():
-                    await self._refuse_if_gone(log, error)
+                    await self._refuse_if_deleted(log, error)
                 drops += 1
-                self._told(f"{error}; it goes on when {self._platform} is heard again")
-                await self._heard_again()
+                self._reported(f"{error}; it goes on when {self._platform} is heard again")
+                await self._note_contact()
             else:
                 return drops
             finally:
@@ -290,7 +290,7 @@ class LogPuller:
             if part.problem is not None:
                 raise part.problem
 
-    async def _refuse_if_gone(self, log: LogOnboard, error: Refused) -> None:
+    async def _refuse_if_deleted(self, log: LogOnboard, error: Refused) -> None:
         """Whether a log is still there: if not, it makes no sense to go on."""
         try:
             logs = await self.list()
@@ -303,7 +303,7 @@ class LogPuller:
         platform = self._station.fleet.get(self._platform)
         return platform is None or platform.is_quiet_link(self._station.now_s())
 
-    async def _heard_again(self) -> None:
+    async def _note_contact(self) -> None:
         await flights.passed(self._station, TRY_AGAIN_S)
         await flights.until(self._station, lambda: not self._has_been_silent())
 
@@ -311,7 +311,7 @@ class LogPuller:
     async def _is_here(path: Path, wanted: str) -> bool:
         return path.is_file() and await _in_thread(lambda: _sha256_of(path)) == wanted
 
-    async def _ask(self, body: AnyBody, timeout_s: float = 16.0) -> CiReply:
+    async def _request(self, body: AnyBody, timeout_s: float = 16.0) -> CiReply:
         """Asks until the platform answers: what is asked for here may be carried out twice."""
         while True:
             try:
@@ -319,8 +319,8 @@ class LogPuller:
             except Gloc3Error as error:
                 if not isinstance(error, Unanswered) and "not delivered" not in str(error):
                     raise
-                self._told(f"{error}; asked again when {self._platform} is heard")
-                await self._heard_again()
+                self._reported(f"{error}; asked again when {self._platform} is heard")
+                await self._note_contact()
 
 
 @contextmanager

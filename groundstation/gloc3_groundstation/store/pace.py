@@ -7,18 +7,18 @@ from gloc3_groundstation.station.wording import roughly
 
 WINDOW: Final = 10
 """The speed is that between so many looks."""
-LOOK_EVERY_S: Final = 1.0
+POLL_PERIOD_S: Final = 1.0
 
 
-class Pace:
+class DownloadProgress:
     """One download; one that went on from an earlier attempt is as fast as what comes now."""
 
     def __init__(self) -> None:
-        self._looks: deque[tuple[float, int]] = deque(maxlen=WINDOW)
+        self._polls: deque[tuple[float, int]] = deque(maxlen=WINDOW)
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Nothing came for a while: the speed is found anew."""
-        self._looks.clear()
+        self._polls.clear()
 
     def words(self, here: int, size: int, now_s: float) -> str:
         """`42 % of 23.7 MB, 65 kB/s, 3 min to go`.
@@ -28,15 +28,15 @@ class Pace:
             size: bytes of the whole.
             now_s: the station's time.
         """
-        if not self._looks or now_s - self._looks[-1][0] >= LOOK_EVERY_S:
-            self._looks.append((now_s, here))
+        if not self._polls or now_s - self._polls[-1][0] >= POLL_PERIOD_S:
+            self._polls.append((now_s, here))
         share = 100.0 * here / size if size else 100.0
         text = f"{share:.0f} % of {amount(size)}"
-        began_s, began = self._looks[0]
-        took_s = now_s - began_s
-        if took_s < LOOK_EVERY_S or here <= began:
+        began_s, began = self._polls[0]
+        elapsed_s = now_s - began_s
+        if elapsed_s < POLL_PERIOD_S or here <= began:
             return text
-        speed = (here - began) / took_s
+        speed = (here - began) / elapsed_s
         return f"{text}, {amount(speed)}/s, {roughly((size - here) / speed)} to go"
 
 

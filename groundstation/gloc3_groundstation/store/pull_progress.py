@@ -4,9 +4,9 @@ import asyncio
 from typing import Final
 
 from gloc3.cli.narration import narrate
-from gloc3_groundstation.store.pace import Pace
+from gloc3_groundstation.store.pace import DownloadProgress
 
-TELL_EVERY_S: Final = 2.0
+REPORT_PERIOD_S: Final = 2.0
 
 
 class PullProgress:
@@ -19,16 +19,16 @@ class PullProgress:
 
     def begin(self, title: str) -> None:
         """The next log."""
-        self._title, self._pace, self._told_s = title, Pace(), float("-inf")
+        self._title, self._pace, self._reported_s = title, DownloadProgress(), float("-inf")
 
-    def tell(self, _: str, here: int, size: int) -> None:
+    def update(self, _: str, here: int, size: int) -> None:
         """Some of it has come."""
         words = self._pace.words(here, size, self._loop.time())
-        if here and self._loop.time() - self._told_s >= TELL_EVERY_S:
-            self._told_s = self._loop.time()
+        if here and self._loop.time() - self._reported_s >= REPORT_PERIOD_S:
+            self._reported_s = self._loop.time()
             narrate(f"{self._title}: {words}")
 
     def pause(self, text: str) -> None:
         """Something is told meanwhile, as that the way is lost."""
-        self._pace.forget()
+        self._pace.reset()
         narrate(text)

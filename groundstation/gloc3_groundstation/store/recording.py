@@ -21,17 +21,17 @@ PART_BYTES: Final = 64 * 1024 * 1024
 """A part of a log that has become so long is closed, and the next one begun."""
 KEPT_BYTES: Final = 2 * 1024 * 1024 * 1024
 """All sessions together; the oldest parts make room."""
-LOOK_EVERY_S: Final = 1.0
+POLL_PERIOD_S: Final = 1.0
 
 
-class Limits(NamedTuple):
+class RecordingLimits(NamedTuple):
     """How much is kept."""
 
     part_bytes: int = PART_BYTES
     kept_bytes: int = KEPT_BYTES
 
 
-class Recording:
+class SessionRecording:
     """The logs of one session."""
 
     def __init__(
@@ -41,8 +41,8 @@ class Recording:
         loop: asyncio.AbstractEventLoop,
         topics: TopicTable,
         station: str,
-        told: Callable[[str], None],
-        limits: Limits = Limits(),  # noqa: B008 - immutable
+        reported: Callable[[str], None],
+        limits: RecordingLimits = RecordingLimits(),  # noqa: B008 - immutable
     ) -> None:
         """Makes a folder for the session and begins its logs.
 
@@ -52,14 +52,14 @@ class Recording:
             loop: wakes the recording.
             topics: which topics are logged.
             station: the station's id, for the log.
-            told: is told in words when something can no longer be recorded.
+            reported: is told in words when something can no longer be recorded.
             limits: how much is kept.
 
         Raises:
             Gloc3Error: there is no way to write there.
         """
         self._root, self._clock, self._loop, self._topics = root, clock, loop, topics
-        self._station, self._told, self._limits = station, told, limits
+        self._station, self._reported, self._limits = station, reported, limits
         self.folder: Final = _new_folder(root, utc_text(clock.now_s() + clock.utc_offset_s, "%Y-%m-%d_%H-%M-%S"))
         self._exchange: Exchange | None = None
         self._mcap: tuple[Path, Recorder] | None = None
@@ -71,7 +71,7 @@ class Recording:
         self._tlog_bytes = 0
         self._problems: set[str] = set()
         self._make_room()
-        self._timer = loop.call_later(LOOK_EVERY_S, self._look)
+        self._timer = loop.call_later(POLL_PERIOD_S, self._flush)
 
     def attach(self, exchange: Exchange) -> None:
         """Records everything that passes the station's exchange."""
@@ -100,9 +100,9 @@ class Recording:
 
     # --- parts ---
 
-    def _look(self) -> None:
+    def _flush(self) -> None:
         """Writes what is in memory; begins new parts where the old ones are long."""
-        self._timer = self._loop.call_later(LOOK_EVERY_S, self._look)
+        self._timer = self._loop.call_later(POLL_PERIOD_S, self._flush)
         if not self._tlog.closed:
             try:
                 self._tlog.flush()
@@ -168,7 +168,7 @@ class Recording:
     def _fail(self, problem: str) -> None:
         if problem not in self._problems:
             self._problems.add(problem)
-            self._told(f"recording: {problem}")
+            self._reported(f"recording: {problem}")
 
 
 def make_room(root: Path, kept_bytes: int, current: set[Path]) -> None:

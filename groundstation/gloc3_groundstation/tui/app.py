@@ -24,17 +24,17 @@ from gloc3_groundstation.tui.dialogues.questions import (
     START_QUESTION,
     UNSAVED_QUESTION,
     EmergencyQuestion,
-    Question,
+    YesNoQuestion,
 )
 from gloc3_groundstation.tui.help import help_for
 from gloc3_groundstation.tui.in_view import InView
 from gloc3_groundstation.tui.keys import GENERAL_KEYS
 from gloc3_groundstation.tui.palette import StationCommands
-from gloc3_groundstation.tui.screen import LookAt, Offer, StationScreen
+from gloc3_groundstation.tui.screen import Offer, ShowVehicle, StationScreen
 from gloc3_groundstation.tui.screens.mission import MissionScreen
 from gloc3_groundstation.tui.screens.table import SCREENS
 from gloc3_groundstation.tui.themes import THEMES, offer_themes
-from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.widgets.lines import Tone
 
 REFRESH_HZ: Final = 5.0
@@ -115,7 +115,7 @@ class StationApp(App[End | None]):
             last = [row.name for row in SCREENS if row.screen is MissionScreen]
             self.call_after_refresh(self._open)
         self.switch_mode(last[0] if last else SCREENS[0].name)
-        self.set_interval(1.0 / REFRESH_HZ, self.look)
+        self.set_interval(1.0 / REFRESH_HZ, self.show_fleet)
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
         """The variables of the style sheet that only our themes have."""
@@ -152,10 +152,10 @@ class StationApp(App[End | None]):
         found = next(iter(self.screen_stack), None)
         return found if isinstance(found, StationScreen) else None
 
-    def view(self) -> View:
+    def view(self) -> StationView:
         """Everything that is known now."""
         station, platform = self.desk.station, self.platform
-        return View(
+        return StationView(
             fleet=station.fleet,
             platform=platform,
             now_s=station.now_s(),
@@ -169,7 +169,7 @@ class StationApp(App[End | None]):
             waiting_for=self._waiting_for(),
         )
 
-    def look(self) -> None:
+    def show_fleet(self) -> None:
         """Shows the fleet as it is now on the screen that is shown; panels draw only what has changed."""
         self._in_view.settle(self.desk.station.fleet, self.desk.station.now_s())
         view, base = self.view(), self.base
@@ -206,11 +206,11 @@ class StationApp(App[End | None]):
         """Shows a screen."""
         self.switch_mode(name)
 
-    async def take_up(self, name: str, offer: Offer) -> None:
+    async def show_vehicle_on_screen(self, name: str, offer: Offer) -> None:
         """Shows a screen and does there what was offered."""
         await self.switch_mode(name)
         if self.base is not None:
-            await self.base.take_up(offer)
+            await self.base.show_vehicle_on_screen(offer)
 
     def action_help(self) -> None:
         """Explains the screen in view and its keys."""
@@ -222,21 +222,21 @@ class StationApp(App[End | None]):
         pending = self.desk.alerts().pending
         if pending:
             self.desk.acknowledge(None if is_all else pending[0].key)
-            self.look()
+            self.show_fleet()
 
     def action_cycle(self, step: int) -> None:
         """Looks at the next platform."""
         self._in_view.cycle(self.desk.station.fleet, step)
-        self.look()
+        self.show_fleet()
 
-    def look_at(self, name: str) -> None:
+    def show_vehicle(self, name: str) -> None:
         """Looks at a platform."""
-        self._in_view.look_at(name)
-        self.look()
+        self._in_view.show_vehicle(name)
+        self.show_fleet()
 
-    def on_look_at(self, message: LookAt) -> None:
+    def on_show_vehicle(self, message: ShowVehicle) -> None:
         """Looks at the platform that a screen asks for."""
-        self.look_at(message.platform)
+        self.show_vehicle(message.platform)
 
     def action_move(self, name: str) -> None:
         """Asks something of the platform in view; the operator is asked before what arms it, and before an abort."""
@@ -300,7 +300,7 @@ class StationApp(App[End | None]):
             if answer:
                 work()
 
-        self.push_screen(Question(question, yes), answered)
+        self.push_screen(YesNoQuestion(question, yes), answered)
 
     def do(self, work: Awaitable[Any]) -> None:
         """Does what takes time; its end shows in the fleet."""

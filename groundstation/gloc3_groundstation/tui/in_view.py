@@ -11,15 +11,15 @@ WAITS_S: Final = 5.0
 class InView:
     """The choice, and the operator's changes of it."""
 
-    def __init__(self, asked_for: str | None, last: str) -> None:
+    def __init__(self, requested: str | None, last: str) -> None:
         """A choice.
 
         Args:
-            asked_for: waited for as long as it takes; None without one.
+            requested: waited for as long as it takes; None without one.
             last: of the last session; empty without one.
         """
-        self._is_fixed = asked_for is not None
-        self.name = asked_for or last
+        self._is_fixed = requested is not None
+        self.name = requested or last
         """The vehicle that is, or is to be, in view; empty while none is known."""
 
     def platform(self, fleet: Fleet) -> PlatformSnapshot | None:
@@ -30,11 +30,11 @@ class InView:
     def settle(self, fleet: Fleet, now_s: float) -> None:
         """Stays with the first that is heard, so that no other comes into view under the operator's fingers."""
         first = _first(fleet)
-        is_late = first is not None and now_s - first.first_heard_s >= WAITS_S
+        is_late = first is not None and now_s - first.first_received_s >= WAITS_S
         if first is not None and is_late and not self._is_fixed and fleet.get(self.name) is None:
             self.name = first.name
 
-    def look_at(self, name: str) -> None:
+    def show_vehicle(self, name: str) -> None:
         """Brings a platform into view."""
         self._is_fixed, self.name = False, name
 
@@ -42,7 +42,7 @@ class InView:
         """Brings the next platform into view, or the one before."""
         platform, names = self.platform(fleet), list(fleet.platforms)
         if platform is not None:
-            self.look_at(names[(names.index(platform.name) + step) % len(names)])
+            self.show_vehicle(names[(names.index(platform.name) + step) % len(names)])
 
 
 def _first(fleet: Fleet) -> PlatformSnapshot | None:

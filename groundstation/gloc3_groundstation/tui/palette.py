@@ -7,10 +7,10 @@ from typing import Protocol, cast
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 
 from gloc3_groundstation.desk.desk import Move
-from gloc3_groundstation.tui.screen import Command, Offer, StationScreen
+from gloc3_groundstation.tui.screen import Offer, PaletteCommand, StationScreen
 from gloc3_groundstation.tui.screens.table import SCREENS
 from gloc3_groundstation.tui.themes import DESCRIPTIONS
-from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.view import StationView
 
 MOVES = {
     Move.START: "Start the mission",
@@ -27,10 +27,10 @@ class Commanded(Protocol):
 
     current_mode: str
 
-    def view(self) -> View:
+    def view(self) -> StationView:
         """What is shown now."""
 
-    def look_at(self, name: str) -> None:
+    def show_vehicle(self, name: str) -> None:
         """Brings a vehicle into view."""
 
     def action_go(self, name: str) -> None:
@@ -51,7 +51,7 @@ class Commanded(Protocol):
     def action_leave(self) -> None:
         """Closes the terminal."""
 
-    async def take_up(self, name: str, offer: Offer) -> None:
+    async def show_vehicle_on_screen(self, name: str, offer: Offer) -> None:
         """Opens a screen and does what one of its keys does."""
 
 
@@ -71,7 +71,7 @@ class StationCommands(Provider):
             if score > 0:
                 yield Hit(score, matcher.highlight(command.title), command.run, help=command.help)
 
-    def _commands(self) -> Iterator[Command]:
+    def _commands(self) -> Iterator[PaletteCommand]:
         app = cast("Commanded", self.app)
         view, screen = app.view(), self.screen
         platform = view.platform
@@ -81,33 +81,33 @@ class StationCommands(Provider):
         if platform is not None:
             for move, title in MOVES.items():
                 if move in view.moves:
-                    yield Command(f"{platform.name}: {title}", "", partial(app.action_move, move))
-            yield Command(f"{platform.name}: HOLD (emergency)", "at once, asking nothing", app.action_emergency)
+                    yield PaletteCommand(f"{platform.name}: {title}", "", partial(app.action_move, move))
+            yield PaletteCommand(f"{platform.name}: HOLD (emergency)", "at once, asking nothing", app.action_emergency)
         if view.alerts.pending:
-            yield Command("Acknowledge all alerts", "", partial(app.action_acknowledge, True))
+            yield PaletteCommand("Acknowledge all alerts", "", partial(app.action_acknowledge, True))
         for name in view.fleet.platforms:
             if platform is None or name != platform.name:
-                yield Command(f"Look at {name}", "brings it into view", partial(app.look_at, name))
+                yield PaletteCommand(f"Look at {name}", "brings it into view", partial(app.show_vehicle, name))
         for row in SCREENS:
-            yield Command(f"Screen: {row.title}", row.help, partial(app.action_go, row.name))
-        for theme, said in DESCRIPTIONS.items():
-            yield Command(f"Theme: {theme}", said, partial(setattr, app, "theme", theme))
-        yield Command("Help", "the screen in view and its keys", app.action_help)
-        yield Command("Quit", "asks while a vehicle is armed in our control", app.action_leave)
+            yield PaletteCommand(f"Screen: {row.title}", row.help, partial(app.action_go, row.name))
+        for theme, text in DESCRIPTIONS.items():
+            yield PaletteCommand(f"Theme: {theme}", text, partial(setattr, app, "theme", theme))
+        yield PaletteCommand("Help", "the screen in view and its keys", app.action_help)
+        yield PaletteCommand("Quit", "asks while a vehicle is armed in our control", app.action_leave)
 
-    def _elsewhere(self) -> Iterator[Command]:
+    def _elsewhere(self) -> Iterator[PaletteCommand]:
         """What the keys of the screens do that are not shown."""
         app = cast("Commanded", self.app)
         for row in SCREENS:
             if row.name != app.current_mode:
                 for offer in row.screen.offers(row.title):
-                    yield Command(offer.title, offer.help, partial(app.take_up, row.name, offer))
+                    yield PaletteCommand(offer.title, offer.help, partial(app.show_vehicle_on_screen, row.name, offer))
 
-    def _keys(self, screen: StationScreen) -> Iterator[Command]:
+    def _keys(self, screen: StationScreen) -> Iterator[PaletteCommand]:
         """The screen's own keys, by their names."""
         for active in screen.active_bindings.values():
             own = active.node is screen and active.enabled and active.binding.description
             if own and not active.binding.action.startswith(("screen.", "app.")):
                 title = f"{screen.row.title}: {active.binding.description}"
                 run = partial(screen.run_action, active.binding.action)
-                yield Command(title, active.binding.tooltip, run)
+                yield PaletteCommand(title, active.binding.tooltip, run)

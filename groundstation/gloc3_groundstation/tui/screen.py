@@ -12,8 +12,8 @@ from textual.message import Message
 from textual.screen import Screen
 
 from gloc3_groundstation.desk.desk import Desk
-from gloc3_groundstation.tui.dialogues.questions import Question
-from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.dialogues.questions import YesNoQuestion
+from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.chrome import (
     Key,
     Tab,
@@ -33,7 +33,7 @@ ALWAYS_SHOWN: Final = ("emergency", "help")
 """Actions whose keys stand in the last line of every screen."""
 
 
-class Command(NamedTuple):
+class PaletteCommand(NamedTuple):
     """An entry of the command palette."""
 
     title: str
@@ -54,16 +54,16 @@ class Offer(NamedTuple):
 def offers(title: str, bindings: Iterable[BindingType], part: str = "") -> Iterator[Offer]:
     """What those of some keys do that are told, by name."""
     for binding in bindings:
-        if isinstance(binding, Binding) and is_told(binding):
+        if isinstance(binding, Binding) and is_reported(binding):
             yield Offer(f"{title}: {binding.description}", binding.tooltip, binding.action, part)
 
 
-def is_told(binding: Binding) -> bool:
+def is_reported(binding: Binding) -> bool:
     """Whether a key does something of the screen itself that has a name worth finding."""
     return bool(binding.show or binding.tooltip) and not binding.action.startswith(("screen.", "app."))
 
 
-class LookAt(Message):
+class ShowVehicle(Message):
     """Asks for a vehicle to be brought into view."""
 
     def __init__(self, platform: str) -> None:
@@ -74,7 +74,7 @@ class LookAt(Message):
 class StationScreen(Screen[None]):
     """A screen of the station.
 
-    An author writes `body`, which gives the widgets, and `look`, which fills them from a view; `HELP` says what the
+    An author writes `body`, which gives the widgets, and `show_view`, which fills them from a view; `HELP` says what the
     screen is for. Both are called only while the screen is shown. Keys are `BINDINGS`, with a tooltip where the label
     does not say it all; their actions call the desk, through `do` where that takes time.
     """
@@ -84,7 +84,9 @@ class StationScreen(Screen[None]):
     HELP: ClassVar[str] = ""
     """What the screen shows and how to read it, in a few sentences; a blank line begins a paragraph."""
 
-    def __init__(self, desk: Desk, rows: Sequence["ScreenRow"], row: "ScreenRow", moment: Callable[[], View]) -> None:
+    def __init__(
+        self, desk: Desk, rows: Sequence["ScreenRow"], row: "ScreenRow", moment: Callable[[], StationView]
+    ) -> None:
         """A screen; made by the app from its row.
 
         Args:
@@ -98,7 +100,7 @@ class StationScreen(Screen[None]):
         self.row: Final = row
         self._rows = rows
         self._moment = moment
-        self.view: View | None = None
+        self.view: StationView | None = None
         """What is shown; None before the first look."""
         self._styled: object = None
 
@@ -108,11 +110,11 @@ class StationScreen(Screen[None]):
         """The widgets between title and keys."""
         raise NotImplementedError
 
-    def look(self, view: View) -> None:
+    def show_view(self, view: StationView) -> None:
         """Fills the widgets; called at 5 Hz, at once after a key that changes something, and after a change of size."""
         raise NotImplementedError
 
-    def commands(self) -> Iterable[Command]:
+    def commands(self) -> Iterable[PaletteCommand]:
         """What the command palette offers on this screen beyond its keys."""
         return ()
 
@@ -121,9 +123,9 @@ class StationScreen(Screen[None]):
         """What the command palette offers of this screen while another one is shown."""
         return offers(title, cls.BINDINGS)
 
-    async def take_up(self, offer: Offer) -> None:
+    async def show_vehicle_on_screen(self, offer: Offer) -> None:
         """Does what was offered, now that the screen is shown."""
-        self.look_again()
+        self.show_again()
         await self.run_action(offer.action)
 
     # --- what it may call ---
@@ -136,25 +138,25 @@ class StationScreen(Screen[None]):
         """Does what takes time, such as a request of the desk."""
         self.app.run_worker(work, exit_on_error=True)
 
-    def ask(self, question: str, yes: str, work: Callable[[], object]) -> None:
+    def confirm(self, question: str, yes: str, work: Callable[[], object]) -> None:
         """Asks before something that can hurt, and does it if the answer is yes."""
 
         def answered(answer: bool | None) -> None:
             if answer:
                 work()
 
-        self.app.push_screen(Question(question, yes), answered)
+        self.app.push_screen(YesNoQuestion(question, yes), answered)
 
-    def look_at_vehicle(self, name: str) -> None:
+    def show_vehicle(self, name: str) -> None:
         """Brings a vehicle into view, on all screens."""
-        self.post_message(LookAt(name))
+        self.post_message(ShowVehicle(name))
 
     @property
-    def moment(self) -> Callable[[], View]:
+    def moment(self) -> Callable[[], StationView]:
         """Gives the view of now, for dialogues that show what happens meanwhile."""
         return self._moment
 
-    def look_again(self) -> None:
+    def show_again(self) -> None:
         """Shows at once what a key has changed."""
         self.show(self._moment())
 
@@ -179,7 +181,7 @@ class StationScreen(Screen[None]):
         styled = self.app.theme, frozenset(self.app.classes)
         event.refresh_styles = styled != self._styled
         self._styled = styled
-        self.call_after_refresh(self.look_again)
+        self.call_after_refresh(self.show_again)
 
     def on_resize(self, event: Resize) -> None:
         """Says so where there is not enough room, and lays out again."""
@@ -188,10 +190,10 @@ class StationScreen(Screen[None]):
         self.set_class(is_small, "-too-small")
         if is_small and self._is_there:
             self.panel("too_small").show(too_small_lines(width, height, SMALLEST, is_web=self.app.is_web))
-        self.call_after_refresh(self.look_again)
+        self.call_after_refresh(self.show_again)
         self.call_after_refresh(self._show_keys)
 
-    def show(self, view: View) -> None:
+    def show(self, view: StationView) -> None:
         """Shows a view; in a terminal that is too small only the alert."""
         self.view = view
         width = self.size.width
@@ -204,7 +206,7 @@ class StationScreen(Screen[None]):
             return
         self.panel("title").show([title_line(view, width)])
         self.panel("tabs").show([tabs_line(self._tabs, width)])
-        self.look(view)
+        self.show_view(view)
 
     def keys(self) -> list[Key]:
         """The keys that are worth showing now, those of the screen first."""

@@ -4,12 +4,12 @@ from typing import NamedTuple
 
 from gloc3_groundstation.desk.desk import Move
 from gloc3_groundstation.mapping.tracks import Tracks
-from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station.alerts import Alerts
 from gloc3_groundstation.station.snapshots import Fleet, PlatformSnapshot
 
 
-class View(NamedTuple):
+class StationView(NamedTuple):
     """One moment of the station. Two views of the same moment are equal, and are shown alike."""
 
     fleet: Fleet
@@ -23,7 +23,7 @@ class View(NamedTuple):
     """The id of this station, such as `255`."""
     moves: frozenset[Move] = frozenset()
     """What makes sense to ask of the vehicle in view."""
-    plan: Plan | None = None
+    plan: CheckedPlan | None = None
     """The mission at hand."""
     alerts: Alerts = Alerts()
     round_trip_s: float | None = None

@@ -18,13 +18,13 @@ from gloc3.messages.vehicle import Image
 from gloc3.messages.watch import Preview, Want
 from gloc3.messages.wire import type_name
 from gloc3_groundstation.station import pictures
-from gloc3_groundstation.station.fleet import HEARD_TOPICS
+from gloc3_groundstation.station.fleet import CONTACT_TOPICS
 from gloc3_groundstation.station.station import Station
 
 PORT: Final = 8765
 """Where Foxglove looks by itself."""
 HOST: Final = "127.0.0.1"
-LOOK_EVERY_S: Final = 1.0
+POLL_PERIOD_S: Final = 1.0
 RATE_HZ: Final = 10.0
 IMAGE_RATE_HZ: Final = 1.0
 LARGEST: Final = (320, 240)
@@ -32,7 +32,7 @@ VIEWER: Final = "foxglove"
 FRAMES: Final = "frames"
 
 
-class Channel(Protocol):
+class LiveChannel(Protocol):
     """A channel of the server."""
 
     def log(self, msg: bytes | dict[str, Any], *, log_time: int | None = None) -> None:
@@ -45,7 +45,7 @@ class Channel(Protocol):
 class _Live:
     """A topic that is offered."""
 
-    def __init__(self, channel: Channel, encoder: PayloadEncoder, is_image: bool) -> None:
+    def __init__(self, channel: LiveChannel, encoder: PayloadEncoder, is_image: bool) -> None:
         self.channel = channel
         self.encoder = encoder
         self.is_image = is_image
@@ -83,7 +83,7 @@ class LiveView:
         self._context: Any = None
         self._ends: list[Unsubscribe] = []
         self._timer: asyncio.TimerHandle | None = None
-        self._frames: Channel | None = None
+        self._frames: LiveChannel | None = None
 
     def open(self, port: int = PORT) -> str:
         """Begins to serve; returns the URL.
@@ -113,10 +113,10 @@ class LiveView:
             ) from error
         self._frames = foxglove.Channel(FRAMES, schema=dict(TRANSFORM_SCHEMA), context=self._context)
         self._ends = [
-            self._station.watcher.listen(lambda _, envelope: self._show(envelope)),
-            *(self._exchange.subscribe(f"*/{topic}", self._show) for topic in HEARD_TOPICS),
+            self._station.monitor.listen(lambda _, envelope: self._show(envelope)),
+            *(self._exchange.subscribe(f"*/{topic}", self._show) for topic in CONTACT_TOPICS),
         ]
-        self._look()
+        self._update()
         return f"ws://{HOST}:{self._server.port}"
 
     def close(self) -> None:
@@ -127,23 +127,23 @@ class LiveView:
         if self._timer is not None:
             self._timer.cancel()
         if self._server is not None:
-            self._station.watcher.look_away(VIEWER)
+            self._station.monitor.unwatch(VIEWER)
             self._server.stop()
             self._server = None
 
     # --- what is offered ---
 
-    def _look(self) -> None:
+    def _update(self) -> None:
         """Offers the topics of vehicles that have come, and says what is looked at."""
-        self._timer = self._loop.call_later(LOOK_EVERY_S, self._look)
+        self._timer = self._loop.call_later(POLL_PERIOD_S, self._update)
         if self._frames is not None:
             frame = transform(MAP_FRAME, NED_FRAME, (0.0, 0.0, 0.0), MAP_FROM_NED)
             self._frames.log({"timestamp": timestamp(self._now_ns()), **frame}, log_time=self._now_ns())
         for platform in self._station.fleet:
-            self._station.watcher.list_topics(platform.name)
-            for topic in HEARD_TOPICS:
+            self._station.monitor.list_topics(platform.name)
+            for topic in CONTACT_TOPICS:
                 self._offer(f"{platform.name}/{topic}")
-            for entry in self._station.watcher.watches.entries(platform.name):
+            for entry in self._station.monitor.watches.entries(platform.name):
                 self._offer(f"{platform.name}/{entry.name}")
             self._want(platform.name)
 
@@ -173,14 +173,14 @@ class LiveView:
             self._want(topic.partition("/")[0])
 
     def _want(self, platform: str) -> None:
-        watcher = self._station.watcher
+        monitor = self._station.monitor
         wants = []
         for topic, live in self._live.items():
             name, _, short = topic.partition("/")
-            if name == platform and live.clients and short not in HEARD_TOPICS:
-                width, height = watcher.watches.preview_size(platform, short, LARGEST)
+            if name == platform and live.clients and short not in CONTACT_TOPICS:
+                width, height = monitor.watches.preview_size(platform, short, LARGEST)
                 wants.append(Want(short, IMAGE_RATE_HZ if live.is_image else RATE_HZ, width, height))
-        watcher.look(VIEWER, platform, wants)
+        monitor.watch(VIEWER, platform, wants)
 
     # --- what is shown ---
 
@@ -206,13 +206,13 @@ class _Listener:
 
     def on_subscribe(self, client: Any, channel: Any) -> None:
         """A client wants a channel."""
-        self._tell(channel.topic, (client.id, channel.id), True)
+        self._notify(channel.topic, (client.id, channel.id), True)
 
     def on_unsubscribe(self, client: Any, channel: Any) -> None:
         """A client does not want it any more, or has gone."""
-        self._tell(channel.topic, (client.id, channel.id), False)
+        self._notify(channel.topic, (client.id, channel.id), False)
 
-    def _tell(self, topic: str, client: tuple[int, int], is_on: bool) -> None:
+    def _notify(self, topic: str, client: tuple[int, int], is_on: bool) -> None:
         if not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._view.subscribed, topic, client, is_on)
 

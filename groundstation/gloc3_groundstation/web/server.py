@@ -40,17 +40,17 @@ HEADERS: Final = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
 }
-TAKEN: Final = (
+REPLACED: Final = (
     "\x1b[2J\x1b[H\r\n  The station is shown in another window.\r\n\r\n  Press enter to have it here; it is then no "
     "longer shown there.\r\n"
 )
 
 Handler = Callable[["web.Request"], Awaitable["web.StreamResponse"]]
-Told = Callable[[str, bool], None]
+Notify = Callable[[str, bool], None]
 """Is told who looks, or has gone; and whether anybody looks now."""
 
 
-class Window(Protocol):
+class TerminalWindow(Protocol):
     """The terminal, as a browser sees it."""
 
     def attach(self, show: Callable[[bytes], None], columns: int, lines: int) -> None:
@@ -104,14 +104,14 @@ class _Glass:
             self._waiting += data
         self._has_some.set()
 
-    async def send(self, draw_anew: Callable[[], None]) -> None:
+    async def send(self, redraw: Callable[[], None]) -> None:
         """Sends what is drawn, until it is cancelled or the browser has gone."""
         while not self.socket.closed:
             await self._has_some.wait()
             self._has_some.clear()
             if self.is_behind:
                 self.is_behind = False
-                draw_anew()
+                redraw()
             data, self._waiting = bytes(self._waiting), bytearray()
             try:
                 await self.socket.send_bytes(data)
@@ -122,17 +122,17 @@ class _Glass:
 class WebServer:
     """Serves the page, and leads the one browser that looks to the terminal."""
 
-    def __init__(self, window: Callable[[], Window | None], options: WebOptions, told: Told) -> None:
+    def __init__(self, window: Callable[[], TerminalWindow | None], options: WebOptions, reported: Notify) -> None:
         """A server that does not listen yet.
 
         Args:
             window: gives the terminal; None before it is there.
             options: where to serve.
-            told: is told who looks, and when nobody does.
+            reported: is told who looks, and when nobody does.
         """
         self._window = window
         self._options = options
-        self._told = told
+        self._reported = reported
         self._key = secrets.token_urlsafe(12) if options.is_exposed else ""
         self._sockets: set[web.WebSocketResponse] = set()
         self._shown: _Glass | None = None
@@ -159,7 +159,7 @@ class WebServer:
         app = web.Application(middlewares=[guard])
         way = f"/{self._key}" if self._key else ""
         app.router.add_get(f"{way}/", self._index)
-        app.router.add_get(f"{way}/ws", self._look_in)
+        app.router.add_get(f"{way}/ws", self._poll_terminal)
         app.router.add_static(f"{way}/static", Path(str(textual_serve.__file__)).parent / "static")
         runner = web.AppRunner(app, access_log=None, shutdown_timeout=CLOSE_S)
         await runner.setup()
@@ -205,7 +205,7 @@ class WebServer:
 
         return web.Response(text=self._page, content_type="text/html")
 
-    async def _look_in(self, request: "web.Request") -> "web.WebSocketResponse":
+    async def _poll_terminal(self, request: "web.Request") -> "web.WebSocketResponse":
         """One browser's window, from its opening to its end."""
         from aiohttp import WSMsgType, web
 
@@ -217,19 +217,19 @@ class WebServer:
         who = request.remote or "a browser"
         try:
             if self._shown is None:
-                self._take(glass, who)
+                self._replace_terminal(glass, who)
             else:
-                glass.show(TAKEN.encode())
+                glass.show(REPLACED.encode())
             async for message in socket:
                 if message.type is WSMsgType.TEXT:
-                    await self._told_by(glass, message.data, who)
+                    await self._reported_by(glass, message.data, who)
         finally:
             sender.cancel()
             self._sockets.discard(socket)
             self._leave(glass, who)
         return socket
 
-    async def _told_by(self, glass: _Glass, data: str, who: str) -> None:
+    async def _reported_by(self, glass: _Glass, data: str, who: str) -> None:
         """Does what textual-serve's page asks for; what cannot be understood is left alone."""
         try:
             kind, *values = msgspec.json.decode(data, type=list[object])
@@ -245,7 +245,7 @@ class WebServer:
                     window.resized(glass.columns, glass.lines)
             case "stdin", str(text) if not is_shown:
                 if "\r" in text:
-                    self._take(glass, who)
+                    self._replace_terminal(glass, who)
             case "stdin", str(text) if window is not None:
                 window.typed(text)
             case ("focus" | "blur",) if is_shown and window is not None:
@@ -253,11 +253,11 @@ class WebServer:
 
     # --- whose window it is ---
 
-    def _take(self, glass: _Glass, who: str) -> None:
+    def _replace_terminal(self, glass: _Glass, who: str) -> None:
         other, self._shown = self._shown, glass
         if other is not None:
-            other.show(TAKEN.encode())
-        self._told(f"the station is shown to {who}", True)
+            other.show(REPLACED.encode())
+        self._reported(f"the station is shown to {who}", True)
         self._draw(glass)
 
     def _draw(self, glass: _Glass) -> None:
@@ -276,7 +276,7 @@ class WebServer:
             window = self._window()
             if window is not None:
                 window.detach()
-            self._told(f"{who} has gone; the station runs on, and nobody looks at it", False)
+            self._reported(f"{who} has gone; the station runs on, and nobody looks at it", False)
 
 
 def exposure(url: str, user: str) -> str:

@@ -10,21 +10,21 @@ from gloc3_onboard.autopilot.style import (
     HEARTBEAT,
     NAV_TAKEOFF,
     SET_MODE,
-    ClassFacts,
-    Command,
+    ClassProperties,
     Form,
+    MavCommand,
+    MessageStream,
     Modes,
-    Stream,
     mode_by_number,
 )
-from gloc3_onboard.sensors.devices import Answer, Manners
+from gloc3_onboard.sensors.devices import AutopilotBehaviour, CommandAnswer
 
 _TIMEOUT_S: Final = 3.0
 """GUID_TIMEOUT of Copter; in Rover and Sub it cannot be changed."""
 _MANUAL, _HOLD, _GUIDED, _OTHER = FlightMode.MANUAL, FlightMode.HOLD, FlightMode.GUIDED, FlightMode.OTHER
 _MISSION, _RETURN, _LAND, _TAKE_OFF = FlightMode.MISSION, FlightMode.RETURN, FlightMode.LAND, FlightMode.TAKE_OFF
 
-COPTER: Final = ClassFacts(
+COPTER: Final = ClassProperties(
     vehicle=VehicleClass.COPTER,
     modes={
         0: (_MANUAL, "STABILIZE"),
@@ -45,7 +45,7 @@ COPTER: Final = ClassFacts(
         27: (_RETURN, "AUTO_RTL"),
     },
     commanded={_HOLD: 17, _MISSION: 3, _RETURN: 6, _GUIDED: 4, _LAND: 9},
-    manners=Manners(arm_in_mode=_GUIDED),
+    behaviour=AutopilotBehaviour(arm_in_mode=_GUIDED),
     timeout_s=_TIMEOUT_S,
 )
 
@@ -66,32 +66,34 @@ _ROVER_MODES: Final[Modes] = {
     16: (_OTHER, "INITIALISING"),
 }
 """HOLD stops, with the motors off; LOITER goes back to the place where it stopped, which a boat needs."""
-_LED: Final = Manners(arm_in_mode=_GUIDED, climbs=False, land_mode=_HOLD, disarms_itself=False, at_rest_s=1.0)
+_LED: Final = AutopilotBehaviour(
+    arm_in_mode=_GUIDED, climbs=False, land_mode=_HOLD, disarms_itself=False, at_rest_s=1.0
+)
 _NO_CLIMB: Final = "a {} does not take off; its missions begin with {}"
 
-ROVER: Final = ClassFacts(
+ROVER: Final = ClassProperties(
     vehicle=VehicleClass.ROVER,
     modes=_ROVER_MODES,
     commanded={_HOLD: 4, _MISSION: 10, _RETURN: 11, _GUIDED: 15, _LAND: 4},
-    manners=_LED._replace(vehicle=VehicleClass.ROVER),
+    behaviour=_LED._replace(vehicle=VehicleClass.ROVER),
     form=Form.VELOCITY,
-    tells_landed=False,
+    reports_landed=False,
     timeout_s=_TIMEOUT_S,
     why_no_take_off=_NO_CLIMB.format("rover", "drive_off"),
 )
 
-BOAT: Final = ClassFacts(
+BOAT: Final = ClassProperties(
     vehicle=VehicleClass.BOAT,
     modes=_ROVER_MODES,
     commanded={_HOLD: 5, _MISSION: 10, _RETURN: 11, _GUIDED: 15, _LAND: 4},
-    manners=_LED._replace(vehicle=VehicleClass.BOAT, at_rest_s=3.0),
+    behaviour=_LED._replace(vehicle=VehicleClass.BOAT, at_rest_s=3.0),
     form=Form.VELOCITY,
-    tells_landed=False,
+    reports_landed=False,
     timeout_s=_TIMEOUT_S,
     why_no_take_off=_NO_CLIMB.format("boat", "drive_off"),
 )
 
-SUB: Final = ClassFacts(
+SUB: Final = ClassProperties(
     vehicle=VehicleClass.SUB,
     modes={
         0: (_MANUAL, "STABILIZE"),
@@ -107,15 +109,15 @@ SUB: Final = ClassFacts(
         21: (_MANUAL, "SURFTRAK"),
     },
     commanded={_HOLD: 16, _MISSION: 3, _GUIDED: 4, _LAND: 9},
-    manners=_LED._replace(vehicle=VehicleClass.SUB, land_mode=_LAND, at_rest_s=8.0, lands_into=("ALT_HOLD",)),
+    behaviour=_LED._replace(vehicle=VehicleClass.SUB, land_mode=_LAND, at_rest_s=8.0, lands_into=("ALT_HOLD",)),
     form=Form.MOVING,
-    tells_landed=False,
+    reports_landed=False,
     timeout_s=_TIMEOUT_S,
     why_no_take_off=_NO_CLIMB.format("submarine", "dive or drive_off"),
 )
 """At the surface SURFACE goes over to ALT_HOLD; there is no mode that returns."""
 
-PLANE: Final = ClassFacts(
+PLANE: Final = ClassProperties(
     vehicle=VehicleClass.PLANE,
     modes={
         0: (_MANUAL, "MANUAL"),
@@ -143,14 +145,14 @@ PLANE: Final = ClassFacts(
         26: (_LAND, "AUTOLAND"),
     },
     commanded={_HOLD: 12, _MISSION: 10, _RETURN: 11, _GUIDED: 15, _LAND: 26, _TAKE_OFF: 13},
-    manners=Manners(vehicle=VehicleClass.PLANE),
+    behaviour=AutopilotBehaviour(vehicle=VehicleClass.PLANE),
     form=Form.REPOSITION,
     timeout_s=float("inf"),
 )
 """AUTOLAND is there from 4.6 on; it takes off in TAKEOFF, to the height of TKOFF_ALT."""
 
-CLASSES: Final[Mapping[VehicleClass, ClassFacts]] = {
-    facts.vehicle: facts for facts in (COPTER, ROVER, BOAT, SUB, PLANE)
+CLASSES: Final[Mapping[VehicleClass, ClassProperties]] = {
+    snapshot.vehicle: snapshot for snapshot in (COPTER, ROVER, BOAT, SUB, PLANE)
 }
 
 
@@ -165,31 +167,31 @@ class ArduPilot:
     """
 
     style = Style.ARDUPILOT
-    streams = (Stream(HEARTBEAT, 5.0), *COMMON_STREAMS, Stream(EKF_STATUS_REPORT, 1.0))
+    streams = (MessageStream(HEARTBEAT, 5.0), *COMMON_STREAMS, MessageStream(EKF_STATUS_REPORT, 1.0))
     """The state comes at 5 Hz, so that a pilot's change of mode is seen within 0.2 s."""
 
     def __init__(self, vehicle: VehicleClass = VehicleClass.COPTER) -> None:
-        self.facts = CLASSES[vehicle]
+        self.class_properties = CLASSES[vehicle]
 
     def flight_mode(self, custom_mode: int) -> FlightMode:
         """What a heartbeat's `custom_mode` means to us."""
-        return mode_by_number(self.facts.modes, custom_mode)[0]
+        return mode_by_number(self.class_properties.modes, custom_mode)[0]
 
     def mode_name(self, custom_mode: int) -> str:
         """A mode in ArduPilot's own words."""
-        return mode_by_number(self.facts.modes, custom_mode)[1]
+        return mode_by_number(self.class_properties.modes, custom_mode)[1]
 
-    def mode_command(self, mode: FlightMode) -> Command | Answer:
+    def mode_command(self, mode: FlightMode) -> MavCommand | CommandAnswer:
         """The command that asks for a mode."""
-        number = self.facts.commanded.get(mode)
+        number = self.class_properties.commanded.get(mode)
         if number is None:
-            return Answer(False, f"a {self.facts.vehicle} has no mode for {mode}")
-        return Command(SET_MODE, (_CUSTOM_MODE_ENABLED, float(number), 0.0, 0.0, 0.0, 0.0, 0.0))
+            return CommandAnswer(False, f"a {self.class_properties.vehicle} has no mode for {mode}")
+        return MavCommand(SET_MODE, (_CUSTOM_MODE_ENABLED, float(number), 0.0, 0.0, 0.0, 0.0, 0.0))
 
-    def take_off_command(self, height_m: float, ground_altitude_m: float) -> Command | Answer:
+    def take_off_command(self, height_m: float, ground_altitude_m: float) -> MavCommand | CommandAnswer:
         """ArduPilot takes the height above home; planes take off in a mode, to a height that is set in them."""
-        if not self.facts.manners.climbs:
-            return Answer(False, self.facts.why_no_take_off)
-        if FlightMode.TAKE_OFF in self.facts.commanded:
+        if not self.class_properties.behaviour.climbs:
+            return CommandAnswer(False, self.class_properties.why_no_take_off)
+        if FlightMode.TAKE_OFF in self.class_properties.commanded:
             return self.mode_command(FlightMode.TAKE_OFF)
-        return Command(NAV_TAKEOFF, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height_m))
+        return MavCommand(NAV_TAKEOFF, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height_m))

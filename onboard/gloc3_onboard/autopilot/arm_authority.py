@@ -9,9 +9,9 @@ from typing import Final, Never
 
 from gloc3.exchange.base import Exchange
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.service import Service
+from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.command import CommandResult
-from gloc3.mavlink.services.command_server import CommandServer
+from gloc3.mavlink.services.command_server import MavCommandServer
 from gloc3.mavlink.services.statustext import StatusTextSender
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.summaries import WELL, Summary
@@ -24,13 +24,13 @@ class ArmAuthority:
 
     def __init__(self, exchange: Exchange, platform: str) -> None:
         self._latest: Envelope[Summary] | None = None
-        self._unsubscribe = exchange.subscribe(f"{platform}/ci/summary", self._take)
+        self._unsubscribe = exchange.subscribe(f"{platform}/ci/summary", self._receive_summary)
 
     def close(self) -> None:
         """Listens no more."""
         self._unsubscribe()
 
-    def _take(self, envelope: Envelope[Summary]) -> None:
+    def _receive_summary(self, envelope: Envelope[Summary]) -> None:
         self._latest = envelope
 
     def why_not(self, now_s: float) -> str:
@@ -44,13 +44,13 @@ class ArmAuthority:
 ARM_AUTHORIZATION_REQUEST: Final = 3001
 HOLDS_S: Final = 10
 """So long an acceptance holds."""
-REASON_IS_TOLD: Final = 1
+REASON_IS_REPORTED: Final = 1
 """MAV_ARM_AUTH_DENIED_REASON_NONE: the autopilot need say nothing more."""
 WARNING: Final = 4
 """MAV_SEVERITY of the reason."""
 
 
-class ArmLeave(Service[Never]):
+class ArmPermissionRequest(Microservice[Never]):
     """Answers the autopilot; the reason of a refusal goes out as a text beside it.
 
     Args:
@@ -65,7 +65,7 @@ class ArmLeave(Service[Never]):
         self.autopilot: Address | None = None
         """Who may ask."""
         self._why_not = why_not
-        self._server = CommandServer(own, {ARM_AUTHORIZATION_REQUEST})
+        self._server = MavCommandServer(own, {ARM_AUTHORIZATION_REQUEST})
         self._texts = StatusTextSender(own)
 
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
@@ -76,8 +76,8 @@ class ArmLeave(Service[Never]):
         for request in self._server.events():
             reason = self._why_not()
             if reason:
-                self._texts.say(WARNING, f"Arming not authorised: {reason}")
-                self._server.answer(request, CommandResult.DENIED, now_s=now_s, result_param1=REASON_IS_TOLD)
+                self._texts.send(WARNING, f"Arming not authorised: {reason}")
+                self._server.answer(request, CommandResult.DENIED, now_s=now_s, result_param1=REASON_IS_REPORTED)
             else:
                 self._server.answer(request, CommandResult.ACCEPTED, now_s=now_s, result_param2=HOLDS_S)
 

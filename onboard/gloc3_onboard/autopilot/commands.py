@@ -6,15 +6,15 @@ from typing import Final
 
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.command import CommandResult
-from gloc3.mavlink.services.command_client import CommandCall, CommandClient
-from gloc3_onboard.autopilot.style import Command
-from gloc3_onboard.sensors.devices import Answer
+from gloc3.mavlink.services.command_client import CommandCall, MavCommandClient
+from gloc3_onboard.autopilot.style import MavCommand
+from gloc3_onboard.sensors.devices import CommandAnswer
 
 KEPT: Final = 64
 """Answers that are kept."""
 REASON_S: Final = 0.3
 """How long after a refusal its reason is waited for: autopilots say it in a text of its own."""
-NOBODY: Final = "there is no autopilot that could be commanded"
+NO_OWNER: Final = "there is no autopilot that could be commanded"
 
 
 class CommandDesk:
@@ -28,33 +28,33 @@ class CommandDesk:
         texts: what the autopilot has said since a time that could be a reason.
     """
 
-    def __init__(self, client: CommandClient, texts: Callable[[float], list[str]]) -> None:
+    def __init__(self, client: MavCommandClient, texts: Callable[[float], list[str]]) -> None:
         self._client = client
         self._texts = texts
         self._tickets = itertools.count(1)
         self._calls: dict[int, tuple[CommandCall, float]] = {}
         """Under way, with the time at which each was sent."""
         self._refused: list[tuple[float, int, CommandCall, float]] = []
-        self._answers: dict[int, Answer] = {}
+        self._answers: dict[int, CommandAnswer] = {}
 
     def ticket(self) -> int:
         """A new ticket; may be asked for in any thread."""
         return next(self._tickets)
 
-    def answer(self, ticket: int) -> Answer | None:
+    def answer(self, ticket: int) -> CommandAnswer | None:
         """The answer to a command; None while there is none. May be asked for in any thread."""
         return self._answers.get(ticket)
 
-    def put(self, ticket: int, answer: Answer) -> None:
+    def put(self, ticket: int, answer: CommandAnswer) -> None:
         """Keeps an answer; the oldest ones make room."""
         self._answers[ticket] = answer
         while len(self._answers) > KEPT:
             del self._answers[next(iter(self._answers))]
 
-    def send(self, ticket: int, command: Command, target: Address | None, now_s: float) -> None:
+    def send(self, ticket: int, command: MavCommand, target: Address | None, now_s: float) -> None:
         """Sends a command now; an older one of its kind that is under way is overtaken."""
         if target is None:
-            self.put(ticket, Answer(False, NOBODY))
+            self.put(ticket, CommandAnswer(False, NO_OWNER))
             return
         for older, (call, _) in list(self._calls.items()):
             if call.command == command.number:
@@ -69,7 +69,7 @@ class CommandDesk:
 
     def _drop(self, ticket: int, reason: str) -> None:
         self._client.abandon(self._calls.pop(ticket)[0])
-        self.put(ticket, Answer(False, reason))
+        self.put(ticket, CommandAnswer(False, reason))
 
     def ended(self, call: CommandCall, now_s: float) -> None:
         """A call has come back from the client; those that are not from here are ignored."""
@@ -80,7 +80,7 @@ class CommandDesk:
                 continue
             del self._calls[ticket]
             if call.result is CommandResult.ACCEPTED:
-                self.put(ticket, Answer(True, ""))
+                self.put(ticket, CommandAnswer(True, ""))
             else:
                 self._refused.append((now_s + REASON_S, ticket, call, sent_s))
 
@@ -89,5 +89,5 @@ class CommandDesk:
         while self._refused and now_s >= self._refused[0][0]:
             _, ticket, call, sent_s = self._refused.pop(0)
             assert call.result is not None
-            said = "; ".join(self._texts(sent_s))
-            self.put(ticket, Answer(False, call.result.words + (f": {said}" if said else "")))
+            text = "; ".join(self._texts(sent_s))
+            self.put(ticket, CommandAnswer(False, call.result.words + (f": {text}" if text else "")))

@@ -10,23 +10,23 @@ from gloc3.errors import Refused
 from gloc3.messages.readiness import AutopilotSetup
 from gloc3.messages.vehicle import AutopilotState, FlightMode, Pose, Style
 from gloc3.mission.formats.items import FenceArea
-from gloc3_onboard.autopilot.commands import NOBODY
+from gloc3_onboard.autopilot.commands import NO_OWNER
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.sensors import FIX_HZ, WHEELS_HZ
-from gloc3_onboard.autopilot.setpoints import Lead
-from gloc3_onboard.autopilot.style import ARM_DISARM, DO_SET_HOME, PROGRESS, SET_EKF_SOURCE_SET, Command
+from gloc3_onboard.autopilot.setpoints import ControlLead
+from gloc3_onboard.autopilot.style import ARM_DISARM, DO_SET_HOME, PROGRESS, SET_EKF_SOURCE_SET, MavCommand
 from gloc3_onboard.autopilot.vision import Spread, odometry_message, origin_message
 from gloc3_onboard.sensors.devices import (
-    Answer,
+    AutopilotBehaviour,
     AutopilotSetpoint,
     Bell,
-    Manners,
+    CommandAnswer,
+    GeoPath,
     Stamped,
     StampedFix,
     StampedHeight,
     StampedWheels,
     Unwatch,
-    Way,
 )
 
 FORCE: Final = 21196.0
@@ -42,10 +42,10 @@ class AutopilotDevice:
 
     def __init__(self, link: AutopilotLink) -> None:
         self._link = link
-        self._lead = Lead(link.telemetry)
+        self._lead = ControlLead(link.telemetry)
         self._rung: tuple[object, object, object] = (None, None, None)
         self._on_state, self._on_pose, self._on_height, self._on_setup = Bell(), Bell(), Bell(), Bell()
-        link.news.listen(self._ring)
+        link.reports.listen(self._ring)
 
     def _ring(self) -> None:
         """Rings for what is new."""
@@ -115,13 +115,13 @@ class AutopilotDevice:
 
     # --- commands ---
 
-    def _command(self, make: Callable[[], Command | Answer]) -> int:
+    def _command(self, make: Callable[[], MavCommand | CommandAnswer]) -> int:
         """Sends what `make` gives in the loop's thread, or keeps its answer where that is one."""
         ticket = self._link.commands.ticket()
 
         def send() -> None:
             now_s, made = self._link.loop.time(), make()
-            if isinstance(made, Answer):
+            if isinstance(made, CommandAnswer):
                 self._link.commands.put(ticket, made)
             else:
                 self._link.commands.send(ticket, made, self._link.target, now_s)
@@ -133,9 +133,9 @@ class AutopilotDevice:
     # --- the control device ---
 
     @property
-    def manners(self) -> Manners:
+    def behaviour(self) -> AutopilotBehaviour:
         """How the autopilot that is there now wants to be commanded."""
-        return self._link.style.facts.manners
+        return self._link.style.class_properties.behaviour
 
     def send_setpoint(self, setpoint: AutopilotSetpoint) -> None:
         """Streams one setpoint."""
@@ -143,7 +143,9 @@ class AutopilotDevice:
         def send() -> None:
             if self._link.target is None:
                 return
-            message = self._lead.message(setpoint, self._link.style.facts, self._link.target, self._link.loop.time())
+            message = self._lead.message(
+                setpoint, self._link.style.class_properties, self._link.target, self._link.loop.time()
+            )
             if message is not None:
                 self._link.send_message(message)
             if self._lead.gap:
@@ -166,17 +168,17 @@ class AutopilotDevice:
     def command_source_set(self, number: int) -> int:
         """Asks ArduPilot's estimator to fly by the set of sources 1, 2 or 3."""
 
-        def make() -> Command | Answer:
+        def make() -> MavCommand | CommandAnswer:
             if self._link.style.style is not Style.ARDUPILOT:
-                return Answer(False, "PX4 has no sets of sources: EKF2_EV_CTRL and EKF2_GPS_CTRL choose them")
-            return Command(SET_EKF_SOURCE_SET, (float(number), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+                return CommandAnswer(False, "PX4 has no sets of sources: EKF2_EV_CTRL and EKF2_GPS_CTRL choose them")
+            return MavCommand(SET_EKF_SOURCE_SET, (float(number), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 
         return self._command(make)
 
     def command_home(self, place_geo: tuple[float, float, float]) -> int:
         """Tells the autopilot where home is, which it has from nobody without satellites."""
         latitude, longitude, altitude = place_geo
-        return self._command(lambda: Command(DO_SET_HOME, (0.0, 0.0, 0.0, 0.0, latitude, longitude, altitude)))
+        return self._command(lambda: MavCommand(DO_SET_HOME, (0.0, 0.0, 0.0, 0.0, latitude, longitude, altitude)))
 
     def send_origin(self, origin_geo: tuple[float, float, float]) -> None:
         """Tells the autopilot where the frame of the poses begins."""
@@ -193,20 +195,20 @@ class AutopilotDevice:
 
     def command_arm(self) -> int:
         """Asks to arm."""
-        return self._command(lambda: Command(ARM_DISARM, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+        return self._command(lambda: MavCommand(ARM_DISARM, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
 
     def command_disarm(self, *, is_forced: bool = False) -> int:
         """Asks to disarm; the autopilot refuses it in flight, unless it is forced."""
         force = FORCE if is_forced else 0.0
-        return self._command(lambda: Command(ARM_DISARM, (0.0, force, 0.0, 0.0, 0.0, 0.0, 0.0)))
+        return self._command(lambda: MavCommand(ARM_DISARM, (0.0, force, 0.0, 0.0, 0.0, 0.0, 0.0)))
 
     def command_take_off(self, height_m: float) -> int:
         """Asks to climb to a height above the present place."""
 
-        def make() -> Command | Answer:
+        def make() -> MavCommand | CommandAnswer:
             ground_m = self._link.telemetry.altitude_m
             if ground_m is None:
-                return Answer(False, "the autopilot has not told its altitude yet")
+                return CommandAnswer(False, "the autopilot has not told its altitude yet")
             return self._link.style.take_off_command(height_m, ground_m)
 
         return self._command(make)
@@ -218,7 +220,7 @@ class AutopilotDevice:
         def begin() -> None:
             now_s = self._link.loop.time()
             if self._link.target is None:
-                self._link.commands.put(ticket, Answer(False, "the autopilot has not been heard"))
+                self._link.commands.put(ticket, CommandAnswer(False, "the autopilot has not been heard"))
             else:
                 self._link.fence.begin(ticket, areas, self._link.target, now_s)
                 self._link.settle()
@@ -226,19 +228,19 @@ class AutopilotDevice:
         self._link.post(begin)
         return ticket
 
-    def command_plan(self, way: Way) -> int:
+    def command_plan(self, way: GeoPath) -> int:
         """Uploads the plan of a way and reads it back."""
         ticket = self._link.commands.ticket()
 
         def begin() -> None:
             now_s = self._link.loop.time()
             if self._link.target is None:
-                self._link.commands.put(ticket, Answer(False, NOBODY))
+                self._link.commands.put(ticket, CommandAnswer(False, NO_OWNER))
                 return
             try:
                 self._link.plan.begin(ticket, way, self._link.style.style, self._link.target, now_s)
             except Refused as refusal:
-                self._link.commands.put(ticket, Answer(False, str(refusal)))
+                self._link.commands.put(ticket, CommandAnswer(False, str(refusal)))
             else:
                 self._link.request_stream(PROGRESS)
                 self._link.settle()
@@ -251,7 +253,7 @@ class AutopilotDevice:
         """Places that the autopilot has passed of the way that it was given last."""
         return self._link.plan.reached
 
-    def answer(self, ticket: int) -> Answer | None:
+    def answer(self, ticket: int) -> CommandAnswer | None:
         """The answer to a command; None while there is none."""
         return self._link.commands.answer(ticket)
 

@@ -30,7 +30,7 @@ PREDICTED: Final = 0x100 | 0x200
 """Before arming ArduPilot tells what it will have once it moves."""
 PX4_GLITCH, PX4_ACCELERATION = 0x400, 0x800
 ARDUPILOT_NOT_BEGUN, ARDUPILOT_GLITCH = 0x400, 0x8000
-UNWELL: Final = "not well: "
+UNHEALTHY: Final = "not well: "
 """How a sentence about sensors begins."""
 MOST: Final = 1.0
 """An estimator's test ratio or variance from which on a source is not believed."""
@@ -50,12 +50,12 @@ _RATIOS: Final = {
 }
 
 
-def unwell(present: int, enabled: int, health: int) -> list[str]:
+def unhealthy(present: int, enabled: int, health: int) -> list[str]:
     """The sensors that are there, in use, and not well."""
     return [name for bit, name in SENSORS.items() if present & enabled & bit and not health & bit]
 
 
-def estimator_doubts(message: MavlinkMessage) -> list[str]:
+def estimator_problems(message: MavlinkMessage) -> list[str]:
     """What ESTIMATOR_STATUS or EKF_STATUS_REPORT says against a start."""
     return list(_flags(message)) + [
         f"the estimator does not believe the {what} ({ratio:.1f} of 1)"

@@ -5,7 +5,7 @@ from enum import Enum, auto
 from typing import Final
 
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.services.heartbeat import PeerChange, Peers
+from gloc3.mavlink.services.heartbeat import MavlinkPeers, PeerChange
 from gloc3.messages.envelope import Severity
 from gloc3_onboard.autopilot.families import NOT_SUPPORTED, style_of
 from gloc3_onboard.autopilot.px4 import Px4
@@ -35,7 +35,7 @@ class Identification:
     """
 
     def __init__(self, own: Address, report: Callable[[Severity, str], None]) -> None:
-        self.peers: Final = Peers(own, gone_after_s=2.5)
+        self.peers: Final = MavlinkPeers(own, expires_after_s=2.5)
         """The service that hears the heartbeats; driven by its owner."""
         self.target: Address | None = None
         """The autopilot; None while there is none."""
@@ -43,7 +43,7 @@ class Identification:
         self._own, self._report = own, report
         self._kind = (-1, -1)
         """MAV_AUTOPILOT and MAV_TYPE by which its style was chosen."""
-        self._strangers: set[Address] = set()
+        self._unknown_sources: set[Address] = set()
 
     @property
     def heartbeat(self) -> MavlinkMessage | None:
@@ -83,8 +83,10 @@ class Identification:
             self._report(Severity.ERROR, f"the autopilot has become {NOT_SUPPORTED}: it is left alone")
             self.target = None
             yield IdentityChange.UNSUPPORTED
-        elif (style.style, style.facts.vehicle) != (self.style.style, self.style.facts.vehicle):
-            self._report(Severity.WARNING, f"the autopilot is a {style.style} of a {style.facts.vehicle} now")
+        elif (style.style, style.class_properties.vehicle) != (self.style.style, self.style.class_properties.vehicle):
+            self._report(
+                Severity.WARNING, f"the autopilot is a {style.style} of a {style.class_properties.vehicle} now"
+            )
             self.style = style
             yield IdentityChange.REPLACED
 
@@ -93,15 +95,15 @@ class Identification:
         own_system = [peer for peer in self.peers.autopilots if peer.address.system == self._own.system]
         known = [peer for peer in own_system if style_of(peer.heartbeat) is not None]
         peer = known[0] if len(known) == 1 else self.peers.autopilot(now_s)
-        if peer is None or peer.address in self._strangers:
+        if peer is None or peer.address in self._unknown_sources:
             return False
         heartbeat = peer.heartbeat
         style, name = style_of(heartbeat), f"{peer.address.system}/{peer.address.component}"
         if style is None:
-            self._strangers.add(peer.address)
+            self._unknown_sources.add(peer.address)
             number = f"MAV_AUTOPILOT {heartbeat.autopilot}, MAV_TYPE {heartbeat.type}"
             self._report(Severity.ERROR, f"{name} is {NOT_SUPPORTED} ({number}): it is left alone")
             return False
         self.target, self.style, self._kind = peer.address, style, (heartbeat.autopilot, heartbeat.type)
-        self._report(Severity.INFO, f"{style.style} autopilot found as {name}, of a {style.facts.vehicle}")
+        self._report(Severity.INFO, f"{style.style} autopilot found as {name}, of a {style.class_properties.vehicle}")
         return True

@@ -9,8 +9,8 @@ import msgspec
 from gloc3.errors import Refused
 from gloc3.mavlink.codec import shape
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.service import Service, earliest
-from gloc3.mavlink.services.command_client import CommandCall, CommandClient
+from gloc3.mavlink.service import Microservice, earliest
+from gloc3.mavlink.services.command_client import CommandCall, MavCommandClient
 from gloc3.mavlink.services.interval import REQUEST_MESSAGE
 from gloc3.mavlink.services.parameter import Parameter, ParameterEncoding
 from gloc3.mavlink.services.parameter_client import ParameterCall, ParameterClient, ParameterResult
@@ -22,11 +22,11 @@ AT_ONCE: Final = 6
 """Parameters under way at the same time, so that the reading does not fill a slow line."""
 OFFICIAL: Final = 255
 """The last byte of a release's version number."""
-TOLD: Final = ("AUTOPILOT_VERSION", "SYSTEM_TIME")
+REPORTED_SEVERITY: Final = ("AUTOPILOT_VERSION", "SYSTEM_TIME")
 """Messages that are asked for once a reading."""
 
 
-class Inspection(Service[AutopilotSetup]):
+class Inspection(Microservice[AutopilotSetup]):
     """One reading at a time; a further one that is asked for meanwhile follows it.
 
     What a parameter is set to between two readings is taken in too, as the autopilot tells of it. Parameters that the
@@ -37,9 +37,9 @@ class Inspection(Service[AutopilotSetup]):
         commands: the command protocol; driven by its owner, who passes on to `ended` what comes back from it.
     """
 
-    handles = ParameterClient.handles | {*TOLD, "SYS_STATUS"}
+    handles = ParameterClient.handles | {*REPORTED_SEVERITY, "SYS_STATUS"}
 
-    def __init__(self, own: Address, commands: CommandClient) -> None:
+    def __init__(self, own: Address, commands: MavCommandClient) -> None:
         super().__init__(own)
         self.setup = AutopilotSetup()
         """What is known."""
@@ -52,7 +52,7 @@ class Inspection(Service[AutopilotSetup]):
         self._reading: dict[str, ParameterCall] = {}
         self._silent: list[str] = []
         self._messages: deque[str] = deque()
-        self._asked: CommandCall | None = None
+        self._requested: CommandCall | None = None
         self._is_reading = False
         self._number = 0
         self._next_number: int | None = None
@@ -79,7 +79,7 @@ class Inspection(Service[AutopilotSetup]):
         self._is_reading, self._number, self._next_number = True, number, None
         self._silent.clear()
         self._waiting = deque(name for name in self._names if name not in self._absent)
-        self._messages = deque(TOLD)
+        self._messages = deque(REPORTED_SEVERITY)
         self.tick(now_s)
 
     def _drop(self) -> None:
@@ -87,9 +87,9 @@ class Inspection(Service[AutopilotSetup]):
             self._parameters.cancel(call)
         self._parameters.events()
         self._reading.clear()
-        if self._asked is not None:
-            self._commands.abandon(self._asked)
-            self._asked = None
+        if self._requested is not None:
+            self._commands.abandon(self._requested)
+            self._requested = None
         self._is_reading = False
 
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
@@ -117,8 +117,8 @@ class Inspection(Service[AutopilotSetup]):
 
     def ended(self, call: CommandCall, now_s: float) -> None:
         """A command has come back from the client; those that are not from here are ignored."""
-        if call is self._asked and call.result is not None:
-            self._asked = None
+        if call is self._requested and call.result is not None:
+            self._requested = None
             self.tick(now_s)
 
     def tick(self, now_s: float) -> None:
@@ -137,14 +137,14 @@ class Inspection(Service[AutopilotSetup]):
         while self._waiting and len(self._reading) < AT_ONCE:
             name = self._waiting.popleft()
             self._reading[name] = self._parameters.read(self._target, name, now_s=now_s)
-        if self._messages and self._asked is None:
+        if self._messages and self._requested is None:
             number = float(shape(self._messages[0]).id)
             try:
-                self._asked = self._commands.send_long(self._target, REQUEST_MESSAGE, (number,), now_s=now_s)
+                self._requested = self._commands.send_long(self._target, REQUEST_MESSAGE, (number,), now_s=now_s)
                 self._messages.popleft()
             except Refused:  # somebody else asks for one
                 return
-        if not (self._waiting or self._reading or self._messages or self._asked):
+        if not (self._waiting or self._reading or self._messages or self._requested):
             self._end(now_s)
 
     def _ended_reading(self, call: ParameterCall) -> None:

@@ -12,21 +12,21 @@ from typing import Any, Final, Protocol
 from gloc3.clock import Clock
 from gloc3.mavlink import codec
 from gloc3.mavlink.codec import Address, Encoder, Frame
-from gloc3.mavlink.node import Node
-from gloc3.mavlink.service import Service
-from gloc3.mavlink.services.command_client import CommandClient
+from gloc3.mavlink.node import MavlinkComponent
+from gloc3.mavlink.service import Microservice
+from gloc3.mavlink.services.command_client import MavCommandClient
 from gloc3.mavlink.services.mission_client import MissionClient, Transfer
 from gloc3.mavlink.services.statustext import StatusTextReceiver
 from gloc3.mavlink.signing import SignedOnly, Signing, timestamp
 from gloc3.messages.envelope import Severity
-from gloc3_onboard.autopilot.arm_authority import ArmLeave
-from gloc3_onboard.autopilot.commands import NOBODY, CommandDesk
+from gloc3_onboard.autopilot.arm_authority import ArmPermissionRequest
+from gloc3_onboard.autopilot.commands import NO_OWNER, CommandDesk
 from gloc3_onboard.autopilot.identification import Identification, IdentityChange
 from gloc3_onboard.autopilot.inspection import Inspection
 from gloc3_onboard.autopilot.plan_upload import FenceUpload, PlanUpload
 from gloc3_onboard.autopilot.sensors import AutopilotSensors
 from gloc3_onboard.autopilot.streams import PrearmQuestions, StreamRequests
-from gloc3_onboard.autopilot.style import AutopilotStyle, Stream
+from gloc3_onboard.autopilot.style import AutopilotStyle, MessageStream
 from gloc3_onboard.autopilot.telemetry import ClockOffset, Telemetry
 from gloc3_onboard.checks.tables import table_of
 from gloc3_onboard.sensors.devices import Bell
@@ -68,37 +68,37 @@ class AutopilotLink:
         loop: asyncio.AbstractEventLoop,
         clock: Clock,
         system_id: int = 1,
-        say: Callable[[Severity, str], None] = _report_nothing,
+        report: Callable[[Severity, str], None] = _report_nothing,
         signing: Signing | None = None,
         why_not_arm: Callable[[], str] = lambda: "nobody here gives leave to arm",
     ) -> None:
         own = self.own = Address(system_id, COMPANION)
         self.loop: Final = loop
         self.frames_received = 0
-        self.news: Final = Bell()
+        self.reports: Final = Bell()
         """Rung after frames were handled, and with each tick."""
-        self._clock, self._say, self._signing = clock, say, signing
+        self._clock, self._report, self._signing = clock, report, signing
         self._link: FrameLink | None = None
         self._encoder = Encoder(*own, signing)
-        self.signed_only: Final = None if signing is None else SignedOnly(signing, partial(say, Severity.WARNING))
-        """Judges what is heard, for whoever passes it to `take`; None on a link without a key."""
+        self.signed_only: Final = None if signing is None else SignedOnly(signing, partial(report, Severity.WARNING))
+        """Judges what is heard, for whoever passes it to `receive_frames`; None on a link without a key."""
         self.telemetry: Final = Telemetry()
         self.sensors: Final = AutopilotSensors(lambda: self.post(self._request_sensors))
         self._received_here = {codec.shape(name).id for name in (*Telemetry.HANDLES, *AutopilotSensors.HANDLES)}
-        self._identification = Identification(own, say)
+        self._identification = Identification(own, report)
         self.clock_offset: Final = ClockOffset(own, self.telemetry)
-        self._leave = ArmLeave(own, why_not_arm)
-        self._client, self._plans, self._texts = CommandClient(own), MissionClient(own), StatusTextReceiver(own)
+        self._leave = ArmPermissionRequest(own, why_not_arm)
+        self._client, self._plans, self._texts = MavCommandClient(own), MissionClient(own), StatusTextReceiver(own)
         self.commands: Final = CommandDesk(self._client, self.telemetry.texts_since)
         self.inspection: Final = Inspection(own, self._client)
         self.fence: Final = FenceUpload(self._plans)
         self.plan: Final = PlanUpload(self._plans)
         self._streams, self._prearm = StreamRequests(self._client), PrearmQuestions(self._client)
-        services: list[Service[Any]] = [
+        services: list[Microservice[Any]] = [
             *(self._client, self._identification.peers, self._plans, self._texts),
             *(self.inspection, self.clock_offset.service, self._leave),
         ]
-        self._node = Node(own, services)
+        self._node = MavlinkComponent(own, services)
         self._requests_at_once = 0
         self._restarts = 0
         self._restarted_s = -math.inf
@@ -107,7 +107,7 @@ class AutopilotLink:
     # --- life ---
 
     def open(self, link: FrameLink) -> None:
-        """Begins to send by a link, whose owner passes the frames that it receives to `take`."""
+        """Begins to send by a link, whose owner passes the frames that it receives to `receive_frames`."""
         self._link = link
         self._tick()
 
@@ -136,7 +136,7 @@ class AutopilotLink:
 
     # --- frames ---
 
-    def take(self, frames: Sequence[Frame]) -> None:
+    def receive_frames(self, frames: Sequence[Frame]) -> None:
         """Handles frames of the link."""
         now_s, is_settled = self.loop.time(), True
         for frame in frames:
@@ -144,14 +144,14 @@ class AutopilotLink:
             if self._node.receive(frame, now_s):
                 is_settled = False
             if frame.message_id in self._received_here and frame.sender == self.target:
-                self._streams.heard(frame.message_id, now_s)
+                self._streams.received(frame.message_id, now_s)
                 message = frame.decode()
                 if message is not None:
                     self.telemetry.receive(message, now_s)
                     self.sensors.receive(message, now_s, self.telemetry)
         if not is_settled:
             self.settle()
-        self.news.ring()
+        self.reports.ring()
 
     def send_message(self, message: codec.MavlinkMessage) -> None:
         """Sends one message as the companion."""
@@ -163,7 +163,7 @@ class AutopilotLink:
     def _tick(self) -> None:
         self._node.tick(self.loop.time())
         self.settle()
-        self.news.ring()
+        self.reports.ring()
         self._timer = self.loop.call_later(TICK_S, self._tick)
 
     # --- what follows from them ---
@@ -175,7 +175,7 @@ class AutopilotLink:
         self._end_calls(now_s)
         for said in self._texts.events():
             if said.sender == self.target:
-                self.telemetry.hear(said.severity, said.text, now_s)
+                self.telemetry.receive_text(said.severity, said.text, now_s)
         self._follow_plans(now_s)
         self.commands.tick(now_s)
         is_alive = self._identification.is_alive
@@ -184,7 +184,7 @@ class AutopilotLink:
             self._streams.tick(self.target, now_s)
             self._prearm.tick(self.target, self.telemetry.state, now_s)
         for text in self._streams.refused:
-            self._say(Severity.NOTICE, f"the autopilot refuses {text}")
+            self._report(Severity.NOTICE, f"the autopilot refuses {text}")
         self._streams.refused.clear()
         for message in self._node.outgoing():
             self.send_message(message)
@@ -195,13 +195,13 @@ class AutopilotLink:
                 self._restarted(now_s)
             else:
                 self._request_all(now_s)
-        self.clock_offset.look(now_s)
+        self.clock_offset.poll(now_s)
         if self.telemetry.restarts != self._restarts:
             self._restarts = self.telemetry.restarts
             self._restarted(now_s)
         for change in self._identification.identify(now_s):
             if change is IdentityChange.UNSUPPORTED:
-                self.commands.abandon(NOBODY)
+                self.commands.abandon(NO_OWNER)
                 self.telemetry.connected(False)
                 continue
             if change is IdentityChange.REPLACED:
@@ -216,7 +216,7 @@ class AutopilotLink:
         if now_s - self._restarted_s < ONE_RESTART_S:
             return
         self._restarted_s = now_s
-        self._say(Severity.WARNING, "the autopilot has restarted")
+        self._report(Severity.WARNING, "the autopilot has restarted")
         self._request_all(now_s)
 
     def _end_calls(self, now_s: float) -> None:
@@ -229,7 +229,7 @@ class AutopilotLink:
     def _follow_plans(self, now_s: float) -> None:
         for event in self._plans.events():
             if isinstance(event, Transfer):
-                ended = self.fence.heard(event, now_s) or self.plan.heard(event, now_s)
+                ended = self.fence.received(event, now_s) or self.plan.received(event, now_s)
                 if ended is not None:
                     self.commands.put(*ended)
             elif event.sender == self.target:
@@ -238,21 +238,21 @@ class AutopilotLink:
     # --- what is requested ---
 
     @property
-    def _needed(self) -> list[Stream]:
+    def _needed(self) -> list[MessageStream]:
         return [*self.style.streams, *self.sensors.streams(self.style.style)]
 
     def _request_all(self, now_s: float) -> None:
         """Requests everything that we need of the autopilot."""
         target, style = self.target, self.style
         self._leave.autopilot = target
-        self.clock_offset.service.ask(target)
+        self.clock_offset.service.request(target)
         self._prearm.restart()
-        self._streams.ask_all(self._needed)
+        self._streams.request_all(self._needed)
         if target is not None:
-            vehicle = style.facts.vehicle
+            vehicle = style.class_properties.vehicle
             self.inspection.adopt(target, style.style, vehicle, table_of(style.style, vehicle).names(), now_s)
 
-    def ask_streams_again(self) -> None:
+    def request_streams_again(self) -> None:
         """Somebody has changed what the autopilot sends on our link: what we need follows right behind his request.
 
         All of it at once, since until then it comes too seldom; then one after the other, with the answers.
@@ -263,18 +263,18 @@ class AutopilotLink:
         self._requests_at_once += 1
         for stream in streams:
             self.send_message(stream.request(self.target, self._requests_at_once % 10))
-        self.loop.call_later(BEHIND_S, self._streams.ask_all, streams)
+        self.loop.call_later(BEHIND_S, self._streams.request_all, streams)
 
-    def request_stream(self, stream: Stream) -> None:
+    def request_stream(self, stream: MessageStream) -> None:
         """Requests one more message."""
-        self._streams.ask(stream)
+        self._streams.request(stream)
 
     def _request_sensors(self) -> None:
         """Requests what sensors are used, once there is an autopilot."""
         if self.target is not None:
             for stream in self.sensors.streams(self.style.style):
-                self._streams.ask(stream)
+                self._streams.request(stream)
 
     def report(self, text: str) -> None:
         """Reports a warning about the autopilot."""
-        self._say(Severity.WARNING, text)
+        self._report(Severity.WARNING, text)

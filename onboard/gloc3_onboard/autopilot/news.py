@@ -9,7 +9,7 @@ from gloc3.messages.envelope import Event, Severity
 SOURCE = "autopilot_link"
 
 
-class LinkNews:
+class LinkReports:
     """Publishes events in the name of the link.
 
     Args:
@@ -27,6 +27,6 @@ class LinkNews:
         self._topic = f"{platform}/components/{source}/event"
         self._time_s = time_s
 
-    def say(self, severity: Severity, text: str) -> None:
+    def report(self, severity: Severity, text: str) -> None:
         """Tells one thing."""
         self._publisher.publish(self._topic, Event(severity=severity, text=text), self._time_s())

@@ -8,9 +8,9 @@ from gloc3.mavlink.services.mission_client import CurrentItem, ItemReached, Miss
 from gloc3.mavlink.services.plan import PlanItem, PlanResult, PlanType
 from gloc3.messages.frames import GeoPoint
 from gloc3.messages.vehicle import Style
-from gloc3.mission.formats.items import FenceArea, MavItem, Plan
+from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem
 from gloc3.plan_wire import to_wire
-from gloc3_onboard.sensors.devices import Answer, Way
+from gloc3_onboard.sensors.devices import CommandAnswer, GeoPath
 
 ABSOLUTE: Final = 0
 """MAV_FRAME_GLOBAL: heights above mean sea level."""
@@ -20,7 +20,7 @@ SAME_HEIGHT_M: Final = 0.02
 """ArduPilot keeps heights in whole centimetres."""
 
 
-class Upload:
+class PlanUploader:
     """One plan of one kind at a time; a newer one takes the place of one that is under way.
 
     Args:
@@ -46,20 +46,24 @@ class Upload:
         else:
             self._transfer = self._client.clear(target, now_s=now_s, kind=self._kind)
 
-    def heard(self, transfer: Transfer, now_s: float) -> tuple[int, Answer] | None:
+    def received(self, transfer: Transfer, now_s: float) -> tuple[int, CommandAnswer] | None:
         """A transfer has ended: the ticket and its answer once the plan is read back, or could not be sent."""
         if transfer is not self._transfer or transfer.result is None:
             return None
         if transfer.result is not PlanResult.ACCEPTED:
             doing = "read back" if self._is_reading else "uploaded"
-            return self._ticket, Answer(False, f"the {self._words} could not be {doing}: {transfer.result.words}")
+            return self._ticket, CommandAnswer(
+                False, f"the {self._words} could not be {doing}: {transfer.result.words}"
+            )
         if not self._is_reading:
             self._is_reading = True
             self._transfer = self._client.download(transfer.target, now_s=now_s, kind=self._kind)
             return None
         if not self._is_same(transfer.items):
-            return self._ticket, Answer(False, f"the autopilot holds another {self._words} than the one that was sent")
-        return self._ticket, Answer(True, "")
+            return self._ticket, CommandAnswer(
+                False, f"the autopilot holds another {self._words} than the one that was sent"
+            )
+        return self._ticket, CommandAnswer(True, "")
 
     def _is_same(self, held: Sequence[PlanItem]) -> bool:
         """Whether all that must be is the same: an autopilot may change frame and flags."""
@@ -68,7 +72,7 @@ class Upload:
         ]
 
 
-class PlanUpload(Upload):
+class PlanUpload(PlanUploader):
     """The plan of a way, and how far the autopilot has come on it."""
 
     def __init__(self, client: MissionClient) -> None:
@@ -79,20 +83,20 @@ class PlanUpload(Upload):
         """Where its places begin among the items, and how many there are."""
         self._setting: Transfer | None = None
 
-    def begin(self, ticket: int, way: Way, style: Style, target: Address, now_s: float) -> None:
+    def begin(self, ticket: int, way: GeoPath, style: Style, target: Address, now_s: float) -> None:
         """Sends the plan of a way.
 
         Raises:
             Refused: a number does not fit the wire.
         """
-        items = way_items(way, style)
+        items = path_items(way, style)
         self._first, self._count, self.reached = 1 + (style is Style.ARDUPILOT), len(way.places), 0
         self.send(ticket, items, target, now_s)
 
-    def heard(self, transfer: Transfer, now_s: float) -> tuple[int, Answer] | None:
+    def received(self, transfer: Transfer, now_s: float) -> tuple[int, CommandAnswer] | None:
         """What is read back is begun at its first item, wherever the autopilot was in the plan before."""
         if transfer is not self._setting:
-            ended = super().heard(transfer, now_s)
+            ended = super().received(transfer, now_s)
             if ended is None or not ended[1].is_accepted:
                 return ended
             begin = self._first - 1
@@ -102,8 +106,8 @@ class PlanUpload(Upload):
             return None
         current = self._client.current.get(transfer.target)  # ArduPilot goes on to the first place at once
         if transfer.result is PlanResult.ACCEPTED or current == self._first:
-            return self._ticket, Answer(True, "")
-        return self._ticket, Answer(False, f"the plan could not be begun: {transfer.result.words}")
+            return self._ticket, CommandAnswer(True, "")
+        return self._ticket, CommandAnswer(False, f"the plan could not be begun: {transfer.result.words}")
 
     def follow(self, event: CurrentItem | ItemReached) -> None:
         """The autopilot tells where it is in its plan; a report that was lost is made up for by the next."""
@@ -123,7 +127,7 @@ class PlanUpload(Upload):
         )
 
 
-def way_items(way: Way, style: Style) -> tuple[PlanItem, ...]:
+def path_items(way: GeoPath, style: Style) -> tuple[PlanItem, ...]:
     """A way as items of the mission protocol: the speed, then its places; before them ArduPilot's home.
 
     What flies on wings ends in a circle round its last place, until it is told otherwise.
@@ -134,7 +138,7 @@ def way_items(way: Way, style: Style) -> tuple[PlanItem, ...]:
     kind = AIR_SPEED if way.is_winged else GROUND_SPEED
     speed = MavItem(command=CHANGE_SPEED, frame=2, params=(kind, way.speed_m_s, -1.0, 0.0))
     places = [_waypoint(place, way) for place in way.places]
-    if way.takes_off:
+    if way.is_from_ground:
         places[0] = _at(way.places[0], TAKE_OFF)
     if way.is_winged:
         places.append(_at(way.places[-1], CIRCLE))
@@ -142,7 +146,7 @@ def way_items(way: Way, style: Style) -> tuple[PlanItem, ...]:
     return tuple(to_wire(item, f"plan item {number}") for number, item in enumerate(items))
 
 
-def _waypoint(place: GeoPoint, way: Way) -> MavItem:
+def _waypoint(place: GeoPoint, way: GeoPath) -> MavItem:
     if way.is_winged and way.hold_s > 0.0:
         return _at(place, CIRCLE_FOR_A_TIME, way.hold_s)
     return _at(place, WAYPOINT, way.hold_s, way.acceptance_m, 0.0, way.heading_deg)
@@ -161,7 +165,7 @@ def _at(
     )
 
 
-class FenceUpload(Upload):
+class FenceUpload(PlanUploader):
     """One fence at a time."""
 
     def __init__(self, client: MissionClient) -> None:
@@ -178,5 +182,5 @@ def fence_items(areas: Sequence[FenceArea]) -> tuple[PlanItem, ...]:
     Raises:
         Refused: a number does not fit the wire.
     """
-    items = Plan(entries=(), fence=tuple(areas)).fence_items()
+    items = ForeignPlan(entries=(), fence=tuple(areas)).fence_items()
     return tuple(to_wire(item, f"fence item {number}") for number, item in enumerate(items))

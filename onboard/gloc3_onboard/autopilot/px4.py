@@ -11,14 +11,14 @@ from gloc3_onboard.autopilot.style import (
     NAV_LAND,
     NAV_TAKEOFF,
     SET_MODE,
-    ClassFacts,
-    Command,
+    ClassProperties,
     Form,
+    MavCommand,
+    MessageStream,
     Modes,
-    Stream,
     mode_by_number,
 )
-from gloc3_onboard.sensors.devices import Answer, Manners
+from gloc3_onboard.sensors.devices import AutopilotBehaviour, CommandAnswer
 
 _LOSS_S: Final = 1.0
 """COM_OF_LOSS_T; setpoints must come at 2 Hz and more."""
@@ -49,19 +49,19 @@ _COMMANDED: Final = {
     FlightMode.GUIDED: 6 << 16,
 }
 
-COPTER: Final = ClassFacts(
+COPTER: Final = ClassProperties(
     vehicle=VehicleClass.COPTER,
     modes=MODES,
     commanded=_COMMANDED,
-    manners=Manners(stream_before_guided_s=_STREAM_S),
+    behaviour=AutopilotBehaviour(stream_before_guided_s=_STREAM_S),
     timeout_s=_LOSS_S,
 )
 
-ROVER: Final = ClassFacts(
+ROVER: Final = ClassProperties(
     vehicle=VehicleClass.ROVER,
     modes=MODES,
     commanded={**_COMMANDED, FlightMode.LAND: _COMMANDED[FlightMode.HOLD]},
-    manners=Manners(
+    behaviour=AutopilotBehaviour(
         vehicle=VehicleClass.ROVER,
         stream_before_guided_s=_STREAM_S,
         climbs=False,
@@ -70,21 +70,23 @@ ROVER: Final = ClassFacts(
         at_rest_s=1.0,
     ),
     form=Form.VELOCITY,
-    tells_landed=False,
+    reports_landed=False,
     timeout_s=_LOSS_S,
     why_no_take_off="a rover does not take off; its missions begin with drive_off",
 )
 
-PLANE: Final = ClassFacts(
+PLANE: Final = ClassProperties(
     vehicle=VehicleClass.PLANE,
     modes=MODES,
     commanded=_COMMANDED,
-    manners=Manners(vehicle=VehicleClass.PLANE, stream_before_guided_s=_STREAM_S),
+    behaviour=AutopilotBehaviour(vehicle=VehicleClass.PLANE, stream_before_guided_s=_STREAM_S),
     timeout_s=_LOSS_S,
 )
 """In offboard mode it flies to the position and circles there."""
 
-CLASSES: Final[Mapping[VehicleClass, ClassFacts]] = {facts.vehicle: facts for facts in (COPTER, ROVER, PLANE)}
+CLASSES: Final[Mapping[VehicleClass, ClassProperties]] = {
+    snapshot.vehicle: snapshot for snapshot in (COPTER, ROVER, PLANE)
+}
 
 
 _CUSTOM_MODE_ENABLED: Final = 1.0
@@ -99,31 +101,31 @@ class Px4:
     """
 
     style = Style.PX4
-    streams = (*COMMON_STREAMS, Stream(ESTIMATOR_STATUS, 1.0))
+    streams = (*COMMON_STREAMS, MessageStream(ESTIMATOR_STATUS, 1.0))
 
     def __init__(self, vehicle: VehicleClass = VehicleClass.COPTER) -> None:
-        self.facts = CLASSES[vehicle]
+        self.class_properties = CLASSES[vehicle]
 
     def flight_mode(self, custom_mode: int) -> FlightMode:
         """What a heartbeat's `custom_mode` means to us."""
-        return mode_by_number(self.facts.modes, custom_mode & _MODE_BITS)[0]
+        return mode_by_number(self.class_properties.modes, custom_mode & _MODE_BITS)[0]
 
     def mode_name(self, custom_mode: int) -> str:
         """A mode in PX4's own words."""
-        return mode_by_number(self.facts.modes, custom_mode & _MODE_BITS)[1]
+        return mode_by_number(self.class_properties.modes, custom_mode & _MODE_BITS)[1]
 
-    def mode_command(self, mode: FlightMode) -> Command | Answer:
+    def mode_command(self, mode: FlightMode) -> MavCommand | CommandAnswer:
         """The command that asks for a mode."""
-        number = self.facts.commanded.get(mode)
+        number = self.class_properties.commanded.get(mode)
         if number is not None:
             main, sub = float(number >> 16 & 0xFF), float(number >> 24)
-            return Command(SET_MODE, (_CUSTOM_MODE_ENABLED, main, sub, 0.0, 0.0, 0.0, 0.0))
+            return MavCommand(SET_MODE, (_CUSTOM_MODE_ENABLED, main, sub, 0.0, 0.0, 0.0, 0.0))
         if mode is FlightMode.LAND:
-            return Command(NAV_LAND, (0.0, 0.0, 0.0, NAN, NAN, NAN, NAN))
-        return Answer(False, f"a {self.facts.vehicle} has no mode for {mode}")
+            return MavCommand(NAV_LAND, (0.0, 0.0, 0.0, NAN, NAN, NAN, NAN))
+        return CommandAnswer(False, f"a {self.class_properties.vehicle} has no mode for {mode}")
 
-    def take_off_command(self, height_m: float, ground_altitude_m: float) -> Command | Answer:
+    def take_off_command(self, height_m: float, ground_altitude_m: float) -> MavCommand | CommandAnswer:
         """PX4 takes the altitude above mean sea level."""
-        if not self.facts.manners.climbs:
-            return Answer(False, self.facts.why_no_take_off)
-        return Command(NAV_TAKEOFF, (NAN, 0.0, 0.0, NAN, NAN, NAN, ground_altitude_m + height_m))
+        if not self.class_properties.behaviour.climbs:
+            return CommandAnswer(False, self.class_properties.why_no_take_off)
+        return MavCommand(NAV_TAKEOFF, (NAN, 0.0, 0.0, NAN, NAN, NAN, ground_altitude_m + height_m))

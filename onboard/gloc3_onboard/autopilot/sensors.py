@@ -14,7 +14,7 @@ from gloc3.mavlink.codec import MavlinkMessage
 from gloc3.messages.frames import GRAVITY_M_S2, Vector3
 from gloc3.messages.perception import ImuSample, LaserScan, SatelliteFix, WheelDistances
 from gloc3.messages.vehicle import Style
-from gloc3_onboard.autopilot.style import DISTANCE_SENSOR, Stream
+from gloc3_onboard.autopilot.style import DISTANCE_SENSOR, MessageStream
 from gloc3_onboard.autopilot.telemetry import BootClock
 from gloc3_onboard.sensors.devices import Bell, StampedFix, StampedImu, StampedScan, StampedWheels
 
@@ -85,22 +85,26 @@ class RangeRing:
     """Collects range finders that look level, at most one in each eighth of a turn, into a scan of eight beams."""
 
     def __init__(self) -> None:
-        self._heard: dict[int, tuple[float, MavlinkMessage]] = {}
+        self._received: dict[int, tuple[float, MavlinkMessage]] = {}
 
-    def take(self, message: MavlinkMessage, now_s: float) -> LaserScan | None:
+    def receive(self, message: MavlinkMessage, now_s: float) -> LaserScan | None:
         """Takes a DISTANCE_SENSOR in; the scan with it, or None for one that does not look level."""
         if message.orientation >= LEVEL:
             return None
-        self._heard[message.orientation] = (now_s, message)
-        alive = {direction: heard for direction, (heard_s, heard) in self._heard.items() if now_s - heard_s < FAR_S}
-        max_cm = max(heard.max_distance for heard in alive.values())
+        self._received[message.orientation] = (now_s, message)
+        alive = {
+            direction: received
+            for direction, (received_s, received) in self._received.items()
+            if now_s - received_s < FAR_S
+        }
+        max_cm = max(received.max_distance for received in alive.values())
         ranges = [
             _range_m(alive[direction].current_distance, alive[direction].max_distance, max_cm * 1e-2)
             if direction in alive
             else _NO_READING
             for direction in range(LEVEL)
         ]
-        least_m = min(heard.min_distance for heard in alive.values()) * 1e-2
+        least_m = min(received.min_distance for received in alive.values()) * 1e-2
         return _scan("ranges", 0.0, 360.0 / LEVEL, ranges, (least_m, max_cm * 1e-2))
 
 
@@ -175,11 +179,11 @@ class AutopilotSensors:
             self._rates_hz = {**self._rates_hz, what: rate_hz}
             self._changed()
 
-    def streams(self, style: Style) -> list[Stream]:
+    def streams(self, style: Style) -> list[MessageStream]:
         """The messages that are wanted of an autopilot of this family."""
         ids = {"imu": IMU_OF[style], "obstacles": OBSTACLE_DISTANCE, "ranges": DISTANCE_SENSOR}
         ids |= {"satellites": GPS_RAW_INT, "wheels": WHEEL_DISTANCE}
-        return [Stream(ids[what], rate_hz) for what, rate_hz in sorted(self._rates_hz.items())]
+        return [MessageStream(ids[what], rate_hz) for what, rate_hz in sorted(self._rates_hz.items())]
 
     def samples(self, after_s: float) -> Sequence[StampedImu]:
         """What the inertial unit felt after a time."""
@@ -202,7 +206,7 @@ class AutopilotSensors:
                 self.obstacles = StampedScan(t_s, scan_of_obstacles(message, time.yaw_rad))
                 self.obstacles_bell.ring()
             case "DISTANCE_SENSOR":
-                scan = self._ring.take(message, now_s)
+                scan = self._ring.receive(message, now_s)
                 if scan is not None:
                     self.ranges = StampedScan(time.t_s(message.time_boot_ms, now_s), scan)
                     self.ranges_bell.ring()

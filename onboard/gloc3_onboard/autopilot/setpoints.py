@@ -11,7 +11,7 @@ from gloc3.mavlink import codec
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.messages.frames import GeoPoint, TangentPlane, Vector3, yaw_of
 from gloc3.messages.vehicle import AutopilotPose, FlightMode
-from gloc3_onboard.autopilot.style import ClassFacts, Form
+from gloc3_onboard.autopilot.style import ClassProperties, Form
 from gloc3_onboard.autopilot.telemetry import Telemetry
 from gloc3_onboard.sensors.devices import AutopilotSetpoint
 
@@ -54,7 +54,7 @@ def setpoint_message(
     if form is Form.VELOCITY and setpoint.position_ned_m is not None:
         if pose is None:
             return None
-        setpoint = led_by_velocity(setpoint.position_ned_m, setpoint.velocity_ned_m_s, pose)
+        setpoint = uses_velocity(setpoint.position_ned_m, setpoint.velocity_ned_m_s, pose)
     elif form is Form.MOVING and setpoint.velocity_ned_m_s is None:
         setpoint = setpoint._replace(velocity_ned_m_s=(0.0, 0.0, 0.0))
     elif form is Form.VELOCITY and pose is not None and math.hypot(*setpoint.velocity_ned_m_s or (0.0,)) < STANDING_M_S:
@@ -84,17 +84,17 @@ def setpoint_message(
     )
 
 
-def led_by_velocity(place: Vector3, feed_forward: Vector3 | None, pose: AutopilotPose) -> AutopilotSetpoint:
+def uses_velocity(place: Vector3, feed_forward: Vector3 | None, pose: AutopilotPose) -> AutopilotSetpoint:
     """The velocity that brings a vehicle to a moving place; standing, with its present heading, when it is there."""
     north, east = place[0] - pose.position_ned_m[0], place[1] - pose.position_ned_m[1]
-    told = feed_forward or (0.0, 0.0, 0.0)
-    distance_m, is_moving = math.hypot(north, east), math.hypot(told[0], told[1]) > STANDING_M_S
+    reported = feed_forward or (0.0, 0.0, 0.0)
+    distance_m, is_moving = math.hypot(north, east), math.hypot(reported[0], reported[1]) > STANDING_M_S
     yaw_rad = yaw_of(pose.ned_from_frd)
     is_behind = north * math.cos(yaw_rad) + east * math.sin(yaw_rad) < 0.0
     if not is_moving and distance_m < (BEHIND_M if is_behind else NEAR_M):
         return AutopilotSetpoint(None, (0.0, 0.0, 0.0), yaw_rad)
     share = min(PER_S, MOST_M_S / distance_m) if distance_m > 0.0 else 0.0
-    velocity = (told[0] + share * north, told[1] + share * east, 0.0)
+    velocity = (reported[0] + share * north, reported[1] + share * east, 0.0)
     if math.hypot(velocity[0], velocity[1]) < STANDING_M_S:
         return AutopilotSetpoint(None, (0.0, 0.0, 0.0), yaw_rad)
     return AutopilotSetpoint(None, velocity, None)
@@ -104,10 +104,10 @@ def _reposition(setpoint: AutopilotSetpoint, target: Address, pose: AutopilotPos
     if pose is None or pose.origin_geo is None or setpoint.position_ned_m is None:
         return None
     (north, east, down), at = setpoint.position_ned_m, pose.position_ned_m
-    way_n, way_e, _ = setpoint.velocity_ned_m_s or (north - at[0], east - at[1], 0.0)
-    speed = math.hypot(way_n, way_e)
+    offset_n, offset_e, _ = setpoint.velocity_ned_m_s or (north - at[0], east - at[1], 0.0)
+    speed = math.hypot(offset_n, offset_e)
     if speed > STANDING_M_S:
-        north, east = north + AHEAD_M * way_n / speed, east + AHEAD_M * way_e / speed
+        north, east = north + AHEAD_M * offset_n / speed, east + AHEAD_M * offset_e / speed
     latitude, longitude, altitude = TangentPlane(GeoPoint(*pose.origin_geo)).geo_from_ned((north, east, down))
     return codec.message(
         "COMMAND_INT",
@@ -130,7 +130,7 @@ POSE_S: Final = 0.5
 """An older estimate leads nobody to a place."""
 
 
-class Lead:
+class ControlLead:
     """The stream of setpoints to one autopilot.
 
     Args:
@@ -144,21 +144,21 @@ class Lead:
         self._sent_s = -math.inf
 
     def message(
-        self, setpoint: AutopilotSetpoint, facts: ClassFacts, target: Address, now_s: float
+        self, setpoint: AutopilotSetpoint, snapshot: ClassProperties, target: Address, now_s: float
     ) -> MavlinkMessage | None:
         """What is to be sent for a setpoint; None where nothing is now."""
         is_guided = self._telemetry.state.mode is FlightMode.GUIDED
-        if facts.form is Form.REPOSITION and (not is_guided or now_s - self._sent_s < REPOSITION_S):
+        if snapshot.form is Form.REPOSITION and (not is_guided or now_s - self._sent_s < REPOSITION_S):
             return None  # in other modes it would be denied
         known = self._telemetry.pose
         pose = known.pose if known is not None and now_s - known.t_s < POSE_S else None
-        message = setpoint_message(setpoint, facts.form, target, self._telemetry.boot_ms(now_s), pose)
+        message = setpoint_message(setpoint, snapshot.form, target, self._telemetry.boot_ms(now_s), pose)
         if message is not None:
-            self._see_gap(now_s - self._sent_s, facts.timeout_s)
+            self._note_gap(now_s - self._sent_s, snapshot.timeout_s)
             self._sent_s = now_s
         return message
 
-    def _see_gap(self, gap_s: float, limit_s: float) -> None:
+    def _note_gap(self, gap_s: float, limit_s: float) -> None:
         """Setpoints that come too late are told: the autopilot has done something by itself meanwhile."""
         state = self._telemetry.state
         if limit_s < gap_s < FORGOTTEN_S and state.is_armed and state.mode is FlightMode.GUIDED:

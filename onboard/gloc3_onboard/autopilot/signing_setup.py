@@ -46,7 +46,7 @@ class Setup:
         self.family = ""
         self.is_armed = False
         self.signs: Counter[Signs] = Counter()
-        """How its frames were signed since the last `forget`."""
+        """How its frames were signed since the last `reset`."""
         self._endpoint, self._now = endpoint, now
         self._parser = Parser(is_datagram=endpoint.is_datagram)
         self._keys = {Signs.OURS: key} | ({} if present is None else {Signs.PRESENT: present})
@@ -66,7 +66,7 @@ class Setup:
             if frame.sender == self.autopilot:
                 self.signs[self._judge(frame)] += 1
 
-    async def look(self, for_s: float, until: Signs | None = None) -> None:
+    async def listen(self, for_s: float, until: Signs | None = None) -> None:
         """Listens and sends heartbeats: for a time, or until a frame of some kind has come."""
         loop = asyncio.get_running_loop()
         end_s = loop.time() + for_s
@@ -80,7 +80,7 @@ class Setup:
         self._signing = None if key is None else Signing(key, link_id=0, now=self._now)
         self._encoder = Encoder(*OWN, self._signing)
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Counts anew."""
         self.signs.clear()
 
@@ -88,7 +88,7 @@ class Setup:
         """Sends the key."""
         self._set(self._keys[Signs.OURS], self._now)
 
-    def take_away(self) -> None:
+    def remove_key(self) -> None:
         """Switches signing off, which a key of zeros does."""
         self._set(bytes(KEY_BYTES), 0)
 

@@ -8,10 +8,10 @@ from gloc3.errors import Refused
 from gloc3.mavlink import codec
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.command import CommandResult
-from gloc3.mavlink.services.command_client import CommandCall, CommandClient
+from gloc3.mavlink.services.command_client import CommandCall, MavCommandClient
 from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL
 from gloc3.messages.vehicle import AutopilotState
-from gloc3_onboard.autopilot.style import Stream
+from gloc3_onboard.autopilot.style import MessageStream
 
 RETRY_S: Final = 1.0
 SILENT_S: Final = 5.0
@@ -26,45 +26,45 @@ class StreamRequests:
     A rate is asked for even if the message comes by itself: it would come at another rate.
     """
 
-    def __init__(self, client: CommandClient) -> None:
+    def __init__(self, client: MavCommandClient) -> None:
         self.refused: list[str] = []
         """Why messages were refused since this was last emptied; they are not asked for again."""
         self._client = client
-        self._waiting: deque[Stream] = deque()
-        self._promised: dict[int, Stream] = {}
-        self._heard_s: dict[int, float] = {}
+        self._waiting: deque[MessageStream] = deque()
+        self._promised: dict[int, MessageStream] = {}
+        self._received_s: dict[int, float] = {}
         self._counts: dict[int, tuple[float, int]] = {}
         """Since when messages are counted, and how many have come."""
-        self._asked: tuple[Stream, CommandCall] | None = None
+        self._requested: tuple[MessageStream, CommandCall] | None = None
         self._next_s = 0.0
 
-    def ask_all(self, streams: Sequence[Stream]) -> None:
+    def request_all(self, streams: Sequence[MessageStream]) -> None:
         """Asks for everything, as at the begin and after a restart of the autopilot."""
-        if self._asked is not None:
-            self._client.abandon(self._asked[1])
-        self._asked, self._next_s = None, 0.0
+        if self._requested is not None:
+            self._client.abandon(self._requested[1])
+        self._requested, self._next_s = None, 0.0
         self._waiting = deque(streams)
         self._promised.clear()
 
-    def ask(self, stream: Stream) -> None:
+    def request(self, stream: MessageStream) -> None:
         """Asks for one more message, or for one at another rate."""
         self._promised.pop(stream.message_id, None)
         self._waiting.append(stream)
 
-    def heard(self, message_id: int, now_s: float) -> None:
+    def received(self, message_id: int, now_s: float) -> None:
         """A message has come."""
-        self._heard_s[message_id] = now_s
+        self._received_s[message_id] = now_s
         since_s, count = self._counts.get(message_id, (now_s, 0))
         self._counts[message_id] = since_s, count + 1
 
     def ended(self, call: CommandCall, now_s: float) -> None:
         """A call has come back from the client; those that are not from here are ignored."""
-        if self._asked is None or call is not self._asked[1] or call.result is None:
+        if self._requested is None or call is not self._requested[1] or call.result is None:
             return
-        stream, self._asked = self._asked[0], None
+        stream, self._requested = self._requested[0], None
         if call.result is CommandResult.ACCEPTED:
             self._promised[stream.message_id] = stream
-            self._heard_s[stream.message_id] = now_s
+            self._received_s[stream.message_id] = now_s
             self._counts[stream.message_id] = now_s, 0
         elif call.result in (CommandResult.NO_ANSWER, CommandResult.TEMPORARILY_REJECTED):
             self._waiting.append(stream)
@@ -75,26 +75,26 @@ class StreamRequests:
 
     def tick(self, target: Address, now_s: float) -> None:
         """Asks for the next one."""
-        if self._asked is not None or now_s < self._next_s:
+        if self._requested is not None or now_s < self._next_s:
             return
         if not self._waiting:
             self._next_s = now_s + RETRY_S
-            for number in [n for n, stream in self._promised.items() if self._is_lacking(stream, now_s)]:
+            for number in [n for n, stream in self._promised.items() if self._is_missing(stream, now_s)]:
                 self._waiting.append(self._promised.pop(number))
         if self._waiting:
             stream = self._waiting.popleft()
             values = (float(stream.message_id), 1e6 / stream.rate_hz)
             try:
-                self._asked = stream, self._client.send_long(target, SET_MESSAGE_INTERVAL, values, now_s=now_s)
+                self._requested = stream, self._client.send_long(target, SET_MESSAGE_INTERVAL, values, now_s=now_s)
             except Refused:  # somebody else asks for one
                 self._waiting.appendleft(stream)
 
-    def _is_lacking(self, stream: Stream, now_s: float) -> bool:
+    def _is_missing(self, stream: MessageStream, now_s: float) -> bool:
         """Whether a message stays away, or comes too seldom."""
         number = stream.message_id
         since_s, count = self._counts[number]
         if now_s - since_s <= SILENT_S:
-            return now_s - self._heard_s[number] > SILENT_S
+            return now_s - self._received_s[number] > SILENT_S
         self._counts[number] = now_s, 0
         return count < SLOW * stream.rate_hz * (now_s - since_s)
 
@@ -108,32 +108,38 @@ FIRST_S: Final = 4.0
 class PrearmQuestions:
     """Asks through the client of its owner; an autopilot that does not know the question is not asked again."""
 
-    def __init__(self, client: CommandClient) -> None:
+    def __init__(self, client: MavCommandClient) -> None:
         self._client = client
-        self._asked: CommandCall | None = None
+        self._requested: CommandCall | None = None
         self._is_known = True
         self._next_s: float | None = None
 
     def restart(self) -> None:
         """The autopilot is another one, or has restarted."""
-        if self._asked is not None:
-            self._client.abandon(self._asked)
-        self._asked, self._is_known, self._next_s = None, True, None
+        if self._requested is not None:
+            self._client.abandon(self._requested)
+        self._requested, self._is_known, self._next_s = None, True, None
 
     def ended(self, call: CommandCall) -> None:
         """A call has come back from the client; those that are not from here are ignored."""
-        if call is self._asked and call.result is not None:
-            self._asked = None
+        if call is self._requested and call.result is not None:
+            self._requested = None
             self._is_known = call.result is not CommandResult.UNSUPPORTED
 
     def tick(self, target: Address, state: AutopilotState, now_s: float) -> None:
         """Asks where there is something to be told."""
         if self._next_s is None:
             self._next_s = now_s + FIRST_S
-        if state.is_armed or state.is_armable or not self._is_known or self._asked is not None or now_s < self._next_s:
+        if (
+            state.is_armed
+            or state.is_armable
+            or not self._is_known
+            or self._requested is not None
+            or now_s < self._next_s
+        ):
             return
         self._next_s = now_s + PERIOD_S
         try:
-            self._asked = self._client.send_long(target, RUN_PREARM_CHECKS, now_s=now_s)
+            self._requested = self._client.send_long(target, RUN_PREARM_CHECKS, now_s=now_s)
         except Refused:  # somebody else asks
             return

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple, Protocol
 from gloc3.mavlink.codec import Address, MavlinkMessage, message
 from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL
 from gloc3.messages.vehicle import FlightMode, Style, VehicleClass
-from gloc3_onboard.sensors.devices import Answer, Manners
+from gloc3_onboard.sensors.devices import AutopilotBehaviour, CommandAnswer
 
 Modes = Mapping[int, tuple[FlightMode, str]]
 """What a heartbeat's `custom_mode` means to us, and the autopilot's word for it."""
@@ -29,16 +29,16 @@ class Form(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ClassFacts:
+class ClassProperties:
     """One family and class."""
 
     vehicle: VehicleClass
     modes: Modes
     commanded: Mapping[FlightMode, int]
     """The `custom_mode` that is asked for."""
-    manners: Manners
+    behaviour: AutopilotBehaviour
     form: Form = Form.POSITION
-    tells_landed: bool = True
+    reports_landed: bool = True
     """Whether EXTENDED_SYS_STATE tells where it is; else it counts as under way while it is armed."""
     timeout_s: float
     """So long after the last setpoint the autopilot acts by itself."""
@@ -58,14 +58,14 @@ CLASSES: Final[Mapping[int, VehicleClass]] = {
 """By MAV_TYPE."""
 
 
-class Command(NamedTuple):
+class MavCommand(NamedTuple):
     """A MAVLink command with its parameters."""
 
     number: int
     parameters: tuple[float, float, float, float, float, float, float]
 
 
-class Stream(NamedTuple):
+class MessageStream(NamedTuple):
     """A message that the autopilot is asked to send at a rate."""
 
     message_id: int
@@ -96,11 +96,11 @@ class AutopilotStyle(Protocol):
         """Which family it is."""
 
     @property
-    def facts(self) -> ClassFacts:
+    def class_properties(self) -> ClassProperties:
         """What is known of its vehicle."""
 
     @property
-    def streams(self) -> Sequence[Stream]:
+    def streams(self) -> Sequence[MessageStream]:
         """The messages that we need."""
 
     def flight_mode(self, custom_mode: int) -> FlightMode:
@@ -109,10 +109,10 @@ class AutopilotStyle(Protocol):
     def mode_name(self, custom_mode: int) -> str:
         """A mode in the autopilot's own words."""
 
-    def mode_command(self, mode: FlightMode) -> Command | Answer:
+    def mode_command(self, mode: FlightMode) -> MavCommand | CommandAnswer:
         """The command that asks for a mode, or why there is none."""
 
-    def take_off_command(self, height_m: float, ground_altitude_m: float) -> Command | Answer:
+    def take_off_command(self, height_m: float, ground_altitude_m: float) -> MavCommand | CommandAnswer:
         """The command that asks to climb, or why there is none.
 
         Args:
@@ -130,18 +130,18 @@ SET_MODE, NAV_LAND, NAV_TAKEOFF, NAV_RETURN, ARM_DISARM = 176, 21, 22, 20, 400
 DO_SET_HOME, SET_EKF_SOURCE_SET = 179, 42007
 
 COMMON_STREAMS = (
-    Stream(ATTITUDE_QUATERNION, 20.0),
-    Stream(LOCAL_POSITION_NED, 20.0),
-    Stream(SYS_STATUS, 2.0),
-    Stream(EXTENDED_SYS_STATE, 5.0),
-    Stream(DISTANCE_SENSOR, 20.0),
-    Stream(GLOBAL_POSITION_INT, 2.0),
-    Stream(GPS_GLOBAL_ORIGIN, 1.0),
-    Stream(HOME_POSITION, 0.5),
+    MessageStream(ATTITUDE_QUATERNION, 20.0),
+    MessageStream(LOCAL_POSITION_NED, 20.0),
+    MessageStream(SYS_STATUS, 2.0),
+    MessageStream(EXTENDED_SYS_STATE, 5.0),
+    MessageStream(DISTANCE_SENSOR, 20.0),
+    MessageStream(GLOBAL_POSITION_INT, 2.0),
+    MessageStream(GPS_GLOBAL_ORIGIN, 1.0),
+    MessageStream(HOME_POSITION, 0.5),
 )
 """Without the heartbeat, whose rate PX4 does not let anybody change."""
 
-PROGRESS = Stream(42, 2.0)
+PROGRESS = MessageStream(42, 2.0)
 """MISSION_CURRENT, asked for with the first plan."""
 
 

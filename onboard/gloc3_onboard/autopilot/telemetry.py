@@ -12,7 +12,7 @@ from gloc3.mavlink.services.heartbeat import ARMED
 from gloc3.mavlink.services.timesync import TimeSync
 from gloc3.messages.frames import normalize, yaw_of
 from gloc3.messages.vehicle import AutopilotPose, AutopilotState, HeightAboveGround, LandedState
-from gloc3_onboard.autopilot.health_words import UNWELL, estimator_doubts, unwell
+from gloc3_onboard.autopilot.health_words import UNHEALTHY, estimator_problems, unhealthy
 from gloc3_onboard.autopilot.style import AutopilotStyle
 from gloc3_onboard.sensors.devices import Stamped, StampedHeight
 
@@ -20,7 +20,7 @@ CRITICAL: Final = 5
 PREARM_BIT: Final = 1 << 28
 DOWNWARD: Final = 25
 """MAV_SENSOR_ROTATION_PITCH_270."""
-NOT_TOLD_MV: Final = 0xFFFF
+NOT_REPORTED_MV: Final = 0xFFFF
 MOST_REASONS: Final = 8
 REPEATED_S: Final = 45.0
 """A reason that has not been said again for so long is over: ArduPilot repeats its own every 30 s."""
@@ -118,7 +118,7 @@ class Telemetry:
         self._warnings: deque[tuple[float, str]] = deque(maxlen=8)
         self._reasons: dict[str, float] = {}
         """Why it would not arm, and when it said so last."""
-        self._unwell: list[str] = []
+        self._is_unhealthy: list[str] = []
         self._estimator: list[str] = []
 
     @property
@@ -149,7 +149,7 @@ class Telemetry:
     def restarted(self) -> None:
         """Somebody else has noticed that the autopilot has restarted: what was known of it is of its former life."""
         self._clock.restart()
-        self._forget()
+        self._reset()
 
     @property
     def yaw_rad(self) -> float | None:
@@ -161,7 +161,7 @@ class Telemetry:
         restarts = self._clock.restarts
         t_s = self._clock.t_s(boot_ms, now_s)
         if self._clock.restarts != restarts:
-            self._forget()
+            self._reset()
         return t_s
 
     def t_s_of_boot(self, boot_s: float) -> float | None:
@@ -171,18 +171,18 @@ class Telemetry:
     def receive(self, message: MavlinkMessage, now_s: float) -> None:
         """Takes a message of the autopilot in."""
         restarts = self._clock.restarts
-        self._take(message, now_s)
+        self._handle(message, now_s)
         if self._clock.restarts != restarts:
-            self._forget()
+            self._reset()
 
-    def _forget(self) -> None:
+    def _reset(self) -> None:
         """After a restart the estimator begins elsewhere, maybe with another origin."""
         self.pose = self.height = self.altitude_m = self._origin = None
         self._has_attitude = False
         self._reasons.clear()
         self._set(reasons=[], has_home=False, landed=LandedState.UNKNOWN)
 
-    def _take(self, message: MavlinkMessage, now_s: float) -> None:
+    def _handle(self, message: MavlinkMessage, now_s: float) -> None:
         match message.name:
             case "LOCAL_POSITION_NED":
                 self._local_position(message, now_s)
@@ -195,13 +195,13 @@ class Telemetry:
             case "HEARTBEAT":
                 self._heartbeat(message)
             case "EXTENDED_SYS_STATE":
-                if self._style is None or self._style.facts.tells_landed:
+                if self._style is None or self._style.class_properties.reports_landed:
                     self._set(landed=_LANDED.get(message.landed_state, LandedState.UNKNOWN))
             case "SYS_STATUS":
                 self._system(message, now_s)
             case "EKF_STATUS_REPORT" | "ESTIMATOR_STATUS":
-                self._estimator = estimator_doubts(message)
-                self._set(doubts=[*self._unwell, *self._estimator])
+                self._estimator = estimator_problems(message)
+                self._set(doubts=[*self._is_unhealthy, *self._estimator])
             case "HOME_POSITION":
                 self._set(has_home=True)
             case "GLOBAL_POSITION_INT":
@@ -222,34 +222,34 @@ class Telemetry:
             mode=self._style.flight_mode(message.custom_mode),
             mode_name=self._style.mode_name(message.custom_mode),
             is_failsafe=message.system_status >= CRITICAL,
-            vehicle=self._style.facts.vehicle,
+            vehicle=self._style.class_properties.vehicle,
         )
-        if not self._style.facts.tells_landed:
+        if not self._style.class_properties.reports_landed:
             self._set(landed=LandedState.IN_AIR if self.state.is_armed else LandedState.ON_GROUND)
 
     def _system(self, message: MavlinkMessage, now_s: float) -> None:
         is_armable = bool(message.onboard_control_sensors_health & PREARM_BIT)
-        bad = unwell(
+        bad = unhealthy(
             message.onboard_control_sensors_present,
             message.onboard_control_sensors_enabled,
             message.onboard_control_sensors_health,
         )
-        self._unwell = [UNWELL + ", ".join(bad)] if bad else []
+        self._is_unhealthy = [UNHEALTHY + ", ".join(bad)] if bad else []
         self._reasons = {} if is_armable else {text: s for text, s in self._reasons.items() if now_s - s < REPEATED_S}
         self._set(
-            battery_v=message.voltage_battery * 1e-3 if message.voltage_battery != NOT_TOLD_MV else 0.0,
+            battery_v=message.voltage_battery * 1e-3 if message.voltage_battery != NOT_REPORTED_MV else 0.0,
             battery_a=message.current_battery * 1e-2 if message.current_battery >= 0 else 0.0,
             battery_remaining=message.battery_remaining * 1e-2 if message.battery_remaining >= 0 else -1.0,
             is_armable=is_armable,
             reasons=list(self._reasons),
-            doubts=[*self._unwell, *self._estimator],
+            doubts=[*self._is_unhealthy, *self._estimator],
         )
 
     def texts_since(self, t_s: float) -> list[str]:
         """Warnings and worse that were heard since a time."""
-        return [text for said_s, text in self._warnings if said_s >= t_s]
+        return [text for reported_s, text in self._warnings if reported_s >= t_s]
 
-    def hear(self, severity: int, text: str, now_s: float) -> None:
+    def receive_text(self, severity: int, text: str, now_s: float) -> None:
         """Takes in what the autopilot says in words."""
         if severity <= WARNING:
             self._warnings.append((now_s, text))
@@ -295,12 +295,12 @@ class ClockOffset:
     """
 
     def __init__(self, own: Address, telemetry: Telemetry) -> None:
-        self.service: Final = TimeSync(own, tell_s=telemetry.boot_s)
+        self.service: Final = TimeSync(own, send_s=telemetry.boot_s)
         """Driven by its owner."""
         self._telemetry = telemetry
         self._restarts = 0
 
-    def look(self, now_s: float) -> None:
+    def poll(self, now_s: float) -> None:
         """Tells the telemetry of what the round trips show."""
         service = self.service
         if (

@@ -10,7 +10,7 @@ from typing import Final
 from gloc3.camera.model import CameraModel
 from gloc3.errors import Finding, InputError
 from gloc3_onboard.calibration.lens import NARROWEST_DEG, PIXELS
-from gloc3_onboard.calibration.mounting import LOOKS_AHEAD
+from gloc3_onboard.calibration.mounting import FORWARD
 
 NUMBERS: Final = 12
 _NAMED: Final = re.compile(r"\s*([A-Za-z_][A-Za-z0-9_]*):")
@@ -99,5 +99,5 @@ def _camera(text: str, size: tuple[int, int]) -> CameraModel:
         focal_px=(p[0], p[5]),
         center_px=(p[2], p[6]),
         position_frd_m=(forward_m, right_m, down_m),
-        frd_from_rdf=LOOKS_AHEAD,
+        frd_from_rdf=FORWARD,
     )

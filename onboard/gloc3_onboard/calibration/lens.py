@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 from gloc3.camera.model import CameraModel, Lens
 from gloc3.documents.document import Where
-from gloc3_onboard.calibration.mounting import LOOKS_AHEAD, Transform
+from gloc3_onboard.calibration.mounting import FORWARD, Transform
 from gloc3_onboard.calibration.numbers import Values
 
 PIXELS: Final = (16, 16_384)
@@ -19,7 +19,7 @@ MOST_ASPECT: Final = 1.5
 FAR_OFF: Final = 0.3
 """Share of the picture by which the optical axis may miss its middle before that is doubtful."""
 COUNTS: Final[dict[Lens, tuple[int, ...]]] = {Lens.PINHOLE: (0,), Lens.RADTAN: (4, 5), Lens.EQUIDISTANT: (4,)}
-IN_PLACE: Final = Transform((0.0, 0.0, 0.0), LOOKS_AHEAD)
+IN_PLACE: Final = Transform((0.0, 0.0, 0.0), FORWARD)
 
 
 def size_of(values: Values, where: Where, size: Sequence[object]) -> tuple[int, int] | None:

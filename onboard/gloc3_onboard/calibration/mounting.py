@@ -8,7 +8,7 @@ from gloc3.messages.frames import IDENTITY, Quaternion, Vector3, multiply, norma
 
 Matrix = list[list[float]]
 
-LOOKS_AHEAD: Final[Quaternion] = (0.5, 0.5, 0.5, 0.5)
+FORWARD: Final[Quaternion] = (0.5, 0.5, 0.5, 0.5)
 """`frd_from_rdf` of a camera that looks along the body's x, upright."""
 ORTHONORMAL: Final = 1e-3
 """How far a rotation in a file may be from one: they are written with few digits."""

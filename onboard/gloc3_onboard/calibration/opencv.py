@@ -12,7 +12,7 @@ from xml.parsers import expat
 
 from gloc3.camera.model import CameraModel, Lens
 from gloc3.documents.document import MAX_BYTES, Document, Where, parse
-from gloc3.documents.yaml_nodes import MAX_DEPTH, MAX_NODES, Node
+from gloc3.documents.yaml_nodes import MAX_DEPTH, MAX_NODES, YamlNode
 from gloc3.errors import Finding, InputError
 from gloc3_onboard.calibration.lens import IN_PLACE, WrittenLens, lens_model, size_of
 from gloc3_onboard.calibration.mounting import Transform, quaternion_of, transform_problem
@@ -160,7 +160,7 @@ class _Element:
         self.name, self.line, self.column = name, line, column
         self.text: list[str] = []
         self.text_at: tuple[int, int] | None = None
-        self.children: list[tuple[str, Node]] = []
+        self.children: list[tuple[str, YamlNode]] = []
 
 
 class _Builder:
@@ -168,7 +168,7 @@ class _Builder:
 
     def __init__(self, file: str) -> None:
         self.file = file
-        self.root: Node | None = None
+        self.root: YamlNode | None = None
         self._stack: list[_Element] = []
         self._nodes = 0
         self.parser = expat.ParserCreate()
@@ -228,8 +228,8 @@ def parse_xml(text: str, file: str) -> Document:
     return Document(file, builder.root)
 
 
-def _mapping(element: _Element) -> Node:
-    node = Node({}, element.line, element.column)
+def _mapping(element: _Element) -> YamlNode:
+    node = YamlNode({}, element.line, element.column)
     for name, child in element.children:
         if name not in node.children:
             node.value[name] = child.value
@@ -238,16 +238,16 @@ def _mapping(element: _Element) -> Node:
     return node
 
 
-def _plain(element: _Element) -> Node:
+def _plain(element: _Element) -> YamlNode:
     """A number, several, or text; `data` is always several."""
     line, column = element.text_at or (element.line, element.column)
     words = "".join(element.text).split()
     values = [_value(word) for word in words]
     is_list = element.name == "data" or (len(values) > 1 and all(isinstance(value, int | float) for value in values))
     if not is_list:
-        return Node(values[0] if len(values) == 1 else " ".join(words), line, column)
-    node = Node(values, line, column)
-    node.children = {index: Node(value, line, column) for index, value in enumerate(values)}
+        return YamlNode(values[0] if len(values) == 1 else " ".join(words), line, column)
+    node = YamlNode(values, line, column)
+    node.children = {index: YamlNode(value, line, column) for index, value in enumerate(values)}
     return node
 
 

@@ -19,7 +19,7 @@ from gloc3_onboard.sensors.pictures import picture_size
 FORMS: Final = "OpenCV (YAML, XML), Kalibr camchain, EuRoC sensor.yaml, KITTI calib.txt"
 
 
-class Calibration(NamedTuple):
+class CalibrationFile(NamedTuple):
     """What a file tells."""
 
     file: str
@@ -46,7 +46,7 @@ class Calibration(NamedTuple):
         raise InputError([finding])
 
 
-def read_calibration(path: Path, *, axes: str = "", size: tuple[int, int] | None = None) -> Calibration:
+def read_calibration(path: Path, *, axes: str = "", size: tuple[int, int] | None = None) -> CalibrationFile:
     """Reads a calibration file.
 
     Args:
@@ -63,7 +63,7 @@ def read_calibration(path: Path, *, axes: str = "", size: tuple[int, int] | None
     text = load_bytes(path).decode("utf-8-sig", "replace")
     body = Transform((0.0, 0.0, 0.0), frd_from_axes(axes or "frd"))
     if looks_like_kitti(text):
-        return Calibration(file, "KITTI", read_kitti(text, file, size or picture_size(path.parent)))
+        return CalibrationFile(file, "KITTI", read_kitti(text, file, size or picture_size(path.parent)))
     if text.lstrip().startswith("<"):
         return _checked(file, "OpenCV", *read_opencv(text, file))
     plain = _without_directive(text)
@@ -79,7 +79,7 @@ def read_calibration(path: Path, *, axes: str = "", size: tuple[int, int] | None
     raise InputError([Finding(file=file, message="this is no calibration that is known", hint=FORMS)])
 
 
-def read_reference(reference: str, folder: Path) -> tuple[Calibration, CameraModel]:
+def read_reference(reference: str, folder: Path) -> tuple[CalibrationFile, CameraModel]:
     """A camera by a reference such as `front.yaml#cam0` or `front.yaml?axes=flu#cam1`, relative to a folder.
 
     Raises:
@@ -107,10 +107,10 @@ def _without_directive(text: str) -> str:
     return "\n" + text.partition("\n")[2] if text.startswith("%YAML") else text
 
 
-def _checked(file: str, form: str, cameras: dict[str, CameraModel], values: Values) -> Calibration:
+def _checked(file: str, form: str, cameras: dict[str, CameraModel], values: Values) -> CalibrationFile:
     findings = sorted(values.findings)
     if any(not finding.is_warning for finding in findings):
         raise InputError(findings)
     if not cameras:
         raise InputError([Finding(file=file, message="no camera is in it")])
-    return Calibration(file, form, cameras, findings)
+    return CalibrationFile(file, form, cameras, findings)

@@ -5,7 +5,7 @@ from typing import Final
 
 from gloc3.messages.preflight import Check, Group, Verdict
 from gloc3.messages.vehicle import AutopilotState, VehicleClass
-from gloc3_onboard.autopilot.health_words import UNWELL
+from gloc3_onboard.autopilot.health_words import UNHEALTHY
 from gloc3_onboard.checks.readings import Readings
 from gloc3_onboard.checks.tables import table_of
 
@@ -62,10 +62,10 @@ def _arming(state: AutopilotState) -> Check:
 
 def _estimator(state: AutopilotState) -> Iterator[Check]:
     """What its estimator says of itself, where it would arm all the same."""
-    doubts = [doubt for doubt in state.doubts if not doubt.startswith(UNWELL)]
-    if doubts and state.is_armable:
+    problems = [problem for problem in state.doubts if not problem.startswith(UNHEALTHY)]
+    if problems and state.is_armable:
         advice = "wait until it has settled; the autopilot would arm all the same"
-        yield Check(GROUP, "estimator", Verdict.WARNING, "; ".join(doubts), advice)
+        yield Check(GROUP, "estimator", Verdict.WARNING, "; ".join(problems), advice)
 
 
 def _battery(readings: Readings, state: AutopilotState) -> Check:

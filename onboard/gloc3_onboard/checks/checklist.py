@@ -111,14 +111,16 @@ def component_checks(readings: Readings) -> Iterator[Check]:
     if readings.components is None:
         return
     required = [one for one in readings.components if one.is_required]
-    unwell = [one for one in readings.components if one.health not in (WELL if one.is_standby else (Health.WORKING,))]
-    for one in unwell:
+    unhealthy = [
+        one for one in readings.components if one.health not in (WELL if one.is_standby else (Health.WORKING,))
+    ]
+    for one in unhealthy:
         verdict = Verdict.RED if one.is_required else Verdict.WARNING
         why = f": {one.cause}" if one.cause else ""
         advice = "read its error on the Health screen, then initialize and start it"
         yield Check(Group.COMPONENTS, one.name, verdict, f"{one.health}{why}", advice)
-    well = len(readings.components) - len(unwell)
-    if not any(one.is_required for one in unwell):
+    well = len(readings.components) - len(unhealthy)
+    if not any(one.is_required for one in unhealthy):
         finding = f"{well} of {len(readings.components)} work, with all {len(required)} that are required"
         yield Check(Group.COMPONENTS, "all", Verdict.OK, finding)
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-Ask = Callable[[str], float | None]
+RequestParameters = Callable[[str], float | None]
 """A parameter's value; None where it has not been read."""
 
 CONTINUE, HOLD, RETURN, LAND = "continue", "hold", "return", "land"
@@ -19,7 +19,7 @@ class Failsafe(NamedTuple):
     """Chooses the action; empty where the style always does the same."""
     actions: Mapping[int, str]
     """Its values; with an empty parameter 0 is what is done."""
-    limit: Callable[[Ask], float | None] = lambda _: None
+    limit: Callable[[RequestParameters], float | None] = lambda _: None
     """When it acts: seconds, or share of the battery; None where that is not known or does not matter."""
     limit_parameters: tuple[str, ...] = ()
     """What the limit is made of."""
@@ -55,16 +55,16 @@ class StyleTable(NamedTuple):
         return tuple(name for name in found if name)
 
 
-def share_of(part: str, whole: str) -> Callable[[Ask], float | None]:
+def share_of(part: str, whole: str) -> Callable[[RequestParameters], float | None]:
     """A limit that is one parameter as a share of another."""
 
-    def share(ask: Ask) -> float | None:
-        left, all_of_it = ask(part), ask(whole)
+    def share(request: RequestParameters) -> float | None:
+        left, all_of_it = request(part), request(whole)
         return None if left is None or not all_of_it else left / all_of_it
 
     return share
 
 
-def value_of(name: str) -> Callable[[Ask], float | None]:
+def value_of(name: str) -> Callable[[RequestParameters], float | None]:
     """A limit that is a parameter."""
-    return lambda ask: ask(name)
+    return lambda request: request(name)

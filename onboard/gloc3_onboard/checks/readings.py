@@ -13,7 +13,7 @@ from gloc3.platform.platform import Platform
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Condition:
+class ComponentCondition:
     """A component as the command interface sees it."""
 
     name: str
@@ -38,7 +38,7 @@ class Readings:
     pose: Pose | None = None
     is_pose_fresh: bool = False
     height: HeightAboveGround | None = None
-    components: Sequence[Condition] | None = None
+    components: Sequence[ComponentCondition] | None = None
     """None where no component runs, as for `gloc3 doctor`."""
     mission: Mission | None = None
     fence_problem: str = ""

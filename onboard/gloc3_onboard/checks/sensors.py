@@ -5,7 +5,7 @@ from typing import Final
 
 from gloc3.messages.preflight import Check, Group, Verdict
 from gloc3.messages.readiness import AutopilotSetup
-from gloc3_onboard.autopilot.health_words import SENSORS, unwell
+from gloc3_onboard.autopilot.health_words import SENSORS, unhealthy
 from gloc3_onboard.checks.readings import Readings
 from gloc3_onboard.checks.tables import table_of
 
@@ -36,7 +36,7 @@ def sensor_checks(readings: Readings) -> Iterator[Check]:
 
 def _health(setup: AutopilotSetup) -> Iterator[Check]:
     used = setup.sensors_present & setup.sensors_enabled
-    bad = unwell(setup.sensors_present, setup.sensors_enabled, setup.sensors_health)
+    bad = unhealthy(setup.sensors_present, setup.sensors_enabled, setup.sensors_health)
     good = [name for bit, name in SENSORS.items() if used & bit and setup.sensors_health & bit]
     if bad:
         advice = "wait until it has settled; if it does not, check wiring and calibration"

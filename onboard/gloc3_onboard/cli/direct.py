@@ -45,7 +45,7 @@ async def open_direct(link: AutopilotLink, url: str, loop: asyncio.AbstractEvent
         Refused: the URL is wrong, or the endpoint cannot be had.
     """
     parser = Parser()
-    endpoint = await open_endpoint(url, loop, lambda data: link.take(parser.receive(data)))
+    endpoint = await open_endpoint(url, loop, lambda data: link.receive_frames(parser.receive(data)))
     link.open(_DirectLink(endpoint))
     return endpoint
 

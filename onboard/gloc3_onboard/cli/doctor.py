@@ -60,13 +60,13 @@ def doctor(
     if not 1 <= system_id <= MOST_SYSTEM_ID:
         raise Refused(f"--system-id must be from 1 to {MOST_SYSTEM_ID}; those above are stations'")
     from gloc3.mavlink.transport.endpoints import parse_url
-    from gloc3_onboard.cli.doctor_run import Question, examine
+    from gloc3_onboard.cli.doctor_run import DoctorOptions, examine
 
     parse_url(autopilot)
     known = load_platform(platform, is_loading_classes=True, warn=lambda found: narrate(str(found)))
     folder = find_platform(platform).parent
     devices = tuple(device or ())
-    question = Question(known, autopilot, out or Path(f"gloc3-{known.platform}"), wait, system_id, folder, devices)
+    question = DoctorOptions(known, autopilot, out or Path(f"gloc3-{known.platform}"), wait, system_id, folder, devices)
     checks = asyncio.run(examine(question))
     for check in checks:
         print(_json(check) if json else _line(check, is_coloured=sys.stdout.isatty()))  # noqa: T201

@@ -22,14 +22,14 @@ from gloc3_onboard.sensors.registry import source_urls
 from gloc3_onboard.sensors.rig import calibration_problems
 from gloc3_onboard.sensors.sensor_watch import unopened_conditions
 
-LOOK_EVERY_S: Final = 0.1
+POLL_PERIOD_S: Final = 0.1
 SETTLED_S: Final = 2.0
 """Once everything has been read: so long the autopilot may take to say how its sensors are."""
 FRESH_S: Final = 1.0
 """A position that is older counts as lost; nothing here flies on it."""
 
 
-class Question(NamedTuple):
+class DoctorOptions(NamedTuple):
     """What `gloc3 doctor` was asked."""
 
     platform: Platform
@@ -43,7 +43,7 @@ class Question(NamedTuple):
     """Sources that differ from the platform file's, as NAME=URL."""
 
 
-async def examine(question: Question) -> list[Check]:
+async def examine(question: DoctorOptions) -> list[Check]:
     """Makes the list; never raises for what is found."""
     loop = asyncio.get_running_loop()
     clock = Clock(loop)
@@ -77,7 +77,7 @@ def _conditions(endpoints: list[Endpoint]) -> list[LinkCondition]:
     ]
 
 
-def _sensors(question: Question) -> list[SensorCondition]:
+def _sensors(question: DoctorOptions) -> list[SensorCondition]:
     """How the sensors are, without opening them."""
     platform = question.platform
     used = sorted({device for row in platform.components for device in row.devices.values()})
@@ -93,7 +93,7 @@ async def _listen(link: AutopilotLink, loop: asyncio.AbstractEventLoop, wait_s: 
     heart = heartbeat_of(link.own)
     while loop.time() < end_s:
         beat(heart, link, loop.time())
-        await asyncio.sleep(LOOK_EVERY_S)
+        await asyncio.sleep(POLL_PERIOD_S)
         setup = link.inspection.setup
         if setup.is_complete and setup.sensors_present and link.telemetry.state.is_connected:
             read_s = loop.time() if read_s is None else read_s
@@ -102,7 +102,7 @@ async def _listen(link: AutopilotLink, loop: asyncio.AbstractEventLoop, wait_s: 
                 return
 
 
-def _readings(question: Question, link: AutopilotLink, computer: HostComputer, now_s: float) -> Readings:
+def _readings(question: DoctorOptions, link: AutopilotLink, computer: HostComputer, now_s: float) -> Readings:
     stamped, height = link.telemetry.pose, link.telemetry.height
     pose: Pose | None = None
     if stamped is not None:

@@ -63,7 +63,7 @@ def run_ground(folder: GroundFolder, settings: GroundSettings) -> tuple[Trajecto
     for frame in folder.frames:
         pixels = frame.pixels()
         begin_s = Clock.cost_s()
-        found = _look(odometer, frame, pixels)
+        found = _process_frame(odometer, frame, pixels)
         costs_ms.append(1e3 * (Clock.cost_s() - begin_s))
         if not poses and frame.ned_from_frd is not None:
             chain.attitude = frame.ned_from_frd
@@ -86,7 +86,7 @@ def run_ground(folder: GroundFolder, settings: GroundSettings) -> tuple[Trajecto
     return trajectory, cost
 
 
-def _look(
+def _process_frame(
     odometer: GroundOdometer, frame: GroundFrame, pixels: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]
 ) -> Odometry:
     if pixels.size == 0:

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from gloc3.cli.narration import narrate
 from gloc3.errors import Refused
-from gloc3.evaluation.metrics import Alignment, Evaluation, Statistics, evaluate, tells_a_frame
+from gloc3.evaluation.metrics import Evaluation, Statistics, TrajectoryAlignment, evaluate, names_a_frame
 from gloc3.evaluation.trajectory import Array, Trajectory, read_trajectory, write_tum
 
 ON_A_LINE = (
@@ -26,7 +26,7 @@ class ReportOptions:
     """True poses: in TUM form, EuRoC's (data.csv) or KITTI's (poses.txt)."""
     trajectory: Path | None = None
     """Where to write the estimate, in TUM form, with the data set's own times."""
-    align: Alignment | None = None
+    align: TrajectoryAlignment | None = None
     """How the estimate is laid over the truth: by the first tenth of its positions (begin), all, the first pose (origin)
     or not at all (none). The scale is never corrected. Default: begin; origin where these positions lie in one place or
     along one line."""
@@ -95,11 +95,11 @@ def report(
     found, notes = None, list[str]()
     if options.truth is not None:
         known = truth or read_trajectory(options.truth, times_s)
-        align = options.align or Alignment.BEGIN
-        if options.align is None and not tells_a_frame(estimate, known, align):
-            align = Alignment.ORIGIN
+        align = options.align or TrajectoryAlignment.BEGIN
+        if options.align is None and not names_a_frame(estimate, known, align):
+            align = TrajectoryAlignment.ORIGIN
         found = evaluate(estimate, known, align, options.over)
-        notes = [] if align is options.align or align is Alignment.BEGIN else [ON_A_LINE]
+        notes = [] if align is options.align or align is TrajectoryAlignment.BEGIN else [ON_A_LINE]
     print(_json(estimate, found, cost) if options.json else "\n".join(_lines(estimate, found, cost) + notes))  # noqa: T201
     if cost is not None and cost.valid == 0:
         narrate("no output was valid")

@@ -48,7 +48,7 @@ def onboard(platform: str, /, *, options: OnboardOptions = DEFAULTS) -> int:
     from gloc3_onboard.process.run_log import LogLimits
 
     key = options.signing_key
-    asked = ProcessOptions(
+    requested = ProcessOptions(
         platform=platform,
         autopilot=options.autopilot,
         stations=tuple(options.station or (DEFAULT_STATION,)),
@@ -60,12 +60,12 @@ def onboard(platform: str, /, *, options: OnboardOptions = DEFAULTS) -> int:
         logs=options.logs,
         system_id=options.system_id,
         is_quiet=options.quiet,
-        takes_plans=options.take_plans,
+        accepts_plans=options.take_plans,
         log_limits=LogLimits(file_mb=options.log_size, total_mb=options.log_total),
         signing_key=None if key is None else read_signing_key(key.expanduser()),
     )
     with asyncio.Runner(loop_factory=_loop_factory(platform, options.host)) as runner:
-        return runner.run(run(asked))
+        return runner.run(run(requested))
 
 
 app.command(install)

@@ -159,32 +159,34 @@ def new(*, options: NewOptions = DEFAULTS) -> int:
     What an option answers is not asked. Run it while `gloc3 onboard` is not running; nothing is changed on the autopilot.
     """
     options.check()
-    from gloc3_onboard.cli.platform_new import KINDS, Answers, look, platform_text
+    from gloc3_onboard.cli.platform_new import KINDS, Answers, platform_text, probe_autopilot
     from gloc3_onboard.cli.platform_report import report_on
 
     narrate(f"listening at {options.autopilot}")
-    found = asyncio.run(look(options.autopilot, options.wait, options.system_id))
+    found = asyncio.run(probe_autopilot(options.autopilot, options.wait, options.system_id))
     narrate(f"found {found.title}")
     kind = KINDS.get(found.setup.vehicle) if found.setup.vehicle is not None else None
     if kind is None or (found.setup.vehicle is VehicleClass.PLANE and found.setup.style is not Style.ARDUPILOT):
         raise Refused(f"there are no components to begin with for {found.title}; see docs/autopilots.md")
-    ask = _Asking(may_ask=not options.yes)
+    request = _Prompt(may_prompt=not options.yes)
     answers = Answers(
-        name=ask("--name", "Name of the platform", options.name, f"my_{found.setup.vehicle}", _name),
-        type=ask("--type", f"What is it ({', '.join(kind.types)})", options.type, kind.types[0], _one_of(kind.types)),
-        mass_kg=ask("--mass-kg", "Mass in kg", options.mass_kg, kind.mass_kg, _positive),
-        speed_m_s=ask("--speed-m-s", "Greatest speed in m/s", options.speed_m_s, kind.speed_m_s, _positive),
-        height_max_m=ask(
+        name=request("--name", "Name of the platform", options.name, f"my_{found.setup.vehicle}", _name),
+        type=request(
+            "--type", f"What is it ({', '.join(kind.types)})", options.type, kind.types[0], _one_of(kind.types)
+        ),
+        mass_kg=request("--mass-kg", "Mass in kg", options.mass_kg, kind.mass_kg, _positive),
+        speed_m_s=request("--speed-m-s", "Greatest speed in m/s", options.speed_m_s, kind.speed_m_s, _positive),
+        height_max_m=request(
             "--height-max-m", "Greatest height above home in m", options.height_max_m, kind.heights_m[1], _number
         ),
-        battery_wh=ask(
+        battery_wh=request(
             "--battery-wh", "Energy of the full battery in Wh", options.battery_wh, kind.battery_wh, _positive
         ),
-        arm=ask("--arm", "May a mission arm it (yes, no)", options.arm, False, _yes_or_no),
-        on_stop=ask(
+        arm=request("--arm", "May a mission arm it (yes, no)", options.arm, False, _yes_or_no),
+        on_stop=request(
             "--on-stop", "Told to end in flight (hold, land)", options.on_stop, "hold", _one_of(("hold", "land"))
         ),
-        camera=ask(
+        camera=request(
             "--camera",
             "Source of a camera that looks down (such as v4l2:///dev/video0, or nothing)",
             options.camera,
@@ -210,12 +212,12 @@ def new(*, options: NewOptions = DEFAULTS) -> int:
     return 0 if report.is_ok else 1
 
 
-class _Asking:
+class _Prompt:
     """Asks a person, where there is one, for what no option has answered."""
 
-    def __init__(self, *, may_ask: bool) -> None:
-        self._may_ask = may_ask
-        if may_ask and not sys.stdin.isatty():
+    def __init__(self, *, may_prompt: bool) -> None:
+        self._may_prompt = may_prompt
+        if may_prompt and not sys.stdin.isatty():
             raise Refused("nobody can be asked here; answer by options, and let --yes suppose the rest")
 
     def __call__(self, option: str, question: str, given: T | None, default: T, read: Callable[[str], T]) -> T:
@@ -230,7 +232,7 @@ class _Asking:
             if isinstance(default, bool | str)
             else f"{default:g}"
         )
-        if not self._may_ask:
+        if not self._may_prompt:
             narrate(f"supposed: {option} {shown}")
             return default
         while True:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 from gloc3.clock import Clock
-from gloc3.errors import NotHeard
+from gloc3.errors import NoContact
 from gloc3.messages.readiness import AutopilotSetup
 from gloc3.messages.vehicle import Style, VehicleClass
 from gloc3_onboard.autopilot.link import AutopilotLink
@@ -14,7 +14,7 @@ from gloc3_onboard.checks.parameters import CONTINUE, HOLD, LAND, RETURN, Failsa
 from gloc3_onboard.checks.tables import table_of
 from gloc3_onboard.cli.direct import beat, heartbeat_of, open_direct, signing_of
 
-LOOK_EVERY_S: Final = 0.1
+POLL_PERIOD_S: Final = 0.1
 ALLOWED: Final = (HOLD, RETURN, LAND)
 CAMERA: Final = ("ground_camera", "ground_recorder")
 """The components that there are only with a camera."""
@@ -29,7 +29,7 @@ def _noted(text: str, note: str) -> str:
     return f"{text:<32}# {note}"
 
 
-class Kind(NamedTuple):
+class VehicleKind(NamedTuple):
     """A class of vehicle: whose components it has, and what is supposed of it."""
 
     base: str
@@ -54,23 +54,23 @@ class Kind(NamedTuple):
 
 
 KINDS: Final = {
-    VehicleClass.COPTER: Kind(
+    VehicleClass.COPTER: VehicleKind(
         "multirotor", ("quadrotor", "hexarotor"), 1.5, 3.0, 1.0, 0.5, 2.0, (0.3, 30.0), 1.0,
         "hover_w: 250, per_m_s_w: 4, climb_w_per_m_s: 16, avionics_w: 12", 74.0, braking_m_s2=1.0,
     ),
-    VehicleClass.ROVER: Kind(
+    VehicleClass.ROVER: VehicleKind(
         "wheeled", ("rover",), 5.0, 2.0, 1.0, 0.5, 1.0, (-0.5, 0.5), 2.0,
         "hover_w: 5, per_m_s_w: 20, avionics_w: 12", 74.0, braking_m_s2=0.6,
     ),
-    VehicleClass.BOAT: Kind(
+    VehicleClass.BOAT: VehicleKind(
         "wheeled", ("boat",), 10.0, 2.0, 1.0, 0.5, 0.5, (-0.5, 0.5), 3.0,
         "hover_w: 20, per_m_s_w: 60, avionics_w: 12", 150.0, braking_m_s2=0.3,
     ),
-    VehicleClass.SUB: Kind(
+    VehicleClass.SUB: VehicleKind(
         "underwater", ("auv", "rov"), 11.0, 1.0, 0.5, 0.3, 0.5, (-40.0, 0.5), 1.0,
         "hover_w: 40, per_m_s_w: 60, avionics_w: 20", 260.0, braking_m_s2=0.3,
     ),
-    VehicleClass.PLANE: Kind(
+    VehicleClass.PLANE: VehicleKind(
         "fixed_wing", ("aircraft",), 3.0, 25.0, 3.0, 0.8, 2.0, (20.0, 100.0), 30.0,
         "hover_w: 200, per_m_s_w: 4, climb_w_per_m_s: 60, avionics_w: 12", 150.0, "ways",
         more=(
@@ -116,12 +116,12 @@ class Answers(NamedTuple):
     """A source's URL; empty for none."""
 
 
-async def look(autopilot: str, wait_s: float, system_id: int) -> Found:
+async def probe_autopilot(autopilot: str, wait_s: float, system_id: int) -> Found:
     """Listens to the autopilot until it has told everything, or the time is up.
 
     Raises:
         Refused: the link cannot be opened.
-        NotHeard: no autopilot is heard.
+        NoContact: no autopilot is heard.
     """
     loop = asyncio.get_running_loop()
     clock = Clock(loop)
@@ -131,7 +131,7 @@ async def look(autopilot: str, wait_s: float, system_id: int) -> Found:
         end_s, heart = loop.time() + wait_s, heartbeat_of(link.own)
         while loop.time() < end_s:
             beat(heart, link, loop.time())
-            await asyncio.sleep(LOOK_EVERY_S)
+            await asyncio.sleep(POLL_PERIOD_S)
             setup, stamped = link.inspection.setup, link.telemetry.pose
             if setup.is_complete and setup.firmware and stamped is not None and stamped.pose.origin_geo is not None:
                 break
@@ -140,7 +140,7 @@ async def look(autopilot: str, wait_s: float, system_id: int) -> Found:
         link.close()
         await endpoint.close()
     if setup.style is None or setup.vehicle is None:
-        raise NotHeard(
+        raise NoContact(
             f"no autopilot is heard at {autopilot} within {wait_s:g} s{f'; {endpoint.problem}' if endpoint.problem else ''}"
         )
     return Found(setup, stamped.pose.origin_geo if stamped is not None else None)
@@ -198,7 +198,7 @@ def _frame(origin_geo: tuple[float, float, float] | None) -> list[str]:
 
 def _failsafes(setup: AutopilotSetup) -> Iterator[str]:
     """What the autopilot is set to do by itself, as it has told; what no platform file allows is a comment."""
-    table, ask = table_of(setup.style or Style.PX4, setup.vehicle), setup.parameters.get
+    table, request = table_of(setup.style or Style.PX4, setup.vehicle), setup.parameters.get
     rows, notes = [], []
     for name, failsafe in (
         ("link_loss", table.link_loss),
@@ -207,7 +207,7 @@ def _failsafes(setup: AutopilotSetup) -> Iterator[str]:
     ):
         action, source = action_of(setup, failsafe), _source(setup, failsafe)
         if action in ALLOWED:
-            limit = failsafe.limit(ask)
+            limit = failsafe.limit(request)
             when = (
                 {"link_loss": f", after_s: {limit:g}", "low_battery": f", at: {limit:g}"}.get(name, "") if limit else ""
             )
@@ -225,7 +225,7 @@ def _source(setup: AutopilotSetup, failsafe: Failsafe) -> str:
     return "" if value is None else f"   # {failsafe.parameter} {value:g}"
 
 
-def _changes(kind: Kind, answers: Answers) -> Iterator[str]:
+def _changes(kind: VehicleKind, answers: Answers) -> Iterator[str]:
     """What differs from the base: no camera, no arming, how briskly it moves."""
     if not answers.camera:
         yield _noted("capabilities:", "beside the base's; null takes one out")

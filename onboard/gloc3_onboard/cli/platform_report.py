@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 
 from gloc3.documents.document import Document, load_bytes
-from gloc3.errors import Finding, InputError, NotThere, Refused
+from gloc3.errors import Finding, InputError, NotFound, Refused
 from gloc3.platform.places import host_names, place_of
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import check_platform, find_platform, read_document
@@ -41,14 +41,14 @@ def report_on(name: str) -> PlatformReport:
     What depends on this computer (a camera that is not plugged in, say) is a warning.
 
     Raises:
-        NotThere: there is no such file or platform, or it cannot be read.
+        NotFound: there is no such file or platform, or it cannot be read.
     """
     findings: list[Finding] = []
     try:
         path = find_platform(name)
         document = read_document(load_bytes(path), str(path))
         platform = check_platform(document, is_loading_classes=True, devices=DEVICES, warn=findings.append)
-    except NotThere:
+    except NotFound:
         raise
     except InputError as error:
         return PlatformReport(file=name, findings=sorted([*findings, *error.findings]))

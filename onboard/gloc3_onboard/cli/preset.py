@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Final
 from cyclopts import App, Parameter
 
 from gloc3.cli.narration import narrate
-from gloc3.errors import Gloc3Error, NotHeard, Refused
+from gloc3.errors import Gloc3Error, NoContact, Refused
 from gloc3_onboard.cli.onboard_options import DEFAULT_AUTOPILOT, MOST_SYSTEM_ID
 
 if TYPE_CHECKING:
-    from gloc3_onboard.autopilot.presets.session import PresetSession, Stage
+    from gloc3_onboard.autopilot.presets.session import PresetSession, PresetStage
 
 TICK_S: Final = 0.05
-HEAR_S: Final = 10.0
+LISTEN_S: Final = 10.0
 """So long an autopilot is waited for, which sends a heartbeat each second."""
-PATIENCE_S: Final = 60.0
+TIMEOUT_S: Final = 60.0
 """So long all parameters of a preset may take over a slow radio."""
 
 app = App(
@@ -122,56 +122,56 @@ async def _converse(
 ) -> int:
     from gloc3.clock import Clock
     from gloc3.mavlink import codec
-    from gloc3.mavlink.node import Node
+    from gloc3.mavlink.node import MavlinkComponent
     from gloc3.mavlink.transport.endpoints import open_endpoint
-    from gloc3_onboard.autopilot.presets.session import Stage
+    from gloc3_onboard.autopilot.presets.session import PresetStage
     from gloc3_onboard.cli.direct import heartbeat_of, signing_of
 
     loop = asyncio.get_running_loop()
-    parser, node = codec.Parser(), Node(session.own, [heartbeat_of(session.own), session])
+    parser, node = codec.Parser(), MavlinkComponent(session.own, [heartbeat_of(session.own), session])
     encoder = codec.Encoder(*session.own, signing_of(autopilot, Clock(loop)))
 
-    def hear(data: bytes) -> None:
+    def receive(data: bytes) -> None:
         for frame in parser.receive(data):
             node.receive(frame, loop.time())
 
-    endpoint = await open_endpoint(autopilot, loop, hear)
+    endpoint = await open_endpoint(autopilot, loop, receive)
 
-    async def until(stage: "Stage") -> None:
+    async def until(stage: "PresetStage") -> None:
         begin_s = loop.time()
-        while session.stage not in (stage, Stage.FAILED):
-            if session.stage is Stage.LISTENING and loop.time() > begin_s + HEAR_S:
-                raise NotHeard(f"{autopilot}: no autopilot is heard: {endpoint.problem or 'no heartbeat comes'}")
-            if loop.time() > begin_s + PATIENCE_S:
-                raise NotHeard(f"{autopilot}: nothing more is heard of the autopilot, while {session.stage}")
+        while session.stage not in (stage, PresetStage.FAILED):
+            if session.stage is PresetStage.LISTENING and loop.time() > begin_s + LISTEN_S:
+                raise NoContact(f"{autopilot}: no autopilot is heard: {endpoint.problem or 'no heartbeat comes'}")
+            if loop.time() > begin_s + TIMEOUT_S:
+                raise NoContact(f"{autopilot}: nothing more is heard of the autopilot, while {session.stage}")
             node.tick(loop.time())
             for message in node.outgoing():
                 endpoint.send(encoder.encode(message))
             await asyncio.sleep(TICK_S)
 
     try:
-        await until(Stage.READ)
+        await until(PresetStage.READ)
         for change in session.changes:
             print(change)  # noqa: T201
         needed = sum(change.is_needed for change in session.changes)
-        lacking = sum(change.now is None for change in session.changes)
+        missing = sum(change.now is None for change in session.changes)
         if session.problem:
             raise Gloc3Error(session.problem)
-        if lacking:
-            narrate(f"the autopilot does not have {lacking} of {len(session.changes)}")
+        if missing:
+            narrate(f"the autopilot does not have {missing} of {len(session.changes)}")
         if not needed:
             narrate("nothing is to be changed")
-            return 1 if lacking else 0
+            return 1 if missing else 0
         if not is_applying:
             return 1
         if not is_agreed():
             narrate("nothing was changed")
             return 1
         session.apply(loop.time())
-        await until(Stage.DONE)
+        await until(PresetStage.DONE)
         if session.problem:
             raise Gloc3Error(session.problem)
         narrate(f"{needed} set and read again")
-        return 1 if lacking else 0
+        return 1 if missing else 0
     finally:
         await endpoint.close()

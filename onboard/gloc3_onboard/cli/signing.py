@@ -14,13 +14,13 @@ from cyclopts import App, Parameter
 
 from gloc3.cli.narration import narrate
 from gloc3.clock import Clock
-from gloc3.errors import NotHeard, Refused
+from gloc3.errors import NoContact, Refused
 from gloc3.mavlink.signing import KEY_BYTES, timestamp
 from gloc3.mavlink.signing_key import read_signing_key
 from gloc3.mavlink.transport.endpoints import SERIAL_SCHEMES, open_endpoint, parse_url
 from gloc3_onboard.autopilot.signing_setup import Setup, Signs
 
-HEAR_S: Final = 5.0
+LISTEN_S: Final = 5.0
 """So long an autopilot is waited for, which sends a heartbeat each second."""
 COUNT_S: Final = 1.5
 FAILED: Final = 1
@@ -84,13 +84,13 @@ def set_(
     """Give an autopilot a key, after showing what that does, and look whether it signs with it."""
     _refuse_detour(autopilot, over_network)
     present = None if present_key is None else read_signing_key(present_key.expanduser())
-    return asyncio.run(_set(autopilot, key, read_signing_key(key.expanduser()), present, is_asked=not yes))
+    return asyncio.run(_set(autopilot, key, read_signing_key(key.expanduser()), present, is_requested=not yes))
 
 
 @app.command
 def remove(*, autopilot: Autopilot, key: Key, yes: Yes = False) -> int:
     """Have an autopilot forget its key, so that it takes unsigned frames again."""
-    return asyncio.run(_remove(autopilot, read_signing_key(key.expanduser()), is_asked=not yes))
+    return asyncio.run(_remove(autopilot, read_signing_key(key.expanduser()), is_requested=not yes))
 
 
 def _refuse_detour(url: str, is_allowed: bool) -> None:
@@ -123,11 +123,11 @@ def _confirmed(question: str) -> None:
 
 
 @asynccontextmanager
-async def _heard(url: str, key: bytes, present: bytes | None) -> AsyncIterator[Setup]:
+async def _received(url: str, key: bytes, present: bytes | None) -> AsyncIterator[Setup]:
     """The autopilot behind a link, once it has been heard, and how it signs.
 
     Raises:
-        NotHeard: it is not heard.
+        NoContact: it is not heard.
     """
     loop = asyncio.get_running_loop()
     made: list[Setup] = []
@@ -135,13 +135,13 @@ async def _heard(url: str, key: bytes, present: bytes | None) -> AsyncIterator[S
     try:
         setup = Setup(endpoint, key, present, timestamp(Clock(loop).utc_s()))
         made.append(setup)
-        for _ in range(round(HEAR_S / COUNT_S)):
-            await setup.look(COUNT_S)
+        for _ in range(round(LISTEN_S / COUNT_S)):
+            await setup.listen(COUNT_S)
             if setup.signs.total() > 1:
                 break
         if setup.autopilot is None:
             why = endpoint.problem if not endpoint.is_connected and endpoint.problem else "no heartbeat comes"
-            raise NotHeard(f"{url}: no autopilot is heard: {why}")
+            raise NoContact(f"{url}: no autopilot is heard: {why}")
         yield setup
     finally:
         await endpoint.close()
@@ -158,13 +158,13 @@ def _how(setup: Setup) -> str:
 
 
 async def _show(url: str, key: bytes) -> int:
-    async with _heard(url, key, None) as setup:
+    async with _received(url, key, None) as setup:
         narrate(f"{_who(setup)}: of its frames {_how(setup)}")
         return 0 if setup.signs[Signs.OURS] == setup.signs.total() else FAILED
 
 
-async def _set(url: str, file: Path, key: bytes, present: bytes | None, *, is_asked: bool) -> int:
-    async with _heard(url, key, present) as setup:
+async def _set(url: str, file: Path, key: bytes, present: bytes | None, *, is_requested: bool) -> int:
+    async with _received(url, key, present) as setup:
         narrate(f"{_who(setup)} at {url}: of its frames {_how(setup)}")
         if setup.is_armed:
             raise Refused("it is armed; a key is set on the ground")
@@ -174,16 +174,16 @@ async def _set(url: str, file: Path, key: bytes, present: bytes | None, *, is_as
         narrate(
             "it then signs all that it sends, and drops what is not signed with this key; ArduPilot: not on its USB port"
         )
-        if is_asked:
+        if is_requested:
             _confirmed(f"keep {file}: without it only the autopilot's own means bring you in again")
         if setup.signs[Signs.PRESENT]:
             setup.sign_with(Signs.PRESENT)
         setup.give()
         setup.sign_with(Signs.OURS)
-        setup.forget()
-        await setup.look(HEAR_S, until=Signs.OURS)
-        setup.forget()
-        await setup.look(COUNT_S)
+        setup.reset()
+        await setup.listen(LISTEN_S, until=Signs.OURS)
+        setup.reset()
+        await setup.listen(COUNT_S)
         narrate(f"{_who(setup)} now: of its frames {_how(setup)}")
         if setup.signs[Signs.OURS]:
             return 0
@@ -191,20 +191,20 @@ async def _set(url: str, file: Path, key: bytes, present: bytes | None, *, is_as
         return FAILED
 
 
-async def _remove(url: str, key: bytes, *, is_asked: bool) -> int:
-    async with _heard(url, key, None) as setup:
+async def _remove(url: str, key: bytes, *, is_requested: bool) -> int:
+    async with _received(url, key, None) as setup:
         narrate(f"{_who(setup)} at {url}: of its frames {_how(setup)}")
         if setup.is_armed:
             raise Refused("it is armed; a key is removed on the ground")
         narrate("it is told to forget its key; from then on it takes unsigned frames of everybody")
-        if is_asked:
+        if is_requested:
             _confirmed("whoever reaches its links can then command it")
         setup.sign_with(Signs.OURS)
-        setup.take_away()
+        setup.remove_key()
         setup.sign_with(None)
-        setup.forget()
-        await setup.look(HEAR_S, until=Signs.NOT)
-        setup.forget()
-        await setup.look(COUNT_S)
+        setup.reset()
+        await setup.listen(LISTEN_S, until=Signs.NOT)
+        setup.reset()
+        await setup.listen(COUNT_S)
         narrate(f"{_who(setup)} now: of its frames {_how(setup)}")
         return 0 if setup.signs[Signs.NOT] else FAILED

@@ -10,17 +10,17 @@ from typing import Final
 
 from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup
 from gloc3.errors import Refused
-from gloc3.messages.command_interface import LOOKS, CiRequest, Control, ControlVerb, Hello, StationRole
+from gloc3.messages.command_interface import QUERIES, CiRequest, Control, ControlVerb, Hello, StationRole
 from gloc3.messages.envelope import Envelope, Severity
 from gloc3.messages.software import Software
 from gloc3.messages.summaries import ControlState, StationHeard
 from gloc3.messages.teleoperation import EXPIRES_S, VelocityDemand
-from gloc3_onboard.command_server.site import Say
+from gloc3_onboard.command_server.site import Report
 
 ANSWER_S: Final = 10.0
 """A request that the holder does not answer within this time is granted if the holder is gone, else refused."""
 
-GONE_AFTER_S: Final = 5.0
+EXPIRES_AFTER_S: Final = 5.0
 """A holder of whom nothing was heard for so long is gone (DESIGN §6, link loss)."""
 MOST_HEARD: Final = 32
 """Stations of whom it is remembered when they were heard."""
@@ -57,7 +57,7 @@ class ControlAuthority:
         self.holder = ""
         self.requested_by = ""
         self._requested_s = 0.0
-        self._heard_s: dict[str, float] = {}
+        self._received_s: dict[str, float] = {}
 
     def state(self) -> ControlState:
         """For the stations."""
@@ -66,22 +66,22 @@ class ControlAuthority:
     def restore(self, holder: str, now_s: float) -> None:
         """Whoever held control before a restart holds it still; it counts as heard now, and must be heard again."""
         self.holder = holder
-        self._heard_s.setdefault(holder, now_s)
+        self._received_s.setdefault(holder, now_s)
 
-    def hear(self, station: str, now_s: float) -> None:
+    def note_contact(self, station: str, now_s: float) -> None:
         """A station has been heard: by its heartbeat, or by a request."""
-        self._heard_s.pop(station, None)
-        self._heard_s[station] = now_s
-        if len(self._heard_s) > MOST_HEARD:
-            del self._heard_s[next(one for one in self._heard_s if one != self.holder)]
+        self._received_s.pop(station, None)
+        self._received_s[station] = now_s
+        if len(self._received_s) > MOST_HEARD:
+            del self._received_s[next(one for one in self._received_s if one != self.holder)]
 
-    def is_heard(self, station: str, now_s: float, within_s: float) -> bool:
+    def is_in_contact(self, station: str, now_s: float, within_s: float) -> bool:
         """Whether something has been heard of a station lately."""
-        return now_s - self._heard_s.get(station, float("-inf")) <= within_s
+        return now_s - self._received_s.get(station, float("-inf")) <= within_s
 
     def silent_s(self, now_s: float) -> float:
         """How long nothing has been heard of the holder; 0 while nobody holds control."""
-        return now_s - self._heard_s.get(self.holder, now_s) if self.holder else 0.0
+        return now_s - self._received_s.get(self.holder, now_s) if self.holder else 0.0
 
     def require(self, station: str) -> None:
         """Refuses a station that does not hold control."""
@@ -89,7 +89,7 @@ class ControlAuthority:
             held = f"station {self.holder} holds control" if self.holder else "no station holds control"
             raise Refused(f"{held}; ask for control first")
 
-    def handle(self, station: str, body: Control, gone_after_s: float, now_s: float) -> str:
+    def handle(self, station: str, body: Control, expires_after_s: float, now_s: float) -> str:
         """Carries out a request about control; returns what to tell the station.
 
         Raises:
@@ -97,7 +97,7 @@ class ControlAuthority:
         """
         match body.verb:
             case ControlVerb.REQUEST:
-                return self._request(station, gone_after_s, now_s)
+                return self._request(station, expires_after_s, now_s)
             case ControlVerb.RELEASE:
                 self.require(station)
                 self.holder, self.requested_by = self.requested_by, ""
@@ -116,11 +116,11 @@ class ControlAuthority:
                 was, self.holder, self.requested_by = self.holder, station, ""
                 return f"taken over from station {was}" if was and was != station else "taken"
 
-    def _request(self, station: str, gone_after_s: float, now_s: float) -> str:
+    def _request(self, station: str, expires_after_s: float, now_s: float) -> str:
         if self.holder in ("", station):
             self.holder = station
             return "granted"
-        if self.silent_s(now_s) > gone_after_s:
+        if self.silent_s(now_s) > expires_after_s:
             was, self.holder, self.requested_by = self.holder, station, ""
             return f"granted: station {was} is gone"
         if self.requested_by not in ("", station):
@@ -128,11 +128,11 @@ class ControlAuthority:
         self.requested_by, self._requested_s = station, now_s
         return f"station {self.holder} has been asked"
 
-    def tick(self, now_s: float, gone_after_s: float = GONE_AFTER_S) -> bool:
+    def tick(self, now_s: float, expires_after_s: float = EXPIRES_AFTER_S) -> bool:
         """Ends a request that has not been answered; returns whether something has changed."""
         if not self.requested_by or now_s - self._requested_s <= ANSWER_S:
             return False
-        if self.silent_s(now_s) > gone_after_s:
+        if self.silent_s(now_s) > expires_after_s:
             self.holder = self.requested_by
         self.requested_by = ""
         return True
@@ -146,36 +146,36 @@ class Authority:
         say: has an event told to the stations.
     """
 
-    def __init__(self, kept_holder: str, say: Say) -> None:
+    def __init__(self, kept_holder: str, report: Report) -> None:
         self.control: Final = ControlAuthority()
-        self.demands: Final = Demands(self.control, say)
-        self._kept_holder, self._say = kept_holder, say
+        self.demands: Final = Demands(self.control, report)
+        self._kept_holder, self._report = kept_holder, report
         self._senders = Senders()
         self._software: dict[str, Software] = {}
         """Of the stations that have said hello."""
 
     def observe(self, now_s: float, inbox: Inbox) -> None:
         """Takes in which stations are heard."""
-        for heard in inbox.new(AuthorityPorts.heard):
-            self.control.hear(heard.payload.station, now_s)
+        for received in inbox.new(AuthorityPorts.heard):
+            self.control.note_contact(received.payload.station, now_s)
         if self._kept_holder:
             self.control.restore(self._kept_holder, now_s)
             self._kept_holder = ""
 
     def receive(self, request: CiRequest, now_s: float) -> str:
         """Takes in that a station asks for something; why it may not ask for that at all, empty if it may."""
-        if request.role is StationRole.OBSERVER and not isinstance(request.body, LOOKS):
+        if request.role is StationRole.OBSERVER and not isinstance(request.body, QUERIES):
             return f"station {request.sender} may look and not command: it is an observer"
-        self.control.hear(request.sender, now_s)
+        self.control.note_contact(request.sender, now_s)
         if isinstance(request.body, Hello | Control):
             self._software[request.sender] = Software(request.body.version, request.body.protocol)
-        if doubled := self._senders.hear(request.sender, request.boot, now_s):
-            self._say(Severity.WARNING, doubled)
+        if doubled := self._senders.receive(request.sender, request.boot, now_s):
+            self._report(Severity.WARNING, doubled)
         return ""
 
     def software(self, now_s: float) -> dict[str, Software]:
         """The software of the stations that are there."""
-        return {name: one for name, one in self._software.items() if self.control.is_heard(name, now_s, THERE_S)}
+        return {name: one for name, one in self._software.items() if self.control.is_in_contact(name, now_s, THERE_S)}
 
 
 class Senders:
@@ -184,9 +184,9 @@ class Senders:
     def __init__(self) -> None:
         self._lives: dict[str, dict[int, int]] = {}
         """Station to the boots that it has spoken with, the present one last, each with how often it came back."""
-        self._told_s: dict[str, float] = {}
+        self._reported_s: dict[str, float] = {}
 
-    def hear(self, station: str, boot: int, now_s: float) -> str:
+    def receive(self, station: str, boot: int, now_s: float) -> str:
         """Takes in a request; gives what is to be told of it, once a minute: nothing where one station speaks."""
         lives = self._lives.pop(station, {})
         self._lives[station] = lives
@@ -201,21 +201,21 @@ class Senders:
                 del lives[next(iter(lives))]
             return ""
         lives[boot] = lives.pop(boot) + 1
-        if lives[boot] <= MOST_LATE or now_s < self._told_s.get(station, float("-inf")) + DOUBLED_AGAIN_S:
+        if lives[boot] <= MOST_LATE or now_s < self._reported_s.get(station, float("-inf")) + DOUBLED_AGAIN_S:
             return ""
-        self._told_s[station] = now_s
+        self._reported_s[station] = now_s
         return f"two stations have the id {station}, and both are obeyed as one: give one another (--station-id)"
 
 
 class _Session:
     """What came of one time at the keys."""
 
-    def __init__(self, number: int, way_s: float) -> None:
+    def __init__(self, number: int, elapsed_s: float) -> None:
         self.number: Final = number
         self.sequence = -1
-        self.quickest_s = way_s
+        self.quickest_s = elapsed_s
         """The difference of the clocks and the shortest way."""
-        self.heard_s = 0.0
+        self.received_s = 0.0
 
 
 class Demands:
@@ -226,23 +226,23 @@ class Demands:
         say: tells stations what is wrong.
     """
 
-    def __init__(self, authority: ControlAuthority, say: Say) -> None:
-        self._authority, self._say = authority, say
+    def __init__(self, authority: ControlAuthority, report: Report) -> None:
+        self._authority, self._refuse_text = authority, report
         self._sessions: OrderedDict[str, _Session] = OrderedDict()
         """By sender: the one that goes on."""
         self._past: deque[tuple[str, int]] = deque(maxlen=MOST_PAST)
-        self._told_s: dict[str, float] = {}
+        self._reported_s: dict[str, float] = {}
 
-    def take(self, demands: Sequence[Envelope[VelocityDemand]], now_s: float) -> list[VelocityDemand]:
+    def newest(self, demands: Sequence[Envelope[VelocityDemand]], now_s: float) -> list[VelocityDemand]:
         """The newest demand that counts, if there is one among those that have just come."""
-        taken: list[VelocityDemand] = []
+        used: list[VelocityDemand] = []
         for envelope in demands:
             try:
                 if self._counts(envelope, now_s):
-                    taken = [envelope.payload]
+                    used = [envelope.payload]
             except Refused as refusal:
-                self._tell(envelope.payload.sender, str(refusal), now_s)
-        return taken
+                self._report(envelope.payload.sender, str(refusal), now_s)
+        return used
 
     def _counts(self, envelope: Envelope[VelocityDemand], now_s: float) -> bool:
         """Whether a demand is to be carried out; False for one that has come before, or was overtaken.
@@ -254,19 +254,19 @@ class Demands:
         if demand.role is not StationRole.OPERATOR:
             raise Refused("it is an observer")
         self._authority.require(demand.sender)
-        way_s = now_s - envelope.t_s
-        session = self._session_of(demand, way_s)
+        elapsed_s = now_s - envelope.t_s
+        session = self._session_of(demand, elapsed_s)
         if session is None or demand.sequence <= session.sequence:
             return False
         session.sequence = demand.sequence
-        session.quickest_s = min(way_s, session.quickest_s + DRIFT * (now_s - session.heard_s))
-        session.heard_s = now_s
-        late_s = way_s - session.quickest_s
+        session.quickest_s = min(elapsed_s, session.quickest_s + DRIFT * (now_s - session.received_s))
+        session.received_s = now_s
+        late_s = elapsed_s - session.quickest_s
         if not late_s <= EXPIRES_S:
             raise Refused(f"they come {late_s:.1f} s late; take to the keys anew if the link stays so slow")
         return True
 
-    def _session_of(self, demand: VelocityDemand, way_s: float) -> _Session | None:
+    def _session_of(self, demand: VelocityDemand, elapsed_s: float) -> _Session | None:
         """The session of a demand; None where its sender has begun another since."""
         session = self._sessions.get(demand.sender)
         if session is not None and session.number == demand.session:
@@ -275,16 +275,16 @@ class Demands:
             return None
         if session is not None:
             self._past.append((demand.sender, session.number))
-        session = self._sessions[demand.sender] = _Session(demand.session, way_s)
+        session = self._sessions[demand.sender] = _Session(demand.session, elapsed_s)
         self._sessions.move_to_end(demand.sender)
         if len(self._sessions) > MOST_SENDERS:
             self._sessions.popitem(last=False)
         return session
 
-    def _tell(self, sender: str, text: str, now_s: float) -> None:
-        if now_s - self._told_s.get(sender, float("-inf")) < DEMANDS_AGAIN_S:
+    def _report(self, sender: str, text: str, now_s: float) -> None:
+        if now_s - self._reported_s.get(sender, float("-inf")) < DEMANDS_AGAIN_S:
             return
-        if len(self._told_s) > MOST_HEARD:
-            self._told_s.clear()
-        self._told_s[sender] = now_s
-        self._say(Severity.WARNING, f"velocities of station {sender} are not taken: {text}")
+        if len(self._reported_s) > MOST_HEARD:
+            self._reported_s.clear()
+        self._reported_s[sender] = now_s
+        self._refuse_text(Severity.WARNING, f"velocities of station {sender} are not taken: {text}")

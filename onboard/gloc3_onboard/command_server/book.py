@@ -33,7 +33,7 @@ class ComponentBook:
     def __init__(self, rows: Sequence[ComponentRow]) -> None:
         self.rows: Final[Mapping[str, ComponentRow]] = {row.name: row for row in rows}
         self._status: dict[str, ComponentStatus] = {}
-        self._heard_s: dict[str, float] = {}
+        self._received_s: dict[str, float] = {}
         self._up_s: dict[str, float] = {}
         """Since when a component is working or quiet."""
         self._seen_up: set[str] = set()
@@ -42,7 +42,7 @@ class ComponentBook:
         self._down: tuple[str, ...] = ()
         self._until_s = float("-inf")
         """What was last found out holds until then, unless a state changes."""
-        self._told_errors: dict[str, int] = {}
+        self._reported_errors: dict[str, int] = {}
         self._troubled: dict[str, None] = {}
         """The components whose count of errors has changed since it was last asked for."""
         self._table = 0
@@ -50,7 +50,7 @@ class ComponentBook:
         self.silent: frozenset[tuple[str, str]] = frozenset()
         """Components that work, each with a topic on which it has reported nothing for too long."""
 
-    def hear(self, status: ComponentStatus, now_s: float) -> None:
+    def receive(self, status: ComponentStatus, now_s: float) -> None:
         """Takes a status in; of a component that is not in the deployment nothing is kept."""
         if status.name in self.rows:
             before = self._status.get(status.name)
@@ -58,13 +58,13 @@ class ComponentBook:
                 self._until_s = float("-inf")
             if before is None or (before.kind, before.nominal_rate_hz) != (status.kind, status.nominal_rate_hz):
                 self._table += 1
-            if status.errors != self._told_errors.get(status.name, 0):
+            if status.errors != self._reported_errors.get(status.name, 0):
                 self._troubled[status.name] = None
             if status.silent != (before.silent if before is not None else []):
                 others = {pair for pair in self.silent if pair[0] != status.name}
                 self.silent = frozenset(others | {(status.name, topic) for topic in status.silent})
             self._status[status.name] = status
-            self._heard_s[status.name] = now_s
+            self._received_s[status.name] = now_s
             if status.state not in (State.IDLE, State.STANDBY):
                 self._seen_up.add(status.name)
             if status.state in OPERATING:
@@ -74,8 +74,8 @@ class ComponentBook:
 
     def lose(self, name: str) -> None:
         """A component cannot be reached any more: it counts as silent."""
-        if name in self._heard_s:
-            self._heard_s[name] = self._until_s = float("-inf")
+        if name in self._received_s:
+            self._received_s[name] = self._until_s = float("-inf")
             self._up_s.pop(name, None)
 
     def status(self, name: str) -> ComponentStatus | None:
@@ -101,18 +101,18 @@ class ComponentBook:
 
     def working(self, now_s: float) -> frozenset[str]:
         """The components that work, and have been up long enough to have seen their inputs."""
-        self._look(now_s)
+        self._update(now_s)
         return self._working
 
     def down(self, now_s: float) -> tuple[str, ...]:
         """The components that are faulty, have left or are silent; not those that were never heard."""
-        self._look(now_s)
+        self._update(now_s)
         return self._down
 
     def _silent_at_s(self, name: str) -> float:
-        return self._heard_s[name] + SILENT_PERIODS * self.rows[name].status_period_s + 0.5
+        return self._received_s[name] + SILENT_PERIODS * self.rows[name].status_period_s + 0.5
 
-    def _look(self, now_s: float) -> None:
+    def _update(self, now_s: float) -> None:
         """Finds out which components work and which are down, when that may have changed."""
         if now_s < self._until_s:
             return
@@ -159,16 +159,16 @@ class ComponentBook:
         reported = {name: values for name, values in columns.items() if any(value is not None for value in values)}
         return Summary(table=self._table, health=health, lines=lines, columns=reported)
 
-    def new_troubles(self) -> list[ComponentTrouble]:
+    def new_problems(self) -> list[ComponentTrouble]:
         """The last errors in words, of the components whose count of errors has grown since this was last asked."""
-        troubles = []
+        problems = []
         for name in self._troubled:
             status = self._status[name]
-            if status.errors > self._told_errors.get(name, 0):
-                troubles.append(ComponentTrouble(name=name, cause=status.cause, errors=status.errors))
-            self._told_errors[name] = status.errors
+            if status.errors > self._reported_errors.get(name, 0):
+                problems.append(ComponentTrouble(name=name, cause=status.cause, errors=status.errors))
+            self._reported_errors[name] = status.errors
         self._troubled.clear()
-        return troubles
+        return problems
 
 
 def _is_triggered(row: ComponentRow, status: ComponentStatus | None) -> bool:

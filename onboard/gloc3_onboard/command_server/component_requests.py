@@ -12,11 +12,11 @@ from gloc3.messages.envelope import CommandReply, CommandRequest, FunctionReply,
 from gloc3.mission.executing.executor import MissionExecutor
 from gloc3_onboard.command_server.journal import answer
 from gloc3_onboard.command_server.observing import Observing
-from gloc3_onboard.command_server.site import Say
+from gloc3_onboard.command_server.site import Report
 
 ANSWER_S: Final = 8.0
 """A component that has not answered within this time leaves its request's outcome unknown."""
-TAKES_AWAY: Final = (Command.GOQUIET, Command.STOP, Command.FINISH, Command.SHUTDOWN)
+RECLAIMING: Final = (Command.GOQUIET, Command.STOP, Command.FINISH, Command.SHUTDOWN)
 
 
 class ForComponent(NamedTuple):
@@ -43,10 +43,10 @@ class _Open(NamedTuple):
 class ComponentRequests:
     """Keeps each request until its component has answered, or has not for too long."""
 
-    def __init__(self, observing: Observing, say: Say) -> None:
+    def __init__(self, observing: Observing, report: Report) -> None:
         self.messages: list[ForComponent] = []
         """What the components are to be told."""
-        self._observing, self._book, self._say = observing, observing.book, say
+        self._observing, self._book, self._report = observing, observing.book, report
         self._open: dict[str, _Open] = {}
         self._count = 0
         self._watches: dict[tuple[str, int], int] = {}
@@ -72,12 +72,12 @@ class ComponentRequests:
             transition(state, command)
             if self._observing.supervision is not None:
                 self._observing.supervision.check(body.component, [command])
-            if command in TAKES_AWAY and state in OPERATING:
+            if command in RECLAIMING and state in OPERATING:
                 self._refuse_if_needed(body, executor, now_s)
         request_id = self._begin(_Open(request, now_s + ANSWER_S))
         message = CommandRequest(request_id=request_id, command=body.command, settings=body.settings)
         self.messages.append(ForComponent(body.component, message))
-        self._say(Severity.INFO, f"station {request.sender}: {body.command} {body.component}")
+        self._report(Severity.INFO, f"station {request.sender}: {body.command} {body.component}")
 
     def _refuse_if_needed(self, body: CommandComponent, executor: MissionExecutor, now_s: float) -> None:
         row = self._book.rows[body.component]
@@ -93,7 +93,7 @@ class ComponentRequests:
         if not body.is_forced:
             raise Refused(f"{', '.join(users)} needs {body.component}; pause or abort it first, or {FORCE}")
         reason = f"taken away by {body.command}, forced"
-        executor.taken_away(body.component, tuple(provides), reason, now_s)
+        executor.motion_lost(body.component, tuple(provides), reason, now_s)
 
     def call(self, request: CiRequest, body: CallFunction, now_s: float) -> None:
         """Hands a function message to a component.
@@ -109,7 +109,7 @@ class ComponentRequests:
         message = FunctionRequest(request_id=request_id, function=body.function, arguments=body.arguments)
         self.messages.append(ForComponent(body.component, message))
 
-    def look(self, request: CiRequest, now_s: float) -> CiReply | None:
+    def forward_query(self, request: CiRequest, now_s: float) -> CiReply | None:
         """Hands what only looks, and needs no control, to the component that shows topics.
 
         A want that comes after a newer one of its sender is not taken: it would bring back what nobody looks at.
@@ -124,10 +124,12 @@ class ComponentRequests:
             }
             wants = [list(msgspec.structs.astuple(want)) for want in body.wants]
             arguments = {"station": request.sender, "wants": wants, "is_listing": body.is_listing}
-            return self._ask_viewer(request, "watch", arguments, now_s)
-        return self._ask_viewer(request, "topics", {}, now_s)
+            return self._request_viewer(request, "watch", arguments, now_s)
+        return self._request_viewer(request, "topics", {}, now_s)
 
-    def _ask_viewer(self, request: CiRequest, function: str, arguments: dict[str, Any], now_s: float) -> CiReply | None:
+    def _request_viewer(
+        self, request: CiRequest, function: str, arguments: dict[str, Any], now_s: float
+    ) -> CiReply | None:
         name = next((name for name, row in self._book.rows.items() if function in row.load_class().functions), None)
         if name is None:
             return answer(request, Outcome.REFUSED, "this platform shows no topics: it has no viewer")

@@ -25,21 +25,21 @@ class Contacts:
 
     def __init__(self, reports: ReportStore) -> None:
         self._reports = reports
-        self._heard_s: dict[str, float] = {}
+        self._received_s: dict[str, float] = {}
         self._new: dict[str, float] = {}
         self._kept_s: float | None = None
 
-    def hear(self, station: str, now_s: float) -> None:
+    def note_contact(self, station: str, now_s: float) -> None:
         """Something has been heard of a station, and it is reached."""
-        before_s = self._heard_s.get(station)
+        before_s = self._received_s.get(station)
         if before_s is None or now_s - before_s >= OUT_OF_CONTACT_S:
             self._new[station] = -1.0 if before_s is None else now_s - before_s
             self._reports.owe()
-        self._heard_s[station] = now_s
+        self._received_s[station] = now_s
 
     def is_alone(self, now_s: float) -> bool:
         """Whether no station is in contact."""
-        return all(now_s - heard_s >= OUT_OF_CONTACT_S for heard_s in self._heard_s.values())
+        return all(now_s - received_s >= OUT_OF_CONTACT_S for received_s in self._received_s.values())
 
     def is_due(self, now_s: float, *, is_silent: bool) -> bool:
         """Whether the state is to be kept: now and then while the vehicle is on its way and nobody hears of it."""
@@ -58,7 +58,7 @@ class Contacts:
         parts += [doing] if (doing := _doing(mission)) else []
         return CiEvent(severity=Severity.INFO, source=SOURCE, text="; ".join(parts), t_s=now_s)
 
-    def take(
+    def collect(
         self, health: Health, vehicle: VehicleSummary, mission: MissionSummary, conditions: list[str], now_s: float
     ) -> list[ContactSummary]:
         """What the stations are told that have just been heard after a silence."""
@@ -93,7 +93,7 @@ class Contacts:
         return found
 
     @property
-    def has_news(self) -> bool:
+    def has_reports(self) -> bool:
         """Whether somebody has just been heard after a silence."""
         return bool(self._new)
 

@@ -18,7 +18,7 @@ from gloc3.messages.vehicle import (
     Pose,
     Setpoint,
 )
-from gloc3.mission.executing.board import Condition
+from gloc3.mission.executing.board import PolicyCondition
 from gloc3.mission.model.fence import Fence
 from gloc3.platform.platform import Platform
 from gloc3_onboard.algorithms.paths.motion_limits import is_finite
@@ -43,7 +43,7 @@ class KeptHome(msgspec.Struct, frozen=True, array_like=True):
     origin_geo: tuple[float, float, float] | None
 
 
-class VehicleFacts:
+class VehicleState:
     """The latest of the vehicle, and what follows from it.
 
     What is not known is never taken for harmless: a vehicle that was armed when the autopilot's state fell silent
@@ -125,7 +125,7 @@ class VehicleFacts:
         """Whether there is a valid pose that is not too old."""
         return self.pose is not None and self.pose.is_valid and now_s - self._pose_s <= POSE_SILENT_S
 
-    def see_pose(self, envelope: Envelope[Pose]) -> None:
+    def update_pose(self, envelope: Envelope[Pose]) -> None:
         """Takes a pose in; until the vehicle is armed, home is where it stands. One that is not finite is none."""
         pose = envelope.payload
         if not isfinite(sum((*pose.position_ned_m, *pose.velocity_ned_m_s, *pose.ned_from_frd, pose.quality))):
@@ -135,24 +135,24 @@ class VehicleFacts:
         if self.pose.is_valid and self._was_armed is False and is_known:
             self.home = KeptHome(self.pose.position_ned_m, self.pose.origin_geo)
 
-    def see_setpoint(self, envelope: Envelope[Setpoint]) -> None:
+    def update_setpoint(self, envelope: Envelope[Setpoint]) -> None:
         """Takes in what the driver is told to fly; what is not finite it drops."""
         if is_finite(envelope.payload):
             self.setpoint, self.setpoint_s = envelope.payload, envelope.t_s
 
-    def see_height(self, envelope: Envelope[HeightAboveGround]) -> None:
+    def update_height(self, envelope: Envelope[HeightAboveGround]) -> None:
         """Takes in how far the ground is below."""
         height = envelope.payload
         self._height_m = height.height_m if height.is_valid and isfinite(height.height_m) else None
         self._height_s = envelope.t_s
 
-    def look(self, now_s: float) -> None:
+    def expire(self, now_s: float) -> None:
         """Lets the time pass: what is old is no longer known."""
         self.is_autopilot_known = now_s - self._autopilot_s < AUTOPILOT_SILENT_S
         if self._posed_s is None or self.is_pose_fresh(now_s):
             self._posed_s = now_s
 
-    def see_autopilot(self, envelope: Envelope[AutopilotState]) -> None:
+    def update_autopilot(self, envelope: Envelope[AutopilotState]) -> None:
         """Takes the autopilot's state in; arming fixes home."""
         state = self.autopilot = envelope.payload
         self._autopilot_s = envelope.t_s
@@ -181,20 +181,20 @@ class VehicleFacts:
             found["home_distance_m"] = hypot(north - home[0], east - home[1])
         return found
 
-    def conditions(self, fence: Fence | None, now_s: float) -> Iterator[tuple[Condition, bool, str]]:
+    def conditions(self, fence: Fence | None, now_s: float) -> Iterator[tuple[PolicyCondition, bool, str]]:
         """Every condition of which it is known whether it holds, and why."""
         is_airborne, is_fresh = self.is_airborne, self.is_pose_fresh(now_s)
         reason = "no pose comes" if self.pose is None or self.pose.is_valid else self.pose.reason
         if is_fresh or not is_airborne:
-            yield Condition.POSE_LOST, False, ""
+            yield PolicyCondition.POSE_LOST, False, ""
         elif self._posed_s is not None and now_s - self._posed_s >= POSE_LOST_S:  # until then it stays as it was
-            yield Condition.POSE_LOST, True, reason
+            yield PolicyCondition.POSE_LOST, True, reason
         if self.known_autopilot is not None:  # else it stays as it was
             left = self.known_autopilot.battery_remaining
             is_low = 0.0 <= left < self._reserve
-            yield Condition.LOW_BATTERY, is_low, f"{100.0 * left:.0f} % is left" if is_low else ""
+            yield PolicyCondition.LOW_BATTERY, is_low, f"{100.0 * left:.0f} % is left" if is_low else ""
         by_m = 0.0
         if fence is not None and self.pose is not None and is_airborne and is_fresh:
             by_m = -fence.clearance_m(self.pose.position_ned_m)
         is_out = by_m > 0.0
-        yield Condition.FENCE_BREACHED, is_out, f"{by_m:.1f} m outside" if is_out else ""
+        yield PolicyCondition.FENCE_BREACHED, is_out, f"{by_m:.1f} m outside" if is_out else ""

@@ -27,7 +27,7 @@ class _Record(msgspec.Struct, frozen=True, array_like=True):
     """Not a request: all up to this one are older than what is remembered."""
 
 
-class Known(NamedTuple):
+class KnownRequest(NamedTuple):
     """What the journal says of a request."""
 
     is_new: bool
@@ -56,17 +56,17 @@ class Journal:
             else:
                 self._note(record)
 
-    def begin(self, request: CiRequest) -> Known:
+    def begin(self, request: CiRequest) -> KnownRequest:
         """Whether a request is to be executed; if so, that is on its way to the disk when this returns."""
         known = self._senders.get(request.sender, OrderedDict())
         key = (request.boot, request.sequence)
         if key in known:
-            return Known(False, known[key] if known[key] is not None else self._unfinished(request))
+            return KnownRequest(False, known[key] if known[key] is not None else self._unfinished(request))
         if request.sequence <= self._floors.get((request.sender, request.boot), -1):
-            return Known(False, _reply(request, Outcome.EXPIRED, "older than what is remembered"))
+            return KnownRequest(False, _reply(request, Outcome.EXPIRED, "older than what is remembered"))
         self._running.add((request.sender, *key))
         self._write(_Record(request.sender, request.boot, request.sequence, None))
-        return Known(True)
+        return KnownRequest(True)
 
     def end(self, reply: CiReply) -> None:
         """Keeps the reply to a request that has been executed."""

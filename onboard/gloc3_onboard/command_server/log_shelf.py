@@ -28,12 +28,12 @@ P = ParamSpec("P")
 R = TypeVar("R")
 LOG_NAME: Final = re.compile(r"log(-[a-z0-9_-]+)?\.(mcap|tlog)")
 LARGEST_CHUNK_BYTES: Final = 1 << 16
-MOST_UNDER_WAY: Final = 32
+MOST_PENDING: Final = 32
 """Of so much it is asked at once at most; a station that asks for more asks again."""
 _PIECE_BYTES: Final = 1 << 20
 
 
-class AtOnce(Executor):
+class ImmediateExecutor(Executor):
     """Does everything at once, for virtual time, where there are no threads."""
 
     def submit(self, fn: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> "Future[R]":
@@ -43,29 +43,29 @@ class AtOnce(Executor):
         return done
 
 
-class Shelf(Protocol):
+class LogStoreBase(Protocol):
     """What the command interface server needs of it."""
 
-    def ask(self, request: CiRequest) -> CiReply | None:
+    def handle(self, request: CiRequest) -> CiReply | None:
         """Takes a request about logs; the answer where that is known at once."""
 
-    def take(self) -> list[CiReply | LogChunk]:
+    def collect(self) -> list[CiReply | LogChunk]:
         """The answers that are ready."""
 
 
-class NoShelf:
+class NoLogStore:
     """Where no logs are kept."""
 
-    def ask(self, request: CiRequest) -> CiReply | None:
+    def handle(self, request: CiRequest) -> CiReply | None:
         """Refuses."""
         return answer(request, Outcome.REFUSED, "no logs are kept here")
 
-    def take(self) -> list[CiReply | LogChunk]:
+    def collect(self) -> list[CiReply | LogChunk]:
         """Nothing."""
         return []
 
 
-class LogShelf:
+class LogStore:
     """A folder of logs. The disk is read by somebody else, so that nothing waits for it.
 
     Args:
@@ -79,12 +79,12 @@ class LogShelf:
         self, folder: Path, unfinished: Callable[[], set[Path]], cut: Callable[[], None], workers: Executor
     ) -> None:
         self._folder, self._unfinished, self._cut, self._workers = folder, unfinished, cut, workers
-        self._under_way: set[tuple[str, int, int]] = set()
-        self._cuts: deque[tuple[str, int, int]] = deque(maxlen=MOST_UNDER_WAY)
+        self._pending: set[tuple[str, int, int]] = set()
+        self._cuts: deque[tuple[str, int, int]] = deque(maxlen=MOST_PENDING)
         self._ready: deque[CiReply | LogChunk] = deque()
         self._digests: dict[tuple[Path, int, int], str] = {}
 
-    def ask(self, request: CiRequest) -> CiReply | None:
+    def handle(self, request: CiRequest) -> CiReply | None:
         """Takes a request about logs; one that is under way already is not begun again."""
         body, key = request.body, (request.sender, request.boot, request.sequence)
         if isinstance(body, CutLog):
@@ -95,17 +95,17 @@ class LogShelf:
                 return answer(request, Outcome.REFUSED, str(error))
             self._cuts.append(key)
             return answer(request)
-        if key in self._under_way:
+        if key in self._pending:
             return None
-        if len(self._under_way) >= MOST_UNDER_WAY:
+        if len(self._pending) >= MOST_PENDING:
             return None if isinstance(body, ReadLog) else answer(request, Outcome.REFUSED, "too much is asked at once")
-        self._under_way.add(key)
+        self._pending.add(key)
         unfinished = self._unfinished()
         job = self._workers.submit(self._done, request, unfinished)
         job.add_done_callback(lambda done: self._ready.append(done.result()))
         return None
 
-    def take(self) -> list[CiReply | LogChunk]:
+    def collect(self) -> list[CiReply | LogChunk]:
         """The answers that are ready."""
         found: list[CiReply | LogChunk] = []
         while self._ready:
@@ -131,7 +131,7 @@ class LogShelf:
                 return LogChunk(station=request.sender, name=body.name, offset=body.offset, data=b"", reason=reason)
             return answer(request, Outcome.REFUSED, reason)
         finally:
-            self._under_way.discard((request.sender, request.boot, request.sequence))
+            self._pending.discard((request.sender, request.boot, request.sequence))
 
     def _list(self, request: CiRequest, unfinished: set[Path]) -> CiReply:
         found = sorted(path for path in self._folder.iterdir() if LOG_NAME.fullmatch(path.name) and path.is_file())

@@ -26,7 +26,7 @@ from gloc3.messages.command_interface import (
 from gloc3.messages.envelope import Severity
 from gloc3.messages.preflight import PreflightReport, summary
 from gloc3.messages.vehicle import EmergencyDisarm, FenceProgress
-from gloc3.mission.checking.checker import Circumstances, Report, check_text
+from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text
 from gloc3.mission.executing.executor import MissionExecutor
 from gloc3.mission.model.abilities import abilities
 from gloc3.mission.model.model import digest_of
@@ -35,8 +35,8 @@ from gloc3_onboard.command_server.authority import Authority
 from gloc3_onboard.command_server.journal import answer
 from gloc3_onboard.command_server.mission_host import MissionHost
 from gloc3_onboard.command_server.observing import Observing
-from gloc3_onboard.command_server.site import Say, Site
-from gloc3_onboard.command_server.start_gate import Begin, Held, StartGate
+from gloc3_onboard.command_server.site import Report, Site
+from gloc3_onboard.command_server.start_gate import Begin, HeldRequest, StartGate
 from gloc3_onboard.command_server.summaries import geofence_of
 
 FENCE_S: Final = 12.0
@@ -45,7 +45,7 @@ MOTION: Final = "motion"
 """The resource of what moves the vehicle."""
 MOST_FINDINGS: Final = 100
 """Of a mission: more would go over no radio."""
-MOST_STRANGERS: Final = 32
+MOST_UNKNOWN: Final = 32
 """Of so many stations it is told that they are not believed."""
 BEGINS: Final = (Verb.START, Verb.RETRY)
 """What may lead to a take-off."""
@@ -54,7 +54,7 @@ MOST_CHECKS: Final = 8
 SWITCH_S: Final = 0.001
 """So long the loop waits at most for each turn while a check computes; Python's own choice is five times that."""
 
-Judge = Callable[[Report, float], CiReply | None]
+Judge = Callable[[CheckReport, float], CiReply | None]
 """What follows from a report, at a time; None if the answer comes later still."""
 
 _STATES: Final = {state.value: state for state in ActionState}
@@ -77,16 +77,18 @@ class MissionCommands:
         say: has an event told to the stations.
     """
 
-    def __init__(self, site: Site, observing: Observing, authority: Authority, host: MissionHost, say: Say) -> None:
+    def __init__(
+        self, site: Site, observing: Observing, authority: Authority, host: MissionHost, report: Report
+    ) -> None:
         self.gate: Final = StartGate(site.platform, observing)
         """What every start has to pass."""
         self.disarms: Final[list[EmergencyDisarm]] = []
         """What the driver is to be told."""
-        self._platform, self._facts = site.platform, observing.facts
-        self._authority, self._host, self._say = authority, host, say
+        self._platform, self._snapshot = site.platform, observing.snapshot
+        self._authority, self._host, self._report_text = authority, host, report
         self._checks = MissionChecks(site.worker)
         self._fence_wait: _FenceWait | None = None
-        self._strangers: set[str] = set()
+        self._unknown_sources: set[str] = set()
         """Stations that were not believed."""
 
     @property
@@ -110,9 +112,9 @@ class MissionCommands:
     def load(self, request: CiRequest, body: LoadMission, now_s: float) -> CiReply | None:
         """Has a mission checked, and loads it."""
         executor = self.executor
-        executor.refuse_under_way()  # before the check, which takes its time, and the vehicle is on its way
+        executor.refuse_running()  # before the check, which takes its time, and the vehicle is on its way
 
-        def judge(report: Report, at_s: float) -> CiReply | None:
+        def judge(report: CheckReport, at_s: float) -> CiReply | None:
             self._authority.control.require(request.sender)
             findings = _lines(report.findings)
             if not report.is_ok:
@@ -147,7 +149,7 @@ class MissionCommands:
         else:
             if body.verb in BEGINS:
                 self._refuse_to_begin(body)
-            executor.steer(body.verb, body.target, now_s, self._facts.home_ned_m)
+            executor.steer(body.verb, body.target, now_s, self._snapshot.home_ned_m)
         return answer(request)
 
     def elsewhere(self, sender: str, body: Elsewhere, now_s: float) -> None:
@@ -159,9 +161,11 @@ class MissionCommands:
         if body.digest != digest_of(program.mission.text) or body.state not in _STATES:
             return
         if sender != self._authority.control.holder:
-            if sender not in self._strangers and len(self._strangers) < MOST_STRANGERS:
-                self._strangers.add(sender)
-                self._say(Severity.WARNING, f"station {sender} tells of {body.platform} without control: not believed")
+            if sender not in self._unknown_sources and len(self._unknown_sources) < MOST_UNKNOWN:
+                self._unknown_sources.add(sender)
+                self._report_text(
+                    Severity.WARNING, f"station {sender} tells of {body.platform} without control: not believed"
+                )
             return
         tasks = {name: _STATES[state] for name, state in body.tasks.items() if state in _STATES}
         executor.elsewhere(body.platform, _STATES[body.state], tasks, now_s)
@@ -173,7 +177,7 @@ class MissionCommands:
         executor = self.executor
         text = body.text if isinstance(body, RequestTask) else self._as_mission(body)
 
-        def judge(report: Report, checked_s: float) -> CiReply | None:
+        def judge(report: CheckReport, checked_s: float) -> CiReply | None:
             self._authority.control.require(request.sender)
             if not report.is_ok:
                 first = next(finding for finding in report.findings if not finding.is_warning)
@@ -186,8 +190,8 @@ class MissionCommands:
             wanted = {one.ability for one in mission.actions().values()}
             if not any(MOTION in row.claims for name, row in rows.items() if name in wanted):
                 return begin(checked_s)
-            if not self._facts.is_airborne and self._facts.autopilot_problem:
-                raise Refused(self._facts.autopilot_problem)
+            if not self._snapshot.is_airborne and self._snapshot.autopilot_problem:
+                raise Refused(self._snapshot.autopilot_problem)
             return self._start(request, begin, checked_s)
 
         return self._checks.answer(request, text, "command", self._circumstances(), judge, now_s)
@@ -210,15 +214,15 @@ class MissionCommands:
         Raises:
             Refused: it is not known yet where the vehicle is.
         """
-        facts = self._facts
-        if facts.pose is None or facts.origin is None or facts.home_ned_m is None:
+        snapshot = self._snapshot
+        if snapshot.pose is None or snapshot.origin is None or snapshot.home_ned_m is None:
             raise Refused("it is not known yet where the vehicle is")
         return Circumstances(
             platform=self._platform,
-            origin=facts.origin,
-            home_altitude_m=facts.home_altitude_m,
-            home_ned_m=facts.home_ned_m,
-            start_ned_m=facts.pose.position_ned_m if facts.is_airborne else None,
+            origin=snapshot.origin,
+            home_altitude_m=snapshot.home_altitude_m,
+            home_ned_m=snapshot.home_ned_m,
+            start_ned_m=snapshot.pose.position_ned_m if snapshot.is_airborne else None,
         )
 
     # --- emergencies ---
@@ -239,7 +243,7 @@ class MissionCommands:
         return answer(request, reason=f"emergency {body.verb} by {author}")
 
     def _disarm(self, author: str, executor: MissionExecutor, now_s: float) -> None:
-        self._say(Severity.ALERT, f"emergency disarm by {author}")
+        self._report_text(Severity.ALERT, f"emergency disarm by {author}")
         self.disarms.append(EmergencyDisarm(author=author))
         if executor.mission is not None and executor.mission.is_open:
             executor.steer("abort", "", now_s)
@@ -254,10 +258,10 @@ class MissionCommands:
             override = self.gate.let_through(request, self._report(at_s))
             reply = begin(at_s)
             if override:
-                self._say(Severity.WARNING, override)
+                self._report_text(Severity.WARNING, override)
             return reply
 
-        return begin(now_s) if self._facts.is_airborne else self.gate.answer(request, judged, now_s)
+        return begin(now_s) if self._snapshot.is_airborne else self.gate.answer(request, judged, now_s)
 
     def preflight(self, request: CiRequest, now_s: float) -> CiReply | None:
         """Has the pre-flight list made anew."""
@@ -277,7 +281,7 @@ class MissionCommands:
 
     def _refuse_to_begin(self, body: Steer) -> None:
         """What no operator can override."""
-        if body.verb is Verb.START and (problem := self._facts.autopilot_problem):
+        if body.verb is Verb.START and (problem := self._snapshot.autopilot_problem):
             raise Refused(problem)
         if body.verb is Verb.START and not body.target:
             self._refuse_without_fence()
@@ -288,18 +292,18 @@ class MissionCommands:
             raise Refused(self._fence_problem())
 
     def _fence_progress(self, executor: MissionExecutor) -> FenceProgress:
-        wanted, held = geofence_of(executor), self._facts.fence
+        wanted, held = geofence_of(executor), self._snapshot.fence
         if not wanted.areas:
             return FenceProgress.CONFIRMED
         return held.progress if held is not None and held.digest == wanted.digest else FenceProgress.NONE
 
     def _fence_problem(self) -> str:
-        held = self._facts.fence
+        held = self._snapshot.fence
         return f"the autopilot does not hold the mission's fence: {held.reason if held and held.reason else 'not uploaded yet'}"
 
     # --- answers that come later ---
 
-    def due(self, now_s: float) -> list["Checked | Held"]:
+    def due(self, now_s: float) -> list["Checked | HeldRequest"]:
         """The requests whose mission is checked, or whose pre-flight list can be made."""
         return [*self._checks.due(), *self.gate.due(now_s)]
 
@@ -323,7 +327,7 @@ class Checked(NamedTuple):
     """A request whose mission is checked."""
 
     request: CiRequest
-    report: "Future[Report]"
+    report: "Future[CheckReport]"
     judge: Judge
 
     def answer(self, now_s: float) -> CiReply | None:
@@ -335,7 +339,7 @@ class MissionChecks:
     """Has a worker check missions, one after the other.
 
     Args:
-        worker: a thread in wall time; in virtual time, where nobody has to wait, `AtOnce`.
+        worker: a thread in wall time; in virtual time, where nobody has to wait, `ImmediateExecutor`.
     """
 
     def __init__(self, worker: Executor) -> None:
@@ -366,7 +370,7 @@ class MissionChecks:
         return found
 
 
-def _check(text: str, name: str, circumstances: Circumstances) -> Report:
+def _check(text: str, name: str, circumstances: Circumstances) -> CheckReport:
     before_s = sys.getswitchinterval()
     sys.setswitchinterval(SWITCH_S)
     try:
@@ -377,8 +381,8 @@ def _check(text: str, name: str, circumstances: Circumstances) -> Report:
 
 def _lines(findings: Sequence[Finding]) -> str:
     """Findings as they are told to a station, errors first where they are too many."""
-    told = findings
+    reported = findings
     if len(findings) > MOST_FINDINGS:
-        told = sorted(findings, key=lambda finding: finding.is_warning)[:MOST_FINDINGS]
-    more = len(findings) - len(told)
-    return "\n".join([*map(str, told), *([f"and {more:,} more"] if more else [])])
+        reported = sorted(findings, key=lambda finding: finding.is_warning)[:MOST_FINDINGS]
+    more = len(findings) - len(reported)
+    return "\n".join([*map(str, reported), *([f"and {more:,} more"] if more else [])])

@@ -2,24 +2,34 @@
 
 from typing import Any, Final
 
-from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup, Report, Result
+from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup, PortReport, Result
 from gloc3.messages.envelope import CommandReply, FunctionReply, FunctionRequest
 from gloc3.messages.frames import GeoPoint
 from gloc3.messages.vehicle import FlightMode, MotionGrant, TakeOver
 from gloc3.mission.executing.executor import MissionExecutor, Verb
-from gloc3.mission.executing.requests import Cancel, Grant, Pause, Persist, Request, Resume, Start, TakeBack, Told
+from gloc3.mission.executing.requests import (
+    Cancel,
+    Grant,
+    MissionEvent,
+    Pause,
+    Persist,
+    ReclaimMotion,
+    Request,
+    Resume,
+    Start,
+)
 from gloc3.mission.executing.restore import restore
 from gloc3.mission.executing.snapshot import Snapshot
 from gloc3.mission.model.messages import ActionStatus
 from gloc3.mission.model.model import Mission
 from gloc3.mission.model.policy import Policy
 from gloc3.mission.model.states import ActionState
-from gloc3.mission.reading.reader import Surroundings, read_mission
+from gloc3.mission.reading.reader import MissionReferences, read_mission
 from gloc3_onboard.command_server.authority import ControlAuthority
-from gloc3_onboard.command_server.facts import VehicleFacts
+from gloc3_onboard.command_server.facts import VehicleState
 from gloc3_onboard.command_server.observing import OURS, TAKE_OVER_S, Observing
-from gloc3_onboard.command_server.site import Say, ServerSettings, Site
-from gloc3_onboard.command_server.summaries import Tally
+from gloc3_onboard.command_server.site import Report, ServerSettings, Site
+from gloc3_onboard.command_server.summaries import RequestCounts
 
 COME_UP_S: Final = 30.0
 """After a restart: how long components that are still coming up are waited for before the mission is taken up."""
@@ -47,15 +57,15 @@ class MissionHost:
     """
 
     def __init__(
-        self, site: Site, observing: Observing, control: ControlAuthority, settings: ServerSettings, say: Say
+        self, site: Site, observing: Observing, control: ControlAuthority, settings: ServerSettings, report: Report
     ) -> None:
         self.executor: MissionExecutor | None = None
         """None until what the process before has left is taken up again."""
-        self.tally = Tally()
+        self.counts = RequestCounts()
         """What the loaded mission takes."""
         self.granted = MotionGrant(action_id="", component="")
         """The owner of motion."""
-        self._site, self._observing, self._control, self._say = site, observing, control, say
+        self._site, self._observing, self._control, self._report = site, observing, control, report
         self._settle_s = settings.settle_s
         self._connected_s: float | None = None
         self._performing: dict[str, str] = {}
@@ -100,22 +110,22 @@ class MissionHost:
 
     def _try_to_begin(self, now_s: float, *, is_urgent: bool) -> list[Result]:
         """Takes up what was kept, once it is known whether the vehicle flies."""
-        facts, kept = self._observing.facts, self._site.snapshot
-        if not facts.is_connected:
+        snapshot, kept = self._observing.snapshot, self._site.snapshot
+        if not snapshot.is_connected:
             return []
         if self._connected_s is None:
             self._connected_s = now_s
         waited_s = now_s - self._connected_s - self._settle_s
         if kept is None or not kept.programs:
             self.executor = MissionExecutor(self._site.platform)
-        elif waited_s < 0.0 or not facts.is_flight_known:
+        elif waited_s < 0.0 or not snapshot.is_flight_known:
             return []
-        elif waited_s < TAKE_OVER_S and flies_for_us(facts, kept):
+        elif waited_s < TAKE_OVER_S and flies_for_us(snapshot, kept):
             return [TakeOver(is_resumed=True)]
         elif waited_s < COME_UP_S and not is_urgent and self._observing.is_coming_up(now_s):
             return []
         else:
-            self.executor = restore(self._site.platform, kept, self._read_again, facts.is_airborne, now_s)
+            self.executor = restore(self._site.platform, kept, self._read_again, snapshot.is_airborne, now_s)
         return []
 
     def _read_again(self, text: str) -> Mission:
@@ -123,11 +133,11 @@ class MissionHost:
 
         It is not checked again: now it would begin elsewhere. Home tells where NED begins, even without a pose.
         """
-        facts = self._observing.facts
-        home = facts.home
-        origin = GeoPoint(*home.origin_geo) if home is not None and home.origin_geo is not None else facts.origin
+        snapshot = self._observing.snapshot
+        home = snapshot.home
+        origin = GeoPoint(*home.origin_geo) if home is not None and home.origin_geo is not None else snapshot.origin
         altitude_m = None if home is None or origin is None else origin.altitude_m - home.position_ned_m[2]
-        surroundings = Surroundings.of(self._site.platform, origin=origin, home_altitude_m=altitude_m)
+        surroundings = MissionReferences.of(self._site.platform, origin=origin, home_altitude_m=altitude_m)
         return read_mission(text, "kept mission", surroundings)
 
     def _is_handing_over(self, executor: MissionExecutor, now_s: float) -> bool:
@@ -135,7 +145,7 @@ class MissionHost:
 
     def _inform(self, executor: MissionExecutor, now_s: float, inbox: Inbox) -> None:
         """Tells the executor the facts."""
-        known, facts = self._observing, self._observing.facts
+        known, snapshot = self._observing, self._observing.snapshot
         is_silence_judged = known.is_silence_judged(now_s)
         for name in known.book.down(now_s) if is_silence_judged else ():
             status = known.book.status(name)
@@ -144,18 +154,18 @@ class MissionHost:
             executor.reported(action.payload, now_s)
         if is_silence_judged:
             executor.available(known.missing(now_s), now_s)
-        if facts.is_connected:
-            executor.vehicle(facts.is_airborne, now_s)
-        driver = facts.driver
+        if snapshot.is_connected:
+            executor.vehicle(snapshot.is_airborne, now_s)
+        driver = snapshot.driver
         if driver is not None and not self._is_handing_over(executor, now_s):
             executor.pilot(driver.has_pilot_control, driver.pilot_reason, now_s)
         fence = executor.mission.mission.fence if executor.mission is not None and executor.mission.is_open else None
         if is_silence_judged:
-            for condition, is_on, reason in facts.conditions(fence, now_s):
+            for condition, is_on, reason in snapshot.conditions(fence, now_s):
                 executor.condition(condition, is_on, reason, now_s)
             silent_s = self._control.silent_s(now_s)
             executor.link(silent_s, now_s)
-            executor.sensed(facts.readings(now_s) | {"link_silent_s": silent_s}, now_s)
+            executor.sensed(snapshot.readings(now_s) | {"link_silent_s": silent_s}, now_s)
         self._count_up(executor, now_s)
         for verdict in known.verdicts:
             executor.component_lost(verdict.component, Policy(verdict.policy), verdict.reason, now_s)
@@ -163,11 +173,11 @@ class MissionHost:
 
     def _count_up(self, executor: MissionExecutor, now_s: float) -> None:
         """What the mission takes, for the comparison with its estimate."""
-        facts = self._observing.facts
-        if self.tally.program is not executor.mission:
-            self.tally = Tally(executor.mission)
-        at = facts.pose.position_ned_m if facts.pose is not None and facts.is_pose_fresh(now_s) else None
-        self.tally.look(at, facts.autopilot.battery_remaining if facts.autopilot is not None else -1.0, now_s)
+        snapshot = self._observing.snapshot
+        if self.counts.program is not executor.mission:
+            self.counts = RequestCounts(executor.mission)
+        at = snapshot.pose.position_ned_m if snapshot.pose is not None and snapshot.is_pose_fresh(now_s) else None
+        self.counts.update(at, snapshot.autopilot.battery_remaining if snapshot.autopilot is not None else -1.0, now_s)
 
     # --- what the executor asks for ---
 
@@ -185,7 +195,7 @@ class MissionHost:
         if self.executor is None:
             return []
         self.executor.tick(now_s)
-        return self.executor.take(now_s)
+        return self.executor.collect(now_s)
 
     def carry_out(self, request: Request) -> list[Result]:
         """Does what the executor asks for."""
@@ -205,20 +215,20 @@ class MissionHost:
                 return [self._function(request.component, request.action_id, "resume", {})]
             case Cancel():
                 return [self._function(request.component, request.action_id, "cancel", {})]
-            case TakeBack():
+            case ReclaimMotion():
                 return [TakeOver(is_resumed=True)]
-            case Told():
-                self._say(request.severity, request.text)
+            case MissionEvent():
+                self._report(request.severity, request.text)
         return []
 
-    def _clear(self, component: str) -> list[Report]:
+    def _clear(self, component: str) -> list[PortReport]:
         """Has a component end an action that a former life of this server has left it with."""
         left = self._performing.pop(component, "")
-        if not left or self.executor is None or self.executor.knows(left):
+        if not left or self.executor is None or self.executor.has_item(left):
             return []
         return [self._function(component, left, "cancel", {})]
 
-    def _function(self, component: str, action_id: str, verb: Verb, more: dict[str, Any]) -> Report:
+    def _function(self, component: str, action_id: str, verb: Verb, more: dict[str, Any]) -> PortReport:
         self._count += 1
         request_id = f"action-{self._count}"
         self._waiting[request_id] = (action_id, verb)
@@ -227,7 +237,7 @@ class MissionHost:
         return MissionPorts.function.report(message, key=component)
 
 
-def was_under_way(kept: Snapshot | None) -> bool:
+def was_running(kept: Snapshot | None) -> bool:
     """Whether a mission, a single command or a policy had begun and not ended."""
     return kept is not None and (
         kept.policy is not None
@@ -235,13 +245,13 @@ def was_under_way(kept: Snapshot | None) -> bool:
     )
 
 
-def flies_for_us(facts: VehicleFacts, kept: Snapshot) -> bool:
+def flies_for_us(snapshot: VehicleState, kept: Snapshot) -> bool:
     """Whether the vehicle does what was begun then, and the driver takes it for a pilot's."""
-    state = facts.autopilot
+    state = snapshot.autopilot
     modes = (*OURS, FlightMode.MISSION) if _flew_a_plan(kept) else OURS
     is_ours = state is not None and state.is_armed and state.mode in modes
-    is_taken = facts.driver is None or facts.driver.has_pilot_control
-    return was_under_way(kept) and is_ours and is_taken and not kept.has_pilot
+    is_accepted = snapshot.driver is None or snapshot.driver.has_pilot_control
+    return was_running(kept) and is_ours and is_accepted and not kept.has_pilot
 
 
 def _flew_a_plan(kept: Snapshot) -> bool:

@@ -5,8 +5,8 @@ from math import inf
 from typing import Final, NamedTuple
 
 from gloc3.component.deployment import FaultPolicy
-from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup, Report
-from gloc3.component.supervision import Order, Step, Supervision, Verdict
+from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup, PortReport
+from gloc3.component.supervision import LciRequest, Step, Supervision, SupervisionVerdict
 from gloc3.messages.envelope import CommandReply, CommandRequest, ComponentStatus, Envelope, Severity
 from gloc3.messages.hosts import HostPresence
 from gloc3.messages.readiness import AutopilotSetup, ComputerState
@@ -24,8 +24,8 @@ from gloc3.mission.model.abilities import abilities
 from gloc3.platform.places import place_of
 from gloc3.platform.platform import Platform
 from gloc3_onboard.command_server.book import ComponentBook
-from gloc3_onboard.command_server.facts import KeptHome, VehicleFacts
-from gloc3_onboard.command_server.site import Say
+from gloc3_onboard.command_server.facts import KeptHome, VehicleState
+from gloc3_onboard.command_server.site import Report
 
 STOOD_STILL_S: Final = 0.3
 """A cycle that comes so long after the one before: less than the shortest silence from which anything follows."""
@@ -68,8 +68,8 @@ class Observing:
         say: has an event of the supervision told to the stations.
     """
 
-    def __init__(self, platform: Platform, home: KeptHome | None, say: Say) -> None:
-        self.facts: Final = VehicleFacts(platform, home)
+    def __init__(self, platform: Platform, home: KeptHome | None, report: Report) -> None:
+        self.snapshot: Final = VehicleState(platform, home)
         self.book: Final = ComponentBook(platform.components)
         self.supervision: Supervision | None = None
         """None before the first cycle: only then the time is known."""
@@ -78,42 +78,42 @@ class Observing:
         self.height: HeightAboveGround | None = None
         self.hosts: Final[dict[str, HostPresence]] = {}
         """The other hosts, as far as they were ever here."""
-        self.verdicts: list[Verdict] = []
+        self.verdicts: list[SupervisionVerdict] = []
         """Components that are lost for good, with what is to be done."""
         self._availability = Availability(platform)
         self._standstill = Standstill()
         self._handover = Handover()
-        self._platform, self._say = platform, say
+        self._platform, self._report = platform, report
 
     def observe(self, now_s: float, inbox: Inbox) -> None:
         """Takes everything in."""
         stood_s = self._standstill.tick(now_s)
         if stood_s:
-            self._say(Severity.WARNING, f"this process stood still for {stood_s:.1f} s")
-        facts = self.facts
+            self._report(Severity.WARNING, f"this process stood still for {stood_s:.1f} s")
+        snapshot = self.snapshot
         for status in inbox.new(ObservingPorts.status):
-            self.book.hear(status.payload, status.t_s)
+            self.book.receive(status.payload, status.t_s)
         for state in inbox.new(ObservingPorts.autopilot):
-            facts.see_autopilot(state)
+            snapshot.update_autopilot(state)
         for pose in inbox.new(ObservingPorts.pose):
-            facts.see_pose(pose)
+            snapshot.update_pose(pose)
         for setpoint in inbox.new(ObservingPorts.setpoint):
-            facts.see_setpoint(setpoint)
-        facts.look(now_s)
+            snapshot.update_setpoint(setpoint)
+        snapshot.expire(now_s)
         for driver in inbox.new(ObservingPorts.driver):
-            self._handover.see(driver, facts.known_autopilot, now_s)
-            facts.driver = driver.payload
+            self._handover.update(driver, snapshot.known_autopilot, now_s)
+            snapshot.driver = driver.payload
         for fence in inbox.new(ObservingPorts.fence_state):
-            facts.fence = fence.payload
+            snapshot.fence = fence.payload
         for setup in inbox.new(ObservingPorts.autopilot_setup):
             self.setup = setup.payload
         for computer in inbox.new(ObservingPorts.computer):
             self.computer = computer.payload
         for height in inbox.new(ObservingPorts.height):
             self.height = height.payload
-            facts.see_height(height)
+            snapshot.update_height(height)
 
-    def supervise(self, now_s: float, inbox: Inbox) -> list[Report]:
+    def supervise(self, now_s: float, inbox: Inbox) -> list[PortReport]:
         """Has standbys take over and faulty components come up again; what is lost for good becomes a verdict."""
         if self.supervision is None:
             self.supervision = Supervision(self._platform.components, f"supervision-{now_s:.3f}")
@@ -129,14 +129,14 @@ class Observing:
             steps += self._receive_presence(supervision, presence.payload, now_s)
         if self.is_silence_judged(now_s):
             steps += supervision.tick(now_s)
-        commands: list[Report] = []
+        commands: list[PortReport] = []
         for step in steps:
             match step:
-                case Order(component=component, request=request, reason=reason):
+                case LciRequest(component=component, request=request, reason=reason):
                     words = ", ".join([request.command, *request.then])
-                    self._say(Severity.WARNING, f"{words} {component}: {reason}")
+                    self._report(Severity.WARNING, f"{words} {component}: {reason}")
                     commands.append(ObservingPorts.command.report(request, key=component))
-                case Verdict():
+                case SupervisionVerdict():
                     self.verdicts.append(step)
         return commands
 
@@ -146,10 +146,10 @@ class Observing:
         was_here, self.hosts[host] = host in self.hosts and self.hosts[host].is_here, presence
         if presence.is_here:
             if not was_here:
-                self._say(Severity.NOTICE, f"host {host} is here")
+                self._report(Severity.NOTICE, f"host {host} is here")
             return []
         reason = f"host {host} is lost"
-        self._say(Severity.ERROR, reason)
+        self._report(Severity.ERROR, reason)
         steps: list[Step] = []
         for row in self._platform.components:
             if place_of(self._platform, row).host == host:
@@ -157,7 +157,7 @@ class Observing:
                 self.book.lose(row.name)
         policy = self._platform.hosts[host].on_loss if host in self._platform.hosts else FaultPolicy.IGNORE
         if policy is not FaultPolicy.IGNORE:
-            steps.append(Verdict(f"host {host}", policy, "nothing is heard of it"))
+            steps.append(SupervisionVerdict(f"host {host}", policy, "nothing is heard of it"))
         return steps
 
     @property
@@ -171,7 +171,7 @@ class Observing:
 
     def missing(self, now_s: float) -> dict[str, tuple[str, ...]]:
         """Capability to what it lacks, for those that cannot be used."""
-        return self._availability.missing(self.book, self.facts, now_s)
+        return self._availability.missing(self.book, self.snapshot, now_s)
 
     def is_coming_up(self, now_s: float) -> bool:
         """Whether some capability cannot be used yet, and components are coming up still, or once more."""
@@ -182,11 +182,11 @@ class Observing:
 
     def is_handing_over(self, now_s: float) -> bool:
         """Whether the driver has come up anew and only takes for a pilot's what is ours."""
-        driver = self.facts.driver
-        return driver is not None and self._handover.is_ours(driver, self.facts.known_autopilot, now_s)
+        driver = self.snapshot.driver
+        return driver is not None and self._handover.is_ours(driver, self.snapshot.known_autopilot, now_s)
 
 
-class _Seen(NamedTuple):
+class _LastSeen(NamedTuple):
     """What the last answer rests on."""
 
     working: frozenset[str]
@@ -214,27 +214,27 @@ class Availability:
             if row.performed_by
         }
         """Of each capability: what it needs, and the components of which one must work for it."""
-        self._seen: _Seen | None = None
+        self._seen: _LastSeen | None = None
         self._missing: dict[str, tuple[str, ...]] = {}
 
-    def missing(self, book: ComponentBook, facts: VehicleFacts, now_s: float) -> dict[str, tuple[str, ...]]:
+    def missing(self, book: ComponentBook, snapshot: VehicleState, now_s: float) -> dict[str, tuple[str, ...]]:
         """Capability to what it lacks, for those that cannot be used."""
-        seen = _Seen(book.working(now_s), book.silent, facts.is_pose_fresh(now_s), facts.is_connected)
+        seen = _LastSeen(book.working(now_s), book.silent, snapshot.is_pose_fresh(now_s), snapshot.is_connected)
         if seen != self._seen:
             self._seen = seen
             self._missing = dict(self._find(seen))
         return self._missing
 
-    def _find(self, seen: _Seen) -> Iterable[tuple[str, tuple[str, ...]]]:
-        facts = {"pose": seen.is_pose_fresh, "autopilot": seen.is_connected}
+    def _find(self, seen: _LastSeen) -> Iterable[tuple[str, tuple[str, ...]]]:
+        snapshot = {"pose": seen.is_pose_fresh, "autopilot": seen.is_connected}
 
         def is_alive(need: str, who: frozenset[str]) -> bool:
-            return facts.get(need, any(one in seen.working and (one, need) not in seen.silent for one in who))
+            return snapshot.get(need, any(one in seen.working and (one, need) not in seen.silent for one in who))
 
         for name, needs in self._needs.items():
-            lacks = tuple(need for need, who in needs.items() if not is_alive(need, who))
-            if lacks:
-                yield name, lacks
+            missing = tuple(need for need, who in needs.items() if not is_alive(need, who))
+            if missing:
+                yield name, missing
 
     def _who(self, need: str) -> frozenset[str]:
         """The components of which one must work: itself, a capability's, or a topic's producers; and their standbys."""
@@ -286,7 +286,7 @@ class Handover:
         self._mode = FlightMode.OTHER
         self._until_s = float("-inf")
 
-    def see(self, report: Envelope[DriverState], autopilot: AutopilotState | None, now_s: float) -> None:
+    def update(self, report: Envelope[DriverState], autopilot: AutopilotState | None, now_s: float) -> None:
         """Takes in what a driver reports, and in which mode the autopilot is."""
         boot = report.source.boot
         if boot != self._boot:

@@ -39,7 +39,7 @@ AT_ONCE_S: Final = 0.02
 """A disk that is done so soon is waited for in the cycle itself; no setpoint is late for that."""
 LONGEST_S: Final = 1.0
 """Nobody on the ground waits longer for a slow disk."""
-TOLD: Final = (CiReply, CiEvent, MissionSummary)
+REPORTED_EVENTS: Final = (CiReply, CiEvent, MissionSummary)
 
 
 class ReportingPorts(PortGroup):
@@ -70,13 +70,13 @@ class EventQueue:
         self._reports = site.reports
         self._events: list[CiEvent] = []
 
-    def say(self, severity: Severity, text: str, source: str = "mission") -> None:
+    def report(self, severity: Severity, text: str, source: str = "mission") -> None:
         """Adds an event of this server."""
         self.add(CiEvent(severity=severity, source=source, text=text, t_s=self.now_s))
 
-    def say_supervision(self, severity: Severity, text: str) -> None:
+    def report_supervision(self, severity: Severity, text: str) -> None:
         """Adds an event of the supervision."""
-        self.say(severity, text, "supervision")
+        self.report(severity, text, "supervision")
 
     def add(self, event: CiEvent) -> None:
         """Adds an event."""
@@ -100,19 +100,19 @@ class Reporting:
 
     def __init__(self, site: Site, settings: ServerSettings, events: EventQueue, contacts: Contacts) -> None:
         self._site, self._settings, self._events, self._contacts = site, settings, events, contacts
-        self._news = News()
+        self._reports = ReportQueue()
         self._held_back = HeldBack(site)
         self._compared_s = -math.inf
         self._unkept = site.problems()
         """Why something is not kept, as it was told last."""
         for problem in filter(None, (site.problem, *self._unkept)):
-            events.say(Severity.ERROR, problem)
+            events.report(Severity.ERROR, problem)
 
     def observe(self, now_s: float, inbox: Inbox) -> None:
         """Takes in which stations are reached, and components' events."""
-        for heard in inbox.new(AuthorityPorts.heard):
-            if heard.payload.is_reached:
-                self._contacts.hear(heard.payload.station, now_s)
+        for received in inbox.new(AuthorityPorts.heard):
+            if received.payload.is_reached:
+                self._contacts.note_contact(received.payload.station, now_s)
         for envelope in inbox.new(ReportingPorts.event):
             event = envelope.payload
             if event.severity <= self._settings.event_severity:
@@ -121,7 +121,7 @@ class Reporting:
 
     def repeat_all(self) -> None:
         """A station knows nothing yet: everything is reported again."""
-        self._news.forget("site")
+        self._reports.invalidate("site")
 
     def report(
         self, now_s: float, observing: Observing, control: ControlAuthority, host: MissionHost, *, is_eventful: bool
@@ -135,25 +135,25 @@ class Reporting:
             host: of the mission.
             is_eventful: whether something was asked of the server, or of its executor.
         """
-        platform, facts, news, settings = self._site.platform, observing.facts, self._news, self._settings
-        results: list[Result] = [*self._contact(now_s, observing, host), *observing.book.new_troubles()]
+        platform, snapshot, reports, settings = self._site.platform, observing.snapshot, self._reports, self._settings
+        results: list[Result] = [*self._contact(now_s, observing, host), *observing.book.new_problems()]
         results += self._events.take()
-        is_slow = news.is_due("slow", 1.0, now_s)
+        is_slow = reports.is_due("slow", 1.0, now_s)
         if is_slow:
             self._report_what_is_not_kept()
         if is_slow or is_eventful or now_s - self._compared_s >= COMPARE_S - 1e-6:
             self._compared_s = now_s
             results += self._changes(observing, control, host, is_slow=is_slow)
-        if news.is_due("grant", settings.grant_period_s, now_s):
+        if reports.is_due("grant", settings.grant_period_s, now_s):
             results.append(host.granted)
-        if news.is_due("summary", settings.summary_period_s, now_s):
-            results += [observing.book.summary(observing.health, now_s), vehicle_summary(platform, facts, now_s)]
-        if news.is_due("motion", settings.motion_period_s, now_s):
-            motion = motion_summary(platform, facts, now_s)
+        if reports.is_due("summary", settings.summary_period_s, now_s):
+            results += [observing.book.summary(observing.health, now_s), vehicle_summary(platform, snapshot, now_s)]
+        if reports.is_due("motion", settings.motion_period_s, now_s):
+            motion = motion_summary(platform, snapshot, now_s)
             results += [] if motion is None else [motion]
-        if news.is_due("site", settings.site_period_s, now_s):
-            whereabouts = site_summary(platform, facts)
-            results += [] if whereabouts is None else [whereabouts]
+        if reports.is_due("site", settings.site_period_s, now_s):
+            position = site_summary(platform, snapshot)
+            results += [] if position is None else [position]
         return results
 
     def release(self, results: Sequence[Result], now_s: float) -> list[Result]:
@@ -165,42 +165,42 @@ class Reporting:
         problems = [*self._site.problems(), *filter(None, [self._held_back.problem])]
         for problem in problems:
             if problem not in self._unkept:
-                self._events.say(Severity.ERROR, f"{problem}; a restart would know an older state")
+                self._events.report(Severity.ERROR, f"{problem}; a restart would know an older state")
         if self._unkept and not problems:
-            self._events.say(Severity.NOTICE, "everything is kept on disk again")
+            self._events.report(Severity.NOTICE, "everything is kept on disk again")
         self._unkept = problems
 
     def _contact(self, now_s: float, observing: Observing, host: MissionHost) -> list[ContactSummary]:
         """What is told first to who is heard after a silence; while nobody is heard, the state is kept now and then."""
         contacts = self._contacts
-        is_silent = observing.facts.is_airborne and contacts.is_alone(now_s)
-        if not contacts.has_news and not contacts.is_due(now_s, is_silent=is_silent):
+        is_silent = observing.snapshot.is_airborne and contacts.is_alone(now_s)
+        if not contacts.has_reports and not contacts.is_due(now_s, is_silent=is_silent):
             return []
-        vehicle = vehicle_summary(self._site.platform, observing.facts, now_s)
-        mission = mission_summary(host.executor, host.tally)
+        vehicle = vehicle_summary(self._site.platform, observing.snapshot, now_s)
+        mission = mission_summary(host.executor, host.counts)
         if is_silent:
             self._events.add(contacts.status(vehicle, mission, now_s))
         wrong = [str(condition) for condition in host.executor.board.conditions] if host.executor is not None else []
-        return contacts.take(observing.health, vehicle, mission, wrong, now_s)
+        return contacts.collect(observing.health, vehicle, mission, wrong, now_s)
 
     def _changes(
         self, observing: Observing, control: ControlAuthority, host: MissionHost, *, is_slow: bool
     ) -> list[Result]:
         """What is told when it has changed, and once a second besides."""
         results: list[Result] = []
-        news, facts = self._news, observing.facts
+        reports, snapshot = self._reports, observing.snapshot
         if not host.is_mission_unknown:
-            results += news.of(mission_summary(host.executor, host.tally), is_due=is_slow)
-            results += news.of(geofence_of(host.executor), is_due=is_slow)
-        results += news.of(control.state(), is_due=is_slow)
-        results += news.of(observing.book.table(), is_due=False)
-        results += news.of(motion_limits(self._site.platform, facts, host.executor), is_due=is_slow)
-        if is_slow and facts.home is not None:
-            results.append(Home(position_ned_m=facts.home.position_ned_m))
+            results += reports.of(mission_summary(host.executor, host.counts), is_due=is_slow)
+            results += reports.of(geofence_of(host.executor), is_due=is_slow)
+        results += reports.of(control.state(), is_due=is_slow)
+        results += reports.of(observing.book.table(), is_due=False)
+        results += reports.of(motion_limits(self._site.platform, snapshot, host.executor), is_due=is_slow)
+        if is_slow and snapshot.home is not None:
+            results.append(Home(position_ned_m=snapshot.home.position_ned_m))
         return results
 
 
-class News:
+class ReportQueue:
     """Remembers what was told when."""
 
     def __init__(self) -> None:
@@ -221,7 +221,7 @@ class News:
         self._last[type(message)] = message
         return (message,)
 
-    def forget(self, what: str) -> None:
+    def invalidate(self, what: str) -> None:
         """Somebody knows nothing yet: everything is news, and this is due."""
         self._last.clear()
         self._at_s.pop(what, None)
@@ -248,16 +248,16 @@ class HeldBack:
 
     def pass_on(self, results: Sequence[Result], now_s: float) -> list[Result]:
         """What may be told now of the results of a cycle, and of those before."""
-        told = [result for result in results if isinstance(result, TOLD)]
-        if told:
-            self._held.append(_Held(self._site.mark(), now_s + LONGEST_S, told))
+        reported = [result for result in results if isinstance(result, REPORTED_EVENTS)]
+        if reported:
+            self._held.append(_Held(self._site.mark(), now_s + LONGEST_S, reported))
         passed: list[Result] = []
-        patience_s = AT_ONCE_S if len(self._held) == 1 and told else 0.0
+        timeout_s = AT_ONCE_S if len(self._held) == 1 and reported else 0.0
         while self._held:
             held = self._held[0]
-            is_kept = self._site.wait(held.mark, patience_s)
+            is_kept = self._site.wait(held.mark, timeout_s)
             if not is_kept and now_s < held.until_s:
                 break
             self.problem = "" if is_kept else "the disk takes more than a second to keep anything"
             passed += self._held.popleft().results
-        return [*passed, *(result for result in results if not isinstance(result, TOLD))]
+        return [*passed, *(result for result in results if not isinstance(result, REPORTED_EVENTS))]

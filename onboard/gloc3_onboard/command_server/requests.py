@@ -120,11 +120,11 @@ class RequestHandler:
         if isinstance(request.body, Query):
             return self._query(request, request.body)
         if isinstance(request.body, AboutLogs):
-            return self._site.shelf.ask(request)
+            return self._site.log_store.handle(request)
         if isinstance(request.body, ReadReports):
             return self._contacts.read(request, request.body)
         if isinstance(request.body, Watch | ListTopics):
-            return self.components.look(request, now_s)
+            return self.components.forward_query(request, now_s)
         if isinstance(request.body, Elsewhere):
             self.missions.elsewhere(request.sender, request.body, now_s)
             return None

@@ -9,7 +9,7 @@ from gloc3_onboard.command_server.authority import Authority, AuthorityPorts
 from gloc3_onboard.command_server.component_requests import ComponentRequests
 from gloc3_onboard.command_server.contacts import Contacts
 from gloc3_onboard.command_server.mission_commands import MissionCommands
-from gloc3_onboard.command_server.mission_host import MissionHost, MissionPorts, was_under_way
+from gloc3_onboard.command_server.mission_host import MissionHost, MissionPorts, was_running
 from gloc3_onboard.command_server.observing import Observing, ObservingPorts
 from gloc3_onboard.command_server.reporting import EventQueue, Reporting, ReportingPorts
 from gloc3_onboard.command_server.requests import RequestHandler, RequestPorts
@@ -22,7 +22,7 @@ class CommandServer(CommandInterface[ServerSettings]):
     settings_type = ServerSettings
     loggable = ("holder", "policy")
 
-    asked = RequestPorts
+    requested = RequestPorts
     stations = AuthorityPorts
     observed = ObservingPorts
     missions = MissionPorts
@@ -42,13 +42,13 @@ class CommandServer(CommandInterface[ServerSettings]):
         site = self._site
         snapshot, home = site.load()
         self._events = EventQueue(site)
-        say = self._events.say
+        report = self._events.report
         contacts = Contacts(site.reports)
-        self._observing = Observing(site.platform, home, self._events.say_supervision)
-        self._authority = Authority(site.holder if was_under_way(snapshot) else "", say)
-        self._mission = MissionHost(site, self._observing, self._authority.control, self._settings, say)
-        commands = MissionCommands(site, self._observing, self._authority, self._mission, say)
-        components = ComponentRequests(self._observing, say)
+        self._observing = Observing(site.platform, home, self._events.report_supervision)
+        self._authority = Authority(site.holder if was_running(snapshot) else "", report)
+        self._mission = MissionHost(site, self._observing, self._authority.control, self._settings, report)
+        commands = MissionCommands(site, self._observing, self._authority, self._mission, report)
+        components = ComponentRequests(self._observing, report)
         self._requests = RequestHandler(site, self._authority, commands, components, contacts)
         self._reporting = Reporting(site, self._settings, self._events, contacts)
 
@@ -64,9 +64,9 @@ class CommandServer(CommandInterface[ServerSettings]):
         for request in inbox.new(RequestPorts.request):
             answer = self._requests.handle(request.payload, now_s)
             results += [] if answer is None else [answer]
-        results += self._authority.demands.take(inbox.new(AuthorityPorts.velocity_demand), now_s)
+        results += self._authority.demands.newest(inbox.new(AuthorityPorts.velocity_demand), now_s)
         results += self._receive_replies(now_s, inbox)
-        results += [*self._requests.expire(now_s), *self._site.shelf.take()]
+        results += [*self._requests.expire(now_s), *self._site.log_store.collect()]
         wanted = self._mission.take(now_s)
         for one in wanted:
             results += self._mission.carry_out(one)
@@ -102,16 +102,16 @@ class CommandServer(CommandInterface[ServerSettings]):
                 results.append(MissionPorts.function.report(message, key=component))
         self._requests.components.messages.clear()
         commands = self._requests.missions
-        results += [*commands.disarms, *commands.gate.take()]
+        results += [*commands.disarms, *commands.gate.collect()]
         commands.disarms.clear()
         return results
 
     def _keep(self) -> None:
         """Has the disk keep home and the holder of control where they have changed."""
-        facts = self._observing.facts
-        if facts.is_home_new and facts.home is not None:
-            facts.is_home_new = False
-            self._site.keep_home(facts.home)
+        snapshot = self._observing.snapshot
+        if snapshot.is_home_new and snapshot.home is not None:
+            snapshot.is_home_new = False
+            self._site.keep_home(snapshot.home)
         self.holder, self.policy = self._authority.control.holder, self._mission.policy
         if self.holder != self._site.holder:
             self._site.keep_holder(self.holder)

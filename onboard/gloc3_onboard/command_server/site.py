@@ -12,11 +12,11 @@ from gloc3.mission.executing.snapshot import Snapshot
 from gloc3.platform.platform import Platform
 from gloc3.store import Records, RecordStore
 from gloc3_onboard.command_server.facts import KeptHome
-from gloc3_onboard.command_server.log_shelf import AtOnce, NoShelf, Shelf
+from gloc3_onboard.command_server.log_shelf import ImmediateExecutor, LogStoreBase, NoLogStore
 from gloc3_onboard.command_server.report_store import ReportStore
 
 Mark = tuple[int, ...]
-Say = Callable[[Severity, str], None]
+Report = Callable[[Severity, str], None]
 """Has an event told to the stations."""
 
 
@@ -51,9 +51,9 @@ class _Kept(msgspec.Struct, frozen=True):
 class Background(NamedTuple):
     """What takes long, and is done beside the control loop."""
 
-    shelf: Shelf = NoShelf()
+    log_store: LogStoreBase = NoLogStore()
     """The logs that stations may fetch."""
-    worker: Executor = AtOnce()
+    worker: Executor = ImmediateExecutor()
     """Checks missions."""
 
 
@@ -83,7 +83,7 @@ class Site:
         self.platform: Final = platform
         self.journal: Final = RecordStore(journal, "journal of requests")
         self.reports: Final = ReportStore(reports, fresh_id, computer)
-        self.shelf, self.worker = background or Background()
+        self.log_store, self.worker = background or Background()
         self.problem = ""
         """Why what was kept cannot be used; empty if it can, or nothing was kept."""
         self._progress: Final = RecordStore(progress, "progress")

@@ -12,7 +12,7 @@ from gloc3.messages.summaries import health_of
 from gloc3.mission.model.model import Mission
 from gloc3.platform.platform import Platform
 from gloc3_onboard.checks.checklist import checklist
-from gloc3_onboard.checks.readings import Condition, Readings
+from gloc3_onboard.checks.readings import ComponentCondition, Readings
 from gloc3_onboard.command_server.observing import Observing
 
 READ_S: Final = 3.0
@@ -22,7 +22,7 @@ Begin = Callable[[float], CiReply]
 """Does what was asked for, at a time; raises `Refused` where it cannot be done."""
 
 
-class Held(NamedTuple):
+class HeldRequest(NamedTuple):
     """A request that waits for the reading."""
 
     request: CiRequest
@@ -46,25 +46,25 @@ class StartGate:
     def __init__(self, platform: Platform, observing: Observing) -> None:
         self._platform, self._observing = platform, observing
         self._outgoing: list[ReadSetup | PreflightReport] = []
-        self._held: list[Held] = []
+        self._held: list[HeldRequest] = []
         self._number = 0
 
-    def take(self) -> list[ReadSetup | PreflightReport]:
+    def collect(self) -> list[ReadSetup | PreflightReport]:
         """What is to be told: whoever reads the setup, and for the log the lists that were made."""
-        taken, self._outgoing = self._outgoing, []
-        return taken
+        used, self._outgoing = self._outgoing, []
+        return used
 
     def answer(self, request: CiRequest, answer: Begin, now_s: float) -> CiReply | None:
         """Has the setup read anew, then answers; at once where nobody reads it, and None where the answer comes later."""
         setup = self._observing.setup
-        if setup is None or not self._observing.facts.is_connected:
+        if setup is None or not self._observing.snapshot.is_connected:
             return answer(now_s)
         self._number = max(self._number, setup.number) + 1
         self._outgoing.append(ReadSetup(number=self._number))
-        self._held.append(Held(request, answer, self._number, now_s + READ_S))
+        self._held.append(HeldRequest(request, answer, self._number, now_s + READ_S))
         return None
 
-    def due(self, now_s: float) -> list[Held]:
+    def due(self, now_s: float) -> list[HeldRequest]:
         """The requests that need wait no longer."""
         if not self._held:
             return []
@@ -117,17 +117,17 @@ class StartGate:
         self, mission: Mission | None, fence_problem: str, stations: Mapping[str, Software], now_s: float
     ) -> Readings:
         known = self._observing
-        facts, driver, setup = known.facts, known.facts.driver, known.setup
+        snapshot, driver, setup = known.snapshot, known.snapshot.driver, known.setup
         has_pilot = driver is not None and driver.has_pilot_control
         return Readings(
             platform=self._platform,
             now_s=now_s,
-            autopilot=facts.known_autopilot,
+            autopilot=snapshot.known_autopilot,
             setup=setup,
             is_setup_fresh=setup is None or setup.number >= self._number,
             computer=known.computer,
-            pose=facts.pose,
-            is_pose_fresh=facts.is_pose_fresh(now_s),
+            pose=snapshot.pose,
+            is_pose_fresh=snapshot.is_pose_fresh(now_s),
             height=known.height,
             components=self._conditions(now_s),
             mission=mission,
@@ -137,7 +137,7 @@ class StartGate:
             pilot_reason=(driver.pilot_reason or "it says no reason") if driver is not None and has_pilot else "",
         )
 
-    def _conditions(self, now_s: float) -> list[Condition]:
+    def _conditions(self, now_s: float) -> list[ComponentCondition]:
         found, book = [], self._observing.book
         for name, row in book.rows.items():
             status = book.status(name)
@@ -145,6 +145,8 @@ class StartGate:
             cause = status.cause if status is not None and health not in ("working", "quiet") else ""
             is_standby = row.standby_for is not None
             found.append(
-                Condition(name=name, health=health, is_required=row.required, is_standby=is_standby, cause=cause)
+                ComponentCondition(
+                    name=name, health=health, is_required=row.required, is_standby=is_standby, cause=cause
+                )
             )
         return found

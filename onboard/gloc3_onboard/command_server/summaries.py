@@ -10,19 +10,19 @@ from gloc3.messages.motion import MotionSummary, SiteSummary, Whole3
 from gloc3.messages.summaries import MissionSummary, VehicleSummary
 from gloc3.messages.vehicle import AutopilotState, GeoArea, GeoFence, LandedState, MotionLimits, Pose, VehicleClass
 from gloc3.mission.executing.executor import MissionExecutor
-from gloc3.mission.executing.items import Program
+from gloc3.mission.executing.items import MissionProgram
 from gloc3.mission.formats.from_mission import fence_areas
 from gloc3.mission.model.model import GEO, digest_of
 from gloc3.mission.model.states import ENDED, ActionState
 from gloc3.platform.platform import Platform
-from gloc3_onboard.command_server.facts import VehicleFacts
+from gloc3_onboard.command_server.facts import VehicleState
 
 NOT_FLYING: Final = (VehicleClass.ROVER, VehicleClass.BOAT, VehicleClass.SUB)
 REASONS_MAX: Final = 6
 """Tasks and actions whose reason is told at most."""
 REASON_MAX: Final = 120
 """Characters of a reason that are told."""
-SETPOINT_OLD_S: Final = 0.5
+SETPOINT_STALE_S: Final = 0.5
 """A setpoint that is older is no longer flown: the driver has stopped."""
 LARGEST: Final = 2**31 - 1
 """Whole numbers are told no larger than this, some 21,000 km."""
@@ -30,20 +30,20 @@ UNPLACED: Final = LocalFrame(GeoPoint(0.0, 0.0, 0.0))
 """North, west, height: what is told where no frame of the platform begins at the origin of NED."""
 
 
-class Tally:
+class RequestCounts:
     """Follows the loaded mission from its start to its end; what began before this process did is not known."""
 
-    def __init__(self, program: Program | None = None) -> None:
+    def __init__(self, program: MissionProgram | None = None) -> None:
         self.took_s = self.took_m = self.took_battery = -1.0
         """Once the mission has ended: seconds (pauses left out), metres, and the share of the battery; -1: not known."""
         self.program = program
         """The mission that it is of."""
         self._has_begun = False
         self._at: Vector3 | None = None
-        self._way_m = 0.0
+        self._distance_m = 0.0
         self._battery = -1.0
 
-    def look(self, at: Vector3 | None, battery: float, now_s: float) -> None:
+    def update(self, at: Vector3 | None, battery: float, now_s: float) -> None:
         """Takes in where the vehicle is and what is left in its battery.
 
         Args:
@@ -58,17 +58,17 @@ class Tally:
             if not self._has_begun:
                 self._has_begun, self._at, self._battery = True, at, battery
             if at is not None and self._at is not None and (step_m := dist(at, self._at)) >= STEP_M:
-                self._way_m, self._at = self._way_m + step_m, at
+                self._distance_m, self._at = self._distance_m + step_m, at
             self._at = self._at or at
         elif program.state in ENDED and self.took_s < 0.0:
             self.took_s = round(program.ran_s(now_s), 1)
             if self._has_begun:
-                self.took_m = round(self._way_m, 1)
+                self.took_m = round(self._distance_m, 1)
                 is_known = battery >= 0.0 and self._battery >= 0.0
                 self.took_battery = round(max(0.0, self._battery - battery), 4) if is_known else -1.0
 
 
-def mission_summary(executor: MissionExecutor | None, tally: Tally) -> MissionSummary:
+def mission_summary(executor: MissionExecutor | None, counts: RequestCounts) -> MissionSummary:
     """The loaded mission and how far it is."""
     if executor is None:
         return MissionSummary(name="", digest="", state="")
@@ -98,9 +98,9 @@ def mission_summary(executor: MissionExecutor | None, tally: Tally) -> MissionSu
         progress=progress,
         policy=executor.policy,
         reasons=reasons,
-        took_s=tally.took_s,
-        took_m=tally.took_m,
-        took_battery=tally.took_battery,
+        took_s=counts.took_s,
+        took_m=counts.took_m,
+        took_battery=counts.took_battery,
         repetitions={
             task.target: (task.repetition, task.repeat.times)
             for task in program.tasks.values()
@@ -115,8 +115,8 @@ def mission_summary(executor: MissionExecutor | None, tally: Tally) -> MissionSu
 def _reasons(executor: MissionExecutor) -> dict[str, str]:
     """Why tasks and actions failed, or wait for something else than their turn; short, since all of it goes by radio."""
     items = [item for program in executor.board.programs.values() for item in program.items() if item.reason]
-    told = [item for item in items if item.state in (ActionState.FAILED, ActionState.WAITING)]
-    return {item.target: item.reason[:REASON_MAX] for item in told[:REASONS_MAX]}
+    reported = [item for item in items if item.state in (ActionState.FAILED, ActionState.WAITING)]
+    return {item.target: item.reason[:REASON_MAX] for item in reported[:REASONS_MAX]}
 
 
 def geofence_of(executor: MissionExecutor | None) -> GeoFence:
@@ -131,10 +131,10 @@ def geofence_of(executor: MissionExecutor | None) -> GeoFence:
     return GeoFence(digest=digest_of(mission.text), areas=areas)
 
 
-def _whereabouts(autopilot: AutopilotState) -> str:
+def _position(autopilot: AutopilotState) -> str:
     """Whether it is in the air; what does not fly is under way instead, on the ground or under water."""
-    is_under_way = autopilot.landed is LandedState.IN_AIR and autopilot.vehicle in NOT_FLYING
-    return "under_way" if is_under_way else str(autopilot.landed)
+    is_running = autopilot.landed is LandedState.IN_AIR and autopilot.vehicle in NOT_FLYING
+    return "under_way" if is_running else str(autopilot.landed)
 
 
 def _would_arm(autopilot: AutopilotState) -> bool:
@@ -142,16 +142,16 @@ def _would_arm(autopilot: AutopilotState) -> bool:
     return autopilot.is_armed or (autopilot.is_armable and not autopilot.doubts)
 
 
-def vehicle_summary(platform: Platform, facts: VehicleFacts, now_s: float) -> VehicleSummary:
+def vehicle_summary(platform: Platform, snapshot: VehicleState, now_s: float) -> VehicleSummary:
     """The vehicle at a glance."""
-    autopilot, pose, driver = facts.autopilot, facts.pose, facts.driver
+    autopilot, pose, driver = snapshot.autopilot, snapshot.pose, snapshot.driver
     position, geo, frame, speed_m_s, heading_deg = (0.0, 0.0, 0.0), None, "", 0.0, 0
     if pose is not None:
         frame, local = local_frame(platform, pose)
         x, y, height = local.from_ned(pose.position_ned_m)
         position = round(x, 2), round(y, 2), round(height, 2)
-        if facts.origin is not None:
-            place = TangentPlane(facts.origin).geo_from_ned(pose.position_ned_m)
+        if snapshot.origin is not None:
+            place = TangentPlane(snapshot.origin).geo_from_ned(pose.position_ned_m)
             geo = (round(place.latitude_deg, 7), round(place.longitude_deg, 7), round(place.altitude_m, 2))
         speed_m_s = round(math.hypot(*pose.velocity_ned_m_s), 2)
         heading_deg = round(math.degrees(yaw_of(pose.ned_from_frd))) % 360
@@ -159,25 +159,25 @@ def vehicle_summary(platform: Platform, facts: VehicleFacts, now_s: float) -> Ve
         t_s=round(now_s, 3),
         mode=autopilot.mode_name if autopilot is not None else "",
         is_armed=autopilot.is_armed if autopilot is not None else False,
-        landed=_whereabouts(autopilot) if autopilot is not None and facts.is_autopilot_known else "unknown",
+        landed=_position(autopilot) if autopilot is not None and snapshot.is_autopilot_known else "unknown",
         battery_percent=round(100.0 * autopilot.battery_remaining)
         if autopilot is not None and autopilot.battery_remaining >= 0.0
         else -1,
         position_m=position,
         speed_m_s=speed_m_s,
         heading_deg=heading_deg,
-        is_pose_valid=facts.is_pose_fresh(now_s),
+        is_pose_valid=snapshot.is_pose_fresh(now_s),
         has_pilot_control=driver.has_pilot_control if driver is not None else False,
-        is_autopilot_connected=facts.is_connected,
+        is_autopilot_connected=snapshot.is_connected,
         frame=frame,
         geo=geo,
         pose_sources=list(pose.sources) if pose is not None else [],
         pose_quality_percent=round(100.0 * pose.quality) if pose is not None else -1,
-        is_armable=facts.is_autopilot_known and autopilot is not None and _would_arm(autopilot),
+        is_armable=snapshot.is_autopilot_known and autopilot is not None and _would_arm(autopilot),
     )
 
 
-def motion_limits(platform: Platform, facts: VehicleFacts, executor: MissionExecutor | None) -> MotionLimits:
+def motion_limits(platform: Platform, snapshot: VehicleState, executor: MissionExecutor | None) -> MotionLimits:
     """What the limiter keeps to: the platform's limits, and the fence of the mission that is flown."""
     limits = platform.limits
     fence = executor.mission.mission.fence if executor is not None and executor.mission is not None else None
@@ -189,7 +189,7 @@ def motion_limits(platform: Platform, facts: VehicleFacts, executor: MissionExec
         height_max_m=limits.height_max_m,
         fence=fence,
         fence_margin_m=limits.fence_margin_m,
-        home_ned_m=facts.home_ned_m,
+        home_ned_m=snapshot.home_ned_m,
     )
 
 
@@ -201,26 +201,26 @@ def local_frame(platform: Platform, pose: Pose) -> tuple[str, LocalFrame]:
     return "", UNPLACED
 
 
-def motion_summary(platform: Platform, facts: VehicleFacts, now_s: float) -> MotionSummary | None:
+def motion_summary(platform: Platform, snapshot: VehicleState, now_s: float) -> MotionSummary | None:
     """How the vehicle moves; None while there is no pose."""
-    pose = facts.pose
+    pose = snapshot.pose
     if pose is None:
         return None
     _, frame = local_frame(platform, pose)
     roll, pitch, yaw = to_euler(pose.ned_from_frd)
-    setpoint = facts.setpoint if now_s - facts.setpoint_s <= SETPOINT_OLD_S else None
+    setpoint = snapshot.setpoint if now_s - snapshot.setpoint_s <= SETPOINT_STALE_S else None
     position, velocity, heading = None, None, None
     if setpoint is not None:
         position = None if setpoint.position_ned_m is None else _hundredths(frame, setpoint.position_ned_m)
         velocity = None if setpoint.velocity_ned_m_s is None else _hundredths(frame, setpoint.velocity_ned_m_s)
         heading = None if setpoint.yaw_rad is None else _cdeg(setpoint.yaw_rad) % 36000
-    autopilot = facts.autopilot
+    autopilot = snapshot.autopilot
     return MotionSummary(
         t_s=round(now_s, 3),
         attitude_cdeg=(_cdeg(roll), _cdeg(pitch), _cdeg(yaw) % 36000),
         position_cm=_hundredths(frame, pose.position_ned_m),
         velocity_cm_s=_hundredths(frame, pose.velocity_ned_m_s),
-        is_pose_valid=facts.is_pose_fresh(now_s),
+        is_pose_valid=snapshot.is_pose_fresh(now_s),
         setpoint_cm=position,
         setpoint_velocity_cm_s=velocity,
         setpoint_heading_cdeg=heading,
@@ -231,17 +231,17 @@ def motion_summary(platform: Platform, facts: VehicleFacts, now_s: float) -> Mot
     )
 
 
-def site_summary(platform: Platform, facts: VehicleFacts) -> SiteSummary | None:
+def site_summary(platform: Platform, snapshot: VehicleState) -> SiteSummary | None:
     """Where the frame lies; None while there is no pose."""
-    if facts.pose is None:
+    if snapshot.pose is None:
         return None
-    name, frame = local_frame(platform, facts.pose)
+    name, frame = local_frame(platform, snapshot.pose)
     home = None
-    if facts.home_ned_m is not None:
-        x, y, height = frame.from_ned(facts.home_ned_m)
+    if snapshot.home_ned_m is not None:
+        x, y, height = frame.from_ned(snapshot.home_ned_m)
         home = round(x, 2), round(y, 2), round(height, 2)
     return SiteSummary(
-        frame=name, x_axis_bearing_deg=frame.x_axis_bearing_deg, origin_geo=facts.pose.origin_geo, home_m=home
+        frame=name, x_axis_bearing_deg=frame.x_axis_bearing_deg, origin_geo=snapshot.pose.origin_geo, home_m=home
     )
 
 

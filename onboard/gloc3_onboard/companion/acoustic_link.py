@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from gloc3.exchange import Publisher
-from gloc3.exchange.acoustic import AcousticCode, Order, Receipt, Verb, summary_of
+from gloc3.exchange.acoustic import AcousticCode, AcousticOrder, AcousticVerb, Receipt, summary_of
 from gloc3.exchange.base import Exchange
 from gloc3.messages.command_interface import CiReply, CiRequest, Emergency, EmergencyVerb, Outcome
 from gloc3.messages.envelope import Envelope
@@ -16,7 +16,7 @@ SENDER: Final = "acoustic"
 PERIOD_S: Final = 60.0
 IN_CONTACT_S: Final = 5.0
 """While a station is heard otherwise, nothing is told by sound."""
-_VERBS: Final = {Verb.HOLD: EmergencyVerb.HOLD, Verb.SURFACE: EmergencyVerb.LAND}
+_VERBS: Final = {AcousticVerb.HOLD: EmergencyVerb.HOLD, AcousticVerb.SURFACE: EmergencyVerb.LAND}
 _LIFE: Final = 0
 """Orders are of one life over all starts of this process: an order that is played again later is known to the journal."""
 _KINDS: Final = 16
@@ -53,21 +53,21 @@ class AcousticLink:
         self._mission: MissionSummary | None = None
         self._health = Health.IDLE
         self._worst = 7
-        self._heard_s = float("-inf")
+        self._received_s = float("-inf")
         self._newest = -1
         """The sequence of the last order that was taken."""
         self._outcomes: dict[int, bool] = {}
         """By the sequence of an order: whether it was accepted."""
         topics: dict[str, Callable[[Envelope[Any]], None]] = {
-            "ci/vehicle": self._take_vehicle,
-            "ci/mission": self._take_mission,
-            "ci/summary": self._take_summary,
-            "ci/event": self._take_event,
-            "ci/heard": self._take_heard,
-            "ci/reply": self._take_reply,
+            "ci/vehicle": self._receive_vehicle,
+            "ci/mission": self._receive_mission,
+            "ci/summary": self._receive_summary,
+            "ci/event": self._receive_event,
+            "ci/heard": self._receive_order,
+            "ci/reply": self._receive_reply,
         }
-        self._undo = [exchange.subscribe(f"{platform}/{topic}", take) for topic, take in topics.items()]
-        self._timer = loop.call_later(period_s, self._tell)
+        self._undo = [exchange.subscribe(f"{platform}/{topic}", handle) for topic, handle in topics.items()]
+        self._timer = loop.call_later(period_s, self._transmit)
 
     def close(self) -> None:
         """Falls silent."""
@@ -81,7 +81,7 @@ class AcousticLink:
         One that is older than the last is refused, so that its sender learns of a clock that has been set back.
         """
         order = self.code.decode(data)
-        if not isinstance(order, Order):
+        if not isinstance(order, AcousticOrder):
             return
         sequence = order.number * _KINDS + order.verb
         if sequence in self._outcomes:
@@ -94,32 +94,32 @@ class AcousticLink:
         elif sequence != self._newest:
             self._send(self.code.encode(Receipt(order.number, False)))
 
-    def _tell(self) -> None:
-        self._timer = self._loop.call_later(self._period_s, self._tell)
+    def _transmit(self) -> None:
+        self._timer = self._loop.call_later(self._period_s, self._transmit)
         now_s = self._loop.time()
-        if self._vehicle is None or now_s - self._heard_s < IN_CONTACT_S:
+        if self._vehicle is None or now_s - self._received_s < IN_CONTACT_S:
             return
         summary = summary_of(self._vehicle, self._mission, self._health, self._worst)
         self._send(self.code.encode(summary))
 
-    def _take_vehicle(self, envelope: Envelope[VehicleSummary]) -> None:
+    def _receive_vehicle(self, envelope: Envelope[VehicleSummary]) -> None:
         self._vehicle = envelope.payload
 
-    def _take_mission(self, envelope: Envelope[MissionSummary]) -> None:
+    def _receive_mission(self, envelope: Envelope[MissionSummary]) -> None:
         self._mission = envelope.payload
 
-    def _take_summary(self, envelope: Envelope[Summary]) -> None:
+    def _receive_summary(self, envelope: Envelope[Summary]) -> None:
         self._health = envelope.payload.health
 
-    def _take_event(self, envelope: Envelope[CiEvent]) -> None:
-        if self._loop.time() - self._heard_s >= IN_CONTACT_S:
+    def _receive_event(self, envelope: Envelope[CiEvent]) -> None:
+        if self._loop.time() - self._received_s >= IN_CONTACT_S:
             self._worst = min(self._worst, int(envelope.payload.severity))
 
-    def _take_heard(self, envelope: Envelope[StationHeard]) -> None:
+    def _receive_order(self, envelope: Envelope[StationHeard]) -> None:
         del envelope
-        self._heard_s, self._worst = self._loop.time(), 7
+        self._received_s, self._worst = self._loop.time(), 7
 
-    def _take_reply(self, envelope: Envelope[CiReply]) -> None:
+    def _receive_reply(self, envelope: Envelope[CiReply]) -> None:
         reply = envelope.payload
         if reply.sender == SENDER:
             accepted = self._outcomes[reply.sequence] = reply.outcome is Outcome.ACCEPTED

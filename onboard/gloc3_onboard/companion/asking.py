@@ -29,7 +29,7 @@ class _Open(NamedTuple):
     until_s: float
 
 
-class Asking:
+class PendingQuestions:
     """One for the process.
 
     What needs control is refused here for everybody but its holder: strangers, however many, reach neither the server nor
@@ -62,9 +62,9 @@ class Asking:
         self._sequence = 0
         self._open: dict[tuple[str, int], _Open] = {}
         self._unsubscribe = [
-            exchange.subscribe(f"{platform}/ci/reply", self._take_reply),
-            exchange.subscribe(f"{platform}/ci/control", self._take_control),
-            exchange.subscribe(f"{platform}/ci/mission", self._take_mission),
+            exchange.subscribe(f"{platform}/ci/reply", self._receive_reply),
+            exchange.subscribe(f"{platform}/ci/control", self._request_control),
+            exchange.subscribe(f"{platform}/ci/mission", self._receive_mission),
         ]
 
     def close(self) -> None:
@@ -101,16 +101,16 @@ class Asking:
                 then(reply)
                 return
             try:
-                self.ask(str(system), body, ended)
+                self.request(str(system), body, ended)
             except Refused as refusal:
                 then(msgspec.structs.replace(reply, outcome=Outcome.REFUSED, reason=str(refusal)))
 
         if self.control.holder:
-            self.ask(str(system), body, ended)
+            self.request(str(system), body, ended)
         else:
-            self.ask(str(system), Control(verb=ControlVerb.REQUEST), granted)
+            self.request(str(system), Control(verb=ControlVerb.REQUEST), granted)
 
-    def ask(self, sender: str, body: AnyBody, then: Then) -> None:
+    def request(self, sender: str, body: AnyBody, then: Then) -> None:
         """Asks; `then` gets the reply, or after a while one that says *unknown*.
 
         Raises:
@@ -142,7 +142,7 @@ class Asking:
         """When the first has waited for too long."""
         return min((waiting.until_s for waiting in self._open.values()), default=None)
 
-    def _take_reply(self, envelope: Envelope[Any]) -> None:
+    def _receive_reply(self, envelope: Envelope[Any]) -> None:
         reply = envelope.payload
         if reply.boot == self._boot:
             waiting = self._open.pop((reply.sender, reply.sequence), None)
@@ -150,12 +150,12 @@ class Asking:
                 waiting.then(reply)
                 self._changed()
 
-    def _take_control(self, envelope: Envelope[ControlState]) -> None:
+    def _request_control(self, envelope: Envelope[ControlState]) -> None:
         is_new, self.control = envelope.payload != self.control, envelope.payload
         if is_new:
             self._changed()
 
-    def _take_mission(self, envelope: Envelope[MissionSummary]) -> None:
+    def _receive_mission(self, envelope: Envelope[MissionSummary]) -> None:
         before, self.mission = self.mission, envelope.payload
         if (before.digest, before.state) != (self.mission.digest, self.mission.state):
             self._changed()

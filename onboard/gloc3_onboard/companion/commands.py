@@ -11,12 +11,12 @@ from gloc3.errors import Refused
 from gloc3.mavlink.codec import enum_name
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.command import CommandResult
-from gloc3.mavlink.services.command_server import CancelServer, CommandCancel, CommandRequest, CommandServer
+from gloc3.mavlink.services.command_server import CancelServer, CommandCancel, MavCommandRequest, MavCommandServer
 from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL, StreamScheduler
 from gloc3.mavlink.services.version import VersionServer
 from gloc3.messages.command_interface import AnyBody, CiReply, Outcome, RequestAction, Steer, Verb
 from gloc3.mission.model.states import ActionState
-from gloc3_onboard.companion.asking import Asking, NotInControl
+from gloc3_onboard.companion.asking import NotInControl, PendingQuestions
 from gloc3_onboard.companion.operator_control import REQUEST_OPERATOR_CONTROL, OperatorControl
 
 MISSION_START: Final = 300
@@ -39,7 +39,7 @@ class _Running:
 
     __slots__ = ("is_cancelled", "next_s", "request")
 
-    def __init__(self, request: CommandRequest, now_s: float) -> None:
+    def __init__(self, request: MavCommandRequest, now_s: float) -> None:
         self.request = request
         self.next_s = now_s + PROGRESS_AFTER_S
         self.is_cancelled = False
@@ -61,21 +61,21 @@ class Commands:
     def __init__(
         self,
         own: Address,
-        asking: Asking,
+        requesting: PendingQuestions,
         control: OperatorControl,
         streams: StreamScheduler,
         version: VersionServer,
         serves: Callable[[Address], bool],
-        say: Callable[[str], None],
+        report: Callable[[str], None],
     ) -> None:
         self.refused = 0
         """Commands that were turned down."""
-        self._asking, self._control, self._streams, self._version = asking, control, streams, version
-        self._say = say
-        self.server: Final = CommandServer(own, serves=lambda one: one.target == own and serves(one.sender))
+        self._requesting, self._control, self._streams, self._version = requesting, control, streams, version
+        self._report = report
+        self.server: Final = MavCommandServer(own, serves=lambda one: one.target == own and serves(one.sender))
         self.cancels: Final = CancelServer(own)
         self._running: list[_Running] = []
-        self._handlers: Final[Mapping[int, Callable[[CommandRequest], AnyBody]]] = {
+        self._handlers: Final[Mapping[int, Callable[[MavCommandRequest], AnyBody]]] = {
             20: self._return,
             21: self._land,
             193: self._pause_or_continue,
@@ -98,9 +98,9 @@ class Commands:
         """When progress is to be told."""
         return min((running.next_s for running in self._running), default=None)
 
-    def _run(self, request: CommandRequest, now_s: float) -> None:
+    def _run(self, request: MavCommandRequest, now_s: float) -> None:
         try:
-            result = self._look(request, now_s)
+            result = self._answer_query(request, now_s)
             if result is not None:
                 self._answer(request, result, "" if result is CommandResult.ACCEPTED else "it cannot be had")
             elif request.command == REQUEST_OPERATOR_CONTROL:
@@ -116,14 +116,14 @@ class Commands:
         except Refused as refusal:
             self._refuse(request, CommandResult.DENIED, str(refusal))
 
-    def _look(self, request: CommandRequest, now_s: float) -> CommandResult | None:
+    def _answer_query(self, request: MavCommandRequest, now_s: float) -> CommandResult | None:
         """What only looks, and needs no control; None for any other command."""
         if request.command == SET_MESSAGE_INTERVAL and 0.0 < request.params[1] < 1e6 / FASTEST_HZ:
             raise Refused(f"no message is sent more often than {FASTEST_HZ:g} times a second")
         found = self._version.command(request)
         return found if found is not None else self._streams.command(request, now_s)
 
-    def _act(self, request: CommandRequest, body: AnyBody, now_s: float) -> None:
+    def _act(self, request: MavCommandRequest, body: AnyBody, now_s: float) -> None:
         running = self._begin(request, now_s)
 
         def ended(reply: CiReply) -> None:
@@ -137,9 +137,9 @@ class Commands:
                 case _:
                     self._end(running, CommandResult.FAILED, reply.reason)
 
-        self._asking.act(request.sender, body, ended)
+        self._requesting.act(request.sender, body, ended)
 
-    def _begin(self, request: CommandRequest, now_s: float) -> _Running:
+    def _begin(self, request: MavCommandRequest, now_s: float) -> _Running:
         running = _Running(request, now_s)
         self._running.append(running)
         return running
@@ -149,16 +149,16 @@ class Commands:
             self._running.remove(running)
         self._answer(running.request, result, reason)
 
-    def _refuse(self, request: CommandRequest, result: CommandResult, reason: str) -> None:
+    def _refuse(self, request: MavCommandRequest, result: CommandResult, reason: str) -> None:
         self._running = [running for running in self._running if running.request is not request]
         self._answer(request, result, reason)
 
-    def _answer(self, request: CommandRequest, result: CommandResult, reason: str) -> None:
+    def _answer(self, request: MavCommandRequest, result: CommandResult, reason: str) -> None:
         if result is not CommandResult.ACCEPTED:
             self.refused += 1
             name = enum_name("MAV_CMD", request.command).removeprefix("MAV_CMD_")
-            self._say(f"{name} of station {request.sender.system} refused: {reason}")
-        self.server.answer(request, result, now_s=self._asking.now_s())
+            self._report(f"{name} of station {request.sender.system} refused: {reason}")
+        self.server.answer(request, result, now_s=self._requesting.now_s())
 
     def _cancel(self, cancel: CommandCancel) -> None:
         """Ends what a command has begun: the mission, for its start; nothing else can be taken back."""
@@ -167,13 +167,13 @@ class Commands:
             (one for one in self._running if (one.request.sender, one.request.command) == (sender, cancel.command)),
             None,
         )
-        is_open = self._asking.mission.state in _OPEN
+        is_open = self._requesting.mission.state in _OPEN
         if cancel.command != MISSION_START or (running is None and not is_open):
             return
 
         def ended(reply: CiReply) -> None:
             if reply.outcome is not Outcome.ACCEPTED:
-                self._say(f"the mission of station {sender.system} is not cancelled: {reply.reason}")
+                self._report(f"the mission of station {sender.system} is not cancelled: {reply.reason}")
             elif running is not None:
                 running.is_cancelled = True
                 self._end(running, CommandResult.CANCELLED, "cancelled by its sender")
@@ -181,21 +181,21 @@ class Commands:
                 self.cancels.cancelled(cancel)
 
         try:
-            self._asking.act(sender, Steer(verb=Verb.ABORT), ended)
+            self._requesting.act(sender, Steer(verb=Verb.ABORT), ended)
         except Refused as refusal:
             self.refused += 1
-            self._say(f"COMMAND_CANCEL of station {sender.system} refused: {refusal}")
+            self._report(f"COMMAND_CANCEL of station {sender.system} refused: {refusal}")
 
     # --- what the commands mean ---
 
-    def _start(self, request: CommandRequest) -> AnyBody:
+    def _start(self, request: MavCommandRequest) -> AnyBody:
         first, last = request.params[:2]
         if not _is_unset(first) or not (_is_unset(last) or last < 0.0):
             raise Refused("a mission starts as a whole: leave the first and last item at 0")
-        is_paused = self._asking.mission.state == ActionState.PAUSED
+        is_paused = self._requesting.mission.state == ActionState.PAUSED
         return Steer(verb=Verb.RESUME if is_paused else Verb.START)
 
-    def _pause_or_continue(self, request: CommandRequest) -> AnyBody:
+    def _pause_or_continue(self, request: MavCommandRequest) -> AnyBody:
         match request.params[0]:
             case 0.0:
                 return Steer(verb=Verb.PAUSE)
@@ -203,21 +203,21 @@ class Commands:
                 return Steer(verb=Verb.RESUME)
         raise Refused(f"{request.params[0]:g} is neither 0, pause, nor 1, continue")
 
-    def _abort(self, request: CommandRequest) -> AnyBody:
+    def _abort(self, request: MavCommandRequest) -> AnyBody:
         if request.params[0] != 1.0:
             raise Refused(f"{request.params[0]:g} is not 1, abort")
         return Steer(verb=Verb.ABORT)
 
-    def _return(self, request: CommandRequest) -> AnyBody:
+    def _return(self, request: MavCommandRequest) -> AnyBody:
         return RequestAction(capability="return_home", author=_author(request))
 
-    def _land(self, request: CommandRequest) -> AnyBody:
+    def _land(self, request: MavCommandRequest) -> AnyBody:
         if not all(_is_unset(value) for value in request.params[4:6]):
             raise Refused("it lands where it is: leave the place at 0")
         return RequestAction(capability="land", author=_author(request))
 
 
-def _author(request: CommandRequest) -> str:
+def _author(request: MavCommandRequest) -> str:
     return f"station {request.sender.system}"
 
 

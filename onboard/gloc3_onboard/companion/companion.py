@@ -12,29 +12,29 @@ from gloc3.exchange.base import Exchange
 from gloc3.mavlink import codec
 from gloc3.mavlink.codec import Frame
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.node import Node
+from gloc3.mavlink.node import MavlinkComponent
 from gloc3.mavlink.service import earliest
 from gloc3.mavlink.services.ftp_files import Files
 from gloc3.mavlink.services.ftp_server import FtpServer
 from gloc3.mavlink.services.heartbeat import AUTOPILOT_INVALID
 from gloc3.mavlink.services.interval import StreamScheduler
-from gloc3.mavlink.services.version import Capability, Version, VersionServer, version_number
+from gloc3.mavlink.services.version import ProtocolCapability, Version, VersionServer, version_number
 from gloc3.messages.envelope import Event, Severity
 from gloc3.messages.summaries import StationHeard
 from gloc3.platform.platform import Platform
-from gloc3_onboard.companion.asking import Asking
+from gloc3_onboard.companion.asking import PendingQuestions
 from gloc3_onboard.companion.commands import Commands
 from gloc3_onboard.companion.herald import computer_status
 from gloc3_onboard.companion.metadata import Metadata
 from gloc3_onboard.companion.operator_control import OperatorControl
 from gloc3_onboard.companion.parameter_table import OwnParameter, rows_of
-from gloc3_onboard.companion.parameters import Parameters
-from gloc3_onboard.companion.plans import Plans
+from gloc3_onboard.companion.parameters import CompanionParameters
+from gloc3_onboard.companion.plans import PlanServer
 from gloc3_onboard.process.vitals import Vitals
 
 MOST_PEERS: Final = 64
 """Of so many it is remembered on which link they are; who was not heard for longest is forgotten."""
-HEARD_PERIOD_S: Final = 0.5
+CONTACT_PERIOD_S: Final = 0.5
 RATES_HZ: Final = {
     "CONTROL_STATUS": 1.0,
     "ONBOARD_COMPUTER_STATUS": 0.2,
@@ -44,18 +44,18 @@ RATES_HZ: Final = {
 """What can be asked for. The last two are told on request only: stations would take a MISSION_CURRENT of ours for the
 autopilot's."""
 CAPABILITIES: Final = (
-    Capability.MISSION_FLOAT
-    | Capability.MISSION_INT
-    | Capability.MISSION_FENCE
-    | Capability.COMMAND_INT
-    | Capability.FTP
-    | Capability.MAVLINK2
-    | Capability.PARAM_ENCODE_C_CAST
-    | Capability.COMPONENT_ACCEPTS_GCS_CONTROL
+    ProtocolCapability.MISSION_FLOAT
+    | ProtocolCapability.MISSION_INT
+    | ProtocolCapability.MISSION_FENCE
+    | ProtocolCapability.COMMAND_INT
+    | ProtocolCapability.FTP
+    | ProtocolCapability.MAVLINK2
+    | ProtocolCapability.PARAM_ENCODE_C_CAST
+    | ProtocolCapability.COMPONENT_ACCEPTS_GCS_CONTROL
 )
 
 Send = Callable[[MavlinkMessage], None]
-Hear = Callable[[Iterable[Frame]], None]
+FrameHandler = Callable[[Iterable[Frame]], None]
 
 
 class _Link(NamedTuple):
@@ -75,7 +75,7 @@ class Companion:
         boot: a random number for this start of the process.
         look: looks at the computer.
         parameters: of the onboard computer itself.
-        takes_plans: plans that stations send to the autopilot are ours, and do not reach it.
+        accepts_plans: plans that stations send to the autopilot are ours, and do not reach it.
     """
 
     def __init__(
@@ -86,38 +86,38 @@ class Companion:
         clock: Clock,
         loop: asyncio.AbstractEventLoop,
         boot: int,
-        look: Callable[[], Vitals] = Vitals,
+        poll: Callable[[], Vitals] = Vitals,
         parameters: Sequence[OwnParameter] = (),
         *,
-        takes_plans: bool = False,
+        accepts_plans: bool = False,
     ) -> None:
         self.own: Final = own
-        self._clock, self._loop, self._look, self._takes_plans = clock, loop, look, takes_plans
+        self._clock, self._loop, self._inspect, self._accepts_plans = clock, loop, poll, accepts_plans
         self._timer: asyncio.TimerHandle | None = None
         self._is_closed = self._is_waking = False
         self._began_s = loop.time()
         self._publisher = Publisher(exchange, platform.platform, "companion", boot)
-        self._heard_topic = f"{platform.platform}/ci/heard"
+        self._contact_topic = f"{platform.platform}/ci/heard"
         self._event_topic = f"{platform.platform}/components/companion/event"
         self.reasons: Final = Reasons(self._publish)
-        self._asking = Asking(exchange, platform.platform, boot, loop.time, self._wake)
-        self.control: Final = OperatorControl(self._asking, self._send)
-        self._asking.acted = self.control.holds
+        self._requesting = PendingQuestions(exchange, platform.platform, boot, loop.time, self._wake)
+        self.control: Final = OperatorControl(self._requesting, self._send)
+        self._requesting.acted = self.control.holds
         self._apply = {each.row.name: each.apply for each in parameters}
         rows = [*(each.row for each in parameters), *rows_of(platform.components)]
         self.metadata: Final = Metadata(own, platform.platform, rows)
-        self.parameters: Final = Parameters(
-            own, self._asking, exchange, platform, rows, self._apply_own, self.reasons.say, self._wake
+        self.parameters: Final = CompanionParameters(
+            own, self._requesting, exchange, platform, rows, self._apply_own, self.reasons.report, self._wake
         )
-        self.plans: Final = Plans(own, self._asking, platform, self._serves, self.reasons.say)
+        self.plans: Final = PlanServer(own, self._requesting, platform, self._serves, self.reasons.report)
         self._streams = StreamScheduler(own, RATES_HZ)
         version = Version(capabilities=CAPABILITIES, flight_software=version_number(*_version()))
         about = VersionServer(own, version)
         self.commands: Final = Commands(
-            own, self._asking, self.control, self._streams, about, self._serves, self.reasons.say
+            own, self._requesting, self.control, self._streams, about, self._serves, self.reasons.report
         )
         services = (self.commands.server, self.commands.cancels, self.plans.server, self.parameters.server, about)
-        self._node = Node(own, (*services, self._streams))
+        self._node = MavlinkComponent(own, (*services, self._streams))
         names = sorted({name for service in services for name in service.handles})
         self._wanted = {codec.shape(name).id for name in names}
         self._plan_ids = {codec.shape(name).id for name in sorted(self.plans.server.handles)}
@@ -126,25 +126,25 @@ class Companion:
             codec.shape("CONTROL_STATUS").id: self.control.status,
             codec.shape("MISSION_CURRENT").id: self.plans.server.current_message,
             codec.shape("COMPONENT_METADATA").id: lambda: self.metadata.message(self._boot_ms()),
-            codec.shape("ONBOARD_COMPUTER_STATUS").id: lambda: computer_status(self._look(), self._clock.utc_s()),
+            codec.shape("ONBOARD_COMPUTER_STATUS").id: lambda: computer_status(self._inspect(), self._clock.utc_s()),
         }
         self._links: list[_Link] = []
         self._peers: OrderedDict[Address, _Link] = OrderedDict()
         self._autopilots: set[Address] = set()
-        self._told_heard_s = float("-inf")
+        self._reported_contact_s = float("-inf")
         self._wake()
 
-    def attach(self, send: Send, *, is_to_stations: bool = True) -> Hear:
+    def attach(self, send: Send, *, is_to_stations: bool = True) -> FrameHandler:
         """Adds a link; gives what is to be called with the frames that are heard there."""
         link = _Link(send, is_to_stations)
         self._links.append(link)
-        return lambda frames: self._hear(link, frames)
+        return lambda frames: self._receive_frames(link, frames)
 
     def share(self, files: Files, may_write: Callable[[], bool] = lambda: True) -> None:
         """Shares files over MAVLink FTP from now on."""
 
         def admits(sender: Address) -> bool:
-            return may_write() and self._asking.control.holder in ("", str(sender.system))
+            return may_write() and self._requesting.control.holder in ("", str(sender.system))
 
         server = FtpServer(self.own, files, admits=admits)
         self._node.add(server)
@@ -153,7 +153,7 @@ class Companion:
     def close(self) -> None:
         """Says nothing any more."""
         self._is_closed = True
-        self._asking.close()
+        self._requesting.close()
         self.parameters.close()
         if self._timer is not None:
             self._timer.cancel()
@@ -163,31 +163,31 @@ class Companion:
     def keeps(self, frame: Frame) -> bool:
         """Whether a frame of a station is not to be passed on: it belongs to a plan for the autopilot that is ours."""
         return (
-            self._takes_plans
+            self._accepts_plans
             and frame.message_id in self._plan_ids
             and Address(frame.target_system, frame.target_component) in self._autopilots
         )
 
-    def _hear(self, link: _Link, frames: Iterable[Frame]) -> None:
-        is_news = False
+    def _receive_frames(self, link: _Link, frames: Iterable[Frame]) -> None:
+        is_new = False
         for frame in frames:
             if frame.message_id == self._heartbeat_id:
-                self._meet(frame)
+                self._add_sender(frame)
             elif frame.message_id in self._wanted:
-                is_news |= self._take(link, frame)
-        if is_news:
+                is_new |= self._handle_frame(link, frame)
+        if is_new:
             self._settle()
 
-    def _meet(self, frame: Frame) -> None:
+    def _add_sender(self, frame: Frame) -> None:
         """Notices the autopilot, and that whoever holds control by MAVLink is there."""
         if frame.system == self.own.system:
             message = frame.decode()
             if message is not None and message.autopilot != AUTOPILOT_INVALID:
                 self._autopilots.add(frame.sender)
         if self.control.is_holder(frame.sender):
-            self._count_as_heard(frame.system)
+            self._note_contact(frame.system)
 
-    def _take(self, link: _Link, frame: Frame) -> bool:
+    def _handle_frame(self, link: _Link, frame: Frame) -> bool:
         """Whether a frame was for one of the services."""
         now_s = self._loop.time()
         if link.is_to_stations and self.keeps(frame):
@@ -203,7 +203,7 @@ class Companion:
             return False
         self._remember(frame.sender, link)
         if self.control.is_holder(frame.sender):
-            self._count_as_heard(frame.system)
+            self._note_contact(frame.system)
         return True
 
     def _remember(self, peer: Address, link: _Link) -> None:
@@ -212,11 +212,11 @@ class Companion:
         if len(self._peers) > MOST_PEERS:
             self._peers.popitem(last=False)
 
-    def _count_as_heard(self, system: int) -> None:
+    def _note_contact(self, system: int) -> None:
         now_s = self._loop.time()
-        if now_s - self._told_heard_s >= HEARD_PERIOD_S:
-            self._told_heard_s = now_s
-            self._publisher.publish(self._heard_topic, StationHeard(station=str(system)), now_s)
+        if now_s - self._reported_contact_s >= CONTACT_PERIOD_S:
+            self._reported_contact_s = now_s
+            self._publisher.publish(self._contact_topic, StationHeard(station=str(system)), now_s)
 
     def _apply_own(self, name: str, value: float) -> None:
         self._apply[name](value)
@@ -239,7 +239,7 @@ class Companion:
         if self._is_closed:
             return
         now_s = self._loop.time()
-        self._asking.tick(now_s)
+        self._requesting.tick(now_s)
         self._node.tick(now_s)
         self.commands.tick(now_s)
         self.plans.tick(now_s)
@@ -250,7 +250,7 @@ class Companion:
             self._send(self._producers[number]())
         for message in self._node.outgoing():
             self._send(message)
-        services = (self._asking, self._node, self.commands, self.plans, self.reasons)
+        services = (self._requesting, self._node, self.commands, self.plans, self.reasons)
         next_s = earliest(*(service.next_tick_s() for service in services))
         if self._timer is not None:
             self._timer.cancel()
@@ -299,24 +299,24 @@ class Reasons:
         tell: takes one.
     """
 
-    def __init__(self, tell: Callable[[str], None]) -> None:
-        self.said = 0
+    def __init__(self, report: Callable[[str], None]) -> None:
+        self.reported = 0
         """Reasons so far, told or not."""
-        self._tell = tell
+        self._report = report
         self._now_s = 0.0
         self._in_period = self._untold = 0
         self._ends_s: float | None = None
 
-    def say(self, text: str) -> None:
+    def report(self, text: str) -> None:
         """Tells a reason, unless too many were told just before."""
-        self.said += 1
+        self.reported += 1
         if self._in_period >= MOST:
             self._untold += 1
             return
         self._in_period += 1
         if self._ends_s is None:
             self._ends_s = self._now_s + PERIOD_S
-        self._tell(text)
+        self._report(text)
 
     def tick(self, now_s: float) -> None:
         """Begins a new period when it is time."""
@@ -325,7 +325,7 @@ class Reasons:
             return
         untold, self._untold, self._in_period, self._ends_s = self._untold, 0, 0, None
         if untold:
-            self._tell(f"and {untold} more refusals")
+            self._report(f"and {untold} more refusals")
 
     def next_tick_s(self) -> float | None:
         """When the period ends."""

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-from gloc3.mavlink.services.ftp import Entry
+from gloc3.mavlink.services.ftp import FolderEntry
 from gloc3.mavlink.services.ftp_files import Files, FolderFiles
 from gloc3.mission.formats import MISSION_SUFFIXES, PLAN_SUFFIXES, WPL_SUFFIXES
 from gloc3_onboard.command_server.log_shelf import LOG_NAME
@@ -32,9 +32,9 @@ def shared_files(folder: Path, logs: Path, metadata: Mapping[str, bytes]) -> Fil
     missions = folder / MISSIONS
     missions.mkdir(parents=True, exist_ok=True)
     folders: dict[str, Files] = {
-        LOGS: LogFiles(logs, is_writable=False),
+        LOGS: LogFolder(logs, is_writable=False),
         "metadata": MemoryFiles(metadata),
-        MISSIONS: MissionFiles(missions, most_bytes=LARGEST_MISSION_BYTES),
+        MISSIONS: MissionFolder(missions, most_bytes=LARGEST_MISSION_BYTES),
     }
     return Folders(folders)
 
@@ -45,51 +45,51 @@ class Folders:
     def __init__(self, folders: Mapping[str, Files]) -> None:
         self._folders = folders
 
-    def entries(self, path: str) -> list[Entry]:
+    def entries(self, path: str) -> list[FolderEntry]:
         """What a folder holds, sorted."""
         parts = _parts(path)
         if not parts:
-            return [Entry(name, True) for name in sorted(self._folders)]
-        return self._in(parts).entries(_rest(parts))
+            return [FolderEntry(name, True) for name in sorted(self._folders)]
+        return self._in(parts).entries(_remainder(parts))
 
     def size(self, path: str) -> int:
         """Of a file, in bytes."""
-        return self._in(parts := _parts(path)).size(_rest(parts))
+        return self._in(parts := _parts(path)).size(_remainder(parts))
 
     def read(self, path: str, offset: int, size: int) -> bytes:
         """Bytes of a file."""
-        return self._in(parts := _parts(path)).read(_rest(parts), offset, size)
+        return self._in(parts := _parts(path)).read(_remainder(parts), offset, size)
 
     def create(self, path: str) -> None:
         """Makes an empty file, or empties one."""
-        self._in(parts := _parts(path)).create(_rest(parts))
+        self._in(parts := _parts(path)).create(_remainder(parts))
 
     def write(self, path: str, offset: int, data: bytes) -> None:
         """Writes into an existing file."""
-        self._in(parts := _parts(path)).write(_rest(parts), offset, data)
+        self._in(parts := _parts(path)).write(_remainder(parts), offset, data)
 
     def truncate(self, path: str, size: int) -> None:
         """Cuts a file off, or fills it up with zeros."""
-        self._in(parts := _parts(path)).truncate(_rest(parts), size)
+        self._in(parts := _parts(path)).truncate(_remainder(parts), size)
 
     def remove(self, path: str) -> None:
         """Removes a file."""
-        self._in(parts := _parts(path)).remove(_rest(parts))
+        self._in(parts := _parts(path)).remove(_remainder(parts))
 
     def make_folder(self, path: str) -> None:
         """Makes a folder."""
-        self._in(parts := _parts(path)).make_folder(_rest(parts))
+        self._in(parts := _parts(path)).make_folder(_remainder(parts))
 
     def remove_folder(self, path: str) -> None:
         """Removes an empty folder."""
-        self._in(parts := _parts(path)).remove_folder(_rest(parts))
+        self._in(parts := _parts(path)).remove_folder(_remainder(parts))
 
     def rename(self, path: str, new_path: str) -> None:
         """Moves a file within its folder."""
         parts, new = _parts(path), _parts(new_path)
         if parts[:1] != new[:1]:
             raise PermissionError(new_path)
-        self._in(parts).rename(_rest(parts), _rest(new))
+        self._in(parts).rename(_remainder(parts), _remainder(new))
 
     def _in(self, parts: list[str]) -> Files:
         """The tree in which a path lies.
@@ -105,10 +105,10 @@ class Folders:
         return found
 
 
-class MissionFiles(FolderFiles):
+class MissionFolder(FolderFiles):
     """One folder of mission files: no folders in it, names that name missions, and not too many."""
 
-    def entries(self, path: str) -> list[Entry]:
+    def entries(self, path: str) -> list[FolderEntry]:
         """What the folder holds, sorted."""
         return [entry for entry in super().entries(path) if not entry.is_folder]
 
@@ -147,10 +147,10 @@ class MissionFiles(FolderFiles):
         return name
 
 
-class LogFiles(FolderFiles):
+class LogFolder(FolderFiles):
     """The logs in the onboard process's folder, and the pictures beside them; made so that they cannot be written."""
 
-    def entries(self, path: str) -> list[Entry]:
+    def entries(self, path: str) -> list[FolderEntry]:
         """What a folder holds, sorted."""
         if not _parts(path):
             return [entry for entry in super().entries("/") if _LOG.fullmatch(entry.name)]
@@ -183,11 +183,11 @@ class MemoryFiles:
     def __init__(self, files: Mapping[str, bytes]) -> None:
         self._files = files
 
-    def entries(self, path: str) -> list[Entry]:
+    def entries(self, path: str) -> list[FolderEntry]:
         """What the folder holds, sorted."""
         if _parts(path):
             raise FileNotFoundError(path)
-        return [Entry(name, False, len(data)) for name, data in sorted(self._files.items())]
+        return [FolderEntry(name, False, len(data)) for name, data in sorted(self._files.items())]
 
     def size(self, path: str) -> int:
         """Of a file, in bytes."""
@@ -244,5 +244,5 @@ def _parts(path: str) -> list[str]:
     return [ALIASES.get(parts[0], parts[0]), *parts[1:]] if parts else []
 
 
-def _rest(parts: list[str]) -> str:
+def _remainder(parts: list[str]) -> str:
     return "/" + "/".join(parts[1:])

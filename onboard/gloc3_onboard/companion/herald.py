@@ -48,7 +48,7 @@ def computer_status(vitals: Vitals, utc_s: float) -> MavlinkMessage:
     )
 
 
-class Herald:
+class AutopilotReporter:
     """Sends texts on every link to stations.
 
     Args:
@@ -71,8 +71,8 @@ class Herald:
         self.least_severity = Severity.WARNING
         """Events that are at least so severe are told."""
         self._loop, self._send = loop, send
-        self._said = self._unsaid = 0
-        self._unsubscribe = exchange.subscribe(f"{platform}/components/*/event", self._hear)
+        self._reported = self._unreported = 0
+        self._unsubscribe = exchange.subscribe(f"{platform}/components/*/event", self._receive_event)
         self._timer = loop.call_later(PERIOD_S, self._tick)
 
     def close(self) -> None:
@@ -80,23 +80,23 @@ class Herald:
         self._unsubscribe()
         self._timer.cancel()
 
-    def _hear(self, envelope: Envelope[Event]) -> None:
+    def _receive_event(self, envelope: Envelope[Event]) -> None:
         event = envelope.payload
         if event.severity > self.least_severity:
             return
-        if self._said >= MOST_TEXTS:
-            self._unsaid += 1
+        if self._reported >= MOST_TEXTS:
+            self._unreported += 1
             return
-        self._said += 1
-        self._say(event.severity, f"{envelope.source.component}: {event.text}")
+        self._reported += 1
+        self._send_text(event.severity, f"{envelope.source.component}: {event.text}")
 
-    def _say(self, severity: Severity, text: str) -> None:
-        self._texts.say(severity, text)
+    def _send_text(self, severity: Severity, text: str) -> None:
+        self._texts.send(severity, text)
         for message in self._texts.outgoing():
             self._send(message)
 
     def _tick(self) -> None:
         self._timer = self._loop.call_later(PERIOD_S, self._tick)
-        if self._unsaid:
-            self._say(Severity.WARNING, f"and {self._unsaid} more")
-        self._said = self._unsaid = 0
+        if self._unreported:
+            self._send_text(Severity.WARNING, f"and {self._unreported} more")
+        self._reported = self._unreported = 0

@@ -10,8 +10,8 @@ from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL
 from gloc3.mavlink.transport.endpoints import Endpoint
 from gloc3.messages.envelope import Severity
 
-LOOK_AFTER_S: Final = 3.0
-LOOK_EVERY_S: Final = 1.0
+POLL_AFTER_S: Final = 3.0
+POLL_PERIOD_S: Final = 1.0
 
 
 class LinkWatch:
@@ -24,29 +24,31 @@ class LinkWatch:
     """
 
     def __init__(
-        self, loop: asyncio.AbstractEventLoop, endpoints: Sequence[Endpoint], say: Callable[[Severity, str], None]
+        self, loop: asyncio.AbstractEventLoop, endpoints: Sequence[Endpoint], report: Callable[[Severity, str], None]
     ) -> None:
-        self._loop, self._endpoints, self._say = loop, endpoints, say
-        self._told: dict[str, str] = {}
+        self._loop, self._endpoints, self._report = loop, endpoints, report
+        self._reported: dict[str, str] = {}
         """What was told last of each link, by its URL."""
         self._timer: asyncio.TimerHandle | None = None
 
     def begin(self) -> None:
         """Gives the links some time, then looks."""
-        self._timer = self._loop.call_later(LOOK_AFTER_S, self._look)
+        self._timer = self._loop.call_later(POLL_AFTER_S, self._poll)
 
     def close(self) -> None:
         """Looks no more."""
         if self._timer is not None:
             self._timer.cancel()
 
-    def _look(self) -> None:
-        self._timer = self._loop.call_later(LOOK_EVERY_S, self._look)
+    def _poll(self) -> None:
+        self._timer = self._loop.call_later(POLL_PERIOD_S, self._poll)
         for endpoint in self._endpoints:
             problem = "" if endpoint.is_connected else endpoint.problem or "nothing is heard there"
-            if problem != self._told.get(endpoint.url, ""):
-                self._say(Severity.WARNING if problem else Severity.NOTICE, f"{endpoint.url}: {problem or 'connected'}")
-            self._told[endpoint.url] = problem
+            if problem != self._reported.get(endpoint.url, ""):
+                self._report(
+                    Severity.WARNING if problem else Severity.NOTICE, f"{endpoint.url}: {problem or 'connected'}"
+                )
+            self._reported[endpoint.url] = problem
 
 
 MOST: Final = 5
@@ -64,19 +66,19 @@ class RateWatch:
 
     def __init__(self, changed: Callable[[], None], now_s: Callable[[], float]) -> None:
         self._changed, self._now_s = changed, now_s
-        self._began_s, self._told = float("-inf"), 0
+        self._began_s, self._reported = float("-inf"), 0
         self._stream_id = codec.shape("REQUEST_DATA_STREAM").id
         self._command_ids = frozenset(codec.shape(name).id for name in ("COMMAND_LONG", "COMMAND_INT"))
 
-    def hear(self, frames: Iterable[Frame]) -> None:
+    def receive(self, frames: Iterable[Frame]) -> None:
         """Looks at frames of a station, which the router passes on."""
         for frame in frames:
             if frame.message_id == self._stream_id or (frame.message_id in self._command_ids and _sets_a_rate(frame)):
                 now_s = self._now_s()
                 if now_s - self._began_s >= PERIOD_S:
-                    self._began_s, self._told = now_s, 0
-                self._told += 1
-                if self._told <= MOST:
+                    self._began_s, self._reported = now_s, 0
+                self._reported += 1
+                if self._reported <= MOST:
                     self._changed()
 
 

@@ -12,7 +12,7 @@ from gloc3 import __version__
 from gloc3.mavlink.codec import message
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.services.ftp import checksum
-from gloc3_onboard.companion.parameter_table import ParameterRow
+from gloc3_onboard.companion.parameter_table import CompanionParameter
 
 GENERAL: Final = "general.json"
 PARAMETERS: Final = "parameters.json"
@@ -30,7 +30,7 @@ class Metadata:
         rows: every parameter.
     """
 
-    def __init__(self, own: Address, platform: str, rows: Sequence[ParameterRow]) -> None:
+    def __init__(self, own: Address, platform: str, rows: Sequence[CompanionParameter]) -> None:
         parameters = msgspec.json.encode({"version": 3, "parameters": [_parameter(row) for row in rows]})
         general = msgspec.json.encode(
             {
@@ -56,8 +56,8 @@ def _uri(own: Address, name: str) -> str:
     return f"mftp://[;comp={own.component}]{FOLDER}/{name}"
 
 
-def _parameter(row: ParameterRow) -> dict[str, Any]:
-    told: dict[str, Any] = {
+def _parameter(row: CompanionParameter) -> dict[str, Any]:
+    reported: dict[str, Any] = {
         "name": row.name,
         "type": "Float",
         "shortDesc": f"{row.component or 'onboard computer'}: {row.setting or 'rate_hz'}",
@@ -65,5 +65,5 @@ def _parameter(row: ParameterRow) -> dict[str, Any]:
         "group": row.component or "onboard computer",
     }
     optional = {"longDesc": row.text, "units": row.unit, "min": row.low, "max": row.high}
-    told |= {key: value for key, value in optional.items() if value not in (None, "")}
-    return told | ({"decimalPlaces": 0, "increment": 1} if row.is_whole else {})
+    reported |= {key: value for key, value in optional.items() if value not in (None, "")}
+    return reported | ({"decimalPlaces": 0, "increment": 1} if row.is_whole else {})

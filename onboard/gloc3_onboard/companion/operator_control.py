@@ -11,9 +11,9 @@ from gloc3.errors import Refused
 from gloc3.mavlink.codec import message
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.services.command import CommandResult
-from gloc3.mavlink.services.command_server import CommandRequest
+from gloc3.mavlink.services.command_server import MavCommandRequest
 from gloc3.messages.command_interface import CiReply, Control, ControlVerb, Outcome
-from gloc3_onboard.companion.asking import Asking
+from gloc3_onboard.companion.asking import PendingQuestions
 
 REQUEST_OPERATOR_CONTROL: Final = 32100
 TAKEOVER_ALLOWED: Final = 2
@@ -31,22 +31,22 @@ class OperatorControl:
         send: sends a message.
     """
 
-    def __init__(self, asking: Asking, send: Callable[[MavlinkMessage], None]) -> None:
-        self._asking, self._send = asking, send
+    def __init__(self, requesting: PendingQuestions, send: Callable[[MavlinkMessage], None]) -> None:
+        self._requesting, self._send = requesting, send
         self._addresses: dict[int, Address] = {}
         """The last holder and requester that came by MAVLink, by system."""
         self._lenient = 0
         """The system that lets others take over from it, while it holds control."""
-        self._asked_for = ""
+        self._requested = ""
         """The request that the holder was last told of."""
 
     def status(self) -> MavlinkMessage:
         """CONTROL_STATUS of now; a holder whose id is no MAVLink system cannot be told."""
-        holder = _system(self._asking.control.holder)
-        is_free = not self._asking.control.holder or holder == self._lenient
+        holder = _system(self._requesting.control.holder)
+        is_free = not self._requesting.control.holder or holder == self._lenient
         return message("CONTROL_STATUS", gcs_main=holder, flags=TAKEOVER_ALLOWED if is_free else 0)
 
-    def request(self, request: CommandRequest, answer: Answer) -> None:
+    def request(self, request: MavCommandRequest, answer: Answer) -> None:
         """Carries out a MAV_CMD_REQUEST_OPERATOR_CONTROL.
 
         Raises:
@@ -58,30 +58,30 @@ class OperatorControl:
             raise Refused(f"station {system} cannot ask for station {wanted:g}")
         if action not in (0.0, 1.0):
             raise Refused(f"{action:g} is neither 0, release, nor 1, request")
-        holder = self._asking.control.holder
+        holder = self._requesting.control.holder
         if action == 0.0:
-            self._asking.require(system)
+            self._requesting.require(system)
             if not holder:
                 answer(CommandResult.ACCEPTED, "")
                 return
-            self._asking.ask(str(system), Control(verb=ControlVerb.RELEASE), _told(answer))
+            self._requesting.request(str(system), Control(verb=ControlVerb.RELEASE), _reported(answer))
         elif holder == str(system):
             self._lenient = system if lets_others == 1.0 else 0
-            if self._lenient and self._asking.control.requested_by:
+            if self._lenient and self._requesting.control.requested_by:
                 self._grant(system)
             answer(CommandResult.ACCEPTED, "")
         else:
-            self._ask_for(request, lets_others == 1.0, answer)
+            self._request(request, lets_others == 1.0, answer)
 
     def tick(self) -> None:
         """Tells a holder on MAVLink who wants control, and grants it where the holder lets everybody take over."""
-        control = self._asking.control
+        control = self._requesting.control
         holder = _system(control.holder)
         if self._lenient and self._lenient != holder:
             self._lenient = 0
-        if control.requested_by == self._asked_for:
+        if control.requested_by == self._requested:
             return
-        self._asked_for = control.requested_by
+        self._requested = control.requested_by
         if not control.requested_by or holder not in self._addresses:
             return
         if holder == self._lenient:
@@ -102,37 +102,37 @@ class OperatorControl:
 
     def holds(self, address: Address) -> None:
         """Remembers where a system that acts is heard."""
-        holder = _system(self._asking.control.holder)
+        holder = _system(self._requesting.control.holder)
         self._addresses = {one: at for one, at in self._addresses.items() if one == holder}
         self._addresses[address.system] = address
 
     def is_holder(self, address: Address) -> bool:
         """Whether control is held from exactly there."""
-        return self._addresses.get(_system(self._asking.control.holder)) == address
+        return self._addresses.get(_system(self._requesting.control.holder)) == address
 
-    def _ask_for(self, request: CommandRequest, lets_others: bool, answer: Answer) -> None:
-        system, control = request.sender.system, self._asking.control
+    def _request(self, request: MavCommandRequest, lets_others: bool, answer: Answer) -> None:
+        system, control = request.sender.system, self._requesting.control
         if control.requested_by not in ("", str(system)):
             raise Refused(f"station {control.requested_by} has asked already, and waits for the answer")
         self.holds(request.sender)
 
-        def asked(reply: CiReply) -> None:
+        def requested(reply: CiReply) -> None:
             is_accepted = reply.outcome is Outcome.ACCEPTED
-            is_let_go = bool(self._lenient) and _system(self._asking.control.holder) == self._lenient
-            is_granted = is_accepted and (reply.reason.startswith("granted") or is_let_go)
+            is_released = bool(self._lenient) and _system(self._requesting.control.holder) == self._lenient
+            is_granted = is_accepted and (reply.reason.startswith("granted") or is_released)
             self._lenient = system if is_granted and lets_others else self._lenient
             # the protocol's word for "the owner has been told of your wish"
             answer(CommandResult.ACCEPTED if is_granted else CommandResult.FAILED, "" if is_granted else reply.reason)
 
-        self._asking.ask(str(system), Control(verb=ControlVerb.REQUEST), asked)
+        self._requesting.request(str(system), Control(verb=ControlVerb.REQUEST), requested)
 
     def _grant(self, holder: int) -> None:
-        grant = Control(verb=ControlVerb.GRANT, station=self._asking.control.requested_by)
+        grant = Control(verb=ControlVerb.GRANT, station=self._requesting.control.requested_by)
         with suppress(Refused):  # too much is asked at once: the holder's answer runs out of time, and can be had again
-            self._asking.ask(str(holder), grant, lambda _reply: None)
+            self._requesting.request(str(holder), grant, lambda _reply: None)
 
 
-def _told(answer: Answer) -> Callable[[CiReply], None]:
+def _reported(answer: Answer) -> Callable[[CiReply], None]:
     def then(reply: CiReply) -> None:
         is_accepted = reply.outcome is Outcome.ACCEPTED
         answer(CommandResult.ACCEPTED if is_accepted else CommandResult.DENIED, "" if is_accepted else reply.reason)

@@ -27,7 +27,7 @@ _UNITS: Final = {
 }
 
 
-class ParameterRow(msgspec.Struct, frozen=True, kw_only=True):
+class CompanionParameter(msgspec.Struct, frozen=True, kw_only=True):
     """One parameter; on the wire all are floats, so that every station reads them alike."""
 
     name: str
@@ -59,7 +59,7 @@ class ParameterRow(msgspec.Struct, frozen=True, kw_only=True):
         return ""
 
 
-def rows_of(components: Collection[ComponentRow]) -> list[ParameterRow]:
+def rows_of(components: Collection[ComponentRow]) -> list[CompanionParameter]:
     """The parameters of a platform's components, in their order.
 
     Raises:
@@ -69,9 +69,9 @@ def rows_of(components: Collection[ComponentRow]) -> list[ParameterRow]:
     return [row for component in components for row in _rows_of(component, names)]
 
 
-def _rows_of(component: ComponentRow, names: set[str]) -> Iterator[ParameterRow]:
+def _rows_of(component: ComponentRow, names: set[str]) -> Iterator[CompanionParameter]:
     if component.rate_hz is not None:
-        yield ParameterRow(
+        yield CompanionParameter(
             name=short_name(f"{component.name}_rate_hz", names),
             component=component.name,
             setting="",
@@ -87,7 +87,7 @@ def _rows_of(component: ComponentRow, names: set[str]) -> Iterator[ParameterRow]
         value = component.settings.get(field.name, field.default)
         if plain is None or not isinstance(value, bool | int | float):
             continue
-        yield ParameterRow(
+        yield CompanionParameter(
             name=short_name(f"{component.name}_{field.name}", names),
             component=component.name,
             setting=field.name,
@@ -116,7 +116,7 @@ def _number(kind: Any) -> tuple[type | None, float | None, float | None]:
     return (kind if kind in (bool, int, float) else None), low, high
 
 
-def short_name(full: str, taken: set[str]) -> str:
+def short_name(full: str, used: set[str]) -> str:
     """A name of at most 16 characters that is not taken yet, as like the full one as can be; it is taken then."""
     words = full.upper().split("_")
     while len("_".join(words)) > LONGEST_NAME:
@@ -127,10 +127,10 @@ def short_name(full: str, taken: set[str]) -> str:
             words[index] = _shorter(words[index])
     name = "_".join(words)
     number = 1
-    while name in taken:
+    while name in used:
         number += 1
         name = f"{'_'.join(words)[: LONGEST_NAME - len(str(number))]}{number}"
-    taken.add(name)
+    used.add(name)
     return name
 
 
@@ -140,7 +140,7 @@ def _shorter(word: str) -> str:
     return word[:at] + word[at + 1 :]
 
 
-def setting_value(row: ParameterRow, value: float, kinds: Mapping[str, Any]) -> Any:
+def setting_value(row: CompanionParameter, value: float, kinds: Mapping[str, Any]) -> Any:
     """What a component is given for a value from the wire."""
     plain = _number(kinds[row.setting])[0]
     return bool(value) if plain is bool else int(value) if plain is int else exact(value)
@@ -154,19 +154,19 @@ def exact(value: float) -> float:
 class OwnParameter(NamedTuple):
     """A parameter of the onboard computer itself."""
 
-    row: ParameterRow
+    row: CompanionParameter
     apply: Callable[[float], None]
     """Takes a new value."""
 
 
-def own_parameters(tell: Callable[[Severity], None], allow: Callable[[bool], None]) -> list[OwnParameter]:
+def own_parameters(report: Callable[[Severity], None], allow: Callable[[bool], None]) -> list[OwnParameter]:
     """How severe an event must be to be told as STATUSTEXT, and whether missions can be written over MAVLink FTP.
 
     Args:
-        tell: takes the least severity.
+        report: takes the least severity.
         allow: takes whether files may be written.
     """
-    severity = ParameterRow(
+    severity = CompanionParameter(
         name="TEXT_SEVERITY",
         component="",
         setting="text_severity",
@@ -176,7 +176,7 @@ def own_parameters(tell: Callable[[Severity], None], allow: Callable[[bool], Non
         is_whole=True,
         text="Events of components that are at least so severe are told as STATUSTEXT: 3 error, 4 warning, 6 information.",
     )
-    writing = ParameterRow(
+    writing = CompanionParameter(
         name="FTP_WRITE",
         component="",
         setting="ftp_write",
@@ -187,6 +187,6 @@ def own_parameters(tell: Callable[[Severity], None], allow: Callable[[bool], Non
         text="Whether files of missions can be written over MAVLink FTP.",
     )
     return [
-        OwnParameter(severity, lambda value: tell(Severity(int(value)))),
+        OwnParameter(severity, lambda value: report(Severity(int(value)))),
         OwnParameter(writing, lambda value: allow(value == 1.0)),
     ]

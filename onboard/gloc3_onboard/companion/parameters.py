@@ -24,8 +24,8 @@ from gloc3.mavlink.services.parameter_server import (
 from gloc3.messages.command_interface import AnyBody, CallFunction, CiReply, CommandComponent, Outcome
 from gloc3.messages.envelope import CommandReply, CommandRequest, Envelope, FunctionReply, FunctionRequest
 from gloc3.platform.platform import Platform
-from gloc3_onboard.companion.asking import Asking, NotInControl
-from gloc3_onboard.companion.parameter_table import ParameterRow, exact, setting_value
+from gloc3_onboard.companion.asking import NotInControl, PendingQuestions
+from gloc3_onboard.companion.parameter_table import CompanionParameter, exact, setting_value
 
 MOST_AWAITED: Final = 64
 """Commands to components whose replies are awaited, to learn what they have adopted."""
@@ -33,7 +33,7 @@ MOST_AWAITED: Final = 64
 Apply = Callable[[str, float], None]
 
 
-class Parameters:
+class CompanionParameters:
     """Serves parameters.
 
     Args:
@@ -50,17 +50,17 @@ class Parameters:
     def __init__(
         self,
         own: Address,
-        asking: Asking,
+        requesting: PendingQuestions,
         exchange: Exchange,
         platform: Platform,
-        rows: Sequence[ParameterRow],
+        rows: Sequence[CompanionParameter],
         apply: Apply,
-        say: Callable[[str], None],
+        report: Callable[[str], None],
         changed: Callable[[], None],
     ) -> None:
         self.refused = 0
         """Values that were turned down."""
-        self._asking, self._apply, self._say, self._changed = asking, apply, say, changed
+        self._requesting, self._apply, self._report, self._changed = requesting, apply, report, changed
         self._rows = {row.name: row for row in rows}
         self._names = {(row.component, row.setting): row.name for row in rows}
         self._components = {row.name: row for row in platform.components}
@@ -80,8 +80,8 @@ class Parameters:
         )
         prefix = f"{platform.platform}/components/*"
         self._unsubscribe = [
-            exchange.subscribe(f"{prefix}/command", self._asked),
-            exchange.subscribe(f"{prefix}/function", self._asked),
+            exchange.subscribe(f"{prefix}/command", self._requested),
+            exchange.subscribe(f"{prefix}/function", self._requested),
             exchange.subscribe(f"{prefix}/reply", self._replied),
             exchange.subscribe(f"{prefix}/function_reply", self._replied),
         ]
@@ -106,16 +106,16 @@ class Parameters:
         problem = self._rows[wanted.name].problem(exact(wanted.value))
         if problem:
             self.refused += 1
-            self._say(f"parameter refused: {problem}")
+            self._report(f"parameter refused: {problem}")
             raise Refused(problem)
 
     def _leave(self, wanted: ParameterWanted) -> bool:
         row, system = self._rows[wanted.parameter.name], wanted.sender.system
         try:
-            self._asking.require(system)
+            self._requesting.require(system)
         except NotInControl as refusal:
             self.refused += 1
-            self._say(f"parameter {row.name} of station {system} refused: {refusal}")
+            self._report(f"parameter {row.name} of station {system} refused: {refusal}")
             raise ParameterRefused(str(refusal), ParameterError.PERMISSION_DENIED) from None
         return bool(row.component)
 
@@ -129,16 +129,16 @@ class Parameters:
                 self._refuse(wanted, reply.reason)
 
         try:
-            self._asking.act(wanted.sender, self._body(row, value), ended)
+            self._requesting.act(wanted.sender, self._body(row, value), ended)
         except Refused as refusal:
             self._refuse(wanted, str(refusal))
 
     def _refuse(self, wanted: ParameterWanted, reason: str) -> None:
         self.refused += 1
-        self._say(f"parameter {wanted.parameter.name} of station {wanted.sender.system} refused: {reason}")
+        self._report(f"parameter {wanted.parameter.name} of station {wanted.sender.system} refused: {reason}")
         self.server.conclude(wanted, ParameterError.PERMISSION_DENIED)
 
-    def _body(self, row: ParameterRow, value: float) -> AnyBody:
+    def _body(self, row: CompanionParameter, value: float) -> AnyBody:
         if not row.setting:
             return CallFunction(component=row.component, function="set_rate", arguments={"rate_hz": exact(value)})
         changed = {row.setting: setting_value(row, value, self._kinds[row.component])}
@@ -147,7 +147,7 @@ class Parameters:
 
     # --- what anybody has changed ---
 
-    def _asked(self, envelope: Envelope[CommandRequest | FunctionRequest]) -> None:
+    def _requested(self, envelope: Envelope[CommandRequest | FunctionRequest]) -> None:
         request = envelope.payload
         is_rate = isinstance(request, FunctionRequest) and request.function == "set_rate"
         is_command = isinstance(request, CommandRequest) and request.command in (Command.INITIALIZE, CREATE)
@@ -162,19 +162,19 @@ class Parameters:
         if request is None or not reply.is_accepted or reply.component not in self._components:
             return
         if isinstance(request, FunctionRequest):
-            self._tell(reply.component, "", request.arguments.get("rate_hz"))
+            self._send_value(reply.component, "", request.arguments.get("rate_hz"))
             return
         row = self._components[reply.component]
         if request.command == CREATE:
-            self._tell(reply.component, "", row.rate_hz)
+            self._send_value(reply.component, "", row.rate_hz)
         self._adopted[reply.component] = dict(request.settings or {})
         adopted = {**row.settings, **(request.settings or {})}
         for component, setting in list(self._names):
             if component == reply.component and setting:
                 default = self._rows[self._names[component, setting]].value
-                self._tell(component, setting, adopted.get(setting, default))
+                self._send_value(component, setting, adopted.get(setting, default))
 
-    def _tell(self, component: str, setting: str, value: Any) -> None:
+    def _send_value(self, component: str, setting: str, value: Any) -> None:
         name = self._names.get((component, setting))
         if name is not None and isinstance(value, bool | int | float):
             now = parameter(name, float(value))

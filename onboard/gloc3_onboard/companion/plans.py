@@ -16,16 +16,16 @@ from gloc3.mavlink.services.plan import FRAME_MISSION, PlanItem, PlanResult, Pla
 from gloc3.mavlink.services.plan import Plan as Items
 from gloc3.messages.command_interface import AnyBody, CiReply, LoadMission, Outcome, ReadMission, Steer, Verb
 from gloc3.mission.formats import from_mission, to_mission
-from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
+from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
 from gloc3.mission.formats.to_mission import CONVERTED, LEFT_OUT
 from gloc3.mission.model.model import digest_of
 from gloc3.mission.model.states import ActionState
-from gloc3.mission.reading.reader import Surroundings, read_mission
+from gloc3.mission.reading.reader import MissionReferences, read_mission
 from gloc3.plan_wire import from_wire, to_wire
 from gloc3.platform.platform import Platform
-from gloc3_onboard.companion.asking import Asking
+from gloc3_onboard.companion.asking import PendingQuestions
 
-PATIENCE_S: Final = 5.0
+TIMEOUT_S: Final = 5.0
 """So long the command interface may take to load a mission."""
 MOST_WARNINGS: Final = 3
 READER: Final = "onboard"
@@ -50,7 +50,7 @@ class _Deciding(NamedTuple):
     until_s: float
 
 
-class Plans:
+class PlanServer:
     """Serves missions and fences; rally points have no place in a mission.
 
     Args:
@@ -64,14 +64,14 @@ class Plans:
     def __init__(
         self,
         own: Address,
-        asking: Asking,
+        requesting: PendingQuestions,
         platform: Platform,
         serves: Callable[[Address], bool],
-        say: Callable[[str], None],
+        report: Callable[[str], None],
     ) -> None:
         self.refused = 0
         """Plans that were turned down."""
-        self._asking, self._platform, self._say = asking, platform, say
+        self._requesting, self._platform, self._report = requesting, platform, report
         self.server: Final = MissionServer(
             own,
             check=self._check,
@@ -95,15 +95,15 @@ class Plans:
                 case PlanOffered():
                     self._decide(event, now_s)
                 case SetCurrentRequested(sender=sender):
-                    self._say(f"station {sender.system}: a mission cannot be begun at an item; skip tasks instead")
+                    self._report(f"station {sender.system}: a mission cannot be begun at an item; skip tasks instead")
         for deciding in list(self._deciding.values()):
-            if deciding.digest and deciding.before != self._asking.mission.digest == deciding.digest:
+            if deciding.digest and deciding.before != self._requesting.mission.digest == deciding.digest:
                 self._conclude(deciding, PlanResult.ACCEPTED)  # loaded; its fence may be on its way to the autopilot
             elif now_s >= deciding.until_s:
                 self._refuse(deciding, PlanResult.ERROR, "it is not known yet whether the mission was loaded")
         if not self._deciding:
             self._follow()
-        state = self._asking.mission.state
+        state = self._requesting.mission.state
         self.server.mission_state = _MISSION_STATES.get(state, 2)
 
     def next_tick_s(self) -> float | None:
@@ -112,14 +112,14 @@ class Plans:
 
     def _admits(self, sender: Address) -> bool:
         """Whether somebody may change the plans now."""
-        mission = self._asking.mission
+        mission = self._requesting.mission
         try:
-            self._asking.require(sender.system)
+            self._requesting.require(sender.system)
             if mission.state in (ActionState.RUNNING, ActionState.PAUSED):
                 raise Refused(f"the mission {mission.name!r} is {mission.state}; abort it first")
         except Refused as refusal:
             self.refused += 1
-            self._say(f"plan of station {sender.system} refused: {refusal}")
+            self._report(f"plan of station {sender.system} refused: {refusal}")
             return False
         return True
 
@@ -139,22 +139,22 @@ class Plans:
         if verdict is None:
             return None
         self.refused += 1
-        self._say(f"{kind.name.lower()} refused: {verdict.reason}")
+        self._report(f"{kind.name.lower()} refused: {verdict.reason}")
         return verdict.result
 
     # --- uploads ---
 
     def _decide(self, offered: PlanOffered, now_s: float) -> None:
-        deciding = _Deciding(offered, "", self._asking.mission.digest, now_s + PATIENCE_S)
+        deciding = _Deciding(offered, "", self._requesting.mission.digest, now_s + TIMEOUT_S)
         try:
-            self._asking.require(offered.sender.system)
+            self._requesting.require(offered.sender.system)
             match offered.kind:
                 case PlanType.MISSION if offered.items:
                     self._load(offered, offered.items, self._fence, now_s)
-                case PlanType.MISSION if self._asking.mission.digest:
-                    self._ask(deciding, Steer(verb=Verb.CLEAR))
+                case PlanType.MISSION if self._requesting.mission.digest:
+                    self._request(deciding, Steer(verb=Verb.CLEAR))
                 case PlanType.FENCE:
-                    self._take_fence(deciding, now_s)
+                    self._accept_fence(deciding, now_s)
                 case _:
                     self._conclude(deciding, PlanResult.ACCEPTED)
         except Refused as refusal:
@@ -162,13 +162,13 @@ class Plans:
         except Gloc3Error as error:
             self._refuse(deciding, PlanResult.INVALID, _first_line(str(error)))
 
-    def _take_fence(self, deciding: _Deciding, now_s: float) -> None:
+    def _accept_fence(self, deciding: _Deciding, now_s: float) -> None:
         """A fence belongs to the mission: one that is loaded already is loaded anew, with it."""
         offered = deciding.offered
         areas = fence_of(offered.items)
         assert not isinstance(areas, Verdict)  # it has been checked
         items = self.server.plans[PlanType.MISSION]
-        is_ours = self._is_uploaded and self._asking.mission.digest == self._followed and bool(items)
+        is_ours = self._is_uploaded and self._requesting.mission.digest == self._followed and bool(items)
         if is_ours and areas != self._fence:
             self._load(offered, items, areas, now_s)
         else:
@@ -179,11 +179,11 @@ class Plans:
         limit_m_s = self._platform.limits.speed_m_s
         text, warnings = to_mission(plan_of(items, fence), name, name, limit_m_s)
         for warning in warnings[:MOST_WARNINGS]:
-            self._say(str(warning))
-        deciding = _Deciding(offered, digest_of(text), self._asking.mission.digest, now_s + PATIENCE_S)
-        self._ask(deciding, LoadMission(name=f"{name}.yaml", text=text))
+            self._report(str(warning))
+        deciding = _Deciding(offered, digest_of(text), self._requesting.mission.digest, now_s + TIMEOUT_S)
+        self._request(deciding, LoadMission(name=f"{name}.yaml", text=text))
 
-    def _ask(self, deciding: _Deciding, body: AnyBody) -> None:
+    def _request(self, deciding: _Deciding, body: AnyBody) -> None:
         self._deciding[deciding.offered.kind] = deciding
 
         def ended(reply: CiReply) -> None:
@@ -195,10 +195,10 @@ class Plans:
                 reason = f"{reply.reason}: {_first_line(reply.text)}" if is_wrong else reply.reason
                 self._refuse(deciding, PlanResult.INVALID if is_wrong else PlanResult.DENIED, reason)
             elif not is_accepted:
-                self._say(f"the plan of station {deciding.offered.sender.system}: {reply.reason}")
+                self._report(f"the plan of station {deciding.offered.sender.system}: {reply.reason}")
 
         try:
-            self._asking.act(deciding.offered.sender, body, ended)
+            self._requesting.act(deciding.offered.sender, body, ended)
         except Refused:
             self._deciding.pop(deciding.offered.kind, None)
             raise
@@ -216,20 +216,20 @@ class Plans:
                 self._fence = () if isinstance(areas, Verdict) else areas
             if deciding.digest:
                 self._followed, self._is_uploaded = deciding.digest, True
-        self.server.conclude(offered, result, self._asking.now_s())
+        self.server.conclude(offered, result, self._requesting.now_s())
         if result is PlanResult.ACCEPTED and deciding.digest and self.server.plans[offered.kind] is not offered.items:
             self._seen, self._followed = None, ""  # loaded, although its sender has changed his mind meanwhile
 
     def _refuse(self, deciding: _Deciding, result: PlanResult, reason: str) -> None:
         self.refused += 1
         offered = deciding.offered
-        self._say(f"{offered.kind.name.lower()} of station {offered.sender.system} refused: {reason}")
+        self._report(f"{offered.kind.name.lower()} of station {offered.sender.system} refused: {reason}")
         self._conclude(deciding, result)
 
     # --- the mission that somebody else has loaded ---
 
     def _follow(self) -> None:
-        digest = self._asking.mission.digest
+        digest = self._requesting.mission.digest
         if digest == self._seen:
             return
         self._seen = digest
@@ -240,7 +240,7 @@ class Plans:
             self.server.set_plan(PlanType.MISSION, ())
             return
         try:
-            self._asking.ask(READER, ReadMission(), self._read)
+            self._requesting.request(READER, ReadMission(), self._read)
         except Refused:
             self._seen = None  # tried again
 
@@ -249,7 +249,7 @@ class Plans:
         fence: Items = ()
         self._fence = ()
         try:
-            mission = read_mission(reply.text, "loaded mission", Surroundings.of(self._platform))
+            mission = read_mission(reply.text, "loaded mission", MissionReferences.of(self._platform))
             plan, _ = from_mission(mission, "loaded mission")
             items, fence = items_of(plan.items), items_of(plan.fence_items())
         except Gloc3Error:
@@ -307,9 +307,9 @@ def _judge_item(item: PlanItem) -> Verdict | None:
     return None
 
 
-def plan_of(items: Items, fence: Sequence[FenceArea]) -> Plan:
+def plan_of(items: Items, fence: Sequence[FenceArea]) -> ForeignPlan:
     """The plan that items of a mission, and a fence, stand for."""
-    return Plan(entries=tuple(Entry(items=(from_wire(item),)) for item in items), fence=tuple(fence))
+    return ForeignPlan(entries=tuple(PlanEntry(items=(from_wire(item),)) for item in items), fence=tuple(fence))
 
 
 def fence_of(items: Items) -> tuple[FenceArea, ...] | Verdict:

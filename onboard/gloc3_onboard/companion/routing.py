@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Final, Literal
 
 from gloc3.mavlink.codec import Frame, Parser
-from gloc3.mavlink.outlet import Outlet
+from gloc3.mavlink.outlet import LinkOutlet
 from gloc3.mavlink.router import Router
 from gloc3.mavlink.signing import SignedOnly
 from gloc3.mavlink.transport.endpoints import SERIAL_SCHEMES, Endpoint, parse_url
@@ -21,7 +21,7 @@ Keep = Callable[[str, Literal["in", "out"], bytes], None]
 """Takes a link's URL, a direction, and a frame."""
 
 
-def keep_nothing(_url: str, _direction: Literal["in", "out"], _frame: bytes) -> None:
+def discard(_url: str, _direction: Literal["in", "out"], _frame: bytes) -> None:
     """For links whose traffic nobody wants."""
 
 
@@ -44,7 +44,7 @@ class RoutedLink:
         router: Router,
         loop: asyncio.AbstractEventLoop,
         listener: Callable[[list[Frame]], object] | None = None,
-        keep: Keep = keep_nothing,
+        keep: Keep = discard,
         signed_only: SignedOnly | None = None,
         withheld: Callable[[Frame], bool] | None = None,
     ) -> None:
@@ -58,10 +58,10 @@ class RoutedLink:
         self._timer: asyncio.TimerHandle | None = None
         line_bit_s = wanted.line_bit_s
         self._is_paced = line_bit_s is not None or wanted.scheme in SERIAL_SCHEMES
-        self.outlet: Final = Outlet(self._write, None if line_bit_s is None else line_bit_s / BITS_PER_BYTE)
+        self.outlet: Final = LinkOutlet(self._write, None if line_bit_s is None else line_bit_s / BITS_PER_BYTE)
         self.routed: Final = router.attach(self.url, self._forward)
         self._last = LinkCondition(self.url, "not open")
-        self._looked: tuple[float, int, int] = (loop.time(), 0, 0)
+        self._polled: tuple[float, int, int] = (loop.time(), 0, 0)
 
     def open(self, endpoint: Endpoint) -> None:
         """Begins; the endpoint's owner passes what it hears to `receive`."""
@@ -99,7 +99,7 @@ class RoutedLink:
         if self._is_paced:
             now_s = self._loop.time()
             if self.outlet.rate_byte_s is None:
-                self._ask_rate()
+                self._request_rate()
             for frame in frames:
                 self.outlet.put(frame, now_s)
             if self._timer is None:
@@ -112,7 +112,7 @@ class RoutedLink:
             for piece in _pieces(frames):
                 self._endpoint.send(piece)
 
-    def _ask_rate(self) -> None:
+    def _request_rate(self) -> None:
         """Takes over the rate of a line that has found it by itself; before that nothing is sent there."""
         endpoint = self._endpoint
         if isinstance(endpoint, SerialEndpoint) and endpoint.is_connected:
@@ -125,9 +125,9 @@ class RoutedLink:
             return self._last
         now_s, counts, outlet = self._loop.time(), self.routed.counts, self.outlet
         bytes_in, bytes_out = endpoint.bytes_received, endpoint.bytes_sent
-        was_s, was_in, was_out = self._looked
+        was_s, was_in, was_out = self._polled
         period_s = max(1e-3, now_s - was_s)
-        self._looked = now_s, bytes_in, bytes_out
+        self._polled = now_s, bytes_in, bytes_out
         dropped = {kind.value: count for kind, count in outlet.dropped.items() if count}
         if endpoint.dropped:
             dropped["link"] = endpoint.dropped

@@ -12,8 +12,8 @@ from gloc3.exchange import Publisher
 from gloc3.exchange.base import Exchange
 from gloc3.exchange.mavlink import MavlinkExchange
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
-from gloc3.exchange.tunnel.happenings import Happening, Trouble
-from gloc3.exchange.tunnel.layout import Role
+from gloc3.exchange.tunnel.happenings import Happening, TunnelTrouble
+from gloc3.exchange.tunnel.layout import TunnelRole
 from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
 from gloc3.mavlink import codec
 from gloc3.mavlink.codec import Address, Encoder, Frame, MavlinkMessage
@@ -26,8 +26,8 @@ from gloc3.messages.teleoperation import VelocityDemand
 from gloc3.messages.topics import TopicTable
 from gloc3_onboard.autopilot.link import COMPANION, FrameLink
 
-HEARD_PERIOD_S: Final = 0.5
-NOBODY_S: Final = 6.0
+CONTACT_PERIOD_S: Final = 0.5
+NO_STATION_S: Final = 6.0
 """When no station was heard for so long, nobody is there; longer than until the server takes them for out of contact."""
 ONBOARD_CONTROLLER: Final = 18
 
@@ -53,13 +53,13 @@ class HeartbeatSource:
         self._sends = sends
         self._sent_s = float("-inf")
         self._health: Health | None = None
-        self._unsubscribe = exchange.subscribe(f"{platform}/ci/summary", self._take)
+        self._unsubscribe = exchange.subscribe(f"{platform}/ci/summary", self._receive_summary)
 
     def close(self) -> None:
         """Sends none any more."""
         self._unsubscribe()
 
-    def _take(self, envelope: Envelope[Summary]) -> None:
+    def _receive_summary(self, envelope: Envelope[Summary]) -> None:
         health = envelope.payload.health
         if envelope.t_s - self._sent_s < 0.99 and health is self._health:
             return
@@ -107,7 +107,7 @@ class StationLink:
     ) -> None:
         signing, budget, way = settings.signing, settings.budget, settings.name
         self._loop = loop
-        self._role, self._way = settings.role, f"{way}, signed" if signing is not None else way
+        self._role, self._route = settings.role, f"{way}, signed" if signing is not None else way
         self._signing = signing
         self.signed_only: Final = None if signing is None else SignedOnly(signing, self._warn)
         """Judges what is heard; None on a link without a key."""
@@ -115,22 +115,22 @@ class StationLink:
         self._link: FrameLink | None = None
         own = Address(system_id, COMPANION)
         self._encoder = Encoder(*own, signing)
-        tunnel = TunnelEndpoint(Role.PLATFORM, platform, own, boot, topics, budget)
+        tunnel = TunnelEndpoint(TunnelRole.PLATFORM, platform, own, boot, topics, budget)
         self._exchange = MavlinkExchange(tunnel, loop, self.send)
         self._tunnel_id = codec.shape("TUNNEL").id
         self._heartbeat_id = codec.shape("HEARTBEAT").id
         self._part = self._exchange.bridge(exchange, topics, platform, self._marked, self._leaves)
         self._withdraw = self._exchange.declare_alive(platform)
         self._publisher = Publisher(exchange, platform, "station_link", boot)
-        self._heard_topic = f"{platform}/ci/heard"
-        self._heard_s: dict[str, float] = {}
+        self._contact_topic = f"{platform}/ci/heard"
+        self._received_s: dict[str, float] = {}
         self._reached: frozenset[str] = frozenset()
         """The stations to which what is published here gets."""
         self._event_topic = f"{platform}/components/station_link/event"
-        self._exchange.listen(self._happened)
+        self._exchange.listen(self._on_event)
 
     def open(self, link: FrameLink) -> None:
-        """Begins to send by a link, whose owner passes the frames that it receives to `take`."""
+        """Begins to send by a link, whose owner passes the frames that it receives to `receive_frames`."""
         self._link = link
 
     def close(self) -> None:
@@ -146,49 +146,49 @@ class StationLink:
                 self._signing.advance(timestamp(self._clock.utc_s()))
             self._link.send(self._encoder.frame(message))
 
-    def take(self, frames: Iterable[Frame]) -> None:
+    def receive_frames(self, frames: Iterable[Frame]) -> None:
         """Handles frames of the link, whose signatures have been verified."""
         for frame in frames:
             if frame.message_id == self._tunnel_id:
                 message = frame.decode()
                 if message is not None:
-                    self._hear(frame.sender)
+                    self._note_station(frame.sender)
                     self._exchange.receive(message, frame.sender)
             elif frame.message_id == self._heartbeat_id:
                 message = frame.decode()
                 if message is not None and message.type == GROUND_STATION:
-                    self._hear(frame.sender)
+                    self._note_station(frame.sender)
 
     def _marked(self, envelope: Envelope[Any]) -> Envelope[Any]:
         """A request says how it came, and what its sender may do, by what is known here."""
         if not isinstance(envelope.payload, CiRequest | VelocityDemand):
             return envelope
-        request = replace(envelope.payload, role=self._role, way=self._way)
+        request = replace(envelope.payload, role=self._role, way=self._route)
         return replace(envelope, payload=request)
 
     def _leaves(self, envelope: Envelope[Any]) -> bool:
         """Events of a silence are asked for at the next contact, behind its summary; nothing is queued for nobody."""
         if not isinstance(envelope.payload, CiEvent):
             return True
-        return self._loop.time() - max(self._heard_s.values(), default=float("-inf")) < NOBODY_S
+        return self._loop.time() - max(self._received_s.values(), default=float("-inf")) < NO_STATION_S
 
-    def _happened(self, happening: Happening) -> None:
+    def _on_event(self, happening: Happening) -> None:
         """What a person should know of the link is an event as any other: logged, and told to the stations."""
-        if isinstance(happening, Trouble):
+        if isinstance(happening, TunnelTrouble):
             self._warn(happening.text)
 
     def _warn(self, text: str) -> None:
         event = Event(severity=Severity.WARNING, text=text)
         self._publisher.publish(self._event_topic, event, self._loop.time())
 
-    def _hear(self, sender: Address) -> None:
+    def _note_station(self, sender: Address) -> None:
         """A station is known by the name that it gives itself, as long as it is silent by its MAVLink system."""
         peers = self._exchange.endpoint.peers()
         now_s, peer = self._loop.time(), next((p for p in peers if p.address == sender), None)
         station, is_reached = (str(sender.system), False) if peer is None else (peer.name, peer.is_alive)
-        is_news = is_reached and station not in self._reached
-        if is_news or now_s - self._heard_s.get(station, float("-inf")) >= HEARD_PERIOD_S:
-            self._heard_s[station] = now_s
+        is_new = is_reached and station not in self._reached
+        if is_new or now_s - self._received_s.get(station, float("-inf")) >= CONTACT_PERIOD_S:
+            self._received_s[station] = now_s
             self._reached = self._reached | {station} if is_reached else self._reached - {station}
-            heard = StationHeard(station=station, is_reached=is_reached)
-            self._publisher.publish(self._heard_topic, heard, now_s)
+            received = StationHeard(station=station, is_reached=is_reached)
+            self._publisher.publish(self._contact_topic, received, now_s)

@@ -48,7 +48,7 @@ class LaserLog:
         return [INTERVAL_S * number for number in range(len(self.scans))]
 
 
-class Line:
+class LaserLogLine:
     """One line of a log, read word by word; what is wrong with a word is told with its place."""
 
     def __init__(self, path: Path, number: int, text: str) -> None:
@@ -133,7 +133,7 @@ def file_of(dataset: Path) -> Path:
     raise Refused(f"there is no laser log (.gfs, .log, .dat) in {dataset}")
 
 
-def lines_of(path: Path) -> list[Line]:
+def lines_of(path: Path) -> list[LaserLogLine]:
     """The lines of a file that say something.
 
     Raises:
@@ -143,5 +143,7 @@ def lines_of(path: Path) -> list[Line]:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise InputError([Finding(file=path.name, line=0, column=0, message="it is not text")]) from error
-    lines = (Line(path, number, line) for number, line in enumerate(text.splitlines(), 1) if not line.startswith("#"))
+    lines = (
+        LaserLogLine(path, number, line) for number, line in enumerate(text.splitlines(), 1) if not line.startswith("#")
+    )
     return [line for line in lines if line.words]

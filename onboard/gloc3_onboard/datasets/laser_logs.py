@@ -7,7 +7,7 @@ from typing import Final
 from gloc3.errors import Refused
 from gloc3_onboard.algorithms.scan_matching.planar import Planar
 from gloc3_onboard.datasets.breezy import read_breezy
-from gloc3_onboard.datasets.laser_log import LaserLog, Line, LoggedScan, file_of, lines_of, log_of, scan_of
+from gloc3_onboard.datasets.laser_log import LaserLog, LaserLogLine, LoggedScan, file_of, lines_of, log_of, scan_of
 
 RANGE_MAX_M: Final = 40.0
 """Farther than this the scanners of these logs do not see; they write their largest number."""
@@ -35,7 +35,7 @@ def read_carmen(path: Path, range_max_m: float = RANGE_MAX_M) -> LaserLog:
     return log_of(path, scans)
 
 
-def _flaser(line: Line, range_max_m: float) -> LoggedScan:
+def _flaser(line: LaserLogLine, range_max_m: float) -> LoggedScan:
     count = line.count(1)
     ranges = line.numbers(2, 2 + count, may_be_nan=True)
     # A log that was cut down has no times: the name of the host or the end of the line comes there.
@@ -44,7 +44,7 @@ def _flaser(line: Line, range_max_m: float) -> LoggedScan:
     return LoggedScan(stamp_s=stamp_s, scan=scan, pose=line.pose(2 + count))
 
 
-def _robot_laser(line: Line) -> LoggedScan:
+def _robot_laser(line: LaserLogLine) -> LoggedScan:
     """`ROBOTLASER1 type start fov step max accuracy mode n r1..rn m e1..em laser_pose robot_pose (5 numbers) t …`."""
     start_rad, _, step_rad, range_max_m = line.numbers(2, 6).tolist()
     count = line.count(8)

@@ -11,8 +11,8 @@ from gloc3.camera.geometry import Array, matrix
 from gloc3.camera.model import CameraModel
 from gloc3.errors import Finding, InputError
 from gloc3.messages.vehicle import Image
-from gloc3_onboard.calibration.mounting import LOOKS_AHEAD, frd_from_axes
-from gloc3_onboard.calibration.reader import Calibration, read_calibration
+from gloc3_onboard.calibration.mounting import FORWARD, frd_from_axes
+from gloc3_onboard.calibration.reader import CalibrationFile, read_calibration
 from gloc3_onboard.sensors.pictures import picture_size
 from gloc3_onboard.sensors.replay import Recorded
 from gloc3_onboard.sensors.sources import euroc, kitti
@@ -57,7 +57,7 @@ def read_stereo_set(folder: Path) -> StereoSet:
             left=calibration.camera(left),
             right=calibration.camera(right),
             pairs=kitti.stereo_records(folder, part, _NAMES),
-            frd_from_own=matrix(LOOKS_AHEAD),
+            frd_from_own=matrix(FORWARD),
         )
     left_place, right_place = (euroc.sensor_folder(folder, sensor) for sensor in ("cam0", "cam1"))
     return StereoSet(
@@ -82,7 +82,7 @@ def read_mono_set(folder: Path) -> MonoSet:
         return MonoSet(
             camera=calibration.camera("P2" if parts[0] == "image_2" else "P0"),
             pictures=kitti.camera_records(folder, parts[0], _NAMES[0]),
-            frd_from_own=matrix(LOOKS_AHEAD),
+            frd_from_own=matrix(FORWARD),
         )
     place = euroc.sensor_folder(folder, "cam0")
     return MonoSet(
@@ -103,7 +103,7 @@ def _is_kitti(folder: Path) -> bool:
     return (folder / "calib.txt").is_file()
 
 
-def _kitti_calibration(folder: Path, part: str) -> Calibration:
+def _kitti_calibration(folder: Path, part: str) -> CalibrationFile:
     return read_calibration(folder / "calib.txt", size=picture_size(folder / part) or picture_size(folder))
 
 

@@ -25,13 +25,24 @@ from gloc3.messages.envelope import (
     FunctionRequest,
 )
 from gloc3.messages.readiness import SensorCondition
-from gloc3_onboard.hosts.last_words import FATAL, confession, last_words, manner_of_death
-from gloc3_onboard.hosts.pipe import Beat, FromChild, Here, Leave, Order, Pass, Pipe, Tell, ToChild, socket_pair
-from gloc3_onboard.hosts.stand_in import StandIn
+from gloc3_onboard.hosts.last_words import FATAL, describe_exit, last_error, last_lines
+from gloc3_onboard.hosts.pipe import (
+    Beat,
+    ChildReady,
+    ChildReport,
+    ChildSetup,
+    EndChild,
+    FromChild,
+    Pass,
+    Pipe,
+    ToChild,
+    socket_pair,
+)
+from gloc3_onboard.hosts.stand_in import ComponentPlaceholder
 
 PROGRAM: Final = (sys.executable, "-X", "faulthandler", "-m", "gloc3_onboard.hosts.child_main")
 """What a child runs; the arguments are its end of the pipe, and for people who list processes what it is."""
-LOOK_EVERY_S: Final = 0.5
+POLL_PERIOD_S: Final = 0.5
 STUCK_S: Final = 2.0
 """A child whose loop has not turned for so long is ended."""
 BEGIN_S: Final = 60.0
@@ -45,7 +56,7 @@ WORDS_MAX: Final = 80
 Lives = dict[str, str | None]
 
 
-class Phase(StrEnum):
+class ChildPhase(StrEnum):
     """Where a child is in its life."""
 
     AWAY = "away"
@@ -70,20 +81,20 @@ class ChildProcess:
         name: str,
         rows: Sequence[ComponentRow],
         context: HostContext,
-        order: Callable[[Lives | None], Order],
-        say: Callable[[str], None],
+        order: Callable[[Lives | None], ChildSetup],
+        report: Callable[[str], None],
     ) -> None:
         self.name: Final = name
         self.rows: Final = tuple(rows)
-        self.phase = Phase.AWAY
+        self.phase = ChildPhase.AWAY
         self.restarts = 0
         self.cause = ""
         """Why it ended last."""
         self.sensors: list[SensorCondition] = []
         self.log_problem = ""
         self._context, self._loop = context, context.loop
-        self._order, self._say = order, say
-        self._stand_ins = {row.name: StandIn(row, context) for row in rows}
+        self._order, self._report = order, report
+        self._placeholders = {row.name: ComponentPlaceholder(row, context) for row in rows}
         self._waiting: list[Envelope[Any]] = []
         """Requests for when it is there."""
         self._unanswered: dict[tuple[str, str], CommandRequest | FunctionRequest] = {}
@@ -93,7 +104,7 @@ class ChildProcess:
         self._pipe: Pipe | None = None
         self._ends: list[int] = []
         """Files that the loop reads: the process's stderr, and its end."""
-        self._rest = b""
+        self._remainder = b""
         self._is_dying = False
         self._silent = 0
         """How often it was looked at since it was last heard."""
@@ -109,11 +120,11 @@ class ChildProcess:
         for row in self.rows:
             base = f"{platform}/components/{row.name}/"
             ends += [
-                exchange.subscribe(base + "command", partial(self._take, row.name)),
-                exchange.subscribe(base + "function", partial(self._take, row.name)),
-                exchange.subscribe(base + "status", partial(self._see_status, row.name)),
-                exchange.subscribe(base + "reply", partial(self._see_reply, row.name)),
-                exchange.subscribe(base + "function_reply", partial(self._see_reply, row.name)),
+                exchange.subscribe(base + "command", partial(self._receive_request, row.name)),
+                exchange.subscribe(base + "function", partial(self._receive_request, row.name)),
+                exchange.subscribe(base + "status", partial(self._receive_status, row.name)),
+                exchange.subscribe(base + "reply", partial(self._receive_reply, row.name)),
+                exchange.subscribe(base + "function_reply", partial(self._receive_reply, row.name)),
             ]
         return ends
 
@@ -124,9 +135,9 @@ class ChildProcess:
         """Its process id; 0 while it is away."""
         return self._process.pid if self._process is not None else 0
 
-    def component(self, name: str) -> StandIn:
+    def component(self, name: str) -> ComponentPlaceholder:
         """What is known of one of its components."""
-        return self._stand_ins[name]
+        return self._placeholders[name]
 
     # --- life ---
 
@@ -137,8 +148,8 @@ class ChildProcess:
     async def end(self) -> None:
         """Ends it for good, after its components have left."""
         if self._process is not None and self._pipe is not None:
-            self.phase = Phase.LEFT
-            self._pipe.send(Leave())
+            self.phase = ChildPhase.LEFT
+            self._pipe.send(EndChild())
             with suppress(TimeoutError):
                 async with asyncio.timeout(LEAVE_S):
                     await self._has_ended.wait()
@@ -146,31 +157,31 @@ class ChildProcess:
 
     def close(self) -> None:
         """Ends it without ceremony."""
-        self.phase = Phase.LEFT
+        self.phase = ChildPhase.LEFT
         for unsubscribe in self._subscriptions:
             unsubscribe()
         self._subscriptions = []
-        for stand_in in self._stand_ins.values():
-            stand_in.step_back()
+        for placeholder in self._placeholders.values():
+            placeholder.step_back()
         if self._process is not None:
             self._process.kill()
-            self._bury()
+            self._reap()
 
-    def tell(self, offset_s: float) -> None:
+    def send_offset(self, offset_s: float) -> None:
         """Tells it how far the platform's time is from this computer's."""
         if self._pipe is not None:
-            self._pipe.send(Tell(offset_s))
+            self._pipe.send(ChildReport(offset_s))
 
     def give_up_beginning(self) -> None:
         """Is not waited for any more: nothing that is asked of its components begins it again."""
-        if self.phase is Phase.BEGINNING and self._process is not None:
+        if self.phase is ChildPhase.BEGINNING and self._process is not None:
             self._verdict = "was still beginning when everything was to end"
             self._process.kill()
 
     def _spawn(self, lives: Lives | None) -> None:
-        self.phase = Phase.BEGINNING
+        self.phase = ChildPhase.BEGINNING
         self._words.clear()
-        self._rest, self._silent, self._verdict, self._is_dying = b"", 0, "", False
+        self._remainder, self._silent, self._verdict, self._is_dying = b"", 0, "", False
         self._has_ended = asyncio.Event()
         ours, theirs = socket_pair()
         read_end, write_end = os.pipe2(os.O_CLOEXEC)
@@ -188,13 +199,13 @@ class ChildProcess:
             theirs.close()
         end = os.pidfd_open(self._process.pid)
         self._ends = [read_end, end]
-        self._loop.add_reader(read_end, self._hear_words, read_end)
+        self._loop.add_reader(read_end, self._receive_text, read_end)
         self._loop.add_reader(end, self._ended, end, read_end)
-        self._pipe = Pipe(ours, FromChild, self._loop, self._hear)  # type: ignore[arg-type] # a union is no class
+        self._pipe = Pipe(ours, FromChild, self._loop, self._receive)  # type: ignore[arg-type] # a union is no class
         self._pipe.send(self._order(lives))
-        self._timer = self._loop.call_later(LOOK_EVERY_S, self._look)
+        self._timer = self._loop.call_later(POLL_PERIOD_S, self._check_heartbeat)
 
-    def _bury(self) -> int:
+    def _reap(self) -> int:
         """Closes what belonged to the process, whose end is near or has come; its code."""
         assert self._process is not None
         for file in self._ends:
@@ -211,19 +222,19 @@ class ChildProcess:
         return code
 
     def _ended(self, end: int, read_end: int) -> None:
-        self._hear_words(read_end)
-        code = self._bury()
+        self._receive_text(read_end)
+        code = self._reap()
         self._has_ended.set()
-        if self.phase is Phase.LEFT:
+        if self.phase is ChildPhase.LEFT:
             return
         lines = list(self._words)
-        words = last_words(lines)
-        manner = self._verdict or f"ended {manner_of_death(code)}"
+        words = last_lines(lines)
+        manner = self._verdict or f"ended {describe_exit(code)}"
         self.cause = f"process {self.name} {manner}" + (f": {words}" if words else "")
-        self.phase = Phase.AWAY
+        self.phase = ChildPhase.AWAY
         self.sensors = []
-        for number, stand_in in enumerate(self._stand_ins.values()):
-            stand_in.fail(self.cause, "\n".join(confession(lines)), has_been_told=number > 0)
+        for number, placeholder in enumerate(self._placeholders.values()):
+            placeholder.fail(self.cause, "\n".join(last_error(lines)), has_been_reported=number > 0)
         self._answer_all()
 
     def _answer_all(self) -> None:
@@ -233,41 +244,41 @@ class ChildProcess:
         self._waiting, self._unanswered = [], {}
         for component, request in waiting:
             if isinstance(request, CommandRequest):
-                self._stand_ins[component].reply(request, self.cause)
+                self._placeholders[component].reply(request, self.cause)
             else:
-                self._stand_ins[component].refuse(request, self.cause)
+                self._placeholders[component].refuse(request, self.cause)
 
-    def _look(self) -> None:
+    def _check_heartbeat(self) -> None:
         """Counts how often it was silent: a main process that was itself held up does not blame the child."""
-        self._timer = self._loop.call_later(LOOK_EVERY_S, self._look)
+        self._timer = self._loop.call_later(POLL_PERIOD_S, self._check_heartbeat)
         self._silent += 1
-        limit_s = BEGIN_S if self.phase is Phase.BEGINNING else STUCK_S
-        looks = round(limit_s / LOOK_EVERY_S)
-        if self._process is None or self.phase is Phase.LEFT or self._silent <= looks:
+        limit_s = BEGIN_S if self.phase is ChildPhase.BEGINNING else STUCK_S
+        views = round(limit_s / POLL_PERIOD_S)
+        if self._process is None or self.phase is ChildPhase.LEFT or self._silent <= views:
             return
         self._verdict = f"did not turn its loop for {limit_s:g} s and was ended"
-        is_last = self._silent > looks + round(DUMP_S / LOOK_EVERY_S)
+        is_last = self._silent > views + round(DUMP_S / POLL_PERIOD_S)
         self._process.send_signal(signal.SIGKILL if is_last else signal.SIGABRT)
 
     # --- what it says ---
 
-    def _hear(self, message: ToChild | FromChild | None) -> None:
+    def _receive(self, message: ToChild | FromChild | None) -> None:
         self._silent = 0
         match message:
-            case Here():
+            case ChildReady():
                 self._come_up()
             case Beat(sensors=list() as sensors, log_problem=problem):
                 self.sensors, self.log_problem = sensors, problem
 
     def _come_up(self) -> None:
-        self.phase = Phase.UP
-        for stand_in in self._stand_ins.values():
-            stand_in.step_back()
+        self.phase = ChildPhase.UP
+        for placeholder in self._placeholders.values():
+            placeholder.step_back()
         waiting, self._waiting = self._waiting, []
         for envelope in waiting:
             self._pass_on(self._name_of(envelope), envelope)
 
-    def _hear_words(self, read_end: int) -> None:
+    def _receive_text(self, read_end: int) -> None:
         while True:
             try:
                 data = os.read(read_end, 1 << 16)
@@ -276,41 +287,41 @@ class ChildProcess:
             if not data:  # it has closed its stderr; its end is told elsewhere
                 self._loop.remove_reader(read_end)
                 return
-            *lines, self._rest = (self._rest + data).split(b"\n")
+            *lines, self._remainder = (self._remainder + data).split(b"\n")
             for line in lines:
                 text = line.decode(errors="replace").rstrip()
                 self._words.append(text)
                 self._is_dying = self._is_dying or FATAL.match(text) is not None
                 if not self._is_dying:  # else it is told with the fault
-                    self._say(f"{self.name}: {text}")
+                    self._report(f"{self.name}: {text}")
 
-    def _see_status(self, name: str, envelope: Envelope[ComponentStatus]) -> None:
-        stand_in = self._stand_ins[name]
-        if self.phase is Phase.UP or envelope.source.boot == stand_in.boot:
-            stand_in.hear(envelope.payload.state)
-        elif self.phase is Phase.AWAY:
-            stand_in.insist()
+    def _receive_status(self, name: str, envelope: Envelope[ComponentStatus]) -> None:
+        placeholder = self._placeholders[name]
+        if self.phase is ChildPhase.UP or envelope.source.boot == placeholder.boot:
+            placeholder.receive_state(envelope.payload.state)
+        elif self.phase is ChildPhase.AWAY:
+            placeholder.retry()
 
-    def _see_reply(self, name: str, envelope: Envelope[CommandReply | FunctionReply]) -> None:
+    def _receive_reply(self, name: str, envelope: Envelope[CommandReply | FunctionReply]) -> None:
         self._unanswered.pop((name, envelope.payload.request_id), None)
 
     # --- what it is asked ---
 
-    def _take(self, name: str, envelope: Envelope[Any]) -> None:
+    def _receive_request(self, name: str, envelope: Envelope[Any]) -> None:
         request = envelope.payload
         if not isinstance(request, CommandRequest | FunctionRequest):
             return
         match self.phase:
-            case Phase.UP:
+            case ChildPhase.UP:
                 self._pass_on(name, envelope)
-            case Phase.BEGINNING:
+            case ChildPhase.BEGINNING:
                 self._waiting.append(envelope)
-            case Phase.AWAY if isinstance(request, FunctionRequest):
-                self._stand_ins[name].refuse(request, self.cause)
-            case Phase.AWAY if isinstance(request, CommandRequest) and self._stand_ins[name].take(request):
+            case ChildPhase.AWAY if isinstance(request, FunctionRequest):
+                self._placeholders[name].refuse(request, self.cause)
+            case ChildPhase.AWAY if isinstance(request, CommandRequest) and self._placeholders[name].answer(request):
                 self._waiting.append(envelope)
                 self.restarts += 1
-                known = self._stand_ins.values()
+                known = self._placeholders.values()
                 self._spawn({each.row.name: None if each.has_left else each.cause for each in known})
 
     def _pass_on(self, name: str, envelope: Envelope[Any]) -> None:
@@ -325,4 +336,4 @@ class ChildProcess:
     @property
     def states(self) -> dict[str, State | None]:
         """Its components' states."""
-        return {name: stand_in.state for name, stand_in in self._stand_ins.items()}
+        return {name: placeholder.state for name, placeholder in self._placeholders.items()}

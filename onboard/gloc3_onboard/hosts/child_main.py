@@ -16,18 +16,29 @@ from gloc3.exchange.zenoh import ZenohExchange, open_exchange
 from gloc3.messages.envelope import Severity
 from gloc3.messages.hosts import HOSTS
 from gloc3.messages.topics import TopicTable
-from gloc3.platform.places import Place
+from gloc3.platform.places import ProcessPlace
 from gloc3.platform.reader import load_platform
-from gloc3_onboard.hosts.led import LedExchange
+from gloc3_onboard.hosts.led import AgentExchange
 from gloc3_onboard.hosts.loop import PlatformLoop
-from gloc3_onboard.hosts.node import Node, NodeOptions
-from gloc3_onboard.hosts.pipe import Beat, FromChild, Here, Leave, Order, Pass, Pipe, Tell, ToChild, first_message
+from gloc3_onboard.hosts.node import HostNode, NodeOptions
+from gloc3_onboard.hosts.pipe import (
+    Beat,
+    ChildReady,
+    ChildReport,
+    ChildSetup,
+    EndChild,
+    FromChild,
+    Pass,
+    Pipe,
+    ToChild,
+    first_message,
+)
 
 PR_SET_PDEATHSIG: Final = 1
 OOM_SCORE: Final = Path("/proc/self/oom_score_adj")
 FIRST_TO_GO: Final = "500"
 BEAT_S: Final = 0.25
-BEATS_TO_TELL: Final = 4
+BEATS_TO_REPORT: Final = 4
 """Every so many beats it is told how the sensors are."""
 JOIN_S: Final = 20.0
 """How long the main process may take to be found."""
@@ -54,30 +65,30 @@ def main() -> int:
     return 0
 
 
-async def _run(end: socket.socket, order: Order) -> None:
+async def _run(end: socket.socket, order: ChildSetup) -> None:
     loop = asyncio.get_running_loop()
     assert isinstance(loop, PlatformLoop)
     topics = TopicTable.installed()
     platform = load_platform(order.platform)
-    joining = zenoh_session.Node(name=order.process, connect=(order.endpoint,), is_child=True)
-    with open_exchange(joining, loop, topics, _told) as exchange:
+    joining = zenoh_session.ZenohEndpoints(name=order.process, connect=(order.endpoint,), is_child=True)
+    with open_exchange(joining, loop, topics, _reported) as exchange:
         await joined(exchange, f"{platform.platform}/{HOSTS}/{order.host}")
-        place = Place(order.host, order.process)
+        place = ProcessPlace(order.host, order.process)
         options = NodeOptions(
             platform=order.platform, logs=Path(order.logs), devices=order.devices, log_limits=order.log_limits
         )
-        node = Node(platform, options, place, LedExchange(exchange), loop, topics, _say)
+        node = HostNode(platform, options, place, AgentExchange(exchange), loop, topics, _write_stderr)
         try:
-            await Child(end, order, node, exchange, loop).run()
+            await ChildMain(end, order, node, exchange, loop).run()
         finally:
             await node.close()
 
 
-def _told(_kind: str, text: str) -> None:
-    _say(Severity.WARNING, text)
+def _reported(_kind: str, text: str) -> None:
+    _write_stderr(Severity.WARNING, text)
 
 
-def _say(_severity: Severity, text: str) -> None:
+def _write_stderr(_severity: Severity, text: str) -> None:
     """What is written there the main process narrates."""
     sys.stderr.write(f"{text}\n")
 
@@ -99,18 +110,18 @@ async def joined(exchange: ZenohExchange, token: str) -> None:
         unwatch()
 
 
-class Child:
+class ChildMain:
     """The process's life between its begin and its end."""
 
     def __init__(
-        self, end: socket.socket, order: Order, node: Node, exchange: ZenohExchange, loop: PlatformLoop
+        self, end: socket.socket, order: ChildSetup, node: HostNode, exchange: ZenohExchange, loop: PlatformLoop
     ) -> None:
         self._loop = loop
         self._order, self._node, self._exchange = order, node, exchange
         self._ended = asyncio.Event()
         self._beats = 0
         self._onboard = node.make()
-        self._pipe = Pipe(end, ToChild, self._loop, self._hear)  # type: ignore[arg-type] # a union is no class
+        self._pipe = Pipe(end, ToChild, self._loop, self._receive)  # type: ignore[arg-type] # a union is no class
 
     async def run(self) -> None:
         """Begins the components; returns when the main process says so, or is gone."""
@@ -118,25 +129,25 @@ class Child:
             self._onboard.begin()
         else:
             self._onboard.begin_again(self._order.lives)
-        self._pipe.send(Here())
+        self._pipe.send(ChildReady())
         self._beat()
         await self._ended.wait()
 
     def _beat(self) -> None:
         message: FromChild = Beat()
-        if self._beats % BEATS_TO_TELL == 0:
+        if self._beats % BEATS_TO_REPORT == 0:
             message = Beat(self._node.sensors(), self._node.log_problem)
         self._beats += 1
         self._pipe.send(message)
         self._loop.call_later(BEAT_S, self._beat)
 
-    def _hear(self, message: ToChild | FromChild | None) -> None:
+    def _receive(self, message: ToChild | FromChild | None) -> None:
         match message:
             case Pass(envelope=data):
                 self._exchange.here.publish(self._node.context.topics.types.decode(data))
-            case Tell(offset_s=offset_s):
+            case ChildReport(offset_s=offset_s):
                 self._loop.steer(offset_s)
-            case Leave() | None:
+            case EndChild() | None:
                 self._ended.set()
 
 

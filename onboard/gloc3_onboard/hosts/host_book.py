@@ -30,7 +30,7 @@ class HostBook:
         self._lost: set[str] = set()
 
     @property
-    def is_worth_telling(self) -> bool:
+    def is_reportable(self) -> bool:
         """Whether there is more than one process on one host."""
         return len(self._known) > 1 or any(status and len(status.processes) > 1 for status in self._known.values())
 
@@ -39,7 +39,7 @@ class HostBook:
         """In how many messages all of them are told."""
         return max(1, math.ceil(len(self._known) / ROWS))
 
-    def see(self, status: HostStatus) -> None:
+    def update(self, status: HostStatus) -> None:
         """What a host says of itself."""
         self._known[status.host] = status
 

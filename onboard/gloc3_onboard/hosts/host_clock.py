@@ -10,7 +10,7 @@ from gloc3.exchange import Publisher
 from gloc3.exchange.base import Exchange
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.hosts import HOSTS, ClockAnswer, ClockQuestion
-from gloc3_onboard.hosts.offset import Estimate, OffsetFilter
+from gloc3_onboard.hosts.offset import OffsetEstimate, OffsetFilter
 
 FIRST: Final = 12
 """Answers before the components begin."""
@@ -32,13 +32,13 @@ class ClockServer:
     def __init__(self, exchange: Exchange, platform: str, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
         self._publisher = Publisher(exchange, platform, "clock", randbits(32))
-        self._end = exchange.subscribe(f"{platform}/{HOSTS}/*/clock", self._take)
+        self._end = exchange.subscribe(f"{platform}/{HOSTS}/*/clock", self._handle_question)
 
     def close(self) -> None:
         """Answers nothing any more."""
         self._end()
 
-    def _take(self, envelope: Envelope[Any]) -> None:
+    def _handle_question(self, envelope: Envelope[Any]) -> None:
         received_s = self._loop.time()
         question = envelope.payload
         if isinstance(question, ClockQuestion):
@@ -63,17 +63,17 @@ class HostClock:
         platform: str,
         host: str,
         loop: asyncio.AbstractEventLoop,
-        changed: Callable[[Estimate], None],
+        changed: Callable[[OffsetEstimate], None],
     ) -> None:
         self._loop, self._changed = loop, changed
         self._topic = f"{platform}/{HOSTS}/{host}/clock"
         self._publisher = Publisher(exchange, platform, f"host_{host}", randbits(32))
-        self._end = exchange.subscribe(f"{self._topic}_answer", self._take)
+        self._end = exchange.subscribe(f"{self._topic}_answer", self._handle_answer)
         self._filter = OffsetFilter()
-        self._asked: dict[int, float] = {}
-        self._timer = loop.call_soon(self._ask)
+        self._requested: dict[int, float] = {}
+        self._timer = loop.call_soon(self._send_question)
 
-    def estimate(self) -> Estimate:
+    def estimate(self) -> OffsetEstimate:
         """What is known now."""
         return self._filter.estimate(monotonic_s())
 
@@ -87,18 +87,18 @@ class HostClock:
         self._timer.cancel()
         self._end()
 
-    def _ask(self) -> None:
+    def _send_question(self) -> None:
         period_s = THEN_EVERY_S if self.has_settled else FIRST_EVERY_S
-        self._timer = self._loop.call_later(period_s, self._ask)
+        self._timer = self._loop.call_later(period_s, self._send_question)
         number = randbits(32)
-        while len(self._asked) > FIRST:
-            del self._asked[next(iter(self._asked))]
-        self._asked[number] = monotonic_s()
+        while len(self._requested) > FIRST:
+            del self._requested[next(iter(self._requested))]
+        self._requested[number] = monotonic_s()
         self._publisher.publish(self._topic, ClockQuestion(number=number), self._loop.time())
 
-    def _take(self, envelope: Envelope[Any]) -> None:
-        heard_s, answer = monotonic_s(), envelope.payload
-        asked_s = self._asked.pop(answer.number, None) if isinstance(answer, ClockAnswer) else None
-        if asked_s is not None:
-            self._filter.add(asked_s, answer.received_s, answer.answered_s, heard_s)
-            self._changed(self._filter.estimate(heard_s))
+    def _handle_answer(self, envelope: Envelope[Any]) -> None:
+        received_s, answer = monotonic_s(), envelope.payload
+        requested_s = self._requested.pop(answer.number, None) if isinstance(answer, ClockAnswer) else None
+        if requested_s is not None:
+            self._filter.add(requested_s, answer.received_s, answer.answered_s, received_s)
+            self._changed(self._filter.estimate(received_s))

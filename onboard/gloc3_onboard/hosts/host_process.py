@@ -15,24 +15,24 @@ from gloc3.component.hosted import HUNG
 from gloc3.component.lci import State
 from gloc3.errors import Gloc3Error, InputError, Misuse, Refused
 from gloc3.messages.envelope import Severity
-from gloc3.platform.places import Place, clock_host
+from gloc3.platform.places import ProcessPlace, clock_host
 from gloc3.platform.platform import Platform
 from gloc3_onboard.hosts.host_clock import STEP_S, HostClock
-from gloc3_onboard.hosts.keeper import ClockState, HostKeeper
+from gloc3_onboard.hosts.keeper import ClockState, HostAgent
 from gloc3_onboard.hosts.loop import PlatformLoop
-from gloc3_onboard.hosts.node import Node, NodeOptions
-from gloc3_onboard.hosts.offset import Estimate
-from gloc3_onboard.hosts.pipe import Order
-from gloc3_onboard.hosts.shared import Shared, renew
+from gloc3_onboard.hosts.node import HostNode, NodeOptions
+from gloc3_onboard.hosts.offset import OffsetEstimate
+from gloc3_onboard.hosts.pipe import ChildSetup
+from gloc3_onboard.hosts.shared import SharedExchange, renew
 from gloc3_onboard.process.event_narration import EventNarration
 from gloc3_onboard.service.manager import ServiceManager
 
 REMIND_S: Final = 10.0
 """How often it is told that the clock host is not there."""
-LOOK_S: Final = 0.1
+POLL_S: Final = 0.1
 ALIVE_S: Final = 1.0
 
-Open = Callable[[], AbstractContextManager[Shared]]
+Open = Callable[[], AbstractContextManager[SharedExchange]]
 
 
 class HostOptions(NodeOptions, frozen=True, kw_only=True):
@@ -65,19 +65,19 @@ async def run_host(options: HostOptions, platform: Platform, host: str, opened: 
     loop.add_signal_handler(signal.SIGHUP, lambda: None)  # there is nothing to be read again yet
     narrator = Narrator()
 
-    def say(severity: Severity, text: str) -> None:
+    def report(severity: Severity, text: str) -> None:
         if not options.is_quiet and severity <= Severity.INFO:
-            narrator.say(f"{host}: {text}", severity)
+            narrator.narrate(f"{host}: {text}", severity)
 
     try:
         while not stopped.is_set():
             manager.status(f"waiting for {clock_host(platform)}, whose clock is the platform's time")
-            offset_s = await _first_offset(platform, host, opened, stopped, manager, say)
+            offset_s = await _first_offset(platform, host, opened, stopped, manager, report)
             if offset_s is None:
                 break
             loop.step(offset_s)
             with opened() as shared:
-                life = HostProcess(options, platform, host, shared, loop, manager, say)
+                life = HostProcess(options, platform, host, shared, loop, manager, report)
                 await life.run(stopped)
     finally:
         narrator.close()
@@ -89,29 +89,29 @@ async def _first_offset(
     opened: Open,
     stopped: asyncio.Event,
     manager: ServiceManager,
-    say: Callable[[Severity, str], None],
+    report: Callable[[Severity, str], None],
 ) -> float | None:
     """Asks the clock host until enough is known, while nothing else is scheduled; None when told to stop."""
     loop = asyncio.get_running_loop()
-    known: list[Estimate] = []
+    known: list[OffsetEstimate] = []
     with opened() as shared:
         clock = HostClock(shared.exchange, platform.platform, host, loop, known.append)
         try:
-            looks = 0
+            views = 0
             while not clock.has_settled:
                 with suppress(TimeoutError):
-                    async with asyncio.timeout(LOOK_S):
+                    async with asyncio.timeout(POLL_S):
                         await stopped.wait()
                         return None
-                looks += 1
-                if looks % round(REMIND_S / LOOK_S) == 0:
+                views += 1
+                if views % round(REMIND_S / POLL_S) == 0:
                     manager.extend(3.0 * REMIND_S)
-                    say(Severity.WARNING, f"{clock_host(platform)} does not answer: it has the platform's time")
+                    report(Severity.WARNING, f"{clock_host(platform)} does not answer: it has the platform's time")
                     manager.extend(3.0 * REMIND_S)
         finally:
             clock.close()
     best = known[-1]
-    say(
+    report(
         Severity.INFO,
         f"the platform's time is {best.offset_s:+.3f} s from this computer's, to within {best.bound_s * 1e3:.1f} ms",
     )
@@ -126,73 +126,77 @@ class HostProcess:
         options: HostOptions,
         platform: Platform,
         host: str,
-        shared: Shared,
+        shared: SharedExchange,
         loop: PlatformLoop,
         manager: ServiceManager,
-        say: Callable[[Severity, str], None],
+        report: Callable[[Severity, str], None],
     ) -> None:
         self._options, self._platform, self._host, self._shared = options, platform, host, shared
-        self._loop, self._manager, self._say = loop, manager, say
+        self._loop, self._manager, self._report = loop, manager, report
         self._jumped = asyncio.Event()
-        self._node = Node(platform, options, Place(host), shared.exchange, loop, shared.topics, say)
+        self._node = HostNode(platform, options, ProcessPlace(host), shared.exchange, loop, shared.topics, report)
         self._clock = HostClock(shared.exchange, platform.platform, host, loop, self._follow)
-        self._keeper = HostKeeper(
+        self._agent = HostAgent(
             platform,
             host,
             self._node.context,
             self._order,
-            lambda text: say(Severity.WARNING, text),
+            lambda text: report(Severity.WARNING, text),
             clock=self._clock_state,
             sensors=self._node.sensors,
         )
-        names = [row.name for row in (*self._node.rows, *(stand_in.row for stand_in in self._keeper.led))]
-        self._narration = EventNarration(shared.exchange.here, platform.platform, names, say)
+        names = [
+            row.name for row in (*self._node.rows, *(placeholder.row for placeholder in self._agent.agent_exchange))
+        ]
+        self._narration = EventNarration(shared.exchange.here, platform.platform, names, report)
 
     async def run(self, stopped: asyncio.Event) -> None:
         """Has the components here until the process is told to end or the clock host's time jumps."""
-        self._keeper.begin()
-        onboard = self._node.make(self._keeper.led)
+        self._agent.begin()
+        onboard = self._node.make(self._agent.agent_exchange)
         onboard.begin()
-        names = [row.name for row in (*self._node.rows, *(stand_in.row for stand_in in self._keeper.led))]
-        self._say(Severity.INFO, f"{self._platform.platform}: {len(names)} components; log in {self._node.log}")
-        tasks = [self._loop.create_task(self._feed()), self._loop.create_task(self._renew_when_told())]
+        names = [
+            row.name for row in (*self._node.rows, *(placeholder.row for placeholder in self._agent.agent_exchange))
+        ]
+        self._report(Severity.INFO, f"{self._platform.platform}: {len(names)} components; log in {self._node.log}")
+        tasks = [self._loop.create_task(self._feed()), self._loop.create_task(self._renew_on_request())]
         waits = [self._loop.create_task(event.wait()) for event in (stopped, self._jumped)]
         try:
             await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
             if stopped.is_set():
                 self._manager.stopping()
-                self._say(Severity.NOTICE, "stopping")
+                self._report(Severity.NOTICE, "stopping")
             else:
-                self._say(Severity.WARNING, "the platform's time has jumped: all components begin anew")
+                self._report(Severity.WARNING, "the platform's time has jumped: all components begin anew")
         finally:
             for task in (*tasks, *waits):
                 task.cancel()
-            self._keeper.give_up_beginning()
-            await onboard.stop(lambda text: self._say(Severity.WARNING, text))
-            await self._keeper.end()
+            self._agent.give_up_beginning()
+            await onboard.stop(lambda text: self._report(Severity.WARNING, text))
+            await self._agent.end()
             self._clock.close()
             self._narration.close()
             await self._node.close()
 
-    async def _renew_when_told(self) -> None:
+    async def _renew_on_request(self) -> None:
         """Goes on by the network file as it is then, whenever SIGHUP comes."""
-        told, network = asyncio.Event(), self._options.network
-        self._loop.add_signal_handler(signal.SIGHUP, told.set)
+        reported, network = asyncio.Event(), self._options.network
+        self._loop.add_signal_handler(signal.SIGHUP, reported.set)
         while True:
-            await told.wait()
-            told.clear()
+            await reported.wait()
+            reported.clear()
             self._manager.reloading(monotonic_s())
             if network is not None:
                 try:
                     shared = self._shared
-                    self._keeper.announce_renewal()
-                    await asyncio.sleep(LOOK_S)  # so that nobody notices the end before what is said of it
+                    self._agent.announce_renewal()
+                    await asyncio.sleep(POLL_S)  # so that nobody notices the end before what is said of it
                     await renew(shared.exchange, shared.endpoint, self._platform, self._host, network, self._loop)
-                    self._say(Severity.NOTICE, f"{network} is read again")
+                    self._report(Severity.NOTICE, f"{network} is read again")
                 except (InputError, Refused) as error:
-                    self._say(Severity.ERROR, f"{error}: the network stays as it was")
+                    self._report(Severity.ERROR, f"{error}: the network stays as it was")
                 except Gloc3Error as error:
-                    self._say(Severity.ERROR, f"{error}: nobody else is reached")
+                    self._report(Severity.ERROR, f"{error}: nobody else is reached")
             self._manager.ready()
 
     async def _feed(self) -> None:
@@ -202,7 +206,7 @@ class HostProcess:
             await asyncio.sleep(ALIVE_S)
             onboard = self._node.onboard
             assert onboard is not None
-            if not is_ready and not onboard.is_beginning and not self._keeper.is_beginning:
+            if not is_ready and not onboard.is_beginning and not self._agent.is_beginning:
                 is_ready = True
                 self._manager.ready()
             hung = [host.row.name for host in onboard.hosts.values() if _hangs(host)]
@@ -210,20 +214,20 @@ class HostProcess:
             if not hung:
                 self._manager.alive()
 
-    def _follow(self, known: Estimate) -> None:
+    def _follow(self, known: OffsetEstimate) -> None:
         """Follows the clock host's time, or ends this life if that has jumped."""
         if abs(known.offset_s - self._loop.offset_s) > STEP_S + known.bound_s:
             self._jumped.set()
             return
         self._loop.steer(known.offset_s)
-        self._keeper.pass_time_on(known.offset_s)
+        self._agent.pass_time_on(known.offset_s)
 
     def _clock_state(self) -> ClockState:
         known = self._clock.estimate()
         return ClockState(self._loop.offset_s, known.bound_s, known.round_trip_s, known.age_s)
 
-    def _order(self, process: str, lives: dict[str, str | None] | None) -> Order:
-        return Order(
+    def _order(self, process: str, lives: dict[str, str | None] | None) -> ChildSetup:
+        return ChildSetup(
             platform=self._options.platform,
             host=self._host,
             process=process,

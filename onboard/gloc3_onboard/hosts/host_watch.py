@@ -31,9 +31,9 @@ class HostWatch:
     """
 
     def __init__(
-        self, context: HostContext, host: str, names: Sequence[str], say: Callable[[Severity, str], None]
+        self, context: HostContext, host: str, names: Sequence[str], report: Callable[[Severity, str], None]
     ) -> None:
-        self._context, self._own, self._say = context, host, say
+        self._context, self._own, self._report = context, host, report
         self._publisher = Publisher(context.exchange, context.platform, "host_watch", context.random.getrandbits(32))
         self._topic = f"{context.platform}/{HOST_PRESENCE}"
         self._here: dict[str, bool] = {}
@@ -45,13 +45,16 @@ class HostWatch:
         """Of the processes that spoke for the hosts last."""
         self._sensors: dict[str, list[SensorCondition]] = {}
         self._book = HostBook(names, host)
-        self._told_names: HostNames | None = None
-        self._told_names_s = 0.0
+        self._reported_names: HostNames | None = None
+        self._reported_names_s = 0.0
         self._parts: list[HostSummary] = []
         """What is still to be told; one at a time, since a slow link keeps only the newest."""
         self._timer = context.loop.call_later(SUMMARY_S, self._summarize)
         hosts = f"{context.platform}/{HOSTS}/*"
-        self._ends = [context.exchange.watch(hosts, self._changed), context.exchange.subscribe(hosts, self._take)]
+        self._ends = [
+            context.exchange.watch(hosts, self._changed),
+            context.exchange.subscribe(hosts, self._receive_status),
+        ]
 
     def close(self) -> None:
         """Tells nothing any more."""
@@ -68,31 +71,31 @@ class HostWatch:
         """How the sensors of the other hosts are, as they told last."""
         return [sensor for sensors in self._sensors.values() for sensor in sensors]
 
-    def _take(self, envelope: Envelope[Any]) -> None:
+    def _receive_status(self, envelope: Envelope[Any]) -> None:
         status = envelope.payload
         if isinstance(status, HostStatus):
-            self._book.see(status)
+            self._book.update(status)
         if isinstance(status, HostStatus) and status.host != self._own:
-            self._see_boot(status.host, envelope.source.boot)
+            self._note_boot(status.host, envelope.source.boot)
             self._sensors[status.host] = status.sensors
             if status.is_renewing:
                 self._renews_until_s[status.host] = self._context.loop.time() + RENEWAL_S
             if self._here.get(status.host):
-                self._tell(HostPresence(host=status.host, is_here=True, status=status))
+                self._publish(HostPresence(host=status.host, is_here=True, status=status))
 
-    def _see_boot(self, host: str, boot: int) -> None:
+    def _note_boot(self, host: str, boot: int) -> None:
         """A process that began anew before its end was noticed was lost all the same: all that it did is forgotten."""
         known, self._boots[host] = self._boots.get(host, boot), boot
         if boot != known and self._here.get(host):
-            self._see(host, is_here=False)
-            self._see(host, is_here=True)
+            self._set_presence(host, is_here=False)
+            self._set_presence(host, is_here=True)
 
     def _changed(self, token: str, is_here: bool) -> None:
         host, loop = token.rpartition("/")[2], self._context.loop
         left_s = self._renews_until_s.get(host, 0.0) - loop.time()
         self._away.discard(host)
         if is_here or left_s <= 0.0 or not self._here.get(host):
-            self._see(host, is_here=is_here)
+            self._set_presence(host, is_here=is_here)
         else:
             self._away.add(host)
             loop.call_later(left_s, self._miss, host)
@@ -101,36 +104,40 @@ class HostWatch:
         """A host that meant to be gone for a moment has had its time."""
         if host in self._away:
             self._away.discard(host)
-            self._see(host, is_here=False)
+            self._set_presence(host, is_here=False)
 
-    def _see(self, host: str, *, is_here: bool) -> None:
+    def _set_presence(self, host: str, *, is_here: bool) -> None:
         if host == self._own or self._here.get(host, False) == is_here:
             return
         self._here[host] = is_here
         self._book.presence(host, is_here=is_here)
         if not is_here:
             self._sensors.pop(host, None)
-        self._say(Severity.NOTICE if is_here else Severity.ERROR, f"host {host} is {'here' if is_here else 'lost'}")
-        self._tell(HostPresence(host=host, is_here=is_here))
+        self._report(Severity.NOTICE if is_here else Severity.ERROR, f"host {host} is {'here' if is_here else 'lost'}")
+        self._publish(HostPresence(host=host, is_here=is_here))
 
     def _summarize(self) -> None:
         """Tells the stations, where there is something to tell."""
         now_s = self._context.loop.time()
         self._timer = self._context.loop.call_later(SUMMARY_S / self._book.parts, self._summarize)
-        if not self._book.is_worth_telling:
+        if not self._book.is_reportable:
             return
         names = self._book.names()
-        if self._told_names is None or now_s > self._told_names_s + NAMES_S or _is_news(self._told_names, names):
-            self._told_names, self._told_names_s = names, now_s
+        if (
+            self._reported_names is None
+            or now_s > self._reported_names_s + NAMES_S
+            or _is_new(self._reported_names, names)
+        ):
+            self._reported_names, self._reported_names_s = names, now_s
             self._publisher.publish(f"{self._context.platform}/ci/host_names", names, now_s)
         self._parts = self._parts or list(self._book.summaries())
         self._publisher.publish(f"{self._context.platform}/ci/hosts", self._parts.pop(0), now_s)
 
-    def _tell(self, presence: HostPresence) -> None:
+    def _publish(self, presence: HostPresence) -> None:
         self._publisher.publish(self._topic, presence, self._context.loop.time())
 
 
-def _is_news(before: HostNames, now: HostNames) -> bool:
+def _is_new(before: HostNames, now: HostNames) -> bool:
     """Whether something has changed that a person would look at."""
     pairs = list(zip(before.hosts, now.hosts, strict=False))
     return len(before.hosts) != len(now.hosts) or any(

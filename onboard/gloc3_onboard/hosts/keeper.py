@@ -10,11 +10,11 @@ from gloc3.exchange.base import Unsubscribe
 from gloc3.messages.hosts import HOSTS, HostStatus, ProcessLine
 from gloc3.messages.readiness import SensorCondition
 from gloc3.messages.software import own_software
-from gloc3.platform.places import Place, child_processes, clock_host, rows_at
+from gloc3.platform.places import ProcessPlace, child_processes, clock_host, rows_at
 from gloc3.platform.platform import Platform
-from gloc3_onboard.hosts.child import ChildProcess, Lives, Phase
-from gloc3_onboard.hosts.pipe import Order
-from gloc3_onboard.hosts.stand_in import StandIn
+from gloc3_onboard.hosts.child import ChildPhase, ChildProcess, Lives
+from gloc3_onboard.hosts.pipe import ChildSetup
+from gloc3_onboard.hosts.stand_in import ComponentPlaceholder
 
 STATUS_S: Final = 1.0
 
@@ -28,7 +28,7 @@ class ClockState(NamedTuple):
     age_s: float = 0.0
 
 
-class HostKeeper:
+class HostAgent:
     """Keeps one host's processes together.
 
     Args:
@@ -47,8 +47,8 @@ class HostKeeper:
         platform: Platform,
         host: str,
         context: HostContext,
-        order: Callable[[str, Lives | None], Order],
-        say: Callable[[str], None],
+        order: Callable[[str, Lives | None], ChildSetup],
+        report: Callable[[str], None],
         *,
         clock: Callable[[], ClockState] = ClockState,
         sensors: Callable[[], list[SensorCondition]] = list,
@@ -62,10 +62,10 @@ class HostKeeper:
         self.children: Final = [
             ChildProcess(
                 name,
-                rows_at(platform, Place(host, name)),
+                rows_at(platform, ProcessPlace(host, name)),
                 context,
                 lambda lives, name=name: order(name, lives),  # type: ignore[misc] # each its own name
-                say,
+                report,
             )
             for name in child_processes(platform, host)
         ]
@@ -73,21 +73,21 @@ class HostKeeper:
         self._withdraw: Unsubscribe | None = None
 
     @property
-    def led(self) -> list[StandIn]:
+    def agent_exchange(self) -> list[ComponentPlaceholder]:
         """The components of the child processes."""
         return [child.component(row.name) for child in self.children for row in child.rows]
 
     @property
     def is_beginning(self) -> bool:
         """Whether a child has not been there yet."""
-        return any(child.phase is Phase.BEGINNING and not child.restarts for child in self.children)
+        return any(child.phase is ChildPhase.BEGINNING and not child.restarts for child in self.children)
 
     def begin(self) -> None:
         """Says that the host is here, and begins its children."""
         self._withdraw = self._context.exchange.declare_alive(self._topic)
         for child in self.children:
             child.begin()
-        self._tell()
+        self._send_setup()
 
     def give_up_beginning(self) -> None:
         """Waits for no child that is still beginning."""
@@ -119,17 +119,17 @@ class HostKeeper:
     def pass_time_on(self, offset_s: float) -> None:
         """Tells the children how far the platform's time is from this computer's."""
         for child in self.children:
-            child.tell(offset_s)
+            child.send_offset(offset_s)
 
     def announce_renewal(self) -> None:
         """Says that this host will be gone for a moment."""
-        self._tell(is_renewing=True)
+        self._send_setup(is_renewing=True)
 
     def _report(self) -> None:
         self._timer = self._context.loop.call_later(STATUS_S, self._report)
-        self._tell()
+        self._send_setup()
 
-    def _tell(self, *, is_renewing: bool = False) -> None:
+    def _send_setup(self, *, is_renewing: bool = False) -> None:
         clock = self._clock()
         status = HostStatus(
             host=self._host,
@@ -148,8 +148,8 @@ class HostKeeper:
         self._publisher.publish(self._topic, status, self._context.loop.time())
 
     def _lines(self) -> Iterator[ProcessLine]:
-        mine = [row.name for row in rows_at(self._platform, Place(self._host))]
-        yield ProcessLine("", os.getpid(), Phase.UP, mine)
+        mine = [row.name for row in rows_at(self._platform, ProcessPlace(self._host))]
+        yield ProcessLine("", os.getpid(), ChildPhase.UP, mine)
         for child in self.children:
             yield ProcessLine(
                 child.name,

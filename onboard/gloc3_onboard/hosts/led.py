@@ -9,7 +9,7 @@ from gloc3.messages.envelope import Envelope
 REQUESTS: Final = ("/command", "/function")
 
 
-class LedExchange:
+class AgentExchange:
     """An exchange that draws no requests from elsewhere: each comes once, by the pipe, whoever is there to take it.
 
     Args:

@@ -14,7 +14,7 @@ from gloc3.errors import Refused
 from gloc3.exchange.base import Exchange
 from gloc3.messages.readiness import SensorCondition
 from gloc3.messages.topics import TopicTable
-from gloc3.platform.places import Place, rows_at
+from gloc3.platform.places import ProcessPlace, rows_at
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import find_platform, whole_text
 from gloc3_onboard.assembly import Hosting, devices_of, host_components, open_sensors
@@ -23,7 +23,7 @@ from gloc3_onboard.parts import Parts
 from gloc3_onboard.process.event_narration import Report
 from gloc3_onboard.process.log_files import LogFiles, log_stem
 from gloc3_onboard.process.run_log import LogLimits, RunLog
-from gloc3_onboard.process.runner import Member, Onboard
+from gloc3_onboard.process.runner import HostMember, Onboard
 from gloc3_onboard.process.storage import PictureFolder
 from gloc3_onboard.sensors.registry import SourceHost
 
@@ -40,7 +40,7 @@ class NodeOptions(msgspec.Struct, frozen=True, kw_only=True):
     log_limits: LogLimits = LogLimits()
 
 
-class Node:
+class HostNode:
     """A child process, or the main process of another host than the clock host.
 
     Args:
@@ -61,7 +61,7 @@ class Node:
         self,
         platform: Platform,
         options: NodeOptions,
-        place: Place,
+        place: ProcessPlace,
         exchange: Exchange,
         loop: asyncio.AbstractEventLoop,
         topics: TopicTable,
@@ -73,8 +73,8 @@ class Node:
         self.parts: Final = Parts()
         folder, used = find_platform(options.platform).parent, devices_of(self.rows)
         boot = self.parts.add("boot time", BootTime(exchange, platform.platform))
-        asked = [each for each in options.devices if each.partition("=")[0] in used]
-        self._sensors = open_sensors(platform, used, asked, SourceHost(loop, folder, boot.t_s_of_boot))
+        requested = [each for each in options.devices if each.partition("=")[0] in used]
+        self._sensors = open_sensors(platform, used, requested, SourceHost(loop, folder, boot.t_s_of_boot))
         self._watch = self._sensors.watch(self.parts, loop.time)
         logs = options.logs
         try:
@@ -97,11 +97,11 @@ class Node:
         self.parts.add("run log", self._log)
         self.onboard: Onboard | None = None
 
-    def make(self, led: Sequence[Member] = ()) -> Onboard:
+    def make(self, exchange: Sequence[HostMember] = ()) -> Onboard:
         """Makes the components; they take commands from now on."""
         pictures = PictureFolder(self._options.logs / self.log.stem.replace("log", "images", 1), self._sensors.rig)
         devices = {**self._sensors.devices, "rig": self._sensors.rig, "pictures": pictures}
-        hosting = Hosting(rows=self.rows, led=led)
+        hosting = Hosting(rows=self.rows, led=exchange)
         self.onboard = host_components(self.parts, self._platform, self.context, devices, hosting)
         return self.onboard
 

@@ -7,12 +7,12 @@ from typing import Final, NamedTuple
 DRIFT: Final = 100e-6
 """Seconds in a second: two computers' clocks drift apart no faster."""
 KEPT: Final = 64
-STRANGERS: Final = 3
+MOST_UNKNOWN: Final = 3
 """So many answers in a row that contradict what was known are believed: a clock has been set anew."""
 SLACK_S: Final = 1e-3
 
 
-class Estimate(NamedTuple):
+class OffsetEstimate(NamedTuple):
     """What is known of an offset."""
 
     offset_s: float
@@ -23,7 +23,7 @@ class Estimate(NamedTuple):
     age_s: float
 
 
-UNKNOWN: Final = Estimate(0.0, inf, 0.0, 0.0)
+UNKNOWN: Final = OffsetEstimate(0.0, inf, 0.0, 0.0)
 
 
 class _Sample(NamedTuple):
@@ -40,38 +40,38 @@ class OffsetFilter:
 
     def __init__(self) -> None:
         self._samples: deque[_Sample] = deque(maxlen=KEPT)
-        self._strangers: list[_Sample] = []
+        self._unknown_sources: list[_Sample] = []
 
     def __len__(self) -> int:
         return len(self._samples)
 
-    def add(self, asked_s: float, received_s: float, answered_s: float, heard_s: float) -> None:
+    def add(self, requested_s: float, received_s: float, answered_s: float, arrived_s: float) -> None:
         """Takes an answer.
 
         Args:
-            asked_s: when the question left, by our clock.
+            requested_s: when the question left, by our clock.
             received_s: when it came there, by the other.
             answered_s: when the answer left there, by the other.
-            heard_s: when it came here, by ours.
+            arrived_s: when it came here, by ours.
         """
-        round_trip_s = max(0.0, (heard_s - asked_s) - (answered_s - received_s))
-        sample = _Sample(((received_s - asked_s) + (answered_s - heard_s)) / 2.0, round_trip_s, heard_s)
-        known = self.estimate(heard_s)
+        round_trip_s = max(0.0, (arrived_s - requested_s) - (answered_s - received_s))
+        sample = _Sample(((received_s - requested_s) + (answered_s - arrived_s)) / 2.0, round_trip_s, arrived_s)
+        known = self.estimate(arrived_s)
         if abs(sample.offset_s - known.offset_s) <= known.bound_s + round_trip_s / 2.0 + SLACK_S:
-            self._strangers.clear()
+            self._unknown_sources.clear()
             self._samples.append(sample)
             return
-        self._strangers.append(sample)
-        if len(self._strangers) >= STRANGERS:
-            self._samples = deque(self._strangers, KEPT)
-            self._strangers = []
+        self._unknown_sources.append(sample)
+        if len(self._unknown_sources) >= MOST_UNKNOWN:
+            self._samples = deque(self._unknown_sources, KEPT)
+            self._unknown_sources = []
 
-    def estimate(self, now_s: float) -> Estimate:
+    def estimate(self, now_s: float) -> OffsetEstimate:
         """What is known now, by our clock."""
         if not self._samples:
             return UNKNOWN
         best = min(self._samples, key=lambda sample: _distance_s(sample, now_s))
-        return Estimate(best.offset_s, _distance_s(best, now_s), best.round_trip_s, now_s - best.at_s)
+        return OffsetEstimate(best.offset_s, _distance_s(best, now_s), best.round_trip_s, now_s - best.at_s)
 
 
 def _distance_s(sample: _Sample, now_s: float) -> float:

@@ -10,15 +10,15 @@ from gloc3.messages.readiness import SensorCondition
 from gloc3.network.file import Membership
 from gloc3.network.stations import StationBridge
 from gloc3.platform.places import clock_host, host_names
-from gloc3_onboard.assembly import Vehicle, VehicleInputs
-from gloc3_onboard.autopilot.news import LinkNews
+from gloc3_onboard.assembly import VehicleInputs, VehicleSide
+from gloc3_onboard.autopilot.news import LinkReports
 from gloc3_onboard.hosts.host_clock import ClockServer
 from gloc3_onboard.hosts.host_watch import HostWatch
-from gloc3_onboard.hosts.keeper import HostKeeper
-from gloc3_onboard.hosts.pipe import Order
-from gloc3_onboard.hosts.shared import Shared, renew
+from gloc3_onboard.hosts.keeper import HostAgent
+from gloc3_onboard.hosts.pipe import ChildSetup
+from gloc3_onboard.hosts.shared import SharedExchange, renew
 from gloc3_onboard.process.options import ProcessOptions
-from gloc3_onboard.process.runner import Member
+from gloc3_onboard.process.runner import HostMember
 
 
 class OtherProcesses:
@@ -37,9 +37,9 @@ class OtherProcesses:
         self,
         options: ProcessOptions,
         inputs: VehicleInputs,
-        shared: Shared,
+        shared: SharedExchange,
         member: Membership | None,
-        vehicle: Vehicle,
+        vehicle: VehicleSide,
         sensors: Callable[[], list[SensorCondition]],
     ) -> None:
         context, report, parts = inputs.context, inputs.report, vehicle.parts
@@ -48,7 +48,7 @@ class OtherProcesses:
         self._host = clock_host(platform)
         self._agent = parts.add(
             "host agent",
-            HostKeeper(
+            HostAgent(
                 platform,
                 self._host,
                 context,
@@ -61,7 +61,7 @@ class OtherProcesses:
         boots = context.random
         self._bridge: StationBridge | None = None
         if member is not None:
-            self._events = LinkNews(exchange, context.platform, boots.getrandbits(32), context.loop.time, "network")
+            self._events = LinkReports(exchange, context.platform, boots.getrandbits(32), context.loop.time, "network")
             self._bridge = StationBridge(
                 exchange, context.loop, context.platform, member.file.roles, boots.getrandbits(32), self._forged
             )
@@ -78,9 +78,9 @@ class OtherProcesses:
         return self._agent.is_beginning
 
     @property
-    def led(self) -> Sequence[Member]:
+    def exchange(self) -> Sequence[HostMember]:
         """The components of child processes."""
-        return self._agent.led
+        return self._agent.agent_exchange
 
     def begin(self) -> None:
         """Begins the child processes."""
@@ -123,12 +123,12 @@ class OtherProcesses:
         report(Severity.NOTICE, f"{network} is read again: {counted(len(member.file.others), 'other member')}")
 
     def _forged(self, station: str, reason: str) -> None:
-        self._events.say(Severity.WARNING, f"a request of {station} is not taken: {reason}")
+        self._events.report(Severity.WARNING, f"a request of {station} is not taken: {reason}")
 
-    def _order(self, process: str, lives: dict[str, str | None] | None) -> Order:
+    def _order(self, process: str, lives: dict[str, str | None] | None) -> ChildSetup:
         """What a child process is told."""
         options = self._options
-        return Order(
+        return ChildSetup(
             platform=options.platform,
             host=self._host,
             process=process,

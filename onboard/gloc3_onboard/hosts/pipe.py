@@ -15,7 +15,7 @@ LARGEST: Final = 1 << 18
 """Bytes of a message; requests to components are smaller."""
 
 
-class Order(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+class ChildSetup(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     """To the child, first of all: what it is."""
 
     platform: str
@@ -43,17 +43,17 @@ class Pass(msgspec.Struct, frozen=True, tag=True):
     envelope: bytes
 
 
-class Tell(msgspec.Struct, frozen=True, tag=True):
+class ChildReport(msgspec.Struct, frozen=True, tag=True):
     """To the child, now and then: what it cannot know by itself."""
 
     offset_s: float
 
 
-class Leave(msgspec.Struct, frozen=True, tag=True):
+class EndChild(msgspec.Struct, frozen=True, tag=True):
     """To the child: its components have left, it may end."""
 
 
-class Here(msgspec.Struct, frozen=True, tag=True):
+class ChildReady(msgspec.Struct, frozen=True, tag=True):
     """From the child: its components are there, and take requests."""
 
 
@@ -65,8 +65,8 @@ class Beat(msgspec.Struct, frozen=True, tag=True):
     log_problem: str = ""
 
 
-ToChild = Order | Pass | Tell | Leave
-FromChild = Here | Beat
+ToChild = ChildSetup | Pass | ChildReport | EndChild
+FromChild = ChildReady | Beat
 
 _ENCODER: Final = msgspec.msgpack.Encoder()
 
@@ -86,9 +86,9 @@ class Pipe:
         end: socket.socket,
         expected: type[ToChild] | type[FromChild],
         loop: asyncio.AbstractEventLoop,
-        heard: Callable[[ToChild | FromChild | None], None],
+        received: Callable[[ToChild | FromChild | None], None],
     ) -> None:
-        self._end, self._loop, self._heard = end, loop, heard
+        self._end, self._loop, self._received = end, loop, received
         self._decoder: msgspec.msgpack.Decoder[ToChild | FromChild] = msgspec.msgpack.Decoder(expected)
         end.setblocking(False)
         loop.add_reader(end.fileno(), self._read)
@@ -116,9 +116,9 @@ class Pipe:
             data = b""
         if not data:
             self.close()
-            self._heard(None)
+            self._received(None)
             return
-        self._heard(self._decoder.decode(data))
+        self._received(self._decoder.decode(data))
 
 
 def socket_pair() -> tuple[socket.socket, socket.socket]:
@@ -136,7 +136,7 @@ def socket_pair() -> tuple[socket.socket, socket.socket]:
     return ends
 
 
-def first_message(end: socket.socket) -> Order | None:
+def first_message(end: socket.socket) -> ChildSetup | None:
     """The order that a child begins with; None if its parent has gone before. Blocks."""
     data = end.recv(LARGEST)
-    return msgspec.msgpack.decode(data, type=Order) if data else None
+    return msgspec.msgpack.decode(data, type=ChildSetup) if data else None

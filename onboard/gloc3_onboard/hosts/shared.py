@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from gloc3.network.file import Membership
 
 
-class Shared(NamedTuple):
+class SharedExchange(NamedTuple):
     """The exchange of a main process."""
 
     exchange: Exchange
@@ -31,10 +31,10 @@ class Shared(NamedTuple):
     topics: TopicTable
 
 
-def alone() -> Shared:
+def alone() -> SharedExchange:
     """The exchange of a platform that is one process."""
     topics = TopicTable.installed()
-    return Shared(LocalExchange(topics), "", topics)
+    return SharedExchange(LocalExchange(topics), "", topics)
 
 
 @contextmanager
@@ -45,7 +45,7 @@ def open_shared(
     loop: asyncio.AbstractEventLoop,
     troubled: Callable[[str, str], None],
     member: "Membership | None" = None,
-) -> Iterator[Shared]:
+) -> Iterator[SharedExchange]:
     """The exchange of a host's main process, for as long as the block lasts.
 
     Args:
@@ -65,15 +65,15 @@ def open_shared(
         yield alone()
         return
     from gloc3.exchange.zenoh import open_exchange
-    from gloc3.exchange.zenoh_session import UNIX, Node
+    from gloc3.exchange.zenoh_session import UNIX, ZenohEndpoints
 
     topics = TopicTable.installed()
     endpoint = f"{UNIX}/{socket_folder() / socket_name(out, host)}" if has_children else ""
     sockets = (endpoint,) if endpoint else ()
-    node = Node(name=host, listen=sockets) if member is None else member.node(*sockets)
+    node = ZenohEndpoints(name=host, listen=sockets) if member is None else member.node(*sockets)
     settings = None if member is None else member.settings()
     with open_exchange(node, loop, topics, troubled, settings) as exchange:
-        yield Shared(exchange, endpoint, topics)
+        yield SharedExchange(exchange, endpoint, topics)
 
 
 def socket_folder() -> Path:

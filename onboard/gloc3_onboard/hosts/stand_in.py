@@ -22,7 +22,7 @@ from gloc3.messages.envelope import (
 )
 
 
-class StandIn:
+class ComponentPlaceholder:
     """Speaks for one component while its process is away.
 
     Args:
@@ -44,25 +44,25 @@ class StandIn:
         self._publisher = Publisher(context.exchange, context.platform, row.name, self.boot)
         self._notifier = StatusNotifier(context.loop, row.status_period_s, lambda _: self._report())
 
-    def fail(self, cause: str, words: str, *, has_been_told: bool) -> None:
+    def fail(self, cause: str, words: str, *, has_been_reported: bool) -> None:
         """Its process is gone: it is faulty, unless it had left before.
 
         Args:
             cause: in a line.
             words: the last lines of the process.
-            has_been_told: whether another component of the process has told them already.
+            has_been_reported: whether another component of the process has told them already.
         """
         if self.has_left:
             return
         was, self.state, self.cause = self.state, State.FAULTY, cause
         self._errors.record(cause, self._loop.time())
-        details = "" if has_been_told else words
-        self._tell(
+        details = "" if has_been_reported else words
+        self._publish(
             "event", Event(severity=Severity.ERROR, text=f"{was or 'absent'} -> faulty: {cause}", details=details)
         )
         self._notifier.start()
 
-    def hear(self, state: State | None) -> None:
+    def receive_state(self, state: State | None) -> None:
         """The component has told its state itself."""
         self.state, self.has_left = state, state is None
 
@@ -70,11 +70,11 @@ class StandIn:
         """Its process is there again: it speaks for itself."""
         self._notifier.stop()
 
-    def insist(self) -> None:
+    def retry(self) -> None:
         """Something that it had said before its end came late: tells again how it is."""
         self._notifier.changed()
 
-    def take(self, request: CommandRequest) -> bool:
+    def answer(self, request: CommandRequest) -> bool:
         """Answers a command while the process is away; whether the process is to be begun for it instead."""
         words = [request.command, *request.then]
         if self.state is None:
@@ -89,7 +89,7 @@ class StandIn:
             return False
         if found.to is not None:
             return True
-        self.hear(None)
+        self.receive_state(None)
         self.reply(request, "")
         self._notifier.changed()
         self._notifier.stop()
@@ -97,7 +97,7 @@ class StandIn:
 
     def reply(self, request: CommandRequest, refusal: str) -> None:
         """Replies to a command; an empty refusal accepts it."""
-        self._tell(
+        self._publish(
             "reply",
             CommandReply(
                 request_id=request.request_id,
@@ -111,7 +111,7 @@ class StandIn:
 
     def refuse(self, request: FunctionRequest, reason: str) -> None:
         """Replies to a function request."""
-        self._tell(
+        self._publish(
             "function_reply",
             FunctionReply(
                 request_id=request.request_id,
@@ -122,8 +122,8 @@ class StandIn:
             ),
         )
 
-    def _tell(self, topic: str, message: Message) -> None:
+    def _publish(self, topic: str, message: Message) -> None:
         self._publisher.publish(self._base + topic, message, self._loop.time())
 
     def _report(self) -> None:
-        self._tell("status", health_report(self.row, self.kind, self.state, self._errors, CycleStatistics()))
+        self._publish("status", health_report(self.row, self.kind, self.state, self._errors, CycleStatistics()))

@@ -28,10 +28,10 @@ class Steering:
 
     def offset_s(self, now_s: float) -> float:
         """The offset at a local time."""
-        way_s = self._to_s - self._from_s
-        if not way_s:
+        elapsed_s = self._to_s - self._from_s
+        if not elapsed_s:
             return self._to_s
         moved_s = SLEW * max(0.0, now_s - self._since_s)
-        if moved_s >= abs(way_s):
+        if moved_s >= abs(elapsed_s):
             return self._to_s
-        return self._from_s + (moved_s if way_s > 0.0 else -moved_s)
+        return self._from_s + (moved_s if elapsed_s > 0.0 else -moved_s)

@@ -5,12 +5,12 @@ from typing import Any, Final
 
 from gloc3.component.context import HostContext
 from gloc3.component.host import ComponentHost
-from gloc3.component.supervision import Order, Step, Supervision
+from gloc3.component.supervision import LciRequest, Step, Supervision
 from gloc3.exchange import Publisher
 from gloc3.messages.envelope import CommandReply, ComponentStatus, Envelope, Kind
 
 
-class Caretaker:
+class ServiceSupervisor:
     """Supervises the command interfaces among some hosts, by their rows' `on_fault`.
 
     Args:
@@ -29,8 +29,8 @@ class Caretaker:
             unsubscribe
             for row in rows
             for unsubscribe in (
-                context.exchange.subscribe(f"{self._base}{row.name}/status", self._take_status),
-                context.exchange.subscribe(f"{self._base}{row.name}/reply", self._take_reply),
+                context.exchange.subscribe(f"{self._base}{row.name}/status", self._receive_status),
+                context.exchange.subscribe(f"{self._base}{row.name}/reply", self._receive_reply),
             )
         ]
 
@@ -42,11 +42,11 @@ class Caretaker:
         if self._timer is not None:
             self._timer.cancel()
 
-    def _take_status(self, envelope: Envelope[Any]) -> None:
+    def _receive_status(self, envelope: Envelope[Any]) -> None:
         if isinstance(envelope.payload, ComponentStatus):
             self._follow(self._supervision.receive_status(envelope.payload, self._loop.time()))
 
-    def _take_reply(self, envelope: Envelope[Any]) -> None:
+    def _receive_reply(self, envelope: Envelope[Any]) -> None:
         if isinstance(envelope.payload, CommandReply):
             self._follow(self._supervision.receive_reply(envelope.payload, self._loop.time()))
 
@@ -57,7 +57,7 @@ class Caretaker:
     def _follow(self, steps: list[Step]) -> None:
         now_s = self._loop.time()
         for step in steps:
-            if isinstance(step, Order):  # of a verdict nobody is left to hear: the autopilot holds
+            if isinstance(step, LciRequest):  # of a verdict nobody is left to hear: the autopilot holds
                 self._publisher.publish(f"{self._base}{step.component}/command", step.request, now_s)
         if self._timer is not None:
             self._timer.cancel()

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from gloc3.errors import Refused
-from gloc3.platform.places import Place, is_in_one_process
+from gloc3.platform.places import ProcessPlace, is_in_one_process
 from gloc3.platform.platform import Platform
 
 LOG: Final = "log"
@@ -16,7 +16,7 @@ ANY_LOG: Final = re.compile(rf"({LOG}(?:-[a-z].*?)?)(?:-(\d{{1,6}}))?\.(?:mcap|t
 """Of any process: its stem, and the number."""
 
 
-def log_stem(platform: Platform, place: Place) -> str:
+def log_stem(platform: Platform, place: ProcessPlace) -> str:
     """What the logs of a process are called: `log`, or `log-HOST[-PROCESS]` where the platform has several processes."""
     parts = () if is_in_one_process(platform) else place
     return "-".join((LOG, *filter(None, parts)))

@@ -25,7 +25,7 @@ class ProcessOptions(msgspec.Struct, frozen=True, kw_only=True):
     is_quiet: bool = False
     signing_key: bytes | None = None
     """Of the links to ground stations; None for links that are not signed."""
-    takes_plans: bool = False
+    accepts_plans: bool = False
     """Plans that stations of others send to the autopilot become missions, and do not reach it."""
     log_limits: LogLimits = LogLimits()
     host: str | None = None

@@ -17,27 +17,27 @@ from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint
 from gloc3.messages.envelope import Severity
 from gloc3.messages.readiness import SensorCondition
 from gloc3.network.file import Membership, read_network
-from gloc3.platform.places import Place, choose_host, clock_host, rows_at
+from gloc3.platform.places import ProcessPlace, choose_host, clock_host, rows_at
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import find_platform, load_platform
-from gloc3_onboard.assembly import Attachment, Hosting, Vehicle, VehicleInputs, devices_of, open_sensors
+from gloc3_onboard.assembly import Attachment, Hosting, VehicleInputs, VehicleSide, devices_of, open_sensors
 from gloc3_onboard.hosts.host_process import HostOptions, run_host
 from gloc3_onboard.hosts.other_processes import OtherProcesses
-from gloc3_onboard.hosts.shared import Shared, alone, check_member, open_shared
+from gloc3_onboard.hosts.shared import SharedExchange, alone, check_member, open_shared
 from gloc3_onboard.process.computer import HostComputer
 from gloc3_onboard.process.options import ProcessOptions
 from gloc3_onboard.process.process_storage import ProcessStorage, key_of
 from gloc3_onboard.process.runner import HOST_DEVICES
 from gloc3_onboard.process.vitals import VitalSigns
-from gloc3_onboard.sensors.registry import SourceHost, is_asked_here, sensor_kinds
+from gloc3_onboard.sensors.registry import SourceHost, is_interactive, sensor_kinds
 from gloc3_onboard.service.manager import ServiceManager
-from gloc3_onboard.service.service import Service
+from gloc3_onboard.service.service import SystemdService
 
 DEVICES: Final = (*HOST_DEVICES, *sensor_kinds(), *(f"*_{sensor}" for sensor in sensor_kinds()))
 """What this host has; installed packages bring more."""
 
 
-def _lament(options: ProcessOptions, _kind: str, text: str) -> None:
+def _report_failure(options: ProcessOptions, _kind: str, text: str) -> None:
     """Tells of messages that could not be taken."""
     if not options.is_quiet:
         narrate(f"onboard: {text}", Severity.WARNING)
@@ -59,7 +59,9 @@ async def run(options: ProcessOptions) -> int:
     host = choose_host(platform, options.host)
     member = None if options.network is None else read_network(options.network, utc_now())
     check_member(platform, host, member)
-    opened = partial(open_shared, platform, host, options.folder(platform), loop, partial(_lament, options), member)
+    opened = partial(
+        open_shared, platform, host, options.folder(platform), loop, partial(_report_failure, options), member
+    )
     if host != clock_host(platform):
         share = HostOptions(
             platform=options.platform,
@@ -74,7 +76,7 @@ async def run(options: ProcessOptions) -> int:
         return 0
     with opened() as shared:
         process = OnboardProcess(options, platform, loop, shared, member)
-        service = Service(manager, process, loop)
+        service = SystemdService(manager, process, loop)
         try:
             await process.open()
             await service.run()
@@ -92,7 +94,7 @@ class OnboardProcess:
         options: ProcessOptions,
         platform: Platform,
         loop: asyncio.AbstractEventLoop,
-        shared: Shared | None = None,
+        shared: SharedExchange | None = None,
         member: Membership | None = None,
     ) -> None:
         self._options, self._loop = options, loop
@@ -104,21 +106,21 @@ class OnboardProcess:
         self._random = SystemRandom()
         self._narrator = Narrator()
         self._endpoints: list[Endpoint] = []
-        place = Place(choose_host(platform, options.host))
+        place = ProcessPlace(choose_host(platform, options.host))
         context = HostContext(platform.platform, self.exchange, Clock(loop), loop, shared.topics, self._random)
-        self._storage = storage = ProcessStorage(options, platform, place, context, self.say)
+        self._storage = storage = ProcessStorage(options, platform, place, context, self.narrate)
         inputs = self._inputs(context)
-        self.vehicle: Final = Vehicle(inputs, options.autopilot)
+        self.vehicle: Final = VehicleSide(inputs, options.autopilot)
         """Its parts."""
         self.vehicle.parts.add("terminal", self._narrator)
         self._rows = rows_at(platform, place)
         used, autopilot = devices_of(self._rows), self.vehicle.autopilot
-        asked = [each for each in options.devices if is_asked_here(platform, used, each)]
+        requested = [each for each in options.devices if is_interactive(platform, used, each)]
         folder = find_platform(options.platform).parent
         source_host = SourceHost(
             loop, folder, autopilot.telemetry.t_s_of_boot, autopilot.sensors, self.vehicle.autopilot_device
         )
-        self._sensors = open_sensors(platform, used, asked, source_host, partial(self.say, Severity.WARNING))
+        self._sensors = open_sensors(platform, used, requested, source_host, partial(self.narrate, Severity.WARNING))
         self._watch = self._sensors.watch(self.vehicle.parts, context.clock.now_s)
         self._others = OtherProcesses(options, inputs, shared, member, self.vehicle, self._watch.conditions)
         self._computer = HostComputer(
@@ -130,12 +132,12 @@ class OnboardProcess:
         return VehicleInputs(
             platform=self.platform,
             context=context,
-            report=self.say,
-            keep=storage.keep,
-            vitals=VitalSigns(storage.logs).look,
+            report=self.narrate,
+            keep=storage.record_frame,
+            vitals=VitalSigns(storage.logs).sample,
             sign=storage.sign,
             system_id=options.system_id,
-            takes_plans=options.takes_plans,
+            accepts_plans=options.accepts_plans,
         )
 
     async def open(self) -> None:
@@ -150,10 +152,10 @@ class OnboardProcess:
         storage = self._storage.open(lambda: vehicle.path.points_ned_m, self._sensors.rig, vehicle.parts)
         vehicle.share(self._storage.files(vehicle.companion.metadata.files))
         self._others.begin()
-        vehicle.host(self._sensors, self._computer, storage, Hosting(rows=self._rows, led=self._others.led))
+        vehicle.host(self._sensors, self._computer, storage, Hosting(rows=self._rows, led=self._others.exchange))
         vehicle.begin()
         count, name = len(self.platform.components), self.platform.platform
-        self.say(Severity.INFO, f"{name}: {count} components; log in {self._storage.log}")
+        self.narrate(Severity.INFO, f"{name}: {count} components; log in {self._storage.log}")
 
     async def _open(self, url: str, attachment: Attachment) -> None:
         endpoint = await open_endpoint(url, self._loop, attachment.receive)
@@ -187,11 +189,11 @@ class OnboardProcess:
         vehicle = self.vehicle
         self._others.give_up_beginning()
         if vehicle.onboard is not None:
-            await vehicle.onboard.stop(partial(self.say, Severity.WARNING))
+            await vehicle.onboard.stop(partial(self.narrate, Severity.WARNING))
         await self._others.end()
         if vehicle.onboard is not None:
             for line in vehicle.traffic():
-                self.say(Severity.INFO, line)
+                self.narrate(Severity.INFO, line)
         vehicle.close()
         for endpoint in self._endpoints:
             await endpoint.close()
@@ -202,10 +204,10 @@ class OnboardProcess:
         """Reads the network file again; where it is wrong, everything stays as it is."""
         await self._others.renew_network()
 
-    def say(self, severity: Severity, text: str) -> None:
+    def narrate(self, severity: Severity, text: str) -> None:
         """Narrates on stderr."""
         if not self._options.is_quiet and severity <= Severity.INFO:
-            self._narrator.say(f"onboard: {text}", severity)
+            self._narrator.narrate(f"onboard: {text}", severity)
 
     def _log_problem(self) -> str:
         return self._storage.problem or self._others.log_problem()

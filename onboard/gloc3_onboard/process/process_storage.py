@@ -13,12 +13,12 @@ from gloc3.mavlink.signing_key import read_signing_key
 from gloc3.mavlink.transport.endpoints import parse_url
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3
-from gloc3.platform.places import Place
+from gloc3.platform.places import ProcessPlace
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import whole_text
 from gloc3.store import RecordFile
 from gloc3_onboard.assembly import Storage
-from gloc3_onboard.command_server.log_shelf import LogShelf
+from gloc3_onboard.command_server.log_shelf import LogStore
 from gloc3_onboard.companion.files import shared_files
 from gloc3_onboard.parts import Parts
 from gloc3_onboard.process.computer import start_of_computer
@@ -43,7 +43,7 @@ class ProcessStorage:
     """
 
     def __init__(
-        self, options: ProcessOptions, platform: Platform, place: Place, context: HostContext, report: Report
+        self, options: ProcessOptions, platform: Platform, place: ProcessPlace, context: HostContext, report: Report
     ) -> None:
         self._options, self._platform, self._place = options, platform, place
         self._context, self._report = context, report
@@ -86,7 +86,7 @@ class ProcessStorage:
             journal=RecordFile(self.out / "requests.journal"),
             progress=RecordFile(self.out / "progress.state"),
             reports=RecordFile(self.out / "events.store"),
-            shelf=LogShelf(self.logs, lambda: log.unfinished, log.cut, parts.add("disk readers", self._readers)),
+            log_store=LogStore(self.logs, lambda: log.unfinished, log.cut, parts.add("disk readers", self._readers)),
             pictures=PictureFolder(self.logs / log.path.stem.replace("log", "images", 1), rig),
             computer_start=start_of_computer(),
             worker=ThreadPoolExecutor(1, "mission check"),
@@ -125,10 +125,10 @@ class ProcessStorage:
         """Why the log is not written any more; empty while it is."""
         return "" if self._log is None else self._log.problem
 
-    def keep(self, link: str, direction: Literal["in", "out"], frame: bytes) -> None:
+    def record_frame(self, link: str, direction: Literal["in", "out"], frame: bytes) -> None:
         """Keeps a MAVLink frame, once there is a log."""
         if self._log is not None:
-            self._log.keep(link, direction, frame)
+            self._log.record_frame(link, direction, frame)
 
     async def close(self) -> None:
         """Finishes the log."""

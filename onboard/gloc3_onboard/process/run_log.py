@@ -18,7 +18,7 @@ from gloc3.messages.topics import TopicTable
 from gloc3_onboard.process.log_files import LogFiles
 from gloc3_onboard.process.traffic import Traffic
 
-LOOK_EVERY_S: Final = 1.0
+POLL_PERIOD_S: Final = 1.0
 PRUNE_EVERY: Final = 10
 """Looks: other processes' logs grow, too."""
 MEGABYTE: Final = 1_000_000
@@ -66,12 +66,18 @@ class RunLog:
         metadata: dict[str, str],
         platform_file: bytes,
         path: Callable[[], Sequence[Vector3]],
-        say: Callable[[Severity, str], None],
+        report: Callable[[Severity, str], None],
         *,
         has_links: bool = True,
     ) -> None:
         self._files, self._limits, self._clock, self._topics = files, limits, clock, topics
-        self._exchange, self._loop, self._metadata, self._requested, self._say = exchange, loop, metadata, path, say
+        self._exchange, self._loop, self._metadata, self._requested, self._report = (
+            exchange,
+            loop,
+            metadata,
+            path,
+            report,
+        )
         self._platform_file, self._has_links = platform_file, has_links
         self._closing: asyncio.Future[str] | None = None
         self.path = files.next()
@@ -79,8 +85,8 @@ class RunLog:
         self._before = self.path
         self._recorder, self._traffic = self._begin(self.path, "")
         self._prune()
-        self._looks = 0
-        self._timer = loop.call_later(LOOK_EVERY_S, self._look)
+        self._polls = 0
+        self._timer = loop.call_later(POLL_PERIOD_S, self._poll)
 
     @property
     def problem(self) -> str:
@@ -105,10 +111,10 @@ class RunLog:
             raise Refused(self.problem)
         self._go_on()
 
-    def keep(self, link: str, direction: Literal["in", "out"], frame: bytes) -> None:
+    def record_frame(self, link: str, direction: Literal["in", "out"], frame: bytes) -> None:
         """Keeps a MAVLink frame."""
         if self._traffic is not None:
-            self._traffic.keep(link, direction, frame)
+            self._traffic.record_frame(link, direction, frame)
 
     async def close(self) -> None:
         """Finishes the last file."""
@@ -138,16 +144,16 @@ class RunLog:
         recorder.close()
         return problem
 
-    def _look(self) -> None:
-        self._timer = self._loop.call_later(LOOK_EVERY_S, self._look)
+    def _poll(self) -> None:
+        self._timer = self._loop.call_later(POLL_PERIOD_S, self._poll)
         limit = self._limits.file_mb * MEGABYTE
         try:
             paths = (self.path, self.path.with_suffix(".tlog")) if self._has_links else (self.path,)
             size = max(path.stat().st_size for path in paths)
         except OSError:  # somebody has deleted it: what is still written goes nowhere
             size = int(limit) + 1
-        self._looks += 1
-        if self._looks % PRUNE_EVERY == 0:
+        self._polls += 1
+        if self._polls % PRUNE_EVERY == 0:
             self._prune()
         if limit and size > limit and not self.problem and (self._closing is None or self._closing.done()):
             self._go_on()
@@ -184,11 +190,11 @@ class RunLog:
             return
         if removed:
             what = f"{counted(len(removed), 'log')} up to {removed[-1].name}"
-            self._say(Severity.NOTICE, f"deleted {what}: all logs together are at most {self._limits.total_mb:g} MB")
+            self._report(Severity.NOTICE, f"deleted {what}: all logs together are at most {self._limits.total_mb:g} MB")
 
     def _warn_of(self, problem: str) -> None:
         if problem:
             self._warn(problem)
 
     def _warn(self, text: str) -> None:
-        self._say(Severity.WARNING, text)
+        self._report(Severity.WARNING, text)

@@ -18,7 +18,7 @@ from gloc3.exchange.base import Exchange
 from gloc3.messages.envelope import CommandRequest, Kind
 from gloc3.messages.topics import TopicTable
 from gloc3.platform.platform import Platform
-from gloc3_onboard.process.caretaker import Caretaker
+from gloc3_onboard.process.caretaker import ServiceSupervisor
 
 HOST_DEVICES: Final = ("autopilot", "catalogue", "computer", "pictures", "rig", "site", "taps")
 """The devices that every host gives to the components, besides its sensors; a platform's rows are checked against them."""
@@ -26,7 +26,7 @@ STOP_TIMEOUT_S: Final = 6.0
 """How long a component may take to leave."""
 STOP_PATIENCE_S: Final = 5.0
 """How long one that refuses to leave is asked again; an autopilot takes a mode within a second, or not at all."""
-ASK_AGAIN_S: Final = 0.2
+RETRY_S: Final = 0.2
 LEAVES: Final = {Kind.COMMAND_INTERFACE: 0, Kind.DRIVER: 1}
 """In which order kinds of components leave; the others follow in the order of the file."""
 
@@ -34,7 +34,7 @@ Create = Callable[[ComponentRow, Mapping[str, Any]], Component[Any]]
 """Makes the component of a row, given the host's devices."""
 
 
-class Member(Protocol):
+class HostMember(Protocol):
     """A component of this host, in whichever of its processes."""
 
     @property
@@ -69,7 +69,7 @@ class Onboard:
         devices: Mapping[str, Any],
         create: Create = ComponentRow.create,
         rows: Sequence[ComponentRow] | None = None,
-        led: Sequence[Member] = (),
+        exchange: Sequence[HostMember] = (),
     ) -> None:
         self.platform = platform
         self.context = context
@@ -78,8 +78,8 @@ class Onboard:
             row.name: ComponentHost(row, partial(create, row, devices), context)
             for row in (platform.components if rows is None else rows)
         }
-        self._led = tuple(led)
-        self._caretaker: Caretaker | None = None
+        self._agent_exchange = tuple(exchange)
+        self._supervisor: ServiceSupervisor | None = None
 
     @classmethod
     def of(
@@ -96,7 +96,7 @@ class Onboard:
 
     def begin(self) -> None:
         """Brings every component to the state that its row asks for, in the order of the file."""
-        self._caretaker = Caretaker(list(self.hosts.values()), self.context)
+        self._supervisor = ServiceSupervisor(list(self.hosts.values()), self.context)
         for host in self.hosts.values():
             host.begin()
 
@@ -110,7 +110,7 @@ class Onboard:
         """Whether some component has not reached that state yet."""
         return any(host.is_beginning for host in self.hosts.values())
 
-    async def stop(self, tell: Callable[[str], None] = lambda _: None) -> None:
+    async def stop(self, report: Callable[[str], None] = lambda _: None) -> None:
         """Shuts every component down by command.
 
         The command interface leaves first, so that nothing is asked for any more and the mission's progress stays as it
@@ -118,26 +118,26 @@ class Onboard:
         begin to its end. A driver that refuses because its device is not safe yet is asked again for a while.
 
         Args:
-            tell: takes what a person should know.
+            report: takes what a person should know.
         """
-        self._dismiss_caretaker()
+        self._dismiss_supervisor()
         context = self.context
         publisher = Publisher(context.exchange, context.platform, "runner", context.random.getrandbits(32))
-        members: list[Member] = [*self.hosts.values(), *self._led]
+        members: list[HostMember] = [*self.hosts.values(), *self._agent_exchange]
         for member in sorted(members, key=lambda member: LEAVES.get(member.kind, len(LEAVES))):
             reason = await self._shut_down(member, publisher)
             if reason:
-                tell(f"{member.row.name} has not left: {reason}")
+                report(f"{member.row.name} has not left: {reason}")
 
-    async def _shut_down(self, host: Member, publisher: Publisher) -> str:
+    async def _shut_down(self, host: HostMember, publisher: Publisher) -> str:
         """Has one component leave; returns why it has not, or an empty text."""
         context = self.context
         until_s = context.loop.time() + STOP_PATIENCE_S
         topic = f"{context.platform}/components/{host.row.name}/command"
-        asked = 0
+        requested = 0
         while host.state is not None:
-            asked += 1
-            message = CommandRequest(request_id=f"stop-{asked}", command=Command.SHUTDOWN)
+            requested += 1
+            message = CommandRequest(request_id=f"stop-{requested}", command=Command.SHUTDOWN)
             try:
                 reply = await request(context.exchange, publisher, topic, message, STOP_TIMEOUT_S)
             except TimeoutError:  # a component that hangs does not keep the others
@@ -146,19 +146,19 @@ class Onboard:
                 break
             if context.loop.time() >= until_s:
                 return str(reply.reason)
-            await asyncio.sleep(ASK_AGAIN_S)
+            await asyncio.sleep(RETRY_S)
         return ""
 
     def close(self) -> None:
         """Ends without ceremony."""
-        self._dismiss_caretaker()
+        self._dismiss_supervisor()
         for host in self.hosts.values():
             host.close()
 
-    def _dismiss_caretaker(self) -> None:
-        if self._caretaker is not None:
-            self._caretaker.close()
-            self._caretaker = None
+    def _dismiss_supervisor(self) -> None:
+        if self._supervisor is not None:
+            self._supervisor.close()
+            self._supervisor = None
 
     def state(self, name: str) -> State | None:
         """The state of a component.

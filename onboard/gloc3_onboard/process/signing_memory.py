@@ -25,15 +25,15 @@ class SigningMemory:
         told: is told once where it cannot be kept.
     """
 
-    def __init__(self, folder: Path, clock: Clock, told: Callable[[str], None]) -> None:
-        self._folder, self._clock, self._told = folder, clock, told
+    def __init__(self, folder: Path, clock: Clock, reported: Callable[[str], None]) -> None:
+        self._folder, self._clock, self._reported = folder, clock, reported
         self._kept: dict[bytes, _Kept] = {}
 
     def signing(self, key: bytes, link_id: int) -> Signing:
         """Signs and judges one link; all links with the same key know what the others have heard."""
         if key not in self._kept:
             name = sha256(b"streams of the key " + key).hexdigest()[:16]
-            self._kept[key] = _Kept(self._folder / f"signing-{name}.state", self._clock, self._told)
+            self._kept[key] = _Kept(self._folder / f"signing-{name}.state", self._clock, self._reported)
         return Signing(
             key,
             link_id=link_id,
@@ -51,8 +51,8 @@ class SigningMemory:
 class _Kept:
     """One key's streams and their file."""
 
-    def __init__(self, path: Path, clock: Clock, told: Callable[[str], None]) -> None:
-        self._path, self._told = path, told
+    def __init__(self, path: Path, clock: Clock, reported: Callable[[str], None]) -> None:
+        self._path, self._reported = path, reported
         self._records = RecordStore(RecordFile(path), f"times of signed frames in {path}")
         self._written = self._read(clock)
         """In the file; a frame that is later is taken only after that is."""
@@ -64,8 +64,8 @@ class _Kept:
         record = msgspec.msgpack.encode([(*stream, time) for stream, time in self._written.items()])
         self._records.rewrite([record], outlives_power_cut=not ahead)
         if self._records.problem:
-            told, self._told = self._told, lambda _: None
-            told(
+            reported, self._reported = self._reported, lambda _: None
+            reported(
                 f"{self._records.problem}: after a restart, signed frames of the minute before it may be taken once more"
             )
 
@@ -82,7 +82,7 @@ class _Kept:
         except msgspec.DecodeError as error:
             problem = f"{self._path} cannot be read: {error}"
         if problem:
-            self._told(f"{problem}: it is begun anew")
+            self._reported(f"{problem}: it is begun anew")
         now, is_right = timestamp(clock.utc_s()), clock.is_utc_right()
         return {
             (system, component, link): time

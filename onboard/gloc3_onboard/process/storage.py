@@ -8,7 +8,7 @@ import msgspec
 from gloc3.camera.model import CameraModel
 from gloc3.camera.opencv import load_opencv
 from gloc3.log.report.recording import CAMERAS, POSES
-from gloc3_onboard.components.drivers.image_recorder import Picture
+from gloc3_onboard.components.drivers.image_recorder import RecordedPicture
 from gloc3_onboard.sensors.devices import Rig
 
 
@@ -29,7 +29,7 @@ class PictureFolder:
         numbers = [path.stem.removeprefix(f"{camera}-") for path in self._folder.glob(f"{camera}-*.png")]
         return max((int(number) for number in numbers if number.isdecimal()), default=0)
 
-    def write(self, picture: Picture) -> None:
+    def write(self, picture: RecordedPicture) -> None:
         """Writes a picture with its pose; raises `OSError` where that fails."""
         import numpy as np
 
@@ -51,9 +51,9 @@ class PictureFolder:
         }
         with (self._folder / POSES).open("a") as file:
             file.write(json.dumps(tag) + "\n")
-        self._tell_camera(image.camera)
+        self._write_calibration(image.camera)
 
-    def _tell_camera(self, name: str) -> None:
+    def _write_calibration(self, name: str) -> None:
         """Writes down what is known of a camera, once."""
         if self._rig is None or name in self._cameras:
             return
@@ -75,6 +75,6 @@ class NoPictures:
         """None is there."""
         return 0
 
-    def write(self, picture: Picture) -> None:
+    def write(self, picture: RecordedPicture) -> None:
         """Counts a picture."""
         self.written += 1

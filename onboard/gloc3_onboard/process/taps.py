@@ -18,20 +18,20 @@ class ExchangeTaps:
         self._loop = loop
         self._platform = platform
 
-    def open(self, topic: str, news: Callable[[], None] | None = None) -> Tap:
+    def open(self, topic: str, reports: Callable[[], None] | None = None) -> Tap:
         """Listens to a topic."""
-        return ExchangeTap(self._exchange, self._loop, f"{self._platform}/{topic}", news)
+        return ExchangeTap(self._exchange, self._loop, f"{self._platform}/{topic}", reports)
 
 
 class ExchangeTap:
     """One of them."""
 
     def __init__(
-        self, exchange: Exchange, loop: asyncio.AbstractEventLoop, topic: str, news: Callable[[], None] | None
+        self, exchange: Exchange, loop: asyncio.AbstractEventLoop, topic: str, reports: Callable[[], None] | None
     ) -> None:
         self.latest: Envelope[Any] | None = None
         self.count = 0
-        self._exchange, self._loop, self._topic, self._news = exchange, loop, topic, news
+        self._exchange, self._loop, self._topic, self._reports = exchange, loop, topic, reports
         self._unsubscribe: Unsubscribe | None = None
         self._is_closed = False
         loop.call_soon_threadsafe(self._begin)
@@ -44,15 +44,15 @@ class ExchangeTap:
 
     def _begin(self) -> None:
         if not self._is_closed:
-            self._unsubscribe = self._exchange.subscribe(self._topic, self._take)
+            self._unsubscribe = self._exchange.subscribe(self._topic, self._receive)
 
     def _end(self) -> None:
         if self._unsubscribe is not None:
             self._unsubscribe()
             self._unsubscribe = None
 
-    def _take(self, envelope: Envelope[Any]) -> None:
+    def _receive(self, envelope: Envelope[Any]) -> None:
         self.latest = envelope
         self.count += 1
-        if self._news is not None:
-            self._news()
+        if self._reports is not None:
+            self._reports()

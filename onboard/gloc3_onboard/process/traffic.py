@@ -44,7 +44,7 @@ class Traffic:
         self._is_kept, self._has_failed = True, False
         self._timer = loop.call_later(FLUSH_S, self._flush)
 
-    def keep(self, link: str, direction: Literal["in", "out"], frame: bytes) -> None:
+    def record_frame(self, link: str, direction: Literal["in", "out"], frame: bytes) -> None:
         """Keeps one frame, unless it carries a key."""
         if is_secret(frame):
             return

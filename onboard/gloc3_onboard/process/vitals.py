@@ -37,7 +37,7 @@ class VitalSigns:
         self._folder, self._proc = folder, proc
         self._ticks: tuple[int, int] | None = None
 
-    def look(self) -> Vitals:
+    def sample(self) -> Vitals:
         """The figures now; what a computer does not tell is left out."""
         found = Vitals()
         for part in (self._uptime, self._cpu, self._memory, self._disk):

@@ -126,10 +126,10 @@ class HeightSensor(Protocol):
         """Has `ready` called, from any thread, when a new distance is there."""
 
 
-class Source(Protocol):
+class SensorSource(Protocol):
     """A device that is opened, tells when it has something new, and is closed; simulated, real, or a log.
 
-    What it has is asked for after `on_news`, and once a cycle besides. It may be opened anew after it was closed.
+    What it has is asked for after `on_new_data`, and once a cycle besides. It may be opened anew after it was closed.
     """
 
     def open(self) -> None:
@@ -139,14 +139,14 @@ class Source(Protocol):
             Gloc3Error: the device cannot be had; with what to do.
         """
 
-    def on_news(self, ready: Callable[[], None]) -> Unwatch:
+    def on_new_data(self, ready: Callable[[], None]) -> Unwatch:
         """Has `ready` called, from any thread, when there is something new."""
 
     def close(self) -> None:
         """Ends taking data."""
 
 
-class Camera(Source, Protocol):
+class Camera(SensorSource, Protocol):
     """A camera."""
 
     def frame(self) -> StampedImage | None:
@@ -157,28 +157,28 @@ class Camera(Source, Protocol):
         """
 
 
-class StereoCamera(Source, Protocol):
+class StereoCamera(SensorSource, Protocol):
     """Two cameras that expose together, left and right."""
 
     def pair(self) -> StampedPair | None:
         """The latest two frames; None before the first."""
 
 
-class Laser(Source, Protocol):
+class Laser(SensorSource, Protocol):
     """A range scanner."""
 
     def scan(self) -> StampedScan | None:
         """The latest turn; None before the first."""
 
 
-class Imu(Source, Protocol):
+class Imu(SensorSource, Protocol):
     """An inertial measuring unit."""
 
     def samples(self, after_s: float) -> Sequence[StampedImu]:
         """What it felt after a time, oldest first; it keeps about the last second."""
 
 
-class Dvl(Source, Protocol):
+class Dvl(SensorSource, Protocol):
     """A Doppler velocity log."""
 
     def bottom_velocity(self) -> StampedBottomVelocity | None:
@@ -224,10 +224,10 @@ def calibrated(rig: Rig, camera: str) -> CameraModel:
     return model
 
 
-def opened(device: Source, ready: Callable[[], None]) -> Unwatch:
+def opened(device: SensorSource, ready: Callable[[], None]) -> Unwatch:
     """Opens a device and has `ready` called when it has something new; gives what ends both."""
     device.open()
-    unwatch = device.on_news(ready)
+    unwatch = device.on_new_data(ready)
 
     def close() -> None:
         device.close()
@@ -236,14 +236,14 @@ def opened(device: Source, ready: Callable[[], None]) -> Unwatch:
     return close
 
 
-class Answer(NamedTuple):
+class CommandAnswer(NamedTuple):
     """What an autopilot said to a command."""
 
     is_accepted: bool
     reason: str
 
 
-class Way(NamedTuple):
+class GeoPath(NamedTuple):
     """A way through places on Earth, as an autopilot gets it in a plan."""
 
     places: tuple[GeoPoint, ...]
@@ -255,11 +255,11 @@ class Way(NamedTuple):
     """Clockwise from north; None for along the way."""
     is_winged: bool = False
     """For what flies on wings: it waits in circles, at the end, too, and its speed is that in the air."""
-    takes_off: bool = False
+    is_from_ground: bool = False
     """With that: the first place tells how high it climbs from the ground."""
 
 
-class Manners(NamedTuple):
+class AutopilotBehaviour(NamedTuple):
     """How an autopilot of one family and class wants to be commanded."""
 
     vehicle: VehicleClass = VehicleClass.COPTER
@@ -291,7 +291,7 @@ class AutopilotControl(Protocol):
     """How an autopilot is commanded. Nothing blocks; answers are asked for with the ticket of the command."""
 
     @property
-    def manners(self) -> Manners:
+    def behaviour(self) -> AutopilotBehaviour:
         """How the autopilot that is there now wants to be commanded."""
 
     def send_setpoint(self, setpoint: AutopilotSetpoint) -> None:
@@ -309,7 +309,7 @@ class AutopilotControl(Protocol):
     def command_take_off(self, height_m: float) -> int:
         """Asks to climb to a height above the present place, in the mode that this style needs."""
 
-    def answer(self, ticket: int) -> Answer | None:
+    def answer(self, ticket: int) -> CommandAnswer | None:
         """The answer to a command; None while there is none."""
 
     def abandon_commands(self) -> None:
@@ -330,5 +330,5 @@ class Tap(Protocol):
 class Taps(Protocol):
     """Where topics can be listened to; may be called from any thread."""
 
-    def open(self, topic: str, news: Callable[[], None] | None = None) -> Tap:
-        """Listens to a topic, given below the platform's name; `news` is called for every message."""
+    def open(self, topic: str, reports: Callable[[], None] | None = None) -> Tap:
+        """Listens to a topic, given below the platform's name; `reports` is called for every message."""

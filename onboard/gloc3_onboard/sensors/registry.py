@@ -237,7 +237,7 @@ def source_urls(platform: Platform, used: Sequence[str], overrides: Sequence[str
     return urls
 
 
-def is_asked_here(platform: Platform, used: Sequence[str], text: str) -> bool:
+def is_interactive(platform: Platform, used: Sequence[str], text: str) -> bool:
     """Whether a source that was asked for, as NAME=URL, is for this process, or for none of the platform's at all."""
     name = text.partition("=")[0]
     return name in used or not any(name in row.devices.values() for row in platform.components)

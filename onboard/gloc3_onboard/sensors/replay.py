@@ -91,14 +91,14 @@ class Replay(Generic[T]):
             InputError: the log cannot be read.
         """
         self._records, self._failure = self._index(), ""
-        self.forget()
+        self.clear()
         self._post(self._begin)
 
     def close(self) -> None:
         """Plays no more."""
         self._post(self._end)
 
-    def on_news(self, ready: Callable[[], None]) -> Unwatch:
+    def on_new_data(self, ready: Callable[[], None]) -> Unwatch:
         """Has `ready` called when something is due."""
         return self._bell.listen(ready)
 
@@ -111,11 +111,11 @@ class Replay(Generic[T]):
         if self._failure:
             raise Gloc3Error(self._failure)
 
-    def take(self, t_s: float, item: T) -> None:
+    def play(self, t_s: float, item: T) -> None:
         """Keeps what is due now."""
         raise NotImplementedError
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Keeps nothing of an earlier opening."""
         raise NotImplementedError
 
@@ -150,7 +150,7 @@ class Replay(Generic[T]):
         record, life = self._records[self._next], self._life
         self._next += 1
         if not self.is_slow:
-            self.take(self._time.t_s(record.log_s), record.load())
+            self.play(self._time.t_s(record.log_s), record.load())
             self._bell.ring()
             self._wait()
             return
@@ -161,7 +161,7 @@ class Replay(Generic[T]):
                 return
             error = done.exception()
             if error is None:
-                self.take(self._time.t_s(record.log_s), done.result())
+                self.play(self._time.t_s(record.log_s), done.result())
             else:
                 self._failure = str(error)
             self._bell.ring()

@@ -27,18 +27,20 @@ class SensorWatch:
         self, urls: Mapping[str, str], sources: Mapping[str, Any], rig: Rig, now_s: Callable[[], float]
     ) -> None:
         self._urls, self._sources, self._rig, self._now_s = urls, sources, rig, now_s
-        self._news_s: dict[str, float] = {}
+        self._new_data_s: dict[str, float] = {}
         for name, source in sources.items():
-            listen = getattr(source, "on_news", None)
+            listen = getattr(source, "on_new_data", None)
             if listen is not None:
                 listen(partial(self._came, name))
 
     def _came(self, name: str) -> None:
-        self._news_s[name] = self._now_s()
+        self._new_data_s[name] = self._now_s()
 
     def conditions(self) -> list[SensorCondition]:
         """How each sensor is now; one whose news are not counted, as the autopilot's height, is left out."""
-        return [self._condition(name, source) for name, source in self._sources.items() if hasattr(source, "on_news")]
+        return [
+            self._condition(name, source) for name, source in self._sources.items() if hasattr(source, "on_new_data")
+        ]
 
     def _condition(self, name: str, source: Any) -> SensorCondition:
         now_s = self._now_s()
@@ -54,7 +56,7 @@ class SensorWatch:
             device=name,
             source=self._urls[name],
             problem=problem,
-            age_s=round(now_s - self._news_s[name], 1) if name in self._news_s else -1.0,
+            age_s=round(now_s - self._new_data_s[name], 1) if name in self._new_data_s else -1.0,
             uncalibrated=uncalibrated,
             is_open=True,
         )

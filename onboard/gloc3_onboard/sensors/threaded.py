@@ -33,7 +33,7 @@ class ThreadedSource(ABC, Generic[T]):
         self.now_s = now_s
         self._bell = Bell()
         self._latest: T | None = None
-        self._gone = ""
+        self._is_disconnected = ""
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
 
@@ -57,21 +57,21 @@ class ThreadedSource(ABC, Generic[T]):
             self._thread.join(LEAVE_S)
             if self._thread.is_alive():
                 raise Gloc3Error(f"{self.name}: the device does not answer, so it cannot be opened anew; unplug it")
-        self._latest, self._gone, self._stop = None, "", threading.Event()
+        self._latest, self._is_disconnected, self._stop = None, "", threading.Event()
         tried = threading.Event()
         self._thread = threading.Thread(target=self._read, args=(self._stop, tried), name=self.name, daemon=True)
         self._thread.start()
         if not tried.wait(OPEN_S):
             self._stop.set()
             raise Gloc3Error(f"{self.name}: it has not opened within {OPEN_S:g} s; is another program using it?")
-        if self._gone:
-            raise Gloc3Error(self._gone)
+        if self._is_disconnected:
+            raise Gloc3Error(self._is_disconnected)
 
     def close(self) -> None:
         """Reads no more; the thread ends when the device lets it."""
         self._stop.set()
 
-    def on_news(self, ready: Callable[[], None]) -> Unwatch:
+    def on_new_data(self, ready: Callable[[], None]) -> Unwatch:
         """Has `ready` called, from the reading thread, when there is something new."""
         return self._bell.listen(ready)
 
@@ -81,8 +81,8 @@ class ThreadedSource(ABC, Generic[T]):
         Raises:
             Gloc3Error: the device is gone.
         """
-        if self._gone:
-            raise Gloc3Error(self._gone)
+        if self._is_disconnected:
+            raise Gloc3Error(self._is_disconnected)
         return self._latest
 
     def _read(self, stop: threading.Event, tried: threading.Event) -> None:
@@ -102,12 +102,12 @@ class ThreadedSource(ABC, Generic[T]):
             except (Gloc3Error, OSError) as error:
                 problem = str(error) if isinstance(error, Gloc3Error) else f"{self.name}: {error}"
             if not tried.is_set():
-                self._gone = problem
+                self._is_disconnected = problem
                 tried.set()
                 return
             now_s = self.now_s()
             lost_s = now_s if lost_s is None else lost_s
             if now_s - lost_s >= GIVE_UP_S:
-                self._gone = problem
+                self._is_disconnected = problem
                 return
             stop.wait(AGAIN_S)

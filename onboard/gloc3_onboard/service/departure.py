@@ -16,7 +16,7 @@ from gloc3.platform.platform import Platform
 LAND: Final = "land"
 SENDER: Final = "service"
 """As whom the process asks its own command interface."""
-LOOK_EVERY_S: Final = 0.2
+POLL_PERIOD_S: Final = 0.2
 SILENT_S: Final = 2.0
 """A vehicle that nothing has been told of for so long is not waited for."""
 EXTEND_S: Final = 10.0
@@ -46,19 +46,19 @@ class Departure:
         loop: asyncio.AbstractEventLoop,
         boot: int,
         extend: Callable[[float], None],
-        say: Callable[[Severity, str], None],
+        report: Callable[[Severity, str], None],
     ) -> None:
-        self._platform, self._loop, self._boot, self._extend, self._say = platform, loop, boot, extend, say
+        self._platform, self._loop, self._boot, self._extend, self._report = platform, loop, boot, extend, report
         self._topic = f"{platform.platform}/ci/"
         self._publisher = Publisher(exchange, platform.platform, SENDER, boot)
         self._vehicle: VehicleSummary | None = None
-        self._heard_s = float("-inf")
+        self._received_s = float("-inf")
         self._is_on_mission = False
         self._refusal = ""
         self._unsubscribes = [
-            exchange.subscribe(f"{self._topic}vehicle", self._see),
+            exchange.subscribe(f"{self._topic}vehicle", self._receive_vehicle),
             exchange.subscribe(f"{self._topic}mission", self._follow),
-            exchange.subscribe(f"{self._topic}reply", self._hear),
+            exchange.subscribe(f"{self._topic}reply", self._receive_reply),
         ]
 
     @property
@@ -82,7 +82,7 @@ class Departure:
             body=Emergency(verb=EmergencyVerb.LAND, author="service manager"),
         )
         self._publisher.publish(f"{self._topic}request", request, self._loop.time())
-        self._say(Severity.NOTICE, "the vehicle lands first; told to stop once more, it is left to its autopilot")
+        self._report(Severity.NOTICE, "the vehicle lands first; told to stop once more, it is left to its autopilot")
         end_s, down_s = self._loop.time() + LONGEST_S, self._loop.time()
         while not (reason := self._why_not()):
             now_s = self._loop.time()
@@ -91,9 +91,9 @@ class Departure:
                 reason = "told to" if give_up.is_set() else f"it has not landed within {LONGEST_S:g} s"
                 break
             self._extend(EXTEND_S)
-            await asyncio.sleep(LOOK_EVERY_S)
+            await asyncio.sleep(POLL_PERIOD_S)
         if self._is_flying:
-            self._say(Severity.WARNING, f"leaves the vehicle in the air: {reason}")
+            self._report(Severity.WARNING, f"leaves the vehicle in the air: {reason}")
 
     def close(self) -> None:
         """Listens no more."""
@@ -101,20 +101,20 @@ class Departure:
             unsubscribe()
         self._unsubscribes.clear()
 
-    def _see(self, envelope: Envelope[VehicleSummary]) -> None:
-        self._vehicle, self._heard_s = envelope.payload, self._loop.time()
+    def _receive_vehicle(self, envelope: Envelope[VehicleSummary]) -> None:
+        self._vehicle, self._received_s = envelope.payload, self._loop.time()
 
     def _follow(self, envelope: Envelope[MissionSummary]) -> None:
         self._is_on_mission = envelope.payload.state == ActionState.RUNNING
 
-    def _hear(self, envelope: Envelope[CiReply]) -> None:
+    def _receive_reply(self, envelope: Envelope[CiReply]) -> None:
         reply = envelope.payload
         if (reply.sender, reply.boot) == (SENDER, self._boot) and reply.outcome is not Outcome.ACCEPTED:
             self._refusal = reply.reason or str(reply.outcome)
 
     @property
     def _is_silent(self) -> bool:
-        return self._loop.time() - self._heard_s > SILENT_S
+        return self._loop.time() - self._received_s > SILENT_S
 
     @property
     def _is_flying(self) -> bool:

@@ -26,8 +26,8 @@ from gloc3_onboard.hosts.shared import check_member
 from gloc3_onboard.process.process import DEVICES
 from gloc3_onboard.sensors.rig import PlatformRig
 from gloc3_onboard.sensors.source_url import SERIAL_GROUP
-from gloc3_onboard.service.needs import Node, allowed, arguments, homes, keys, modules, nodes
-from gloc3_onboard.service.unit import Unit
+from gloc3_onboard.service.needs import DeviceNode, allowed, arguments, homes, keys, modules, nodes
+from gloc3_onboard.service.unit import SystemdUnit
 
 SYS: Final = Path("/sys")
 FOLDER: Final = "gloc3"
@@ -53,7 +53,7 @@ class UsbDevice(NamedTuple):
     title: str
 
 
-def usb_device(node: Node, sys: Path = SYS) -> UsbDevice | None:
+def usb_device(node: DeviceNode, sys: Path = SYS) -> UsbDevice | None:
     """What is behind a device node; None for one that is not plugged in, or not on USB.
 
     Args:
@@ -99,14 +99,14 @@ def _is_unique(serial: str) -> bool:
     return re.fullmatch(r"[A-Za-z0-9_.:-]{4,}", serial) is not None and len(set(serial)) > 1
 
 
-def rules(name: str, devices: Sequence[tuple[Node, UsbDevice]]) -> str:
+def rules(name: str, devices: Sequence[tuple[DeviceNode, UsbDevice]]) -> str:
     """The file of rules of a service."""
     lines = [f"# Steady names for the devices of {name}; written by gloc3 onboard install --udev"]
     lines += ["# (what is a tty is no modem: ModemManager would talk to the autopilot)"]
     return "\n".join([*lines, *(rule(node.role, device) for node, device in devices)]) + "\n"
 
 
-def advice(node: Node, device: UsbDevice | None) -> str:
+def advice(node: DeviceNode, device: UsbDevice | None) -> str:
     """What to say of a device that is named by the order of plugging in; empty where all is well."""
     if str(node.path).startswith(STEADY) or not node.kinds:
         return ""
@@ -131,13 +131,13 @@ UNITS: Final = Path("etc/systemd/system")
 RULES: Final = Path("etc/udev/rules.d")
 ROOT: Final = Path("/")
 
-Tell = Callable[[str], None]
+Report = Callable[[str], None]
 
 
-class Plan(msgspec.Struct, frozen=True, kw_only=True):
+class InstallPlan(msgspec.Struct, frozen=True, kw_only=True):
     """What is to be written."""
 
-    unit: Unit
+    unit: SystemdUnit
     rules: str = ""
     """For udev; empty for none."""
     advice: tuple[str, ...] = ()
@@ -158,7 +158,7 @@ def rules_file(name: str) -> str:
 
 def make_plan(
     name: str, options: OnboardOptions, user: str, *, with_udev: bool = False, sys_folder: Path = SYS
-) -> Plan:
+) -> InstallPlan:
     """Checks everything that the service will need, and says how it is installed.
 
     Args:
@@ -190,7 +190,7 @@ def make_plan(
         options = _renamed(options, platform, [node for node, _ in named])
     secrets, files = [*keys(options), *network], [path.absolute() for path in files_of(file)]
     word = str(file) if file.suffix in (".yaml", ".yml") and Path(name).suffix else name
-    unit = Unit(
+    unit = SystemdUnit(
         name=platform.platform if options.host is None else f"{platform.platform}-{host}",
         command=(*_program(), "onboard", word, *arguments(options)),
         user=user,
@@ -202,7 +202,7 @@ def make_plan(
     said = [str(one) for one in warnings]
     said += [text for node, device in behind.items() if (node, device) not in named and (text := advice(node, device))]
     said += [text for path in [*files, *secrets] if (text := _unreadable(path, user))]
-    return Plan(unit=unit, rules=rules(unit.name, named) if named else "", advice=tuple(said))
+    return InstallPlan(unit=unit, rules=rules(unit.name, named) if named else "", advice=tuple(said))
 
 
 def _network(platform: Platform, host: str, path: Path | None) -> list[Path]:
@@ -221,7 +221,7 @@ def _program() -> tuple[str, ...]:
     return (str(script),) if script.exists() else (sys.executable, "-m", "gloc3")
 
 
-def _renamed(options: OnboardOptions, platform: Platform, named: list[Node]) -> OnboardOptions:
+def _renamed(options: OnboardOptions, platform: Platform, named: list[DeviceNode]) -> OnboardOptions:
     """The options with the names that udev gives."""
     roles = {node.role: str(node.path) for node in named}
 
@@ -231,9 +231,9 @@ def _renamed(options: OnboardOptions, platform: Platform, named: list[Node]) -> 
     stations = [
         renamed("station" if number == 1 else f"station_{number}", url) for number, url in enumerate(options.station, 1)
     ]
-    asked = dict(text.split("=", 1) for text in options.device)
-    given = {**platform.devices, **asked}
-    devices = {role: renamed(role, given[role]) for role in given if role in asked or role in roles}
+    requested = dict(text.split("=", 1) for text in options.device)
+    given = {**platform.devices, **requested}
+    devices = {role: renamed(role, given[role]) for role in given if role in requested or role in roles}
     return replace(
         options,
         autopilot=renamed("autopilot", options.autopilot),
@@ -259,13 +259,13 @@ def _unreadable(path: Path, user: str) -> str:
     return f"{user} cannot read {path}: chown {user} {path}"
 
 
-def carry_out(plan: Plan, prefix: Path, tell: Tell) -> None:
+def carry_out(plan: InstallPlan, prefix: Path, report: Report) -> None:
     """Writes the files; on this computer itself also makes the user and has systemd and udev look.
 
     Args:
         plan: what to do.
         prefix: below which folder; not / to prepare another computer's disk.
-        tell: takes each thing that was done.
+        report: takes each thing that was done.
 
     Raises:
         Refused: it cannot be done, such as without the right to.
@@ -276,15 +276,15 @@ def carry_out(plan: Plan, prefix: Path, tell: Tell) -> None:
             replace_file(path, text.encode())
         except PermissionError as error:
             raise Refused(f"{path} cannot be written: {error.strerror}; run it with sudo, or with --dry-run") from error
-        tell(f"wrote {path}")
+        report(f"wrote {path}")
     if prefix != ROOT:
-        tell(f"the user {plan.unit.user} is not made: {prefix} is not this computer")
+        report(f"the user {plan.unit.user} is not made: {prefix} is not this computer")
         return
-    _make_user(plan.unit.user, tell)
-    _look_again(tell, has_rules=bool(plan.rules))
+    _make_user(plan.unit.user, report)
+    _recheck(report, has_rules=bool(plan.rules))
 
 
-def remove(name: str, prefix: Path, tell: Tell) -> None:
+def remove(name: str, prefix: Path, report: Report) -> None:
     """Ends and removes a service; its state, logs and user stay.
 
     Raises:
@@ -295,7 +295,7 @@ def remove(name: str, prefix: Path, tell: Tell) -> None:
         known = sorted(path.stem.removeprefix("gloc3-") for path in unit.parent.glob("gloc3-*.service"))
         raise Refused(f"there is no service {name!r}; installed: {', '.join(known) or 'none'}")
     if prefix == ROOT and _has_systemd():
-        _run(["systemctl", "disable", "--now", unit.name], tell)
+        _run(["systemctl", "disable", "--now", unit.name], report)
     has_rules = False
     for path in (unit, prefix / RULES / rules_file(name)):
         try:
@@ -305,10 +305,10 @@ def remove(name: str, prefix: Path, tell: Tell) -> None:
         except PermissionError as error:
             raise Refused(f"{path} cannot be removed: {error.strerror}; run it with sudo") from error
         has_rules = has_rules or path.suffix == ".rules"
-        tell(f"removed {path}")
+        report(f"removed {path}")
     if prefix == ROOT:
-        _look_again(tell, has_rules=has_rules)
-    tell(f"its state and logs stay in /var/lib/gloc3/{name} and /var/log/gloc3/{name}")
+        _recheck(report, has_rules=has_rules)
+    report(f"its state and logs stay in /var/lib/gloc3/{name} and /var/log/gloc3/{name}")
 
 
 def _has_systemd() -> bool:
@@ -316,27 +316,27 @@ def _has_systemd() -> bool:
     return Path("/run/systemd/system").is_dir() and shutil.which("systemctl") is not None
 
 
-def _make_user(user: str, tell: Tell) -> None:
+def _make_user(user: str, report: Report) -> None:
     try:
         pwd.getpwnam(user)
     except KeyError:
         options = ["--system", "--user-group", "--no-create-home", "--home-dir", "/nonexistent"]
-        _run(["useradd", *options, "--shell", "/usr/sbin/nologin", user], tell)
+        _run(["useradd", *options, "--shell", "/usr/sbin/nologin", user], report)
 
 
-def _look_again(tell: Tell, *, has_rules: bool) -> None:
+def _recheck(report: Report, *, has_rules: bool) -> None:
     if _has_systemd():
-        _run(["systemctl", "daemon-reload"], tell)
+        _run(["systemctl", "daemon-reload"], report)
     if has_rules and shutil.which("udevadm") is not None and Path("/run/udev").is_dir():
-        _run(["udevadm", "control", "--reload"], tell)
-        _run(["udevadm", "trigger", "--subsystem-match=tty", "--subsystem-match=video4linux"], tell)
+        _run(["udevadm", "control", "--reload"], report)
+        _run(["udevadm", "trigger", "--subsystem-match=tty", "--subsystem-match=video4linux"], report)
 
 
-def _run(command: list[str], tell: Tell) -> None:
+def _run(command: list[str], report: Report) -> None:
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, "LC_ALL": "C"})
     except OSError as error:
         raise Refused(f"{' '.join(command)}: {error.strerror or error}") from error
     if done.returncode != 0:
         raise Refused(f"{' '.join(command)}: {done.stderr.strip() or f'exit code {done.returncode}'}")
-    tell(" ".join(command))
+    report(" ".join(command))

@@ -45,30 +45,30 @@ class ServiceManager:
 
     def ready(self) -> None:
         """The service is up, or up again after its configuration was read anew."""
-        self._tell("READY=1")
+        self._notify("READY=1")
 
     def status(self, text: str) -> None:
         """How the service is, in a line for a person; told when it changes."""
         if text != self._status:
             self._status = text
-            self._tell(f"STATUS={text}".replace("\n", " "))
+            self._notify(f"STATUS={text}".replace("\n", " "))
 
     def alive(self) -> None:
         """The supervised work goes on."""
         if self.watchdog_s is not None:
-            self._tell("WATCHDOG=1")
+            self._notify("WATCHDOG=1")
 
     def reloading(self, monotonic_s: float) -> None:
         """The configuration is read anew from now (CLOCK_MONOTONIC); `ready` ends that."""
-        self._tell(f"RELOADING=1\nMONOTONIC_USEC={round(monotonic_s * 1e6)}")
+        self._notify(f"RELOADING=1\nMONOTONIC_USEC={round(monotonic_s * 1e6)}")
 
     def stopping(self) -> None:
         """The service is on its way to its end."""
-        self._tell("STOPPING=1")
+        self._notify("STOPPING=1")
 
     def extend(self, for_s: float) -> None:
         """The start or the end takes so much longer, from now."""
-        self._tell(f"EXTEND_TIMEOUT_USEC={round(for_s * 1e6)}")
+        self._notify(f"EXTEND_TIMEOUT_USEC={round(for_s * 1e6)}")
 
     def close(self) -> None:
         """Tells nothing any more."""
@@ -76,7 +76,7 @@ class ServiceManager:
             self._socket.close()
             self._socket = None
 
-    def _tell(self, text: str) -> None:
+    def _notify(self, text: str) -> None:
         if self._socket is None:
             return
         try:

@@ -22,7 +22,7 @@ PRIVATE: Final = (Path("/tmp"), Path("/var/tmp"))
 """Of these the service has its own."""
 
 
-class Kind(NamedTuple):
+class DeviceNodeKind(NamedTuple):
     """A kind of device node, which may come and go with its plug."""
 
     allowed: str
@@ -33,14 +33,14 @@ class Kind(NamedTuple):
 
 
 KINDS: Final = {
-    "ttyACM": Kind("char-ttyACM", "cdc_acm", SERIAL_GROUP),
-    "ttyUSB": Kind("char-ttyUSB", "usbserial", SERIAL_GROUP),
-    "video": Kind("char-video4linux", "videodev", VIDEO_GROUP),
+    "ttyACM": DeviceNodeKind("char-ttyACM", "cdc_acm", SERIAL_GROUP),
+    "ttyUSB": DeviceNodeKind("char-ttyUSB", "usbserial", SERIAL_GROUP),
+    "video": DeviceNodeKind("char-video4linux", "videodev", VIDEO_GROUP),
 }
 """By what the nodes are called, before a number."""
 
 
-class Node(NamedTuple):
+class DeviceNode(NamedTuple):
     """A device that the service opens."""
 
     role: str
@@ -49,7 +49,7 @@ class Node(NamedTuple):
     group: str
 
     @property
-    def kinds(self) -> list[Kind]:
+    def kinds(self) -> list[DeviceNodeKind]:
         """What it can be: told by its name, or by its group where it is not plugged in; none for one of the board's own."""
         name = re.sub(r"\d+$", "", self.path.resolve().name)
         if name in KINDS:
@@ -57,7 +57,7 @@ class Node(NamedTuple):
         return [] if self.path.exists() else [kind for kind in KINDS.values() if kind.group == self.group]
 
 
-def nodes(platform: Platform, options: OnboardOptions) -> list[Node]:
+def nodes(platform: Platform, options: OnboardOptions) -> list[DeviceNode]:
     """The devices that are opened: those of the host's components, and on the clock host those of the links.
 
     Raises:
@@ -71,7 +71,7 @@ def nodes(platform: Platform, options: OnboardOptions) -> list[Node]:
     ]
     for role, url in links if host == clock_host(platform) else ():
         if device := parse_url(url).device:
-            found.append(Node(role, Path(device), SERIAL_GROUP))
+            found.append(DeviceNode(role, Path(device), SERIAL_GROUP))
     rows = [row for row in platform.components if place_of(platform, row).host == host]
     used = sorted({device for row in rows for device in row.devices.values()})
     for name, text in source_urls(platform, used, options.device).items():
@@ -79,7 +79,7 @@ def nodes(platform: Platform, options: OnboardOptions) -> list[Node]:
             continue
         source = parse_source(name, text)
         kind = source_kinds()[source.scheme]
-        found += [Node(name, path, kind.group) for path in kind.device_files(source) if kind.group]
+        found += [DeviceNode(name, path, kind.group) for path in kind.device_files(source) if kind.group]
     return found
 
 
@@ -140,13 +140,13 @@ def _home_of(path: Path) -> Path | None:
     return next((home for home in HOMES if path.is_relative_to(home)), None)
 
 
-def allowed(devices: Sequence[Node]) -> tuple[str, ...]:
+def allowed(devices: Sequence[DeviceNode]) -> tuple[str, ...]:
     """What `DeviceAllow` has to name: classes for what may be plugged in again, paths for what the board has."""
     return tuple(
         dict.fromkeys(name for node in devices for name in ([kind.allowed for kind in node.kinds] or [str(node.path)]))
     )
 
 
-def modules(devices: Sequence[Node]) -> tuple[str, ...]:
+def modules(devices: Sequence[DeviceNode]) -> tuple[str, ...]:
     """The kernel's modules of these classes."""
     return tuple(dict.fromkeys(kind.module for node in devices for kind in node.kinds))

@@ -21,7 +21,7 @@ REPLY_S: Final = 12.0
 """A component may take 5 s for each of its methods."""
 NEXT_START: Final = "counts from the next start"
 
-Say = Callable[[Severity, str], None]
+Report = Callable[[Severity, str], None]
 
 
 class PlatformReload:
@@ -50,17 +50,17 @@ class PlatformReload:
         loop: asyncio.AbstractEventLoop,
         boot: int,
         may_stop: Callable[[], bool],
-        say: Say,
+        report: Report,
     ) -> None:
         self._begun, self._read, self._hosts, self._exchange, self._loop = platform, read, hosts, exchange, loop
-        self._may_stop, self._say = may_stop, say
+        self._may_stop, self._report = may_stop, report
         self._rows = {row.name: row for row in platform.components}
         """As they are kept now."""
         self._states: dict[str, State | None] = {}
         self._publisher = Publisher(exchange, platform.platform, "reload", boot)
         self._count = 0
         self._base = f"{platform.platform}/components"
-        self._unsubscribe = exchange.subscribe(f"{self._base}/*/status", self._see)
+        self._unsubscribe = exchange.subscribe(f"{self._base}/*/status", self._receive_status)
 
     def close(self) -> None:
         """Listens no more."""
@@ -73,10 +73,10 @@ class PlatformReload:
         except Gloc3Error as error:
             found = error.findings if isinstance(error, InputError) else ()
             for finding in found:
-                self._say(Severity.WARNING if finding.is_warning else Severity.ERROR, str(finding))
+                self._report(Severity.WARNING if finding.is_warning else Severity.ERROR, str(finding))
             if not found:
-                self._say(Severity.ERROR, str(error))
-            self._say(Severity.ERROR, "the platform file cannot be used: nothing was changed")
+                self._report(Severity.ERROR, str(error))
+            self._report(Severity.ERROR, "the platform file cannot be used: nothing was changed")
             return
         changed = [name for name in _fields(platform, self._begun) if name != "components"]
         rows = {row.name: row for row in platform.components}
@@ -86,25 +86,27 @@ class PlatformReload:
             if name in self._rows:
                 lines += [f"{name}: {text}" for text in await self._adopt(row, self._rows[name])]
         for line in lines:
-            self._say(Severity.NOTICE, f"read again: {line}")
+            self._report(Severity.NOTICE, f"read again: {line}")
         if not lines:
-            self._say(Severity.NOTICE, "read again: nothing has changed")
+            self._report(Severity.NOTICE, "read again: nothing has changed")
 
-    def _see(self, envelope: Envelope[ComponentStatus]) -> None:
+    def _receive_status(self, envelope: Envelope[ComponentStatus]) -> None:
         self._states[envelope.payload.name] = envelope.payload.state
 
-    async def _adopt(self, new: ComponentRow, old: ComponentRow) -> list[str]:
+    async def _adopt(self, new: ComponentRow, previous: ComponentRow) -> list[str]:
         """What became of the changes of one row."""
         said = []
-        for field in _fields(new, old):
+        for field in _fields(new, previous):
             value = getattr(new, field)
             match field:
                 case "settings":
                     text = await self._adopt_settings(new)
-                case "rate_hz" if new.rate_hz is not None and old.rate_hz is not None:
-                    text = await self._ask(new.name, "set_rate", {"rate_hz": new.rate_hz})
+                case "rate_hz" if new.rate_hz is not None and previous.rate_hz is not None:
+                    text = await self._call_function(new.name, "set_rate", {"rate_hz": new.rate_hz})
                 case "log":
-                    text = await self._ask(new.name, "set_logging", {"items": new.log, "is_enabled": bool(new.log)})
+                    text = await self._call_function(
+                        new.name, "set_logging", {"items": new.log, "is_enabled": bool(new.log)}
+                    )
                 case _:
                     text = NEXT_START
             if not text:
@@ -132,7 +134,7 @@ class PlatformReload:
         order = partial(CommandRequest, command=first, then=tuple(then), settings=settings, is_kept=True)
         return await self._order(f"{self._base}/{new.name}/command", order)
 
-    async def _ask(self, name: str, function: str, arguments: dict[str, Any]) -> str:
+    async def _call_function(self, name: str, function: str, arguments: dict[str, Any]) -> str:
         """Has a component do one of its functions; an empty text, or why not."""
         if self._states.get(name) not in OPERATING:
             return f"it is {self._states.get(name) or 'absent'}: {NEXT_START}"
@@ -150,6 +152,6 @@ class PlatformReload:
         return "" if reply.is_accepted else f"refused: {reply.reason}"
 
 
-def _fields(new: msgspec.Struct, old: msgspec.Struct) -> list[str]:
+def _fields(new: msgspec.Struct, previous: msgspec.Struct) -> list[str]:
     """The names of the fields that differ."""
-    return [name for name in new.__struct_fields__ if getattr(new, name) != getattr(old, name)]
+    return [name for name in new.__struct_fields__ if getattr(new, name) != getattr(previous, name)]

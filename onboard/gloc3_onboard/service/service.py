@@ -48,11 +48,11 @@ class Process(Protocol):
     def new_boot(self) -> int:
         """A random number for something that begins."""
 
-    def say(self, severity: Severity, text: str) -> None:
+    def narrate(self, severity: Severity, text: str) -> None:
         """Narrates."""
 
 
-class Service:
+class SystemdService:
     """Takes the signals from its making on: SIGTERM and SIGINT end the process, SIGHUP has its files read again."""
 
     def __init__(self, manager: ServiceManager, process: Process, loop: asyncio.AbstractEventLoop) -> None:
@@ -67,7 +67,7 @@ class Service:
         manager, process = self._manager, self._process
         report = ServiceReport(manager, process.exchange, process.platform.platform, process.is_beginning)
         departure = Departure(
-            process.exchange, process.platform, self._loop, process.new_boot(), manager.extend, process.say
+            process.exchange, process.platform, self._loop, process.new_boot(), manager.extend, process.narrate
         )
         reload = PlatformReload(
             process.platform,
@@ -77,14 +77,14 @@ class Service:
             self._loop,
             process.new_boot(),
             lambda: departure.is_at_rest,
-            process.say,
+            process.narrate,
         )
         reloads = self._loop.create_task(self._read_again(reload))
         try:
             await self._stopped.wait()
             manager.stopping()
             report.end("stopping")
-            process.say(Severity.NOTICE, "stopping")
+            process.narrate(Severity.NOTICE, "stopping")
             await departure.land(self._hurried)
         finally:
             reloads.cancel()
@@ -104,7 +104,7 @@ class Service:
             self._manager.ready()
 
 
-HEARD_WITHIN_S: Final = 3.0
+CONTACT_WITHIN_S: Final = 3.0
 """After all have been brought up: who has not been heard by then, such as on another host, is not waited for."""
 
 
@@ -135,10 +135,10 @@ class ServiceReport:
         self._vehicle: VehicleSummary | None = None
         self._mission: MissionSummary | None = None
         self._unsubscribes = [
-            exchange.subscribe(f"{platform}/ci/summary", self._take_summary),
-            exchange.subscribe(f"{platform}/ci/vehicle", self._take_vehicle),
-            exchange.subscribe(f"{platform}/ci/mission", self._take_mission),
-            exchange.subscribe(f"{platform}/components/*/status", self._take_status),
+            exchange.subscribe(f"{platform}/ci/summary", self._receive_summary),
+            exchange.subscribe(f"{platform}/ci/vehicle", self._receive_vehicle),
+            exchange.subscribe(f"{platform}/ci/mission", self._receive_mission),
+            exchange.subscribe(f"{platform}/components/*/status", self._receive_status),
         ]
 
     def end(self, text: str) -> None:
@@ -152,7 +152,7 @@ class ServiceReport:
             unsubscribe()
         self._unsubscribes.clear()
 
-    def _take_status(self, envelope: Envelope[ComponentStatus]) -> None:
+    def _receive_status(self, envelope: Envelope[ComponentStatus]) -> None:
         status = envelope.payload
         if status.is_required and status.state is State.FAULTY and status.cause.startswith(HUNG):
             self._hung[status.name] = status.cause
@@ -161,20 +161,20 @@ class ServiceReport:
         if status.standby_for:
             self._in_charge[status.name] = status.standby_for if status.state is State.WORKING else ""
 
-    def _take_vehicle(self, envelope: Envelope[VehicleSummary]) -> None:
+    def _receive_vehicle(self, envelope: Envelope[VehicleSummary]) -> None:
         self._vehicle = envelope.payload
 
-    def _take_mission(self, envelope: Envelope[MissionSummary]) -> None:
+    def _receive_mission(self, envelope: Envelope[MissionSummary]) -> None:
         self._mission = envelope.payload
 
-    def _take_summary(self, envelope: Envelope[Summary]) -> None:
+    def _receive_summary(self, envelope: Envelope[Summary]) -> None:
         self._summary = summary = envelope.payload
         if not self._is_ending:
             self._manager.status(self._describe(summary))
         if not self._is_ready and not self._is_beginning():
             self._begun_s = min(self._begun_s, envelope.t_s)
-            is_heard = all(list(Health)[line.state] is not Health.ABSENT for line in summary.lines)
-            if is_heard or envelope.t_s - self._begun_s > HEARD_WITHIN_S:
+            is_in_contact = all(list(Health)[line.state] is not Health.ABSENT for line in summary.lines)
+            if is_in_contact or envelope.t_s - self._begun_s > CONTACT_WITHIN_S:
                 self._is_ready = True
                 self._manager.ready()
         if set(self._hung) <= set(self._in_charge.values()):

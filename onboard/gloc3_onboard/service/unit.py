@@ -49,7 +49,7 @@ UMask=0027
 """What the process may not do. It keeps the network, /proc/stat for the computer's load, and the devices that it uses."""
 
 
-class Unit(msgspec.Struct, frozen=True, kw_only=True):
+class SystemdUnit(msgspec.Struct, frozen=True, kw_only=True):
     """What a service needs."""
 
     name: str

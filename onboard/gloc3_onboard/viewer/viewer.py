@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from gloc3.camera.opencv import load_opencv
 from gloc3.component.component import CommandInterface, function
-from gloc3.component.ports import Inbox, Output, Report, Result
+from gloc3.component.ports import Inbox, Output, PortReport, Result
 from gloc3.component.settings import NoSettings
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope, Message
@@ -141,7 +141,7 @@ class Viewer(CommandInterface[NoSettings]):
             results.append(self._activity(now_s))
         return results
 
-    def _sample(self, topic: str, envelope: Envelope[Any], watched: _Watched, now_s: float) -> Report:
+    def _sample(self, topic: str, envelope: Envelope[Any], watched: _Watched, now_s: float) -> PortReport:
         message: Message = envelope.payload
         demand = watched.demand
         if isinstance(message, Image):
@@ -234,17 +234,17 @@ STEP_S: Final = 0.45
 class RateMeter:
     """Measures over the last five seconds, or for as long as it looks."""
 
-    __slots__ = ("_looks",)
+    __slots__ = ("_polls",)
 
     def __init__(self, now_s: float) -> None:
-        self._looks: deque[tuple[float, int]] = deque([(now_s, 0)])
+        self._polls: deque[tuple[float, int]] = deque([(now_s, 0)])
 
     def rate_hz(self, count: int, now_s: float) -> float:
         """The rate, given how often it has happened since the begin."""
-        looks = self._looks
-        while len(looks) > 1 and now_s - looks[1][0] >= WINDOW_S:
-            looks.popleft()
-        first_s, first = looks[0]
-        if now_s - looks[-1][0] >= STEP_S:
-            looks.append((now_s, count))
+        samples = self._polls
+        while len(samples) > 1 and now_s - samples[1][0] >= WINDOW_S:
+            samples.popleft()
+        first_s, first = samples[0]
+        if now_s - samples[-1][0] >= STEP_S:
+            samples.append((now_s, count))
         return (count - first) / (now_s - first_s) if now_s > first_s else 0.0

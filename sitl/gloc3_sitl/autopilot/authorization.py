@@ -10,7 +10,7 @@ from gloc3_sitl.autopilot.modes import Result
 
 _TWO_STEPS: Final = 1
 """COM_ARM_AUTH_MET: the first attempt to arm asks only, the second arms."""
-_REASON_IS_TOLD_BY_AUTHORIZER: Final = 1
+_REASON_COMES_FROM_AUTHORIZER: Final = 1
 _REASONS: Final = {
     2: "an item of the mission is not allowed",
     3: "the authorizer had not the time to look",
@@ -20,7 +20,7 @@ _REASONS: Final = {
 """MAV_ARM_AUTH_DENIED_REASON."""
 
 
-class Leave(Enum):
+class ArmPermission(Enum):
     """Whether the motors may start."""
 
     GIVEN = auto()
@@ -37,8 +37,8 @@ class Authorization:
         ask_parameter: the value of a COM_ARM_AUTH parameter; None where the style has none of this.
     """
 
-    def __init__(self, craft: Craft, ask_parameter: Callable[[str], float] | None) -> None:
-        self._craft, self._ask = craft, ask_parameter
+    def __init__(self, craft: Craft, request_parameter: Callable[[str], float] | None) -> None:
+        self._craft, self._request = craft, request_parameter
         self._waits_until_s: float | None = None
         self._holds_until_s = 0.0
         self.send: Callable[[int], None] = lambda _: None
@@ -54,18 +54,18 @@ class Authorization:
         """Whether an answer is to come."""
         return self._waits_until_s is not None
 
-    def leave(self) -> Leave:
+    def leave(self) -> ArmPermission:
         """Whether the vehicle may be armed now; asks where that is not known."""
-        if self._ask is None or not self._ask("COM_ARM_AUTH_REQ") or self.is_given:
-            return Leave.GIVEN
+        if self._request is None or not self._request("COM_ARM_AUTH_REQ") or self.is_given:
+            return ArmPermission.GIVEN
         if self.is_awaited:
-            return Leave.REFUSED
-        self._waits_until_s = self._craft.now_s + self._ask("COM_ARM_AUTH_TO")
-        self.send(int(self._ask("COM_ARM_AUTH_ID")))
-        if self._ask("COM_ARM_AUTH_MET") == _TWO_STEPS:
-            self._craft.say(Severity.INFO, "Arming: leave is asked for, arm again when it is given")
-            return Leave.REFUSED
-        return Leave.AWAITED
+            return ArmPermission.REFUSED
+        self._waits_until_s = self._craft.now_s + self._request("COM_ARM_AUTH_TO")
+        self.send(int(self._request("COM_ARM_AUTH_ID")))
+        if self._request("COM_ARM_AUTH_MET") == _TWO_STEPS:
+            self._craft.send_text(Severity.INFO, "Arming: leave is asked for, arm again when it is given")
+            return ArmPermission.REFUSED
+        return ArmPermission.AWAITED
 
     def answered(self, result: int, reason: int, extra: int) -> None:
         """The authorizer has answered.
@@ -80,15 +80,15 @@ class Authorization:
         self._waits_until_s = None
         if result == Result.ACCEPTED:
             self._holds_until_s = self._craft.now_s + extra
-            self._craft.say(Severity.INFO, f"Arming: leave is given for {extra} s")
+            self._craft.send_text(Severity.INFO, f"Arming: leave is given for {extra} s")
         elif result == Result.TEMPORARILY_REJECTED:
-            self._craft.say(Severity.CRITICAL, "Arming: leave is refused for now")
-        elif reason != _REASON_IS_TOLD_BY_AUTHORIZER:
+            self._craft.send_text(Severity.CRITICAL, "Arming: leave is refused for now")
+        elif reason != _REASON_COMES_FROM_AUTHORIZER:
             because = f": {_REASONS[reason]}" if reason in _REASONS else ""
-            self._craft.say(Severity.CRITICAL, f"Arming: leave is refused{because}")
+            self._craft.send_text(Severity.CRITICAL, f"Arming: leave is refused{because}")
 
     def tick(self) -> None:
         """Waits no longer than it should."""
         if self._waits_until_s is not None and self._craft.now_s > self._waits_until_s:
             self._waits_until_s = None
-            self._craft.say(Severity.CRITICAL, "Arming: nobody answers who could give leave")
+            self._craft.send_text(Severity.CRITICAL, "Arming: nobody answers who could give leave")

@@ -6,23 +6,23 @@ from typing import Any, Final
 
 from gloc3.messages.frames import GeoPoint
 from gloc3_sitl.autopilot.authorization import Authorization
-from gloc3_sitl.autopilot.calibration import Calibration
+from gloc3_sitl.autopilot.calibration import CalibrationRun
 from gloc3_sitl.autopilot.commander import Commander
-from gloc3_sitl.autopilot.control.control import Control, Outputs
-from gloc3_sitl.autopilot.craft import Craft, Say
+from gloc3_sitl.autopilot.control.control import ControlLoops, Outputs
+from gloc3_sitl.autopilot.craft import Craft, Report
 from gloc3_sitl.autopilot.estimator.estimator import Estimator
-from gloc3_sitl.autopilot.estimator.sources import Fix, Source
-from gloc3_sitl.autopilot.failsafe import Failsafes
+from gloc3_sitl.autopilot.estimator.sources import AidingSource, Fix
+from gloc3_sitl.autopilot.failsafe import FailsafeMonitor
 from gloc3_sitl.autopilot.flight_log import FlightLogger, LogHeader, LogRecord
-from gloc3_sitl.autopilot.modes import Style
+from gloc3_sitl.autopilot.modes import StyleTables
 from gloc3_sitl.autopilot.parameters import ParameterStore
 from gloc3_sitl.autopilot.periods import OUTER_STEPS, STEP_S
 from gloc3_sitl.autopilot.pilot import Pilot
-from gloc3_sitl.autopilot.plans import Plans
+from gloc3_sitl.autopilot.plans import StoredPlans
 from gloc3_sitl.autopilot.sources import ardupilot_sources, px4_sources
 from gloc3_sitl.autopilot.surroundings import Nowhere, Surroundings
 from gloc3_sitl.autopilot.tuning import Tuning
-from gloc3_sitl.autopilot.vehicle_class import MULTIROTOR, VehicleClass
+from gloc3_sitl.autopilot.vehicle_class import MULTIROTOR, AutopilotClass
 from gloc3_sitl.sensors.readings import (
     AirspeedReading,
     BarometerReading,
@@ -48,7 +48,7 @@ class Autopilot:
         before: itself before a reboot; what stands on its memory card outlives that.
     """
 
-    takes_odometry = True
+    accepts_odometry = True
     """Whether odometry from outside still arrives."""
     source_set = 1
     """ArduPilot's set of sources in use."""
@@ -64,10 +64,10 @@ class Autopilot:
 
     def __init__(
         self,
-        style: Style,
-        say: Say,
+        style: StyleTables,
+        report: Report,
         *,
-        vehicle: VehicleClass = MULTIROTOR,
+        vehicle: AutopilotClass = MULTIROTOR,
         declination_rad: float = 0.0,
         surroundings: Surroundings | None = None,
         before: "Autopilot | None" = None,
@@ -79,17 +79,17 @@ class Autopilot:
         self.parameters: Final = ParameterStore(style.parameters, self.tuning, style.derive)
         self.estimator: Final = Estimator(declination_rad=declination_rad)
         self.pilot: Final[Pilot] = Pilot() if before is None else before.pilot
-        self.plans: Final[Plans] = Plans() if before is None else before.plans
-        self.craft: Final = Craft(self.estimator, self.tuning, self.pilot, self.plans, say)
+        self.plans: Final[StoredPlans] = StoredPlans() if before is None else before.plans
+        self.craft: Final = Craft(self.estimator, self.tuning, self.pilot, self.plans, report)
         self.craft.first_item = 1 if style.mission_keeps_home else 0
         if before is not None:
             self._continue(before)
-        self.control: Final[Control] = vehicle.control(self.craft)
+        self.control: Final[ControlLoops] = vehicle.control(self.craft)
         self._stopped: Final = self.control.stopped
-        ask = self.parameters.__getitem__ if "COM_ARM_AUTH_REQ" in self.parameters else None
-        self.commander: Final = Commander(self.craft, style, Authorization(self.craft, ask))
-        self.calibration: Final = Calibration(self.craft)
-        self.failsafes: Final = Failsafes(self.commander)
+        request = self.parameters.__getitem__ if "COM_ARM_AUTH_REQ" in self.parameters else None
+        self.commander: Final = Commander(self.craft, style, Authorization(self.craft, request))
+        self.calibration: Final = CalibrationRun(self.craft)
+        self.failsafes: Final = FailsafeMonitor(self.commander)
         self.servo_us: Final[dict[int, int]] = {}
         """Pulse lengths of the outputs that somebody has set, by number from 1."""
         self.parameters.on_change.append(self._parameter_changed)
@@ -103,24 +103,24 @@ class Autopilot:
         self.logger: Final[FlightLogger] = FlightLogger(self, () if before is None else before.logger.logs)
         self.on_outer: list[Callable[[float], None]] = [self.logger.tick]
         """Called with the time after each outer period."""
-        self._take: Final = self._receivers()
+        self._use: Final = self._receivers()
 
     def _continue(self, before: "Autopilot") -> None:
         """Takes up what stood on the memory card before a reboot."""
-        self.parameters.take_over(before.parameters)
+        self.parameters.load(before.parameters)
         first = self.craft.first_item
         self.craft.mission.on_upload(self.plans.mission_count, len(self.plans.mission) > first, first)
 
     def _receivers(self) -> dict[type, Callable[[Any], None]]:
         """What becomes of each kind of reading, but for the IMU's."""
         return {
-            FixReading: self._take_fix,
-            BarometerReading: self._take_barometer,
-            MagnetometerReading: self._take_magnetometer,
-            RangeReading: self._take_range,
-            BatteryReading: self._take_battery,
-            LeakReading: self._take_leak,
-            AirspeedReading: self._take_airspeed,
+            FixReading: self._use_fix,
+            BarometerReading: self._use_barometer,
+            MagnetometerReading: self._use_magnetometer,
+            RangeReading: self._use_range,
+            BatteryReading: self._use_battery,
+            LeakReading: self._use_leak,
+            AirspeedReading: self._use_airspeed,
         }
 
     @property
@@ -160,12 +160,12 @@ class Autopilot:
 
     def choose_sources(self) -> None:
         """Has the estimator use what the parameters say."""
-        ask = self.parameters.__getitem__
+        request = self.parameters.__getitem__
         is_px4 = "EKF2_EN" in self.parameters
-        self.estimator.sources = px4_sources(ask) if is_px4 else ardupilot_sources(ask, self.source_set)
+        self.estimator.sources = px4_sources(request) if is_px4 else ardupilot_sources(request, self.source_set)
         floats_at_m = self.tuning.floats_at_m
         if floats_at_m == floats_at_m:
-            self.estimator.sources |= Source.DEPTH
+            self.estimator.sources |= AidingSource.DEPTH
             self.estimator.boot_down_m = floats_at_m
 
     def _parameter_changed(self, name: str, value: float) -> None:
@@ -193,7 +193,7 @@ class Autopilot:
                     dt_s if 0.0 < dt_s < 0.02 else STEP_S,
                 )
             else:
-                self._take.get(type(reading), self._take_other)(reading)
+                self._use.get(type(reading), self._use_other)(reading)
         self._count += 1
         if self._count >= OUTER_STEPS:
             self._count = 0
@@ -218,8 +218,8 @@ class Autopilot:
 
     # -- readings ---------------------------------------------------------------------------------------------------
 
-    def _take_fix(self, reading: FixReading) -> None:
-        self.estimator.take_fix(
+    def _use_fix(self, reading: FixReading) -> None:
+        self.estimator.use_fix(
             Fix(
                 t_s=reading.t_s,
                 place=GeoPoint(reading.latitude_deg, reading.longitude_deg, reading.altitude_m),
@@ -233,28 +233,28 @@ class Autopilot:
             self.craft.now_s,
         )
 
-    def _take_barometer(self, reading: BarometerReading) -> None:
+    def _use_barometer(self, reading: BarometerReading) -> None:
         self.barometer = reading
-        self.estimator.take_barometer(reading.altitude_m, self.craft.now_s)
+        self.estimator.use_barometer(reading.altitude_m, self.craft.now_s)
 
-    def _take_magnetometer(self, reading: MagnetometerReading) -> None:
+    def _use_magnetometer(self, reading: MagnetometerReading) -> None:
         self.magnetometer = reading
-        self.estimator.take_magnetometer(reading.field_frd_tesla, self.craft.now_s)
+        self.estimator.use_magnetometer(reading.field_frd_tesla, self.craft.now_s)
 
-    def _take_range(self, reading: RangeReading) -> None:
+    def _use_range(self, reading: RangeReading) -> None:
         self.range = reading
         self.craft.range_mount_m = reading.mount_height_m
-        self.estimator.take_range(reading.distance_m if reading.is_valid else None, self.craft.now_s)
+        self.estimator.use_range(reading.distance_m if reading.is_valid else None, self.craft.now_s)
 
-    def _take_leak(self, reading: LeakReading) -> None:
+    def _use_leak(self, reading: LeakReading) -> None:
         self.craft.is_leaking = reading.is_wet
 
-    def _take_airspeed(self, reading: AirspeedReading) -> None:
+    def _use_airspeed(self, reading: AirspeedReading) -> None:
         self.craft.airspeed_m_s = reading.airspeed_m_s
 
-    def _take_other(self, reading: Reading) -> None:
+    def _use_other(self, reading: Reading) -> None:
         self.others[type(reading)] = reading
 
-    def _take_battery(self, reading: BatteryReading) -> None:
+    def _use_battery(self, reading: BatteryReading) -> None:
         self.battery = reading
         self.commander.battery_share = reading.remaining

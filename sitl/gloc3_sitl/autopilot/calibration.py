@@ -21,11 +21,11 @@ TURNED: Final = frozenset({Subject.MAGNETOMETER, Subject.ACCELEROMETER})
 
 _STEP_S: Final = 0.3
 _STEPS: Final = 5
-PATIENCE_S: Final = 30.0
+TIMEOUT_S: Final = 30.0
 """So long a vehicle waits to be turned."""
 
 
-class Calibration:
+class CalibrationRun:
     """The one that is under way, if any."""
 
     def __init__(self, craft: Craft) -> None:
@@ -42,16 +42,16 @@ class Calibration:
     def begin(self, subject: Subject) -> None:
         """Begins one; `tick` goes on with it."""
         self._subject, self._begin_s, self._step = subject, self._craft.now_s, 0
-        self._say(f"calibration started: 2 {subject}")
+        self._send_text(f"calibration started: 2 {subject}")
         if subject in TURNED:
-            self._say("pending: back front left right up down")
-            self._say("hold vehicle still on a pending side")
+            self._send_text("pending: back front left right up down")
+            self._send_text("hold vehicle still on a pending side")
 
     def cancel(self) -> None:
         """Ends the one that is under way."""
         if self._subject is not None:
             self._subject = None
-            self._say("calibration cancelled")
+            self._send_text("calibration cancelled")
 
     def tick(self, now_s: float) -> None:
         """Tells how it goes, and how it ends."""
@@ -64,27 +64,27 @@ class Calibration:
             self._wait(subject, now_s)
         elif now_s - self._begin_s >= (self._step + 1) * _STEP_S:
             self._step += 1
-            self._say(f"progress <{100 * self._step // _STEPS}>")
+            self._send_text(f"progress <{100 * self._step // _STEPS}>")
             if self._step == _STEPS:
                 self._subject = None
-                self._say(f"calibration done: {subject}")
+                self._send_text(f"calibration done: {subject}")
 
     def _wait(self, subject: Subject, now_s: float) -> None:
         """The side on which it stands is measured; the others nobody brings down."""
         waited_s = now_s - self._begin_s
         if self._step == 0 and waited_s >= _STEP_S:
             self._step = 1
-            self._say("down orientation detected")
+            self._send_text("down orientation detected")
         elif self._step == 1 and subject is Subject.ACCELEROMETER and waited_s >= _STEPS * _STEP_S:
             self._step = 2  # the compass wants to be turned about even on this side
-            self._say("down side done, rotate to a different side")
-            self._say("progress <17>")
-        elif waited_s >= PATIENCE_S:
+            self._send_text("down side done, rotate to a different side")
+            self._send_text("progress <17>")
+        elif waited_s >= TIMEOUT_S:
             self._fail("timeout: no motion")
 
     def _fail(self, reason: str) -> None:
         self._subject = None
-        self._say(f"calibration failed: {reason}")
+        self._send_text(f"calibration failed: {reason}")
 
-    def _say(self, text: str) -> None:
-        self._craft.say(Severity.INFO, f"[cal] {text}")
+    def _send_text(self, text: str) -> None:
+        self._craft.send_text(Severity.INFO, f"[cal] {text}")

@@ -7,35 +7,35 @@ from typing import Final
 
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3
-from gloc3_sitl.autopilot.authorization import Authorization, Leave
+from gloc3_sitl.autopilot.authorization import ArmPermission, Authorization
 from gloc3_sitl.autopilot.behaviours.base import Activity, GoesTo
 from gloc3_sitl.autopilot.behaviours.choice import activity_for
-from gloc3_sitl.autopilot.behaviours.hold import Hold
+from gloc3_sitl.autopilot.behaviours.hold import HoldPosition
 from gloc3_sitl.autopilot.behaviours.mission import MissionFlight
-from gloc3_sitl.autopilot.behaviours.orbit import Circle, Orbit
+from gloc3_sitl.autopilot.behaviours.orbit import Orbit, OrbitCircle
 from gloc3_sitl.autopilot.behaviours.streamed import Guided
 from gloc3_sitl.autopilot.control.setpoint import Setpoint
-from gloc3_sitl.autopilot.craft import Craft, Home
-from gloc3_sitl.autopilot.fence import Fence
-from gloc3_sitl.autopilot.modes import PILOTED, POSITIONED, Behaviour, Mode, Result, Style
-from gloc3_sitl.autopilot.verdict import ACCEPTED, Author, Verdict
+from gloc3_sitl.autopilot.craft import Craft, HomePosition
+from gloc3_sitl.autopilot.fence import FenceMonitor
+from gloc3_sitl.autopilot.modes import PILOTED, POSITIONED, Behaviour, Mode, Result, StyleTables
+from gloc3_sitl.autopilot.verdict import ACCEPTED, Author, RequestVerdict
 
 
 class Commander:
     """Keeps the mode, and changes it when somebody may; every refusal says why."""
 
-    def __init__(self, craft: Craft, style: Style, authorization: Authorization) -> None:
+    def __init__(self, craft: Craft, style: StyleTables, authorization: Authorization) -> None:
         self.craft: Final = craft
         self.authorization: Final = authorization
-        self.on_arming_settled: Callable[[Verdict], None] = lambda _: None
+        self.on_arming_settled: Callable[[RequestVerdict], None] = lambda _: None
         """Told how an attempt to arm has ended that had to wait for leave."""
         self._arming: Author | None = None
         self.style: Final = style
-        self.fence: Final = Fence()
+        self.fence: Final = FenceMonitor()
         mode = style.mode(style.boot_mode)
         assert mode is not None
         self.mode: Mode = mode
-        self.activity: Activity = Hold(craft)
+        self.activity: Activity = HoldPosition(craft)
         self.battery_share = 1.0
         """Told by the battery monitor."""
         self.is_terminated = False
@@ -63,7 +63,7 @@ class Commander:
                 found.append(breach)
         return found
 
-    def arm(self, author: Author, *, is_forced: bool = False) -> Verdict:
+    def arm(self, author: Author, *, is_forced: bool = False) -> RequestVerdict:
         """Starts the motors; IN_PROGRESS where somebody has to be asked for leave."""
         craft, style = self.craft, self.style
         if craft.is_armed:
@@ -74,15 +74,15 @@ class Commander:
             problems = self.problems()
             if problems:
                 for problem in problems[:3]:
-                    craft.say(Severity.CRITICAL, f"{style.arming_prefix}{problem}")
-                return Verdict(style.refused, problems[0])
+                    craft.send_text(Severity.CRITICAL, f"{style.arming_prefix}{problem}")
+                return RequestVerdict(style.refused, problems[0])
             match self.authorization.leave():
-                case Leave.AWAITED:
+                case ArmPermission.AWAITED:
                     self._arming = author
-                    return Verdict(Result.IN_PROGRESS)
-                case Leave.REFUSED:
-                    return Verdict(style.refused, "no leave to arm")
-                case Leave.GIVEN:
+                    return RequestVerdict(Result.IN_PROGRESS)
+                case ArmPermission.REFUSED:
+                    return RequestVerdict(style.refused, "no leave to arm")
+                case ArmPermission.GIVEN:
                     pass
         craft.is_armed = True
         self.armed_s = craft.now_s
@@ -91,18 +91,18 @@ class Commander:
         if self.mode.behaviour is Behaviour.MISSION:
             craft.mission.restart(craft.first_item)
         self._restart_activity()
-        craft.say(Severity.INFO, f"Armed by {author}")
+        craft.send_text(Severity.INFO, f"Armed by {author}")
         return ACCEPTED
 
-    def disarm(self, author: Author, *, is_forced: bool = False) -> Verdict:
+    def disarm(self, author: Author, *, is_forced: bool = False) -> RequestVerdict:
         """Stops the motors; in the air only by force."""
         craft = self.craft
         if not craft.is_armed:
             return ACCEPTED
-        if not (craft.is_landed or is_forced or self.style.disarms_under_way):
+        if not (craft.is_landed or is_forced or self.style.disarms_in_motion):
             return self._refuse("Disarming denied: not landed")
         craft.is_armed = False
-        craft.say(Severity.INFO, f"Disarmed by {author}")
+        craft.send_text(Severity.INFO, f"Disarmed by {author}")
         follows = self.style.after_disarm.get(self.mode.behaviour)
         if follows is not None and not self.is_terminated:
             self._enter(follows, Author.SELF)
@@ -113,27 +113,27 @@ class Commander:
     def terminate(self) -> None:
         """Stops the motors wherever the vehicle is, and does not let it arm again."""
         self.is_terminated = True
-        self.craft.say(Severity.EMERGENCY, "Flight terminated")
+        self.craft.send_text(Severity.EMERGENCY, "Flight terminated")
         self.disarm(Author.FAILSAFE, is_forced=True)
         self.activity = activity_for(Behaviour.TERMINATED, self.craft, nan, self.style)
 
-    def set_home(self, position_ned_m: Vector3 | None = None) -> Verdict:
+    def set_home(self, position_ned_m: Vector3 | None = None) -> RequestVerdict:
         """Makes a place home; without one, here."""
         craft = self.craft
         origin = craft.estimator.origin
         if origin is None or (position_ned_m is None and not craft.estimator.is_position_good(craft.now_s)):
             return self._refuse("Home not set: position unknown")
         position = craft.estimator.inertial.position_ned_m if position_ned_m is None else position_ned_m
-        craft.home = Home(origin.geo_from_ned(position), position, craft.estimator.yaw_rad)
+        craft.home = HomePosition(origin.geo_from_ned(position), position, craft.estimator.yaw_rad)
         return ACCEPTED
 
     # -- modes ----------------------------------------------------------------------------------------------------
 
-    def set_mode(self, custom_mode: int, author: Author) -> Verdict:
+    def set_mode(self, custom_mode: int, author: Author) -> RequestVerdict:
         """Changes the mode; refused where the mode cannot be flown now."""
         mode = self.style.mode(custom_mode)
         if mode is None:
-            return Verdict(self.style.unknown_mode, "no such mode")
+            return RequestVerdict(self.style.unknown_mode, "no such mode")
         if mode is self.mode and author is not Author.FAILSAFE:
             self.mode_author = author
             if mode.behaviour is Behaviour.HOLD and not self.craft.is_landed:
@@ -169,7 +169,7 @@ class Commander:
         """Whether a transmitter is heard."""
         return self.craft.now_s - self.craft.pilot.last_seen_s <= self.craft.tuning.pilot_timeout_s
 
-    def take_off(self, target_down_m: float) -> Verdict:
+    def take_off(self, target_down_m: float) -> RequestVerdict:
         """Climbs to a height (NED down); NaN means the usual one. The vehicle must be armed."""
         craft, style = self.craft, self.style
         if not craft.is_armed:
@@ -192,7 +192,7 @@ class Commander:
             self._enter(style.takeoff_mode, Author.COMMAND)
         return ACCEPTED
 
-    def go_to(self, position_ned_m: Vector3, yaw_rad: float, speed_m_s: float) -> Verdict:
+    def go_to(self, position_ned_m: Vector3, yaw_rad: float, speed_m_s: float) -> RequestVerdict:
         """Flies to a place and holds there, in the style's mode for it."""
         craft, style = self.craft, self.style
         if not craft.is_armed or craft.is_landed:
@@ -206,10 +206,10 @@ class Commander:
             self.activity.go_to(position_ned_m, yaw_rad, speed_m_s)
         return ACCEPTED
 
-    def orbit(self, circle: Circle) -> Verdict:
+    def orbit(self, circle: OrbitCircle) -> RequestVerdict:
         """Flies to a circle and goes round, where the style has a mode for that."""
         if self.style.orbit_mode is None:
-            return Verdict(Result.UNSUPPORTED, "there is no orbit")
+            return RequestVerdict(Result.UNSUPPORTED, "there is no orbit")
         if not self.craft.is_armed or self.craft.is_landed:
             return self._refuse("Orbit denied: not flying")
         verdict = self.set_mode(self.style.orbit_mode, Author.COMMAND)
@@ -223,7 +223,7 @@ class Commander:
         if self.mode.behaviour is Behaviour.MISSION and isinstance(self.activity, MissionFlight):
             self.craft.mission_left()
         self.mode, self.mode_author = mode, author
-        self.craft.looks_at = None
+        self.craft.is_facing = None
         self.mode_changes += 1
         self._restart_activity()
 
@@ -231,9 +231,9 @@ class Commander:
         target, self._takeoff_down_m = self._takeoff_down_m, nan
         self.activity = activity_for(self.mode.behaviour, self.craft, target, self.style)
 
-    def _refuse(self, reason: str) -> Verdict:
-        self.craft.say(Severity.WARNING, reason)
-        return Verdict(self.style.refused, reason)
+    def _refuse(self, reason: str) -> RequestVerdict:
+        self.craft.send_text(Severity.WARNING, reason)
+        return RequestVerdict(self.style.refused, reason)
 
     # -- as time goes on ------------------------------------------------------------------------------------------
 
@@ -267,7 +267,9 @@ class Commander:
         if self._arming is not None and not self.authorization.is_awaited:
             author, self._arming = self._arming, None
             is_given = self.authorization.is_given
-            self.on_arming_settled(self.arm(author) if is_given else Verdict(self.style.refused, "no leave to arm"))
+            self.on_arming_settled(
+                self.arm(author) if is_given else RequestVerdict(self.style.refused, "no leave to arm")
+            )
 
     def _mind_pilot(self) -> None:
         craft = self.craft
@@ -279,7 +281,7 @@ class Commander:
         pilot.last_seen_s = craft.now_s
         if pilot.is_killed:
             pilot.is_killed = False
-            craft.say(Severity.CRITICAL, "Kill switch")
+            craft.send_text(Severity.CRITICAL, "Kill switch")
             self.disarm(Author.PILOT, is_forced=True)
         if pilot.mode_wanted is not None:
             wanted = self.style.mode_named(pilot.mode_wanted)
@@ -300,7 +302,7 @@ class Commander:
         if pilot.deflection() > craft.tuning.pilot_override_stick and override & (
             2 if behaviour is Behaviour.STREAMED else 1
         ):
-            craft.say(Severity.NOTICE, "Pilot took over using sticks")
+            craft.send_text(Severity.NOTICE, "Pilot took over using sticks")
             position_good = craft.estimator.is_position_good(craft.now_s)
             self._enter(self.style.position_mode if position_good else self.style.altitude_mode, Author.PILOT)
 

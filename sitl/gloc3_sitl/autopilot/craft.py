@@ -11,7 +11,7 @@ from gloc3_sitl.autopilot.control.setpoint import LANDED, AttitudeSetpoint, Moti
 from gloc3_sitl.autopilot.estimator.estimator import Estimator
 from gloc3_sitl.autopilot.mission import MissionProgress, MissionState
 from gloc3_sitl.autopilot.pilot import Pilot
-from gloc3_sitl.autopilot.plans import Plans
+from gloc3_sitl.autopilot.plans import StoredPlans
 from gloc3_sitl.autopilot.tuning import Tuning
 
 
@@ -76,11 +76,11 @@ class TouchdownDetector:
         self.is_landed = is_landed
 
 
-Say = Callable[[Severity, str], None]
+Report = Callable[[Severity, str], None]
 """Tells the ground a sentence."""
 
 
-class Home(NamedTuple):
+class HomePosition(NamedTuple):
     """Where the vehicle was armed, or where somebody put it."""
 
     place: GeoPoint
@@ -89,7 +89,7 @@ class Home(NamedTuple):
 
 
 @dataclass(slots=True)
-class Stream:
+class ReceivedSetpoint:
     """The newest setpoint from outside, and when it came."""
 
     setpoint: MotionSetpoint | AttitudeSetpoint | None = None
@@ -116,7 +116,7 @@ class Stream:
         return now_s - self.received_s <= period and self.period_s <= period
 
 
-class Target(NamedTuple):
+class FollowTarget(NamedTuple):
     """Whom the vehicle follows, as he told it last."""
 
     t_s: float
@@ -131,14 +131,14 @@ class Craft:
     estimator: Estimator
     tuning: Tuning
     pilot: Pilot
-    plans: Plans
-    say: Say
+    plans: StoredPlans
+    send_text: Report
     touchdown: TouchdownDetector = field(default_factory=TouchdownDetector)
-    stream: Stream = field(default_factory=Stream)
+    stream: ReceivedSetpoint = field(default_factory=ReceivedSetpoint)
     mission: MissionProgress = field(default_factory=MissionProgress)
     first_item: int = 0
     """Where missions begin: 1 where item 0 is home."""
-    home: Home | None = None
+    home: HomePosition | None = None
     now_s: float = 0.0
     is_armed: bool = False
     range_mount_m: float = 0.0
@@ -152,13 +152,13 @@ class Craft:
     last_setpoint: Setpoint = LANDED
     runway_rad: float = 0.0
     """Direction of the newest take-off over ground, for landings on wings."""
-    looks_at: Vector3 | None = None
+    is_facing: Vector3 | None = None
     """Where the nose shall point, where somebody has told a place."""
-    crumbs: list[Vector3] = field(default_factory=list)
+    track_points: list[Vector3] = field(default_factory=list)
     """Places on the way since arming, without loops, for a return along it; kept by what drives."""
-    keeps_crumbs: bool = True
+    records_track: bool = True
     """Not while it returns along them."""
-    target: Target | None = None
+    target: FollowTarget | None = None
     """Whom to follow, where somebody has told."""
 
     def mission_left(self) -> None:

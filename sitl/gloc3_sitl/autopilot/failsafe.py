@@ -8,7 +8,7 @@ from gloc3.messages.envelope import Severity
 from gloc3_sitl.autopilot.commander import Commander
 from gloc3_sitl.autopilot.craft import Craft
 from gloc3_sitl.autopilot.modes import POSITIONED, Behaviour
-from gloc3_sitl.autopilot.tuning import Action, Exempt, Tuning
+from gloc3_sitl.autopilot.tuning import Exempt, FailsafeAction, Tuning
 from gloc3_sitl.autopilot.verdict import Author
 
 _EXEMPT: Final = {
@@ -30,13 +30,13 @@ _PERIOD_S: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Watch:
+class FailsafeRow:
     """One row: a condition, and the action that the tuning gives to it."""
 
     name: str
-    condition: Callable[["Failsafes"], str]
+    condition: Callable[["FailsafeMonitor"], str]
     """What is wrong, in words; empty while all is well."""
-    action: Callable[[Tuning], Action]
+    action: Callable[[Tuning], FailsafeAction]
     exempt: Callable[[Tuning], int] = lambda _: 0
     is_delayed: bool = False
     """Whether a hold comes first, to give people time."""
@@ -50,7 +50,7 @@ class _Alarm:
     is_acted: bool = False
 
 
-class Failsafes:
+class FailsafeMonitor:
     """Looks at every row ten times a second; an action is carried out once, when its condition begins."""
 
     def __init__(self, commander: Commander) -> None:
@@ -58,24 +58,24 @@ class Failsafes:
         self.craft: Final[Craft] = commander.craft
         self.station_seen_s: float | None = None
         """Last heartbeat of a ground station that counts."""
-        self.acting: Action = Action.NONE
+        self.acting: FailsafeAction = FailsafeAction.NONE
         """The most severe action under way."""
         self.cause = ""
         """Its cause, in a word."""
         self._alarms: dict[str, _Alarm] = {}
         self._changes = 0
-        self._looked_s = -_PERIOD_S
+        self._polled_s = -_PERIOD_S
 
     @property
     def is_acting(self) -> bool:
         """Whether the vehicle does something because of a failsafe."""
-        return self.acting > Action.WARN
+        return self.acting > FailsafeAction.WARN
 
     def is_standing(self, name: str) -> bool:
         """Whether the alarm of a row has risen and not been cleared."""
         return name in self._alarms
 
-    def station_heard(self, system: int) -> None:
+    def station_contact(self, system: int) -> None:
         """A heartbeat of a ground station came in."""
         wanted = self.craft.tuning.station_system
         if wanted in (0, system):
@@ -84,41 +84,41 @@ class Failsafes:
     def tick(self) -> None:
         """Raises, acts and clears alarms, where it is time."""
         craft, commander = self.craft, self.commander
-        if craft.now_s - self._looked_s < _PERIOD_S - 1e-6:
+        if craft.now_s - self._polled_s < _PERIOD_S - 1e-6:
             return
-        self._looked_s = craft.now_s
+        self._polled_s = craft.now_s
         if not craft.is_armed:
             self._alarms.clear()
-            self.acting, self.cause = Action.NONE, ""
+            self.acting, self.cause = FailsafeAction.NONE, ""
             return
         if commander.mode_changes != self._changes:
             # Somebody chose another mode: what was done before is no longer under way.
             self._changes = commander.mode_changes
-            self.acting, self.cause = Action.NONE, ""
+            self.acting, self.cause = FailsafeAction.NONE, ""
         for watch in WATCHES:
             text = watch.condition(self)
             alarm = self._alarms.get(watch.name)
             if not text:
                 if alarm is not None:
                     del self._alarms[watch.name]
-                    craft.say(Severity.INFO, f"Failsafe cleared: {watch.name}")
+                    craft.send_text(Severity.INFO, f"Failsafe cleared: {watch.name}")
                 continue
             action = watch.action(craft.tuning)
-            if action is Action.NONE:
+            if action is FailsafeAction.NONE:
                 continue
             if alarm is None and _EXEMPT.get(commander.mode.behaviour, 0) & watch.exempt(craft.tuning):
                 continue
             if alarm is None:
                 alarm = self._alarms[watch.name] = _Alarm(craft.now_s, commander.mode_changes)
-                craft.say(Severity.CRITICAL, f"Failsafe: {text}")
-                if watch.is_delayed and action > Action.HOLD and craft.tuning.action_delay_s > 0.0:
-                    if not craft.is_landed and self.acting < Action.HOLD:
-                        self._act(Action.HOLD, watch.name)
+                craft.send_text(Severity.CRITICAL, f"Failsafe: {text}")
+                if watch.is_delayed and action > FailsafeAction.HOLD and craft.tuning.action_delay_s > 0.0:
+                    if not craft.is_landed and self.acting < FailsafeAction.HOLD:
+                        self._act(FailsafeAction.HOLD, watch.name)
                         alarm.changes = commander.mode_changes
                     continue
             if alarm.is_acted:
                 continue
-            waits = watch.is_delayed and action > Action.HOLD and craft.tuning.action_delay_s > 0.0
+            waits = watch.is_delayed and action > FailsafeAction.HOLD and craft.tuning.action_delay_s > 0.0
             if waits and craft.now_s - alarm.since_s < craft.tuning.action_delay_s:
                 continue
             alarm.is_acted = True
@@ -126,36 +126,36 @@ class Failsafes:
                 waits
                 and commander.mode_changes != alarm.changes
                 and self.cause != watch.name
-                and self.acting < Action.HOLD
+                and self.acting < FailsafeAction.HOLD
             ):
                 continue  # an operator or the pilot acted within the delay
             if action > self.acting:
                 self._act(action, watch.name)
 
-    def _act(self, action: Action, cause: str) -> None:
+    def _act(self, action: FailsafeAction, cause: str) -> None:
         craft, commander = self.craft, self.commander
         style = commander.style
-        if action is Action.WARN:
+        if action is FailsafeAction.WARN:
             return
-        if craft.is_landed and action < Action.DISARM:
-            if not commander.has_flown or action in (Action.RETURN, Action.LAND):
+        if craft.is_landed and action < FailsafeAction.DISARM:
+            if not commander.has_flown or action in (FailsafeAction.RETURN, FailsafeAction.LAND):
                 commander.disarm(Author.FAILSAFE)
             return
         wanted = {
-            Action.HOLD: style.hold_mode,
-            Action.BRAKE: style.brake_mode,
-            Action.POSITION: style.position_mode,
-            Action.RETURN: style.return_mode,
-            Action.LAND: style.land_mode,
+            FailsafeAction.HOLD: style.hold_mode,
+            FailsafeAction.BRAKE: style.brake_mode,
+            FailsafeAction.POSITION: style.position_mode,
+            FailsafeAction.RETURN: style.return_mode,
+            FailsafeAction.LAND: style.land_mode,
         }
         match action:
-            case Action.DISARM:
+            case FailsafeAction.DISARM:
                 commander.disarm(Author.FAILSAFE, is_forced=True)
-            case Action.TERMINATE:
+            case FailsafeAction.TERMINATE:
                 commander.terminate()
             case _:
                 custom = wanted[action]
-                if action is Action.POSITION and not commander.has_pilot:
+                if action is FailsafeAction.POSITION and not commander.has_pilot:
                     custom = style.hold_mode
                 mode = style.mode(custom)
                 assert mode is not None
@@ -163,7 +163,9 @@ class Failsafes:
                     custom = style.land_mode  # a landing is never broken off for something milder
                 elif mode.behaviour in POSITIONED and not craft.estimator.is_position_good(craft.now_s):
                     custom = (
-                        style.altitude_mode if commander.has_pilot and action is Action.POSITION else style.land_mode
+                        style.altitude_mode
+                        if commander.has_pilot and action is FailsafeAction.POSITION
+                        else style.land_mode
                     )
                 if commander.mode.custom_mode != custom:
                     commander.set_mode(custom, Author.FAILSAFE)
@@ -174,21 +176,21 @@ class Failsafes:
 # -- conditions ---------------------------------------------------------------------------------------------------
 
 
-def _station_lost(safes: Failsafes) -> str:
+def _station_lost(safes: FailsafeMonitor) -> str:
     seen, tuning = safes.station_seen_s, safes.craft.tuning
     if seen is None or safes.craft.now_s - seen <= tuning.station_timeout_s:
         return ""
     return "ground station lost"
 
 
-def _pilot_lost(safes: Failsafes) -> str:
+def _pilot_lost(safes: FailsafeMonitor) -> str:
     pilot, craft = safes.craft.pilot, safes.craft
     if pilot.last_seen_s < 0.0 or safes.commander.has_pilot:
         return ""
     return "transmitter lost" if craft.now_s - pilot.last_seen_s > craft.tuning.pilot_timeout_s else ""
 
 
-def _stream_lost(safes: Failsafes) -> str:
+def _stream_lost(safes: FailsafeMonitor) -> str:
     commander, craft = safes.commander, safes.craft
     if commander.mode.behaviour is not Behaviour.STREAMED or not commander.style.streamed_needs_stream:
         # Not in the mode any more: the alarm stands until setpoints come again, so that it is told once.
@@ -198,15 +200,15 @@ def _stream_lost(safes: Failsafes) -> str:
     return "setpoints lost"
 
 
-def _battery(level: Callable[[Tuning], float], word: str) -> Callable[[Failsafes], str]:
-    def condition(safes: Failsafes) -> str:
+def _battery(level: Callable[[Tuning], float], word: str) -> Callable[[FailsafeMonitor], str]:
+    def condition(safes: FailsafeMonitor) -> str:
         share = safes.commander.battery_share
         return f"battery {word} ({100.0 * share:.0f} %)" if share < level(safes.craft.tuning) else ""
 
     return condition
 
 
-def _position_lost(safes: Failsafes) -> str:
+def _position_lost(safes: FailsafeMonitor) -> str:
     commander, craft = safes.commander, safes.craft
     estimator, now_s = craft.estimator, craft.now_s
     needs = commander.mode.behaviour in POSITIONED
@@ -217,51 +219,51 @@ def _position_lost(safes: Failsafes) -> str:
     return "position lost" if standing or now_s - last > craft.tuning.position_lost_s else ""
 
 
-def _fence_broken(safes: Failsafes) -> str:
+def _fence_broken(safes: FailsafeMonitor) -> str:
     if safes.craft.is_landed:
         return ""
     return safes.commander.fence.watch(safes.craft)
 
 
 WATCHES: Final = (
-    Watch(name="setpoints", condition=_stream_lost, action=lambda tuning: tuning.stream_lost_action),
-    Watch(
+    FailsafeRow(name="setpoints", condition=_stream_lost, action=lambda tuning: tuning.stream_lost_action),
+    FailsafeRow(
         name="station",
         condition=_station_lost,
         action=lambda tuning: tuning.station_lost_action,
         exempt=lambda tuning: tuning.station_lost_exempt,
         is_delayed=True,
     ),
-    Watch(
+    FailsafeRow(
         name="transmitter",
         condition=_pilot_lost,
         action=lambda tuning: tuning.pilot_lost_action,
         exempt=lambda tuning: tuning.pilot_lost_exempt,
         is_delayed=True,
     ),
-    Watch(
+    FailsafeRow(
         name="low battery",
         condition=_battery(lambda tuning: tuning.battery_low, "low"),
         action=lambda tuning: tuning.battery_low_action,
         is_delayed=True,
     ),
-    Watch(
+    FailsafeRow(
         name="critical battery",
         condition=_battery(lambda tuning: tuning.battery_critical, "critical"),
         action=lambda tuning: tuning.battery_critical_action,
         is_delayed=True,
     ),
-    Watch(
+    FailsafeRow(
         name="emergency battery",
         condition=_battery(lambda tuning: tuning.battery_emergency, "nearly empty"),
         action=lambda tuning: tuning.battery_emergency_action,
     ),
-    Watch(
+    FailsafeRow(
         name="leak",
         condition=lambda safes: "Leak Detected" if safes.craft.is_leaking else "",
         action=lambda tuning: tuning.leak_action,
     ),
-    Watch(name="position", condition=_position_lost, action=lambda tuning: tuning.position_lost_action),
-    Watch(name="fence", condition=_fence_broken, action=lambda tuning: tuning.fence_action),
+    FailsafeRow(name="position", condition=_position_lost, action=lambda tuning: tuning.position_lost_action),
+    FailsafeRow(name="fence", condition=_fence_broken, action=lambda tuning: tuning.fence_action),
 )
 """Every failsafe, in the order in which they are looked at."""

@@ -22,7 +22,7 @@ def is_inside(point: Point, corners: Sequence[Point]) -> bool:
     return inside
 
 
-class Fence:
+class FenceMonitor:
     """Judges the position; polygons are brought into NED once."""
 
     __slots__ = ("_circles", "_items", "_origin", "_polygons", "breach_s", "breaches", "is_broken")

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
 from typing import TYPE_CHECKING, Final
 
-from gloc3_sitl.autopilot.parameters import ParameterRow
+from gloc3_sitl.autopilot.parameters import AutopilotParameter
 from gloc3_sitl.autopilot.tuning import Tuning
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ class Mode:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Style:
+class StyleTables:
     """Everything in which the two autopilots differ, as data."""
 
     name: str
@@ -116,7 +116,7 @@ class Style:
     streamed_mode: int
     position_mode: int
     altitude_mode: int
-    parameters: Sequence[ParameterRow]
+    parameters: Sequence[AutopilotParameter]
     derive: Callable[[Callable[[str], float], Tuning], None]
     """Brings into the tuning what follows from several parameters at once; called after each change."""
     refused: Result
@@ -145,7 +145,7 @@ class Style:
     """Behaviours that are not those of multirotors, and what makes them."""
     unsupported: frozenset[int] = frozenset()
     """MAV_CMDs that are for other classes of vehicles."""
-    disarms_under_way: bool = False
+    disarms_in_motion: bool = False
     """Whether a vehicle that is not on the ground may be disarmed: one that stops when its motors do."""
 
     def mode(self, custom_mode: int) -> Mode | None:

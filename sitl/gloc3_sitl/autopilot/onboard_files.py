@@ -4,7 +4,7 @@ from errno import EEXIST, ENOENT, ENOSPC, ENOTEMPTY, EPERM
 from os import strerror
 from typing import Final
 
-from gloc3.mavlink.services.ftp import Entry
+from gloc3.mavlink.services.ftp import FolderEntry
 from gloc3_sitl.autopilot.flight_log import FlightLogger
 
 _MOST_BYTES: Final = 4_000_000
@@ -28,17 +28,19 @@ class OnboardFiles:
         for depth in range(1, len(self._log_folder) + 1):
             self._folders[self._log_folder[:depth]] = None
 
-    def take_over(self, other: "OnboardFiles") -> None:
+    def load(self, other: "OnboardFiles") -> None:
         """Keeps what stands on the same card."""
         self._files, self._folders = other._files, other._folders
 
-    def entries(self, path: str) -> list[Entry]:
+    def entries(self, path: str) -> list[FolderEntry]:
         """What a folder holds, sorted."""
         folder = self._folder(path)
-        found = [Entry(other[-1], True) for other in self._folders if other and other[:-1] == folder]
-        found += [Entry(other[-1], False, len(data)) for other, data in self._files.items() if other[:-1] == folder]
+        found = [FolderEntry(other[-1], True) for other in self._folders if other and other[:-1] == folder]
+        found += [
+            FolderEntry(other[-1], False, len(data)) for other, data in self._files.items() if other[:-1] == folder
+        ]
         if folder == self._log_folder:
-            found += [Entry(log.name, False, len(log.data)) for log in self._logger.logs]
+            found += [FolderEntry(log.name, False, len(log.data)) for log in self._logger.logs]
         return sorted(found, key=lambda entry: entry.name)
 
     def size(self, path: str) -> int:

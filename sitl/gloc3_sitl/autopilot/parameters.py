@@ -10,7 +10,7 @@ from gloc3.errors import Misuse, Refused, nearest
 from gloc3_sitl.autopilot.tuning import Tuning
 
 
-class Kind(IntEnum):
+class ParameterKind(IntEnum):
     """A parameter's type, numbered as MAV_PARAM_TYPE."""
 
     INT8 = 2
@@ -22,15 +22,19 @@ class Kind(IntEnum):
 Derive = Callable[[Callable[[str], float], Tuning], None]
 """Brings into the tuning what follows from several parameters at once."""
 
-_RANGES: Final = {Kind.INT8: (-128, 127), Kind.INT16: (-32768, 32767), Kind.INT32: (-(2**31), 2**31 - 1)}
+_RANGES: Final = {
+    ParameterKind.INT8: (-128, 127),
+    ParameterKind.INT16: (-32768, 32767),
+    ParameterKind.INT32: (-(2**31), 2**31 - 1),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ParameterRow:
+class AutopilotParameter:
     """One parameter: what it is called, what it may be, and which figure it sets."""
 
     name: str
-    kind: Kind
+    kind: ParameterKind
     default: float
     minimum: float
     maximum: float
@@ -46,11 +50,11 @@ class ParameterRow:
 
 def real(
     name: str, default: float, minimum: float, maximum: float, what: str, sets: str = "", scale: float = 1.0
-) -> ParameterRow:
+) -> AutopilotParameter:
     """A row of a floating-point parameter."""
-    return ParameterRow(
+    return AutopilotParameter(
         name=name,
-        kind=Kind.REAL32,
+        kind=ParameterKind.REAL32,
         default=default,
         minimum=minimum,
         maximum=maximum,
@@ -68,11 +72,11 @@ def whole(
     what: str,
     sets: str = "",
     means: Mapping[int, Any] | None = None,
-    kind: Kind = Kind.INT32,
+    kind: ParameterKind = ParameterKind.INT32,
     scale: float = 1.0,
-) -> ParameterRow:
+) -> AutopilotParameter:
     """A row of an integer parameter."""
-    return ParameterRow(
+    return AutopilotParameter(
         name=name,
         kind=kind,
         default=default,
@@ -88,7 +92,7 @@ def whole(
 class ParameterStore:
     """The values of a style's parameters; a change is checked, kept and applied to the tuning at once."""
 
-    def __init__(self, rows: Sequence[ParameterRow], tuning: Tuning, derive: Derive | None = None) -> None:
+    def __init__(self, rows: Sequence[AutopilotParameter], tuning: Tuning, derive: Derive | None = None) -> None:
         self.rows: Final = {row.name: row for row in sorted(rows, key=lambda row: row.name)}
         if len(self.rows) != len(rows):
             raise Misuse("a parameter stands twice in the table")
@@ -129,7 +133,7 @@ class ParameterStore:
             raise Refused(f"no parameter {name!r}: {nearest(name, list(self.rows))}")
         if not isfinite(value):
             raise Refused(f"{name} must be a number")
-        if row.kind is not Kind.REAL32:
+        if row.kind is not ParameterKind.REAL32:
             if value != int(value):
                 raise Refused(f"{name} must be a whole number")
             low, high = _RANGES[row.kind]
@@ -144,7 +148,7 @@ class ParameterStore:
         for listener in self.on_change:
             listener(name, value)
 
-    def take_over(self, other: "ParameterStore") -> None:
+    def load(self, other: "ParameterStore") -> None:
         """Brings every value to that of another store of the same style."""
         for name in other:
             if other[name] != self[name]:
@@ -156,7 +160,7 @@ class ParameterStore:
             if self._values[row.name] != row.default:
                 self.set(row.name, row.default)
 
-    def _apply(self, row: ParameterRow, value: float) -> None:
+    def _apply(self, row: AutopilotParameter, value: float) -> None:
         if not row.sets:
             return
         target: Any = self.tuning

@@ -9,7 +9,7 @@ from gloc3.mavlink.services.plan import PlanResult
 from gloc3.messages.frames import GeoPoint
 
 
-class Command(IntEnum):
+class MissionCommand(IntEnum):
     """The MAV_CMDs that can stand in an uploaded list."""
 
     WAYPOINT = 16
@@ -56,50 +56,57 @@ class Command(IntEnum):
 
 POSITIONED: Final = frozenset(
     {
-        Command.WAYPOINT,
-        Command.SPLINE_WAYPOINT,
-        Command.LOITER_UNLIMITED,
-        Command.LOITER_TIME,
-        Command.LOITER_TO_HEIGHT,
-        Command.LAND,
-        Command.TAKE_OFF,
+        MissionCommand.WAYPOINT,
+        MissionCommand.SPLINE_WAYPOINT,
+        MissionCommand.LOITER_UNLIMITED,
+        MissionCommand.LOITER_TIME,
+        MissionCommand.LOITER_TO_HEIGHT,
+        MissionCommand.LAND,
+        MissionCommand.TAKE_OFF,
     }
 )
 """Items at which the vehicle goes somewhere."""
 
 INSTANT: Final = frozenset(
     {
-        Command.SET_SERVO,
-        Command.SET_HOME,
-        Command.LAND_START,
-        Command.SET_ROI,
-        Command.SET_ROI_LOCATION,
-        Command.SET_ROI_NONE,
-        Command.DIGICAM_CONFIGURE,
-        Command.DIGICAM_CONTROL,
-        Command.MOUNT_CONTROL,
-        Command.CAM_TRIGG_DIST,
-        Command.FENCE_ENABLE,
-        Command.SET_CAMERA_MODE,
-        Command.SET_CAMERA_ZOOM,
-        Command.IMAGE_START_CAPTURE,
-        Command.IMAGE_STOP_CAPTURE,
-        Command.VIDEO_START_CAPTURE,
-        Command.VIDEO_STOP_CAPTURE,
-        Command.GIMBAL_MANAGER_PITCHYAW,
-        Command.TRIGGER_CONTROL,
-        Command.CONDITION_DISTANCE,
-        Command.SET_MODE,
+        MissionCommand.SET_SERVO,
+        MissionCommand.SET_HOME,
+        MissionCommand.LAND_START,
+        MissionCommand.SET_ROI,
+        MissionCommand.SET_ROI_LOCATION,
+        MissionCommand.SET_ROI_NONE,
+        MissionCommand.DIGICAM_CONFIGURE,
+        MissionCommand.DIGICAM_CONTROL,
+        MissionCommand.MOUNT_CONTROL,
+        MissionCommand.CAM_TRIGG_DIST,
+        MissionCommand.FENCE_ENABLE,
+        MissionCommand.SET_CAMERA_MODE,
+        MissionCommand.SET_CAMERA_ZOOM,
+        MissionCommand.IMAGE_START_CAPTURE,
+        MissionCommand.IMAGE_STOP_CAPTURE,
+        MissionCommand.VIDEO_START_CAPTURE,
+        MissionCommand.VIDEO_STOP_CAPTURE,
+        MissionCommand.GIMBAL_MANAGER_PITCHYAW,
+        MissionCommand.TRIGGER_CONTROL,
+        MissionCommand.CONDITION_DISTANCE,
+        MissionCommand.SET_MODE,
     }
 )
 """Items that are taken and done at once; there is no camera, gimbal or servo here that they could move."""
 
 OTHER_MISSION: Final = frozenset(
-    {Command.RETURN, Command.DELAY, Command.CONDITION_DELAY, Command.CONDITION_YAW, Command.JUMP, Command.CHANGE_SPEED}
+    {
+        MissionCommand.RETURN,
+        MissionCommand.DELAY,
+        MissionCommand.CONDITION_DELAY,
+        MissionCommand.CONDITION_YAW,
+        MissionCommand.JUMP,
+        MissionCommand.CHANGE_SPEED,
+    }
 )
 
 MISSION_COMMANDS: Final = POSITIONED | INSTANT | OTHER_MISSION
-FENCE_COMMANDS: Final = frozenset(command for command in Command if 5000 <= command <= 5004)
+FENCE_COMMANDS: Final = frozenset(command for command in MissionCommand if 5000 <= command <= 5004)
 
 _RELATIVE: Final = frozenset({3, 6, 10, 11})
 _ABSOLUTE: Final = frozenset({0, 5})
@@ -134,7 +141,7 @@ def check_fence_item(item: StoredItem) -> tuple[PlanResult, str]:
         return PlanResult.UNSUPPORTED, f"command {item.command} is no part of a fence"
     if item.frame not in _RELATIVE | _ABSOLUTE:
         return PlanResult.UNSUPPORTED_FRAME, f"frame {item.frame} is not supported"
-    is_round = item.command in (Command.FENCE_CIRCLE_INCLUSION, Command.FENCE_CIRCLE_EXCLUSION)
+    is_round = item.command in (MissionCommand.FENCE_CIRCLE_INCLUSION, MissionCommand.FENCE_CIRCLE_EXCLUSION)
     if is_round and not 0.0 < item.parameters[0] < 1e6:
         return PlanResult.INVALID_PARAM1, "a circle needs a radius"
     return _check_place(item)
@@ -142,7 +149,7 @@ def check_fence_item(item: StoredItem) -> tuple[PlanResult, str]:
 
 def check_rally_item(item: StoredItem) -> tuple[PlanResult, str]:
     """Judges a rally point."""
-    if item.command != Command.RALLY_POINT:
+    if item.command != MissionCommand.RALLY_POINT:
         return PlanResult.UNSUPPORTED, f"command {item.command} is no rally point"
     return _check_place(item)
 
@@ -167,15 +174,15 @@ def check_mission_item(item: StoredItem, count: int) -> tuple[PlanResult, str]:
             return result, reason
         if not abs(item.height_m) < 100_000.0:
             return PlanResult.INVALID_PARAM7_Z, "height is not a number"
-    if item.command == Command.JUMP and not (isfinite(item.parameters[0]) and 0 <= item.parameters[0] < count):
+    if item.command == MissionCommand.JUMP and not (isfinite(item.parameters[0]) and 0 <= item.parameters[0] < count):
         return PlanResult.INVALID_PARAM1, f"jump to item {item.parameters[0]:g}, which does not exist"
-    if item.command == Command.CHANGE_SPEED and not item.parameters[1] > 0.0 and item.parameters[1] != -1.0:
+    if item.command == MissionCommand.CHANGE_SPEED and not item.parameters[1] > 0.0 and item.parameters[1] != -1.0:
         return PlanResult.INVALID_PARAM2, "speed must be positive"
     return PlanResult.ACCEPTED, ""
 
 
 @dataclass(slots=True)
-class Circle:
+class FenceCircle:
     """A round part of a fence."""
 
     centre: GeoPoint
@@ -192,14 +199,14 @@ class Polygon:
 
 
 @dataclass(slots=True)
-class Plans:
+class StoredPlans:
     """Everything that was uploaded."""
 
     mission: tuple[StoredItem, ...] = ()
     fence: tuple[StoredItem, ...] = ()
     rally: tuple[StoredItem, ...] = ()
     polygons: list[Polygon] = field(default_factory=list)
-    circles: list[Circle] = field(default_factory=list)
+    circles: list[FenceCircle] = field(default_factory=list)
     mission_count: int = 0
     """How often a mission was uploaded."""
 
@@ -215,12 +222,15 @@ class Plans:
             ValueError: the corners of a polygon are not complete.
         """
         polygons: list[Polygon] = []
-        circles: list[Circle] = []
+        circles: list[FenceCircle] = []
         wanted = 0
         for item in items:
             place = GeoPoint(item.latitude_deg, item.longitude_deg, nan)
-            is_inclusion = item.command in (Command.FENCE_POLYGON_INCLUSION, Command.FENCE_CIRCLE_INCLUSION)
-            if item.command in (Command.FENCE_POLYGON_INCLUSION, Command.FENCE_POLYGON_EXCLUSION):
+            is_inclusion = item.command in (
+                MissionCommand.FENCE_POLYGON_INCLUSION,
+                MissionCommand.FENCE_CIRCLE_INCLUSION,
+            )
+            if item.command in (MissionCommand.FENCE_POLYGON_INCLUSION, MissionCommand.FENCE_POLYGON_EXCLUSION):
                 if wanted == 0:
                     wanted = int(item.parameters[0])
                     if wanted < 3:
@@ -232,8 +242,8 @@ class Plans:
                 wanted -= 1
             elif wanted:
                 raise ValueError("a polygon ends before its last corner")
-            elif item.command in (Command.FENCE_CIRCLE_INCLUSION, Command.FENCE_CIRCLE_EXCLUSION):
-                circles.append(Circle(place, item.parameters[0], is_inclusion))
+            elif item.command in (MissionCommand.FENCE_CIRCLE_INCLUSION, MissionCommand.FENCE_CIRCLE_EXCLUSION):
+                circles.append(FenceCircle(place, item.parameters[0], is_inclusion))
         if wanted:
             raise ValueError("a polygon ends before its last corner")
         self.fence, self.polygons, self.circles = items, polygons, circles

@@ -3,54 +3,54 @@
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from gloc3_sitl.autopilot.estimator.sources import Source
+from gloc3_sitl.autopilot.estimator.sources import AidingSource
 
-Ask = Callable[[str], float]
+RequestParameter = Callable[[str], float]
 
 
-def px4_sources(ask: Ask) -> int:
+def px4_sources(request: RequestParameter) -> int:
     """By EKF2_GPS_CTRL, EKF2_EV_CTRL, EKF2_BARO_CTRL, EKF2_MAG_TYPE and EKF2_HGT_REF."""
     sources = 0
-    if int(ask("EKF2_GPS_CTRL")) & 1:
-        sources |= Source.FIX
-    vision = int(ask("EKF2_EV_CTRL"))
+    if int(request("EKF2_GPS_CTRL")) & 1:
+        sources |= AidingSource.FIX
+    vision = int(request("EKF2_EV_CTRL"))
     for bit, source in (
-        (1, Source.EXTERNAL_POSITION),
-        (2, Source.EXTERNAL_HEIGHT),
-        (4, Source.EXTERNAL_VELOCITY),
-        (8, Source.EXTERNAL_YAW),
+        (1, AidingSource.EXTERNAL_POSITION),
+        (2, AidingSource.EXTERNAL_HEIGHT),
+        (4, AidingSource.EXTERNAL_VELOCITY),
+        (8, AidingSource.EXTERNAL_YAW),
     ):
         if vision & bit:
             sources |= source
-    if ask("EKF2_BARO_CTRL"):
-        sources |= Source.BAROMETER
-    if ask("EKF2_MAG_TYPE") != _NO_MAGNETOMETER:
-        sources |= Source.MAGNETOMETER
-    if ask("EKF2_HGT_REF") == _RANGE_REFERENCE:
-        sources |= Source.RANGE_HEIGHT
+    if request("EKF2_BARO_CTRL"):
+        sources |= AidingSource.BAROMETER
+    if request("EKF2_MAG_TYPE") != _NO_MAGNETOMETER:
+        sources |= AidingSource.MAGNETOMETER
+    if request("EKF2_HGT_REF") == _RANGE_REFERENCE:
+        sources |= AidingSource.RANGE_HEIGHT
     return sources
 
 
-def ardupilot_sources(ask: Ask, number: int) -> int:
+def ardupilot_sources(request: RequestParameter, number: int) -> int:
     """By the source set with this number, EK3_SRCn_..."""
-    sources: int = Source.BAROMETER
+    sources: int = AidingSource.BAROMETER
     prefix = f"EK3_SRC{number}_"
-    position, velocity = ask(prefix + "POSXY"), ask(prefix + "VELXY")
-    height, yaw = ask(prefix + "POSZ"), ask(prefix + "YAW")
+    position, velocity = request(prefix + "POSXY"), request(prefix + "VELXY")
+    height, yaw = request(prefix + "POSZ"), request(prefix + "YAW")
     if position == _GPS or velocity == _GPS:
-        sources |= Source.FIX
+        sources |= AidingSource.FIX
     if position == _EXTERNAL:
-        sources |= Source.EXTERNAL_POSITION
+        sources |= AidingSource.EXTERNAL_POSITION
     if velocity == _EXTERNAL:
-        sources |= Source.EXTERNAL_VELOCITY
+        sources |= AidingSource.EXTERNAL_VELOCITY
     if height == _EXTERNAL:
-        sources |= Source.EXTERNAL_HEIGHT
+        sources |= AidingSource.EXTERNAL_HEIGHT
     elif height == _RANGE:
-        sources |= Source.RANGE_HEIGHT
+        sources |= AidingSource.RANGE_HEIGHT
     if yaw == _EXTERNAL:
-        sources |= Source.EXTERNAL_YAW
+        sources |= AidingSource.EXTERNAL_YAW
     elif yaw == _COMPASS:
-        sources |= Source.MAGNETOMETER
+        sources |= AidingSource.MAGNETOMETER
     return sources
 
 

@@ -3,18 +3,18 @@
 from enum import IntEnum
 from typing import Protocol
 
-from gloc3_sitl.autopilot.verdict import ACCEPTED, Verdict
+from gloc3_sitl.autopilot.verdict import ACCEPTED, RequestVerdict
 from gloc3_sitl.physics.truth import Truth
 
 
-class Power(IntEnum):
+class SupplyState(IntEnum):
     """What becomes of the autopilot's supply, numbered as the first parameter of MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN."""
 
     REBOOT = 1
     SHUTDOWN = 2
 
 
-class Unit(IntEnum):
+class FailureUnit(IntEnum):
     """What can be made to fail, numbered as FAILURE_UNIT."""
 
     MAGNETOMETER = 2
@@ -26,7 +26,7 @@ class Unit(IntEnum):
     RECEIVER = 104
 
 
-class Failure(IntEnum):
+class FailureKind(IntEnum):
     """How it fails, numbered as FAILURE_TYPE."""
 
     OK = 0
@@ -40,20 +40,20 @@ class Failure(IntEnum):
 class Surroundings(Protocol):
     """The simulation, as the autopilot sees it."""
 
-    def switch(self, power: Power) -> None:
+    def switch(self, power: SupplyState) -> None:
         """Boots the autopilot anew, or leaves it without power, as soon as its answer has gone out."""
 
     def truth(self) -> Truth:
         """What the vehicle really does."""
 
-    def inject(self, unit: Unit, failure: Failure) -> Verdict:
+    def inject(self, unit: FailureUnit, failure: FailureKind) -> RequestVerdict:
         """Makes something fail, or repairs it."""
 
 
 class Nowhere:
     """Surroundings that take everything and do nothing: for an autopilot on a bench of its own."""
 
-    def switch(self, power: Power) -> None:
+    def switch(self, power: SupplyState) -> None:
         """Does nothing."""
 
     def truth(self) -> Truth:
@@ -64,7 +64,7 @@ class Nowhere:
         """
         raise LookupError("there is no simulation")
 
-    def inject(self, unit: Unit, failure: Failure) -> Verdict:
+    def inject(self, unit: FailureUnit, failure: FailureKind) -> RequestVerdict:
         """Does nothing."""
         del unit, failure
         return ACCEPTED

@@ -10,7 +10,7 @@ from gloc3_sitl.autopilot.control.trajectory import TrajectoryLimits
 from gloc3_sitl.autopilot.control.wing_gains import WingGains
 
 
-class Action(IntEnum):
+class FailsafeAction(IntEnum):
     """What a failsafe does, the more severe the higher."""
 
     NONE = 0
@@ -81,13 +81,13 @@ class Tuning:
     # Streamed setpoints
     stream_timeout_s: float = 1.0
     """Setpoints older than this are lost."""
-    stream_lost_action: Action = Action.HOLD
+    stream_lost_action: FailsafeAction = FailsafeAction.HOLD
     stream_needed_hz: float = 2.0
     """Rate below which streamed control is not accepted; 0 asks for none."""
 
     # Links, battery, pilot, position, fence
     station_timeout_s: float = 10.0
-    station_lost_action: Action = Action.NONE
+    station_lost_action: FailsafeAction = FailsafeAction.NONE
     station_lost_exempt: int = 0
     """Bits as `Exempt`."""
     station_system: int = 0
@@ -97,22 +97,22 @@ class Tuning:
     battery_low: float = 0.15
     battery_critical: float = 0.07
     battery_emergency: float = 0.05
-    battery_low_action: Action = Action.WARN
-    battery_critical_action: Action = Action.RETURN
-    battery_emergency_action: Action = Action.LAND
+    battery_low_action: FailsafeAction = FailsafeAction.WARN
+    battery_critical_action: FailsafeAction = FailsafeAction.RETURN
+    battery_emergency_action: FailsafeAction = FailsafeAction.LAND
     pilot_timeout_s: float = 0.5
-    pilot_lost_action: Action = Action.RETURN
+    pilot_lost_action: FailsafeAction = FailsafeAction.RETURN
     pilot_lost_exempt: int = 0
     pilot_required: bool = False
     """Whether arming needs a pilot's transmitter."""
     pilot_override: int = 1
     """Bit 0: moved sticks take over from modes of its own; bit 1: from streamed control too."""
     pilot_override_stick: float = 0.3
-    leak_action: Action = Action.NONE
-    position_lost_action: Action = Action.LAND
+    leak_action: FailsafeAction = FailsafeAction.NONE
+    position_lost_action: FailsafeAction = FailsafeAction.LAND
     position_lost_s: float = 1.0
     fence_is_on: bool = True
-    fence_action: Action = Action.HOLD
+    fence_action: FailsafeAction = FailsafeAction.HOLD
     fence_radius_m: float = 0.0
     """Farthest from home; 0 is no limit."""
     fence_height_m: float = 0.0

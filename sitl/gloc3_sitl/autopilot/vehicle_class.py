@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
-from gloc3_sitl.autopilot.control.control import Control
+from gloc3_sitl.autopilot.control.control import ControlLoops
 from gloc3_sitl.autopilot.control.drive import DriveControl
 from gloc3_sitl.autopilot.control.multirotor import MultirotorControl
 from gloc3_sitl.autopilot.control.wings import WingControl
@@ -12,30 +12,30 @@ from gloc3_sitl.autopilot.craft import Craft
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleClass:
+class AutopilotClass:
     """A class of vehicles, as an autopilot sees it."""
 
     mav_type: int
     """MAV_TYPE, as in its HEARTBEAT."""
-    control: Callable[[Craft], Control]
+    control: Callable[[Craft], ControlLoops]
     """Makes its control loops."""
-    tells_landed: bool = True
+    reports_landed: bool = True
     """Whether EXTENDED_SYS_STATE tells ground from air; otherwise that is left undefined."""
     output_numbers: tuple[int, ...] = (1, 2, 3, 4)
     """Number of the autopilot's output for each of the control's, from 1."""
-    rest_us: int = 1000
+    neutral_us: int = 1000
     """Pulse length of an output of 0."""
     span_us: int = 1000
     """Microseconds from there to an output of 1."""
 
 
-ROVER: Final = VehicleClass(
-    mav_type=10, control=DriveControl, tells_landed=False, output_numbers=(1, 3), rest_us=1500, span_us=500
+ROVER: Final = AutopilotClass(
+    mav_type=10, control=DriveControl, reports_landed=False, output_numbers=(1, 3), neutral_us=1500, span_us=500
 )
 """A rover with a left and a right drive, ThrottleLeft and ThrottleRight on the outputs where Rover has them."""
 BOAT: Final = replace(ROVER, mav_type=11)
 """A boat with a left and a right propeller."""
-MULTIROTOR: Final = VehicleClass(mav_type=2, control=MultirotorControl)
+MULTIROTOR: Final = AutopilotClass(mav_type=2, control=MultirotorControl)
 """A quadrotor."""
-PLANE: Final = VehicleClass(mav_type=1, control=WingControl, rest_us=1500, span_us=500)
+PLANE: Final = AutopilotClass(mav_type=1, control=WingControl, neutral_us=1500, span_us=500)
 """A plane: ailerons, elevator, throttle (no drive at 1000 us), rudder."""

@@ -15,7 +15,7 @@ class Author(StrEnum):
     SELF = "self"
 
 
-class Verdict(NamedTuple):
+class RequestVerdict(NamedTuple):
     """How a request ended, with the reason where it was refused."""
 
     result: Result
@@ -27,5 +27,5 @@ class Verdict(NamedTuple):
         return self.result is Result.ACCEPTED
 
 
-ACCEPTED: Final = Verdict(Result.ACCEPTED)
-OUT_OF_RANGE: Final = Verdict(Result.DENIED, "parameters out of range")
+ACCEPTED: Final = RequestVerdict(Result.ACCEPTED)
+OUT_OF_RANGE: Final = RequestVerdict(Result.DENIED, "parameters out of range")

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from cyclopts import App, Parameter
 
 from gloc3.cli.narration import narrate
-from gloc3.errors import InputError, NotThere
+from gloc3.errors import InputError, NotFound
 
 app = App(
     name="gloc3 demo",
@@ -71,7 +71,7 @@ def demo(
     )
     try:
         return asyncio.run(run_demo(options, known))
-    except NotThere:
+    except NotFound:
         raise
     except InputError as error:
         narrate(f"{error}\nthe mission did not pass the check")

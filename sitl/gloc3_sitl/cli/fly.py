@@ -9,7 +9,7 @@ from cyclopts import App, Parameter
 
 from gloc3.cli.narration import narrate
 from gloc3.clock import Clock, run_virtual
-from gloc3.errors import InputError, NotThere, Refused
+from gloc3.errors import InputError, NotFound, Refused
 from gloc3_sitl.physics.wind import CALM, gusty
 
 EXIT_DONE: Final = 0
@@ -100,7 +100,7 @@ def fly(mission: str, /, options: FlyCommandOptions = FlyCommandOptions()) -> in
     from gloc3_sitl.flight.flight import DEVICES
     from gloc3_sitl.flight.fly import FlyOptions, fly_mission
     from gloc3_sitl.flight.mission_file import find_file, platform_for
-    from gloc3_sitl.flight.outputs import make_anew
+    from gloc3_sitl.flight.outputs import recreate
     from gloc3_sitl.flight.report import as_json, as_lines
     from gloc3_sitl.vehicles.table import check_sea, vehicle_of
     from gloc3_sitl.world import World
@@ -115,7 +115,7 @@ def fly(mission: str, /, options: FlyCommandOptions = FlyCommandOptions()) -> in
     if options.world:
         World.load(options.world)
     if options.out is not None:
-        make_anew(options.out)
+        recreate(options.out)
     flown = FlyOptions(
         mission=path,
         platform=platform,
@@ -131,7 +131,7 @@ def fly(mission: str, /, options: FlyCommandOptions = FlyCommandOptions()) -> in
     )
     try:
         report = run_virtual(fly_mission(flown, known, None if options.quiet else narrate, begin_s))
-    except NotThere:
+    except NotFound:
         raise
     except InputError as error:
         narrate(f"{error}\nthe mission did not pass the check")

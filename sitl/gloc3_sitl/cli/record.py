@@ -17,10 +17,10 @@ MOST_LAP_M: Final = 100.0
 """Sides of the default lap."""
 MOST_S: Final = 3600.0
 """Nobody wants to wait for more, unless it is asked for."""
-_LOOK_EVERY_S: Final = 0.1
+_POLL_PERIOD_S: Final = 0.1
 
 
-class Form(StrEnum):
+class DataSetFormat(StrEnum):
     """In which form a data set is written."""
 
     KITTI = "kitti"
@@ -34,7 +34,7 @@ class Form(StrEnum):
 
 
 def record(
-    form: Form,
+    form: DataSetFormat,
     out: Path,
     /,
     *,
@@ -74,9 +74,9 @@ def record(
         raise Refused("--seconds must be above 0")
     if seed < 0:
         raise Refused("--seed must be 0 or more")
-    if form is Form.CARMEN and out.suffix not in (".log", ".clf"):
+    if form is DataSetFormat.CARMEN and out.suffix not in (".log", ".clf"):
         raise Refused(f"call a CARMEN log {out}.log, so that gloc3 odometry laser and carmen:// know what it is")
-    if out.exists() and (form is Form.CARMEN or not out.is_dir() or any(out.iterdir())):
+    if out.exists() and (form is DataSetFormat.CARMEN or not out.is_dir() or any(out.iterdir())):
         raise Refused(f"{out} is there already, and not empty")
     place = World.load(world)
     flight = SmoothFlight(place, [_corner(text) for text in way] if way else lap(place, height), speed)
@@ -85,7 +85,7 @@ def record(
         raise Refused(f"the way takes {duration_s:.0f} s; say with --seconds how much of it is wanted")
     _check_clear(place, flight, duration_s)
     count = _write(form, out, place, flight, duration_s, rate, seed)
-    what = {Form.CARMEN: "scans", Form.GROUND: "pictures"}.get(form, "pairs of pictures")
+    what = {DataSetFormat.CARMEN: "scans", DataSetFormat.GROUND: "pictures"}.get(form, "pairs of pictures")
     narrate(f"record: {count} {what} in {duration_s:.1f} s, {flight.length_m:.1f} m of way in all, to {out}")
     return 0
 
@@ -124,8 +124,8 @@ def _corner(text: str) -> Vector3:
 
 def _check_clear(world: World, flight: SmoothFlight, duration_s: float) -> None:
     """Refuses a way that leads into something."""
-    for number in range(int(duration_s / _LOOK_EVERY_S) + 1):
-        t_s = number * _LOOK_EVERY_S
+    for number in range(int(duration_s / _POLL_PERIOD_S) + 1):
+        t_s = number * _POLL_PERIOD_S
         place = flight.place_m(t_s)
         clearance_m = world.geometry.clearance_m(place, t_s)
         if clearance_m < LEAST_CLEARANCE_M:
@@ -134,20 +134,26 @@ def _check_clear(world: World, flight: SmoothFlight, duration_s: float) -> None:
 
 
 def _write(
-    form: Form, out: Path, world: World, flight: SmoothFlight, duration_s: float, rate_hz: float | None, seed: int
+    form: DataSetFormat,
+    out: Path,
+    world: World,
+    flight: SmoothFlight,
+    duration_s: float,
+    rate_hz: float | None,
+    seed: int,
 ) -> int:
     """Writes the data set; how many pictures or scans it has."""
-    if form is Form.EUROC:
+    if form is DataSetFormat.EUROC:
         from gloc3_sitl.sequences.euroc import write_euroc
 
         return write_euroc(out, world, flight.truth, duration_s, rate_hz=rate_hz or 15.0, seed=seed)
-    steps_hz = rate_hz or (10.0 if form is Form.CARMEN else 15.0)
+    steps_hz = rate_hz or (10.0 if form is DataSetFormat.CARMEN else 15.0)
     truths = (flight.truth(number / steps_hz) for number in range(int(duration_s * steps_hz) + 1))
-    if form is Form.CARMEN:
+    if form is DataSetFormat.CARMEN:
         from gloc3_sitl.sequences.carmen import write_carmen
 
         return write_carmen(out, world, truths, seed=seed)
-    if form is Form.GROUND:
+    if form is DataSetFormat.GROUND:
         from gloc3_sitl.sequences.ground import write_ground
 
         return write_ground(out, world, truths, rate_hz=steps_hz, seed=seed)

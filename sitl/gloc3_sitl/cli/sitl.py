@@ -288,15 +288,15 @@ async def _run(
         for row in links:
             endpoints.append(await _open(simulator, row, loop))  # noqa: PERF401 # those opened are closed if one fails
         latitude, longitude, altitude = simulator.world.home
-        _tell(f"{title}; home {latitude:.7f}, {longitude:.7f}, {altitude:.1f} m; {options.speed:g} times real time")
+        _narrate(f"{title}; home {latitude:.7f}, {longitude:.7f}, {altitude:.1f} m; {options.speed:g} times real time")
         for row, endpoint in zip(links, endpoints, strict=True):
             port = "" if endpoint.local_port is None else f", port {endpoint.local_port}"
-            _tell(f"{row.kind} link {row.url}{port}")
+            _narrate(f"{row.kind} link {row.url}{port}")
         if server is not None and options.sensors is not None:
             await server.open(options.sensors)
-            _tell(f"sensors tcp://127.0.0.1:{server.port}: {', '.join(server.feeds)}")
+            _narrate(f"sensors tcp://127.0.0.1:{server.port}: {', '.join(server.feeds)}")
         if dvl is not None:
-            _tell(f"Doppler velocity log {(await dvl.open()).url}")
+            _narrate(f"Doppler velocity log {(await dvl.open()).url}")
         simulator.autopilot.utc_offset_s = Clock(loop).utc_offset_s + loop.time()
         simulator.start(loop, options.speed)
         await _watch(simulator, endpoints, stopped, options.seconds)
@@ -310,7 +310,7 @@ async def _run(
             truth.close()
         for endpoint in endpoints:
             await endpoint.close()
-    _tell(f"ended after {simulator.now_s:.1f} s of simulated time")
+    _narrate(f"ended after {simulator.now_s:.1f} s of simulated time")
     return 0
 
 
@@ -318,11 +318,11 @@ async def _open(simulator: Simulator, row: LinkRow, loop: asyncio.AbstractEventL
     """Opens one link and connects it."""
     receive: Receive | None = None
 
-    def take(data: bytes) -> None:
+    def handle(data: bytes) -> None:
         if receive is not None:
             receive(data)
 
-    opened = await open_endpoint(row.url, loop, take)
+    opened = await open_endpoint(row.url, loop, handle)
     receive = simulator.attach(opened.send, row.kind, is_datagram=opened.is_datagram)
     return opened
 
@@ -331,29 +331,29 @@ async def _watch(
     simulator: Simulator, endpoints: Sequence[Endpoint], stopped: asyncio.Event, seconds: float | None
 ) -> None:
     """Tells what the autopilot says and what keeps a link from working, until it is over."""
-    told = 0
+    reported = 0
     late = 0
     problems: dict[str, str] = {}
     while not stopped.is_set():
         with suppress(TimeoutError):
             await asyncio.wait_for(stopped.wait(), 0.1)
-        new = min(simulator.texts_said - told, len(simulator.texts))
-        told = simulator.texts_said
+        new = min(simulator.text_count - reported, len(simulator.texts))
+        reported = simulator.text_count
         for t_s, severity, text in list(simulator.texts)[len(simulator.texts) - new :]:
-            _tell(f"{t_s:8.2f} s  {severity.name.lower()}: {text}")
+            _narrate(f"{t_s:8.2f} s  {severity.name.lower()}: {text}")
         for endpoint in endpoints:
             if endpoint.problem != problems.get(endpoint.url, ""):
-                _tell(f"{endpoint.url}: {endpoint.problem or 'connected'}")
+                _narrate(f"{endpoint.url}: {endpoint.problem or 'connected'}")
             problems[endpoint.url] = endpoint.problem
         if simulator.late > late and late == 0:
             late = simulator.late
-            _tell("this computer is too slow for the speed asked for; simulated time goes slower")
+            _narrate("this computer is too slow for the speed asked for; simulated time goes slower")
         if simulator.is_off:
-            _tell("the autopilot was shut down")
+            _narrate("the autopilot was shut down")
             return
         if seconds is not None and simulator.now_s >= seconds:
             return
 
 
-def _tell(text: str) -> None:
+def _narrate(text: str) -> None:
     narrate(f"sitl: {text}")

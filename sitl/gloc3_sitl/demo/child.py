@@ -12,11 +12,11 @@ from gloc3.errors import Gloc3Error
 STOP_S: Final = 15.0
 """How long a process may take to end when it is asked to: the onboard process sees to the vehicle first."""
 READY_S: Final = 30.0
-LOOK_EVERY_S: Final = 0.05
+POLL_PERIOD_S: Final = 0.05
 LAST_LINES: Final = 5
 
 
-class Child:
+class DemoProcess:
     """A process that runs `gloc3 ARGUMENTS`."""
 
     def __init__(self, name: str, out: Path) -> None:
@@ -59,17 +59,17 @@ class Child:
         Raises:
             Gloc3Error: it ended first, or took too long; with its last words.
         """
-        for _ in range(round(READY_S / LOOK_EVERY_S)):
+        for _ in range(round(READY_S / POLL_PERIOD_S)):
             is_running = self.is_running
             for line in self._file.read_text(errors="replace").splitlines():
                 if text in line:
                     return line
             if not is_running:
                 break
-            await asyncio.sleep(LOOK_EVERY_S)
-        raise Gloc3Error(f"{self.name} did not start: {self.last_words()}")
+            await asyncio.sleep(POLL_PERIOD_S)
+        raise Gloc3Error(f"{self.name} did not start: {self.last_lines()}")
 
-    def last_words(self) -> str:
+    def last_lines(self) -> str:
         """The last lines that it has said."""
         lines = self._file.read_text(errors="replace").splitlines() if self._file.exists() else []
         return "\n".join(lines[-LAST_LINES:]) or "it said nothing"

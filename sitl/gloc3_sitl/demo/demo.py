@@ -17,11 +17,17 @@ from gloc3.log.report.plot import plot_path
 from gloc3.mission.model.model import Mission
 from gloc3.platform.limits import Limits
 from gloc3.platform.platform import Platform
-from gloc3_sitl.demo.child import Child
+from gloc3_sitl.demo.child import DemoProcess
 from gloc3_sitl.flight.messages import SimTruth
-from gloc3_sitl.flight.mission_file import MissionFile, Place, is_without_satellites, place_for, read_mission_file
-from gloc3_sitl.flight.outputs import make_anew
-from gloc3_sitl.flight.path_error import Sample
+from gloc3_sitl.flight.mission_file import (
+    FlightSite,
+    FlyableMission,
+    is_without_satellites,
+    place_for,
+    read_mission_file,
+)
+from gloc3_sitl.flight.outputs import recreate
+from gloc3_sitl.flight.path_error import TruthSample
 from gloc3_sitl.flight.report import as_json, as_lines, judge_within
 from gloc3_sitl.flight.sim_rig import SIM_DEVICES
 from gloc3_sitl.flight.watch import FlightWatch
@@ -59,7 +65,7 @@ async def run_demo(options: DemoOptions, platform: Platform) -> int:
         Gloc3Error: the folder cannot be had, or a process did not start.
     """
     begin_s = Clock.cost_s()
-    make_anew(options.out)
+    recreate(options.out)
     mission = read_mission_file(options.mission, platform, options.out)
     for warning in mission.warnings:
         narrate(str(warning))
@@ -93,11 +99,11 @@ async def run_demo(options: DemoOptions, platform: Platform) -> int:
 class Demo:
     """The three processes."""
 
-    def __init__(self, options: DemoOptions, platform: Platform, mission: MissionFile) -> None:
+    def __init__(self, options: DemoOptions, platform: Platform, mission: FlyableMission) -> None:
         self._options, self._name, self._mission = options, platform.platform, mission
         self._platform = platform
         self._vehicle, self._onboard, self._station = (
-            Child(name, options.out) for name in ("sitl", "onboard", "station")
+            DemoProcess(name, options.out) for name in ("sitl", "onboard", "station")
         )
 
     async def fly(self) -> int:
@@ -134,14 +140,14 @@ class Demo:
         )
         await vehicle.await_line("sensors tcp")
         await onboard.await_line("components")
-        heard = [
+        received = [
             *("--link", f"udpin://127.0.0.1:{to_station}"),
             *("--mission", self._mission.file),
             *("--platform", self._name),
             "--no-record",
         ]
         mode = ["--headless"] if options.is_headless else ["--start", "--exit-when-done"]
-        await self._station.show(["station", *mode, *heard], is_interactive=not options.is_headless)
+        await self._station.show(["station", *mode, *received], is_interactive=not options.is_headless)
         return await self._end()
 
     async def _end(self) -> int:
@@ -154,7 +160,7 @@ class Demo:
         for end in done:
             if ends[end] is self._station:
                 return end.result()
-            narrate(f"gloc3 demo: {ends[end].name} has ended by itself: {ends[end].last_words()}")
+            narrate(f"gloc3 demo: {ends[end].name} has ended by itself: {ends[end].last_lines()}")
         if not done:
             narrate(f"gloc3 demo: not ended within {limit_s:.0f} s")
         return EXIT_FAILED
@@ -199,7 +205,7 @@ def _used(platform: Platform) -> set[str]:
     return {device for row in platform.components for device in row.devices.values()}
 
 
-def _place(place: Place) -> list[str]:
+def _place(place: FlightSite) -> list[str]:
     """The place as the options of `gloc3 sitl`."""
     if place.home is None:
         return ["--world", place.world]
@@ -235,7 +241,7 @@ def write_report(out: Path, mission: Mission, limits: Limits, autopilot: str, to
         watch.land(last_s)
     with LogReader(out / "truth.mcap") as reader:
         samples = [
-            Sample(entry.envelope.t_s, entry.envelope.payload.position_ned_m)
+            TruthSample(entry.envelope.t_s, entry.envelope.payload.position_ned_m)
             for entry in reader.entries("sim/truth")
             if isinstance(entry.envelope.payload, SimTruth)
         ]

@@ -18,7 +18,7 @@ SIZES: Final[Mapping[str, float]] = {"late": 0.2, "old": 0.2, "scaled": 0.05, "s
 """Of a fault when no size is given: seconds, seconds, a share, metres."""
 
 
-class Exposure(NamedTuple):
+class FaultyFrame(NamedTuple):
     """A frame with its time, as a camera sampler reads it."""
 
     t_s: float
@@ -33,7 +33,7 @@ class PairExposure(NamedTuple):
     right: Image
 
 
-class Turn(NamedTuple):
+class FaultyScan(NamedTuple):
     """A scan with its time, as a laser sampler reads it."""
 
     t_s: float
@@ -56,7 +56,7 @@ class DeviceFault(NamedTuple):
     """Seconds of `late` and `old`, share of `scaled`, metres of `step`."""
 
 
-T = TypeVar("T", Exposure, PairExposure, Turn, Bottom)
+T = TypeVar("T", FaultyFrame, PairExposure, FaultyScan, Bottom)
 
 ALL: Final = ("lost", "stuck", "late", "old", "scaled", "step")
 """Nothing comes; the same comes again with new times; all comes late; late and with new times; what it tells of a motion
@@ -109,21 +109,21 @@ def is_stuck(fault: DeviceFault | None) -> bool:
     return fault is not None and fault.word == "stuck"
 
 
-def spoilt(taken: T, fault: DeviceFault | None) -> T:
+def corrupted(used: T, fault: DeviceFault | None) -> T:
     """What a fault makes of what was taken."""
-    if isinstance(taken, Bottom):
-        return taken._replace(bottom=_spoilt_bottom(taken.bottom, fault))
-    if fault is None or (fault.word in ALL and not (isinstance(taken, Turn) and fault.word == "scaled")):
-        return taken
-    if isinstance(taken, Turn):
-        return taken._replace(scan=_spoilt_scan(taken.scan, fault, taken.t_s))
-    spoil = partial(CAMERA[fault.word], t_s=taken.t_s)
-    if isinstance(taken, PairExposure):
-        return taken._replace(left=spoil(taken.left), right=spoil(taken.right))
-    return taken._replace(image=spoil(taken.image))
+    if isinstance(used, Bottom):
+        return used._replace(bottom=_corrupted_bottom(used.bottom, fault))
+    if fault is None or (fault.word in ALL and not (isinstance(used, FaultyScan) and fault.word == "scaled")):
+        return used
+    if isinstance(used, FaultyScan):
+        return used._replace(scan=_corrupted_scan(used.scan, fault, used.t_s))
+    corrupt = partial(CAMERA[fault.word], t_s=used.t_s)
+    if isinstance(used, PairExposure):
+        return used._replace(left=corrupt(used.left), right=corrupt(used.right))
+    return used._replace(image=corrupt(used.image))
 
 
-def _spoilt_bottom(bottom: BottomVelocity, fault: DeviceFault | None) -> BottomVelocity:
+def _corrupted_bottom(bottom: BottomVelocity, fault: DeviceFault | None) -> BottomVelocity:
     if fault is None or fault.word != "scaled":
         return bottom
     u, v, w = bottom.velocity_frd_m_s
@@ -168,7 +168,7 @@ LASER: Final = ("zero", "far", "nan", "garbage")
 """Faults of scanners: all ranges are 0, the greatest, no number, or anything. A scaled one's are too long by a share."""
 
 
-def _spoilt_scan(scan: LaserScan, fault: DeviceFault, t_s: float) -> LaserScan:
+def _corrupted_scan(scan: LaserScan, fault: DeviceFault, t_s: float) -> LaserScan:
     ranges = np.frombuffer(scan.ranges_m, "<f4")
     spoils: Mapping[str, Callable[[], NDArray[np.floating]]] = {
         "zero": lambda: np.zeros(len(ranges)),

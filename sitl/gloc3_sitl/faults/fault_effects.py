@@ -7,10 +7,10 @@ import msgspec
 
 from gloc3.errors import Refused, nearest
 from gloc3.mavlink.transport.memory import MemoryLink
-from gloc3_sitl.autopilot.modes import Behaviour, Style
+from gloc3_sitl.autopilot.modes import Behaviour, StyleTables
 from gloc3_sitl.faults.device_faults import ALL, CAMERA, LASER, SIZES, DeviceFault
-from gloc3_sitl.faults.fault_form import Ended, Form, Parsed
-from gloc3_sitl.faults.topic_faults import TOPIC_WORDS, check_topic, spoil_topic
+from gloc3_sitl.faults.fault_form import Ended, FaultForm, Parsed
+from gloc3_sitl.faults.topic_faults import TOPIC_WORDS, check_topic, corrupt_topic
 from gloc3_sitl.firmware.in_step import SENSORS as FLOWN_BY
 from gloc3_sitl.flight.flight import Flight
 from gloc3_sitl.flight.sim_devices import NoCamera, SimDvl, SimLaser
@@ -34,7 +34,7 @@ def _fits(flight: Flight, given: Parsed) -> None:
 class Effect(NamedTuple):
     """A row of the table."""
 
-    form: Form
+    form: FaultForm
     begin: Callable[[Flight, Parsed, bool], Ended]
     """Begins it; the flag says that it is a single event."""
     check: Callable[[Flight, Parsed], None] = _fits
@@ -77,7 +77,7 @@ def _drain(flight: Flight, given: Parsed, _: bool) -> Ended:
     return _nothing
 
 
-def _spoil_sensor(flight: Flight, given: Parsed, _: bool) -> Ended:
+def _corrupt_sensor(flight: Flight, given: Parsed, _: bool) -> Ended:
     sensors = flight.simulator.sensors
     sensors.fail(given.target, given.word, given.size)
     return lambda: sensors.repair(given.target)
@@ -112,15 +112,15 @@ def _check_component(flight: Flight, given: Parsed) -> None:
 
 
 def _hang(flight: Flight, given: Parsed, _: bool) -> Ended:
-    return flight.sabotage.hang(given.target)
+    return flight.fault_injector.hang(given.target)
 
 
 def _slow(flight: Flight, given: Parsed, _: bool) -> Ended:
-    return flight.sabotage.slow(given.target, given.number)
+    return flight.fault_injector.slow(given.target, given.number)
 
 
 def _crash(flight: Flight, given: Parsed, is_once: bool) -> Ended:
-    return flight.sabotage.crash(given.target, is_once=is_once)
+    return flight.fault_injector.crash(given.target, is_once=is_once)
 
 
 def _restart(flight: Flight, _: Parsed, __: bool) -> Ended:
@@ -143,7 +143,7 @@ _BEHAVIOURS: Final[Mapping[str, tuple[Behaviour, ...]]] = {
 _SWITCHES: Final = ("arm", "disarm", "kill", "on", "off")
 
 
-def _modes(style: Style) -> dict[str, str]:
+def _modes(style: StyleTables) -> dict[str, str]:
     """What a mode may be called, in lower case, to its name in the simulated autopilot: by sense, and in its words."""
     names = {mode.name.lower(): mode.name for mode in style.modes}
     for word, behaviours in _BEHAVIOURS.items():
@@ -209,7 +209,7 @@ def _check_device(flight: Flight, given: Parsed) -> None:
         raise Refused(f"{given.word!r} is none of {given.target}'s: {', '.join(words)}")
 
 
-def _spoil_device(flight: Flight, given: Parsed, _: bool) -> Ended:
+def _corrupt_device(flight: Flight, given: Parsed, _: bool) -> Ended:
     tracker, device = flight.rig.tracker, _devices(flight)[given.target]
     if given.word in _LIGHTS and tracker is not None:
         tracker.is_lit, tracker.has_twin = given.word != "dark", given.word == "twin"
@@ -229,14 +229,16 @@ _SHARE: Final = (0.0, 1.0)
 
 EFFECTS: Final[Mapping[str, Effect]] = {
     "link_loss": Effect(
-        Form(text="link_loss[=SHARE]", does="the station's radio loses that share, or all", bounds=_SHARE, default=1.0),
+        FaultForm(
+            text="link_loss[=SHARE]", does="the station's radio loses that share, or all", bounds=_SHARE, default=1.0
+        ),
         _lose_radio,
     ),
     "cable_loss": Effect(
-        Form(text="cable_loss[=SHARE]", does="the autopilot's cable does", bounds=_SHARE, default=1.0), _lose_cable
+        FaultForm(text="cable_loss[=SHARE]", does="the autopilot's cable does", bounds=_SHARE, default=1.0), _lose_cable
     ),
     "wind": Effect(
-        Form(
+        FaultForm(
             text="wind=SPEED[/FROM]",
             does="gusty wind, in m/s, from a bearing (270)",
             bounds=(0.0, 30.0),
@@ -245,35 +247,37 @@ EFFECTS: Final[Mapping[str, Effect]] = {
         _blow,
     ),
     "battery": Effect(
-        Form(text="battery=SHARE", does="so much charge is left, 0 to 1", bounds=_SHARE, is_event=True),
+        FaultForm(text="battery=SHARE", does="so much charge is left, 0 to 1", bounds=_SHARE, is_event=True),
         _drain,
         _check_battery,
     ),
     "sensor": Effect(
-        Form(
+        FaultForm(
             text=f"sensor:NAME={'|'.join(FaultMode)}[/SIZE]",
             does=f"one of the autopilot's sensors: {', '.join(SENSORS)}",
             has_target=True,
             words=tuple(FaultMode),
             size_of=tuple(SIZED),
         ),
-        _spoil_sensor,
+        _corrupt_sensor,
         _check_sensor,
     ),
     "device": Effect(
-        Form(
+        FaultForm(
             text="device:NAME=WORD[/SIZE]",
             does=f"camera, scanner, imu; WORD: {', '.join(_DEVICE_WORDS)}; sizes: late, old in s, scaled as a share, step in m",
             has_target=True,
             words=_DEVICE_WORDS,
             size_of=tuple(SIZES),
         ),
-        _spoil_device,
+        _corrupt_device,
         _check_device,
     ),
-    "hang": Effect(Form(text="hang:COMPONENT", does="its cycles do not end", has_target=True), _hang, _check_component),
+    "hang": Effect(
+        FaultForm(text="hang:COMPONENT", does="its cycles do not end", has_target=True), _hang, _check_component
+    ),
     "slow": Effect(
-        Form(
+        FaultForm(
             text="slow:COMPONENT=SECONDS",
             does="each of its cycles takes so much longer",
             has_target=True,
@@ -283,7 +287,7 @@ EFFECTS: Final[Mapping[str, Effect]] = {
         _check_component,
     ),
     "crash": Effect(
-        Form(
+        FaultForm(
             text="crash:COMPONENT",
             does="its next cycle raises an error; with END every one does",
             has_target=True,
@@ -294,7 +298,7 @@ EFFECTS: Final[Mapping[str, Effect]] = {
         _check_component,
     ),
     "restart": Effect(
-        Form(
+        FaultForm(
             text="restart",
             does=f"the onboard process dies; it comes back at END, or after {AWAY_S:g} s",
             lasts_s=AWAY_S,
@@ -302,7 +306,7 @@ EFFECTS: Final[Mapping[str, Effect]] = {
         _restart,
     ),
     "pilot": Effect(
-        Form(
+        FaultForm(
             text="pilot:MODE|" + "|".join(_SWITCHES),
             does=f"the pilot's switches; modes: {', '.join(_BEHAVIOURS)}, or in the autopilot's words",
             has_target=True,
@@ -312,14 +316,14 @@ EFFECTS: Final[Mapping[str, Effect]] = {
         _check_pilot,
     ),
     "topic": Effect(
-        Form(
+        FaultForm(
             text="topic:TOPIC=lost|late|stale|nan|jump|foreign[/SIZE]",
             does="what becomes of its messages; sizes in s (late, stale) and m (jump); foreign adds a stranger's",
             has_target=True,
             words=TOPIC_WORDS,
             size_of=("late", "stale", "jump"),
         ),
-        spoil_topic,
+        corrupt_topic,
         check_topic,
     ),
 }

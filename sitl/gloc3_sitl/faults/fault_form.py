@@ -24,7 +24,7 @@ class Parsed(NamedTuple):
     size: float | None
 
 
-class Form(msgspec.Struct, frozen=True, kw_only=True):
+class FaultForm(msgspec.Struct, frozen=True, kw_only=True):
     """How a kind of fault is written."""
 
     text: str

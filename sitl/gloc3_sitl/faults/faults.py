@@ -14,7 +14,7 @@ import msgspec
 
 from gloc3.errors import Refused, nearest
 from gloc3_sitl.faults.fault_effects import EFFECTS
-from gloc3_sitl.faults.fault_form import Ended, Form, Parsed
+from gloc3_sitl.faults.fault_form import Ended, FaultForm, Parsed
 from gloc3_sitl.flight.flight import Flight
 from gloc3_sitl.flight.messages import SimFault
 
@@ -34,7 +34,7 @@ _TEXT: Final = re.compile(
 )
 
 
-class Fault(msgspec.Struct, frozen=True, kw_only=True):
+class TimedFault(msgspec.Struct, frozen=True, kw_only=True):
     """Something that goes wrong, and when."""
 
     text: str
@@ -47,7 +47,7 @@ class Fault(msgspec.Struct, frozen=True, kw_only=True):
     """Infinite for what lasts for good; None for an event that happens once."""
 
 
-def read_fault(text: str) -> Fault:
+def read_fault(text: str) -> TimedFault:
     """Reads a fault.
 
     Raises:
@@ -67,10 +67,10 @@ def read_fault(text: str) -> Fault:
     except Refused as problem:
         span = "[@TIME]" if form.is_event and not form.may_last else _SPAN
         raise Refused(f"fault {text!r}: {problem}; it is written {form.text}{span}") from None
-    return Fault(text=text.strip(), kind=kind, given=given, begin_s=begin_s, lasts_s=lasts_s)
+    return TimedFault(text=text.strip(), kind=kind, given=given, begin_s=begin_s, lasts_s=lasts_s)
 
 
-def _read_span(text: str | None, form: Form) -> tuple[float | None, float | None]:
+def _read_span(text: str | None, form: FaultForm) -> tuple[float | None, float | None]:
     """When it begins, and how long it lasts."""
     lasts_s = None if form.is_event else form.lasts_s
     if text is None:
@@ -100,7 +100,7 @@ def _seconds(text: str) -> float:
 class Injection:
     """One fault of one flight: begins and ends at its times, or earlier when it is told to."""
 
-    def __init__(self, flight: Flight, fault: Fault) -> None:
+    def __init__(self, flight: Flight, fault: TimedFault) -> None:
         """Checks the fault against the flight and puts it on its clock.
 
         Raises:
@@ -129,7 +129,7 @@ class Injection:
     def _begin(self) -> None:
         if self._is_over:
             return
-        self._tell(is_present=True)
+        self._record(is_present=True)
         effect = EFFECTS[self.fault.kind]
         self._ended = effect.begin(self._flight, self.fault.given, self.fault.lasts_s is None)
 
@@ -137,10 +137,10 @@ class Injection:
         """Ends it, also before it has begun."""
         if not self._is_over and self._ended is not None:
             self._ended()
-            self._tell(is_present=False)
+            self._record(is_present=False)
         self._is_over = True
 
-    def _tell(self, *, is_present: bool) -> None:
+    def _record(self, *, is_present: bool) -> None:
         self._flight.truth.publish_fault(SimFault(fault=self.fault.text, is_present=is_present))
 
 

@@ -59,7 +59,7 @@ class TappedExchange(LocalExchange):
         super().publish(envelope)
 
 
-class Sabotage:
+class FaultInjector:
     """Decides what cycles cost and which of them crash, in every life of the onboard process.
 
     Args:
@@ -109,7 +109,7 @@ class Sabotage:
         component = row.create(devices)
         work = component.work
 
-        def sabotaged(now_s: float, inbox: Inbox) -> Sequence[Result]:
+        def with_faults(now_s: float, inbox: Inbox) -> Sequence[Result]:
             crashes = self._crashes.get(row.name)
             if crashes:
                 if crashes[0]:
@@ -117,5 +117,5 @@ class Sabotage:
                 raise InjectedFault(f"an injected crash of {row.name}")
             return work(now_s, inbox)
 
-        component.work = sabotaged  # type: ignore[method-assign] # this one object is wrapped, not its class
+        component.work = with_faults  # type: ignore[method-assign] # this one object is wrapped, not its class
         return component

@@ -39,7 +39,7 @@ def check_topic(flight: Flight, given: Parsed) -> None:
         raise Refused(f"{given.word!r} needs {needed}, which a {message.__name__} does not have")
 
 
-def spoil_topic(flight: Flight, given: Parsed, _: bool) -> Ended:
+def corrupt_topic(flight: Flight, given: Parsed, _: bool) -> Ended:
     """Puts a tap on the topic."""
     return flight.exchange.tap(f"{flight.name}/{given.target}", _tap(flight, given))
 
@@ -84,11 +84,11 @@ def _moved(payload: Any, metres: float) -> Any:
 
 def _without_numbers(payload: Message) -> Message:
     """The same, with NaN for every number that it holds."""
-    spoilt: dict[str, Any] = {}
+    corrupted: dict[str, Any] = {}
     for name in payload.__struct_fields__:
         value = getattr(payload, name)
         if isinstance(value, float):
-            spoilt[name] = nan
+            corrupted[name] = nan
         elif isinstance(value, tuple) and value and all(isinstance(number, float) for number in value):
-            spoilt[name] = (nan,) * len(value)
-    return msgspec.structs.replace(payload, **spoilt)
+            corrupted[name] = (nan,) * len(value)
+    return msgspec.structs.replace(payload, **corrupted)

@@ -4,7 +4,7 @@ from collections.abc import Hashable, Sequence
 from typing import Final
 
 from gloc3_sitl.firmware.body import SensedBody
-from gloc3_sitl.firmware.json_wire import Servos, State, read_servos, state_text
+from gloc3_sitl.firmware.json_wire import JsonState, Servos, read_servos, state_text
 from gloc3_sitl.sensors.readings import ImuReading, RangeReading, Reading
 
 RATE_HZ: Final = 800
@@ -102,8 +102,12 @@ class ArduPilotBridge:
         self.steps += 1
         self._frame = servos.frame
         vehicle, pulses = self._body.vehicle_class, servos.pwm_us
-        wanted_us = [pulses[number - 1] or vehicle.rest_us for number in vehicle.output_numbers]  # 0: no pulses at all
-        self._take(self._body.step([(pulse_us - vehicle.rest_us) / vehicle.span_us for pulse_us in wanted_us]))
+        wanted_us = [
+            pulses[number - 1] or vehicle.neutral_us for number in vehicle.output_numbers
+        ]  # 0: no pulses at all
+        self._keep_readings(
+            self._body.step([(pulse_us - vehicle.neutral_us) / vehicle.span_us for pulse_us in wanted_us])
+        )
         truth = self._body.truth()
         imu = self._imu
         force, rate = (
@@ -112,7 +116,7 @@ class ArduPilotBridge:
             else (truth.specific_force_frd_m_s2, truth.rate_frd_rad_s)
         )
         self._answer = state_text(
-            State(
+            JsonState(
                 t_s=truth.t_s,
                 rate_frd_rad_s=rate,
                 specific_force_frd_m_s2=force,
@@ -123,7 +127,7 @@ class ArduPilotBridge:
             )
         )
 
-    def _take(self, readings: Sequence[Reading]) -> None:
+    def _keep_readings(self, readings: Sequence[Reading]) -> None:
         """Keeps what this interface can carry; fixes, pressure and the field the firmware makes by itself."""
         for reading in readings:
             if isinstance(reading, ImuReading):

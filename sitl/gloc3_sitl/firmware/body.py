@@ -11,7 +11,7 @@ from gloc3_sitl.physics.ground import PERIOD_STEPS, raise_ground
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.physics.wind import CALM, Wind
 from gloc3_sitl.sensors.battery import Battery
-from gloc3_sitl.sensors.imu import Imu
+from gloc3_sitl.sensors.imu import SimulatedImu
 from gloc3_sitl.sensors.range_finder import level_ground
 from gloc3_sitl.sensors.readings import Reading
 from gloc3_sitl.sensors.suite import SensorSuite
@@ -69,7 +69,7 @@ class SensedBody:
         self.sensors = SensorSuite(
             settings.seed,
             world.home,
-            imu=Imu(settings.seed, float(self.rate_hz), row.imu_bias_share),
+            imu=SimulatedImu(settings.seed, float(self.rate_hz), row.imu_bias_share),
             battery=Battery(settings.seed, row.pack),
             is_plain_gps=settings.is_plain_gps,
             probe=level_ground if self._is_flat else WorldProbe(world),

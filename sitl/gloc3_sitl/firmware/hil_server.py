@@ -6,7 +6,7 @@ import socket
 from typing import Final
 
 from gloc3.errors import Gloc3Error, Refused
-from gloc3_sitl.firmware.pace import Pace
+from gloc3_sitl.firmware.pace import RealTimePacer
 from gloc3_sitl.firmware.px4 import Px4Bridge
 
 DEFAULT_PORT: Final = 4560
@@ -25,7 +25,7 @@ class HilServer:
         self.failure: Gloc3Error | None = None
         """Why there are no steps any more."""
         self._bridge, self._loop = bridge, loop
-        self._pace: Final = Pace(speed)
+        self._pace: Final = RealTimePacer(speed)
         self._server: asyncio.Server | None = None
         self._client: asyncio.Transport | None = None
         self._timer: asyncio.TimerHandle | None = None
@@ -75,14 +75,14 @@ class HilServer:
         self._bridge.connected()
         self._turn()
 
-    def heard(self, client: asyncio.Transport, data: bytes) -> None:
+    def received(self, client: asyncio.Transport, data: bytes) -> None:
         """It has said something: perhaps what the next step has waited for."""
         if client is self._client:
             self._bridge.receive(data)
             if self._timer is None:
                 self._turn()
 
-    def gone(self, client: asyncio.Transport) -> None:
+    def is_disconnected(self, client: asyncio.Transport) -> None:
         """It has gone; another may come."""
         if client is self._client:
             self._client = None
@@ -123,8 +123,8 @@ class _Connection(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         """Passed on."""
-        self._server.heard(self._transport, data)
+        self._server.received(self._transport, data)
 
     def connection_lost(self, error: Exception | None) -> None:
         """Passed on."""
-        self._server.gone(self._transport)
+        self._server.is_disconnected(self._transport)

@@ -18,11 +18,11 @@ from gloc3.messages.envelope import Severity
 from gloc3_sitl.autopilot.autopilot import Autopilot
 from gloc3_sitl.autopilot.mavlink.links import LinkKind, Receive, Send
 from gloc3_sitl.autopilot.pilot import Pilot
-from gloc3_sitl.autopilot.surroundings import Power
+from gloc3_sitl.autopilot.surroundings import SupplyState
 from gloc3_sitl.firmware.ardupilot import RATE_HZ, ArduPilotBridge
 from gloc3_sitl.firmware.body import BodySettings, SensedBody
 from gloc3_sitl.firmware.json_server import SocketAddress, newest
-from gloc3_sitl.firmware.kinds import Wishes, kind_named, start_program
+from gloc3_sitl.firmware.kinds import FirmwareOptionsWanted, kind_named, start_program
 from gloc3_sitl.firmware.program import find_binary
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.physics.wind import Wind
@@ -75,7 +75,7 @@ class FirmwareInStep:
         self._program: Final = start_program(
             kind,
             binary,
-            Wishes(
+            FirmwareOptionsWanted(
                 world=world,
                 vehicle=settings.vehicle,
                 port=int(self._physics.getsockname()[1]),
@@ -126,7 +126,7 @@ class FirmwareInStep:
                 answer = self._bridge.receive(data, sender)
                 if answer is not None:
                     self._physics.sendto(answer, sender)
-        self._hear()
+        self._receive()
 
     def _await_packet(self) -> None:
         for _ in range(round(_SILENT_S)):
@@ -135,7 +135,7 @@ class FirmwareInStep:
             if self._program.exit_code is not None:
                 break
         why = "says nothing" if self._program.exit_code is None else "has ended by itself"
-        raise Gloc3Error(f"ArduPilot {why}: {self._program.last_words()}")
+        raise Gloc3Error(f"ArduPilot {why}: {self._program.last_lines()}")
 
     # -- the outside --------------------------------------------------------------------------------------------------
 
@@ -150,9 +150,9 @@ class FirmwareInStep:
             What is to be called with each piece of data that goes in.
         """
         self._send = send
-        return self._tell
+        return self._send_bytes
 
-    def _hear(self) -> None:
+    def _receive(self) -> None:
         while True:
             try:
                 data, self._peer = self._line.recvfrom(_LARGEST)
@@ -163,7 +163,7 @@ class FirmwareInStep:
             if self._send is not None:
                 self._send(data)
 
-    def _tell(self, data: bytes) -> None:
+    def _send_bytes(self, data: bytes) -> None:
         if self._peer is not None:
             self._line.sendto(data, self._peer)
 
@@ -203,7 +203,7 @@ class FirmwareInStep:
         """
         _none_of_ours()
 
-    def switch(self, power: Power) -> None:
+    def switch(self, power: SupplyState) -> None:
         """It has no power of ours.
 
         Raises:

@@ -9,7 +9,7 @@ from typing import Any, Final, TypeAlias
 
 from gloc3.errors import Gloc3Error, Refused
 from gloc3_sitl.firmware.ardupilot import ArduPilotBridge
-from gloc3_sitl.firmware.pace import Pace
+from gloc3_sitl.firmware.pace import RealTimePacer
 
 SocketAddress: TypeAlias = tuple[Any, ...]
 
@@ -34,7 +34,7 @@ class JsonServer:
         self.failure: Gloc3Error | None = None
         """Why nothing is answered any more."""
         self._bridge, self._loop = bridge, loop
-        self._pace: Final = Pace(speed)
+        self._pace: Final = RealTimePacer(speed)
         self._timer: asyncio.TimerHandle | None = None
         self._socket: socket.socket | None = None
 

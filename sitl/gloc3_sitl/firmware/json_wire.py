@@ -27,7 +27,7 @@ class Servos(NamedTuple):
     """Length of the pulses of outputs 1 to 16, or 32; 0 where there is none."""
 
 
-class State(NamedTuple):
+class JsonState(NamedTuple):
     """What the vehicle does after a step."""
 
     t_s: float
@@ -53,7 +53,7 @@ def read_servos(data: bytes) -> Servos | None:
     return Servos(rate_hz, frame, channels.unpack_from(data, _HEADER.size))
 
 
-def state_text(state: State) -> bytes:
+def state_text(state: JsonState) -> bytes:
     """One line with a line feed before and after it, as the firmware's scanner needs it.
 
     There is no space after a colon, and no key stands in another one that comes before it.

@@ -13,14 +13,14 @@ from gloc3.mavlink.transport.endpoints import parse_url
 from gloc3_sitl.firmware import ardupilot, px4
 from gloc3_sitl.firmware.hil_server import DEFAULT_PORT as HIL_PORT
 from gloc3_sitl.firmware.json_server import DEFAULT_PORT as JSON_PORT
-from gloc3_sitl.firmware.program import Program
+from gloc3_sitl.firmware.program import FirmwareProcess
 from gloc3_sitl.world import World
 
 _MOST_LINKS: Final = 3
 _INSTANCES: Final = 10
 
 
-class Wishes(msgspec.Struct, frozen=True, kw_only=True):
+class FirmwareOptionsWanted(msgspec.Struct, frozen=True, kw_only=True):
     """What a firmware is started for."""
 
     world: World
@@ -38,14 +38,14 @@ class Wishes(msgspec.Struct, frozen=True, kw_only=True):
     """Where it works."""
 
 
-class Start(msgspec.Struct, frozen=True, kw_only=True):
+class FirmwareStart(msgspec.Struct, frozen=True, kw_only=True):
     """How a program is to be called."""
 
     arguments: Sequence[str]
     environment: Mapping[str, str]
 
 
-class Kind(msgspec.Struct, frozen=True, kw_only=True):
+class FirmwareKind(msgspec.Struct, frozen=True, kw_only=True):
     """One firmware."""
 
     title: str
@@ -56,14 +56,14 @@ class Kind(msgspec.Struct, frozen=True, kw_only=True):
     rate_hz: int
     links: Sequence[str]
     """That it is told to open if nothing else is said."""
-    takes_fixes: bool
+    uses_fixes: bool
     """Whether our satellite receiver is its; otherwise it has one of its own."""
-    start: Callable[[Wishes], Start]
+    start: Callable[[FirmwareOptionsWanted], FirmwareStart]
     by_hand: str
     """What a person would type, with {port}."""
 
 
-def kind_named(name: str) -> Kind:
+def kind_named(name: str) -> FirmwareKind:
     """The firmware of that name.
 
     Raises:
@@ -74,39 +74,39 @@ def kind_named(name: str) -> Kind:
     return KINDS[name]
 
 
-def start_program(kind: Kind, binary: Path, wishes: Wishes) -> Program:
+def start_program(kind: FirmwareKind, binary: Path, options: FirmwareOptionsWanted) -> FirmwareProcess:
     """Starts a firmware.
 
     Raises:
         Refused: the system will not run it, or it cannot do what is wished for.
     """
-    start = kind.start(wishes)
-    program = Program([str(binary), *start.arguments], wishes.folder, start.environment)
+    start = kind.start(options)
+    program = FirmwareProcess([str(binary), *start.arguments], options.folder, start.environment)
     program.start()
     return program
 
 
-def _start_ardupilot(wishes: Wishes) -> Start:
+def _start_ardupilot(options: FirmwareOptionsWanted) -> FirmwareStart:
     """A fresh ArduPilot; its parameters go into files, in the order in which they count."""
-    names = [f"ardupilot_{wishes.vehicle}.parm", *(["ardupilot_odometry.parm"] if wishes.is_without_gps else [])]
+    names = [f"ardupilot_{options.vehicle}.parm", *(["ardupilot_odometry.parm"] if options.is_without_gps else [])]
     for name in names:
-        (wishes.folder / name).write_text(preset_text(name))
-    if wishes.parameters:
+        (options.folder / name).write_text(preset_text(name))
+    if options.parameters:
         names.append("given.parm")
-        write_parameters(wishes.folder / "given.parm", wishes.parameters)
-    (wishes.folder / "eeprom.bin").unlink(missing_ok=True)
-    if len(wishes.links) > _MOST_LINKS:
-        raise Refused(f"ArduPilot has {_MOST_LINKS} MAVLink lines here, not {len(wishes.links)}")
-    lines = [_ardupilot_line(url) for url in wishes.links]
+        write_parameters(options.folder / "given.parm", options.parameters)
+    (options.folder / "eeprom.bin").unlink(missing_ok=True)
+    if len(options.links) > _MOST_LINKS:
+        raise Refused(f"ArduPilot has {_MOST_LINKS} MAVLink lines here, not {len(options.links)}")
+    lines = [_ardupilot_line(url) for url in options.links]
     lines += ["none:0"] * (_MOST_LINKS - len(lines))
-    latitude, longitude, altitude = wishes.world.home
-    return Start(
+    latitude, longitude, altitude = options.world.home
+    return FirmwareStart(
         arguments=[
             *("--model", "JSON:127.0.0.1"),
-            *("--sim-port-out", str(wishes.port)),
-            *("--home", f"{latitude:.9f},{longitude:.9f},{altitude:.3f},{wishes.world.heading_deg:.3f}"),
+            *("--sim-port-out", str(options.port)),
+            *("--home", f"{latitude:.9f},{longitude:.9f},{altitude:.3f},{options.world.heading_deg:.3f}"),
             *("--rate", str(ardupilot.RATE_HZ)),
-            *("--speedup", f"{wishes.speedup:g}"),
+            *("--speedup", f"{options.speedup:g}"),
             *("--defaults", ",".join(names)),
             *(word for number, line in enumerate(lines) for word in (f"--serial{number}", line)),
             *("--rc-in-port", str(_free_udp_port())),
@@ -134,23 +134,23 @@ def _ardupilot_line(url: str) -> str:
     raise Refused(f"link {url!r}: ArduPilot opens udpout://, tcpin://, tcpout:// and serial:// with a rate")
 
 
-def _start_px4(wishes: Wishes) -> Start:
+def _start_px4(options: FirmwareOptionsWanted) -> FirmwareStart:
     """A PX4 whose parameters are in its environment; its own start script opens 14550 and 14540."""
-    if wishes.links:
+    if options.links:
         raise Refused("PX4 opens its links by itself: 127.0.0.1:14550 for stations, 127.0.0.1:14540 for companions")
-    instance = wishes.port - HIL_PORT
+    instance = options.port - HIL_PORT
     if not 0 <= instance < _INSTANCES:
-        raise Refused(f"PX4 connects to a port from {HIL_PORT} to {HIL_PORT + _INSTANCES - 1}, not {wishes.port}")
+        raise Refused(f"PX4 connects to a port from {HIL_PORT} to {HIL_PORT + _INSTANCES - 1}, not {options.port}")
     parameters: dict[str, float] = {}
-    for name in (f"px4_{wishes.vehicle}.params", *(["px4_odometry.params"] if wishes.is_without_gps else [])):
+    for name in (f"px4_{options.vehicle}.params", *(["px4_odometry.params"] if options.is_without_gps else [])):
         parameters |= read_parameters(preset_text(name), name)
-    parameters |= wishes.parameters
-    return Start(
-        arguments=["-d", "-i", str(instance), "-w", str(wishes.folder)],
+    parameters |= options.parameters
+    return FirmwareStart(
+        arguments=["-d", "-i", str(instance), "-w", str(options.folder)],
         environment={
             "PX4_SIM_MODEL": "none_iris",
             "PX4_SIM_HOST_ADDR": "127.0.0.1",
-            "PX4_SIM_SPEED_FACTOR": f"{wishes.speedup:g}",
+            "PX4_SIM_SPEED_FACTOR": f"{options.speedup:g}",
             **{f"PX4_PARAM_{name}": f"{value:.10g}" for name, value in parameters.items()},
         },
     )
@@ -163,8 +163,8 @@ def _free_udp_port() -> int:
         return int(opened.getsockname()[1])
 
 
-KINDS: Final[Mapping[str, Kind]] = {
-    "ardupilot": Kind(
+KINDS: Final[Mapping[str, FirmwareKind]] = {
+    "ardupilot": FirmwareKind(
         title="ArduPilot",
         programs={
             "pelican": ("arducopter",),
@@ -175,17 +175,17 @@ KINDS: Final[Mapping[str, Kind]] = {
         port=JSON_PORT,
         rate_hz=ardupilot.RATE_HZ,
         links=("udpout://127.0.0.1:14550", "udpout://127.0.0.1:14540"),
-        takes_fixes=False,
+        uses_fixes=False,
         start=_start_ardupilot,
         by_hand="arducopter --model JSON:127.0.0.1 --sim-port-out {port} --rate 800",
     ),
-    "px4": Kind(
+    "px4": FirmwareKind(
         title="PX4",
         programs={"pelican": ("px4",)},
         port=HIL_PORT,
         rate_hz=px4.RATE_HZ,
         links=(),
-        takes_fixes=True,
+        uses_fixes=True,
         start=_start_px4,
         by_hand="PX4_SIM_MODEL=none_iris px4, which connects to TCP port {port}",
     ),

@@ -6,7 +6,7 @@ MOST_BEHIND_S: Final = 2.0
 """What is later than this is not caught up with: the time of the flight slips."""
 
 
-class Pace:
+class RealTimePacer:
     """Says how long to wait for a simulated time.
 
     A companion maps its autopilot's clock to its own by the quickest messages. If time that is lost once were lost for good,

@@ -14,7 +14,7 @@ STOP_S: Final = 2.0
 """How long it may take to end when it is asked to; one that waits for physics does not hear at all."""
 LAST_LINES: Final = 8
 _LAST_BYTES: Final = 4000
-_LOOK_EVERY_S: Final = 0.02
+_POLL_PERIOD_S: Final = 0.02
 
 
 def find_binary(names: Sequence[str], given: Path | None) -> Path:
@@ -41,7 +41,7 @@ def find_binary(names: Sequence[str], given: Path | None) -> Path:
     )
 
 
-class Program:
+class FirmwareProcess:
     """A firmware that we have started; what it says is in `firmware.txt` in its folder.
 
     Args:
@@ -61,8 +61,8 @@ class Program:
         Raises:
             Refused: the system will not run it.
         """
-        keeper = shutil.which("setpriv")
-        before = [keeper, "--pdeathsig", "KILL"] if keeper else []
+        parent = shutil.which("setpriv")
+        before = [parent, "--pdeathsig", "KILL"] if parent else []
         try:
             with (self._folder / "firmware.txt").open("wb") as file:
                 self._process = subprocess.Popen(
@@ -82,7 +82,7 @@ class Program:
         """With what it has ended; None while it runs."""
         return None if self._process is None else self._process.poll()
 
-    def last_words(self) -> str:
+    def last_lines(self) -> str:
         """The last lines that it has said."""
         file = self._folder / "firmware.txt"
         lines = file.read_bytes()[-_LAST_BYTES:].decode(errors="replace").splitlines() if file.exists() else []
@@ -93,10 +93,10 @@ class Program:
         if self._process is None:
             return
         self._process.terminate()
-        for _ in range(round(STOP_S / _LOOK_EVERY_S)):
+        for _ in range(round(STOP_S / _POLL_PERIOD_S)):
             if self._process.poll() is not None:
                 return
-            await asyncio.sleep(_LOOK_EVERY_S)
+            await asyncio.sleep(_POLL_PERIOD_S)
         self.kill()
 
     def kill(self) -> None:

@@ -97,9 +97,9 @@ class Px4Bridge:
         for frame in self._parser.receive(data):
             message = codec.decode(frame)
             if message is not None:
-                self._take(message)
+                self._handle(message)
 
-    def _take(self, message: MavlinkMessage) -> None:
+    def _handle(self, message: MavlinkMessage) -> None:
         match message.name:
             case "HIL_ACTUATOR_CONTROLS":
                 self.answers += 1

@@ -17,8 +17,8 @@ from gloc3_sitl.firmware.ardupilot import ArduPilotBridge
 from gloc3_sitl.firmware.body import BodySettings, SensedBody
 from gloc3_sitl.firmware.hil_server import HilServer
 from gloc3_sitl.firmware.json_server import JsonServer
-from gloc3_sitl.firmware.kinds import Kind, Wishes, kind_named, start_program
-from gloc3_sitl.firmware.program import Program, find_binary
+from gloc3_sitl.firmware.kinds import FirmwareKind, FirmwareOptionsWanted, kind_named, start_program
+from gloc3_sitl.firmware.program import FirmwareProcess, find_binary
 from gloc3_sitl.firmware.px4 import Px4Bridge
 from gloc3_sitl.flight.truth_log import TruthLog
 from gloc3_sitl.vehicles.dvl_server import DvlAddress, DvlServer
@@ -33,7 +33,7 @@ SILENT_S: Final = 2.0
 """So long without a step in wall time, and somebody is told."""
 SLIPS: Final = 3
 """So often the flight falls behind before somebody is told: once or twice it does while everything starts."""
-_LOOK_EVERY_S: Final = 0.1
+_POLL_PERIOD_S: Final = 0.1
 
 
 class FirmwareOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -69,7 +69,7 @@ async def run_firmware(options: FirmwareOptions) -> int:
         raise Refused(
             f"a {kind.title} that runs already has its own links and parameters: no --link, --param or binary"
         )
-    if options.body.is_plain_gps and not kind.takes_fixes:
+    if options.body.is_plain_gps and not kind.uses_fixes:
         raise Refused(f"--plain-gps: {kind.title} simulates its own satellite receiver; see docs/firmware.md")
     binary = None if options.is_running else find_binary(kind.programs[vehicle], options.binary)
     loop = asyncio.get_running_loop()
@@ -85,11 +85,11 @@ async def run_firmware(options: FirmwareOptions) -> int:
             sensors = SensorServer(body, loop, options.body.seed)
             stack.push_async_callback(sensors.close)
             await sensors.open(options.sensor_port)
-            _tell(f"sensors tcp://127.0.0.1:{sensors.port}: {', '.join(sensors.feeds)}")
+            _narrate(f"sensors tcp://127.0.0.1:{sensors.port}: {', '.join(sensors.feeds)}")
         if options.dvl is not None:
             dvl = DvlServer(body, loop, options.body.seed, options.dvl)
             stack.push_async_callback(dvl.close)
-            _tell(f"Doppler velocity log {(await dvl.open()).url}")
+            _narrate(f"Doppler velocity log {(await dvl.open()).url}")
         if options.out is not None:
             truth = TruthLog(body, loop, options.out, vehicle)
             stack.callback(truth.close)
@@ -101,11 +101,11 @@ async def run_firmware(options: FirmwareOptions) -> int:
                 folder.mkdir(parents=True, exist_ok=True)
             program = _program(options, kind, binary, server.port, folder)
             stack.push_async_callback(program.stop)
-            _tell(f"{kind.title} {binary.name} started, on our physics: {vehicle}, world {options.world.name}")
+            _narrate(f"{kind.title} {binary.name} started, on our physics: {vehicle}, world {options.world.name}")
         else:
-            _tell(f"waiting for {kind.title} on port {server.port}: {kind.by_hand.format(port=server.port)}")
+            _narrate(f"waiting for {kind.title} on port {server.port}: {kind.by_hand.format(port=server.port)}")
         code = await _Watch(body, server, program, kind.title).until(stopped, options.seconds)
-    _tell(f"ended after {body.now_s:.1f} s of simulated time")
+    _narrate(f"ended after {body.now_s:.1f} s of simulated time")
     return code
 
 
@@ -115,11 +115,11 @@ def _server(options: FirmwareOptions, body: SensedBody, loop: asyncio.AbstractEv
     return HilServer(Px4Bridge(body, Clock(loop).utc_offset_s + loop.time()), loop, options.speed)
 
 
-def _program(options: FirmwareOptions, kind: Kind, binary: Path, port: int, folder: Path) -> Program:
+def _program(options: FirmwareOptions, kind: FirmwareKind, binary: Path, port: int, folder: Path) -> FirmwareProcess:
     return start_program(
         kind,
         binary,
-        Wishes(
+        FirmwareOptionsWanted(
             world=options.world,
             vehicle=options.body.vehicle,
             port=port,
@@ -135,39 +135,41 @@ def _program(options: FirmwareOptions, kind: Kind, binary: Path, port: int, fold
 class _Watch:
     """Tells what becomes of the firmware."""
 
-    def __init__(self, body: SensedBody, server: JsonServer | HilServer, program: Program | None, title: str) -> None:
+    def __init__(
+        self, body: SensedBody, server: JsonServer | HilServer, program: FirmwareProcess | None, title: str
+    ) -> None:
         self._body, self._server, self._program, self._title = body, server, program, title
 
     async def until(self, stopped: asyncio.Event, seconds: float | None) -> int:
         """Waits for a signal, for the end of the firmware, or until so much simulated time is over; an exit code."""
         body, server, program = self._body, self._server, self._program
         loop = asyncio.get_running_loop()
-        last_s, heard_s, is_stepping, is_slow = body.now_s, loop.time(), False, False
+        last_s, received_s, is_stepping, is_slow = body.now_s, loop.time(), False, False
         while not stopped.is_set():
             with suppress(TimeoutError):
-                await asyncio.wait_for(stopped.wait(), _LOOK_EVERY_S)
+                await asyncio.wait_for(stopped.wait(), _POLL_PERIOD_S)
             if server.failure is not None:
-                _tell(str(server.failure))
+                _narrate(str(server.failure))
                 return EXIT_FAILED
             if program is not None and program.exit_code is not None:
-                _tell(f"{self._title} has ended by itself ({program.exit_code}): {program.last_words()}")
+                _narrate(f"{self._title} has ended by itself ({program.exit_code}): {program.last_lines()}")
                 return EXIT_FAILED
             if body.now_s < last_s:
-                _tell(f"{self._title} has started anew: the vehicle is at home again, and its time begins at 0")
+                _narrate(f"{self._title} has started anew: the vehicle is at home again, and its time begins at 0")
             if body.now_s != last_s:
                 if not is_stepping:
-                    _tell(f"{self._title} is there; it keeps the time")
-                last_s, heard_s, is_stepping = body.now_s, loop.time(), True
-            elif is_stepping and loop.time() - heard_s > SILENT_S:
+                    _narrate(f"{self._title} is there; it keeps the time")
+                last_s, received_s, is_stepping = body.now_s, loop.time(), True
+            elif is_stepping and loop.time() - received_s > SILENT_S:
                 is_stepping = False
-                _tell(f"{self._title} says nothing any more: the time of the flight stands at {body.now_s:.1f} s")
+                _narrate(f"{self._title} says nothing any more: the time of the flight stands at {body.now_s:.1f} s")
             if server.slips >= SLIPS and not is_slow:
                 is_slow = True
-                _tell(f"{TOO_SLOW}; see docs/firmware.md")
+                _narrate(f"{TOO_SLOW}; see docs/firmware.md")
             if seconds is not None and body.now_s >= seconds:
                 break
         return 0
 
 
-def _tell(text: str) -> None:
+def _narrate(text: str) -> None:
     narrate(f"sitl: {text}")

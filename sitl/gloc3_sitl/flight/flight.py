@@ -22,16 +22,16 @@ from gloc3.messages.envelope import Envelope, Message
 from gloc3.messages.topics import TopicTable
 from gloc3.mission.examples import find_mission
 from gloc3.mission.model.model import Mission
-from gloc3.mission.reading.reader import Surroundings, load_mission
+from gloc3.mission.reading.reader import MissionReferences, load_mission
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform, whole_text
 from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.desk.flights import End
-from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station.station import Station
 from gloc3_onboard.process.runner import HOST_DEVICES
-from gloc3_sitl.faults.sabotage import Sabotage, TappedExchange
+from gloc3_sitl.faults.sabotage import FaultInjector, TappedExchange
 from gloc3_sitl.firmware.body import BodySettings
 from gloc3_sitl.firmware.in_step import READY_WITHIN_S, FirmwareInStep
 from gloc3_sitl.flight.log import FlightLog
@@ -57,14 +57,20 @@ class Flight:
         self.plan: Final = plan
         self.platform: Final[Platform] = _called(load_platform(plan.platform), plan.name)
         self.mission_file: Final = find_mission(plan.mission)
-        self.mission: Final[Mission] = load_mission(plan.mission, Surroundings.of(self.platform))
+        self.mission: Final[Mission] = load_mission(plan.mission, MissionReferences.of(self.platform))
         self.loop: Final = asyncio.get_running_loop()
         self.exchange: Final = TappedExchange()
-        self.sabotage: Final = Sabotage(self.loop, plan.cycle_cost_s)
+        self.fault_injector: Final = FaultInjector(self.loop, plan.cycle_cost_s)
         """What faults have the onboard process suffer."""
         random = Random(plan.seed)
         self.context: Final = HostContext(
-            self.name, self.exchange, Clock(self.loop), self.loop, TopicTable.installed(), random, self.sabotage.cost_s
+            self.name,
+            self.exchange,
+            Clock(self.loop),
+            self.loop,
+            TopicTable.installed(),
+            random,
+            self.fault_injector.cost_s,
         )
         self.log: Final = self._open_log()
         world = self._world()
@@ -73,7 +79,7 @@ class Flight:
         """The cameras and the laser scanner; they cost nothing until they are opened."""
         self._ground_boot = random.getrandbits(32)
         self.process: Final = FlightProcess(
-            plan, self.platform, self.mission, self.context, self.sabotage.create, self.rig, self.log
+            plan, self.platform, self.mission, self.context, self.fault_injector.create, self.rig, self.log
         )
         """The onboard process."""
         self.links: Final = self.process.links
@@ -173,10 +179,10 @@ class Flight:
         """
         await flights.await_platform(self.station, self.name)
         within_s = READY_WITHIN_S if self.plan.is_firmware else flights.READY_WITHIN_S
-        lacks = await flights.await_ready(self.station, self.name, within_s)
-        if lacks:
-            raise Gloc3Error(f"{self.name} still lacks {', '.join(lacks)}")
-        plan = Plan(name=self.mission_file.name, title=self.mission.name, text=self.mission.text)
+        missing = await flights.await_ready(self.station, self.name, within_s)
+        if missing:
+            raise Gloc3Error(f"{self.name} still lacks {', '.join(missing)}")
+        plan = CheckedPlan(name=self.mission_file.name, title=self.mission.name, text=self.mission.text)
         await flights.stream(self.station, self.name, plan)
         return await flights.start(self.station, self.name)
 
@@ -197,11 +203,11 @@ class Flight:
         """
         found: asyncio.Future[Message] = self.loop.create_future()
 
-        def take(envelope: Envelope[Any]) -> None:
+        def handle(envelope: Envelope[Any]) -> None:
             if not found.done() and predicate(envelope.payload):
                 found.set_result(envelope.payload)
 
-        unsubscribe = self.exchange.subscribe(f"{self.name}/{topic}", take)
+        unsubscribe = self.exchange.subscribe(f"{self.name}/{topic}", handle)
         try:
             async with asyncio.timeout(within_s):
                 return await found

@@ -9,12 +9,12 @@ import msgspec
 
 from gloc3.clock import Clock
 from gloc3.errors import Gloc3Error, Refused
-from gloc3.mission.checking.estimate import Figures
+from gloc3.mission.checking.estimate import MissionFigures
 from gloc3.platform.platform import Platform
 from gloc3_sitl.faults.faults import schedule_faults
 from gloc3_sitl.firmware.in_step import FirmwareInStep
 from gloc3_sitl.flight.flight import Flight
-from gloc3_sitl.flight.mission_file import MissionFile, read_mission_file
+from gloc3_sitl.flight.mission_file import FlyableMission, read_mission_file
 from gloc3_sitl.flight.plan import FlightPlan
 from gloc3_sitl.flight.report import FlightReport, as_json, judge_within
 from gloc3_sitl.flight.watch import FlightWatch, Narrate
@@ -68,7 +68,7 @@ async def fly_mission(options: FlyOptions, platform: Platform, narrate: Narrate 
         return await _fly(options, mission, narrate, begin_s)
 
 
-async def _fly(options: FlyOptions, mission: MissionFile, narrate: Narrate | None, begin_s: float) -> FlightReport:
+async def _fly(options: FlyOptions, mission: FlyableMission, narrate: Narrate | None, begin_s: float) -> FlightReport:
     plan = FlightPlan(
         mission=mission.file,
         platform=options.platform,
@@ -124,7 +124,7 @@ async def _fly(options: FlyOptions, mission: MissionFile, narrate: Narrate | Non
     return report
 
 
-def _figures(estimate: Figures) -> dict[str, float]:
+def _figures(estimate: MissionFigures) -> dict[str, float]:
     """The figures of the check, by the names of the report's own."""
     found = {"mission_time_s": round(estimate.duration_s, 1), "distance_m": round(estimate.length_m, 1)}
     return found | ({"energy_wh": round(estimate.energy_wh, 2)} if estimate.energy_wh else {})

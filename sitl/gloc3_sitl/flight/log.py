@@ -5,7 +5,7 @@ from typing import Final
 
 from gloc3.component.context import HostContext
 from gloc3.log.record import PLATFORM_FILE, Recorder
-from gloc3_onboard.command_server.log_shelf import AtOnce, LogShelf, NoShelf, Shelf
+from gloc3_onboard.command_server.log_shelf import ImmediateExecutor, LogStore, LogStoreBase, NoLogStore
 from gloc3_onboard.process.log_files import LogFiles
 
 FLUSH_S: Final = 1.0
@@ -50,11 +50,11 @@ class FlightLog:
             self.path = LogFiles(self.path.parent).next()
             self.recorder = self._open()
 
-    def shelf(self) -> Shelf:
+    def log_store(self) -> LogStoreBase:
         """The logs that the station may fetch."""
         if self.path is None:
-            return NoShelf()
-        return LogShelf(self.path.parent, self._unfinished, self.cut, AtOnce())
+            return NoLogStore()
+        return LogStore(self.path.parent, self._unfinished, self.cut, ImmediateExecutor())
 
     def _unfinished(self) -> set[Path]:
         return set() if self.path is None else {self.path}

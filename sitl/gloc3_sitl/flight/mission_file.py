@@ -7,7 +7,7 @@ from gloc3.documents.document import load_bytes, parse
 from gloc3.errors import Finding, Gloc3Error, InputError, Refused
 from gloc3.messages.frames import GeoPoint
 from gloc3.mission.checking.checker import Circumstances, check_text
-from gloc3.mission.checking.estimate import Estimate
+from gloc3.mission.checking.estimate import MissionEstimate
 from gloc3.mission.examples import find_mission
 from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, mission_text
 from gloc3.mission.model.model import GEO, Mission
@@ -24,7 +24,7 @@ UNKNOWN_DURATION_S: Final = 600.0
 """Taken for a mission whose duration the checker cannot tell."""
 
 
-class MissionFile(NamedTuple):
+class FlyableMission(NamedTuple):
     """A mission that may fly."""
 
     file: str
@@ -32,7 +32,7 @@ class MissionFile(NamedTuple):
     mission: Mission
     duration_s: float
     """As the checker estimates it."""
-    estimate: Estimate | None
+    estimate: MissionEstimate | None
     warnings: list[Finding]
 
 
@@ -63,7 +63,7 @@ def platform_for(path: Path) -> str:
     return named if isinstance(named, str) else OUTDOORS if written.get("frame") == GEO else INDOORS
 
 
-class Place(NamedTuple):
+class FlightSite(NamedTuple):
     """Where a flight is simulated."""
 
     world: str
@@ -72,7 +72,7 @@ class Place(NamedTuple):
     heading_deg: float | None = None
 
 
-def place_for(mission: Mission, platform: Platform, vehicle: str) -> Place:
+def place_for(mission: Mission, platform: Platform, vehicle: str) -> FlightSite:
     """The world that a mission's frame belongs to.
 
     For frames of the platform that is the open, ground or water, at their origin; for missions on Earth the vehicle's,
@@ -83,10 +83,10 @@ def place_for(mission: Mission, platform: Platform, vehicle: str) -> Place:
     """
     row = platform.frames.get(mission.frame)
     if row is not None and mission.frame != HOLD:
-        return Place("open", GeoPoint(*row.origin.geo), row.x_axis_bearing_deg)
+        return FlightSite("open", GeoPoint(*row.origin.geo), row.x_axis_bearing_deg)
     if mission.frame != GEO:
-        return Place(HOLD)
-    return Place(vehicle_named(vehicle).world, home_of(mission))
+        return FlightSite(HOLD)
+    return FlightSite(vehicle_named(vehicle).world, home_of(mission))
 
 
 def is_without_satellites(platform: Platform) -> bool:
@@ -95,7 +95,7 @@ def is_without_satellites(platform: Platform) -> bool:
     return "VisionPoseDriver" in kinds and "SatellitesSampler" not in kinds
 
 
-def read_mission_file(path: Path, platform: Platform, folder: Path) -> MissionFile:
+def read_mission_file(path: Path, platform: Platform, folder: Path) -> FlyableMission:
     """Reads and checks a mission; a plan of another format is converted into a folder first.
 
     Raises:
@@ -109,10 +109,10 @@ def read_mission_file(path: Path, platform: Platform, folder: Path) -> MissionFi
         path = folder / "mission-converted.yaml"
         path.write_text(text, encoding="utf-8")
     duration_s = report.estimate.duration_s if report.estimate is not None else UNKNOWN_DURATION_S
-    return MissionFile(str(path), mission, duration_s, report.estimate, [*left_out, *report.findings])
+    return FlyableMission(str(path), mission, duration_s, report.estimate, [*left_out, *report.findings])
 
 
-def looks_down(platform: Platform, mission: Mission) -> bool:
+def faces_down(platform: Platform, mission: Mission) -> bool:
     """Whether pictures of the ground are used: one costs as much as everything else together."""
     if any(action.capability == "record_images" for action in mission.actions().values()):
         return True

@@ -10,15 +10,15 @@ from gloc3.mavlink.transport.memory import ACOUSTIC, Conditions, MemoryEnd, Memo
 from gloc3.mission.model.model import Mission
 from gloc3.platform.platform import Platform
 from gloc3.store import MemoryRecords
-from gloc3_onboard.assembly import Attachment, Hosting, Sensors, Storage, Vehicle, VehicleInputs
-from gloc3_onboard.companion.files import LOGS, Folders, LogFiles
+from gloc3_onboard.assembly import Attachment, Hosting, Sensors, Storage, VehicleInputs, VehicleSide
+from gloc3_onboard.companion.files import LOGS, Folders, LogFolder
 from gloc3_onboard.process.computer import SimulatedComputer
 from gloc3_onboard.process.runner import Create, Onboard
 from gloc3_onboard.process.storage import NoPictures, PictureFolder
 from gloc3_onboard.sensors.registry import NOWHERE
 from gloc3_onboard.sensors.sources.autopilot import AutopilotImu
 from gloc3_sitl.flight.log import FlightLog
-from gloc3_sitl.flight.mission_file import looks_down
+from gloc3_sitl.flight.mission_file import faces_down
 from gloc3_sitl.flight.plan import FlightPlan
 from gloc3_sitl.flight.sim_devices import NoCamera
 from gloc3_sitl.flight.sim_imu import SimImu
@@ -93,7 +93,7 @@ class FlightProcess:
     ) -> None:
         self._plan, self._platform, self._context, self._create, self._rig = plan, platform, context, create, rig
         self._log = log
-        self._looks_down = looks_down(platform, mission)
+        self._looks_down = faces_down(platform, mission)
         self.links: Final = FlightLinks(plan, context)
         self.imu: Final = SimImu(context.loop, plan.seed)
         """The autopilot's inertial unit, as the process gets it."""
@@ -102,18 +102,18 @@ class FlightProcess:
             journal=MemoryRecords(),
             progress=MemoryRecords(),
             reports=MemoryRecords(),
-            shelf=log.shelf(),
+            log_store=log.log_store(),
             pictures=NoPictures() if plan.out is None else PictureFolder(plan.out / "images", rig),
         )
         self._inputs = VehicleInputs(platform=platform, context=context)
-        self.vehicle: Vehicle
+        self.vehicle: VehicleSide
         """Its parts, in the life that is or was the last."""
         self.onboard: Onboard | None = None
         """Its components; None while it is dead."""
 
     def start(self) -> None:
         """Starts it, the first time or after it was killed."""
-        vehicle, links, plan = Vehicle(self._inputs, AUTOPILOT_URL), self.links, self._plan
+        vehicle, links, plan = VehicleSide(self._inputs, AUTOPILOT_URL), self.links, self._plan
         self.vehicle = vehicle
         self.imu.wire(AutopilotImu(vehicle.autopilot.sensors))
         self._open(links.cable.b, vehicle.attach_autopilot())
@@ -124,7 +124,7 @@ class FlightProcess:
         if plan.modem_period_s:
             self._open(links.modem.b, vehicle.attach_modem(period_s=plan.modem_period_s))
         if plan.out is not None:
-            vehicle.share(Folders({LOGS: LogFiles(plan.out, is_writable=False)}))
+            vehicle.share(Folders({LOGS: LogFolder(plan.out, is_writable=False)}))
         sensors = self._sensors()
         watch = sensors.watch(vehicle.parts, self._context.loop.time)
         computer = SimulatedComputer(self._context.clock, watch.conditions)

@@ -23,7 +23,7 @@ _KEPT: Final = re.compile(r"(requests\.journal|progress\.state|events\.store)\.(
 _PICTURE: Final = re.compile(r"[a-z0-9_]+-\d{5,}\.png|poses\.jsonl")
 
 
-def make_anew(folder: Path) -> None:
+def recreate(folder: Path) -> None:
     """Makes a folder, or takes away what an earlier flight has left in it; anything else in it is left alone.
 
     Raises:

@@ -20,7 +20,7 @@ PASSED_M: Final = 0.3
 """A waypoint counts as passed within this distance."""
 
 
-class Sample(msgspec.Struct, frozen=True):
+class TruthSample(msgspec.Struct, frozen=True):
     """Where the vehicle truly was."""
 
     t_s: float
@@ -58,7 +58,7 @@ class PathResult(msgspec.Struct, frozen=True):
         return min((leg.mean_speed_m_s for leg in self.legs), default=0.0)
 
 
-def path_error(samples: Sequence[Sample], polyline: Sequence[Vector3], near_m: float = PASSED_M) -> PathResult:
+def path_error(samples: Sequence[TruthSample], polyline: Sequence[Vector3], near_m: float = PASSED_M) -> PathResult:
     """Compares a flight with the way that was asked for.
 
     Args:

@@ -9,7 +9,7 @@ import msgspec
 from gloc3.evaluation.requested_path import RequestedFlight
 from gloc3.mission.checking.estimate import span
 from gloc3.platform.limits import Limits
-from gloc3_sitl.flight.path_error import PASSED_M, LegResult, PathResult, Sample, path_error
+from gloc3_sitl.flight.path_error import PASSED_M, LegResult, PathResult, TruthSample, path_error
 
 
 class FlightReport(msgspec.Struct, kw_only=True):
@@ -53,16 +53,16 @@ class FlightReport(msgspec.Struct, kw_only=True):
 
 
 def judge_within(
-    limits: Limits, report: FlightReport, samples: Sequence[Sample], requested: Sequence[RequestedFlight]
+    limits: Limits, report: FlightReport, samples: Sequence[TruthSample], requested: Sequence[RequestedFlight]
 ) -> None:
     """Fills in the figures of the path, as near and in as many dimensions as the platform's limits have it."""
     if limits.survey_height_m == 0.0:  # it stays on the ground or on the water, and is lifted by that
-        samples = [Sample(one.t_s, (one.position_ned_m[0], one.position_ned_m[1], 0.0)) for one in samples]
+        samples = [TruthSample(one.t_s, (one.position_ned_m[0], one.position_ned_m[1], 0.0)) for one in samples]
     judge(report, samples, requested, max(PASSED_M, limits.survey_acceptance_m))
 
 
 def judge(
-    report: FlightReport, samples: Sequence[Sample], requested: Sequence[RequestedFlight], near_m: float = PASSED_M
+    report: FlightReport, samples: Sequence[TruthSample], requested: Sequence[RequestedFlight], near_m: float = PASSED_M
 ) -> list[PathResult]:
     """Fills in the figures of the path; returns those of each flight along waypoints."""
     report.passed_within_m = near_m
@@ -86,7 +86,7 @@ def judge(
             for leg in _long(result.legs)
         ]
         report.slowest_leg_share = round(min(shares), 4) if shares else None
-    report.distance_m = round(_way_m(samples), 2)
+    report.distance_m = round(_distance_m(samples), 2)
     return results
 
 
@@ -95,7 +95,7 @@ def _long(legs: Sequence[LegResult]) -> list[LegResult]:
     return [leg for leg in legs if leg.length_m >= 0.5]
 
 
-def _way_m(samples: Sequence[Sample]) -> float:
+def _distance_m(samples: Sequence[TruthSample]) -> float:
     return sum(math.dist(a.position_ned_m, b.position_ned_m) for a, b in itertools.pairwise(samples))
 
 

@@ -9,30 +9,30 @@ from gloc3.messages.vehicle import Image
 from gloc3_sitl.faults.device_faults import (
     Bottom,
     DeviceFault,
-    Exposure,
+    FaultyFrame,
+    FaultyScan,
     PairExposure,
-    Turn,
+    corrupted,
     is_silent,
     is_stuck,
     late_by_s,
     seen_from,
-    spoilt,
 )
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sensors.dvl import DvlModel
 from gloc3_sitl.world import World
-from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.camera import SimulatedCamera
 from gloc3_sitl.world.laser import LaserModel, LaserScanner
 from gloc3_sitl.world.tracker import TrackerCamera
 
 Ready = Callable[[], None]
-T = TypeVar("T", Exposure, PairExposure, Turn, Bottom)
+T = TypeVar("T", FaultyFrame, PairExposure, FaultyScan, Bottom)
 
 _KEPT: Final = 64
 """How many instants a trigger remembers, for devices that are late."""
 
 
-class Trigger:
+class CaptureTrigger:
     """Says when a device takes data, at a steady rate, while it is open.
 
     Args:
@@ -86,7 +86,7 @@ class Trigger:
 class _Device(Generic[T]):
     """What all of them have: they look at the world only while they are open, and when they are asked."""
 
-    def __init__(self, trigger: Trigger) -> None:
+    def __init__(self, trigger: CaptureTrigger) -> None:
         self.fault: DeviceFault | None = None
         """What is wrong with it."""
         self._begun: tuple[DeviceFault, Truth] | None = None
@@ -102,11 +102,11 @@ class _Device(Generic[T]):
         """Ends taking data."""
         self._trigger.stop()
 
-    def on_news(self, ready: Ready) -> Ready:
+    def on_new_data(self, ready: Ready) -> Ready:
         """Has `ready` called when there is something new; gives what ends that."""
         return self._trigger.listen(lambda: None if is_silent(self.fault) else ready())
 
-    def _take(self, truth: Truth) -> T:
+    def _capture(self, truth: Truth) -> T:
         raise NotImplementedError
 
     def _newest(self) -> T | None:
@@ -124,33 +124,33 @@ class _Device(Generic[T]):
             self._last = self._last._replace(t_s=truth.t_s)
         else:
             begin = self._begun[1] if self._begun is not None else truth
-            self._last = spoilt(self._take(self._seen_from(truth, fault, begin)), fault)._replace(t_s=stamp.t_s)
+            self._last = corrupted(self._capture(self._seen_from(truth, fault, begin)), fault)._replace(t_s=stamp.t_s)
         return self._last
 
     def _seen_from(self, truth: Truth, fault: DeviceFault | None, begin: Truth) -> Truth:
         return seen_from(truth, fault, begin)
 
 
-class SimCamera(_Device[Exposure]):
+class SimCamera(_Device[FaultyFrame]):
     """A camera; a picture is rendered when it is asked for."""
 
-    def __init__(self, camera: Camera | TrackerCamera, trigger: Trigger) -> None:
+    def __init__(self, camera: SimulatedCamera | TrackerCamera, trigger: CaptureTrigger) -> None:
         super().__init__(trigger)
         self.camera: Final = camera
         """What it takes pictures with."""
 
-    def frame(self) -> Exposure | None:
+    def frame(self) -> FaultyFrame | None:
         """The latest frame; None before the first."""
         return self._newest()
 
-    def _take(self, truth: Truth) -> Exposure:
-        return Exposure(truth.t_s, _image(self.camera, truth))
+    def _capture(self, truth: Truth) -> FaultyFrame:
+        return FaultyFrame(truth.t_s, _image(self.camera, truth))
 
 
 class SimStereoCamera(_Device[PairExposure]):
     """Two cameras that expose together."""
 
-    def __init__(self, left: Camera, right: Camera, trigger: Trigger) -> None:
+    def __init__(self, left: SimulatedCamera, right: SimulatedCamera, trigger: CaptureTrigger) -> None:
         super().__init__(trigger)
         self.left: Final = left
         self.right: Final = right
@@ -159,24 +159,24 @@ class SimStereoCamera(_Device[PairExposure]):
         """The latest two frames; None before the first."""
         return self._newest()
 
-    def _take(self, truth: Truth) -> PairExposure:
+    def _capture(self, truth: Truth) -> PairExposure:
         return PairExposure(truth.t_s, _image(self.left, truth), _image(self.right, truth))
 
 
-class SimLaser(_Device[Turn]):
+class SimLaser(_Device[FaultyScan]):
     """A laser scanner."""
 
-    def __init__(self, world: World, model: LaserModel, trigger: Trigger, seed: int) -> None:
+    def __init__(self, world: World, model: LaserModel, trigger: CaptureTrigger, seed: int) -> None:
         super().__init__(trigger)
         self.scanner: Final = LaserScanner(world, model, seed)
         """What it scans with."""
 
-    def scan(self) -> Turn | None:
+    def scan(self) -> FaultyScan | None:
         """The latest turn; None before the first."""
         return self._newest()
 
-    def _take(self, truth: Truth) -> Turn:
-        return Turn(truth.t_s, self.scanner.scan(truth))
+    def _capture(self, truth: Truth) -> FaultyScan:
+        return FaultyScan(truth.t_s, self.scanner.scan(truth))
 
     def _seen_from(self, truth: Truth, fault: DeviceFault | None, begin: Truth) -> Truth:
         """A scaled one stands where it is: its ranges are too long."""
@@ -186,7 +186,7 @@ class SimLaser(_Device[Turn]):
 class SimDvl(_Device[Bottom]):
     """A Doppler velocity log."""
 
-    def __init__(self, trigger: Trigger, seed: int) -> None:
+    def __init__(self, trigger: CaptureTrigger, seed: int) -> None:
         super().__init__(trigger)
         self.model: Final = DvlModel(seed)
         """What it measures with."""
@@ -195,7 +195,7 @@ class SimDvl(_Device[Bottom]):
         """The latest velocity over the floor; None before the first."""
         return self._newest()
 
-    def _take(self, truth: Truth) -> Bottom:
+    def _capture(self, truth: Truth) -> Bottom:
         return Bottom(truth.t_s, self.model.measure(truth))
 
 
@@ -208,7 +208,7 @@ class NoCamera:
     def close(self) -> None:
         """Nothing happens."""
 
-    def on_news(self, ready: Ready) -> Ready:
+    def on_new_data(self, ready: Ready) -> Ready:
         """There is never any."""
         return lambda: None
 
@@ -217,7 +217,7 @@ class NoCamera:
         return
 
 
-def _image(camera: Camera | TrackerCamera, truth: Truth) -> Image:
+def _image(camera: SimulatedCamera | TrackerCamera, truth: Truth) -> Image:
     pixels = camera.capture(truth).pixels
     height, width = pixels.shape
     return Image(camera=camera.imager.name, width=width, height=height, data=pixels.tobytes())

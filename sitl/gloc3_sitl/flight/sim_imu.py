@@ -19,14 +19,14 @@ _MOST: Final = (20.0, 60.0)
 _KEPT: Final = 256
 
 
-class Felt(NamedTuple):
+class MeasuredForces(NamedTuple):
     """A sample with its time of validity, as a sampler reads it."""
 
     t_s: float
     sample: ImuSample
 
 
-class Unit(Protocol):
+class InertialUnit(Protocol):
     """An inertial unit."""
 
     def open(self) -> None:
@@ -35,7 +35,7 @@ class Unit(Protocol):
     def close(self) -> None:
         """Ends."""
 
-    def on_news(self, ready: Callable[[], None]) -> Callable[[], None]:
+    def on_new_data(self, ready: Callable[[], None]) -> Callable[[], None]:
         """Has `ready` called when a sample has come."""
 
     def samples(self, after_s: float) -> Sequence[tuple[float, ImuSample]]:
@@ -55,14 +55,14 @@ class SimImu:
         """What is wrong with it."""
         self._loop = loop
         self._random: Final = np.random.default_rng(seed)
-        self._under_way: deque[tuple[float, Felt]] = deque()
-        self._arrived: deque[Felt] = deque(maxlen=_KEPT)
+        self._pending: deque[tuple[float, MeasuredForces]] = deque()
+        self._arrived: deque[MeasuredForces] = deque(maxlen=_KEPT)
 
-    def wire(self, unit: Unit) -> None:
+    def wire(self, unit: InertialUnit) -> None:
         """Reads from now on from this one, which is well."""
         self._unit = unit
         self._read_s = float("-inf")
-        self._under_way.clear()
+        self._pending.clear()
         self._arrived.clear()
 
     def open(self) -> None:
@@ -73,24 +73,24 @@ class SimImu:
         """Ends."""
         self._unit.close()
 
-    def on_news(self, ready: Callable[[], None]) -> Callable[[], None]:
+    def on_new_data(self, ready: Callable[[], None]) -> Callable[[], None]:
         """Has `ready` called when a sample has come."""
-        return self._unit.on_news(lambda: None if is_silent(self.fault) else ready())
+        return self._unit.on_new_data(lambda: None if is_silent(self.fault) else ready())
 
-    def samples(self, after_s: float) -> Sequence[Felt]:
+    def samples(self, after_s: float) -> Sequence[MeasuredForces]:
         """What has come of what it felt after a time, oldest first."""
         now_s, fault = self._loop.time(), self.fault
         for t_s, sample in self._unit.samples(self._read_s):
             self._read_s = t_s
             if not is_silent(fault):
-                self._under_way.append((t_s + late_by_s(fault), Felt(t_s, sample)))
-        while self._under_way and self._under_way[0][0] <= now_s:
-            due_s, felt = self._under_way.popleft()
-            t_s = due_s if fault is not None and fault.word == "old" else felt.t_s
-            self._arrived.append(Felt(t_s, self._spoilt(felt.sample, fault)))
-        return [felt for felt in self._arrived if felt.t_s > after_s]
+                self._pending.append((t_s + late_by_s(fault), MeasuredForces(t_s, sample)))
+        while self._pending and self._pending[0][0] <= now_s:
+            due_s, measured = self._pending.popleft()
+            t_s = due_s if fault is not None and fault.word == "old" else measured.t_s
+            self._arrived.append(MeasuredForces(t_s, self._corrupted(measured.sample, fault)))
+        return [measured for measured in self._arrived if measured.t_s > after_s]
 
-    def _spoilt(self, sample: ImuSample, fault: DeviceFault | None) -> ImuSample:
+    def _corrupted(self, sample: ImuSample, fault: DeviceFault | None) -> ImuSample:
         if fault is None:
             return sample
         rate, force = sample.rate_frd_rad_s, sample.specific_force_frd_m_s2

@@ -5,11 +5,11 @@ from collections.abc import Callable
 from typing import Final
 
 from gloc3.camera.model import CameraModel
-from gloc3_sitl.flight.sim_devices import NoCamera, SimCamera, SimDvl, SimLaser, SimStereoCamera, Trigger
+from gloc3_sitl.flight.sim_devices import CaptureTrigger, NoCamera, SimCamera, SimDvl, SimLaser, SimStereoCamera
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sensors.dvl import RATE_HZ
 from gloc3_sitl.world import World, rig
-from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.camera import SimulatedCamera
 from gloc3_sitl.world.tracker import TrackerCamera
 
 SIM_DEVICES: Final = ("ground_camera", "stereo_camera", "tracker_camera", "laser", "dvl")
@@ -29,11 +29,11 @@ class SimRig:
     """
 
     def __init__(self, world: World, loop: AbstractEventLoop, truth: Callable[[], Truth], seed: int) -> None:
-        def trigger(rate_hz: float) -> Trigger:
-            return Trigger(loop, truth, rate_hz)
+        def trigger(rate_hz: float) -> CaptureTrigger:
+            return CaptureTrigger(loop, truth, rate_hz)
 
         ground, left, right = (
-            Camera(world, *rig.CAMERAS[name], seed) for name in ("ground", "front_left", "front_right")
+            SimulatedCamera(world, *rig.CAMERAS[name], seed) for name in ("ground", "front_left", "front_right")
         )
         self.tracker: Final = _tracker(world, seed)
         """The external camera; None in a world without."""

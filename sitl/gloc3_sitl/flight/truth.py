@@ -10,7 +10,7 @@ from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import GeoPoint, TangentPlane
 from gloc3.messages.vehicle import Pose
 from gloc3_sitl.flight.messages import SimFault, SimTruth
-from gloc3_sitl.flight.path_error import Sample
+from gloc3_sitl.flight.path_error import TruthSample
 from gloc3_sitl.physics.truth import Truth
 
 TRUTH_PERIOD_S: Final = 0.1
@@ -37,7 +37,7 @@ class FlightTruth:
         truth: Callable[[], Truth],
         sank: Callable[[float], None],
     ) -> None:
-        self.samples: Final[list[Sample]] = []
+        self.samples: Final[list[TruthSample]] = []
         """True positions, in the frame of the pose."""
         self.frame: TangentPlane | None = None
         """Of the pose, once one has told its origin."""
@@ -52,7 +52,7 @@ class FlightTruth:
         if self.frame is not None:
             truth = self._truth()
             position = self.frame.ned_from_geo(truth.latitude_deg, truth.longitude_deg, truth.altitude_m)
-            self.samples.append(Sample(truth.t_s, position))
+            self.samples.append(TruthSample(truth.t_s, position))
             self._sank(position[2])
             message = SimTruth(
                 position_ned_m=position,

@@ -6,7 +6,7 @@ from typing import Protocol
 import msgspec
 
 from gloc3.messages.frames import IDENTITY, GeoPoint, Quaternion, Vector3
-from gloc3_sitl.physics.truth import Motion
+from gloc3_sitl.physics.truth import TrueMotion
 from gloc3_sitl.physics.water import STILL, Water
 from gloc3_sitl.physics.wind import CALM, Wind
 
@@ -27,7 +27,7 @@ class Situation(msgspec.Struct, frozen=True, kw_only=True):
     """At the start, clockwise from north."""
 
 
-class Body(Motion, Protocol):
+class VehicleBody(TrueMotion, Protocol):
     """A vehicle's physics, at rest at its home to begin with.
 
     The same situation and outputs give the same trajectory bit for bit, in any process.
@@ -79,4 +79,4 @@ class Body(Motion, Protocol):
         ...
 
 
-MakeBody = Callable[[Situation], Body]
+MakeBody = Callable[[Situation], VehicleBody]

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from gloc3_sitl.physics.body import Body
+from gloc3_sitl.physics.body import VehicleBody
 from gloc3_sitl.world import World
 
 PERIOD_STEPS: Final = 10
@@ -11,7 +11,7 @@ _STEP_UP_M: Final = 0.3
 """What is higher above the vehicle than this is not ground that it has sunk into, but something that it is under."""
 
 
-def raise_ground(body: Body, world: World, now_s: float, *, is_diving: bool = False) -> None:
+def raise_ground(body: VehicleBody, world: World, now_s: float, *, is_diving: bool = False) -> None:
     """Brings the ground under the vehicle to the height of the box or slope below it.
 
     Args:

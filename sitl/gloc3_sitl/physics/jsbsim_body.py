@@ -22,11 +22,11 @@ from gloc3.messages.frames import (
 )
 from gloc3_sitl.physics.body import Situation
 from gloc3_sitl.physics.gusts import Gusts
-from gloc3_sitl.physics.truth import Motion, Truth
+from gloc3_sitl.physics.truth import TrueMotion, Truth
 from gloc3_sitl.physics.wind import CALM, Wind
 from gloc3_sitl.vehicles import MULTIROTORS, MultirotorModel
 
-__all__ = ["JsbsimBody", "Motion", "Quadrotor", "Truth"]
+__all__ = ["JsbsimBody", "Quadrotor", "TrueMotion", "Truth"]
 
 FOOT_M: Final = 0.3048
 _PER_FOOT: Final = 1.0 / FOOT_M
@@ -39,14 +39,14 @@ _SEA_LEVEL_KG_M3: Final = 1.225
 _SPECIFIC_FORCE_MAX_M_S2: Final = 16.0 * GRAVITY_M_S2
 
 _UNUSED_MODELS: Final = ("Propulsion", "Aerodynamics", "BuoyantForces", "FCS", "Atmosphere", "Input", "Output")
-_LOOK_STEPS: Final = 5
+_SAMPLE_STEPS: Final = 5
 """Steps from one look at the height to the next; falling from 100 m the vehicle comes 0.9 m nearer meanwhile. Gusts change as
 often."""
 
 _AIR: Final = tuple(f"velocities/{name}" for name in ("u-aero-fps", "v-aero-fps", "w-aero-fps"))
 _RATES: Final = tuple(f"velocities/{axis}-rad_sec" for axis in "pqr")
 _FORCES: Final = tuple(f"external_reactions/air/{axis}" for axis in "xyzlmn")
-_FEEL: Final = tuple(f"accelerations/a-pilot-{axis}-ft_sec2" for axis in "xyz")
+_MEASURE_ORDER: Final = tuple(f"accelerations/a-pilot-{axis}-ft_sec2" for axis in "xyz")
 _PLACE: Final = ("position/ecef-x-ft", "position/ecef-y-ft", "position/ecef-z-ft")
 _GEODETIC: Final = ("position/lat-geod-deg", "position/long-gc-deg", "position/geod-alt-ft", "position/h-agl-ft")
 _VELOCITY: Final = tuple(f"velocities/v-{axis}-fps" for axis in ("north", "east", "down"))
@@ -111,7 +111,7 @@ class JsbsimBody:
         self._motion = tuple(_node(fdm, name).get_double_value for name in (*_AIR, *_RATES))
         self._forces = tuple(_node(fdm, name).set_double_value for name in _FORCES)
         self._gust = tuple(_node(fdm, name).set_double_value for name in _GUST)
-        self._feel = tuple(_node(fdm, name).get_double_value for name in (*_FEEL, *_RATES))
+        self._measure_forces = tuple(_node(fdm, name).get_double_value for name in (*_MEASURE_ORDER, *_RATES))
         names = (*_PLACE, *_GEODETIC, *_VELOCITY, *_ATTITUDE, *_WIND)
         self._state = tuple(_node(fdm, name).get_double_value for name in names)
         self._above_ground = _node(fdm, "position/h-agl-ft").get_double_value
@@ -182,17 +182,17 @@ class JsbsimBody:
         """One period with the forces that were put."""
         self._run()
         self.steps += 1
-        if self.steps % _LOOK_STEPS == 0:
-            self._look_down()
+        if self.steps % _SAMPLE_STEPS == 0:
+            self._measure_height()
         self._truth = None
 
-    def _look_down(self) -> None:
+    def _measure_height(self) -> None:
         """Switches contacts on near the ground and off higher up, where the step before has found that there are none."""
         above_ft = self._above_ground()
         if self._wind.gust_m_s > 0.0:
             u, v, w, *_ = [get() for get in self._motion]
             airspeed_m_s = sqrt(u * u + v * v + w * w) * FOOT_M
-            gust = self._gusts.step(self._wind, above_ft * FOOT_M, airspeed_m_s, _LOOK_STEPS / self.rate_hz)
+            gust = self._gusts.step(self._wind, above_ft * FOOT_M, airspeed_m_s, _SAMPLE_STEPS / self.rate_hz)
             for put, value in zip(self._gust, gust, strict=True):
                 put(value * _PER_FOOT)
         is_near = above_ft < self.near_ground_m * _PER_FOOT
@@ -210,7 +210,7 @@ class JsbsimBody:
 
         The specific force is the mean over the last step: what carried the vehicle from the state before to this one.
         """
-        get_x, get_y, get_z, get_p, get_q, get_r = self._feel
+        get_x, get_y, get_z, get_p, get_q, get_r = self._measure_forces
         x, y, z = get_x() * FOOT_M, get_y() * FOOT_M, get_z() * FOOT_M
         most = _SPECIFIC_FORCE_MAX_M_S2
         if not (-most < x < most and -most < y < most and -most < z < most):

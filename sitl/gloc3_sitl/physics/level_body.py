@@ -68,7 +68,7 @@ class LevelBody:
         """Velocity of the air, NED."""
         return self.wind.velocity_ned_m_s
 
-    def _feel(self, ahead_m_s2: float, right_m_s2: float, up_m_s2: float) -> None:
+    def _measure_forces(self, ahead_m_s2: float, right_m_s2: float, up_m_s2: float) -> None:
         """Works out what an accelerometer feels, from the acceleration along the heading, to its right, and up."""
         down = -up_m_s2 - GRAVITY_M_S2
         cp, sp, cr, sr = cos(self._pitch_rad), sin(self._pitch_rad), cos(self._roll_rad), sin(self._roll_rad)

@@ -33,22 +33,22 @@ class SkidRover(LevelBody):
         self._rims = (0.0, 0.0)
         self._wheels_m = (0.0, 0.0)
         self._slope_rad = 0.0
-        self._way_m, self._ground_before_m = 0.0, 0.0
+        self._distance_m, self._ground_before_m = 0.0, 0.0
         self._lag: Final = self._dt_s / (model.drive_s + self._dt_s)
         self._change: Final = model.acceleration_max_m_s2 * self._dt_s
         arm_x, arm_y = 0.5 * model.wheelbase_m, 0.5 * model.track_m
         self._places: Final = ((arm_x, -arm_y, 0), (-arm_x, -arm_y, 0), (arm_x, arm_y, 1), (-arm_x, arm_y, 1))
         self._yaw_rad = wrap_pi(situation.heading_deg * pi / 180.0)
-        self._feel(0.0, 0.0, 0.0)
+        self._measure_forces(0.0, 0.0, 0.0)
         self._power_w = model.avionics_w
 
     def set_ground(self, altitude_m: float) -> None:
         """Raises or lowers the ground under the vehicle, which leans as the ground along its way does."""
         super().set_ground(altitude_m)
-        if abs(self._way_m) >= _SLOPE_STEP_M:
-            slope = atan((self._ground_m - self._ground_before_m) / self._way_m)
+        if abs(self._distance_m) >= _SLOPE_STEP_M:
+            slope = atan((self._ground_m - self._ground_before_m) / self._distance_m)
             self._slope_rad = max(-_SLOPE_MAX_RAD, min(_SLOPE_MAX_RAD, slope))
-            self._way_m, self._ground_before_m = 0.0, self._ground_m
+            self._distance_m, self._ground_before_m = 0.0, self._ground_m
 
     def place(
         self,
@@ -60,7 +60,7 @@ class SkidRover(LevelBody):
         super().place(position_ned_m, attitude_wxyz, velocity_ned_m_s)
         self._rims = (0.0, 0.0)
         self._slope_rad = self._pitch_rad = self._roll_rad = 0.0
-        self._way_m, self._ground_before_m = 0.0, self._ground_m
+        self._distance_m, self._ground_before_m = 0.0, self._ground_m
 
     def step(self, outputs: Sequence[float], /) -> None:
         """Advances by one period with the outputs of the left and the right side, -1 to 1."""
@@ -92,13 +92,13 @@ class SkidRover(LevelBody):
         cosine, sine = cos(self._yaw_rad), sin(self._yaw_rad)
         self._north_m += (u * cosine - v * sine) * dt
         self._east_m += (u * sine + v * cosine) * dt
-        self._way_m += u * dt
+        self._distance_m += u * dt
         pitch_before, height_before = self._pitch_rad, self._height_m
         self._pitch_rad += 0.05 * (self._slope_rad - self._pitch_rad)
         self._height_m += 0.1 * (self._ground_m - self._height_m)
         self._climb_m_s = (self._height_m - height_before) * self.rate_hz
         self._rates = (0.0, (self._pitch_rad - pitch_before) * self.rate_hz, r)
-        self._feel(ax, ay, 0.0)
+        self._measure_forces(ax, ay, 0.0)
         was_left, was_right = self._wheels_m
         self._wheels_m = (was_left + left * dt, was_right + right * dt)
         rolled_w = rolling_n * 0.5 * (abs(left) + abs(right))

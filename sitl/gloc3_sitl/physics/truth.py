@@ -55,7 +55,7 @@ class Truth(msgspec.Struct, frozen=True, kw_only=True):
         return self
 
 
-class Motion(Protocol):
+class TrueMotion(Protocol):
     """What sensors look at: a simulated vehicle, or one instant of it."""
 
     def imu(self) -> tuple[Vector3, Vector3]:

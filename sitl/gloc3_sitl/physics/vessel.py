@@ -14,12 +14,12 @@ from gloc3_sitl.vehicles.surface_model import VesselModel
 WATER_KG_M3: Final = 1025.0
 AIR_KG_M3: Final = 1.225
 _STRIPS: Final = 8
-_LOOK_STEPS: Final = 4
+_SAMPLE_STEPS: Final = 4
 """Steps from one look at the sea to the next: waves change slowly."""
 _GUST_SHARE: Final = 0.2
 """Deviation of gusts near the surface over the wind speed at 20 ft, as in MIL-F-8785C."""
 _GUST_S: Final = 5.0
-_FELT_SHARE: Final = 0.35
+_MEASURED_SHARE: Final = 0.35
 """Waves are felt at so much of length and beam before and behind, left and right: shorter ones average out."""
 
 
@@ -111,9 +111,9 @@ class Vessel(LevelBody):
     """
 
     def __init__(self, model: VesselModel, situation: Situation) -> None:
-        facts = hydrodynamics(model)
-        self.hydrodynamics: Final = facts
-        super().__init__(situation, facts.mass_kg, 0.0)
+        snapshot = hydrodynamics(model)
+        self.hydrodynamics: Final = snapshot
+        super().__init__(situation, snapshot.mass_kg, 0.0)
         self.model: Final = model
         self.sea: Final = Sea(situation.water.waves, situation.seed)
         self.current_ned_m_s: Vector3 = situation.water.current_ned_m_s
@@ -123,26 +123,30 @@ class Vessel(LevelBody):
         self._oscillators: Final = tuple(
             _Oscillator(natural, ratio)
             for natural, ratio in zip(
-                (facts.heave_rad_s, facts.roll_rad_s, facts.pitch_rad_s), model.damping_ratios, strict=True
+                (snapshot.heave_rad_s, snapshot.roll_rad_s, snapshot.pitch_rad_s), model.damping_ratios, strict=True
             )
         )
         self._slopes = (0.0, 0.0)
         """Of the surface along the hull and to its right: upwards positive."""
         self._surface_m = 0.0
         self._water_ne_m_s = (0.0, 0.0)
-        determinant = facts.sway_kg * facts.yaw_kg_m2 - (facts.mass_kg * facts.centre_x_m) ** 2
-        coupling = facts.mass_kg * facts.centre_x_m
-        self._inverse: Final = (facts.yaw_kg_m2 / determinant, -coupling / determinant, facts.sway_kg / determinant)
+        determinant = snapshot.sway_kg * snapshot.yaw_kg_m2 - (snapshot.mass_kg * snapshot.centre_x_m) ** 2
+        coupling = snapshot.mass_kg * snapshot.centre_x_m
+        self._inverse: Final = (
+            snapshot.yaw_kg_m2 / determinant,
+            -coupling / determinant,
+            snapshot.sway_kg / determinant,
+        )
         width = model.length_m / _STRIPS
         self._strips: Final = tuple((i + 0.5) * width - 0.5 * model.length_m for i in range(_STRIPS))
-        self._strip_drag: Final = 0.5 * WATER_KG_M3 * facts.draught_m * model.cross_flow * width
+        self._strip_drag: Final = 0.5 * WATER_KG_M3 * snapshot.draught_m * model.cross_flow * width
         draw = normals(situation.seed, "gusts")
-        self._gusts: Final = tuple(Wander(draw, 1.0, _GUST_S, _LOOK_STEPS * self._dt_s) for _ in range(2))
+        self._gusts: Final = tuple(Wander(draw, 1.0, _GUST_S, _SAMPLE_STEPS * self._dt_s) for _ in range(2))
         self._gust_ne = (0.0, 0.0)
         self._lag: Final = self._dt_s / (model.shaft_s + self._dt_s)
         self._yaw_rad = wrap_pi(situation.heading_deg * pi / 180.0)
-        self._feel(0.0, 0.0, 0.0)
-        self._look()
+        self._measure_forces(0.0, 0.0, 0.0)
+        self._sample_surroundings()
 
     def place(
         self,
@@ -153,19 +157,19 @@ class Vessel(LevelBody):
         """Puts the vessel somewhere on the water, with its propellers stopped."""
         super().place(position_ned_m, attitude_wxyz, velocity_ned_m_s)
         self._shafts = (0.0, 0.0)
-        self._look()
+        self._sample_surroundings()
 
     def _air_m_s(self) -> Vector3:
         n, e, d = self.wind.velocity_ned_m_s
         return (n + self._gust_ne[0], e + self._gust_ne[1], d)
 
-    def _look(self) -> None:
+    def _sample_surroundings(self) -> None:
         """What water and air do here, now."""
         n, e, _ = self.current_ned_m_s
         if not self.sea.is_flat:
             t_s, cosine, sine = self.now_s, cos(self._yaw_rad), sin(self._yaw_rad)
             north, east = self._north_m, self._east_m
-            ahead, aside = _FELT_SHARE * self.model.length_m, _FELT_SHARE * self.model.beam_m
+            ahead, aside = _MEASURED_SHARE * self.model.length_m, _MEASURED_SHARE * self.model.beam_m
             height = self.sea.elevation_m
             bow = height(north + ahead * cosine, east + ahead * sine, t_s)
             stern = height(north - ahead * cosine, east - ahead * sine, t_s)
@@ -182,9 +186,9 @@ class Vessel(LevelBody):
 
     def step(self, outputs: Sequence[float], /) -> None:
         """Advances by one period with the outputs of the left and the right propeller, -1 to 1."""
-        if self.steps % _LOOK_STEPS == 0:
-            self._look()
-        model, facts, dt = self.model, self.hydrodynamics, self._dt_s
+        if self.steps % _SAMPLE_STEPS == 0:
+            self._sample_surroundings()
+        model, snapshot, dt = self.model, self.hydrodynamics, self._dt_s
         left, right = self._shafts
         left += self._lag * (clipped(outputs[0]) - left)
         right += self._lag * (clipped(outputs[1]) - right)
@@ -195,8 +199,8 @@ class Vessel(LevelBody):
         cn, ce = self._water_ne_m_s
         uc, vc = cn * cosine + ce * sine, ce * cosine - cn * sine
         ur, vr = u - uc, v - vc
-        mass, xg = facts.mass_kg, facts.centre_x_m
-        m11, m22 = facts.surge_kg, facts.sway_kg
+        mass, xg = snapshot.mass_kg, snapshot.centre_x_m
+        m11, m22 = snapshot.surge_kg, snapshot.sway_kg
         # Cross-flow drag, strip by strip.
         drag_y = drag_n = 0.0
         for x in self._strips:
@@ -206,10 +210,10 @@ class Vessel(LevelBody):
             drag_n += x * drag
         wind_x, wind_y, wind_n = self._wind_n(cosine, sine, u, v)
         along, across = self._slopes
-        yaw_linear = facts.yaw_kg_m2 / model.yaw_s
+        yaw_linear = snapshot.yaw_kg_m2 / model.yaw_s
         force_x = (
             thrust_left + thrust_right + wind_x
-            - facts.surge_damping * ur
+            - snapshot.surge_damping * ur
             + m22 * vr * r + mass * xg * r * r
             - mass * GRAVITY_M_S2 * along
         )  # fmt: skip
@@ -236,7 +240,7 @@ class Vessel(LevelBody):
         self._height_m, self._climb_m_s = heave.at, heave.speed
         self._roll_rad, self._pitch_rad = roll.at, pitch.at
         self._rates = (roll.speed, pitch.speed, r)
-        self._feel(u_dot - r * v, v_dot + r * u, heave.acceleration)
+        self._measure_forces(u_dot - r * v, v_dot + r * u, heave.acceleration)
         drive_w = (abs(thrust_left) * abs(left) + abs(thrust_right) * abs(right)) / model.thrust_per_w
         self._power_w = model.avionics_w + drive_w
         self._moved()

@@ -4,9 +4,9 @@ from math import sqrt
 from typing import Final
 
 from gloc3.messages.frames import GeoPoint, Quaternion, Vector3, rotate_back
-from gloc3_sitl.physics.truth import Motion
+from gloc3_sitl.physics.truth import TrueMotion
 from gloc3_sitl.sensors.readings import AirspeedReading
-from gloc3_sitl.sensors.sensor import Sensor
+from gloc3_sitl.sensors.sensor import SimulatedSensor
 
 _HALF_DENSITY: Final = 0.5 * 1.225
 NOISE_PA: Final = 2.0
@@ -17,7 +17,7 @@ RATIO: Final = 0.01
 """Deviation of the share by which the tube's place in the flow makes it wrong."""
 
 
-class Airspeed(Sensor[AirspeedReading]):
+class Airspeed(SimulatedSensor[AirspeedReading]):
     """Noise and offset of a pressure; so it is coarse at low speeds.
 
     Args:
@@ -37,7 +37,7 @@ class Airspeed(Sensor[AirspeedReading]):
         density = (1.0 - 2.25577e-5 * home.altitude_m) ** 4.2559
         self._ratio = density * (1.0 + RATIO * self._draw())
 
-    def measure(self, motion: Motion, t_s: float) -> AirspeedReading:
+    def measure(self, motion: TrueMotion, t_s: float) -> AirspeedReading:
         """The pressure ahead, with all errors."""
         truth = motion.truth()
         ahead = _ahead_m_s(truth.attitude_wxyz, truth.velocity_ned_m_s, truth.wind_ned_m_s)

@@ -3,10 +3,10 @@
 from typing import Final
 
 from gloc3.messages.frames import Vector3
-from gloc3_sitl.physics.truth import Motion
+from gloc3_sitl.physics.truth import TrueMotion
 from gloc3_sitl.sensors.noise import Wander
 from gloc3_sitl.sensors.readings import BarometerReading
-from gloc3_sitl.sensors.sensor import Sensor
+from gloc3_sitl.sensors.sensor import SimulatedSensor
 
 NOISE_PA: Final = 1.2
 """White noise: 0.012 mbar at the highest oversampling (data sheet figure of the MS5611 class), 0.1 m of altitude."""
@@ -32,7 +32,7 @@ def pressure_altitude_m(pressure: float) -> float:
     return float((1.0 - (max(pressure, 1.0) / _SEA_LEVEL_PA) ** (1.0 / _EXPONENT)) / _LAPSE_PER_M)
 
 
-class Barometer(Sensor[BarometerReading]):
+class Barometer(SimulatedSensor[BarometerReading]):
     """White noise, slow drift, and an offset of the day."""
 
     name = "barometer"
@@ -45,7 +45,7 @@ class Barometer(Sensor[BarometerReading]):
         self._weather_pa = WEATHER_PA * self._draw()
         self._drift = Wander(self._draw, DRIFT_PA, DRIFT_TIME_CONSTANT_S, 1.0 / rate_hz)
 
-    def measure(self, motion: Motion, t_s: float) -> BarometerReading:
+    def measure(self, motion: TrueMotion, t_s: float) -> BarometerReading:
         """Pressure at the vehicle's altitude, with all errors."""
         error_pa = self._weather_pa + self._drift.step() + NOISE_PA * self._draw()
         pressure = pressure_pa(motion.truth().altitude_m) + error_pa

@@ -5,9 +5,9 @@ from math import sqrt
 from typing import Final, Protocol
 
 from gloc3.messages.frames import Vector3
-from gloc3_sitl.physics.truth import Motion
+from gloc3_sitl.physics.truth import TrueMotion
 from gloc3_sitl.sensors.readings import BatteryReading
-from gloc3_sitl.sensors.sensor import Sensor
+from gloc3_sitl.sensors.sensor import SimulatedSensor
 
 CELL_CURVE: Final = (
     (0.0, 3.20),
@@ -53,7 +53,7 @@ class Pack(Protocol):
         ...
 
 
-class Battery(Sensor[BatteryReading]):
+class Battery(SimulatedSensor[BatteryReading]):
     """The current follows from power = current times (open-circuit voltage less current times resistance).
 
     An empty battery is reported as such but does not stop the rotors: what happens then is up to the failsafes.
@@ -72,7 +72,7 @@ class Battery(Sensor[BatteryReading]):
         self._consumed_ah = 0.0
         self._then_s: float | None = None
 
-    def measure(self, motion: Motion, t_s: float) -> BatteryReading:
+    def measure(self, motion: TrueMotion, t_s: float) -> BatteryReading:
         """Discharge by the power since the last sample, and report."""
         model, power_w = self._model, motion.truth().power_w
         open_v = model.cells * cell_voltage_v(self.remaining)

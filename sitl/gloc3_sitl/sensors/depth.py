@@ -3,10 +3,10 @@
 from typing import Final
 
 from gloc3.messages.frames import GRAVITY_M_S2, GeoPoint, Vector3
-from gloc3_sitl.physics.truth import Motion
+from gloc3_sitl.physics.truth import TrueMotion
 from gloc3_sitl.sensors.noise import Wander
 from gloc3_sitl.sensors.readings import BarometerReading, LeakReading
-from gloc3_sitl.sensors.sensor import Sensor
+from gloc3_sitl.sensors.sensor import SimulatedSensor
 
 DENSITY_KG_M3: Final = 1025.0
 """Of sea water; the sensor's table has the same."""
@@ -19,7 +19,7 @@ DRIFT_M: Final = 0.02
 DRIFT_TIME_CONSTANT_S: Final = 600.0
 
 
-class DepthSensor(Sensor[BarometerReading]):
+class DepthSensor(SimulatedSensor[BarometerReading]):
     """White noise and a slow drift; depth counts from the calm surface at the home."""
 
     name = "barometer"
@@ -32,7 +32,7 @@ class DepthSensor(Sensor[BarometerReading]):
         self._surface_m = home.altitude_m
         self._drift = Wander(self._draw, DRIFT_M, DRIFT_TIME_CONSTANT_S, 1.0 / rate_hz)
 
-    def measure(self, motion: Motion, t_s: float) -> BarometerReading:
+    def measure(self, motion: TrueMotion, t_s: float) -> BarometerReading:
         """Pressure at the vehicle's depth, with all errors."""
         error_m = self._drift.step() + NOISE_M * self._draw()
         return self._reading(t_s, motion.truth().altitude_m - self._surface_m + error_m)
@@ -46,7 +46,7 @@ class DepthSensor(Sensor[BarometerReading]):
         return BarometerReading(t_s=t_s, pressure_pa=pressure_pa, altitude_m=self._surface_m + height_m)
 
 
-class LeakSensor(Sensor[LeakReading]):
+class LeakSensor(SimulatedSensor[LeakReading]):
     """Dry, until a fault says otherwise: `sensor:leak=biased`."""
 
     name = "leak"
@@ -57,7 +57,7 @@ class LeakSensor(Sensor[LeakReading]):
     def __init__(self, seed: int, rate_hz: float = 2.0) -> None:
         super().__init__(seed, rate_hz)
 
-    def measure(self, motion: Motion, t_s: float) -> LeakReading:
+    def measure(self, motion: TrueMotion, t_s: float) -> LeakReading:
         """Dry."""
         del motion
         return LeakReading(t_s=t_s, is_wet=False)

@@ -6,10 +6,10 @@ from typing import Final
 import msgspec
 
 from gloc3.messages.frames import WGS84_A_M, WGS84_F, GeoPoint, Vector3
-from gloc3_sitl.physics.truth import Motion
+from gloc3_sitl.physics.truth import TrueMotion
 from gloc3_sitl.sensors.noise import Wander
 from gloc3_sitl.sensors.readings import FixKind, FixReading
-from gloc3_sitl.sensors.sensor import Sensor
+from gloc3_sitl.sensors.sensor import SimulatedSensor
 
 
 class Receiver(msgspec.Struct, frozen=True, kw_only=True):
@@ -66,7 +66,7 @@ PLAIN_GPS: Final = Receiver(
 """A code solution: 2.5 m of error in every second fix at most, 0.05 m/s (data sheet figures of the NEO-M8N class)."""
 
 
-class FixSensor(Sensor[FixReading]):
+class FixSensor(SimulatedSensor[FixReading]):
     """Position with white and slowly changing errors, velocity with white noise, after a latency."""
 
     name = "fix"
@@ -86,7 +86,7 @@ class FixSensor(Sensor[FixReading]):
         self._deg_per_north_m = 180.0 / pi * root**3 / (WGS84_A_M * (1.0 - e2))
         self._deg_per_east_m = 180.0 / pi * root / (WGS84_A_M * max(cos(latitude), 1e-6))
 
-    def measure(self, motion: Motion, t_s: float) -> FixReading:
+    def measure(self, motion: TrueMotion, t_s: float) -> FixReading:
         """Where the vehicle is, with all errors."""
         truth, receiver, draw = motion.truth(), self.receiver, self._draw
         horizontal_m, vertical_m = receiver.noise_horizontal_m, receiver.noise_vertical_m
@@ -153,7 +153,7 @@ class SurfaceFix(FixSensor):
         self._surface_m = home.altitude_m
         self._since_s = -REACQUIRE_S
 
-    def measure(self, motion: Motion, t_s: float) -> FixReading:
+    def measure(self, motion: TrueMotion, t_s: float) -> FixReading:
         """Where the vehicle is, if the receiver can know."""
         reading = super().measure(motion, t_s)
         if motion.truth().altitude_m + ANTENNA_M < self._surface_m:

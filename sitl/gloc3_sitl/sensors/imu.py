@@ -4,9 +4,9 @@ from math import sqrt
 from typing import Final
 
 from gloc3.messages.frames import GRAVITY_M_S2, Vector3
-from gloc3_sitl.physics.truth import Motion
+from gloc3_sitl.physics.truth import TrueMotion
 from gloc3_sitl.sensors.readings import ImuReading
-from gloc3_sitl.sensors.sensor import Sensor
+from gloc3_sitl.sensors.sensor import SimulatedSensor
 
 GYRO_DENSITY_RAD_S_RTHZ: Final = 0.004 * 0.0174532925
 """Noise of a gyro: 0.004 °/s/√Hz (data sheet figure of the ICM-20602 class)."""
@@ -18,7 +18,7 @@ ACCELEROMETER_BIAS_M_S2: Final = 0.03
 """Deviation of what is left of an accelerometer's bias after a six-position calibration."""
 
 
-class Imu(Sensor[ImuReading]):
+class SimulatedImu(SimulatedSensor[ImuReading]):
     """White noise over the band up to half the rate, and a bias that is constant for a flight."""
 
     name = "imu"
@@ -36,7 +36,7 @@ class Imu(Sensor[ImuReading]):
         self.rate_bias_rad_s = tuple(bias_share * GYRO_BIAS_RAD_S * draw() for _ in range(3))
         """The constant error of each gyro."""
 
-    def measure(self, motion: Motion, t_s: float) -> ImuReading:
+    def measure(self, motion: TrueMotion, t_s: float) -> ImuReading:
         """Add bias and white noise."""
         (fx, fy, fz), (p, q, r) = motion.imu()
         draw, force, rate = self._draw, self._force_noise, self._rate_noise

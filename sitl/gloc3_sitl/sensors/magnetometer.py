@@ -3,10 +3,10 @@
 from typing import Final
 
 from gloc3.messages.frames import GeoPoint, Vector3, rotate_back
-from gloc3_sitl.physics.truth import Motion
+from gloc3_sitl.physics.truth import TrueMotion
 from gloc3_sitl.sensors.magnetic_field import field_ned_tesla
 from gloc3_sitl.sensors.readings import MagnetometerReading
-from gloc3_sitl.sensors.sensor import Sensor
+from gloc3_sitl.sensors.sensor import SimulatedSensor
 
 NOISE_TESLA: Final = 3e-7
 """White noise: 3 mG, data sheet figure of the HMC5983 and IST8310 class."""
@@ -14,7 +14,7 @@ BIAS_TESLA: Final = 4e-7
 """Deviation of what is left of the vehicle's own field after calibration: about a degree of heading."""
 
 
-class Magnetometer(Sensor[MagnetometerReading]):
+class Magnetometer(SimulatedSensor[MagnetometerReading]):
     """White noise and a bias that is constant for a flight."""
 
     name = "magnetometer"
@@ -36,7 +36,7 @@ class Magnetometer(Sensor[MagnetometerReading]):
         self._field_ned_tesla = field_ned_tesla(home)
         self._bias_tesla = tuple(bias_tesla * self._draw() for _ in range(3))
 
-    def measure(self, motion: Motion, t_s: float) -> MagnetometerReading:
+    def measure(self, motion: TrueMotion, t_s: float) -> MagnetometerReading:
         """Turn the field into the body's axes and add the errors."""
         x, y, z = rotate_back(motion.truth().attitude_wxyz, self._field_ned_tesla)
         bx, by, bz = self._bias_tesla

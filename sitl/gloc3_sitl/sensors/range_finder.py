@@ -4,9 +4,9 @@ from collections.abc import Callable
 from typing import ClassVar, Final
 
 from gloc3.messages.frames import Vector3
-from gloc3_sitl.physics.truth import Motion, Truth
+from gloc3_sitl.physics.truth import TrueMotion, Truth
 from gloc3_sitl.sensors.readings import RangeReading
-from gloc3_sitl.sensors.sensor import Sensor
+from gloc3_sitl.sensors.sensor import SimulatedSensor
 
 COSINE_MIN: Final = 0.5
 """There is no echo from a floor that is tilted by more than 60 degrees."""
@@ -28,7 +28,7 @@ def level_ground(truth: Truth, below_m: float) -> float:
     return (truth.height_above_ground_m + truth.standing_height_m) / upright(truth) - below_m
 
 
-class RangeFinder(Sensor[RangeReading]):
+class RangeFinder(SimulatedSensor[RangeReading]):
     """One beam; how far it is off is its subclass's.
 
     Args:
@@ -89,7 +89,7 @@ class Altimeter(RangeFinder):
     def __init__(self, seed: int, rate_hz: float = 10.0, probe: Probe = level_ground) -> None:
         super().__init__(seed, rate_hz, probe)
 
-    def measure(self, motion: Motion, t_s: float) -> RangeReading:
+    def measure(self, motion: TrueMotion, t_s: float) -> RangeReading:
         """Distance along the beam to the floor, or whatever stands on it."""
         truth = motion.truth()
         if upright(truth) < COSINE_MIN:
@@ -114,7 +114,7 @@ class HeightSensor(RangeFinder):
         super().__init__(seed, rate_hz, probe)
         self._bias_m = BIAS_M * self._draw()
 
-    def measure(self, motion: Motion, t_s: float) -> RangeReading:
+    def measure(self, motion: TrueMotion, t_s: float) -> RangeReading:
         """Distance along the beam to the ground, or whatever stands on it."""
         truth = motion.truth()
         error_m = self._bias_m + NOISE_M * self._draw()

@@ -9,7 +9,7 @@ import msgspec
 
 from gloc3.errors import Misuse
 from gloc3.messages.frames import Vector3
-from gloc3_sitl.physics.truth import Motion
+from gloc3_sitl.physics.truth import TrueMotion
 from gloc3_sitl.sensors.noise import normals
 from gloc3_sitl.sensors.readings import Reading
 
@@ -32,17 +32,17 @@ class FaultMode(StrEnum):
     """White noise is added on every axis."""
     LATE = "late"
     """Readings arrive later by the size in seconds."""
-    OLD = "old"
+    STALE = "old"
     """So late, and stamped as if they were new."""
     SCALED = "scaled"
     """All is too much by the size, a share; of the height and of wheels alone."""
 
 
-SIZED: Final = (FaultMode.BIASED, FaultMode.NOISY, FaultMode.LATE, FaultMode.OLD, FaultMode.SCALED)
+SIZED: Final = (FaultMode.BIASED, FaultMode.NOISY, FaultMode.LATE, FaultMode.STALE, FaultMode.SCALED)
 """The modes that have a size."""
 
 
-class Fault(msgspec.Struct, frozen=True, kw_only=True):
+class SensorFault(msgspec.Struct, frozen=True, kw_only=True):
     """A fault that is present."""
 
     mode: FaultMode
@@ -53,7 +53,7 @@ class Fault(msgspec.Struct, frozen=True, kw_only=True):
     """Axes that a bias acts on; a sensor of one value uses the first."""
 
 
-class Sensor(ABC, Generic[R]):
+class SimulatedSensor(ABC, Generic[R]):
     """One simulated sensor: measures at its rate, hands over after its latency."""
 
     name: ClassVar[str]
@@ -73,7 +73,7 @@ class Sensor(ABC, Generic[R]):
 
     def __init__(self, seed: int, rate_hz: float) -> None:
         self.rate_hz: Final = rate_hz
-        self.fault: Fault | None = None
+        self.fault: SensorFault | None = None
         """The fault that is present, if any."""
         self.due_s = 0.0
         """When something is to be measured or delivered next."""
@@ -81,10 +81,10 @@ class Sensor(ABC, Generic[R]):
         self._draw = normals(seed, self.name)
         self._measure_s = 0.0
         self._last: R | None = None
-        self._under_way: deque[tuple[float, R]] = deque()
+        self._pending: deque[tuple[float, R]] = deque()
 
     @abstractmethod
-    def measure(self, motion: Motion, t_s: float) -> R:
+    def measure(self, motion: TrueMotion, t_s: float) -> R:
         """Look at the truth and add noise."""
 
     @abstractmethod
@@ -101,32 +101,32 @@ class Sensor(ABC, Generic[R]):
         del reading
         return None
 
-    def poll(self, motion: Motion, now_s: float, out: list[Reading]) -> None:
+    def poll(self, motion: TrueMotion, now_s: float, out: list[Reading]) -> None:
         """Measure if it is time, and append what has arrived; due at most once a call."""
-        under_way = self._under_way
+        running = self._pending
         if now_s >= self._measure_s - _EARLY_S:
             kept: R | None = self.measure(motion, now_s)
             if self.fault is not None and kept is not None:
-                kept = self._spoil(kept, self.fault)
+                kept = self._corrupt(kept, self.fault)
             self._measure_s += self._period_s
             if self._measure_s <= now_s:
                 self._measure_s = now_s + self._period_s
             if kept is not None:
                 latency_s = self.latency_s if self.fault is None else self._late_s(self.fault)
-                if self.fault is not None and self.fault.mode is FaultMode.OLD:
+                if self.fault is not None and self.fault.mode is FaultMode.STALE:
                     kept = msgspec.structs.replace(kept, t_s=now_s + latency_s)
-                if latency_s > 0.0 or under_way:
-                    under_way.append((now_s + latency_s, kept))
+                if latency_s > 0.0 or running:
+                    running.append((now_s + latency_s, kept))
                 else:
                     out.append(kept)
-        while under_way and now_s >= under_way[0][0] - _EARLY_S:
-            out.append(under_way.popleft()[1])
-        self.due_s = min(self._measure_s, under_way[0][0]) if under_way else self._measure_s
+        while running and now_s >= running[0][0] - _EARLY_S:
+            out.append(running.popleft()[1])
+        self.due_s = min(self._measure_s, running[0][0]) if running else self._measure_s
 
-    def _late_s(self, fault: Fault) -> float:
-        return self.latency_s + (fault.size if fault.mode in (FaultMode.LATE, FaultMode.OLD) else 0.0)
+    def _late_s(self, fault: SensorFault) -> float:
+        return self.latency_s + (fault.size if fault.mode in (FaultMode.LATE, FaultMode.STALE) else 0.0)
 
-    def _spoil(self, reading: R, fault: Fault) -> R | None:
+    def _corrupt(self, reading: R, fault: SensorFault) -> R | None:
         match fault.mode:
             case FaultMode.LOST:
                 return self.without_signal(reading)
@@ -142,7 +142,7 @@ class Sensor(ABC, Generic[R]):
                 return self.shift(reading, (draw() * size, draw() * size, draw() * size))
             case FaultMode.SCALED:
                 return self.scale(reading, 1.0 + fault.size)
-            case FaultMode.LATE | FaultMode.OLD:
+            case FaultMode.LATE | FaultMode.STALE:
                 return reading
 
     def fail(self, mode: FaultMode, size: float | None = None, direction: Vector3 = (1.0, 0.0, 0.0)) -> None:
@@ -152,9 +152,9 @@ class Sensor(ABC, Generic[R]):
                 FaultMode.BIASED: self.bias_size,
                 FaultMode.NOISY: self.noise_size,
                 FaultMode.LATE: self.late_s,
-                FaultMode.OLD: self.late_s,
+                FaultMode.STALE: self.late_s,
                 FaultMode.SCALED: self.share,
             }
             size = sizes.get(mode, 0.0)
         self._last = None
-        self.fault = Fault(mode=mode, size=size, direction=direction)
+        self.fault = SensorFault(mode=mode, size=size, direction=direction)

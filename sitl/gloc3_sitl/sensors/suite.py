@@ -5,15 +5,15 @@ from typing import Any, Final
 
 from gloc3.errors import Misuse
 from gloc3.messages.frames import GeoPoint, Vector3
-from gloc3_sitl.physics.truth import Motion
+from gloc3_sitl.physics.truth import TrueMotion
 from gloc3_sitl.sensors.barometer import Barometer
 from gloc3_sitl.sensors.battery import Battery
 from gloc3_sitl.sensors.fix import PLAIN_GPS, RTK, FixSensor
-from gloc3_sitl.sensors.imu import Imu
+from gloc3_sitl.sensors.imu import SimulatedImu
 from gloc3_sitl.sensors.magnetometer import Magnetometer
 from gloc3_sitl.sensors.range_finder import HeightSensor, Probe, level_ground
 from gloc3_sitl.sensors.readings import Reading
-from gloc3_sitl.sensors.sensor import FaultMode, Sensor
+from gloc3_sitl.sensors.sensor import FaultMode, SimulatedSensor
 from gloc3_sitl.vehicles import PELICAN
 
 
@@ -35,21 +35,27 @@ class SensorSuite:
         seed: int,
         home: GeoPoint,
         *,
-        imu: Imu | None = None,
+        imu: SimulatedImu | None = None,
         battery: Battery | None = None,
         is_plain_gps: bool = False,
         probe: Probe = level_ground,
-        more: Sequence[Sensor[Any]] = (),
+        more: Sequence[SimulatedSensor[Any]] = (),
     ) -> None:
-        self.imu: Final = imu or Imu(seed)
+        self.imu: Final = imu or SimulatedImu(seed)
         self.barometer: Final = Barometer(seed)
         self.magnetometer: Final = Magnetometer(seed, home)
         self.height: Final = HeightSensor(seed, probe=probe)
         self.fix: Final = FixSensor(seed, home, PLAIN_GPS if is_plain_gps else RTK)
         self.battery: Final = battery or Battery(seed, PELICAN)
-        usual: tuple[Sensor[Any], ...] = (self.barometer, self.magnetometer, self.height, self.fix, self.battery)
+        usual: tuple[SimulatedSensor[Any], ...] = (
+            self.barometer,
+            self.magnetometer,
+            self.height,
+            self.fix,
+            self.battery,
+        )
         slow = {sensor.name: sensor for sensor in (*usual, *more)}
-        self._slow: tuple[Sensor[Any], ...] = tuple(slow.values())
+        self._slow: tuple[SimulatedSensor[Any], ...] = tuple(slow.values())
         self._sensors = {sensor.name: sensor for sensor in (self.imu, *self._slow)}
         self._due_s = 0.0
 
@@ -58,7 +64,7 @@ class SensorSuite:
         """Of those that can be made to fail."""
         return list(self._sensors)
 
-    def sample(self, motion: Motion, now_s: float) -> list[Reading]:
+    def sample(self, motion: TrueMotion, now_s: float) -> list[Reading]:
         """Readings that arrive now; to be called at least at the rate of the IMU.
 
         Args:
@@ -91,7 +97,7 @@ class SensorSuite:
         """End a sensor's fault."""
         self._named(name).fault = None
 
-    def _named(self, name: str) -> Sensor[Any]:
+    def _named(self, name: str) -> SimulatedSensor[Any]:
         if name not in self._sensors:
             raise Misuse(f"no sensor {name!r}; there are: {', '.join(self._sensors)}")
         return self._sensors[name]

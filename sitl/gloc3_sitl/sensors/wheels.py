@@ -4,15 +4,15 @@ from math import floor
 from typing import Final
 
 from gloc3.messages.frames import Vector3
-from gloc3_sitl.physics.truth import Motion
+from gloc3_sitl.physics.truth import TrueMotion
 from gloc3_sitl.sensors.readings import WheelReading
-from gloc3_sitl.sensors.sensor import Sensor
+from gloc3_sitl.sensors.sensor import SimulatedSensor
 
 RADIUS_SHARE: Final = 0.005
 """Deviation of a wheel's real radius from the one that is reckoned with, as tyres wear and are pressed."""
 
 
-class WheelEncoders(Sensor[WheelReading]):
+class WheelEncoders(SimulatedSensor[WheelReading]):
     """One for each side; each wheel has a constant error of its radius.
 
     Args:
@@ -31,10 +31,10 @@ class WheelEncoders(Sensor[WheelReading]):
         self._ticks_per_m = ticks_per_m
         self._scales = (1.0 + RADIUS_SHARE * self._draw(), 1.0 + RADIUS_SHARE * self._draw())
 
-    def measure(self, motion: Motion, t_s: float) -> WheelReading:
+    def measure(self, motion: TrueMotion, t_s: float) -> WheelReading:
         """Counts ticks."""
-        ways = zip(motion.truth().wheels_m, self._scales, strict=True)
-        left, right = (floor(way * scale * self._ticks_per_m) / self._ticks_per_m for way, scale in ways)
+        routes = zip(motion.truth().wheels_m, self._scales, strict=True)
+        left, right = (floor(way * scale * self._ticks_per_m) / self._ticks_per_m for way, scale in routes)
         return WheelReading(t_s=t_s, distances_m=(left, right))
 
     def shift(self, reading: WheelReading, offset: Vector3) -> WheelReading:

@@ -13,7 +13,7 @@ from gloc3.messages.frames import Quaternion, multiply, normalize, rotate_back
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sensors import imu
 from gloc3_sitl.world import World, rig
-from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.camera import SimulatedCamera
 from gloc3_sitl.world.geometry import Floats
 from gloc3_sitl.world.placing import Placing
 
@@ -53,7 +53,7 @@ def write_euroc(
     """
     top = folder / "mav0"
     for name, (model, imager) in (("cam0", rig.CAMERAS["front_left"]), ("cam1", rig.CAMERAS["front_right"])):
-        camera = Camera(world, model, imager, seed)
+        camera = SimulatedCamera(world, model, imager, seed)
         moments = [truth(number / rate_hz) for number in range(int(duration_s * rate_hz) + 1)]
         write_pictures(top / name, camera, moments)
         write_lines(top / name / "sensor.yaml", [camera_yaml(name, model, rate_hz)])
@@ -68,7 +68,7 @@ def stamp_ns(t_s: float) -> int:
     return BEGIN_NS + round(t_s * 1e9)
 
 
-def write_pictures(folder: Path, camera: Camera, truths: list[Truth]) -> None:
+def write_pictures(folder: Path, camera: SimulatedCamera, truths: list[Truth]) -> None:
     """Writes what a camera sees at each moment, and the list of it."""
     cv2 = load_opencv()
     (folder / "data").mkdir(parents=True, exist_ok=True)
@@ -82,7 +82,7 @@ def write_pictures(folder: Path, camera: Camera, truths: list[Truth]) -> None:
 
 
 def _write_imu(folder: Path, truths: list[Truth], seed: int) -> None:
-    unit = imu.Imu(seed, IMU_HZ)
+    unit = imu.SimulatedImu(seed, IMU_HZ)
     rows = [
         "#timestamp [ns],"
         + ",".join(f"w_RS_S_{a} [rad s^-1]" for a in "xyz")
@@ -91,8 +91,10 @@ def _write_imu(folder: Path, truths: list[Truth], seed: int) -> None:
     ]
     for moment in truths:
         reading = unit.measure(moment, moment.t_s)
-        felt = [rotate_back(FRD_FROM_URF, part) for part in (reading.rate_frd_rad_s, reading.specific_force_frd_m_s2)]
-        rows.append(f"{stamp_ns(moment.t_s)},{_numbers([*felt[0], *felt[1]])}")
+        measured = [
+            rotate_back(FRD_FROM_URF, part) for part in (reading.rate_frd_rad_s, reading.specific_force_frd_m_s2)
+        ]
+        rows.append(f"{stamp_ns(moment.t_s)},{_numbers([*measured[0], *measured[1]])}")
     write_lines(folder / "data.csv", rows)
     lines = [
         "sensor_type: imu",

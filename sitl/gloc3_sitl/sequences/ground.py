@@ -12,7 +12,7 @@ from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sensors import range_finder
 from gloc3_sitl.sequences.euroc import camera_yaml, stamp_ns, write_lines, write_pictures
 from gloc3_sitl.world import World, rig
-from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.camera import SimulatedCamera
 from gloc3_sitl.world.placing import Placing
 from gloc3_sitl.world.probe import WorldProbe
 
@@ -35,16 +35,16 @@ def write_ground(folder: Path, world: World, truths: Iterable[Truth], *, rate_hz
         How many pictures there are.
     """
     moments = list(truths)
-    write_pictures(folder / "ground", Camera(world, rig.GROUND, rig.GROUND_IMAGER, seed), moments)
+    write_pictures(folder / "ground", SimulatedCamera(world, rig.GROUND, rig.GROUND_IMAGER, seed), moments)
     write_lines(folder / "ground" / "sensor.yaml", [camera_yaml("ground", rig.GROUND, rate_hz, IDENTITY)])
     random, probe, placing = np.random.default_rng([seed, 7]), WorldProbe(world), Placing(world)
     bias_m = range_finder.BIAS_M * random.standard_normal()
     attitudes, heights, poses = ["#timestamp [ns],q_w,q_x,q_y,q_z"], ["#timestamp [ns],height [m]"], list[str]()
     for moment in moments:
         roll, pitch = (TILT_NOISE_RAD * random.standard_normal(2)).tolist()
-        told = multiply(moment.attitude_wxyz, from_rotation_vector((roll, pitch, 0.0)))
+        reported = multiply(moment.attitude_wxyz, from_rotation_vector((roll, pitch, 0.0)))
         range_m = probe(moment, 0.0) + bias_m + range_finder.NOISE_M * random.standard_normal()
-        attitudes.append(f"{stamp_ns(moment.t_s)},{','.join(f'{part:.9f}' for part in told)}")
+        attitudes.append(f"{stamp_ns(moment.t_s)},{','.join(f'{part:.9f}' for part in reported)}")
         heights.append(f"{stamp_ns(moment.t_s)},{range_m:.4f}")
         w, x, y, z = moment.attitude_wxyz
         place = world.frame.to_ned(placing.body(moment).position_m)

@@ -12,7 +12,7 @@ from gloc3.camera.model import CameraModel
 from gloc3.camera.opencv import load_opencv
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world import World, rig
-from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.camera import SimulatedCamera
 from gloc3_sitl.world.geometry import Floats
 from gloc3_sitl.world.imager import Imager
 
@@ -44,7 +44,9 @@ def write_kitti(
     cv2 = load_opencv()
     x, y, z = model.position_frd_m
     right = msgspec.structs.replace(model, position_frd_m=(x, y + rig.BASELINE_M, z))
-    cameras = [Camera(world, side, Imager(name=name), seed) for side, name in ((model, "image_0"), (right, "image_1"))]
+    cameras = [
+        SimulatedCamera(world, side, Imager(name=name), seed) for side, name in ((model, "image_0"), (right, "image_1"))
+    ]
     for camera in cameras:
         (folder / camera.imager.name).mkdir(parents=True, exist_ok=True)
     times: list[float] = []
@@ -62,7 +64,7 @@ def write_kitti(
     return len(times)
 
 
-def _pose(camera: Camera, truth: Truth) -> Floats:
+def _pose(camera: SimulatedCamera, truth: Truth) -> Floats:
     """`local_from_rdf` as a 4 by 4 matrix."""
     local_from_rdf, place = camera.pose(truth)
     pose = np.eye(4)

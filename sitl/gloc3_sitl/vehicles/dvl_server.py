@@ -18,7 +18,7 @@ MOST_PORT: Final = 65535
 EXAMPLE: Final = "a50://127.0.0.1:16171"
 _BACKLOG_BYTES: Final = 16_384
 """A client that is so far behind misses lines."""
-_LOOK_EVERY_S: Final = 0.01
+_POLL_PERIOD_S: Final = 0.01
 
 
 class DvlAddress(NamedTuple):
@@ -101,17 +101,17 @@ class DvlServer:
             self._clients.add(writer)
 
     def _tick(self) -> None:
-        self._timer = self._loop.call_later(_LOOK_EVERY_S, self._tick)
+        self._timer = self._loop.call_later(_POLL_PERIOD_S, self._tick)
         slot = int(self._scene.now_s * RATE_HZ + 1e-6)
         if slot == self._slot:
             return
         self._slot = slot
         truth = self._scene.truth()
-        said = self._encode(self._model.measure(truth), truth.t_s)
+        text = self._encode(self._model.measure(truth), truth.t_s)
         self._clients = {client for client in self._clients if not client.is_closing()}
         for client in self._clients:
             if client.transport.get_write_buffer_size() < _BACKLOG_BYTES:
-                client.write(said)
+                client.write(text)
 
 
 UNLOCKED_FOM: Final = 2.0
@@ -131,7 +131,7 @@ def a50_line(bottom: BottomVelocity, t_s: float) -> bytes:
         {"id": number, "velocity": 0.0, "distance": reach_m if bottom.is_valid else -1.0, "beam_valid": bottom.is_valid}
         for number in range(4)
     ]
-    said = {
+    text = {
         "time": 1e3 / RATE_HZ,
         "vx": vx,
         "vy": vy,
@@ -147,7 +147,7 @@ def a50_line(bottom: BottomVelocity, t_s: float) -> bytes:
         "time_of_validity": stamp_us,
         "time_of_transmission": stamp_us,
     }
-    return msgspec.json.encode(said) + b"\r\n"
+    return msgspec.json.encode(text) + b"\r\n"
 
 
 def pd6_lines(bottom: BottomVelocity, t_s: float) -> bytes:

@@ -5,17 +5,17 @@ import errno
 from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple, Self
 
-from gloc3.camera.frame_stream import MOST_WISH_BYTES, GreyFrame, ScanFrame, encode, encode_scan, read_wish
+from gloc3.camera.frame_stream import MOST_REQUEST_BYTES, GreyFrame, ScanFrame, encode, encode_scan, read_stream_request
 from gloc3.errors import Refused
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.vehicles.scene import Scene
 from gloc3_sitl.world import World, rig
-from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.camera import SimulatedCamera
 from gloc3_sitl.world.laser import LaserScanner
 from gloc3_sitl.world.tracker import TrackerCamera
 
 MOST_CLIENTS: Final = 8
-_LOOK_EVERY_S: Final = 0.01
+_POLL_PERIOD_S: Final = 0.01
 
 
 class Feed(NamedTuple):
@@ -54,7 +54,7 @@ class SensorServer:
             Refused: the port is in use.
         """
         try:
-            self._server = await asyncio.start_server(self._connected, "127.0.0.1", port, limit=MOST_WISH_BYTES)
+            self._server = await asyncio.start_server(self._connected, "127.0.0.1", port, limit=MOST_REQUEST_BYTES)
         except OSError as error:
             reason = "it is in use by another program" if error.errno == errno.EADDRINUSE else error.strerror
             raise Refused(f"sensor port {port}: {reason}") from error
@@ -74,17 +74,17 @@ class SensorServer:
     async def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Takes a client that wishes for what is there; others are turned away."""
         try:
-            wish = read_wish(await reader.readline())
+            wanted = read_stream_request(await reader.readline())
         except (ValueError, ConnectionError):
-            wish = frozenset()
-        if not wish or not wish <= self.feeds.keys() or len(self._clients) >= MOST_CLIENTS:
+            wanted = frozenset()
+        if not wanted or not wanted <= self.feeds.keys() or len(self._clients) >= MOST_CLIENTS:
             writer.close()
         else:
-            self._clients[writer] = wish
+            self._clients[writer] = wanted
 
     def _tick(self) -> None:
-        self._timer = self._loop.call_later(_LOOK_EVERY_S, self._tick)
-        self._clients = {client: wish for client, wish in self._clients.items() if not client.is_closing()}
+        self._timer = self._loop.call_later(_POLL_PERIOD_S, self._tick)
+        self._clients = {client: wanted for client, wanted in self._clients.items() if not client.is_closing()}
         wanted = frozenset[str]().union(*self._clients.values())
         due = [name for name in self.feeds if name in wanted and self._is_due(name)]
         if not due:
@@ -104,8 +104,8 @@ class SensorServer:
 
 
 def _feeds(world: World, seed: int) -> dict[str, Feed]:
-    cameras: dict[str, Camera | TrackerCamera] = {
-        name: Camera(world, model, imager, seed) for name, (model, imager) in rig.CAMERAS.items()
+    cameras: dict[str, SimulatedCamera | TrackerCamera] = {
+        name: SimulatedCamera(world, model, imager, seed) for name, (model, imager) in rig.CAMERAS.items()
     }
     if world.file.tracker is not None:
         tracker = TrackerCamera(world, world.file.tracker, rig.TRACKER, rig.TRACKER_IMAGER, seed)
@@ -115,17 +115,17 @@ def _feeds(world: World, seed: int) -> dict[str, Feed]:
     return feeds
 
 
-def _picture_of(camera: Camera | TrackerCamera) -> Callable[[Truth], bytes]:
-    def take(truth: Truth) -> bytes:
+def _picture_of(camera: SimulatedCamera | TrackerCamera) -> Callable[[Truth], bytes]:
+    def handle(truth: Truth) -> bytes:
         pixels = camera.capture(truth).pixels
         height, width = pixels.shape
         return encode(GreyFrame(round(truth.t_s * 1e6), camera.imager.name, width, height, pixels.tobytes()))
 
-    return take
+    return handle
 
 
 def _scan_of(scanner: LaserScanner) -> Callable[[Truth], bytes]:
-    def take(truth: Truth) -> bytes:
+    def handle(truth: Truth) -> bytes:
         scan = scanner.scan(truth)
         return encode_scan(
             ScanFrame(
@@ -140,4 +140,4 @@ def _scan_of(scanner: LaserScanner) -> Callable[[Truth], bytes]:
             )
         )
 
-    return take
+    return handle

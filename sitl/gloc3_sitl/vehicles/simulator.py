@@ -18,15 +18,15 @@ from gloc3_sitl.autopilot.mavlink.links import LinkKind, Receive, Send
 from gloc3_sitl.autopilot.periods import STEP_S
 from gloc3_sitl.autopilot.pilot import Pilot
 from gloc3_sitl.autopilot.sources import WITHOUT_SATELLITES
-from gloc3_sitl.autopilot.surroundings import Failure, Power, Unit
-from gloc3_sitl.autopilot.verdict import Verdict
+from gloc3_sitl.autopilot.surroundings import FailureKind, FailureUnit, SupplyState
+from gloc3_sitl.autopilot.verdict import RequestVerdict
 from gloc3_sitl.faults.injection import inject
 from gloc3_sitl.physics.body import Situation
 from gloc3_sitl.physics.ground import PERIOD_STEPS, raise_ground
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.physics.wind import CALM, Wind
 from gloc3_sitl.sensors.battery import Battery
-from gloc3_sitl.sensors.imu import Imu
+from gloc3_sitl.sensors.imu import SimulatedImu
 from gloc3_sitl.sensors.magnetic_field import declination_deg
 from gloc3_sitl.sensors.range_finder import level_ground
 from gloc3_sitl.sensors.readings import Reading
@@ -55,7 +55,7 @@ class _Wire:
         self.send, self.kind, self.is_datagram = send, kind, is_datagram
         self.receive: Receive = _deaf
 
-    def take(self, data: bytes) -> None:
+    def pass_on(self, data: bytes) -> None:
         """Passes on what came in."""
         self.receive(data)
 
@@ -126,7 +126,7 @@ class Simulator:
         self.autopilot.utc_offset_s = VIRTUAL_EPOCH_S
         self.texts: Final[deque[tuple[float, Severity, str]]] = deque(maxlen=200)
         """What the autopilot said last: time, severity, text."""
-        self.texts_said = 0
+        self.text_count = 0
         """How many it has said in all."""
         self.front = Front(self.autopilot)
         self._wires: list[_Wire] = []
@@ -209,7 +209,7 @@ class Simulator:
         self._wires.append(wire)
         if not self.is_down:
             wire.receive = self.front.attach(send, kind, is_datagram=is_datagram)
-        return wire.take
+        return wire.pass_on
 
     @property
     def pilot(self) -> Pilot:
@@ -241,9 +241,9 @@ class Simulator:
         """Whether the autopilot was switched off for good."""
         return self.is_down and self._up_s == inf
 
-    def switch(self, power: Power) -> None:
+    def switch(self, power: SupplyState) -> None:
         """Boots the autopilot anew, or leaves it without power, from the next step on."""
-        self._up_s = self.now_s + BOOT_S if power is Power.REBOOT else inf
+        self._up_s = self.now_s + BOOT_S if power is SupplyState.REBOOT else inf
         self._step = self._go_down
 
     def _go_down(self, readings: Sequence[Reading], t_s: float) -> Outputs:
@@ -278,24 +278,24 @@ class Simulator:
         declination = radians(declination_deg(self.world.home))
         return Autopilot(
             self._style,
-            self._say,
+            self._count_text,
             vehicle=self._vehicle_class,
             declination_rad=declination,
             surroundings=self,
             before=before,
         )
 
-    def inject(self, unit: Unit, failure: Failure) -> Verdict:
+    def inject(self, unit: FailureUnit, failure: FailureKind) -> RequestVerdict:
         """Makes something fail, or repairs it."""
         return inject(self.sensors, self.autopilot, unit, failure)
 
     # -- inside -------------------------------------------------------------------------------------------------------
 
-    def _say(self, severity: Severity, text: str) -> None:
-        self.texts_said += 1
+    def _count_text(self, severity: Severity, text: str) -> None:
+        self.text_count += 1
         self.texts.append((self.now_s, severity, text))
         self.autopilot.logger.note(text)
-        self.front.say(severity, text)
+        self.front.send_text(severity, text)
 
 
 def _sensors(row: VehicleRow, world: World, settings: SimulatorSettings) -> SensorSuite:
@@ -303,7 +303,7 @@ def _sensors(row: VehicleRow, world: World, settings: SimulatorSettings) -> Sens
     return SensorSuite(
         seed,
         world.home,
-        imu=Imu(seed, bias_share=row.imu_bias_share),
+        imu=SimulatedImu(seed, bias_share=row.imu_bias_share),
         battery=Battery(seed, row.pack, settings.battery_remaining),
         is_plain_gps=settings.is_plain_gps,
         probe=level_ground if world.is_flat else WorldProbe(world),

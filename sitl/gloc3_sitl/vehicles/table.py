@@ -11,17 +11,17 @@ from gloc3.platform.platform import Platform
 from gloc3_sitl.autopilot import airframe
 from gloc3_sitl.autopilot.control.multirotor import MultirotorControl
 from gloc3_sitl.autopilot.control.underwater import UnderwaterControl
-from gloc3_sitl.autopilot.modes import Style
+from gloc3_sitl.autopilot.modes import StyleTables
 from gloc3_sitl.autopilot.styles.ardupilot import ARDUPILOT
 from gloc3_sitl.autopilot.styles.ardusub import ARDUSUB
 from gloc3_sitl.autopilot.styles.plane import PLANE
 from gloc3_sitl.autopilot.styles.px4 import PX4
 from gloc3_sitl.autopilot.styles.rover import BOAT, ROVER
 from gloc3_sitl.autopilot.vehicle_class import BOAT as BOAT_CLASS
-from gloc3_sitl.autopilot.vehicle_class import MULTIROTOR, VehicleClass
+from gloc3_sitl.autopilot.vehicle_class import MULTIROTOR, AutopilotClass
 from gloc3_sitl.autopilot.vehicle_class import PLANE as PLANE_CLASS
 from gloc3_sitl.autopilot.vehicle_class import ROVER as ROVER_CLASS
-from gloc3_sitl.physics.body import Body, MakeBody, Situation
+from gloc3_sitl.physics.body import MakeBody, Situation, VehicleBody
 from gloc3_sitl.physics.fixed_wing import FixedWing
 from gloc3_sitl.physics.jsbsim_body import Quadrotor
 from gloc3_sitl.physics.rover import SkidRover
@@ -33,7 +33,7 @@ from gloc3_sitl.sensors.compass import Compass
 from gloc3_sitl.sensors.depth import DepthSensor, LeakSensor
 from gloc3_sitl.sensors.fix import SurfaceFix
 from gloc3_sitl.sensors.range_finder import Altimeter
-from gloc3_sitl.sensors.sensor import Sensor
+from gloc3_sitl.sensors.sensor import SimulatedSensor
 from gloc3_sitl.sensors.wheels import WheelEncoders
 from gloc3_sitl.vehicles import HUMMINGBIRD, PELICAN, MultirotorModel
 from gloc3_sitl.vehicles.aerosonde import AEROSONDE
@@ -45,11 +45,11 @@ from gloc3_sitl.vehicles.underwater import UnderwaterModel
 
 MOST_WAVES_M: Final = 5.0
 MOST_CURRENT_M_S: Final = 3.0
-MakeSensors = Callable[[int, GeoPoint], Sequence[Sensor[Any]]]
+MakeSensors = Callable[[int, GeoPoint], Sequence[SimulatedSensor[Any]]]
 """Makes sensors from a seed and the home."""
 
 
-def _none(seed: int, home: GeoPoint) -> Sequence[Sensor[Any]]:
+def _none(seed: int, home: GeoPoint) -> Sequence[SimulatedSensor[Any]]:
     """No sensors beside those that every vehicle has."""
     del seed, home
     return ()
@@ -65,9 +65,9 @@ class VehicleRow:
     """Makes its physics."""
     pack: Pack
     """Its battery."""
-    vehicle_class: VehicleClass
+    vehicle_class: AutopilotClass
     """How the autopilot steers it."""
-    styles: Mapping[str, Style]
+    styles: Mapping[str, StyleTables]
     """Autopilots that can steer it, by name; the first is the usual one."""
     world: str = "open"
     """The world of missions on Earth that name none: one that may lie anywhere."""
@@ -86,7 +86,7 @@ class VehicleRow:
 def _quadrotor(model: MultirotorModel) -> MakeBody:
     """A body on four rotors."""
 
-    def make(situation: Situation) -> Body:
+    def make(situation: Situation) -> VehicleBody:
         return Quadrotor(
             model.aircraft,
             situation.home,
@@ -102,7 +102,7 @@ def _quadrotor(model: MultirotorModel) -> MakeBody:
 def _diving(model: UnderwaterModel) -> MakeBody:
     """A body under water."""
 
-    def make(situation: Situation) -> Body:
+    def make(situation: Situation) -> VehicleBody:
         return UnderwaterVehicle(
             model,
             situation.home,
@@ -116,15 +116,15 @@ def _diving(model: UnderwaterModel) -> MakeBody:
     return make
 
 
-def _submarine(model: UnderwaterModel) -> VehicleClass:
+def _submarine(model: UnderwaterModel) -> AutopilotClass:
     """How ArduSub sees it: outputs both ways from 1500 us."""
     outputs = len(model.thrusters) + (2 if model.fins is not None else 0)
-    return VehicleClass(
+    return AutopilotClass(
         mav_type=12,
         control=lambda craft: UnderwaterControl(craft, model),
-        tells_landed=False,
+        reports_landed=False,
         output_numbers=tuple(range(1, outputs + 1)),
-        rest_us=1500,
+        neutral_us=1500,
         span_us=400,
     )
 
@@ -133,7 +133,7 @@ _TACTICAL: Final = 0.1
 """Accelerometers of 0.3 mg beside a fibre-optic gyrocompass: what leans the level by more turns the heading, too."""
 
 
-def _diving_sensors(seed: int, home: GeoPoint) -> Sequence[Sensor[Any]]:
+def _diving_sensors(seed: int, home: GeoPoint) -> Sequence[SimulatedSensor[Any]]:
     """Depth in place of the barometer, an echo sounder in place of the laser, a good compass, fixes at the surface only, leak contacts."""
     return DepthSensor(seed, home), Altimeter(seed), Compass(seed, home), SurfaceFix(seed, home), LeakSensor(seed)
 

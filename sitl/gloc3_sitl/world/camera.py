@@ -19,7 +19,7 @@ _MOST_STEPS: Final = 12
 _NEAR_M: Final = 0.3
 
 
-class Camera:
+class SimulatedCamera:
     """A camera in a world. Textures are painted at the first picture.
 
     A picture is a function of the truth, the models and the seed, not of those taken before. Processors with other

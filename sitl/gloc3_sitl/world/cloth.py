@@ -14,7 +14,7 @@ _SPAN_PX: Final = 1400
 """What a band of a surface covers of its texture at most, as a rule, when its resolution fits that of the picture."""
 
 
-class Level:
+class TextureLevel:
     """One resolution of a texture, with a rim that keeps what lies beyond the edge out of the interpolation.
 
     OpenCV is ten times slower where it has to look beyond a picture's edge by any other rule than *nothing is there*.
@@ -45,16 +45,16 @@ class Cloth:
         while min(self._bare[-1].shape) > _SMALL_PX and all(side % 2 == 0 for side in self._bare[-1].shape):
             half = cv2.resize(self._bare[-1], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
             self._bare.append(half)
-        self._levels: list[Level | None] = [None] * len(self._bare)
+        self._levels: list[TextureLevel | None] = [None] * len(self._bare)
 
-    def level(self, pixel_m: float) -> Level:
+    def level(self, pixel_m: float) -> TextureLevel:
         """The resolution that fits pixels that are so wide on the surface."""
         wanted = round(log2(max(pixel_m * self._pixels_per_m, 1e-9)))
         index = min(max(0, wanted), len(self._bare) - 1)
         found = self._levels[index]
         if found is None:
             scale_px_m = self._pixels_per_m / 2**index
-            found = Level(self._cv2, self._bare[index], scale_px_m, is_repeated=self._is_repeated)
+            found = TextureLevel(self._cv2, self._bare[index], scale_px_m, is_repeated=self._is_repeated)
             self._levels[index] = found
         return found
 

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from gloc3.camera.geometry import matrix, project
 from gloc3.camera.model import CameraModel
 from gloc3_sitl.world.geometry import Floats
-from gloc3_sitl.world.placing import Place
+from gloc3_sitl.world.placing import WorldPlacement
 from gloc3_sitl.world.world import World
 
 
-class Coverage:
+class SurfaceCoverage:
     """Counts for each cell of one surface how often it was seen.
 
     Args:
@@ -46,7 +46,7 @@ class Coverage:
         self._geometry = world.geometry
         self._range_max_m, self._cosine_min = range_max_m, cos(incidence_max_rad)
 
-    def look(self, model: CameraModel, eye: Place, t_s: float) -> NDArray[np.bool_]:
+    def count_picture(self, model: CameraModel, eye: WorldPlacement, t_s: float) -> NDArray[np.bool_]:
         """Counts what a picture shows.
 
         Args:

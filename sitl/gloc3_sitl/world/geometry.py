@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gloc3.messages.frames import Vector3
-from gloc3_sitl.world.model import Box, Surface
+from gloc3_sitl.world.model import Box, WorldSurface
 
 Floats = NDArray[np.float64]
 _EDGE_M: Final = 1e-6
@@ -27,7 +27,7 @@ class Geometry:
         boxes: solid boxes; those with a `shuttle` move.
     """
 
-    def __init__(self, surfaces: list[Surface], boxes: list[Box]) -> None:
+    def __init__(self, surfaces: list[WorldSurface], boxes: list[Box]) -> None:
         self._corners = _array([surface.corner_m for surface in surfaces])
         across = _array([surface.across_m for surface in surfaces])
         down = _array([surface.down_m for surface in surfaces])

@@ -13,7 +13,7 @@ from gloc3.messages.perception import LaserScan
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world.geometry import Floats
 from gloc3_sitl.world.model import Length, Positive, Share
-from gloc3_sitl.world.placing import Place, Placing
+from gloc3_sitl.world.placing import Placing, WorldPlacement
 from gloc3_sitl.world.world import World
 
 _FLU_FROM_FRD: Final[Quaternion] = (0.0, 1.0, 0.0, 0.0)
@@ -61,7 +61,7 @@ class LaserScanner:
         ahead = np.array((np.cos(self._angles), np.sin(self._angles), np.zeros(model.beams))).T
         self._directions: Floats = ahead
 
-    def pose(self, truth: Truth) -> Place:
+    def pose(self, truth: Truth) -> WorldPlacement:
         """Where the scanner is, with axes forward, left and up."""
         return self._mounted(self._placing.body(truth))
 
@@ -91,7 +91,7 @@ class LaserScanner:
             duration_s=model.duration_s,
         )
 
-    def _mounted(self, body: Place) -> Place:
+    def _mounted(self, body: WorldPlacement) -> WorldPlacement:
         return body.mounted(self.model.position_frd_m, multiply(self.model.frd_from_scanner, _FLU_FROM_FRD))
 
     def _rays(self, truth: Truth) -> tuple[Floats, Floats]:

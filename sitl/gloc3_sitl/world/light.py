@@ -10,7 +10,7 @@ from gloc3.messages.frames import Vector3, rotate
 from gloc3_sitl.world.geometry import Floats
 from gloc3_sitl.world.model import Dust, Lamp, Lighting
 from gloc3_sitl.world.patches import Patch
-from gloc3_sitl.world.placing import Place
+from gloc3_sitl.world.placing import WorldPlacement
 from gloc3_sitl.world.sheets import Sheets
 from gloc3_sitl.world.texture import Image
 
@@ -30,7 +30,7 @@ class Glow(NamedTuple):
     """What haze adds, in grey values at a gain of 1."""
 
 
-class Light:
+class SceneLight:
     """The light of one picture.
 
     Args:
@@ -50,7 +50,7 @@ class Light:
         self._gain = 0.0 if is_metered else 1.0
         self._beams: list[tuple[Lamp, Floats, Floats]] = []
 
-    def move(self, body: Place) -> None:
+    def move(self, body: WorldPlacement) -> None:
         """Tells where the vehicle is."""
         center = np.array(body.position_m)
         for lamp in self._lighting.lamps:

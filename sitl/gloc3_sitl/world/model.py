@@ -65,7 +65,7 @@ class Dust(_Row, frozen=True, kw_only=True):
     """How much brighter a grain at 0.5 m makes the picture; less with the square of the distance."""
 
 
-class Exposure(_Row, frozen=True, kw_only=True):
+class CameraExposure(_Row, frozen=True, kw_only=True):
     """How the cameras of the vehicle expose here."""
 
     time_s: Annotated[float, msgspec.Meta(ge=0.0, le=0.1)] = 0.0
@@ -105,7 +105,7 @@ class Texture(_Row, frozen=True, kw_only=True):
     """Words that are stencilled on it."""
 
 
-class Surface(_Row, frozen=True, kw_only=True):
+class WorldSurface(_Row, frozen=True, kw_only=True):
     """A textured rectangle."""
 
     corner_m: Vector3
@@ -148,7 +148,7 @@ class Box(_Row, frozen=True, kw_only=True):
         return (x * share, y * share, height * share)
 
 
-class Light(_Row, frozen=True, kw_only=True):
+class BrightSpot(_Row, frozen=True, kw_only=True):
     """A bright spot in the world that is not the vehicle's: it can lead a tracker astray."""
 
     position_m: Vector3
@@ -197,14 +197,14 @@ class WorldFile(_Row, frozen=True, kw_only=True):
     """Whether it may be put anywhere on Earth by the home of a flight."""
     lighting: Lighting = Lighting()
     dust: Dust = Dust()
-    exposure: Exposure = Exposure()
+    exposure: CameraExposure = CameraExposure()
     textures: dict[Name, Texture] = {}
     """Textures by name."""
-    surfaces: dict[Name, Surface] = {}
+    surfaces: dict[Name, WorldSurface] = {}
     """Rectangles by name."""
     boxes: dict[Name, Box] = {}
     """Boxes by name."""
-    lights: dict[Name, Light] = {}
+    lights: dict[Name, BrightSpot] = {}
     """Bright spots by name."""
     tracker: Tracker | None = None
     marker: Marker | None = None
@@ -222,14 +222,14 @@ class VariantFile(_Row, frozen=True, kw_only=True):
     spawn: Spawn | None = None
     lighting: Lighting | None = None
     dust: Dust | None = None
-    exposure: Exposure | None = None
+    exposure: CameraExposure | None = None
     textures: dict[Name, Texture] = {}
     """Textures that are added, or that take the place of those of the same name."""
-    surfaces: dict[Name, Surface] = {}
+    surfaces: dict[Name, WorldSurface] = {}
     """Rectangles, likewise."""
     boxes: dict[Name, Box] = {}
     """Boxes, likewise."""
-    lights: dict[Name, Light] = {}
+    lights: dict[Name, BrightSpot] = {}
     """Bright spots, likewise."""
     tracker: Tracker | None = None
     water: Water | None = None

@@ -28,7 +28,7 @@ _FACES: Final = (
 """Axes (right, down, forward) of the sides of the cube: ahead, right, left, below, above."""
 
 
-class Canvas(NamedTuple):
+class LensCanvas(NamedTuple):
     """A pinhole picture that the lens takes a part of its picture from."""
 
     face_from_rdf: Floats
@@ -63,21 +63,23 @@ class Optics:
         assert found is not None
         return found
 
-    def _canvases(self) -> list[Canvas]:
+    def _canvases(self) -> list[LensCanvas]:
         model = self._model
         if model.lens is Lens.PINHOLE:
-            return [Canvas(np.eye(3), Pinhole(model.focal_px, model.center_px, model.width, model.height), None, None)]
+            return [
+                LensCanvas(np.eye(3), Pinhole(model.focal_px, model.center_px, model.width, model.height), None, None)
+            ]
         columns, rows = np.meshgrid(np.arange(model.width, dtype=float), np.arange(model.height, dtype=float))
         flat = unproject(model, np.column_stack([columns.ravel(), rows.ravel()]))
         is_shown = np.isfinite(flat[:, 0]) & np.isfinite(flat[:, 1])
-        looks = np.column_stack([np.where(is_shown[:, None], flat, 0.0), np.ones(len(flat))])
+        views = np.column_stack([np.where(is_shown[:, None], flat, 0.0), np.ones(len(flat))])
         if is_shown.all() and np.abs(flat).max() < _ONE_CANVAS_TAN:
-            return [self._canvas(np.eye(3), looks, None)]
-        towards = np.stack([looks @ np.array(face[2]) for face in _FACES])
+            return [self._canvas(np.eye(3), views, None)]
+        towards = np.stack([views @ np.array(face[2]) for face in _FACES])
         best = np.where(is_shown, towards.argmax(axis=0), -1)
-        return [self._canvas(np.array(face), looks, best == n) for n, face in enumerate(_FACES) if (best == n).any()]
+        return [self._canvas(np.array(face), views, best == n) for n, face in enumerate(_FACES) if (best == n).any()]
 
-    def _canvas(self, face_from_rdf: Floats, looks: Floats, chosen: NDArray[np.bool_] | None) -> Canvas:
+    def _canvas(self, face_from_rdf: Floats, looks: Floats, chosen: NDArray[np.bool_] | None) -> LensCanvas:
         model, cv2 = self._model, self._cv2
         (focal_x, focal_y), shape = model.focal_px, (model.height, model.width)
         seen = looks @ face_from_rdf.T
@@ -92,4 +94,4 @@ class Optics:
         )
         maps = cv2.convertMaps(across, down, cv2.CV_16SC2)
         mask = None if chosen is None else (chosen.reshape(shape) * np.uint8(255)).astype(np.uint8)
-        return Canvas(face_from_rdf, Pinhole(model.focal_px, (-left, -top), width, height), maps, mask)
+        return LensCanvas(face_from_rdf, Pinhole(model.focal_px, (-left, -top), width, height), maps, mask)

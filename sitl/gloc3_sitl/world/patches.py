@@ -19,7 +19,7 @@ _EDGE_M: Final = 1e-9
 """An eye that is no farther from the plane of a rectangle sees nothing of it."""
 
 
-class View(NamedTuple):
+class PatchView(NamedTuple):
     """From where and when a picture is drawn."""
 
     rdf_from_local: Floats
@@ -56,7 +56,7 @@ class Patch(NamedTuple):
     """Width of a square as large as what a pixel in its middle covers of the surface."""
 
 
-class Viewer:
+class PatchFinder:
     """Finds the patches of one camera."""
 
     def __init__(self, sheets: Sheets, pinhole: Pinhole) -> None:
@@ -71,7 +71,7 @@ class Viewer:
         )
         self._plane_rows: Floats = np.array(self._planes)
 
-    def patches(self, view: View) -> Iterator[Patch]:
+    def patches(self, view: PatchView) -> Iterator[Patch]:
         """Everything that is seen, from far to near."""
         sheets, eye = self._sheets, np.array(view.eye_m)
         corners = sheets.corners_at(view.t_s)

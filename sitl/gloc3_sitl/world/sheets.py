@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gloc3.messages.frames import Vector3
 from gloc3_sitl.world.cloth import Cloth, cloth_of, cloth_of_marker
 from gloc3_sitl.world.geometry import Floats
-from gloc3_sitl.world.model import Box, Marker, Surface
+from gloc3_sitl.world.model import Box, Marker, WorldSurface
 from gloc3_sitl.world.texture import MARKER_CELLS
 from gloc3_sitl.world.world import World, box_sides
 
@@ -22,7 +22,7 @@ class Sheets:
 
     def __init__(self, world: World) -> None:
         textures = world.file.textures
-        rows: list[tuple[Surface, Cloth, bool]] = [
+        rows: list[tuple[WorldSurface, Cloth, bool]] = [
             (surface, cloth_of(textures[surface.texture]), False) for surface in world.file.surfaces.values()
         ]
         self._moves: list[tuple[slice, Box]] = []
@@ -98,11 +98,11 @@ def _start_m(index: int) -> tuple[float, float]:
     return (1.37 * index) % 7.0, (0.83 * index) % 5.0
 
 
-def _tag(marker: Marker) -> Surface:
+def _tag(marker: Marker) -> WorldSurface:
     """The tag with its border, as a rectangle."""
     half_m = marker.size_m * MARKER_CELLS / 12.0
     x, y, height = marker.center_m
     corner: Vector3 = (x + half_m, y + half_m, height)
-    return Surface(
+    return WorldSurface(
         corner_m=corner, across_m=(0.0, -2.0 * half_m, 0.0), down_m=(-2.0 * half_m, 0.0, 0.0), texture="marker"
     )

@@ -9,14 +9,14 @@ import numpy as np
 from gloc3.camera.geometry import matrix
 from gloc3.camera.model import CameraModel
 from gloc3.camera.opencv import load_opencv
-from gloc3_sitl.world.cloth import RIM_PX, Level
+from gloc3_sitl.world.cloth import RIM_PX, TextureLevel
 from gloc3_sitl.world.geometry import Floats
 from gloc3_sitl.world.imager import Imager
-from gloc3_sitl.world.light import Light
-from gloc3_sitl.world.model import Dust, Exposure
-from gloc3_sitl.world.optics import Canvas, Optics
-from gloc3_sitl.world.patches import Patch, Pinhole, View, Viewer, spot_m
-from gloc3_sitl.world.placing import Place
+from gloc3_sitl.world.light import SceneLight
+from gloc3_sitl.world.model import CameraExposure, Dust
+from gloc3_sitl.world.optics import LensCanvas, Optics
+from gloc3_sitl.world.patches import Patch, PatchFinder, PatchView, Pinhole, spot_m
+from gloc3_sitl.world.placing import WorldPlacement
 from gloc3_sitl.world.sheets import Sheets
 from gloc3_sitl.world.texture import Image
 from gloc3_sitl.world.world import World
@@ -31,9 +31,9 @@ class Renderer:
     def __init__(self, sheets: Sheets, pinhole: Pinhole) -> None:
         self._cv2 = load_opencv()
         self._sheets, self._pinhole = sheets, pinhole
-        self._viewer = Viewer(sheets, pinhole)
+        self._viewer = PatchFinder(sheets, pinhole)
 
-    def draw(self, view: View, light: Light | None = None) -> Image:
+    def draw(self, view: PatchView, light: SceneLight | None = None) -> Image:
         """The picture from a place; what is not there is black.
 
         Args:
@@ -68,7 +68,7 @@ class Renderer:
         )
         return drawn
 
-    def _placed(self, patch: Patch, level: Level) -> tuple[Image, Floats, int]:
+    def _placed(self, patch: Patch, level: TextureLevel) -> tuple[Image, Floats, int]:
         """The part of the cloth that a patch bears: the picture, the map of metres into it, the rule at its border."""
         cv2, scale = self._cv2, level.scale_px_m
         start_x, start_y = self._sheets.starts_m[patch.sheet]
@@ -114,7 +114,7 @@ class Studio:
         seed: of noise, dust and jumps of the exposure.
     """
 
-    def __init__(self, world: World, model: CameraModel, imager: Imager, exposure: Exposure, seed: int) -> None:
+    def __init__(self, world: World, model: CameraModel, imager: Imager, exposure: CameraExposure, seed: int) -> None:
         self._cv2 = load_opencv()
         self._world, self._model = world, model
         self._imager, self._exposure = imager, exposure
@@ -129,7 +129,7 @@ class Studio:
         self._brighter = np.clip(noise, 0, 255).astype(np.uint8)
         self._darker = np.clip(-noise, 0, 255).astype(np.uint8)
 
-    def scene(self, eyes: list[Place], body: Place | None, t_s: float) -> Image:
+    def scene(self, eyes: list[WorldPlacement], body: WorldPlacement | None, t_s: float) -> Image:
         """What falls on the sensor, grey values, rows by columns.
 
         Args:
@@ -137,14 +137,14 @@ class Studio:
             body: the place of the vehicle with its lamps (axes forward, right, down); None without them.
             t_s: the middle of the exposure.
         """
-        light = Light(self._world.file.lighting, self._world.file.dust, is_metered=self._exposure.is_automatic)
+        light = SceneLight(self._world.file.lighting, self._world.file.dust, is_metered=self._exposure.is_automatic)
         if body is not None:
             light.move(body)
         rotations = [matrix(eye.local_from_here).T for eye in eyes]
         canvases = []
         for canvas, renderer in zip(self._optics.canvases, self._renderers, strict=True):
             views = [
-                View(canvas.face_from_rdf @ rotation, eye.position_m, t_s)
+                PatchView(canvas.face_from_rdf @ rotation, eye.position_m, t_s)
                 for eye, rotation in zip(eyes, rotations, strict=True)
             ]
             canvases.append(self._mean([self._drawn(canvas, renderer, view, light) for view in views]))
@@ -164,7 +164,7 @@ class Studio:
         noisy: Image = self._cv2.subtract(self._cv2.add(scene, self._brighter[cut]), self._darker[cut])
         return noisy
 
-    def _drawn(self, canvas: Canvas, renderer: Renderer, view: View, light: Light) -> Image:
+    def _drawn(self, canvas: LensCanvas, renderer: Renderer, view: PatchView, light: SceneLight) -> Image:
         image = renderer.draw(view, light)
         if self._grains:
             self._grains.draw(self._cv2, image, canvas.pinhole, view)
@@ -209,7 +209,7 @@ class Grains:
     def __bool__(self) -> bool:
         return len(self._places) > 0
 
-    def draw(self, cv2: Any, image: Image, pinhole: Pinhole, view: View) -> None:
+    def draw(self, cv2: Any, image: Image, pinhole: Pinhole, view: PatchView) -> None:
         """Brightens a picture where grains are."""
         for column, row, depth_m in self._seen(pinhole, view):
             radius_px = max(0.7, _RADIUS_M * pinhole.focal_px[0] / depth_m)
@@ -224,7 +224,7 @@ class Grains:
             spot = self._grey * min(1.0, 0.25 / depth_m**2) * np.exp(-square / (2.0 * radius_px**2))
             cv2.add(cut, spot.astype(np.uint8), dst=cut)
 
-    def _seen(self, pinhole: Pinhole, view: View) -> list[tuple[float, float, float]]:
+    def _seen(self, pinhole: Pinhole, view: PatchView) -> list[tuple[float, float, float]]:
         """Column, row and depth of those in view."""
         eye = np.array(view.eye_m)
         away = (self._places + self._drift * view.t_s - eye + _CUBE_M / 2.0) % _CUBE_M - _CUBE_M / 2.0

@@ -10,8 +10,8 @@ from gloc3.camera.model import CameraModel
 from gloc3.messages.frames import Quaternion, Vector3, conjugate, from_euler, multiply, normalize
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world.imager import Imager, Photo
-from gloc3_sitl.world.model import Exposure, Tracker
-from gloc3_sitl.world.placing import Place, Placing
+from gloc3_sitl.world.model import CameraExposure, Tracker
+from gloc3_sitl.world.placing import Placing, WorldPlacement
 from gloc3_sitl.world.studio import Studio
 from gloc3_sitl.world.texture import Image
 from gloc3_sitl.world.world import World
@@ -51,7 +51,7 @@ class TrackerCamera:
         self._placing = Placing(world)
         dx, dy, dz = (b - a for a, b in zip(tracker.position_m, tracker.look_at_m, strict=True))
         turn = from_euler(0.0, atan2(dz, hypot(dx, dy)), -atan2(dy, dx))
-        self._stand = Place(multiply(_LOCAL_FROM_LEVEL, turn), tracker.position_m)
+        self._stand = WorldPlacement(multiply(_LOCAL_FROM_LEVEL, turn), tracker.position_m)
         self._eye = self._stand.mounted(model.position_frd_m, model.frd_from_rdf)
         self._is_still = not any(box.shuttle for box in world.file.boxes.values())
         self._studio: Studio | None = None
@@ -71,7 +71,7 @@ class TrackerCamera:
         """Where the vehicle's light is, `[x, y, height]`."""
         return self._placing.body(truth).mounted(LED_FRD_M, (1.0, 0.0, 0.0, 0.0)).position_m
 
-    def sees(self, point_m: Vector3, t_s: float) -> tuple[float, float, float] | None:
+    def is_visible(self, point_m: Vector3, t_s: float) -> tuple[float, float, float] | None:
         """Column, row and depth at which a point shows; None if it is hidden, or out of the picture."""
         away = np.array(point_m) - self._eye.position_m
         in_camera = away @ matrix(self._eye.local_from_here)
@@ -84,7 +84,7 @@ class TrackerCamera:
     def capture(self, truth: Truth) -> Photo:
         """Take a picture."""
         if self._studio is None:
-            self._studio = Studio(self._world, self.model, self.imager, Exposure(), self._seed)
+            self._studio = Studio(self._world, self.model, self.imager, CameraExposure(), self._seed)
         if self._background is None or not self._is_still:
             self._background = self._studio.scene([self._eye], None, truth.t_s)
         scene = self._background.copy()
@@ -97,7 +97,7 @@ class TrackerCamera:
             x, y, height = self.light_m(truth)
             lights.append(((x + TWIN_M[0], y + TWIN_M[1], height + TWIN_M[2]), LED_RADIUS_M))
         for point_m, radius_m in lights:
-            seen = self.sees(point_m, truth.t_s)
+            seen = self.is_visible(point_m, truth.t_s)
             if seen is not None:
                 column, row, depth_m = seen
                 _shine(scene, column, row, max(_LEAST_SIGMA_PX, radius_m * self.model.focal_px[0] / depth_m))

@@ -12,7 +12,7 @@ from gloc3.documents.schema import check
 from gloc3.errors import Finding, InputError, nearest
 from gloc3.messages.frames import GeoPoint, LocalFrame, Vector3
 from gloc3_sitl.physics.water import Water
-from gloc3_sitl.world.model import Box, Marker, Surface, VariantFile, WorldFile
+from gloc3_sitl.world.model import Box, Marker, VariantFile, WorldFile, WorldSurface
 from gloc3_sitl.world.polygon import Plane, Polygon, clip_all
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ class World:
 class _Slope:
     """A rectangle that is ground, but not level at height 0."""
 
-    def __init__(self, surface: Surface, normal: Vector3) -> None:
+    def __init__(self, surface: WorldSurface, normal: Vector3) -> None:
         self._surface, self._normal = surface, normal
 
     def height_at(self, x_m: float, y_m: float) -> float:
@@ -123,7 +123,7 @@ class _Slope:
         return height_m
 
 
-def _slope(surface: Surface) -> _Slope | None:
+def _slope(surface: WorldSurface) -> _Slope | None:
     """The slope of a surface that lies rather than stands and reaches above height 0; None for others."""
     (ax, ay, az), (bx, by, bz) = surface.across_m, surface.down_m
     normal = (ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
@@ -164,7 +164,7 @@ def _parsed(name: str, data: bytes, findings: list[Finding]) -> WorldFile | None
     return file
 
 
-def box_sides(box: Box) -> list[Surface]:
+def box_sides(box: Box) -> list[WorldSurface]:
     """The top and the four sides of a box at the start, and its lower side if it hangs above the ground."""
     (x0, y0, z0), (x1, y1, z1) = box.min_m, box.max_m
     width, depth, height = x1 - x0, y1 - y0, z1 - z0
@@ -178,7 +178,7 @@ def box_sides(box: Box) -> list[Surface]:
     ]
     if z0 > 0.0:
         corners.append(((x0, y1, z0), (0.0, -depth, 0.0), (width, 0.0, 0.0)))
-    return [Surface(corner_m=c, across_m=a, down_m=d, texture=box.texture) for c, a, d in corners]
+    return [WorldSurface(corner_m=c, across_m=a, down_m=d, texture=box.texture) for c, a, d in corners]
 
 
 _TOUCH_M: Final = 1e-3
@@ -222,7 +222,7 @@ def _crossings(document: Document, file: WorldFile) -> list[Finding]:
     return found
 
 
-def _corners(surface: Surface) -> Polygon:
+def _corners(surface: WorldSurface) -> Polygon:
     (x, y, z), (ax, ay, az), (bx, by, bz) = surface.corner_m, surface.across_m, surface.down_m
     return [
         (x, y, z),

@@ -7,7 +7,7 @@ import pytest
 
 from gloc3.camera.geometry import unproject
 from gloc3.camera.model import CameraModel, Lens
-from gloc3.camera.wall_coverage import Limits, View, Wall, cover, footprint
+from gloc3.camera.wall_coverage import CoverageLimits, Wall, WallView, cover, footprint
 from gloc3.errors import Refused
 from gloc3.messages.frames import from_euler, rotate
 
@@ -17,18 +17,18 @@ BENT = CameraModel(
 )
 # 10 m north, 12 m wide from west to east, 6 m high, standing on the ground.
 WALL = Wall.of_corners([(10.0, -6.0, -6.0), (10.0, 6.0, -6.0), (10.0, 6.0, 0.0), (10.0, -6.0, 0.0)])
-LIMITS = Limits(cell_m=0.05)
+LIMITS = CoverageLimits(cell_m=0.05)
 
 
-def view(north: float, east: float, height: float, yaw: float = 0.0, pitch: float = 0.0) -> View:
-    return View("front", (north, east, -height), from_euler(0.02, pitch, yaw))
+def view(north: float, east: float, height: float, yaw: float = 0.0, pitch: float = 0.0) -> WallView:
+    return WallView("front", (north, east, -height), from_euler(0.02, pitch, yaw))
 
 
 def test_a_picture_from_straight_ahead_covers_the_rectangle_that_its_angles_cut() -> None:
-    found = cover(WALL, [View("front", (7.0, 0.0, -3.0), (1.0, 0.0, 0.0, 0.0))], {"front": FRONT}, LIMITS)
+    found = cover(WALL, [WallView("front", (7.0, 0.0, -3.0), (1.0, 0.0, 0.0, 0.0))], {"front": FRONT}, LIMITS)
     assert found.share == pytest.approx((640 * 3 / 400) * (480 * 3 / 400) / 72.0, rel=0.02)
     assert found.median_mm == pytest.approx(1000 * 3 / 400, rel=0.01)
-    corners = footprint(WALL, View("front", (7.0, 0.0, -3.0), (1.0, 0.0, 0.0, 0.0)), FRONT)
+    corners = footprint(WALL, WallView("front", (7.0, 0.0, -3.0), (1.0, 0.0, 0.0, 0.0)), FRONT)
     assert corners is not None
     assert corners[0] == pytest.approx((6.0 - 2.4, 3.0 - 1.8), abs=0.01)
     assert corners[2] == pytest.approx((6.0 + 2.4, 3.0 + 1.8), abs=0.01)

@@ -68,14 +68,14 @@ class Rig:
         self.bench = bench
         bench.host(ComponentRow(name="counter", class_name="test:Counter", rate_hz=10.0), lambda: self.counter)
 
-    def ask(self, verb: str, action_id: str = "a", **more: Any) -> str:
+    def request(self, verb: str, action_id: str = "a", **more: Any) -> str:
         """Empty where it is accepted, else the reason."""
         reply = self.bench.call("counter", f"action.{verb}", action_id=action_id, **more)
         assert reply.is_accepted != bool(reply.reason)
         return reply.reason
 
     def start(self, to: int, action_id: str = "a", **more: Any) -> str:
-        return self.ask("start", action_id, capability="count", arguments={"to": to}, **more)
+        return self.request("start", action_id, capability="count", arguments={"to": to}, **more)
 
     @property
     def reports(self) -> list[ActionStatus]:
@@ -107,7 +107,7 @@ def test_one_action_at_a_time() -> None:
         rig = Rig(bench)
         rig.start(50)
         assert rig.start(5, "b") == "it is busy with action a"
-        assert rig.ask("cancel") == ""
+        assert rig.request("cancel") == ""
         assert rig.start(5, "b") == ""
 
 
@@ -115,11 +115,11 @@ def test_what_cannot_be_done_is_refused_and_nothing_changes() -> None:
     with Bench() as bench:
         rig = Rig(bench)
         assert rig.start(-1) == "one cannot count to less than nothing"
-        assert "performs: count" in rig.ask("start", capability="sing", arguments={})
-        assert "`int`" in rig.ask("start", capability="count", arguments={"to": "ten"})
-        assert "unknown field" in rig.ask("start", capability="count", arguments={"to": 1, "by": 2})
+        assert "performs: count" in rig.request("start", capability="sing", arguments={})
+        assert "`int`" in rig.request("start", capability="count", arguments={"to": "ten"})
+        assert "unknown field" in rig.request("start", capability="count", arguments={"to": 1, "by": 2})
         for verb in ("pause", "resume", "cancel"):
-            assert rig.ask(verb) == "it does not know action a"
+            assert rig.request(verb) == "it does not know action a"
         bench.run(1.0)
         assert rig.reports == []
 
@@ -129,14 +129,14 @@ def test_pause_and_resume_keep_what_was_achieved() -> None:
         rig = Rig(bench)
         rig.start(20)
         bench.run(0.55)
-        assert rig.ask("resume") == "action a is running"
-        assert rig.ask("pause") == ""
-        assert rig.ask("pause") == "action a is paused"
+        assert rig.request("resume") == "action a is running"
+        assert rig.request("pause") == ""
+        assert rig.request("pause") == "action a is paused"
         bench.run(3.0)
         paused = rig.reports[-1]
         assert paused.state == "paused"
         assert paused.progress == pytest.approx(0.3, abs=0.06)
-        assert rig.ask("resume") == ""
+        assert rig.request("resume") == ""
         bench.run(2.0)
         assert rig.reports[-1].state == "done"
         assert rig.counter.diary == ["pause", "resume", "end"]
@@ -148,9 +148,9 @@ def test_a_cancelled_action_ends_once_and_is_aborted(is_paused: bool) -> None:
         rig = Rig(bench)
         rig.start(50)
         if is_paused:
-            rig.ask("pause")
-        rig.ask("cancel")
-        assert rig.ask("cancel") == "action a is aborted"
+            rig.request("pause")
+        rig.request("cancel")
+        assert rig.request("cancel") == "action a is aborted"
         bench.run(3.0)
         assert (rig.reports[-1].state, rig.reports[-1].reason) == ("aborted", "cancelled")
         assert rig.counter.diary.count("end") == 1

@@ -19,7 +19,7 @@ class Unspeakable:
         raise RuntimeError("no words")
 
 
-def ask(bench: Bench, command: str, *then: str, request_id: str = "x", **entries: Any) -> None:
+def request(bench: Bench, command: str, *then: str, request_id: str = "x", **entries: Any) -> None:
     """Sends a command without waiting for the reply."""
     bench.send(
         "components/specimen/command", CommandRequest(request_id=request_id, command=command, then=then, **entries)
@@ -121,7 +121,7 @@ def test_until_the_reply_other_commands_are_refused_as_busy() -> None:
     with Bench(method_cost_s=lambda name, method, now_s: 2.0 if method == "stop" else 0.0) as bench:
         bench.host(row(), lambda: Specimen(diary))
         bench.run(0.5)
-        ask(bench, "stop", request_id="first")
+        request(bench, "stop", request_id="first")
         bench.run(1.0)
         reply = bench.command("specimen", "goquiet")
         assert (reply.is_accepted, reply.state) == (False, State.WORKING)
@@ -139,7 +139,7 @@ def test_no_cycle_begins_while_a_command_is_carried_out() -> None:
         bench.host(row(), lambda: Specimen(diary))
         bench.run(0.5)
         diary.calls.clear()
-        ask(bench, "goquiet")
+        request(bench, "goquiet")
         bench.run(1.9)
         assert diary.calls == ["goquiet"]
         bench.run(0.3)
@@ -257,7 +257,7 @@ def test_settings_that_are_to_be_kept_take_the_place_of_those_of_the_row_unless_
     with Bench() as bench:
         bench.host(row(begin="standby", settings={"offset": 1.0}), lambda: Specimen(Diary()))
         for given, outcome in ((7.0, True), ("many", False)):
-            ask(bench, "initialize", request_id=str(given), settings={"offset": given}, is_kept=True)
+            request(bench, "initialize", request_id=str(given), settings={"offset": given}, is_kept=True)
             bench.run(0.05)
             assert replies(bench)[str(given)].is_accepted is outcome
             bench.command("specimen", "initialize", None, "start")
@@ -375,7 +375,7 @@ def test_something_else_on_the_command_topics_is_counted_and_harms_nobody() -> N
         bench.host(row(), lambda: Specimen(Diary()))
         bench.send("components/specimen/command", Number(value=1.0))
         bench.send("components/specimen/function", Number(value=1.0))
-        ask(bench, "initialize", settings={1: float("nan")})
+        request(bench, "initialize", settings={1: float("nan")})
         bench.send("components/specimen/command", CommandRequest(request_id="y", command=7, then=None))  # type: ignore[arg-type]
         bench.run(1.0)
         status: ComponentStatus = bench.last("components/specimen/status")

@@ -280,11 +280,11 @@ def test_a_component_that_is_only_triggered_has_no_rate_to_change() -> None:
 
 
 def test_what_does_not_fit_a_bounded_queue_is_dropped_and_counted() -> None:
-    taken: list[float] = []
+    used: list[float] = []
 
     class Keeper(Specimen):
         def work(self, now_s, inbox):  # type: ignore[no-untyped-def]
-            taken.extend(envelope.payload.value for envelope in inbox.new(self.every))
+            used.extend(envelope.payload.value for envelope in inbox.new(self.every))
             return []
 
     with Bench() as bench:
@@ -294,7 +294,7 @@ def test_what_does_not_fit_a_bounded_queue_is_dropped_and_counted() -> None:
             bench.send("every", Number(value=float(value)))
             bench.send("given", Number(value=float(value)))
         bench.run(1.0)
-        assert taken == [0.0, 1.0, 2.0, 3.0]
+        assert used == [0.0, 1.0, 2.0, 3.0]
         assert status_of(bench).dropped == 3
 
 

@@ -37,10 +37,10 @@ def test_a_component_without_a_host_may_ask_and_nothing_happens() -> None:
 
 def test_a_request_begins_a_cycle_at_once_and_the_periodic_ones_fill_the_silence_only() -> None:
     with Bench() as bench:
-        asking = specimen(bench, rate_hz=10.0)
+        requesting = specimen(bench, rate_hz=10.0)
         for _ in range(10):
             bench.run(0.06)
-            asking.request_cycle()
+            requesting.request_cycle()
             bench.run(0.04)
         assert times(bench) == pytest.approx([1.06 + 0.1 * index for index in range(10)])
         bench.envelopes.clear()
@@ -50,10 +50,10 @@ def test_a_request_begins_a_cycle_at_once_and_the_periodic_ones_fill_the_silence
 
 def test_requests_reach_no_more_than_twice_the_rate_and_none_is_lost() -> None:
     with Bench() as bench:
-        asking = specimen(bench, rate_hz=10.0)
+        requesting = specimen(bench, rate_hz=10.0)
         for _ in range(100):
             bench.run(0.01)
-            asking.request_cycle()
+            requesting.request_cycle()
         assert len(times(bench)) == pytest.approx(20, abs=1)
         bench.run(0.06)
         assert times(bench)[-1] >= 2.0
@@ -62,20 +62,20 @@ def test_requests_reach_no_more_than_twice_the_rate_and_none_is_lost() -> None:
 @pytest.mark.parametrize("phase_s", [0.0, 0.007, 0.02, 0.03, 0.049])
 def test_a_device_that_comes_at_the_rate_sets_the_pace_whatever_its_phase(phase_s: float) -> None:
     with Bench() as bench:
-        asking = specimen(bench, rate_hz=20.0)
+        requesting = specimen(bench, rate_hz=20.0)
         bench.run(phase_s)
         for index in range(80):
             bench.run(0.04 if index % 2 else 0.06)
-            asking.request_cycle()
+            requesting.request_cycle()
         assert len([t_s for t_s in times(bench) if t_s > 3.0]) == pytest.approx(40, abs=2)
 
 
 def test_a_request_while_standing_by_begins_nothing() -> None:
     with Bench() as bench:
-        asking = specimen(bench, rate_hz=10.0)
+        requesting = specimen(bench, rate_hz=10.0)
         bench.command("specimen", "stop")
         bench.envelopes.clear()
-        asking.request_cycle()
+        requesting.request_cycle()
         bench.run(1.0)
         assert bench.state("specimen") is State.STANDBY
         assert times(bench) == []
@@ -83,8 +83,8 @@ def test_a_request_while_standing_by_begins_nothing() -> None:
 
 def test_a_request_after_the_end_of_the_process_harms_nobody() -> None:
     with Bench() as bench:
-        asking = specimen(bench, rate_hz=10.0)
-    asking.request_cycle()
+        requesting = specimen(bench, rate_hz=10.0)
+    requesting.request_cycle()
 
 
 def test_the_component_that_takes_the_place_of_a_hung_one_may_ask_too() -> None:

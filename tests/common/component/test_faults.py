@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from gloc3.component.lci import State
-from gloc3.component.ports import Actuation, Report
+from gloc3.component.ports import Actuation, PortReport
 from gloc3.component.test_bench import Bench
 from gloc3.errors import Gloc3Error
 from gloc3.messages.envelope import Event, Severity
@@ -92,12 +92,12 @@ def test_an_operators_interrupt_goes_through() -> None:
         ([None], "Misuse: Specimen reported NoneType, which fits no single output of its class"),
         ("text", "Misuse: Specimen reported str, which fits no single output of its class"),
         ([Event(severity=Severity.INFO, text="")], "Misuse: Specimen reported Event, which fits no single output"),
-        ([Report("nowhere", Number(value=1.0))], "Misuse: Specimen has no output 'nowhere'"),
-        ([Report("given", Number(value=1.0))], "Misuse: Specimen has no output 'given'"),
-        ([Report("result", 7)], "Misuse: Specimen.result takes Number, not int"),  # type: ignore[arg-type]
-        ([Report("result", Number(value=1.0), t_s=float("nan"))], "Misuse: Specimen.result: nan is no time of"),
-        ([Report("result", Number(value=1.0), t_s="now")], "Misuse: Specimen.result: 'now' is no time of"),  # type: ignore[arg-type]
-        ([Report("result", Number(value=1.0), key="a")], "Misuse: Specimen.result: 'a' is no key for bench/result"),
+        ([PortReport("nowhere", Number(value=1.0))], "Misuse: Specimen has no output 'nowhere'"),
+        ([PortReport("given", Number(value=1.0))], "Misuse: Specimen has no output 'given'"),
+        ([PortReport("result", 7)], "Misuse: Specimen.result takes Number, not int"),  # type: ignore[arg-type]
+        ([PortReport("result", Number(value=1.0), t_s=float("nan"))], "Misuse: Specimen.result: nan is no time of"),
+        ([PortReport("result", Number(value=1.0), t_s="now")], "Misuse: Specimen.result: 'now' is no time of"),  # type: ignore[arg-type]
+        ([PortReport("result", Number(value=1.0), key="a")], "Misuse: Specimen.result: 'a' is no key for bench/result"),
         ([Actuation(1.0)], "Misuse: Specimen is no actuator driver"),
     ],
 )
@@ -205,11 +205,11 @@ def test_the_error_handler_keeps_cause_count_first_and_last_time_and_tells_the_t
         status = bench.last("components/specimen/status")
         assert (status.errors, status.cause) == (4, "ValueError: odd")
         assert (status.cause_first_s, status.cause_last_s) == (0.1, 3.0)
-        told = [e for e in bench.all("components/specimen/event") if e.severity is Severity.ERROR]
-        assert [bool(event.details) for event in told] == [True, False, False, False]
-        assert told[0].details.endswith("ValueError: odd")
-        assert "specimen.py" in told[0].details
-        assert "/" not in told[0].details.replace(" / ", "")
+        reported = [e for e in bench.all("components/specimen/event") if e.severity is Severity.ERROR]
+        assert [bool(event.details) for event in reported] == [True, False, False, False]
+        assert reported[0].details.endswith("ValueError: odd")
+        assert "specimen.py" in reported[0].details
+        assert "/" not in reported[0].details.replace(" / ", "")
 
 
 def test_what_is_wrong_outside_the_program_is_told_once_in_its_own_words_and_without_a_traceback() -> None:
@@ -217,8 +217,11 @@ def test_what_is_wrong_outside_the_program_is_told_once_in_its_own_words_and_wit
     diary.errors["start"] = Gloc3Error("/dev/video0 is not there; is it plugged in?")
     with Bench() as bench:
         bench.host(row(), lambda: Specimen(diary))
-        (told,) = [e for e in bench.all("components/specimen/event") if e.severity is Severity.ERROR]
-        assert (told.text, told.details) == ("standby -> faulty: /dev/video0 is not there; is it plugged in?", "")
+        (reported,) = [e for e in bench.all("components/specimen/event") if e.severity is Severity.ERROR]
+        assert (reported.text, reported.details) == (
+            "standby -> faulty: /dev/video0 is not there; is it plugged in?",
+            "",
+        )
 
 
 def test_a_fault_while_beginning_ends_the_begin() -> None:
@@ -253,6 +256,6 @@ def test_a_message_of_another_type_on_an_input_is_counted_and_told_once() -> Non
             bench.send("given", Event(severity=Severity.INFO, text="hello"))
         bench.run(0.1)
         assert bench.hosts["specimen"].errors.total == 3
-        told = [e.text for e in bench.all("components/specimen/event") if e.severity is Severity.WARNING]
-        assert told == ["input given takes Number; bench/given brought Event"]
+        reported = [e.text for e in bench.all("components/specimen/event") if e.severity is Severity.WARNING]
+        assert reported == ["input given takes Number; bench/given brought Event"]
         assert bench.state("specimen") is State.WORKING

@@ -69,7 +69,7 @@ class HostMachine(RuleBasedStateMachine):
         self.diary = Diary()
         self.cycle_cost_s = 0.0
         self.method_cost_s: dict[str, float] = {}
-        self.asked: set[str] = set()
+        self.requested: set[str] = set()
         self.sequences: dict[tuple[str, int], int] = {}
         self.bench = Bench(
             cycle_cost_s=lambda name, now_s: self.cycle_cost_s,
@@ -93,22 +93,22 @@ class HostMachine(RuleBasedStateMachine):
 
     @rule(word=st.sampled_from(WORDS), then=st.lists(st.sampled_from(WORDS), max_size=2))
     def command(self, word: str, then: list[str]) -> None:
-        request_id = f"c{len(self.asked)}"
-        self.asked.add(request_id)
+        request_id = f"c{len(self.requested)}"
+        self.requested.add(request_id)
         message = CommandRequest(request_id=request_id, command=word, then=tuple(then))
         self.bench.send("components/specimen/command", message)
 
     @rule(offset=st.sampled_from([1.0, 1e9, "far", None]))
     def configure(self, offset: Any) -> None:
-        request_id = f"i{len(self.asked)}"
-        self.asked.add(request_id)
+        request_id = f"i{len(self.requested)}"
+        self.requested.add(request_id)
         message = CommandRequest(request_id=request_id, command="initialize", settings={"offset": offset})
         self.bench.send("components/specimen/command", message)
 
     @rule(name=st.sampled_from(["nudge", "set_rate", "nothing"]))
     def call(self, name: str) -> None:
-        request_id = f"f{len(self.asked)}"
-        self.asked.add(request_id)
+        request_id = f"f{len(self.requested)}"
+        self.requested.add(request_id)
         arguments = {"factor": 1.0} if name == "nudge" else {"rate_hz": 20.0}
         self.bench.send(
             "components/specimen/function",
@@ -179,7 +179,7 @@ class HostMachine(RuleBasedStateMachine):
             reply.request_id
             for topic in ("reply", "function_reply")
             for reply in self.bench.all(f"components/specimen/{topic}")
-            if reply.request_id in self.asked
+            if reply.request_id in self.requested
         ]
         assert len(replies) == len(set(replies))
 
@@ -195,7 +195,7 @@ class HostMachine(RuleBasedStateMachine):
             for topic in ("reply", "function_reply")
             for reply in self.bench.all(f"components/specimen/{topic}")
         }
-        lost = {request_id for request_id in self.asked - answered if not request_id.startswith("f")}
+        lost = {request_id for request_id in self.requested - answered if not request_id.startswith("f")}
         self.bench.__exit__(None, None, None)
         assert not lost, f"never answered: {lost}"
 

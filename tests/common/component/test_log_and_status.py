@@ -99,18 +99,18 @@ def test_the_record_is_a_snapshot_of_plain_data() -> None:
 
 
 def test_status_comes_at_the_set_period_and_on_every_change() -> None:
-    told: list[tuple[float, ComponentStatus]] = []
+    reported: list[tuple[float, ComponentStatus]] = []
     with Bench() as bench:
         bench.exchange.subscribe(
-            "bench/components/specimen/status", lambda e: told.append((bench.loop.time(), e.payload))
+            "bench/components/specimen/status", lambda e: reported.append((bench.loop.time(), e.payload))
         )
         bench.host(row(status_period_s=0.5), lambda: Specimen(Diary()))
-        assert [status.state for _, status in told] == [State.IDLE, State.STANDBY, State.WORKING]
+        assert [status.state for _, status in reported] == [State.IDLE, State.STANDBY, State.WORKING]
         bench.run(1.2)
         bench.command("specimen", "goquiet")
         bench.run(0.5)
-        assert [round(t_s, 6) for t_s, _ in told[3:]] == [0.5, 1.0, 1.2, 1.5]
-        assert told[-1][1].state is State.QUIET
+        assert [round(t_s, 6) for t_s, _ in reported[3:]] == [0.5, 1.0, 1.2, 1.5]
+        assert reported[-1][1].state is State.QUIET
 
 
 def test_a_changed_rate_is_told_at_once() -> None:

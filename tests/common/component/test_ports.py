@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gloc3.component.cycle import Mailbox
-from gloc3.component.ports import Input, Keep, Output, Port, PortGroup, Report, inbox_of, ports_of
+from gloc3.component.ports import Input, Keep, Output, Port, PortGroup, PortReport, inbox_of, ports_of
 from gloc3.errors import Misuse
 from gloc3.messages.envelope import Envelope, Message, Source
 
@@ -82,7 +82,7 @@ def test_two_groups_do_not_declare_one_name() -> None:
 
 def test_an_output_makes_reports() -> None:
     report = MorePorts.extra.report(Reading(value=1.0), t_s=2.0)
-    assert report == Report("extra", Reading(value=1.0), 2.0)
+    assert report == PortReport("extra", Reading(value=1.0), 2.0)
 
 
 def test_an_inbox_gives_what_is_new_and_the_last_of_each() -> None:
@@ -90,10 +90,10 @@ def test_an_inbox_gives_what_is_new_and_the_last_of_each() -> None:
     for value in range(2):
         mailbox.put("newest", envelope(value, t_s=value))
         mailbox.put("every", envelope(value))
-    first = mailbox.take()
+    first = mailbox.drain()
     assert [e.payload.value for e in first.new(Ports.newest)] == [1.0]
     assert [e.payload.value for e in first.new(Ports.every)] == [0.0, 1.0]
-    second = mailbox.take()
+    second = mailbox.drain()
     assert (second.new(Ports.newest), second.new(Ports.every)) == ((), ())
     latest = second.latest(Ports.newest)
     assert latest is not None
@@ -105,16 +105,16 @@ def test_an_inbox_gives_what_is_new_and_the_last_of_each() -> None:
 def test_an_inbox_that_was_taken_does_not_change() -> None:
     mailbox = Mailbox(list(ports_of(Ports)[0].values()))
     mailbox.put("newest", envelope(1.0))
-    inbox = mailbox.take()
-    again = mailbox.take()
+    inbox = mailbox.drain()
+    again = mailbox.drain()
     mailbox.put("newest", envelope(2.0))
-    mailbox.take()
+    mailbox.drain()
     mailbox.clear()
-    for taken in (inbox, again):
-        latest = taken.latest(Ports.newest)
+    for used in (inbox, again):
+        latest = used.latest(Ports.newest)
         assert latest is not None
         assert latest.payload.value == 1.0
-    assert mailbox.take().latest(Ports.newest) is None
+    assert mailbox.drain().latest(Ports.newest) is None
 
 
 @settings(max_examples=80)
@@ -136,7 +136,7 @@ def test_queues_are_bounded_and_what_is_dropped_is_counted(steps: list[str]) -> 
                 else:
                     dropped += 1
             case "take":
-                inbox = mailbox.take()
+                inbox = mailbox.drain()
                 assert [e.payload.value for e in inbox.new(Ports.newest)] == list(newest)
                 assert [e.payload.value for e in inbox.new(Ports.every)] == every
                 newest.clear()

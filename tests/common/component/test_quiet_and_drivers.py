@@ -136,12 +136,12 @@ def test_a_working_driver_that_turns_faulty_leaves_its_device_safe_before_anybod
 
 def test_a_driver_whose_cycle_hangs_is_made_safe_and_stopped_before_anybody_is_told() -> None:
     diary = Diary()
-    told: list[list[str]] = []
+    reported: list[list[str]] = []
     with Bench(cycle_cost_s=lambda name, now_s: float("inf") if now_s >= 1.0 else 0.0) as bench:
-        bench.exchange.subscribe("bench/components/specimen/event", lambda e: told.append(diary.calls[-2:]))
+        bench.exchange.subscribe("bench/components/specimen/event", lambda e: reported.append(diary.calls[-2:]))
         bench.host(row(), lambda: Driver(diary))
         bench.run(2.0)
-        assert told[-1] == diary.calls[-2:] == ["make_safe", "stop"]
+        assert reported[-1] == diary.calls[-2:] == ["make_safe", "stop"]
 
 
 def test_an_error_in_the_question_whether_it_may_leave_is_a_fault_and_the_device_is_left_safe() -> None:

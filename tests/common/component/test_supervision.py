@@ -4,11 +4,11 @@ from typing import Any
 
 import msgspec
 import pytest
-from tests.common.supervised import ALONE, PAIR, pair, reply_to, row, told, words
+from tests.common.supervised import ALONE, PAIR, pair, reply_to, reported, row, words
 
 from gloc3.component.deployment import FaultPolicy
 from gloc3.component.lci import Command, State
-from gloc3.component.supervision import HEARTBEAT_STATE, STABLE_S, Order, Supervision, Verdict
+from gloc3.component.supervision import HEARTBEAT_STATE, STABLE_S, LciRequest, Supervision, SupervisionVerdict
 from gloc3.errors import Refused
 from gloc3.messages.envelope import CommandReply
 from gloc3.messages.summaries import Health
@@ -16,7 +16,7 @@ from gloc3.messages.summaries import Health
 
 def test_a_quiet_standby_takes_over_within_the_call_that_tells_of_the_fault() -> None:
     supervision = pair()
-    steps = told(supervision, 5.0, main=State.FAULTY)
+    steps = reported(supervision, 5.0, main=State.FAULTY)
     assert words(steps) == ["spare: resume"]
     assert steps[0].reason == "main: ValueError: odd"
     assert supervision.in_charge("main") == supervision.in_charge("spare") == "spare"
@@ -24,13 +24,13 @@ def test_a_quiet_standby_takes_over_within_the_call_that_tells_of_the_fault() ->
 
 def test_the_old_primary_is_then_brought_up_quietly_and_is_the_new_standby() -> None:
     supervision = pair()
-    (resume,) = told(supervision, 5.0, main=State.FAULTY)
+    (resume,) = reported(supervision, 5.0, main=State.FAULTY)
     assert supervision.receive_reply(reply_to(resume, State.WORKING), 5.01) == []
     assert supervision.tick(5.4) == []
     (up,) = supervision.tick(5.5)
     assert words([up]) == ["main: initialize start goquiet"]
     assert supervision.receive_reply(reply_to(up, State.QUIET), 5.6) == []
-    assert words(told(supervision, 7.0, spare=State.FAULTY)) == ["main: resume"]
+    assert words(reported(supervision, 7.0, spare=State.FAULTY)) == ["main: resume"]
     assert supervision.in_charge("spare") == "main"
 
 
@@ -40,15 +40,15 @@ def test_a_primary_that_is_lost_with_its_host_gives_way_at_once_and_goes_quiet_w
     assert words(steps) == ["spare: resume"]
     assert steps[0].reason == "main: host vision is lost"
     assert supervision.receive_reply(reply_to(steps[0], State.WORKING), 5.01) == []
-    assert words(told(supervision, 9.0, main=State.WORKING)) == ["main: goquiet"]
+    assert words(reported(supervision, 9.0, main=State.WORKING)) == ["main: goquiet"]
     assert supervision.in_charge("main") == "spare"
 
 
 def test_a_component_that_is_lost_with_its_host_is_not_waited_for_but_its_policy_is_told_once() -> None:
     supervision = Supervision(ALONE)
-    told(supervision, 0.0, alone=State.WORKING)
+    reported(supervision, 0.0, alone=State.WORKING)
     reason = "host vision is lost"
-    assert supervision.lose("alone", reason, 1.0) == [Verdict("alone", FaultPolicy.HOLD, reason)]
+    assert supervision.lose("alone", reason, 1.0) == [SupervisionVerdict("alone", FaultPolicy.HOLD, reason)]
     assert supervision.lose("alone", reason, 2.0) == []
     assert supervision.tick(60.0) == []
     assert supervision.lose("nobody", reason, 2.0) == []
@@ -56,29 +56,29 @@ def test_a_component_that_is_lost_with_its_host_is_not_waited_for_but_its_policy
 
 def test_without_a_standby_a_component_is_initialized_again_with_pauses_that_double_and_then_it_is_lost() -> None:
     supervision = Supervision(ALONE)
-    told(supervision, 0.0, alone=State.WORKING)
-    assert told(supervision, 1.0, alone=State.FAULTY) == []
+    reported(supervision, 0.0, alone=State.WORKING)
+    assert reported(supervision, 1.0, alone=State.FAULTY) == []
     now_s = 1.0
     for pause_s in (0.5, 1.0, 2.0):
         assert supervision.next_tick_s() == pytest.approx(now_s + pause_s)
         now_s += pause_s
         (up,) = supervision.tick(now_s)
         assert words([up]) == ["alone: initialize start"]
-        told(supervision, now_s, alone=State.FAULTY)
+        reported(supervision, now_s, alone=State.FAULTY)
         steps = supervision.receive_reply(reply_to(up, State.FAULTY, "initialize failed"), now_s)
-    assert steps == [Verdict("alone", FaultPolicy.HOLD, "ValueError: odd")]
+    assert steps == [SupervisionVerdict("alone", FaultPolicy.HOLD, "ValueError: odd")]
     for second in range(10):
-        assert told(supervision, now_s + second, alone=State.FAULTY) == []
+        assert reported(supervision, now_s + second, alone=State.FAULTY) == []
         assert supervision.tick(now_s + second) == []
 
 
 def test_a_component_that_was_up_for_long_has_all_its_attempts_again() -> None:
     supervision = Supervision(ALONE)
     now_s = 0.0
-    told(supervision, now_s, alone=State.WORKING)
+    reported(supervision, now_s, alone=State.WORKING)
     for lasts_s, pause_s in ((STABLE_S, 0.5), (5.0, 1.0), (STABLE_S, 0.5)):
         now_s += lasts_s
-        told(supervision, now_s, alone=State.FAULTY)
+        reported(supervision, now_s, alone=State.FAULTY)
         assert supervision.next_tick_s() == pytest.approx(now_s + pause_s)
         now_s += pause_s
         (up,) = supervision.tick(now_s)
@@ -91,17 +91,17 @@ def test_a_component_that_was_up_for_long_has_all_its_attempts_again() -> None:
 )
 def test_a_bare_policy_is_a_verdict_at_once(on_fault: Any, verdicts: list[str]) -> None:
     supervision = Supervision([row("alone", on_fault=on_fault)])
-    assert words(told(supervision, alone=State.FAULTY)) == verdicts
+    assert words(reported(supervision, alone=State.FAULTY)) == verdicts
 
 
 def test_while_a_standby_is_in_charge_a_primary_that_is_past_help_is_no_verdict() -> None:
     supervision = pair()
-    (resume,) = told(supervision, main=State.FAULTY)
+    (resume,) = reported(supervision, main=State.FAULTY)
     supervision.receive_reply(reply_to(resume, State.WORKING), 0.0)
     now_s = 0.0
     for _ in range(2):
         now_s += 5.0
-        told(supervision, now_s, spare=State.WORKING, main=State.FAULTY)
+        reported(supervision, now_s, spare=State.WORKING, main=State.FAULTY)
         (up,) = supervision.tick(now_s)
         assert supervision.receive_reply(reply_to(up, State.FAULTY, "odd"), now_s) == []
     assert supervision.tick(now_s + 1.0) == []
@@ -109,17 +109,17 @@ def test_while_a_standby_is_in_charge_a_primary_that_is_past_help_is_no_verdict(
 
 def test_a_standby_in_charge_that_fails_with_nobody_left_is_judged_by_its_primarys_policy() -> None:
     supervision = pair()
-    (resume,) = told(supervision, main=State.FAULTY)
+    (resume,) = reported(supervision, main=State.FAULTY)
     supervision.receive_reply(reply_to(resume, State.WORKING), 0.0)
-    told(supervision, 0.1, spare=State.FAULTY)
+    reported(supervision, 0.1, spare=State.FAULTY)
     now_s, found = 0.1, list[str]()
     for _ in range(20):
         now_s += 1.0
         for step in supervision.tick(now_s):
-            assert isinstance(step, Order)
-            told(supervision, now_s, **{step.component: State.FAULTY})
+            assert isinstance(step, LciRequest)
+            reported(supervision, now_s, **{step.component: State.FAULTY})
             found += words(supervision.receive_reply(reply_to(step, State.FAULTY, "odd"), now_s))
-        told(supervision, now_s, main=State.FAULTY, spare=State.FAULTY)
+        reported(supervision, now_s, main=State.FAULTY, spare=State.FAULTY)
     assert found == ["spare: land!"]
 
 
@@ -127,8 +127,8 @@ def test_a_standby_that_does_not_take_over_is_passed_over() -> None:
     rows = (*PAIR, row("third", begin="quiet", standby_for="main"))
     for answer in ("refusal", "silence"):
         supervision = Supervision(rows)
-        told(supervision, main=State.WORKING, spare=State.QUIET, third=State.QUIET)
-        (resume,) = told(supervision, main=State.FAULTY)
+        reported(supervision, main=State.WORKING, spare=State.QUIET, third=State.QUIET)
+        (resume,) = reported(supervision, main=State.FAULTY)
         assert words([resume]) == ["spare: resume"]
         if answer == "refusal":
             steps = supervision.receive_reply(reply_to(resume, State.QUIET, "not ready"), 0.1)
@@ -140,14 +140,14 @@ def test_a_standby_that_does_not_take_over_is_passed_over() -> None:
 def test_the_loss_of_a_function_is_told_once_however_often_a_standby_refuses() -> None:
     rows = (row("main", on_fault={"standby": "spare", "then": "land"}), PAIR[1])
     supervision = Supervision(rows)
-    told(supervision, main=State.WORKING, spare=State.QUIET)
-    steps = told(supervision, 0.5, main=State.FAULTY)
+    reported(supervision, main=State.WORKING, spare=State.QUIET)
+    steps = reported(supervision, 0.5, main=State.FAULTY)
     found = words(steps)
     for second in range(1, 6):
-        (resume,) = [step for step in steps if isinstance(step, Order)]
+        (resume,) = [step for step in steps if isinstance(step, LciRequest)]
         found += words(supervision.receive_reply(reply_to(resume, State.QUIET, "not ready"), float(second)))
-        told(supervision, float(second), main=State.FAULTY)
-        steps = told(supervision, float(second), spare=State.QUIET)
+        reported(supervision, float(second), main=State.FAULTY)
+        steps = reported(supervision, float(second), spare=State.QUIET)
         found += words(steps)
     assert found.count("main: land!") == 1
     assert found.count("spare: resume") == 6
@@ -155,21 +155,21 @@ def test_the_loss_of_a_function_is_told_once_however_often_a_standby_refuses() -
 
 def test_a_failed_standby_that_is_not_in_charge_is_brought_up_quietly_and_is_no_loss() -> None:
     supervision = pair()
-    assert told(supervision, 1.0, spare=State.FAULTY) == []
+    assert reported(supervision, 1.0, spare=State.FAULTY) == []
     assert words(supervision.tick(1.5)) == ["spare: initialize start goquiet"]
 
 
 def test_a_standby_that_comes_up_while_nobody_works_takes_over() -> None:
     supervision = pair()
-    told(supervision, 1.0, spare=State.FAULTY)
+    reported(supervision, 1.0, spare=State.FAULTY)
     (up,) = supervision.tick(1.5)
-    told(supervision, 1.6, main=State.FAULTY)
+    reported(supervision, 1.6, main=State.FAULTY)
     assert words(supervision.receive_reply(reply_to(up, State.QUIET), 1.7)) == ["spare: resume"]
 
 
 def test_silence_counts_as_absence_and_a_standby_takes_over() -> None:
     supervision = pair()
-    told(supervision, 2.5, spare=State.QUIET)
+    reported(supervision, 2.5, spare=State.QUIET)
     assert supervision.next_tick_s() == 3.0
     assert supervision.tick(2.99) == []
     assert words(supervision.tick(3.0)) == ["spare: resume"]
@@ -178,59 +178,59 @@ def test_silence_counts_as_absence_and_a_standby_takes_over() -> None:
 
 def test_silence_of_a_component_that_is_alone_is_its_loss_and_no_attempt() -> None:
     supervision = Supervision(ALONE)
-    told(supervision, 0.0, alone=State.WORKING)
-    assert supervision.tick(3.0) == [Verdict("alone", FaultPolicy.HOLD, "no status for 3 periods")]
+    reported(supervision, 0.0, alone=State.WORKING)
+    assert supervision.tick(3.0) == [SupervisionVerdict("alone", FaultPolicy.HOLD, "no status for 3 periods")]
     assert supervision.tick(30.0) == []
     assert supervision.next_tick_s() is None
-    assert told(supervision, 31.0, alone=State.FAULTY) == []
+    assert reported(supervision, 31.0, alone=State.FAULTY) == []
     assert words(supervision.tick(31.5)) == ["alone: initialize start"]
 
 
 def test_who_comes_back_from_silence_and_works_is_told_to_go_quiet() -> None:
     supervision = pair()
-    told(supervision, 2.5, spare=State.QUIET)
+    reported(supervision, 2.5, spare=State.QUIET)
     (resume,) = supervision.tick(3.0)
     supervision.receive_reply(reply_to(resume, State.WORKING), 3.0)
-    assert words(told(supervision, 10.0, main=State.WORKING)) == ["main: goquiet"]
-    assert told(supervision, 10.1, main=State.WORKING) == []
+    assert words(reported(supervision, 10.0, main=State.WORKING)) == ["main: goquiet"]
+    assert reported(supervision, 10.1, main=State.WORKING) == []
 
 
 @pytest.mark.parametrize("state", [State.IDLE, State.STANDBY, None])
 def test_what_an_operator_took_down_is_left_alone(state: State | None) -> None:
     supervision = pair()
-    assert told(supervision, 1.0, main=state) == []
-    told(supervision, 2.0, spare=State.QUIET)
+    assert reported(supervision, 1.0, main=state) == []
+    reported(supervision, 2.0, spare=State.QUIET)
     assert supervision.tick(3.5) == []
 
 
 def test_what_an_operator_brings_up_himself_is_not_brought_up_again() -> None:
     supervision = Supervision(ALONE)
-    told(supervision, 0.0, alone=State.FAULTY)
-    told(supervision, 0.2, alone=State.STANDBY)
+    reported(supervision, 0.0, alone=State.FAULTY)
+    reported(supervision, 0.2, alone=State.STANDBY)
     assert supervision.tick(0.6) == []
 
 
 def test_who_hands_over_by_hand_is_followed() -> None:
     supervision = pair()
-    assert told(supervision, 1.0, main=State.QUIET) == []
-    assert told(supervision, 1.1, spare=State.WORKING) == []
+    assert reported(supervision, 1.0, main=State.QUIET) == []
+    assert reported(supervision, 1.1, spare=State.WORKING) == []
     assert supervision.in_charge("main") == "spare"
 
 
 def test_a_standby_that_is_seen_on_its_way_to_quiet_is_not_in_charge() -> None:
     supervision = Supervision(PAIR)
-    assert told(supervision, 0.0, main=State.STANDBY, spare=State.WORKING) == []
-    assert told(supervision, 0.01, main=State.WORKING) == []
-    assert told(supervision, 0.02, spare=State.QUIET) == []
+    assert reported(supervision, 0.0, main=State.STANDBY, spare=State.WORKING) == []
+    assert reported(supervision, 0.01, main=State.WORKING) == []
+    assert reported(supervision, 0.02, spare=State.QUIET) == []
     assert supervision.in_charge("main") == "main"
     assert supervision.health() is Health.WORKING
 
 
 def test_a_standby_that_works_while_its_primary_never_came_up_is_in_charge() -> None:
     supervision = Supervision(PAIR)
-    told(supervision, 0.0, main=State.IDLE, spare=State.WORKING)
+    reported(supervision, 0.0, main=State.IDLE, spare=State.WORKING)
     assert supervision.in_charge("main") == "main"
-    assert told(supervision, 1.0, spare=State.WORKING) == []
+    assert reported(supervision, 1.0, spare=State.WORKING) == []
     assert supervision.in_charge("main") == "spare"
 
 
@@ -242,13 +242,13 @@ def test_a_command_that_would_leave_two_with_the_same_outputs_working_is_refused
     supervision.check("main", [Command.GOQUIET])
     with pytest.raises(Refused, match="is not accepted in quiet"):
         supervision.check("spare", [Command.START])
-    told(supervision, main=State.QUIET)
+    reported(supervision, main=State.QUIET)
     supervision.check("spare", [Command.RESUME])
 
 
 def test_replies_and_statuses_of_others_are_none_of_ours() -> None:
     supervision = pair()
-    assert told(supervision, stranger=State.FAULTY) == []
+    assert reported(supervision, stranger=State.FAULTY) == []
     stranger = CommandReply(request_id="x", component="stranger", command="stop", is_accepted=False, state=None)
     assert supervision.receive_reply(stranger, 0.0) == []
     assert supervision.receive_reply(msgspec.structs.replace(stranger, component="main"), 0.0) == []
@@ -271,18 +271,18 @@ def test_the_platforms_health_is_the_worst_of_its_required_components(
     states: dict[str, State | None], health: Health
 ) -> None:
     supervision = Supervision([row("a", required=True), row("b", required=True), row("extra")])
-    told(supervision, 0.0, **states)
+    reported(supervision, 0.0, **states)
     assert supervision.health() is health
 
 
 def test_a_required_standby_that_is_quiet_is_well_and_so_is_a_quiet_primary_that_it_stands_for() -> None:
     rows = (PAIR[0], row("spare", begin="quiet", standby_for="main", required=True))
     supervision = Supervision(rows)
-    told(supervision, main=State.WORKING, spare=State.QUIET)
+    reported(supervision, main=State.WORKING, spare=State.QUIET)
     assert supervision.health() is Health.WORKING
-    told(supervision, main=State.QUIET, spare=State.WORKING)
+    reported(supervision, main=State.QUIET, spare=State.WORKING)
     assert supervision.health() is Health.WORKING
-    told(supervision, spare=State.QUIET)
+    reported(supervision, spare=State.QUIET)
     assert supervision.health() is Health.QUIET
 
 

@@ -10,7 +10,7 @@ from tests.common.supervised import reply_to, row, status
 
 from gloc3.component.deployment import FaultPolicy
 from gloc3.component.lci import OPERATING, Command, State, transition
-from gloc3.component.supervision import Order, Step, Supervision, Verdict
+from gloc3.component.supervision import LciRequest, Step, Supervision, SupervisionVerdict
 from gloc3.component.test_bench import Bench
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope
@@ -36,28 +36,28 @@ class Fleet:
         self.broken: set[str] = set()
         self.mute: set[str] = set()
         self.now_s = 0.0
-        self.verdicts: list[Verdict] = []
+        self.verdicts: list[SupervisionVerdict] = []
         self.attempts: dict[str, list[float]] = {name: [] for name in NAMES}
         for name in NAMES:
-            self._tell(name)
+            self._report(name)
 
-    def _tell(self, name: str) -> None:
+    def _report(self, name: str) -> None:
         if name not in self.mute:
             cause = f"since {self.now_s:g}"
             self._obey(self.supervision.receive_status(status(name, self.states[name], cause), self.now_s))
 
     def _obey(self, steps: Sequence[Step]) -> None:
-        orders = [step for step in steps if isinstance(step, Order)]
+        orders = [step for step in steps if isinstance(step, LciRequest)]
         resumes = [order.request.command == Command.RESUME for order in orders]
         assert resumes == sorted(resumes, reverse=True), "a standby comes first"
         for step in steps:
-            if isinstance(step, Verdict):
+            if isinstance(step, SupervisionVerdict):
                 assert self.states[step.component] not in OPERATING or step.component in self.mute
                 self.verdicts.append(step)
             elif step.component not in self.mute:
                 self._carry_out(step)
 
-    def _carry_out(self, order: Order) -> None:
+    def _carry_out(self, order: LciRequest) -> None:
         name, refusal = order.component, ""
         if order.request.command == Command.INITIALIZE:
             self.attempts[name].append(self.now_s)
@@ -74,14 +74,14 @@ class Fleet:
                 break
             state = to
         self.states[name] = state
-        self._tell(name)
+        self._report(name)
         self._obey(self.supervision.receive_reply(reply_to(order, state, refusal), self.now_s))
 
     def break_down(self, name: str) -> None:
         """A component turns faulty, and stays broken."""
         self.broken.add(name)
         self.states[name] = State.FAULTY
-        self._tell(name)
+        self._report(name)
 
     def pass_time(self, duration_s: float) -> None:
         """Statuses come every second, and what is due is done in time."""
@@ -91,7 +91,7 @@ class Fleet:
             self.now_s = min(end_s, int(self.now_s) + 1.0, max(self.now_s, next_s if next_s is not None else end_s))
             if self.now_s == int(self.now_s):
                 for name in NAMES:
-                    self._tell(name)
+                    self._report(name)
             self._obey(self.supervision.tick(self.now_s))
             due_s = self.supervision.next_tick_s()
             assert due_s is None or due_s > self.now_s, "what is due has been done"
@@ -136,7 +136,7 @@ def test_in_any_course_of_events_at_most_one_with_the_same_outputs_is_not_quiet(
                     continue
                 assert to is not None
                 fleet.states[name] = to
-                fleet._tell(name)
+                fleet._report(name)
         if not fleet.mute:
             fleet.pass_time(1.0)
             assert len(fleet.working()) <= 1
@@ -174,24 +174,24 @@ def test_over_real_hosts_the_output_goes_on_within_100_ms_and_the_old_primary_be
         row("spare", rate_hz=50.0, begin="quiet", standby_for="main"),
     ]
     supervision = Supervision(rows)
-    heard: list[tuple[float, str]] = []
+    received: list[tuple[float, str]] = []
     with Bench() as bench:
 
         def obey(steps: list[Step]) -> None:
             for step in steps:
-                assert isinstance(step, Order)
+                assert isinstance(step, LciRequest)
                 topic = f"bench/components/{step.component}/command"
                 bench._publisher.publish(topic, step.request, bench.loop.time())
 
-        def hear(envelope: Envelope[Any]) -> None:
+        def receive(envelope: Envelope[Any]) -> None:
             now_s = bench.loop.time()
             if envelope.topic.endswith("/status"):
                 obey(supervision.receive_status(envelope.payload, now_s))
             elif envelope.topic.endswith("/reply"):
                 obey(supervision.receive_reply(envelope.payload, now_s))
 
-        bench.exchange.subscribe("bench/components/**", hear)
-        bench.exchange.subscribe("bench/result", lambda e: heard.append((bench.loop.time(), e.source.component)))
+        bench.exchange.subscribe("bench/components/**", receive)
+        bench.exchange.subscribe("bench/result", lambda e: received.append((bench.loop.time(), e.source.component)))
         for item in rows:
             bench.host(item, lambda name=item.name: Specimen(diaries[name]))  # type: ignore[misc]
         bench.run(2.0)
@@ -201,8 +201,8 @@ def test_over_real_hosts_the_output_goes_on_within_100_ms_and_the_old_primary_be
             obey(supervision.tick(bench.loop.time()))
             diaries["main"].errors.clear()
         assert (bench.state("main"), bench.state("spare")) == (State.QUIET, State.WORKING)
-        assert max(b[0] - a[0] for a, b in pairwise(heard)) < 0.1
-        speakers = [name for _, name in heard]
+        assert max(b[0] - a[0] for a, b in pairwise(received)) < 0.1
+        speakers = [name for _, name in received]
         assert speakers == sorted(speakers)
         assert set(speakers) == {"main", "spare"}
         diaries["spare"].errors["work"] = ValueError("odd")

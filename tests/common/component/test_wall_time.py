@@ -50,12 +50,12 @@ class Site:
         reply: CommandReply = await request(self.exchange, self._publisher, topic, message, 10.0)
         return reply
 
-    async def until(self, happened: Callable[[], bool]) -> None:
+    async def until(self, events: Callable[[], bool]) -> None:
         """Waits until something on the exchange has made a condition true."""
         changed = asyncio.Event()
         unsubscribe = self.exchange.subscribe("**", lambda _: changed.set())
         async with asyncio.timeout(60.0):
-            while not happened():
+            while not events():
                 changed.clear()
                 await changed.wait()
         unsubscribe()

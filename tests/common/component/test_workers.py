@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from gloc3.clock import run_virtual
 from gloc3.component.guard import guard
-from gloc3.component.workers import Errands, InlineWorker, ThreadWorker
+from gloc3.component.workers import InlineWorker, JobQueue, ThreadWorker
 
 
 @settings(max_examples=60)
@@ -113,7 +113,7 @@ def test_a_thread_ends_when_nobody_listens_any_more() -> None:
 
 
 def test_an_errand_that_takes_too_long_is_told_and_all_that_wait_can_be_given_up() -> None:
-    told: list[str] = []
+    reported: list[str] = []
 
     async def main() -> None:
         loop = asyncio.get_running_loop()
@@ -122,16 +122,16 @@ def test_an_errand_that_takes_too_long_is_told_and_all_that_wait_can_be_given_up
             for gave_up in errands.abandon():
                 gave_up(cause)
 
-        errands = Errands(loop, InlineWorker(loop), expired)
-        errands.run(lambda: "1", told.append, told.append, what="first", limit_s=1.0, cost_s=0.5)
-        errands.run(lambda: "2", told.append, told.append, what="second", limit_s=1.0, cost_s=9.0)
-        errands.run(lambda: "3", told.append, told.append, what="third", limit_s=5.0)
+        errands = JobQueue(loop, InlineWorker(loop), expired)
+        errands.run(lambda: "1", reported.append, reported.append, what="first", limit_s=1.0, cost_s=0.5)
+        errands.run(lambda: "2", reported.append, reported.append, what="second", limit_s=1.0, cost_s=9.0)
+        errands.run(lambda: "3", reported.append, reported.append, what="third", limit_s=5.0)
         assert len(errands) == 3
         await asyncio.sleep(20.0)
         assert len(errands) == 0
 
     run_virtual(main())
-    assert told == ["1", "timeout: second took over 1 s", "timeout: second took over 1 s"]
+    assert reported == ["1", "timeout: second took over 1 s", "timeout: second took over 1 s"]
 
 
 @pytest.mark.parametrize("error", [ValueError(), SystemExit(), GeneratorExit(), asyncio.CancelledError()])

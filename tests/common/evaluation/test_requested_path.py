@@ -10,8 +10,8 @@ def test_a_way_that_nobody_has_ended_ends_when_another_one_begins() -> None:
     path = RequestedPath(exchange, "p")
     for t_s, name in ((1.0, "one"), (4.0, "two")):
         order = {"waypoints_ned_m": [[1.0, 2.0, -3.0]], "speed_m_s": 0.5}
-        asked = {"action_id": name, "arguments": order}
-        request = FunctionRequest(request_id=name, function="action.start", arguments=asked)
+        requested = {"action_id": name, "arguments": order}
+        request = FunctionRequest(request_id=name, function="action.start", arguments=requested)
         Publisher(exchange, "p", "command_server", 1).publish("p/components/waypoints/function", request, t_s)
     assert [(flight.action_id, flight.start_s, flight.end_s) for flight in path.flights] == [
         ("one", 1.0, 4.0),

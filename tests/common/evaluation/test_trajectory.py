@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gloc3.errors import InputError, Refused
-from gloc3.evaluation.metrics import Alignment, Evaluation, evaluate, relative_errors, steps
+from gloc3.evaluation.metrics import Evaluation, TrajectoryAlignment, evaluate, relative_errors, steps
 from gloc3.evaluation.trajectory import (
     Array,
     Trajectory,
@@ -36,7 +36,7 @@ def wandering(seed: int, count: int = 400, drift: float = 0.0) -> Trajectory:
     return Trajectory(t_s=100.0 + 20.0 * share, position_m=position, world_from_body=matrices_from_quaternions(wxyz))
 
 
-def by_evo(estimate: Trajectory, truth: Trajectory, align: Alignment, over_m: float) -> dict[str, float]:
+def by_evo(estimate: Trajectory, truth: Trajectory, align: TrajectoryAlignment, over_m: float) -> dict[str, float]:
     """The same figures by the tool."""
     from evo.core import metrics, sync
     from evo.core.trajectory import PoseTrajectory3D
@@ -56,10 +56,10 @@ def by_evo(estimate: Trajectory, truth: Trajectory, align: Alignment, over_m: fl
         figures[name] = error.get_statistic(metrics.StatisticsType.rmse)
         figures[f"{name}_max"] = error.get_statistic(metrics.StatisticsType.max)
         figures["pairs"] = float(len(error.error))
-    if align is Alignment.ORIGIN:
+    if align is TrajectoryAlignment.ORIGIN:
         found.align_origin(true)
-    elif align is not Alignment.NONE:
-        found.align(true, n=-1 if align is Alignment.ALL else int(0.1 * found.num_poses))
+    elif align is not TrajectoryAlignment.NONE:
+        found.align(true, n=-1 if align is TrajectoryAlignment.ALL else int(0.1 * found.num_poses))
     for name, relation in (
         ("absolute_m", metrics.PoseRelation.translation_part),
         ("absolute_deg", metrics.PoseRelation.rotation_angle_deg),
@@ -89,11 +89,11 @@ def ours(found: Evaluation) -> dict[str, float]:
 
 @pytest.mark.thorough
 @pytest.mark.filterwarnings("default")
-@pytest.mark.parametrize("align", Alignment)
-def test_errors_agree_with_evo_to_a_millionth(align: Alignment) -> None:
+@pytest.mark.parametrize("align", TrajectoryAlignment)
+def test_errors_agree_with_evo_to_a_millionth(align: TrajectoryAlignment) -> None:
     for seed in range(2):
         truth, estimate = wandering(seed), wandering(seed, drift=0.01)
-        estimate = estimate.take(np.flatnonzero(np.random.default_rng(seed).random(len(estimate)) > 0.2))
+        estimate = estimate.select(np.flatnonzero(np.random.default_rng(seed).random(len(estimate)) > 0.2))
         estimate = estimate.moved(np.linalg.qr(wandering(9).world_from_body[77])[0], np.array([5.0, -3.0, 1.0]))
         if np.linalg.det(estimate.world_from_body[0]) < 0.0:
             estimate = estimate.moved(-np.eye(3), np.zeros(3))
@@ -105,17 +105,17 @@ def test_errors_agree_with_evo_to_a_millionth(align: Alignment) -> None:
 def test_a_trajectory_has_no_error_against_itself_and_a_rigid_move_is_aligned_away() -> None:
     truth = wandering(1)
     moved = truth.moved(truth.world_from_body[50], np.array([1.0, 2.0, 3.0]))
-    for align in (Alignment.BEGIN, Alignment.ALL, Alignment.ORIGIN):
+    for align in (TrajectoryAlignment.BEGIN, TrajectoryAlignment.ALL, TrajectoryAlignment.ORIGIN):
         found = evaluate(moved, truth, align)
         assert found.absolute_m.max < 1e-9
         assert found.absolute_deg.max < 1e-6
-    assert evaluate(moved, truth, Alignment.NONE).absolute_m.rms > 1.0
+    assert evaluate(moved, truth, TrajectoryAlignment.NONE).absolute_m.rms > 1.0
 
 
 def test_a_wrong_scale_is_not_corrected() -> None:
     truth = wandering(1)
     longer = Trajectory(t_s=truth.t_s, position_m=1.05 * truth.position_m, world_from_body=truth.world_from_body)
-    found = evaluate(longer, truth, Alignment.ORIGIN)
+    found = evaluate(longer, truth, TrajectoryAlignment.ORIGIN)
     assert found.relative_m is not None
     assert found.relative_m.mean == pytest.approx(0.05 * 10.0, rel=0.1)
 
@@ -127,14 +127,14 @@ def test_an_odometer_that_says_nothing_and_one_that_only_goes_on_are_wrong() -> 
         position_m=np.zeros_like(truth.position_m),
         world_from_body=np.tile(np.eye(3), (len(truth), 1, 1)),
     )
-    assert evaluate(nothing, truth, Alignment.ORIGIN).absolute_share > 0.2
+    assert evaluate(nothing, truth, TrajectoryAlignment.ORIGIN).absolute_share > 0.2
     on = nothing.t_s[:, None] - nothing.t_s[0]
     constant = Trajectory(
         t_s=truth.t_s,
         position_m=on * (truth.position_m[1] - truth.position_m[0]) / on[1],
         world_from_body=nothing.world_from_body,
     )
-    assert evaluate(constant, truth, Alignment.ORIGIN).absolute_share > 0.2
+    assert evaluate(constant, truth, TrajectoryAlignment.ORIGIN).absolute_share > 0.2
 
 
 def test_motions_between_neighbours_are_compared_one_by_one() -> None:

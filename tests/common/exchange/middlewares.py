@@ -13,14 +13,14 @@ from tests.common.exchange.mavlink.ends import RADIO_CONDITIONS, pair_on, standa
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.exchange.base import Exchange, Unsubscribe
 from gloc3.exchange.zenoh import open_exchange
-from gloc3.exchange.zenoh_session import UNIX, Node
+from gloc3.exchange.zenoh_session import UNIX, ZenohEndpoints
 from gloc3.messages.envelope import Envelope, Severity
 from gloc3.messages.summaries import CiEvent
 
 PLATFORM = "minoas"
 EVENT = f"{PLATFORM}/ci/event"
 TABLE = f"{PLATFORM}/ci/table"
-PATIENCE_S = 20.0
+TIMEOUT_S = 20.0
 QUICK = replace(RADIO_CONDITIONS, latency_s=0.001, loss=0.0, bandwidth_bit_s=10e6, queue_bytes=1_000_000)
 
 
@@ -32,29 +32,29 @@ class Ends:
         self.station = station
         self._publisher = Publisher(platform, PLATFORM, "ci", 7)
 
-    def say(self, text: str, topic: str = EVENT, t_s: float = 0.25) -> None:
+    def report(self, text: str, topic: str = EVENT, t_s: float = 0.25) -> None:
         """The platform publishes an event."""
         self._publisher.publish(topic, event(text), t_s, "hold")
 
-    async def reach(self, *heard: list[str], topic: str = EVENT) -> None:
+    async def reach(self, *received: list[str], topic: str = EVENT) -> None:
         """Waits until what the platform says reaches those who listen, then has them forget it."""
-        while not all(heard):
-            self.say("?", topic)
+        while not all(received):
+            self.report("?", topic)
             await asyncio.sleep(0.01)
-        self.say("!", topic)
-        await until(lambda: all(texts[-1] == "!" for texts in heard))
-        for texts in heard:
+        self.report("!", topic)
+        await until(lambda: all(texts[-1] == "!" for texts in received))
+        for texts in received:
             texts.clear()
 
 
-def hear(exchange: Exchange, pattern: str) -> tuple[list[str], Unsubscribe]:
+def receive(exchange: Exchange, pattern: str) -> tuple[list[str], Unsubscribe]:
     """The texts that come on a pattern of topics, and what ends that."""
     texts: list[str] = []
 
-    def take(envelope: Envelope[CiEvent]) -> None:
+    def handle(envelope: Envelope[CiEvent]) -> None:
         texts.append(envelope.payload.text)
 
-    return texts, exchange.subscribe(pattern, take)
+    return texts, exchange.subscribe(pattern, handle)
 
 
 @asynccontextmanager
@@ -79,9 +79,9 @@ async def zenoh(folder: Path) -> AsyncIterator[Ends]:
     loop, topics = asyncio.get_running_loop(), standard_topics()
     place = (f"{UNIX}/{folder}/z",)
     with (
-        open_exchange(Node(name="main", listen=place, accepts=("one", "other")), loop, topics),
-        open_exchange(Node(name="one", connect=place), loop, topics) as one,
-        open_exchange(Node(name="other", connect=place), loop, topics) as other,
+        open_exchange(ZenohEndpoints(name="main", listen=place, accepts=("one", "other")), loop, topics),
+        open_exchange(ZenohEndpoints(name="one", connect=place), loop, topics) as one,
+        open_exchange(ZenohEndpoints(name="other", connect=place), loop, topics) as other,
     ):
         yield Ends(one, other)
 
@@ -89,7 +89,7 @@ async def zenoh(folder: Path) -> AsyncIterator[Ends]:
 ALL = {"local": local, "mavlink": mavlink, "zenoh": zenoh}
 
 
-async def until(is_so: Callable[[], object], within_s: float = PATIENCE_S) -> None:
+async def until(is_so: Callable[[], object], within_s: float = TIMEOUT_S) -> None:
     """Waits for something, in wall time."""
     async with asyncio.timeout(within_s):
         while not is_so():

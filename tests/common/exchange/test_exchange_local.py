@@ -123,10 +123,10 @@ def test_liveliness_tells_who_comes_who_is_here_and_who_goes() -> None:
     def test(exchange: LocalExchange) -> None:
         early: list[tuple[str, bool]] = []
         late: list[tuple[str, bool]] = []
-        exchange.watch("p/components/*", lambda *told: early.append(told))
+        exchange.watch("p/components/*", lambda *reported: early.append(reported))
         first = exchange.declare_alive("p/components/pose")
         second = exchange.declare_alive("p/components/pose")
-        end = exchange.watch("p/components/*", lambda *told: late.append(told))
+        end = exchange.watch("p/components/*", lambda *reported: late.append(reported))
         first()
         first()
         assert early == late == [("p/components/pose", True)]

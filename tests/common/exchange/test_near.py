@@ -17,7 +17,7 @@ from gloc3.exchange.near import AHEAD, DEPTH, NearLink, NearServer, NearTopic
 from gloc3.exchange.shared_memory import SLOTS, Slots
 
 pytestmark = [pytest.mark.sockets, pytest.mark.timeout(60)]
-NOBODY = 65534
+NO_OWNER = 65534
 READER = """
 import asyncio, sys
 from gloc3.exchange.near import NearLink
@@ -51,10 +51,10 @@ class Heard:
     def read(self, name: str, ticket: bytes) -> NearLink:
         """Begins to read."""
 
-        def take(head: bytes, body: bytes) -> None:
+        def handle(head: bytes, body: bytes) -> None:
             self.messages.append((head, body))
 
-        link = NearLink(asyncio.get_running_loop(), name, take, self.ends.append)
+        link = NearLink(asyncio.get_running_loop(), name, handle, self.ends.append)
         link.show(ticket)
         return link
 
@@ -69,45 +69,45 @@ def served() -> Iterator[tuple[NearServer, NearTopic]]:
         server.close()
 
 
-async def reach(topic: NearTopic, heard: Heard) -> None:
+async def reach(topic: NearTopic, received: Heard) -> None:
     """Sends until it is heard, and forgets that."""
 
     def send() -> bool:
         topic.send(b"", b"hello")
         return False
 
-    await until(lambda: heard.messages or send())
+    await until(lambda: received.messages or send())
     await asyncio.sleep(0.1)
-    heard.messages.clear()
+    received.messages.clear()
 
 
 async def test_messages_arrive_as_they_are_whether_short_or_longer_than_all_before() -> None:
     with served() as (server, topic):
-        heard = Heard()
-        link = heard.read(server.name, topic.ticket)
-        await reach(topic, heard)
+        received = Heard()
+        link = received.read(server.name, topic.ticket)
+        await reach(topic, received)
         sent = [(b"head %d" % size, os.urandom(size)) for size in (0, 1, 4096, 5_000, 300_000, 7, 2_000_000)]
         for head, body in sent:
             assert topic.send(head, body) == ""
-        await until(lambda: len(heard.messages) == len(sent))
-        assert heard.messages == sent
+        await until(lambda: len(received.messages) == len(sent))
+        assert received.messages == sent
         link.close()
         await until(lambda: topic.send(b"", b"nobody") == "" and not topic.readers)
-        assert heard.messages == sent
+        assert received.messages == sent
 
 
 async def test_what_a_reader_has_not_read_is_not_written_over_and_a_busy_one_takes_the_newest() -> None:
     with served() as (server, topic):
-        heard = Heard()
-        link = heard.read(server.name, topic.ticket)
-        await reach(topic, heard)
+        received = Heard()
+        link = received.read(server.name, topic.ticket)
+        await reach(topic, received)
         reasons = [topic.send(b"", bytes([number]) * 100_000) for number in range(2 * AHEAD)]
         assert reasons == [""] * AHEAD + ["a receiver on this computer is too slow"] * AHEAD
-        await until(lambda: len(heard.messages) == DEPTH)
-        assert heard.messages == [(b"", bytes([number]) * 100_000) for number in range(AHEAD - DEPTH, AHEAD)]
+        await until(lambda: len(received.messages) == DEPTH)
+        assert received.messages == [(b"", bytes([number]) * 100_000) for number in range(AHEAD - DEPTH, AHEAD)]
         assert link.late == AHEAD - DEPTH
         assert topic.send(b"", b"next") == ""
-        await until(lambda: heard.messages[-1] == (b"", b"next"))
+        await until(lambda: received.messages[-1] == (b"", b"next"))
         link.close()
 
 
@@ -129,10 +129,10 @@ def test_places_are_used_again_when_all_have_read_them_and_not_before() -> None:
 
 async def test_without_the_ticket_of_a_topic_nothing_of_it_is_read() -> None:
     with served() as (server, topic):
-        heard, guessed = Heard(), Heard()
-        link = heard.read(server.name, topic.ticket)
+        received, guessed = Heard(), Heard()
+        link = received.read(server.name, topic.ticket)
         guessed.read(server.name, bytes(16))
-        await reach(topic, heard)
+        await reach(topic, received)
         await until(lambda: guessed.ends == [""])
         assert not guessed.messages
         link.close()
@@ -142,7 +142,7 @@ async def test_without_the_ticket_of_a_topic_nothing_of_it_is_read() -> None:
 async def test_another_user_is_refused_at_both_ends() -> None:
     with served() as (server, topic):
         here = os.geteuid()
-        os.seteuid(NOBODY)
+        os.seteuid(NO_OWNER)
         try:
             with pytest.raises(PermissionError, match="belongs to another user"):
                 Heard().read(server.name, topic.ticket)
@@ -164,14 +164,14 @@ async def test_memory_that_could_shrink_under_a_reader_is_refused() -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
         listener.bind(b"\0gloc3-forged")
         listener.listen()
-        heard = Heard()
-        heard.read("forged", bytes(16))
+        received = Heard()
+        received.read("forged", bytes(16))
         other, _ = listener.accept()
         file = os.memfd_create("forged")
         os.ftruncate(file, 4096 * (SLOTS + 1))
         socket.send_fds(other, [struct.pack("<QQI", 0, 0, 4096)], [file])
-        await until(lambda: heard.ends)
-        assert heard.ends == ["the other end's shared memory could change its size"]
+        await until(lambda: received.ends)
+        assert received.ends == ["the other end's shared memory could change its size"]
         os.close(file)
         other.close()
 
@@ -193,11 +193,11 @@ async def test_processes_that_are_killed_leave_nothing_behind() -> None:
     writer = await asyncio.create_subprocess_exec(sys.executable, "-c", WRITER, stdout=pipe)
     assert writer.stdout is not None
     name, ticket = (await writer.stdout.readline()).decode().split()
-    heard = Heard()
-    heard.read(name, bytes.fromhex(ticket))
-    await until(lambda: heard.messages, within_s=60.0)
+    received = Heard()
+    received.read(name, bytes.fromhex(ticket))
+    await until(lambda: received.messages, within_s=60.0)
     writer.kill()
     await writer.wait()
-    await until(lambda: heard.ends == [""])
-    assert heard.messages[0] == (b"head", bytes(100_000))
+    await until(lambda: received.ends == [""])
+    assert received.messages[0] == (b"head", bytes(100_000))
     assert set(Path("/dev/shm").iterdir()) <= before

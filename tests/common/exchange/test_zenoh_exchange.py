@@ -11,11 +11,11 @@ from typing import Any
 
 import pytest
 from msgspec.structs import replace
-from tests.common.exchange.middlewares import EVENT, PLATFORM, TABLE, Ends, event, hear, until, zenoh
+from tests.common.exchange.middlewares import EVENT, PLATFORM, TABLE, Ends, event, receive, until, zenoh
 
 from gloc3.exchange import Publisher
 from gloc3.exchange.zenoh import ZenohExchange, open_exchange
-from gloc3.exchange.zenoh_session import UNIX, Node, new_session
+from gloc3.exchange.zenoh_session import UNIX, ZenohEndpoints, new_session
 from gloc3.messages.envelope import Envelope, Source
 from gloc3.messages.summaries import ComponentTable
 from gloc3.messages.topics import TopicTable
@@ -32,7 +32,7 @@ def node(folder: Path, name: str, **entries: Any) -> Iterator[ZenohExchange]:
     place = f"{UNIX}/{folder}/z"
     where = {"listen": (place,), "accepts": ("one", "other")} if name == "main" else {"connect": (place,)}
     with open_exchange(
-        Node(name=name, **where), asyncio.get_running_loop(), TopicTable.installed(), **entries
+        ZenohEndpoints(name=name, **where), asyncio.get_running_loop(), TopicTable.installed(), **entries
     ) as exchange:
         yield exchange
 
@@ -79,9 +79,9 @@ async def test_a_picture_arrives_as_it_was_and_what_is_lost_of_many_is_counted(t
         await until(lambda: came[-1].payload.reason == "41")
         assert isinstance(ends.station, ZenohExchange)
         missing = came[-1].sequence - came[0].sequence + 1 - len(came)
-        troubles = ends.station.troubles()
-        assert troubles[f"lost {CAMERA}"] == missing > 0
-        assert 0 < troubles[f"late {CAMERA}"] <= missing
+        problems = ends.station.problems()
+        assert problems[f"lost {CAMERA}"] == missing > 0
+        assert 0 < problems[f"late {CAMERA}"] <= missing
 
 
 async def test_pictures_go_through_memory_to_those_on_this_computer_and_others_get_them_too(tmp_path: Path) -> None:
@@ -105,10 +105,10 @@ async def test_pictures_go_through_memory_to_those_on_this_computer_and_others_g
             assert all(envelope.payload == picture for envelope in came[name])
             numbers = [envelope.sequence for envelope in came[name]]
             assert numbers == sorted(set(numbers)), "each comes once"
-            assert exchange.troubles().get(f"lost {CAMERA}", 0) == numbers[-1] - numbers[0] + 1 - len(numbers)
+            assert exchange.problems().get(f"lost {CAMERA}", 0) == numbers[-1] - numbers[0] + 1 - len(numbers)
         assert mapped() == {"rw-s", "r--s"}, "written by one, read by the other"
         end_late()
-        await sender.renew(Node(name="one", connect=(f"{UNIX}/{tmp_path}/z",)))
+        await sender.renew(ZenohEndpoints(name="one", connect=(f"{UNIX}/{tmp_path}/z",)))
         assert mapped() == set()
         came["near"].clear()
         while not came["near"]:
@@ -140,12 +140,12 @@ async def test_pictures_reach_a_computer_that_shares_no_memory(megabytes: float,
 
 
 async def test_bytes_from_strangers_are_counted_and_told_never_raised(tmp_path: Path) -> None:
-    told: list[str] = []
+    reported: list[str] = []
     with (
-        node(tmp_path, "main", troubled=lambda _, text: told.append(text)) as main,
-        new_session(Node(name="one", connect=(f"{UNIX}/{tmp_path}/z",))) as stranger,
+        node(tmp_path, "main", troubled=lambda _, text: reported.append(text)) as main,
+        new_session(ZenohEndpoints(name="one", connect=(f"{UNIX}/{tmp_path}/z",))) as stranger,
     ):
-        heard, _ = hear(main, EVENT)
+        received, _ = receive(main, EVENT)
         types = TopicTable.installed().types
         good = Envelope(EVENT, Source("p", "c", 1), 0, 0.25, "", type_name(type(event("x"))), event("x"))
         bad = [
@@ -164,13 +164,13 @@ async def test_bytes_from_strangers_are_counted_and_told_never_raised(tmp_path: 
             stranger.put(EVENT, types.encode(good))
             return False
 
-        await until(lambda: heard or put())
-        counted = main.troubles()
+        await until(lambda: received or put())
+        counted = main.problems()
         assert counted[f"damaged {EVENT}"] >= 5
         assert counted[f"versions {EVENT}"] >= 1
         assert counted[f"misplaced {EVENT}"] >= 1
-        assert any("versions differ" in text for text in told)
-        assert any("it says that it is of minoas/motion/grant" in text for text in told)
+        assert any("versions differ" in text for text in reported)
+        assert any("it says that it is of minoas/motion/grant" in text for text in reported)
 
 
 STOPPED = """
@@ -201,7 +201,7 @@ async def test_a_receiver_that_stands_still_holds_up_no_loop_and_goes_by_its_lea
         for _ in range(100):
             begin_s = loop.time()
             for _ in range(60):
-                ends.say("x" * 2000)
+                ends.report("x" * 2000)
             worst_s = max(worst_s, loop.time() - begin_s)
             await asyncio.sleep(0)
         assert worst_s < 0.5, "publishing waited for a link"

@@ -11,7 +11,7 @@ from tests.common.exchange.middlewares import until
 
 from gloc3.exchange import Publisher, request
 from gloc3.exchange.zenoh import ZenohExchange, open_exchange
-from gloc3.exchange.zenoh_session import UNIX, Node
+from gloc3.exchange.zenoh_session import UNIX, ZenohEndpoints
 from gloc3.messages.envelope import CommandRequest
 from gloc3.messages.topics import TopicTable
 
@@ -21,7 +21,7 @@ CHILD = Path(__file__).with_name("zenoh_process.py")
 
 
 def parent(place: str) -> AbstractContextManager[ZenohExchange]:
-    return open_exchange(Node(name="main", listen=(place,)), asyncio.get_running_loop(), TopicTable())
+    return open_exchange(ZenohEndpoints(name="main", listen=(place,)), asyncio.get_running_loop(), TopicTable())
 
 
 async def child(place: str) -> asyncio.subprocess.Process:

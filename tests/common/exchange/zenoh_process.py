@@ -5,14 +5,14 @@ import sys
 
 from gloc3.exchange import Publisher
 from gloc3.exchange.zenoh import open_exchange
-from gloc3.exchange.zenoh_session import Node
+from gloc3.exchange.zenoh_session import ZenohEndpoints
 from gloc3.messages.envelope import CommandReply, CommandRequest, Envelope
 from gloc3.messages.topics import TopicTable
 
 
 async def live(place: str) -> None:
     """Serves commands until one says how to end."""
-    node = Node(name="child", connect=(place,), is_child=True)
+    node = ZenohEndpoints(name="child", connect=(place,), is_child=True)
     with open_exchange(node, asyncio.get_running_loop(), TopicTable()) as exchange:
         publisher = Publisher(exchange, "p", "child", 1)
         ended: asyncio.Future[str] = asyncio.get_running_loop().create_future()

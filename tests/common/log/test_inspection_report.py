@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gloc3.camera.model import CameraModel
-from gloc3.camera.wall_coverage import Limits
+from gloc3.camera.wall_coverage import CoverageLimits
 from gloc3.errors import Refused
 from gloc3.log.cli import app
 from gloc3.log.reader import find_log
@@ -20,7 +20,7 @@ from gloc3.log.report.walls import read_wall
 from gloc3.messages.envelope import Source
 from gloc3.messages.frames import from_yaw
 from gloc3.messages.vehicle import ImageRecorded, Pose
-from gloc3_onboard.components.drivers.image_recorder import Picture
+from gloc3_onboard.components.drivers.image_recorder import RecordedPicture
 from gloc3_onboard.process.storage import PictureFolder
 
 from .samples import LogInMemory
@@ -45,7 +45,7 @@ def write_pictures(folder: Path) -> None:
     for number, place in enumerate(PLACES, start=1):
         pixels = np.full((48, 64), 60 * number, np.uint8)
         image = Image(camera="front", width=64, height=48, data=pixels.tobytes())
-        store.write(Picture(f"front-{number:05d}.png", float(number), image, place, NORTH))
+        store.write(RecordedPicture(f"front-{number:05d}.png", float(number), image, place, NORTH))
 
 
 def write_log(file: Path) -> None:
@@ -130,7 +130,7 @@ def test_pictures_are_told_in_the_frame_of_the_platform_and_with_the_time_of_day
     assert recording.frame is None
     known = msgspec.structs.replace(recording, bearings_deg={"hold": 90.0}, utc_offset_s=1_700_000_000.0)
     assert known.time_of(known.pictures[0], 1) == "22:13:21.0"
-    write_report(known, known.cameras, None, Limits(), tmp_path)
+    write_report(known, known.cameras, None, CoverageLimits(), tmp_path)
     page = (tmp_path / "report.html").read_text()
     assert "<td>22:13:21.00</td><td>-4.00</td><td>5.00</td><td>3.00</td>" in page
     assert "in the frame hold" in page

@@ -75,15 +75,15 @@ def test_a_process_that_is_killed_loses_less_than_a_second(tmp_path: Path) -> No
     log = tmp_path / "log.mcap"
     with start(WALL, log) as process:
         assert process.stdout is not None
-        said = [float(process.stdout.readline())]
-        while said[-1] - said[0] < 0.4 or len(said) < 2 * A_SECOND:
-            said.append(float(process.stdout.readline()))
+        text = [float(process.stdout.readline())]
+        while text[-1] - text[0] < 0.4 or len(text) < 2 * A_SECOND:
+            text.append(float(process.stdout.readline()))
         process.kill()
-        said += [float(line) for line in process.stdout if line.endswith("\n")]
+        text += [float(line) for line in process.stdout if line.endswith("\n")]
     with LogReader(log) as reader:
         poses = [entry.envelope.t_s for entry in reader.entries("pose")]
         assert not reader.is_finished
         assert "not finished" in reader.losses()[-1]
         assert reader.attachments == {"mission.yaml": b"mission: hop"}
-    assert poses[0] <= said[0]
-    assert len(said) - len(poses) / 2 < A_SECOND, "two in each cycle"
+    assert poses[0] <= text[0]
+    assert len(text) - len(poses) / 2 < A_SECOND, "two in each cycle"

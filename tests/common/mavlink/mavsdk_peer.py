@@ -11,12 +11,12 @@ from mavsdk.asyncio import Configuration, ForwardingOption, Mavsdk
 from tests.node_runner import NodeRunner
 
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.node import Node
-from gloc3.mavlink.service import Service
+from gloc3.mavlink.node import MavlinkComponent
+from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.command import CommandResult
-from gloc3.mavlink.services.command_server import CommandServer
+from gloc3.mavlink.services.command_server import MavCommandServer
 from gloc3.mavlink.services.heartbeat import Heartbeat
-from gloc3.mavlink.services.version import Capability, Version, VersionServer
+from gloc3.mavlink.services.version import ProtocolCapability, Version, VersionServer
 from gloc3.mavlink.transport.endpoints import open_endpoint
 
 log_subscribe(lambda level, text, file, line: True)  # else it writes to stdout
@@ -54,7 +54,7 @@ async def lossy_proxy(port: int, loss: float, seed: int) -> AsyncIterator[int]:
 
 @asynccontextmanager
 async def running(
-    services: Sequence[Service[Any]],
+    services: Sequence[Microservice[Any]],
     mavsdk: Configuration,
     *,
     own: Address = VEHICLE,
@@ -66,8 +66,10 @@ async def running(
     loop = asyncio.get_running_loop()
     is_vehicle = own.component == 1
     heartbeat = Heartbeat(own, vehicle_type=QUADROTOR if is_vehicle else STATION, autopilot=PX4 if is_vehicle else 8)
-    commands = CommandServer(own, is_autopilot=is_vehicle)
-    version = VersionServer(own, Version(capabilities=Capability.MISSION_INT | Capability.MAVLINK2 | Capability.FTP))
+    commands = MavCommandServer(own, is_autopilot=is_vehicle)
+    version = VersionServer(
+        own, Version(capabilities=ProtocolCapability.MISSION_INT | ProtocolCapability.MAVLINK2 | ProtocolCapability.FTP)
+    )
 
     def answer(now_s: float) -> None:
         for request in commands.events():
@@ -79,7 +81,9 @@ async def running(
         runner.on_data(data)
 
     endpoint = await open_endpoint("udpin://127.0.0.1:0", loop, on_data)
-    runner = NodeRunner(Node(own, [heartbeat, commands, version, *services]), loop, endpoint.send, after=answer)
+    runner = NodeRunner(
+        MavlinkComponent(own, [heartbeat, commands, version, *services]), loop, endpoint.send, after=answer
+    )
     assert endpoint.local_port
     try:
         async with lossy_proxy(endpoint.local_port, loss, seed) as port, Mavsdk(mavsdk) as peer:

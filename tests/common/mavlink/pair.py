@@ -7,8 +7,8 @@ from typing import Any
 from tests.node_runner import NodeRunner
 
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.node import Node
-from gloc3.mavlink.service import Service
+from gloc3.mavlink.node import MavlinkComponent
+from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.transport.memory import PERFECT, Conditions, MemoryLink
 
 from .queue_loop import QueueLoop
@@ -23,8 +23,8 @@ class Pair:
     def __init__(self, seed: int = 1, conditions: Conditions = PERFECT) -> None:
         self.loop = QueueLoop()
         self.link = MemoryLink(self.loop, random.Random(seed), conditions)
-        self.vehicle = NodeRunner(Node(VEHICLE), self.loop, self.link.a.send)
-        self.station = NodeRunner(Node(STATION), self.loop, self.link.b.send)
+        self.vehicle = NodeRunner(MavlinkComponent(VEHICLE), self.loop, self.link.a.send)
+        self.station = NodeRunner(MavlinkComponent(STATION), self.loop, self.link.b.send)
         self.link.a.on_data = self.vehicle.on_data
         self.link.b.on_data = self.station.on_data
 
@@ -32,7 +32,7 @@ class Pair:
     def now_s(self) -> float:
         return self.loop.now_s
 
-    def add(self, vehicle: Sequence[Service[Any]], station: Sequence[Service[Any]]) -> None:
+    def add(self, vehicle: Sequence[Microservice[Any]], station: Sequence[Microservice[Any]]) -> None:
         for runner, services in ((self.vehicle, vehicle), (self.station, station)):
             for service in services:
                 runner.node.add(service)

@@ -20,7 +20,7 @@ def search(right: int, seed: int, talks_hz: float = 10.0, for_s: float = 60.0) -
             next_s += 1.0 / talks_hz
             frame = encoder.encode(message("HEARTBEAT", type=2, autopilot=3))
             data += frame if found.rate == right else noise.randbytes(len(frame))
-        found.hear(data, now_s)
+        found.receive(data, now_s)
     return found, now_s
 
 
@@ -41,5 +41,5 @@ def test_noise_is_never_taken_for_an_autopilot() -> None:
 
 def test_once_found_it_stays() -> None:
     found, at_s = search(115_200, 0)
-    found.hear(b"", at_s + 100.0)
+    found.receive(b"", at_s + 100.0)
     assert (found.is_found, found.rate) == (True, 115_200)

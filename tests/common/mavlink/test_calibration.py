@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from gloc3.errors import Refused
 from gloc3.mavlink.codec import message
 from gloc3.mavlink.message import MavlinkMessage
-from gloc3.mavlink.services.calibration import SILENT_S, Calibration, CalibrationKind, Phase, SideState
+from gloc3.mavlink.services.calibration import SILENT_S, Calibration, CalibrationKind, CalibrationPhase, SideState
 from gloc3.mavlink.services.calibration_ardupilot import ArduPilotCalibration
 from gloc3.mavlink.services.calibration_px4 import Px4Calibration
 
@@ -40,8 +40,15 @@ def text(words: str) -> MavlinkMessage:
 def test_each_kind_is_asked_for_in_its_firmwares_way(
     machine: type[Calibration], kind: CalibrationKind, sent: tuple[float, ...]
 ) -> None:
-    (asked,) = begun(kind, machine).outgoing()
-    assert (asked.command, asked.param1, asked.param2, asked.param3, asked.param4, asked.param5) == sent
+    (requested,) = begun(kind, machine).outgoing()
+    assert (
+        requested.command,
+        requested.param1,
+        requested.param2,
+        requested.param3,
+        requested.param4,
+        requested.param5,
+    ) == sent
 
 
 def test_a_lost_command_is_sent_again_where_the_answer_comes_at_once_and_only_there() -> None:
@@ -76,16 +83,16 @@ def test_texts_of_other_components_and_other_vehicles_say_nothing() -> None:
     for sender in (STATION, VEHICLE._replace(system=2), VEHICLE._replace(component=191)):
         calibration.receive(text("[cal] calibration done: gyro"), sender, 1.0)
     calibration.receive(text("calibration done: gyro"), VEHICLE, 1.0)
-    assert calibration.state.phase is Phase.ASKED
+    assert calibration.state.phase is CalibrationPhase.ASKED
 
 
 def test_what_comes_after_the_end_changes_nothing() -> None:
     calibration = begun(CalibrationKind.GYRO)
     for words in ("[cal] calibration failed: reading sensor", "[cal] calibration done: gyro"):
         calibration.receive(text(words), VEHICLE, 1.0)
-    assert (calibration.state.phase, calibration.state.reason) == (Phase.FAILED, "reading sensor")
+    assert (calibration.state.phase, calibration.state.reason) == (CalibrationPhase.FAILED, "reading sensor")
     calibration.cancel(2.0)
-    assert calibration.state.phase is Phase.FAILED
+    assert calibration.state.phase is CalibrationPhase.FAILED
     with pytest.raises(Refused):
         calibration.confirm(3.0)
 
@@ -154,7 +161,7 @@ def test_no_message_brings_it_out_of_order(said: list[MavlinkMessage], kind: Cal
     calibration = begun(kind, ArduPilotCalibration)
     for number, one in enumerate(said):
         calibration.receive(one, VEHICLE, number / 10)
-        if calibration.state.phase is Phase.WAITING:
+        if calibration.state.phase is CalibrationPhase.WAITING:
             calibration.confirm(number / 10)
         assert calibration.state.progress is None or 0.0 <= calibration.state.progress <= 1.0
     assert len([event for event in calibration.events() if event.is_over]) <= 1

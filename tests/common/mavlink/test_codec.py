@@ -9,7 +9,7 @@ from fastcrc.crc16 import mcrf4xx as checksum
 
 from gloc3.errors import Misuse
 from gloc3.mavlink import codec
-from gloc3.mavlink.signing import Signing, Verdict
+from gloc3.mavlink.signing import Signing, SigningVerdict
 
 
 def test_fields_that_are_left_out_are_zero() -> None:
@@ -144,7 +144,7 @@ def test_a_frame_made_in_our_name_is_numbered_and_signed_anew() -> None:
     (sent,) = codec.Parser().receive(ours.forward(made))
     assert sent.decode() == made.decode()
     assert (sent.sequence, sent.is_signed, made.sequence, made.is_signed) == (1, True, 0, False)
-    assert Signing(bytes(32), link_id=2, now=5).verify(sent) is Verdict.GENUINE
+    assert Signing(bytes(32), link_id=2, now=5).verify(sent) is SigningVerdict.GENUINE
     (unknown,) = codec.Parser().receive(b"\xfd\x01\0\0\0\xff\xbe\xee\xee\xee\x05\x11\x22")
     with pytest.raises(Misuse, match="not known"):
         ours.forward(unknown)

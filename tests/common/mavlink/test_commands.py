@@ -9,8 +9,8 @@ from gloc3.errors import Refused
 from gloc3.mavlink.codec import message
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.command import CommandResult
-from gloc3.mavlink.services.command_client import ATTEMPTS, CommandCall, CommandClient
-from gloc3.mavlink.services.command_server import CancelServer, CommandCancel, CommandRequest, CommandServer
+from gloc3.mavlink.services.command_client import ATTEMPTS, CommandCall, MavCommandClient
+from gloc3.mavlink.services.command_server import CancelServer, CommandCancel, MavCommandRequest, MavCommandServer
 from gloc3.mavlink.transport.memory import Conditions
 
 from .pair import STATION, VEHICLE, Pair
@@ -21,9 +21,9 @@ ARM, TAKE_OFF, REPOSITION = 400, 22, 192
 class Vehicle:
     """Answers commands as it is told, and keeps them."""
 
-    def __init__(self, pair: Pair, answer: Callable[[CommandRequest], CommandResult | None]) -> None:
-        self.server = CommandServer(VEHICLE, {ARM, TAKE_OFF, REPOSITION}, is_autopilot=True)
-        self.ran: list[CommandRequest] = []
+    def __init__(self, pair: Pair, answer: Callable[[MavCommandRequest], CommandResult | None]) -> None:
+        self.server = MavCommandServer(VEHICLE, {ARM, TAKE_OFF, REPOSITION}, is_autopilot=True)
+        self.ran: list[MavCommandRequest] = []
 
         def after(now_s: float) -> None:
             for request in self.server.events():
@@ -35,17 +35,17 @@ class Vehicle:
         pair.vehicle.after = after
 
 
-def accept(request: CommandRequest) -> CommandResult:
+def accept(request: MavCommandRequest) -> CommandResult:
     return CommandResult.ACCEPTED
 
 
 def wired(
-    answer: Callable[[CommandRequest], CommandResult | None] = accept,
+    answer: Callable[[MavCommandRequest], CommandResult | None] = accept,
     seed: int = 1,
     conditions: Conditions | None = None,
-) -> tuple[Pair, CommandClient, Vehicle]:
+) -> tuple[Pair, MavCommandClient, Vehicle]:
     pair = Pair(seed, conditions or Conditions(latency_s=0.02))
-    vehicle, client = Vehicle(pair, answer), CommandClient(STATION)
+    vehicle, client = Vehicle(pair, answer), MavCommandClient(STATION)
     pair.add([vehicle.server], [client])
     return pair, client, vehicle
 
@@ -155,7 +155,7 @@ def test_a_goto_given_again_after_another_command_is_not_taken_for_a_repeat() ->
 
 
 def test_an_abandoned_command_is_not_sent_again_and_makes_room_for_the_next_of_its_kind() -> None:
-    client = CommandClient(STATION)
+    client = MavCommandClient(STATION)
     first = client.send_long(VEHICLE, ARM, (1.0,), now_s=0.0)
     client.outgoing()
     client.abandon(first)
@@ -172,14 +172,14 @@ def test_an_abandoned_command_is_not_sent_again_and_makes_room_for_the_next_of_i
 def test_what_is_not_supported_is_said_by_who_was_meant() -> None:
     pair, client, _ = wired()
     assert finish(pair, client.send_long(VEHICLE, 31_010, now_s=0.0)) is CommandResult.UNSUPPORTED
-    companion = CommandServer(Address(1, 191), {ARM})
+    companion = MavCommandServer(Address(1, 191), {ARM})
     for component, expected in ((0, 0), (191, 1), (1, 0)):
         companion.receive(message("COMMAND_LONG", command=5, target_system=1, target_component=component), STATION, 0.0)
         assert len(companion.outgoing()) == expected
 
 
 def test_answers_from_elsewhere_and_unknown_results_do_no_harm() -> None:
-    client = CommandClient(STATION)
+    client = MavCommandClient(STATION)
     call = client.send_long(VEHICLE, ARM, now_s=0.0)
     client.receive(message("COMMAND_ACK", command=ARM), Address(2, 1), 0.1)
     client.receive(message("COMMAND_ACK", command=TAKE_OFF), VEHICLE, 0.1)
@@ -191,7 +191,7 @@ def test_answers_from_elsewhere_and_unknown_results_do_no_harm() -> None:
 
 
 def test_memory_for_answers_is_bounded() -> None:
-    server = CommandServer(VEHICLE)
+    server = MavCommandServer(VEHICLE)
     for number in range(2000):
         sender = Address(1 + number % 200, number // 200)
         server.receive(message("COMMAND_LONG", command=number % 3, target_system=1), sender, 0.0)
@@ -201,7 +201,7 @@ def test_memory_for_answers_is_bounded() -> None:
 
 
 def test_whom_a_server_does_not_serve_gets_no_answer_at_all() -> None:
-    server = CommandServer(VEHICLE, serves=lambda request: request.target == VEHICLE and request.sender == STATION)
+    server = MavCommandServer(VEHICLE, serves=lambda request: request.target == VEHICLE and request.sender == STATION)
     for target, sender in (((1, 0), STATION), ((1, 1), Address(254, 190)), ((1, 1), STATION)):
         fields = {"target_system": target[0], "target_component": target[1], "command": 31000}
         server.receive(message("COMMAND_LONG", **fields), sender, 0.0)
@@ -211,8 +211,8 @@ def test_whom_a_server_does_not_serve_gets_no_answer_at_all() -> None:
 def test_a_cancel_is_taken_from_anybody_for_us_alone_and_told_with_the_commands_own_acknowledgement() -> None:
     server = CancelServer(VEHICLE)
     for target in ((1, 0), (0, 0), (2, 1), (1, 1)):
-        told = message("COMMAND_CANCEL", target_system=target[0], target_component=target[1], command=TAKE_OFF)
-        server.receive(told, STATION, 0.0)
+        reported = message("COMMAND_CANCEL", target_system=target[0], target_component=target[1], command=TAKE_OFF)
+        server.receive(reported, STATION, 0.0)
     (cancel,) = server.events()
     assert cancel == CommandCancel(TAKE_OFF, STATION)
     server.cancelled(cancel)

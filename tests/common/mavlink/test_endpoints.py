@@ -30,10 +30,10 @@ class Opener:
         self.opened: list[Endpoint] = []
 
     async def __call__(self, url: str) -> tuple[Endpoint, list[bytes]]:
-        heard: list[bytes] = []
-        endpoint = await open_endpoint(url, asyncio.get_running_loop(), heard.append)
+        received: list[bytes] = []
+        endpoint = await open_endpoint(url, asyncio.get_running_loop(), received.append)
         self.opened.append(endpoint)
-        return endpoint, heard
+        return endpoint, received
 
 
 @pytest.fixture
@@ -51,14 +51,14 @@ async def until(is_so: Callable[[], bool]) -> None:
 
 
 async def test_udp_listener_answers_everyone_it_has_heard_from(opener: Opener) -> None:
-    server, heard = await opener("udpin://127.0.0.1:0")
+    server, received = await opener("udpin://127.0.0.1:0")
     assert server.local_port
     assert not server.is_connected
     server.send(b"nobody there")
     clients = [await opener(f"udpout://127.0.0.1:{server.local_port}") for _ in range(2)]
     for number, (client, _) in enumerate(clients):
         client.send(FRAMES[number])
-    await until(lambda: len(heard) == 2)
+    await until(lambda: len(received) == 2)
     server.send(FRAMES[2])
     await until(lambda: all(answers == [FRAMES[2]] for _, answers in clients))
     assert server.is_datagram
@@ -66,11 +66,11 @@ async def test_udp_listener_answers_everyone_it_has_heard_from(opener: Opener) -
 
 
 async def test_udp_listener_sends_what_is_for_one_system_to_those_who_were_heard_as_it(opener: Opener) -> None:
-    server, heard = await opener("udpin://127.0.0.1:0")
+    server, received = await opener("udpin://127.0.0.1:0")
     clients = [await opener(f"udpout://127.0.0.1:{server.local_port}") for _ in range(3)]
     for system, (client, _) in zip((7, 8, 8), clients, strict=True):
         client.send(codec.Encoder(system, 1).encode(codec.message("ATTITUDE")))
-    await until(lambda: len(heard) == 3)
+    await until(lambda: len(received) == 3)
     encoder = codec.Encoder(255, 190)
     for_7, for_8, for_9, for_all = (
         encoder.encode(codec.message("COMMAND_LONG", command=400, target_system=target)) for target in (7, 8, 9, 0)
@@ -84,8 +84,8 @@ async def test_udp_listener_sends_what_is_for_one_system_to_those_who_were_heard
 def test_the_systems_behind_a_peer_are_read_off_its_datagrams() -> None:
     key = Signing(bytes(32), link_id=1, now=1)
     signed = codec.Encoder(5, 1, key).encode(codec.message("ATTITUDE"))
-    old = bytes((0xFE, 9, 0, 6, 1, 0)) + bytes(11)
-    assert list(systems_in(signed + old + FRAMES[0])) == [5, 6, 1]
+    previous = bytes((0xFE, 9, 0, 6, 1, 0)) + bytes(11)
+    assert list(systems_in(signed + previous + FRAMES[0])) == [5, 6, 1]
     assert list(systems_in(b"\x00" * 40)) == []
     assert list(systems_in(FRAMES[0][:3])) == []
 
@@ -94,17 +94,17 @@ async def test_udp_listener_keeps_a_bounded_number_of_peers_and_forgets_silent_o
     opener: Opener, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(udp, "MOST_PEERS", 2)
-    server, heard = await opener("udpin://127.0.0.1:0")
+    server, received = await opener("udpin://127.0.0.1:0")
     assert isinstance(server, UdpServerEndpoint)
     for _ in range(3):
         client, _ = await opener(f"udpout://127.0.0.1:{server.local_port}")
         client.send(b"x")
-    await until(lambda: server.strangers_refused == 1)
-    assert len(heard) == 2
+    await until(lambda: server.unknown_refused == 1)
+    assert len(received) == 2
     monkeypatch.setattr(udp, "PEER_EXPIRES_S", -1.0)
     assert server.peers == []
     client.send(b"y")
-    await until(lambda: len(heard) == 3)
+    await until(lambda: len(received) == 3)
 
 
 async def test_a_peer_that_comes_late_gets_the_first_datagram(opener: Opener) -> None:
@@ -115,17 +115,17 @@ async def test_a_peer_that_comes_late_gets_the_first_datagram(opener: Opener) ->
     for _ in range(3):
         client.send(FRAMES[0])
         await asyncio.sleep(0.01)
-    _, heard = await opener(f"udpin://127.0.0.1:{port}")
+    _, received = await opener(f"udpin://127.0.0.1:{port}")
     client.send(FRAMES[1])
-    await until(lambda: heard == [FRAMES[1]])
+    await until(lambda: received == [FRAMES[1]])
 
 
 async def test_a_burst_of_datagrams_is_kept(opener: Opener) -> None:
-    server, heard = await opener("udpin://127.0.0.1:0")
+    server, received = await opener("udpin://127.0.0.1:0")
     client, _ = await opener(f"udpout://127.0.0.1:{server.local_port}")
     for _ in range(1000):
         client.send(FRAMES[0])
-    await until(lambda: len(heard) == 1000)
+    await until(lambda: len(received) == 1000)
 
 
 @pytest.mark.parametrize("scheme", ["udpin", "tcpin"])
@@ -141,14 +141,14 @@ async def test_an_address_that_is_not_ours_is_said(opener: Opener) -> None:
 
 
 async def test_tcp_server_keeps_its_clients_streams_apart(opener: Opener) -> None:
-    server, heard = await opener("tcpin://127.0.0.1:0")
+    server, received = await opener("tcpin://127.0.0.1:0")
     clients = [await opener(f"tcpout://127.0.0.1:{server.local_port}") for _ in range(2)]
     await until(lambda: all(client.is_connected for client, _ in clients))
     for half in (slice(None, 15), slice(15, None)):
         for number, (client, _) in enumerate(clients):
             client.send(FRAMES[number][half])
             await asyncio.sleep(0.01)
-    await until(lambda: sorted(heard) == sorted(FRAMES[:2]))
+    await until(lambda: sorted(received) == sorted(FRAMES[:2]))
     server.send(FRAMES[2])
     await until(lambda: all(b"".join(answers) == FRAMES[2] for _, answers in clients))
 
@@ -156,7 +156,7 @@ async def test_tcp_server_keeps_its_clients_streams_apart(opener: Opener) -> Non
 async def test_tcp_client_connects_again(opener: Opener, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gloc3.mavlink.transport.tcp.RECONNECT_S", 0.01)
     server, _ = await opener("tcpin://127.0.0.1:0")
-    client, heard = await opener(f"tcpout://127.0.0.1:{server.local_port}")
+    client, received = await opener(f"tcpout://127.0.0.1:{server.local_port}")
     await until(lambda: client.is_connected)
     port = server.local_port
     await server.close()
@@ -167,16 +167,16 @@ async def test_tcp_client_connects_again(opener: Opener, monkeypatch: pytest.Mon
     server, _ = await opener(f"tcpin://127.0.0.1:{port}")
     await until(lambda: client.is_connected and server.is_connected)
     server.send(FRAMES[0])
-    await until(lambda: heard == [FRAMES[0]])
+    await until(lambda: received == [FRAMES[0]])
 
 
 async def test_serial_line_both_ways_and_a_missing_device(opener: Opener) -> None:
     master, slave = pty.openpty()
     try:
-        endpoint, heard = await opener(f"serial://{os.ttyname(slave)}:57600")
+        endpoint, received = await opener(f"serial://{os.ttyname(slave)}:57600")
         await until(lambda: endpoint.is_connected)
         os.write(master, FRAMES[0])
-        await until(lambda: b"".join(heard) == FRAMES[0])
+        await until(lambda: b"".join(received) == FRAMES[0])
         endpoint.send(FRAMES[1])
         await until(lambda: endpoint.bytes_sent > 0)
         assert os.read(master, 300) == FRAMES[1]
@@ -199,7 +199,7 @@ def _line_rate(descriptor: int) -> int:
 async def test_the_rate_of_a_serial_line_is_found(opener: Opener) -> None:
     master, slave = pty.openpty()
     try:
-        endpoint, heard = await opener(f"serial://{os.ttyname(slave)}:auto")
+        endpoint, received = await opener(f"serial://{os.ttyname(slave)}:auto")
         tried: list[int] = []
         while not endpoint.is_connected:
             rate = _line_rate(slave)
@@ -207,14 +207,14 @@ async def test_the_rate_of_a_serial_line_is_found(opener: Opener) -> None:
             wrong = bytes(byte ^ 0xA5 for byte in FRAMES[0])  # what a line of another rate makes of it
             os.write(master, FRAMES[0] if rate == 921_600 else wrong)
             if rate != 921_600:
-                assert heard == [], "nothing is taken for heard before the rate is known"
+                assert received == [], "nothing is taken for heard before the rate is known"
                 endpoint.send(FRAMES[1])
             await asyncio.sleep(0.02)
         assert tried[-3:] == [57_600, 115_200, 921_600]
         assert endpoint.bytes_sent == 0, "nothing is sent at a rate that may be wrong"
         assert endpoint.problem == ""
         os.write(master, FRAMES[2])
-        await until(lambda: b"".join(heard).endswith(FRAMES[2]))
+        await until(lambda: b"".join(received).endswith(FRAMES[2]))
         await endpoint.close()
     finally:
         os.close(master)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from gloc3.errors import Refused
 from gloc3.mavlink.codec import message
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.services.ftp import Entry, FtpError, Operation, Payload, checksum, read_entries, read_payload
+from gloc3.mavlink.services.ftp import FolderEntry, FtpError, Operation, Payload, checksum, read_entries, read_payload
 from gloc3.mavlink.services.ftp_client import FtpCall, FtpClient
 from gloc3.mavlink.services.ftp_files import FolderFiles
 from gloc3.mavlink.services.ftp_server import CHECK_PAUSE_S, CHECKED_BYTES, IDLE_S, MOST_SESSIONS, FtpServer
@@ -97,7 +97,11 @@ def test_folders_are_listed_made_renamed_and_removed(folder: Path) -> None:
     pair, _, client = wired(folder, Conditions(latency_s=0.01, loss=0.2))
     call = client.list(VEHICLE, "/", now_s=0.0)
     assert finish(pair, call) is FtpError.NONE
-    assert call.entries == [Entry("empty", False, 0), Entry("inner-link", False, 30_000), Entry("logs", True)]
+    assert call.entries == [
+        FolderEntry("empty", False, 0),
+        FolderEntry("inner-link", False, 30_000),
+        FolderEntry("logs", True),
+    ]
     for wanted in (
         client.make_folder(VEHICLE, "/a", now_s=0.0),
         client.write(VEHICLE, "/a/x", b"12345", now_s=0.0),
@@ -203,9 +207,9 @@ def test_checksums_for_thousands_of_systems_are_not_calculated_at_once(folder: P
         file.truncate(100 * CHECKED_BYTES)
     server = FtpServer(VEHICLE, FolderFiles(folder))
     request = Payload(operation=Operation.CALCULATE_CRC32, size=4, data=b"huge").encode()
-    asked = message("FILE_TRANSFER_PROTOCOL", target_system=1, target_component=1, payload=request)
+    requested = message("FILE_TRANSFER_PROTOCOL", target_system=1, target_component=1, payload=request)
     for number in range(5000):
-        server.receive(asked, Address(number % 250 + 1, number // 250 + 1), 0.0)
+        server.receive(requested, Address(number % 250 + 1, number // 250 + 1), 0.0)
     answers = [read_payload(sent.payload) for sent in server.outgoing()]
     assert len(answers) == 5000 - MOST_SESSIONS
     assert {answer.data[0] for answer in answers if answer} == {FtpError.NO_SESSIONS_AVAILABLE}
@@ -246,7 +250,7 @@ def test_a_cancelled_read_closes_its_session(folder: Path) -> None:
     assert server.next_tick_s() is None
 
 
-def ask(server: FtpServer, sender: Address = STATION, now_s: float = 0.0, **fields: Any) -> list[Payload]:
+def request(server: FtpServer, sender: Address = STATION, now_s: float = 0.0, **fields: Any) -> list[Payload]:
     payload = Payload(**fields)
     server.receive(message("FILE_TRANSFER_PROTOCOL", target_system=1, payload=payload.encode()), sender, now_s)
     return [answer for m in server.outgoing() if (answer := read_payload(m.payload)) is not None]
@@ -255,26 +259,26 @@ def ask(server: FtpServer, sender: Address = STATION, now_s: float = 0.0, **fiel
 def test_a_repeated_question_is_answered_again_and_not_done_again(folder: Path) -> None:
     server = FtpServer(VEHICLE, FolderFiles(folder))
     remove: dict[str, Any] = {"operation": Operation.REMOVE_FILE, "sequence": 7, "size": 5, "data": b"empty"}
-    first, again = ask(server, **remove), ask(server, **remove)
+    first, again = request(server, **remove), request(server, **remove)
     assert first == again
     assert first[0].operation == Operation.ACKNOWLEDGED
-    (refused,) = ask(server, **(remove | {"sequence": 8}))
+    (refused,) = request(server, **(remove | {"sequence": 8}))
     assert FtpError.read(refused.data) is FtpError.FILE_NOT_FOUND
 
 
 def test_a_download_that_broke_off_goes_on_at_any_place(folder: Path) -> None:
     server = FtpServer(VEHICLE, FolderFiles(folder))
     path = b"logs/flight.mcap"
-    (opened,) = ask(server, sequence=1, operation=Operation.OPEN_FILE_READ_ONLY, size=len(path), data=path)
-    ask(server, sequence=2, operation=Operation.READ_FILE, session=opened.session, offset=0, size=239)
-    ask(server, sequence=3, operation=Operation.RESET_SESSIONS)
-    (opened,) = ask(server, sequence=4, operation=Operation.OPEN_FILE_READ_ONLY, size=len(path), data=path)
+    (opened,) = request(server, sequence=1, operation=Operation.OPEN_FILE_READ_ONLY, size=len(path), data=path)
+    request(server, sequence=2, operation=Operation.READ_FILE, session=opened.session, offset=0, size=239)
+    request(server, sequence=3, operation=Operation.RESET_SESSIONS)
+    (opened,) = request(server, sequence=4, operation=Operation.OPEN_FILE_READ_ONLY, size=len(path), data=path)
     for number, offset in enumerate((12_345, 29_950, 239)):
-        (part,) = ask(
+        (part,) = request(
             server, sequence=5 + number, operation=Operation.READ_FILE, session=opened.session, offset=offset, size=239
         )
         assert part.data == CONTENT[offset : offset + 239]
-    ask(server, sequence=9, operation=Operation.BURST_READ_FILE, session=opened.session, offset=20_000, size=239)
+    request(server, sequence=9, operation=Operation.BURST_READ_FILE, session=opened.session, offset=20_000, size=239)
     server.tick(1.0)
     begun = read_payload(next(iter(server.outgoing())).payload)
     assert begun is not None
@@ -285,18 +289,18 @@ def test_sessions_are_bounded_belong_to_their_owner_and_expire(folder: Path) -> 
     server = FtpServer(VEHICLE, FolderFiles(folder))
     open_file: dict[str, Any] = {"operation": Operation.OPEN_FILE_READ_ONLY, "size": 5, "data": b"empty"}
     for number in range(MOST_SESSIONS):
-        (opened,) = ask(server, sequence=number, **open_file)
+        (opened,) = request(server, sequence=number, **open_file)
         assert opened.session == number
-    (refused,) = ask(server, sequence=50, **open_file)
+    (refused,) = request(server, sequence=50, **open_file)
     assert FtpError.read(refused.data) is FtpError.NO_SESSIONS_AVAILABLE
     stranger = Address(254, 190)
-    (refused,) = ask(server, stranger, sequence=1, operation=Operation.READ_FILE, session=0, size=10)
+    (refused,) = request(server, stranger, sequence=1, operation=Operation.READ_FILE, session=0, size=10)
     assert FtpError.read(refused.data) is FtpError.INVALID_SESSION
-    (refused,) = ask(server, sequence=51, operation=Operation.WRITE_FILE, session=0, size=1, data=b"x")
+    (refused,) = request(server, sequence=51, operation=Operation.WRITE_FILE, session=0, size=1, data=b"x")
     assert FtpError.read(refused.data) is FtpError.FILE_PROTECTED
-    (opened,) = ask(server, stranger, IDLE_S + 1, sequence=2, **open_file)
+    (opened,) = request(server, stranger, IDLE_S + 1, sequence=2, **open_file)
     assert opened.operation == Operation.ACKNOWLEDGED
-    ask(server, sequence=52, operation=Operation.RESET_SESSIONS)
+    request(server, sequence=52, operation=Operation.RESET_SESSIONS)
     assert server.sessions == 1, "the stranger's"
 
 

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from gloc3.mavlink.services.ftp_stream import InOrder
 
 
-class Taken:
+class TakenPicture:
     def __init__(self) -> None:
         self.data = b""
 
@@ -14,32 +14,32 @@ class Taken:
         del size
         return 0
 
-    def take(self, data: bytes) -> None:
+    def write(self, data: bytes) -> None:
         self.data += data
 
 
 def test_what_comes_too_early_waits_for_what_is_missing() -> None:
-    taken = Taken()
-    order = InOrder(taken, 0)
+    used = TakenPicture()
+    order = InOrder(used, 0)
     assert order.put(0, b"ab")
     order.give(2)
     assert order.put(4, b"ef")
     order.give(2)
-    assert taken.data == b"ab"
+    assert used.data == b"ab"
     assert order.put(2, b"cd")
     order.give(6)
-    assert taken.data == b"abcdef"
+    assert used.data == b"abcdef"
 
 
 def test_what_is_too_much_to_be_kept_is_turned_down_but_never_what_is_next() -> None:
-    taken = Taken()
-    order = InOrder(taken, 10, ahead_bytes=4)
+    used = TakenPicture()
+    order = InOrder(used, 10, ahead_bytes=4)
     assert order.put(12, b"cdef")
     assert not order.put(16, b"g")
     assert order.put(0, b"old"), "what is here already needs no room"
     assert order.put(10, b"ab")
     order.give(16)
-    assert taken.data == b"abcdef"
+    assert used.data == b"abcdef"
     assert order.put(16, b"g")
 
 
@@ -47,8 +47,8 @@ def test_what_is_too_much_to_be_kept_is_turned_down_but_never_what_is_next() -> 
 @given(st.permutations(range(12)), st.lists(st.integers(0, 11), max_size=8), st.integers(2, 60))
 def test_any_order_with_repetitions_gives_the_file(places: list[int], again: list[int], room: int) -> None:
     content = bytes(range(60))
-    taken, come = Taken(), set[int]()
-    order = InOrder(taken, 0, ahead_bytes=room)
+    used, come = TakenPicture(), set[int]()
+    order = InOrder(used, 0, ahead_bytes=room)
     waiting = [*places, *again]
     for _ in range(200):
         if not waiting:
@@ -60,5 +60,5 @@ def test_any_order_with_repetitions_gives_the_file(places: list[int], again: lis
             waiting.append(place)
         whole = next((n for n in range(12) if n not in come), 12)
         order.give(whole * 5)
-        assert content.startswith(taken.data)
-    assert taken.data == content
+        assert content.startswith(used.data)
+    assert used.data == content

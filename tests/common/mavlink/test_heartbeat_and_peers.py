@@ -2,13 +2,13 @@
 
 from gloc3.mavlink.codec import message
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.services.heartbeat import MOST_PEERS, Heartbeat, PeerChange, Peers
+from gloc3.mavlink.services.heartbeat import MOST_PEERS, Heartbeat, MavlinkPeers, PeerChange
 from gloc3.mavlink.transport.memory import Conditions
 
 from .pair import STATION, VEHICLE, Pair
 
 
-def changes(peers: Peers) -> list[tuple[str, Address]]:
+def changes(peers: MavlinkPeers) -> list[tuple[str, Address]]:
     return [(event.change, event.peer.address) for event in peers.events()]
 
 
@@ -18,7 +18,7 @@ def autopilot_heartbeat() -> Heartbeat:
 
 def test_both_ends_see_each_other_and_the_autopilot_is_recognised() -> None:
     pair = Pair()
-    heartbeat, peers = autopilot_heartbeat(), Peers(STATION)
+    heartbeat, peers = autopilot_heartbeat(), MavlinkPeers(STATION)
     heartbeat.system_status = 4
     pair.add([heartbeat], [peers])
     pair.run(2.5)
@@ -34,12 +34,12 @@ def test_both_ends_see_each_other_and_the_autopilot_is_recognised() -> None:
 
 def test_a_silent_peer_is_gone_and_may_return() -> None:
     pair = Pair()
-    peers = Peers(STATION)
+    peers = MavlinkPeers(STATION)
     pair.add([autopilot_heartbeat()], [peers])
     pair.run(3.2)
     pair.link.a.conditions = Conditions(loss=1.0)
     pair.run(5.0)
-    assert changes(peers) == [(PeerChange.APPEARED, VEHICLE), (PeerChange.GONE, VEHICLE)]
+    assert changes(peers) == [(PeerChange.APPEARED, VEHICLE), (PeerChange.LOST, VEHICLE)]
     assert peers.alive == []
     pair.link.a.conditions = Conditions()
     pair.run(1.5)
@@ -47,7 +47,7 @@ def test_a_silent_peer_is_gone_and_may_return() -> None:
 
 
 def test_three_lost_heartbeats_are_not_yet_a_lost_peer() -> None:
-    peers = Peers(STATION)
+    peers = MavlinkPeers(STATION)
     peers.receive(message("HEARTBEAT", autopilot=3), VEHICLE, 0.0)
     peers.tick(4.1)
     assert len(peers.alive) == 1
@@ -71,7 +71,7 @@ def test_a_stuck_loop_sends_no_heartbeat_and_makes_up_for_none() -> None:
 
 
 def test_two_autopilots_are_a_choice_for_a_person() -> None:
-    peers = Peers(STATION)
+    peers = MavlinkPeers(STATION)
     for system in (1, 2):
         peers.receive(message("HEARTBEAT", autopilot=3), Address(system, 1), 0.0)
     assert peers.autopilot(4.0) is None
@@ -80,7 +80,7 @@ def test_two_autopilots_are_a_choice_for_a_person() -> None:
 
 
 def test_a_restart_is_told_by_the_time_since_boot() -> None:
-    peers = Peers(STATION)
+    peers = MavlinkPeers(STATION)
     peers.receive(message("HEARTBEAT", autopilot=3), VEHICLE, 0.0)
     for boot_ms in (50_000, 49_990, 51_000, 300):
         peers.receive(message("SYSTEM_TIME", time_boot_ms=boot_ms), VEHICLE, 1.0)
@@ -88,7 +88,7 @@ def test_a_restart_is_told_by_the_time_since_boot() -> None:
 
 
 def test_a_flood_of_strangers_is_bounded_and_the_gone_make_room() -> None:
-    peers = Peers(STATION)
+    peers = MavlinkPeers(STATION)
     for number in range(1000):
         peers.receive(message("HEARTBEAT"), Address(1 + number % 250, number // 250), 0.0)
     assert len(peers.alive) == MOST_PEERS

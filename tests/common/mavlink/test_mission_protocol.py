@@ -114,15 +114,15 @@ def test_a_dead_vehicle_is_noticed_within_ten_seconds(after_items: int) -> None:
 
 def test_a_dead_station_leaves_the_old_plan_and_makes_room_for_another_within_ten_seconds() -> None:
     pair, server, client = wired()
-    old = plan(1, 5)
-    server.set_plan(PlanType.MISSION, old)
+    previous = plan(1, 5)
+    server.set_plan(PlanType.MISSION, previous)
     client.upload(VEHICLE, plan(2, 500), now_s=0.0)
     pair.run(5.0)
     pair.link.set_conditions(Conditions(loss=1.0))
     server.receive(to_vehicle("MISSION_COUNT", count=1), OTHER_STATION, pair.now_s)
     assert server.outgoing()[-1].type == PlanResult.DENIED
     pair.run(9.5)
-    assert server.plans[PlanType.MISSION] == old
+    assert server.plans[PlanType.MISSION] == previous
     server.receive(to_vehicle("MISSION_COUNT", count=1), OTHER_STATION, pair.now_s)
     assert server.outgoing()[-1].name == "MISSION_REQUEST_INT"
 
@@ -179,8 +179,8 @@ def test_the_old_requests_and_items_are_still_understood() -> None:
     server = MissionServer(VEHICLE, dialect=MissionDialect(tells_current=False))
     server.receive(to_vehicle("MISSION_COUNT", count=2), STATION, 0.0)
     for number, frame, x in ((0, 3, 47.5), (1, 1, 12.25)):
-        old = to_vehicle("MISSION_ITEM", seq=number, frame=frame, command=16, x=x, y=8.0, z=5.0)
-        server.receive(old, STATION, 0.1)
+        previous = to_vehicle("MISSION_ITEM", seq=number, frame=frame, command=16, x=x, y=8.0, z=5.0)
+        server.receive(previous, STATION, 0.1)
     items = server.plans[PlanType.MISSION]
     assert [item.x for item in items] == [475_000_000, 122_500]
     assert names(server.outgoing()) == ["MISSION_REQUEST_INT", "MISSION_REQUEST_INT", "MISSION_ACK"]
@@ -304,13 +304,13 @@ def test_a_plan_that_is_left_to_the_owner_is_in_force_when_he_says_so() -> None:
 
 def test_a_plan_that_its_owner_refuses_leaves_the_old_one() -> None:
     pair, server, client = offering()
-    server.set_plan(PlanType.MISSION, old := plan(1, 3))
+    server.set_plan(PlanType.MISSION, previous := plan(1, 3))
     uploading = client.upload(VEHICLE, plan(5, 8), now_s=0.0)
     pair.run(15.0)
     assert uploading.result is None, "the client goes on waiting, since it is asked for its last item again"
     server.conclude(offers(server)[0], PlanResult.INVALID_PARAM1, pair.now_s)
     assert finish(pair, uploading) is PlanResult.INVALID_PARAM1
-    assert server.plans[PlanType.MISSION] == old
+    assert server.plans[PlanType.MISSION] == previous
 
 
 def test_while_the_owner_decides_others_are_denied_and_who_begins_anew_is_heard() -> None:
@@ -319,13 +319,13 @@ def test_while_the_owner_decides_others_are_denied_and_who_begins_anew_is_heard(
     (first,) = offers(server)
     for hostile in ("MISSION_COUNT", "MISSION_CLEAR_ALL"):
         server.receive(to_vehicle(hostile), OTHER_STATION, 0.1)
-    assert [told.type for told in server.outgoing()] == [PlanResult.DENIED] * 2
+    assert [reported.type for reported in server.outgoing()] == [PlanResult.DENIED] * 2
     server.receive(to_vehicle("MISSION_COUNT", count=0), STATION, 0.2)
     (second,) = offers(server)
     server.conclude(first, PlanResult.DENIED, 0.3)
     assert server.outgoing() == []
     server.conclude(second, PlanResult.ACCEPTED, 0.4)
-    assert [told.type for told in server.outgoing()] == [PlanResult.ACCEPTED]
+    assert [reported.type for reported in server.outgoing()] == [PlanResult.ACCEPTED]
     server.receive(to_vehicle("MISSION_COUNT", count=0), STATION, 0.5)
     server.receive(to_vehicle("MISSION_ACK", type=PlanResult.CANCELLED), STATION, 0.6)
     server.conclude(offers(server)[0], PlanResult.ACCEPTED, 0.7)

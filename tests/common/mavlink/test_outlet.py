@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from gloc3.mavlink.codec import Encoder, Frame, Parser, message
-from gloc3.mavlink.outlet import BURST_S, SHARES, Kind, Outlet
+from gloc3.mavlink.outlet import BURST_S, SHARES, LinkOutlet, TrafficKind
 
 pytestmark = pytest.mark.thorough
 
@@ -19,7 +19,7 @@ class Line:
     def __init__(self, rate_byte_s: float | None = RADIO_BYTE_S) -> None:
         self.sent: list[tuple[float, Frame]] = []
         self.now_s = 0.0
-        self.outlet = Outlet(self._send, rate_byte_s)
+        self.outlet = LinkOutlet(self._send, rate_byte_s)
         self._encoder = Encoder(1, 1)
 
     def _send(self, raw: bytes) -> None:
@@ -112,11 +112,11 @@ def test_of_telemetry_the_latest_waits_of_each_sender_and_instance() -> None:
 
 def test_missions_and_files_wait_in_order_and_what_finds_no_room_is_counted() -> None:
     line = Line()
-    for seq in range(SHARES[Kind.TRANSFER].most + 50):
+    for seq in range(SHARES[TrafficKind.TRANSFER].most + 50):
         line.put("MISSION_ITEM_INT", seq=seq, x=1)
     line.run_to(60.0)
     seqs = [message.seq for _, frame in line.sent if (message := frame.decode()) is not None]
     assert seqs == sorted(seqs)
-    assert line.outlet.dropped[Kind.TRANSFER] + len(seqs) == SHARES[Kind.TRANSFER].most + 50
-    assert line.outlet.dropped[Kind.TRANSFER] > 0
+    assert line.outlet.dropped[TrafficKind.TRANSFER] + len(seqs) == SHARES[TrafficKind.TRANSFER].most + 50
+    assert line.outlet.dropped[TrafficKind.TRANSFER] > 0
     assert Counter(line.names())["MISSION_ITEM_INT"] == len(seqs)

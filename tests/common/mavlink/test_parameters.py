@@ -214,17 +214,17 @@ def test_where_values_are_cast_any_type_is_taken_for_the_parameters_own_if_the_v
     server = ParameterServer(VEHICLE, PARAMETERS, encoding=ParameterEncoding.CAST)
     before = server[name]
     bits = Parameter(name, value).to_bits(ParameterEncoding.CAST)
-    asked = message("PARAM_SET", param_id=name, param_value=bits, param_type=kind, target_system=1)
-    server.receive(asked, STATION, 0.0)
+    requested = message("PARAM_SET", param_id=name, param_value=bits, param_type=kind, target_system=1)
+    server.receive(requested, STATION, 0.0)
     answers = server.outgoing()
     assert (
         [answer.name for answer in answers] == ["PARAM_VALUE"] if kept is not None else ["PARAM_ERROR", "PARAM_VALUE"]
     )
     assert server[name] == (before if kept is None else kept)
     assert [change.parameter.value for change in server.events()] == ([] if kept is None else [kept])
-    told = answers[-1]
+    reported = answers[-1]
     assert (
-        read_parameter(name, told.param_value, told.param_type, ParameterEncoding.CAST)
+        read_parameter(name, reported.param_value, reported.param_type, ParameterEncoding.CAST)
         == server.parameters[[each.name for each in server.parameters].index(name)]
     )
 
@@ -288,7 +288,7 @@ def test_while_the_owner_decides_another_value_is_refused_and_a_repeat_waits_wit
         server.receive(message("PARAM_SET", param_value=bits, **fields), STATION, 0.0)
     assert server.outgoing() == []
     server.receive(message("PARAM_SET", param_value=bits, **fields), Address(254, 190), 0.1)
-    assert [(told.name, getattr(told, "error", 0)) for told in server.outgoing()] == [
+    assert [(reported.name, getattr(reported, "error", 0)) for reported in server.outgoing()] == [
         ("PARAM_ERROR", 3),
         ("PARAM_VALUE", 0),
     ]
@@ -300,16 +300,16 @@ def test_who_may_not_set_a_value_is_told_so() -> None:
     _, server, _ = leaving()
     fields = {"target_system": 1, "target_component": 1, "param_id": "SPEED", "param_type": 9}
     server.receive(message("PARAM_SET", param_value=0, **fields), Address(254, 190), 0.0)
-    assert [getattr(told, "error", 0) for told in server.outgoing()] == [ParameterError.PERMISSION_DENIED, 0]
+    assert [getattr(reported, "error", 0) for reported in server.outgoing()] == [ParameterError.PERMISSION_DENIED, 0]
 
 
 def test_thousands_who_ask_for_the_list_do_not_keep_it_from_coming_to_its_end() -> None:
     _, server, _ = leaving()
-    asked = message("PARAM_REQUEST_LIST", target_system=1, target_component=1)
-    told: list[int] = []
+    requested = message("PARAM_REQUEST_LIST", target_system=1, target_component=1)
+    reported: list[int] = []
     for step in range(400):
-        server.receive(asked, Address(step % 250 + 1, 190), step * 0.01)
+        server.receive(requested, Address(step % 250 + 1, 190), step * 0.01)
         server.tick(step * 0.01)
-        told += [one.param_index for one in server.outgoing()]
-    assert set(told) == set(range(len(PARAMETERS)))
-    assert len(told) <= 400 * 4
+        reported += [one.param_index for one in server.outgoing()]
+    assert set(reported) == set(range(len(PARAMETERS)))
+    assert len(reported) <= 400 * 4

@@ -153,13 +153,13 @@ def test_what_a_vehicle_and_a_station_of_our_own_have_said_is_read_whole() -> No
 @given(st.lists(st.binary(max_size=40), min_size=1, max_size=8))
 def test_older_framing_is_garbage_that_is_counted(payloads: list[bytes]) -> None:
     """MAVLink 0.9 begins a frame with 0x55, and has no seed in its check sum."""
-    old = b"".join(
+    previous = b"".join(
         struct.pack("<BBBBBB", 0x55, len(payload), 0, 1, 1, 30) + payload + b"\x12\x34" for payload in payloads
     )
     parser = codec.Parser()
-    frames = parser.receive(old + GOOD[0] + bytes(300))
-    assert GOOD[0] in raws(frames) or b"\xfd" in old or b"\xfe" in old
-    assert parser.bytes_dropped + sum(map(len, raws(frames))) == len(old + GOOD[0]) + 300
+    frames = parser.receive(previous + GOOD[0] + bytes(300))
+    assert GOOD[0] in raws(frames) or b"\xfd" in previous or b"\xfe" in previous
+    assert parser.bytes_dropped + sum(map(len, raws(frames))) == len(previous + GOOD[0]) + 300
 
 
 @pytest.mark.outside

@@ -28,34 +28,34 @@ class Net:
         self.links: dict[str, RouterLink] = {name: self.router.attach(name, self.out[name].extend) for name in names}
         self.now_s = 0.0
 
-    def hear(self, name: str, raw: bytes) -> dict[str, int]:
+    def receive(self, name: str, raw: bytes) -> dict[str, int]:
         """A frame comes in; by link, how many went out because of it."""
         before = {each: len(frames) for each, frames in self.out.items()}
         self.router.route(self.links[name], Parser(is_datagram=True).receive(raw), self.now_s)
         return {each: more for each, frames in self.out.items() if (more := len(frames) - before[each])}
 
-    def say(self, name: str, who: Encoder, what: str = "HEARTBEAT", **fields: Any) -> dict[str, int]:
-        return self.hear(name, who.encode(message(what, **fields)))
+    def report(self, name: str, who: Encoder, what: str = "HEARTBEAT", **fields: Any) -> dict[str, int]:
+        return self.receive(name, who.encode(message(what, **fields)))
 
 
 @pytest.fixture
 def net() -> Net:
     """An autopilot with a camera on a serial line, a station on each of two links."""
     net = Net("serial", "radio", "wifi")
-    net.say("serial", AUTOPILOT)
-    net.say("serial", CAMERA)
-    net.say("radio", STATION)
-    net.say("wifi", OTHER_STATION)
+    net.report("serial", AUTOPILOT)
+    net.report("serial", CAMERA)
+    net.report("radio", STATION)
+    net.report("wifi", OTHER_STATION)
     return net
 
 
 def command(net: Net, name: str, who: Encoder, system: int, component: int) -> dict[str, int]:
-    return net.say(name, who, "COMMAND_LONG", target_system=system, target_component=component, command=400)
+    return net.report(name, who, "COMMAND_LONG", target_system=system, target_component=component, command=400)
 
 
 def test_what_is_for_all_goes_everywhere_but_back(net: Net) -> None:
-    assert net.say("serial", AUTOPILOT, "ATTITUDE", roll=0.1) == {"radio": 1, "wifi": 1}
-    assert net.say("radio", STATION) == {"serial": 1, "wifi": 1}
+    assert net.report("serial", AUTOPILOT, "ATTITUDE", roll=0.1) == {"radio": 1, "wifi": 1}
+    assert net.report("radio", STATION) == {"serial": 1, "wifi": 1}
 
 
 def test_what_has_an_address_goes_only_where_it_lives(net: Net) -> None:
@@ -87,32 +87,32 @@ def test_frames_pass_byte_for_byte_signed_unknown_and_old_ones_too(net: Net) -> 
 
     signed += mcrf4xx(shape.crc_extra, mcrf4xx(signed[1:])).to_bytes(2, "little") + bytes(range(13))
     for raw in (unknown, signed):
-        net.hear("serial", raw)
+        net.receive("serial", raw)
         assert net.out["radio"][-1].raw == raw
         assert net.out["wifi"][-1].raw == raw
 
 
 def test_a_signing_key_is_passed_on_to_nobody(net: Net) -> None:
     setup = {"target_system": 1, "target_component": 1, "secret_key": bytes(range(32)), "initial_timestamp": 1}
-    assert net.say("radio", STATION, "SETUP_SIGNING", **setup) == {}
+    assert net.report("radio", STATION, "SETUP_SIGNING", **setup) == {}
     assert net.links["radio"].counts.refused == 1
 
 
 def test_a_frame_that_comes_back_by_another_link_goes_nowhere(net: Net) -> None:
     raw = AUTOPILOT.encode(message("ATTITUDE", yaw=1.0))
-    assert net.hear("serial", raw) == {"radio": 1, "wifi": 1}
-    assert net.hear("wifi", raw) == {}, "two links lead to the same other router"
+    assert net.receive("serial", raw) == {"radio": 1, "wifi": 1}
+    assert net.receive("wifi", raw) == {}, "two links lead to the same other router"
     assert not net.links["wifi"].has(1, 1), "the autopilot does not live there"
-    assert net.hear("serial", raw) == {"radio": 1, "wifi": 1}, "said twice on its own link is said twice"
+    assert net.receive("serial", raw) == {"radio": 1, "wifi": 1}, "said twice on its own link is said twice"
     net.now_s += 2.1 * REPEAT_S
-    net.say("serial", CAMERA)
+    net.report("serial", CAMERA)
     net.now_s += 1.1 * REPEAT_S
-    net.say("serial", CAMERA)
-    assert net.hear("radio", raw) != {}, "the numbers of frames come round again: later it is another one"
+    net.report("serial", CAMERA)
+    assert net.receive("radio", raw) != {}, "the numbers of frames come round again: later it is another one"
 
 
 def test_our_own_frames_that_come_back_go_nowhere(net: Net) -> None:
-    assert net.say("wifi", Encoder(*COMPANION)) == {}
+    assert net.report("wifi", Encoder(*COMPANION)) == {}
     assert net.links["wifi"].counts.returned == 1
 
 
@@ -125,7 +125,7 @@ def test_two_routers_in_a_ring_do_not_circle_a_frame() -> None:
         circled += 1
         net, name, raw = pending.pop(0)
         other = there if net is here else here
-        for went in net.hear(name, raw):
+        for went in net.receive(name, raw):
             if went in ("a", "b"):
                 pending.append((other, went, raw))
             seen_by_station += went == "station"
@@ -134,24 +134,24 @@ def test_two_routers_in_a_ring_do_not_circle_a_frame() -> None:
 
 
 def test_one_who_is_heard_on_two_links_is_reached_on_both_and_hears_nothing_of_itself(net: Net) -> None:
-    net.say("wifi", AUTOPILOT)
+    net.report("wifi", AUTOPILOT)
     assert command(net, "radio", STATION, 1, 1) == {"serial": 1, "wifi": 1}
-    assert net.say("serial", AUTOPILOT, "ATTITUDE") == {"radio": 1}
+    assert net.report("serial", AUTOPILOT, "ATTITUDE") == {"radio": 1}
 
 
 def test_one_who_has_moved_is_no_longer_sent_to_where_it_was(net: Net) -> None:
     net.now_s = MOVED_AFTER_S + 1.0
-    net.say("radio", OTHER_STATION)
+    net.report("radio", OTHER_STATION)
     assert command(net, "serial", AUTOPILOT, 254, 190) == {"radio": 1}
-    assert net.say("radio", OTHER_STATION) == {"serial": 1, "wifi": 1}
+    assert net.report("radio", OTHER_STATION) == {"serial": 1, "wifi": 1}
 
 
 def test_a_restart_forgets_the_routes_of_that_system(net: Net) -> None:
-    net.say("serial", AUTOPILOT, "SYSTEM_TIME", time_boot_ms=600_000)
+    net.report("serial", AUTOPILOT, "SYSTEM_TIME", time_boot_ms=600_000)
     assert net.links["serial"].has(1, 100)
-    net.say("serial", AUTOPILOT, "SYSTEM_TIME", time_boot_ms=599_500)
+    net.report("serial", AUTOPILOT, "SYSTEM_TIME", time_boot_ms=599_500)
     assert net.restarted == [], "a frame that was overtaken is no restart"
-    net.say("serial", AUTOPILOT, "SYSTEM_TIME", time_boot_ms=1_000)
+    net.report("serial", AUTOPILOT, "SYSTEM_TIME", time_boot_ms=1_000)
     assert net.restarted == [1]
     assert not net.links["serial"].has(1, 100), "until it is heard again"
     assert net.links["serial"].has(1, 1)
@@ -163,7 +163,7 @@ def test_gaps_in_the_numbers_are_counted_as_lost_frames(net: Net) -> None:
     for number in range(300):
         raw = AUTOPILOT.encode(message("ATTITUDE", time_boot_ms=number))
         if number % 10:
-            net.hear("serial", raw)
+            net.receive("serial", raw)
     assert net.links["serial"].counts.lost - lost_before == 30
     assert net.links["serial"].counts.frames_in == 2 + 270
 
@@ -172,12 +172,12 @@ def test_gaps_in_the_numbers_are_counted_as_lost_frames(net: Net) -> None:
 def test_invented_systems_in_the_thousands_fill_no_memory_and_keep_nobody_out(net: Net) -> None:
     for system in range(3, 250):
         for component in range(1, 30):
-            net.say("wifi", Encoder(system, component))
+            net.report("wifi", Encoder(system, component))
     wifi = net.links["wifi"]
     assert len(wifi.senders) == MOST_ADDRESSES
     assert wifi.counts.refused > 6000
     assert command(net, "wifi", OTHER_STATION, 1, 1) == {"serial": 1}, "who was there before is still served"
     assert command(net, "radio", STATION, 1, 1) == {"serial": 1}
     net.now_s = FORGOTTEN_AFTER_S + 1.0
-    assert net.say("wifi", OTHER_VEHICLE) == {"serial": 1, "radio": 1}, "the silent make room"
+    assert net.report("wifi", OTHER_VEHICLE) == {"serial": 1, "radio": 1}, "the silent make room"
     assert len(wifi.senders) == 1

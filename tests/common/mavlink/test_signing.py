@@ -6,7 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as theirs
 from gloc3.errors import Misuse
 from gloc3.mavlink import codec
 from gloc3.mavlink.codec import message
-from gloc3.mavlink.signing import MAY_BE_OFF, MOST_STREAMS, Signing, Streams, Verdict, timestamp
+from gloc3.mavlink.signing import MAY_BE_OFF, MOST_STREAMS, Signing, SigningVerdict, Streams, timestamp
 
 KEY = bytes(range(32))
 NOW = timestamp(1_790_000_000.0)
@@ -27,9 +27,9 @@ def test_pymavlink_accepts_what_we_sign() -> None:
     judge.signing.timestamp = NOW
     encoder = codec.Encoder(7, 191, signing())
     for number in range(3):
-        heard = judge.decode(bytearray(encoder.encode(message("ATTITUDE", time_boot_ms=number))))
-        assert heard.get_signed()
-        assert heard.time_boot_ms == number
+        received = judge.decode(bytearray(encoder.encode(message("ATTITUDE", time_boot_ms=number))))
+        assert received.get_signed()
+        assert received.time_boot_ms == number
     forged = bytearray(codec.Encoder(7, 191, signing(bytes(32))).encode(message("ATTITUDE")))
     with pytest.raises(theirs.MAVError, match="signature"):
         judge.decode(forged)
@@ -42,21 +42,21 @@ def test_we_accept_what_pymavlink_signs_once() -> None:
     sender.signing.timestamp = NOW
     judge = signing()
     frame = parsed(theirs.MAVLink_system_time_message(1, 2).pack(sender))
-    assert judge.verify(frame) is Verdict.GENUINE
-    assert judge.verify(frame) is Verdict.REPEATED
+    assert judge.verify(frame) is SigningVerdict.GENUINE
+    assert judge.verify(frame) is SigningVerdict.REPEATED
     assert judge.refused == 1
 
 
 def test_a_forged_time_locks_nobody_out() -> None:
     judge, sender = signing(), codec.Encoder(1, 1, signing())
-    assert judge.verify(parsed(sender.encode(message("HEARTBEAT")))) is Verdict.GENUINE
+    assert judge.verify(parsed(sender.encode(message("HEARTBEAT")))) is SigningVerdict.GENUINE
     future = codec.Encoder(1, 1, Signing(bytes(32), link_id=3, now=(1 << 48) - 10))
-    assert judge.verify(parsed(future.encode(message("HEARTBEAT")))) is Verdict.FORGED
-    assert judge.verify(parsed(sender.encode(message("HEARTBEAT")))) is Verdict.GENUINE
+    assert judge.verify(parsed(future.encode(message("HEARTBEAT")))) is SigningVerdict.FORGED
+    assert judge.verify(parsed(sender.encode(message("HEARTBEAT")))) is SigningVerdict.GENUINE
 
 
 def test_a_new_stream_may_be_a_minute_late_and_no_more() -> None:
-    for late, expected in ((59, Verdict.GENUINE), (61, Verdict.REPEATED)):
+    for late, expected in ((59, SigningVerdict.GENUINE), (61, SigningVerdict.REPEATED)):
         sender = codec.Encoder(1, 1, signing(now=NOW - late * 100_000))
         assert signing().verify(parsed(sender.encode(message("HEARTBEAT")))) is expected
 
@@ -73,46 +73,48 @@ def test_our_time_follows_and_never_goes_back() -> None:
 def test_who_has_the_key_moves_our_time_by_a_minute_and_no_more_however_often() -> None:
     judge = signing()
     wrong = codec.Encoder(1, 1, signing(now=NOW + 365 * 86_400 * 100_000))
-    assert judge.verify(parsed(wrong.encode(message("HEARTBEAT")))) is Verdict.FUTURE
+    assert judge.verify(parsed(wrong.encode(message("HEARTBEAT")))) is SigningVerdict.FUTURE
     assert judge.timestamp == NOW
     for number in range(1, 11):
         creeping = codec.Encoder(number, 1, signing(now=NOW + number * (MAY_BE_OFF - 1000)))
         judge.verify(parsed(creeping.encode(message("HEARTBEAT"))))
     assert NOW < judge.timestamp <= NOW + MAY_BE_OFF
-    assert (judge.verdicts[Verdict.FUTURE], judge.refused) == (10, 10)
+    assert (judge.verdicts[SigningVerdict.FUTURE], judge.refused) == (10, 10)
     right = codec.Encoder(20, 1, signing())
-    assert judge.verify(parsed(right.encode(message("HEARTBEAT")))) is Verdict.GENUINE, "nobody else is locked out"
+    assert judge.verify(parsed(right.encode(message("HEARTBEAT")))) is SigningVerdict.GENUINE, (
+        "nobody else is locked out"
+    )
 
 
 def test_who_does_not_know_the_time_follows_the_first_that_does() -> None:
     later, is_known = 86_400 * 100_000, False
     judge = Signing(KEY, link_id=0, now=NOW, is_clock_right=lambda: is_known)
     first, wrong = codec.Encoder(1, 1, signing(now=NOW + later)), codec.Encoder(2, 1, signing(now=NOW + 9 * later))
-    assert judge.verify(parsed(first.encode(message("HEARTBEAT")))) is Verdict.GENUINE
+    assert judge.verify(parsed(first.encode(message("HEARTBEAT")))) is SigningVerdict.GENUINE
     assert judge.timestamp == NOW + later + 1
-    assert judge.verify(parsed(wrong.encode(message("HEARTBEAT")))) is Verdict.FUTURE
+    assert judge.verify(parsed(wrong.encode(message("HEARTBEAT")))) is SigningVerdict.FUTURE
     judge.advance(NOW + MAY_BE_OFF + 1000)
     assert judge.timestamp > NOW + later + MAY_BE_OFF, "the time that it was told goes on"
     second = codec.Encoder(3, 1, signing(now=NOW + later + 2 * MAY_BE_OFF))
-    assert judge.verify(parsed(second.encode(message("HEARTBEAT")))) is Verdict.GENUINE
+    assert judge.verify(parsed(second.encode(message("HEARTBEAT")))) is SigningVerdict.GENUINE
     is_known = True
     judge.advance(NOW + later)
     third = codec.Encoder(4, 1, signing(now=NOW + later))
-    assert judge.verify(parsed(third.encode(message("HEARTBEAT")))) is Verdict.GENUINE
+    assert judge.verify(parsed(third.encode(message("HEARTBEAT")))) is SigningVerdict.GENUINE
 
 
 def test_what_was_heard_on_one_link_is_old_on_another_with_the_key() -> None:
     streams = Streams()
     here, there = (Signing(KEY, link_id=number, now=NOW, streams=streams) for number in (1, 2))
     frame = parsed(codec.Encoder(1, 1, signing()).encode(message("HEARTBEAT")))
-    assert here.verify(frame) is Verdict.GENUINE
-    assert there.verify(frame) is Verdict.REPEATED
+    assert here.verify(frame) is SigningVerdict.GENUINE
+    assert there.verify(frame) is SigningVerdict.REPEATED
 
 
 def test_unsigned_frames_are_refused_but_for_the_radios() -> None:
     encoder = codec.Encoder(1, 1)
-    assert signing().verify(parsed(encoder.encode(message("HEARTBEAT")))) is Verdict.UNSIGNED
-    assert signing().verify(parsed(encoder.encode(message("RADIO_STATUS")))) is Verdict.ALLOWED
+    assert signing().verify(parsed(encoder.encode(message("HEARTBEAT")))) is SigningVerdict.UNSIGNED
+    assert signing().verify(parsed(encoder.encode(message("RADIO_STATUS")))) is SigningVerdict.ALLOWED
 
 
 def test_streams_are_bounded() -> None:

@@ -10,11 +10,11 @@ from gloc3.mavlink import codec
 from gloc3.mavlink.codec import message
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.services.command import CommandResult
-from gloc3.mavlink.services.command_server import CommandRequest, CommandServer
+from gloc3.mavlink.services.command_server import MavCommandRequest, MavCommandServer
 from gloc3.mavlink.services.interval import StreamScheduler
 from gloc3.mavlink.services.statustext import CHUNK_BYTES, GAP, StatusTextReceiver, StatusTextSender
 from gloc3.mavlink.services.timesync import TimeSync
-from gloc3.mavlink.services.version import Capability, Version, VersionServer, read_version, version_number
+from gloc3.mavlink.services.version import ProtocolCapability, Version, VersionServer, read_version, version_number
 from gloc3.mavlink.transport.memory import Conditions
 
 from .pair import STATION, VEHICLE, Pair
@@ -31,8 +31,8 @@ def counts(scheduler: StreamScheduler, from_s: float, to_s: float, step_s: float
     return found
 
 
-def request(command: int, *params: float) -> CommandRequest:
-    server = CommandServer(VEHICLE)
+def request(command: int, *params: float) -> MavCommandRequest:
+    server = MavCommandServer(VEHICLE)
     values = {f"param{index}": value for index, value in enumerate(params, start=1)}
     server.receive(message("COMMAND_LONG", command=command, target_system=1, **values), STATION, 0.0)
     return server.events()[0]
@@ -80,8 +80,8 @@ def test_a_message_is_sent_once_on_request_and_what_cannot_be_is_refused() -> No
 
 def test_the_old_request_for_all_streams_is_honoured() -> None:
     scheduler = StreamScheduler(VEHICLE, RATES)
-    old = message("REQUEST_DATA_STREAM", target_system=1, target_component=1, req_message_rate=2, start_stop=1)
-    scheduler.receive(old, STATION, 0.0)
+    previous = message("REQUEST_DATA_STREAM", target_system=1, target_component=1, req_message_rate=2, start_stop=1)
+    scheduler.receive(previous, STATION, 0.0)
     assert counts(scheduler, 0.0, 2.0) == {"ATTITUDE": 4, "GLOBAL_POSITION_INT": 4}
 
 
@@ -89,7 +89,7 @@ def test_the_old_request_for_all_streams_is_honoured() -> None:
 @given(st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=300), st.randoms())
 def test_texts_of_any_length_and_order_arrive_whole(text: str, chance: random.Random) -> None:
     sender, receiver = StatusTextSender(VEHICLE), StatusTextReceiver(STATION)
-    sender.say(4, text)
+    sender.send(4, text)
     chunks = sender.outgoing()
     assert all(len(chunk.text.encode()) <= CHUNK_BYTES for chunk in chunks)
     chance.shuffle(chunks)
@@ -106,7 +106,7 @@ def test_texts_of_any_length_and_order_arrive_whole(text: str, chance: random.Ra
 
 def test_texts_with_lost_chunks_come_with_their_gaps_marked() -> None:
     sender, receiver = StatusTextSender(VEHICLE), StatusTextReceiver(STATION)
-    sender.say(6, "a" * 50 + "b" * 50 + "c" * 50 + "end")
+    sender.send(6, "a" * 50 + "b" * 50 + "c" * 50 + "end")
     chunks = sender.outgoing()
     for chunk in (chunks[0], chunks[2]):
         receiver.receive(chunk, VEHICLE, 1.0)
@@ -159,9 +159,9 @@ def test_answers_meant_for_others_are_ignored_and_a_restart_is_believed() -> Non
     for step in range(30):
         now_s = step * 0.125
         clock.tick(now_s)
-        (asked,) = clock.outgoing()
+        (requested,) = clock.outgoing()
         peer_s = now_s + (100.0 if step < 20 else -50.0)
-        clock.receive(message("TIMESYNC", tc1=round((peer_s + 60) * 1e9), ts1=asked.ts1), VEHICLE, now_s + 0.001)
+        clock.receive(message("TIMESYNC", tc1=round((peer_s + 60) * 1e9), ts1=requested.ts1), VEHICLE, now_s + 0.001)
         if step == 21:
             assert clock.best is not None
             assert clock.best.offset_s == pytest.approx(160, abs=0.1), "two odd samples are not believed"
@@ -171,16 +171,16 @@ def test_answers_meant_for_others_are_ignored_and_a_restart_is_believed() -> Non
 
 
 def test_a_version_is_told_to_who_asks_for_it() -> None:
-    told = Version(
-        capabilities=Capability.MISSION_INT | Capability.FTP | Capability.MAVLINK2,
+    reported = Version(
+        capabilities=ProtocolCapability.MISSION_INT | ProtocolCapability.FTP | ProtocolCapability.MAVLINK2,
         flight_software=version_number(1, 15, 4),
         uid=0xFEED,
     )
-    server, version = CommandServer(VEHICLE, is_autopilot=True), VersionServer(VEHICLE, told)
+    server, version = MavCommandServer(VEHICLE, is_autopilot=True), VersionServer(VEHICLE, reported)
     for command in (512, 520, 400):
-        asked = message("COMMAND_LONG", command=command, param1=148, target_system=1, target_component=1)
-        server.receive(asked, STATION, 0.0)
+        requested = message("COMMAND_LONG", command=command, param1=148, target_system=1, target_component=1)
+        server.receive(requested, STATION, 0.0)
     assert [version.command(request) for request in server.events()] == [CommandResult.ACCEPTED] * 2 + [None]
     answers = version.outgoing()
-    assert [read_version(answer) for answer in answers] == [told, told]
-    assert told.words == "1.15.4"
+    assert [read_version(answer) for answer in answers] == [reported, reported]
+    assert reported.words == "1.15.4"

@@ -39,10 +39,12 @@ def test_one_crosses_the_wire_and_is_addressed() -> None:
 @pytest.mark.parametrize("name", upstream.EXTENSIONS)
 def test_who_does_not_know_an_added_field_reads_the_rest(name: str) -> None:
     added = {field.name: 0xDEAD_BEEF for field in upstream.EXTENSIONS[name]}
-    told = codec.message(name, mission_type=1, **added) if name != "MISSION_CURRENT" else codec.message(name, **added)
-    raw = codec.Encoder(*Address(1, 191)).encode(told)
+    reported = (
+        codec.message(name, mission_type=1, **added) if name != "MISSION_CURRENT" else codec.message(name, **added)
+    )
+    raw = codec.Encoder(*Address(1, 191)).encode(reported)
     (frame,) = codec.Parser().receive(raw)
-    assert frame.decode() == told
+    assert frame.decode() == reported
     read = theirs.MAVLink(None).decode(bytearray(raw))
     assert read.get_type() == name
     assert getattr(read, "mission_type", 1) == 1

@@ -1,15 +1,15 @@
 """Components that do what the executor asks, and an eye on what it must never do."""
 
 from gloc3.messages.frames import GeoPoint, LocalFrame
-from gloc3.mission.executing.board import Condition
+from gloc3.mission.executing.board import PolicyCondition
 from gloc3.mission.executing.executor import MissionExecutor
-from gloc3.mission.executing.requests import Cancel, Grant, Pause, Persist, Resume, Start, TakeBack, Told
+from gloc3.mission.executing.requests import Cancel, Grant, MissionEvent, Pause, Persist, ReclaimMotion, Resume, Start
 from gloc3.mission.executing.restore import restore
 from gloc3.mission.executing.snapshot import Snapshot
 from gloc3.mission.model.messages import ActionStatus
 from gloc3.mission.model.model import Mission
 from gloc3.mission.model.states import TABLE, ActionState
-from gloc3.mission.reading.reader import Surroundings, read_mission
+from gloc3.mission.reading.reader import MissionReferences, read_mission
 from gloc3.platform.platform import Platform
 
 FRAMES = {"hold": LocalFrame(GeoPoint(39.5, 2.6, 5.0))}
@@ -20,7 +20,7 @@ class Rig:
 
     def __init__(self, platform: Platform, text: str = "", executor: MissionExecutor | None = None) -> None:
         self.platform = platform
-        self.surroundings = Surroundings.of(platform, frames=FRAMES)
+        self.surroundings = MissionReferences.of(platform, frames=FRAMES)
         self.executor = executor or MissionExecutor(platform)
         self.now_s = 0.0
         self.under_way: dict[str, str] = {}
@@ -88,7 +88,7 @@ class Rig:
         self.executor.vehicle(is_airborne, self.now_s)
         self.settle()
 
-    def arise(self, condition: Condition, is_on: bool = True) -> None:
+    def arise(self, condition: PolicyCondition, is_on: bool = True) -> None:
         self.executor.condition(condition, is_on, "", self.now_s)
         self.settle()
 
@@ -117,7 +117,7 @@ class Rig:
 
     def settle(self) -> None:
         """Carries out what the executor wants, until it wants nothing more."""
-        while requests := self.executor.take(self.now_s):
+        while requests := self.executor.collect(self.now_s):
             for request in requests:
                 match request:
                     case Persist(snapshot=snapshot):
@@ -126,9 +126,9 @@ class Rig:
                         self.grant = request
                     case Start() | Pause() | Resume() | Cancel():
                         self._answer(request)
-                    case TakeBack():
+                    case ReclaimMotion():
                         self.taken_back += 1
-                    case Told(text=text):
+                    case MissionEvent(text=text):
                         self.log.append(text)
             self._watch()
         self._watch()

@@ -5,7 +5,7 @@ import pytest
 from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.formats import exported
 from gloc3.mission.model.abilities import abilities as abilities_of
-from gloc3.mission.reading.reader import Surroundings, read_mission
+from gloc3.mission.reading.reader import MissionReferences, read_mission
 from gloc3.mission.reading.writer import write_mission
 from gloc3.mission.showing.show import drawing
 from gloc3.platform.platform import Platform
@@ -40,7 +40,7 @@ def findings(platform: Platform, action: str = WAY) -> list[str]:
 
 def test_ways_are_flown_as_plans_and_everything_else_as_ever(pelican: Platform) -> None:
     assert not findings(pelican)
-    mission = read_mission(TEXT.replace("ACTION", WAY), "m", Surroundings.of(pelican))
+    mission = read_mission(TEXT.replace("ACTION", WAY), "m", MissionReferences.of(pelican))
     abilities = {target: action.ability for target, action in mission.actions().items()}
     assert abilities == {
         "up.climb": "take_off",
@@ -75,8 +75,8 @@ def test_a_task_that_moves_nothing_and_a_platform_without_plans_are_told() -> No
     pelican, indoors = load_platform("pelican_rtk"), load_platform("pelican")
     text = TEXT.replace("      way: {ACTION}\n", "").replace(", until: way", "")
     report = check_text(text, "m", Circumstances(platform=pelican))
-    told = [str(finding) for finding in report.findings]
-    assert "m:7:15: box moves nothing that the autopilot could fly (leave out flown_by)" in told
+    reported = [str(finding) for finding in report.findings]
+    assert "m:7:15: box moves nothing that the autopilot could fly (leave out flown_by)" in reported
     assert any("m:7:15: the autopilot of pelican is given no plans" in one for one in findings(indoors))
 
 
@@ -85,6 +85,6 @@ def test_a_dive_is_left_out_of_a_plan_with_a_word() -> None:
     frame = next(iter(auv.local_frames()))
     actions = "{d: {dive: {depth_m: 4}}, w: {transit: {to_m: [[9, 0]]}, after: [d]}}"
     text = f"mission: m\nframe: {frame}\ntasks: {{a: {{actions: {actions}}}}}\n"
-    mission = read_mission(text, "m", Surroundings.of(auv))
+    mission = read_mission(text, "m", MissionReferences.of(auv))
     _, warnings = exported(mission, ".plan", "m", auv.local_frames())
     assert [one.message for one in warnings] == ["a.d is left out: plans know no dive"]

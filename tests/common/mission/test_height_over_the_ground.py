@@ -6,7 +6,7 @@ from gloc3.errors import InputError
 from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.formats import exported
 from gloc3.mission.model.arguments import FollowWaypointsOrder
-from gloc3.mission.reading.reader import Surroundings, read_mission
+from gloc3.mission.reading.reader import MissionReferences, read_mission
 from gloc3.platform.reader import load_platform
 
 TEXT = """\
@@ -41,7 +41,7 @@ def findings(platform: str, action: str) -> list[str]:
 def test_every_way_can_keep_a_height_over_the_floor(platform: str, way: str) -> None:
     assert not findings(platform, way)
     text = TEXT.replace("ACTION", way).replace("FRAME", "bay")
-    order = read_mission(text, "m", Surroundings.of(load_platform(platform))).actions()["low.way"].order
+    order = read_mission(text, "m", MissionReferences.of(load_platform(platform))).actions()["low.way"].order
     assert isinstance(order, FollowWaypointsOrder)
     assert order.altitude_m == 2.5
 
@@ -61,6 +61,6 @@ def test_a_platform_that_hears_of_no_height_cannot_keep_one(platform: str) -> No
 
 def test_a_plan_of_the_autopilots_cannot_say_it() -> None:
     text = TEXT.replace("ACTION", WAYS[2]).replace("FRAME", "bay")
-    mission = read_mission(text, "m", Surroundings.of(load_platform("auv")))
+    mission = read_mission(text, "m", MissionReferences.of(load_platform("auv")))
     with pytest.raises(InputError, match="a plan keeps no height over the ground"):
         exported(mission, ".plan", "m", load_platform("auv").local_frames())

@@ -48,19 +48,19 @@ class Pair:
             rig.fly(is_airborne=False)
             rig.start()
 
-    def tell(self) -> None:
-        for told, of in ((self.pelican, self.hummingbird), (self.hummingbird, self.pelican)):
+    def report(self) -> None:
+        for reported, of in ((self.pelican, self.hummingbird), (self.hummingbird, self.pelican)):
             program = of.executor.mission
             assert program is not None
             states = {task.target: task.state for task in program.own_tasks}
-            told.executor.elsewhere(of.platform.platform, program.state, states, told.now_s)
-            told.settle()
+            reported.executor.elsewhere(of.platform.platform, program.state, states, reported.now_s)
+            reported.settle()
 
     def pass_s(self, seconds: int) -> None:
         for _ in range(seconds):
             self.pelican.pass_s(1.0)
             self.hummingbird.pass_s(1.0)
-            self.tell()
+            self.report()
 
 
 @pytest.fixture
@@ -80,7 +80,7 @@ def test_each_performs_its_own_tasks_and_waits_for_the_other(pair: Pair) -> None
     assert pair.hummingbird.running() == []
     looked(pair)
     assert pair.hummingbird.running() == []
-    pair.tell()
+    pair.report()
     assert pair.hummingbird.running() == ["follow.climb"]
     assert pair.pelican.running() == []
     pair.hummingbird.done("follow.climb")
@@ -88,7 +88,7 @@ def test_each_performs_its_own_tasks_and_waits_for_the_other(pair: Pair) -> None
     pair.hummingbird.done("follow.home")
     pair.hummingbird.done("follow.down")
     assert pair.hummingbird.state() == "done"
-    pair.tell()
+    pair.report()
     assert pair.pelican.running() == ["back.home"]
     assert pair.pelican.state("follow") == "done"
 
@@ -154,7 +154,7 @@ def test_skip_goes_on_without_the_lost_platform(pelican: Platform, hummingbird: 
     pair.pelican.pass_s(10.1)
     assert pair.pelican.state("follow") == "skipped"
     assert pair.pelican.running() == ["back.home"]
-    pair.tell()
+    pair.report()
     assert pair.pelican.state("follow") == "skipped"
 
 
@@ -164,15 +164,15 @@ def test_continue_waits_on(pelican: Platform, hummingbird: Platform) -> None:
     pair.pelican.pass_s(300)
     assert pair.pelican.executor.policy == ""
     assert pair.pelican.state() == "running"
-    pair.tell()
+    pair.report()
     assert pair.hummingbird.running() == ["follow.climb"]
 
 
 def test_a_platform_that_gives_the_mission_up_is_lost_at_once(pair: Pair) -> None:
     looked(pair)
-    pair.tell()
+    pair.report()
     pair.hummingbird.steer("abort")
-    pair.tell()
+    pair.report()
     assert pair.pelican.executor.policy == "hold"
     assert pair.pelican.running() == []
     assert pair.pelican.state("follow") == "failed"
@@ -184,19 +184,19 @@ def test_a_failure_there_that_its_policy_goes_on_from_counts_as_an_end(
     text = TEXT.replace("after: [look]\n", "after: [look]\n    on_failure: continue\n")
     pair = Pair(pelican, hummingbird, text)
     looked(pair)
-    pair.tell()
+    pair.report()
     pair.hummingbird.fly()
     pair.hummingbird.failed("follow.climb")
     pair.hummingbird.done("follow.home")
     pair.hummingbird.done("follow.down")
-    pair.tell()
+    pair.report()
     assert pair.pelican.state("follow") == "failed"
     assert pair.pelican.running() == ["back.home"]
 
 
 def test_a_failure_there_that_waits_for_an_operator_is_waited_for(pair: Pair) -> None:
     looked(pair)
-    pair.tell()
+    pair.report()
     pair.hummingbird.fly()
     pair.hummingbird.failed("follow.climb")
     pair.pass_s(5)
@@ -216,8 +216,8 @@ def test_a_task_of_another_platform_can_only_be_skipped_here(pair: Pair) -> None
 
 def test_pause_and_abort_leave_the_other_platform_s_tasks_as_they_are(pair: Pair) -> None:
     looked(pair)
-    pair.tell()
-    pair.tell()
+    pair.report()
+    pair.report()
     assert pair.pelican.state("follow") == "running"
     pair.pelican.steer("pause")
     assert pair.pelican.state("follow") == "running"
@@ -228,8 +228,8 @@ def test_pause_and_abort_leave_the_other_platform_s_tasks_as_they_are(pair: Pair
 
 def test_what_was_told_survives_a_restart_and_the_others_must_be_heard_anew(pair: Pair) -> None:
     looked(pair)
-    pair.tell()
-    pair.tell()
+    pair.report()
+    pair.report()
     again = pair.pelican.restart(is_airborne=True)
     assert again.state("follow") == "running"
     again.steer("resume")

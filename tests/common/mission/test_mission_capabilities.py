@@ -130,9 +130,9 @@ def test_the_command_explains_one_with_units_bounds_what_is_possible_here_and_an
     assert "camera ground (required)" in words
     assert "every_m m number, > 0, <= 1000" in words
     assert app([*command, "--json"], exit_on_error=False, result_action="return_value") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert [one["unit"] for one in told["arguments"]] == ["", "m", "s", ""]
-    assert told["arguments"][0]["choices"] == ["ground"]
+    reported = json.loads(capsys.readouterr().out)
+    assert [one["unit"] for one in reported["arguments"]] == ["", "m", "s", ""]
+    assert reported["arguments"][0]["choices"] == ["ground"]
 
 
 def test_a_name_that_there_is_not_comes_with_the_nearest() -> None:

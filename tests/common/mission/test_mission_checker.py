@@ -2,7 +2,7 @@
 
 import pytest
 
-from gloc3.mission.checking.checker import Circumstances, Report, check_file, check_text, home_problem
+from gloc3.mission.checking.checker import CheckReport, Circumstances, check_file, check_text, home_problem
 from gloc3.mission.examples import example_missions
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform, read_platform
@@ -33,7 +33,7 @@ OTHERS = {"survey": "boat", "mapping": "plane"}
 """Platforms that examples are for, where that is not the Pelican."""
 
 
-def told(report: Report) -> list[str]:
+def reported(report: CheckReport) -> list[str]:
     return [str(finding) for finding in report.findings]
 
 
@@ -41,7 +41,7 @@ def told(report: Report) -> list[str]:
 def test_the_examples_pass(name: str, pelican: Platform) -> None:
     platform = load_platform(OTHERS[name]) if name in OTHERS else pelican
     report = check_file(name, Circumstances(platform=platform, home_ned_m=HOME))
-    assert told(report) == []
+    assert reported(report) == []
     assert report.is_ok
     assert report.flyable().tasks
 
@@ -59,7 +59,7 @@ def test_the_examples_take_the_time_that_is_promised(pelican: Platform) -> None:
 
 def test_a_good_mission_has_figures_and_no_findings(pelican: Platform) -> None:
     report = check_text(MISSION, "m", Circumstances(platform=pelican, home_ned_m=HOME))
-    assert told(report) == []
+    assert reported(report) == []
     figures = report.estimate
     assert figures is not None
     assert figures.length_m == pytest.approx(1.5 + 5**0.5 + 0.05 + 14 + 16.03 + 2, abs=0.2)
@@ -110,7 +110,7 @@ def test_a_good_mission_has_figures_and_no_findings(pelican: Platform) -> None:
 )  # fmt: skip
 def test_each_mistake_is_found(old: str, new: str, finding: str, pelican: Platform) -> None:
     report = check_text(MISSION.replace(old, new, 1), "m", Circumstances(platform=pelican, home_ned_m=HOME))
-    found = told(report)
+    found = reported(report)
     assert any(line.startswith(finding) for line in found) if finding else not found
     assert report.is_ok is (not finding or "warning" in finding)
 
@@ -119,18 +119,19 @@ def test_take_off_comes_first_and_once(pelican: Platform) -> None:
     circumstances = Circumstances(platform=pelican, home_ned_m=HOME)
     text = "mission: m\nframe: hold\ntasks:\n  t:\n    actions:\n      a: {go_to: {position_m: [1, 1, 2]}}\n"
     late = text + "      b: {take_off: {height_m: 2}, after: [a]}\n      c: {land: {}, after: [b]}\n"
-    assert told(check_text(late, "m", circumstances)) == [
+    assert reported(check_text(late, "m", circumstances)) == [
         "m:6:11: t.a moves the vehicle on the ground (take off first)"
     ]
     twice = text.replace("go_to: {position_m: [1, 1, 2]}", "take_off: {height_m: 2}")
     twice += "      b: {take_off: {height_m: 2}, after: [a]}\n      c: {land: {}, after: [b]}\n"
-    assert told(check_text(twice, "m", circumstances)) == ["m:7:11: t.b takes off in the air (land first)"]
+    assert reported(check_text(twice, "m", circumstances)) == ["m:7:11: t.b takes off in the air (land first)"]
 
 
 def test_a_home_near_or_outside_the_fence_is_refused(pelican: Platform) -> None:
     report = check_text(MISSION, "m", Circumstances(platform=pelican, home_ned_m=(-1.7, 0.0, 0.0)))
-    assert "m:3:1: home is 0.30 m inside the fence; at least 0.5 m are needed (move the vehicle or the fence)" in told(
-        report
+    assert (
+        "m:3:1: home is 0.30 m inside the fence; at least 0.5 m are needed (move the vehicle or the fence)"
+        in reported(report)
     )
     assert report.mission is not None
     assert home_problem(report.mission, (-5.0, 0.0, 0.0)) == "home is 3.0 m outside the fence"
@@ -141,7 +142,7 @@ def test_a_mission_beyond_the_battery_is_refused_with_figures(pelican: Platform)
     text = MISSION.replace("deadline_s: 120", "deadline_s: 9000").replace(
         "speed_m_s: 0.5", "speed_m_s: 0.5, hold_s: 600"
     )
-    found = told(check_text(text, "m", Circumstances(platform=pelican, home_ned_m=HOME)))
+    found = reported(check_text(text, "m", Circumstances(platform=pelican, home_ned_m=HOME)))
     assert found == [
         "m:1:10: about 61.6 Wh are needed, but only 53.2 Wh of 71 Wh may be used (reserve 25 %) (make it shorter, or several missions)"
     ]
@@ -154,7 +155,7 @@ def test_returning_must_be_possible_on_the_reserve(platform_text: str) -> None:
         .replace("hover_w: 165", "hover_w: 400"),
         "p",
     )
-    found = told(check_text(MISSION, "m", Circumstances(platform=small, home_ned_m=HOME)))
+    found = reported(check_text(MISSION, "m", Circumstances(platform=small, home_ned_m=HOME)))
     assert len(found) == 1
     assert "to return from the farthest place takes" in found[0]
 
@@ -184,7 +185,7 @@ def test_link_loss_policies_agree_with_the_autopilot_s_failsafe(
 ) -> None:
     platform = read_platform(platform_text.replace("failsafes: {", f"failsafes: {{link_loss: {{{failsafe}}}, "), "p")
     text = MISSION.replace("on_failure: land", f"on_failure: land\non_link_loss: {policy}")
-    found = told(check_text(text, "m", Circumstances(platform=platform, home_ned_m=HOME)))
+    found = reported(check_text(text, "m", Circumstances(platform=platform, home_ned_m=HOME)))
     assert found == [] if not expected else (len(found) == 1 and expected in found[0])
 
 
@@ -193,7 +194,7 @@ def test_what_a_capability_needs_must_be_there(platform_text: str) -> None:
         "performed_by: waypoints, claims: [motion], needs: [pose",
         "performed_by: waypoints, claims: [motion], needs: [odometry",
     )
-    found = told(check_text(MISSION, "m", Circumstances(platform=read_platform(text, "p"), home_ned_m=HOME)))
+    found = reported(check_text(MISSION, "m", Circumstances(platform=read_platform(text, "p"), home_ned_m=HOME)))
     assert found[0] == (
         "m:13:16: warning: follow_waypoints needs 'odometry', which nothing on pelican provides "
         "(not all components' classes are installed here)"
@@ -202,8 +203,8 @@ def test_what_a_capability_needs_must_be_there(platform_text: str) -> None:
 
 def test_without_a_platform_the_file_alone_is_checked() -> None:
     report = check_text(MISSION.replace("    after: [sweep]\n", "", 1), "m", Circumstances())
-    assert told(report)[0].startswith("m:2:8: warning: frame 'hold' is not known here")
-    assert any("both claim motion" in line for line in told(report))
+    assert reported(report)[0].startswith("m:2:8: warning: frame 'hold' is not known here")
+    assert any("both claim motion" in line for line in reported(report))
     assert check_text(MISSION, "m", Circumstances()).is_ok
 
 
@@ -213,7 +214,7 @@ def test_errors_of_all_kinds_are_told_together(pelican: Platform) -> None:
         .replace("camera: ground", "camra: ground")
         .replace("speed_m_s: 0.5", "speed_m_s: 5")
     )
-    found = told(check_text(text, "m", Circumstances(platform=pelican, home_ned_m=HOME)))
+    found = reported(check_text(text, "m", Circumstances(platform=pelican, home_ned_m=HOME)))
     assert [line.partition(": ")[2][:30] for line in found] == [
         "waypoint 2 is 1.0 m outside th",
         "5 m/s are more than the platfo",
@@ -223,10 +224,10 @@ def test_errors_of_all_kinds_are_told_together(pelican: Platform) -> None:
 
 
 def test_a_file_that_is_no_mission_is_told_without_a_traceback(pelican: Platform) -> None:
-    assert told(check_text("[1, 2]", "m", Circumstances(platform=pelican))) == [
+    assert reported(check_text("[1, 2]", "m", Circumstances(platform=pelican))) == [
         "m:1:1: a mission file is a mapping (begin with 'mission: NAME')"
     ]
-    assert told(check_file("no_such_mission", Circumstances()))[0].startswith("no_such_mission: no such mission")
+    assert reported(check_file("no_such_mission", Circumstances()))[0].startswith("no_such_mission: no such mission")
 
 
 def test_an_action_that_cannot_be_read_does_not_hide_what_comes_after_it(pelican: Platform) -> None:

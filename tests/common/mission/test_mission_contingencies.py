@@ -3,8 +3,8 @@
 import pytest
 
 from gloc3.errors import Refused
-from gloc3.mission.checking.checker import Circumstances, Report, check_text
-from gloc3.mission.executing.board import Condition
+from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text
+from gloc3.mission.executing.board import PolicyCondition
 from gloc3.mission.model.messages import ActionStatus
 from gloc3.mission.model.policy import Policy
 from gloc3.mission.model.states import ActionState
@@ -38,7 +38,7 @@ def mission(**answers: str) -> str:
 RESUMED = "{task: look_round, then: resume}"
 
 
-def checked(text: str, platform: Platform) -> Report:
+def checked(text: str, platform: Platform) -> CheckReport:
     return check_text(text, "m", Circumstances(platform=platform, home_ned_m=(0.0, 0.0, 0.0)))
 
 
@@ -54,7 +54,7 @@ def looked_round(rig: Rig) -> None:
 def test_a_lost_link_has_its_task_run_and_the_mission_goes_on_where_it_was(pelican: Platform) -> None:
     rig = flying(pelican, mission(on_link_loss=RESUMED))
     rig.report(rig.id_of("sweep.wall"), ActionState.RUNNING, progress=0.4)
-    rig.arise(Condition.LINK_LOST)
+    rig.arise(PolicyCondition.LINK_LOST)
     assert rig.state() == "paused"
     assert rig.running() == ["look_round.up"]
     assert rig.executor.policy == "look_round"
@@ -67,7 +67,7 @@ def test_a_lost_link_has_its_task_run_and_the_mission_goes_on_where_it_was(pelic
 def test_what_follows_a_task_is_done_when_it_has_ended_and_also_when_it_has_failed(pelican: Platform) -> None:
     for ends in (looked_round, lambda rig: rig.failed("look_round.up")):
         rig = flying(pelican, mission(on_low_battery="{task: look_round, then: return}"))
-        rig.arise(Condition.LOW_BATTERY)
+        rig.arise(PolicyCondition.LOW_BATTERY)
         ends(rig)
         while "look_round.turn" in rig.running():
             rig.done("look_round.turn")
@@ -77,7 +77,7 @@ def test_what_follows_a_task_is_done_when_it_has_ended_and_also_when_it_has_fail
 
 def test_a_task_that_lands_ends_the_flight(pelican: Platform) -> None:
     rig = flying(pelican, mission(on_low_battery="{task: alcove, then: land}"))
-    rig.arise(Condition.LOW_BATTERY)
+    rig.arise(PolicyCondition.LOW_BATTERY)
     rig.done("alcove.away")
     rig.done("alcove.down")
     rig.fly(False)
@@ -88,10 +88,10 @@ def test_a_task_that_lands_ends_the_flight(pelican: Platform) -> None:
 
 def test_something_more_severe_ends_it_and_something_less_severe_does_not(pelican: Platform) -> None:
     rig = flying(pelican, mission(on_link_loss=RESUMED, on_low_battery="{task: alcove, then: return}"))
-    rig.arise(Condition.LOW_BATTERY)
-    rig.arise(Condition.LINK_LOST)
+    rig.arise(PolicyCondition.LOW_BATTERY)
+    rig.arise(PolicyCondition.LINK_LOST)
     assert rig.running() == ["alcove.away"]
-    rig.arise(Condition.POSE_LOST)
+    rig.arise(PolicyCondition.POSE_LOST)
     assert rig.running() == ["policy.land"]
     assert rig.executor.policy == "land"
 
@@ -137,7 +137,7 @@ def test_a_lost_component_has_its_task_run_unless_its_row_says_land(pelican: Pla
 
 def test_operators_pause_resume_and_skip_it_and_cannot_resume_the_mission_under_it(pelican: Platform) -> None:
     rig = flying(pelican, mission(on_link_loss=RESUMED))
-    rig.arise(Condition.LINK_LOST)
+    rig.arise(PolicyCondition.LINK_LOST)
     with pytest.raises(Refused, match="the contingency look_round is under way"):
         rig.steer("resume")
     single = rig.read(single_action("x", "hold", {}, None, "hold"))
@@ -153,14 +153,14 @@ def test_operators_pause_resume_and_skip_it_and_cannot_resume_the_mission_under_
 
 def test_a_pilot_ends_it_and_on_the_ground_none_begins(pelican: Platform) -> None:
     rig = flying(pelican, mission(on_link_loss=RESUMED))
-    rig.arise(Condition.LINK_LOST)
+    rig.arise(PolicyCondition.LINK_LOST)
     rig.executor.pilot(True, "sticks", rig.now_s)
     rig.settle()
     assert rig.running() == []
     assert rig.state("look_round") == "aborted"
     rig = flying(pelican, mission(on_link_loss=RESUMED))
     rig.fly(False)
-    rig.arise(Condition.LINK_LOST)
+    rig.arise(PolicyCondition.LINK_LOST)
     assert "look_round" not in rig.executor.states()
 
 
@@ -169,7 +169,7 @@ def test_a_restart_takes_it_up_again_or_holds_as_the_mission_says(
     pelican: Platform, on_restart: str, expected: list[str]
 ) -> None:
     rig = flying(pelican, mission(on_link_loss=RESUMED, on_restart=on_restart))
-    rig.arise(Condition.LINK_LOST)
+    rig.arise(PolicyCondition.LINK_LOST)
     back = rig.restart(is_airborne=True)
     assert back.running() == expected
     if expected:
@@ -179,7 +179,7 @@ def test_a_restart_takes_it_up_again_or_holds_as_the_mission_says(
 
 def test_a_mission_that_cannot_go_on_afterwards_holds_and_says_why(pelican: Platform) -> None:
     rig = flying(pelican, mission(on_link_loss=RESUMED))
-    rig.arise(Condition.LINK_LOST)
+    rig.arise(PolicyCondition.LINK_LOST)
     rig.executor.available({"follow_waypoints": ("laser",)}, rig.now_s)
     looked_round(rig)
     assert rig.state() == "paused"

@@ -9,11 +9,11 @@ from gloc3.messages.frames import GeoPoint, LocalFrame
 from gloc3.mission.formats import mission_text
 from gloc3.mission.model.model import Mission
 from gloc3.mission.reading.library import bundled
-from gloc3.mission.reading.reader import Surroundings, load_mission, read_mission
+from gloc3.mission.reading.reader import MissionReferences, load_mission, read_mission
 from gloc3.mission.reading.writer import write_mission
 from gloc3.mission.showing.cli import app
 
-HERE = Surroundings(frames={"hold": LocalFrame(GeoPoint(39.5, 2.6, 5.0))})
+HERE = MissionReferences(frames={"hold": LocalFrame(GeoPoint(39.5, 2.6, 5.0))})
 LIBRARY = """\
 define:
   lane:
@@ -126,8 +126,8 @@ def test_a_library_that_is_not_there_or_is_none_is_told_where_it_is_included(
     assert "m.yaml:3:11: lanes.yaml cannot be read: no such file or directory" in capsys.readouterr().out
     library.write_text("define: {lane: {actions: {}}}\ntasks: {}\n")
     app(["check", str(lanes)], exit_on_error=False, result_action="return_value")
-    told = capsys.readouterr().out
-    assert "lanes.yaml:2:1: a library defines tasks, and has no 'tasks'" in told
+    reported = capsys.readouterr().out
+    assert "lanes.yaml:2:1: a library defines tasks, and has no 'tasks'" in reported
     lanes.write_text(MISSION.replace("lanes.yaml", "/etc/passwd"))
     app(["check", str(lanes)], exit_on_error=False, result_action="return_value")
     assert "/etc/passwd is no relative path" in capsys.readouterr().out

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gloc3.mission.checking.checker import Circumstances, Report, check_text
+from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text
 from gloc3.mission.checking.estimate import about
 from gloc3.mission.showing.picture import picture
 from gloc3.mission.showing.show import drawing
@@ -30,13 +30,13 @@ GUARD = "when: {battery: {above: 0.5}}"
 LOOP = "repeat: {times: 4, until: {battery: {below: 0.4}}}"
 
 
-def checked(text: str, platform: Platform) -> Report:
+def checked(text: str, platform: Platform) -> CheckReport:
     report = check_text(text, "m", Circumstances(platform=platform, home_ned_m=(0.0, 0.0, 0.0)))
     assert report.mission is not None, report.findings
     return report
 
 
-def told(report: Report) -> list[str]:
+def reported(report: CheckReport) -> list[str]:
     return [f"{'warning: ' if one.is_warning else ''}{one.message}" for one in report.findings]
 
 
@@ -80,14 +80,14 @@ def test_a_deadline_that_only_a_skipped_action_or_an_early_end_keeps_is_a_warnin
     guarded = ONCE.replace("after: [back]", f"after: [back], {GUARD}").replace(
         "after: [depart]\n", "after: [depart]\n    DUE\n"
     )
-    assert told(checked(guarded.replace("DUE", "deadline_s: 23"), pelican)) == [
+    assert reported(checked(guarded.replace("DUE", "deadline_s: 23"), pelican)) == [
         "warning: up to 25 s may be needed, but deadline_s is 23"
     ]
-    assert told(checked(guarded.replace("DUE", "deadline_s: 5"), pelican)) == [
+    assert reported(checked(guarded.replace("DUE", "deadline_s: 5"), pelican)) == [
         "about 21 s are needed, but deadline_s is 5"
     ]
     whole = ONCE.replace("after: [depart]\n", f"after: [depart]\n    {GUARD}\n    deadline_s: 5\n")
-    assert "about 25 s are needed, but deadline_s is 5" in told(checked(whole, pelican)), "where it is done at all"
+    assert "about 25 s are needed, but deadline_s is 5" in reported(checked(whole, pelican)), "where it is done at all"
 
 
 def test_more_energy_than_there_is_counts_as_a_warning_where_a_loop_may_end_before(pelican: Platform) -> None:
@@ -128,24 +128,24 @@ tasks:
 
 
 def test_where_the_way_past_what_a_guard_leaves_out_leaves_the_fence_is_warned_of(pelican: Platform) -> None:
-    assert told(checked(CORNER.replace(", GUARD", ""), pelican)) == []
+    assert reported(checked(CORNER.replace(", GUARD", ""), pelican)) == []
     report = checked(CORNER.replace("GUARD", GUARD), pelican)
     assert report.is_ok
-    assert told(report) == [
+    assert reported(report) == [
         "warning: the straight way to far's end leaves the fence or its margin of 0.5 m, where guards leave out what they may"
     ]
 
 
 def test_a_contingency_that_cannot_be_flown_to_straight_from_everywhere_is_warned_of(pelican: Platform) -> None:
-    assert told(checked(READY.replace("X", "17"), pelican)) == []
-    assert told(checked(READY.replace("X", "0"), pelican)) == [
+    assert reported(checked(READY.replace("X", "17"), pelican)) == []
+    assert reported(checked(READY.replace("X", "0"), pelican)) == [
         "warning: from the end of a leg of out.go the straight way to refuge.away leaves the fence"
     ]
 
 
 def test_a_contingency_for_a_low_battery_that_the_reserve_is_too_small_for_is_warned_of() -> None:
     small = read_platform(PELICAN.replace("battery_wh: 71, reserve: 0.25", "battery_wh: 16, reserve: 0.09"), "p")
-    found = told(checked(READY.replace("X", "17"), small))
+    found = reported(checked(READY.replace("X", "17"), small))
     assert "warning: from the farthest place refuge takes 1.6 Wh, more than the reserve of 1.4 Wh" in found
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from gloc3.errors import Refused
-from gloc3.mission.executing.board import Condition
+from gloc3.mission.executing.board import PolicyCondition
 from gloc3.mission.model.policy import Policy
 from gloc3.mission.model.states import ENDED, ActionState
 from gloc3.mission.reading.writer import single_action
@@ -99,8 +99,8 @@ class Flights(RuleBasedStateMachine):
     def fly(self, is_airborne: bool) -> None:
         self.rig.fly(is_airborne)
 
-    @rule(condition=st.sampled_from(list(Condition)), is_on=st.booleans())
-    def arise(self, condition: Condition, is_on: bool) -> None:
+    @rule(condition=st.sampled_from(list(PolicyCondition)), is_on=st.booleans())
+    def arise(self, condition: PolicyCondition, is_on: bool) -> None:
         self.rig.arise(condition, is_on)
 
     @rule(has_control=st.booleans())

@@ -22,7 +22,7 @@ from gloc3.mission.formats import (
     write_wpl,
 )
 from gloc3.mission.formats.from_mission import fence_areas
-from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
+from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
 from gloc3.mission.reading.reader import read_mission
 
 OWN_MISSIONS = OWN / "missions"
@@ -121,8 +121,8 @@ def test_a_plan_with_a_survey_becomes_a_mission_that_flies_its_lanes() -> None:
     mission = check_text(text, "survey", Circumstances()).flyable()
     assert list(mission.actions()) == ["fly.take_off", "fly.way", "fly.land"]
     assert text.count(", 12.0]") == 4, "the ends of two lanes"
-    told = [str(warning).partition("warning: ")[2] for warning in warnings]
-    assert told == [f"item {n}, DO_SET_CAM_TRIGG_DIST, is left out (add record_images by hand)" for n in (3, 7)]
+    reported = [str(warning).partition("warning: ")[2] for warning in warnings]
+    assert reported == [f"item {n}, DO_SET_CAM_TRIGG_DIST, is left out (add record_images by hand)" for n in (3, 7)]
 
 
 @pytest.mark.outside
@@ -214,7 +214,7 @@ def test_the_fence_of_a_mission_is_uploaded_as_mavlink_items() -> None:
     text, _ = to_mission(read_plan(json.dumps(PLAN), "p"), "p", "p")
     geofence = read_mission(text, "p").geofence
     assert geofence is not None
-    items = Plan(entries=(), fence=fence_areas(geofence)).fence_items()
+    items = ForeignPlan(entries=(), fence=fence_areas(geofence)).fence_items()
     assert [(item.command, item.params[0]) for item in items] == [(5001, 4.0)] * 4 + [(5004, 5.0)]
 
 
@@ -282,7 +282,7 @@ def test_what_is_no_plan_at_all_is_refused(data: bytes, finding: str) -> None:
 )
 def test_what_a_mission_cannot_express_is_told(items: list[MavItem], reason: str) -> None:
     with pytest.raises(InputError) as caught:
-        to_mission(Plan(entries=tuple(Entry(items=(item,)) for item in items), raw={}), "p", "p")
+        to_mission(ForeignPlan(entries=tuple(PlanEntry(items=(item,)) for item in items), raw={}), "p", "p")
     assert any(reason in str(finding) for finding in caught.value.findings)
 
 
@@ -317,7 +317,9 @@ ITEMS = st.builds(
     is_continued=st.booleans(),
 )
 PLANS = st.builds(
-    lambda items, fence, rally: Plan(entries=tuple(Entry(items=(item,)) for item in items), fence=fence, rally=rally),
+    lambda items, fence, rally: ForeignPlan(
+        entries=tuple(PlanEntry(items=(item,)) for item in items), fence=fence, rally=rally
+    ),
     items=st.lists(ITEMS, max_size=5),
     fence=st.lists(
         st.builds(
@@ -331,7 +333,7 @@ PLANS = st.builds(
 
 @given(PLANS)
 @settings(max_examples=60)
-def test_any_plan_is_read_as_it_was_written(plan: Plan) -> None:
+def test_any_plan_is_read_as_it_was_written(plan: ForeignPlan) -> None:
     again = read_plan(write_plan(plan), "f")
     assert (again.items, again.fence, again.rally) == (plan.items, plan.fence, plan.rally)
     assert read_plan(write_plan(again), "f") == again

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gloc3.errors import InputError
-from gloc3.mission.checking.checker import Circumstances, Report, check_text
+from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text
 from gloc3.mission.formats import exported
 from gloc3.mission.model.conditions import QUANTITIES, Condition
 from gloc3.mission.reading.reader import read_mission
@@ -35,7 +35,7 @@ tasks:
 """
 
 
-def checked(text: str, platform: Platform) -> Report:
+def checked(text: str, platform: Platform) -> CheckReport:
     return check_text(text, "m", Circumstances(platform=platform, home_ned_m=(0.0, 0.0, 0.0)))
 
 

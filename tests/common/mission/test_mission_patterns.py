@@ -13,19 +13,19 @@ from gloc3.mission.formats import exported, read_plan, to_mission
 from gloc3.mission.model.arguments import Dive, DriveOff, FollowWaypointsOrder, LandOrder, ReturnHome, TakeOff
 from gloc3.mission.model.model import Mission
 from gloc3.mission.model.structure import PartialOrder
-from gloc3.mission.reading.reader import Surroundings, read_mission
+from gloc3.mission.reading.reader import MissionReferences, read_mission
 from gloc3.platform.limits import Limits
 from gloc3.platform.platform import Platform
 
 from .executor_rig import Rig
 
-LOCAL = Surroundings(
+LOCAL = MissionReferences(
     frames={"hold": LocalFrame(GeoPoint(39.5, 2.6, 5.0), 90.0)},
     limits=Limits(survey_height_m=4.0, survey_speed_m_s=0.7),
 )
 
 
-def order(pattern: str, frame: str = "hold", surroundings: Surroundings = LOCAL) -> FollowWaypointsOrder:
+def order(pattern: str, frame: str = "hold", surroundings: MissionReferences = LOCAL) -> FollowWaypointsOrder:
     """What the component gets; x of the frame points east, y north."""
     text = f"mission: m\nframe: {frame}\ntasks: {{t: {{actions: {{a: {{{pattern}}}}}}}}}\n"
     found = read_mission(text, "m", surroundings).tasks["t"].actions["a"].order
@@ -103,7 +103,7 @@ def test_patterns_on_earth_are_laid_in_metres() -> None:
     survey = (
         "survey: {area: [[47.0, 8.0], [47.0, 8.001], [47.0005, 8.001], [47.0005, 8.0]], spacing_m: 30, height_m: 20}"
     )
-    points = order(survey, "geo", Surroundings(origin=GeoPoint(47.0, 8.0, 400.0))).waypoints_ned_m
+    points = order(survey, "geo", MissionReferences(origin=GeoPoint(47.0, 8.0, 400.0))).waypoints_ned_m
     assert dist(points[0], points[1]) == pytest.approx(76.1, abs=0.1)
     assert dist(points[1], points[2]) == pytest.approx(55.6 / 2, abs=0.1)
     assert points[0] == pytest.approx((0.0, 0.0, -20.0), abs=0.01)
@@ -165,19 +165,19 @@ def test_one_mission_departs_and_arrives_with_whatever_vehicle_it_is_flown(pelic
     _, driven = on(ground, survey_height_m=0.0, height_min_m=-1.0)
     diver = replace(ground, capabilities=ground.capabilities | {"dive": replace(rows["take_off"], arguments="dive")})
     _, dived = on(diver, survey_height_m=-5.0, height_min_m=-10.0)
-    ways: list[Vector3] = []
+    routes: list[Vector3] = []
     for mission, expected in ((flown, TakeOff(height_m=4.0)), (driven, DriveOff()), (dived, Dive(depth_m=5.0))):
         actions = mission.tasks["out"].actions
         assert actions["begin"].order == expected
         lines = actions["lines"].order
         assert isinstance(lines, FollowWaypointsOrder)
-        ways.append(lines.waypoints_ned_m[0])
+        routes.append(lines.waypoints_ned_m[0])
         assert isinstance(actions["end_return"].order, ReturnHome)
         assert isinstance(actions["end"].order, LandOrder)
         assert actions["end_return"].options.after == ("lines",)
         assert actions["end_return"].options.deadline_s == actions["end"].options.deadline_s == 500
-    assert [height for *_, height in ways] == [-4.0, 0.0, 5.0]
-    assert len({place[:2] for place in ways}) == 1
+    assert [height for *_, height in routes] == [-4.0, 0.0, 5.0]
+    assert len({place[:2] for place in routes}) == 1
 
 
 def test_a_platform_that_states_no_survey_height_is_told_what_it_lacks(pelican: Platform) -> None:
@@ -233,7 +233,7 @@ tasks:
     plan, _ = exported(mission, ".plan", "m", frames)
     back, _ = to_mission(read_plan(plan.encode(), "p"), "p", "p")
     origin = frames["hold"].origin
-    again = read_mission(back, "b", Surroundings(origin=origin, home_altitude_m=origin.altitude_m))
+    again = read_mission(back, "b", MissionReferences(origin=origin, home_altitude_m=origin.altitude_m))
     flown = [one for action in mission.actions().values() for one in getattr(action.order, "waypoints_ned_m", ())]
     read = [one for action in again.actions().values() for one in getattr(action.order, "waypoints_ned_m", ())]
     assert len(flown) == len(read) == 7

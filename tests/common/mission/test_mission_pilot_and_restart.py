@@ -3,7 +3,7 @@
 import pytest
 
 from gloc3.errors import Refused
-from gloc3.mission.executing.board import Condition
+from gloc3.mission.executing.board import PolicyCondition
 from gloc3.mission.executing.requests import Grant
 from gloc3.mission.model.states import ActionState
 from gloc3.mission.reading.writer import single_action
@@ -32,8 +32,8 @@ def test_a_pilot_stops_everything_of_ours_at_once(rig: Rig) -> None:
     assert rig.executor.mission.reason == "pilot: mode stabilize"
     assert rig.grant == Grant(action_id="", component="")
     assert rig.executor.policy == "pilot"
-    rig.arise(Condition.LINK_LOST)
-    rig.arise(Condition.POSE_LOST)
+    rig.arise(PolicyCondition.LINK_LOST)
+    rig.arise(PolicyCondition.POSE_LOST)
     rig.executor.emergency("land", "ann", rig.now_s)
     rig.pass_s(200)
     assert rig.running() == []
@@ -57,15 +57,15 @@ def test_after_a_pilot_only_an_operator_s_resume_goes_on(rig: Rig) -> None:
 
 def test_what_arose_under_the_pilot_is_answered_when_he_has_handed_back(rig: Rig) -> None:
     pilot(rig, has_control=True)
-    rig.arise(Condition.LOW_BATTERY)
-    rig.arise(Condition.POSE_LOST)
-    rig.arise(Condition.POSE_LOST, is_on=False)
+    rig.arise(PolicyCondition.LOW_BATTERY)
+    rig.arise(PolicyCondition.POSE_LOST)
+    rig.arise(PolicyCondition.POSE_LOST, is_on=False)
     rig.steer("resume")
     assert rig.running() == ["policy.return_home"]
 
 
 def test_a_pilot_ends_a_policy_and_handing_back_holds(rig: Rig) -> None:
-    rig.arise(Condition.LOW_BATTERY)
+    rig.arise(PolicyCondition.LOW_BATTERY)
     pilot(rig, has_control=True)
     assert rig.running() == []
     rig.steer("resume")
@@ -152,7 +152,7 @@ def test_a_restart_on_the_ground_moves_nothing(pelican: Platform) -> None:
 
 
 def test_a_policy_that_was_being_carried_out_goes_on_after_a_restart(rig: Rig) -> None:
-    rig.arise(Condition.LOW_BATTERY)
+    rig.arise(PolicyCondition.LOW_BATTERY)
     again = rig.restart(is_airborne=True)
     assert again.state() == "failed"
     assert again.running() == ["policy.return_home"]
@@ -177,7 +177,7 @@ def test_a_hold_lasts_no_longer_because_the_process_came_back_and_its_cause_is_t
     pelican: Platform,
 ) -> None:
     rig = flying(pelican)
-    rig.arise(Condition.LINK_LOST)
+    rig.arise(PolicyCondition.LINK_LOST)
     for _ in range(3):
         rig.pass_s(9.0)
         rig = rig.restart(is_airborne=True)

@@ -3,7 +3,7 @@
 import pytest
 
 from gloc3.errors import Refused
-from gloc3.mission.executing.board import Condition
+from gloc3.mission.executing.board import PolicyCondition
 from gloc3.mission.model.states import ActionState
 from gloc3.platform.platform import Platform
 
@@ -266,7 +266,7 @@ def test_link_loss_is_noticed_after_the_time_that_the_mission_gives(rig: Rig) ->
 
 def test_continue_does_nothing_about_a_condition(pelican: Platform) -> None:
     rig = flying(pelican, MISSION.replace("on_link_loss: hold", "on_link_loss: continue"))
-    rig.arise(Condition.LINK_LOST)
+    rig.arise(PolicyCondition.LINK_LOST)
     assert rig.running() == ["sweep.photos", "sweep.wall"]
     assert "link lost; policy: continue" in rig.log
 
@@ -274,19 +274,19 @@ def test_continue_does_nothing_about_a_condition(pelican: Platform) -> None:
 @pytest.mark.parametrize(
     ("condition", "running"),
     [
-        (Condition.LOW_BATTERY, ["policy.return_home"]),
-        (Condition.POSE_LOST, ["policy.land"]),
-        (Condition.FENCE_BREACHED, []),
+        (PolicyCondition.LOW_BATTERY, ["policy.return_home"]),
+        (PolicyCondition.POSE_LOST, ["policy.land"]),
+        (PolicyCondition.FENCE_BREACHED, []),
     ],
 )
-def test_each_condition_has_its_policy(rig: Rig, condition: Condition, running: list[str]) -> None:
+def test_each_condition_has_its_policy(rig: Rig, condition: PolicyCondition, running: list[str]) -> None:
     rig.arise(condition)
     assert rig.running() == running
     assert rig.executor.policy == (running[0].removeprefix("policy.").partition("_")[0] if running else "hold")
 
 
 def test_the_most_severe_policy_wins_whatever_the_order(pelican: Platform) -> None:
-    conditions = [Condition.LINK_LOST, Condition.LOW_BATTERY, Condition.POSE_LOST]
+    conditions = [PolicyCondition.LINK_LOST, PolicyCondition.LOW_BATTERY, PolicyCondition.POSE_LOST]
     for order in ((0, 1, 2), (2, 1, 0), (1, 2, 0)):
         rig = flying(pelican)
         for index in order:
@@ -297,17 +297,17 @@ def test_the_most_severe_policy_wins_whatever_the_order(pelican: Platform) -> No
 
 def test_a_return_that_cannot_be_flown_becomes_a_landing(rig: Rig) -> None:
     rig.executor.available({"return_home": ("pose",)}, rig.now_s)
-    rig.arise(Condition.LOW_BATTERY)
+    rig.arise(PolicyCondition.LOW_BATTERY)
     assert rig.running() == ["policy.land"]
     rig = flying(rig.platform)
-    rig.arise(Condition.LOW_BATTERY)
+    rig.arise(PolicyCondition.LOW_BATTERY)
     rig.failed("policy.return_home")
     assert rig.running() == ["policy.land"]
 
 
 def test_a_landing_is_tried_until_it_is_done(rig: Rig) -> None:
     rig.refusing["flight"] = "busy"
-    rig.arise(Condition.POSE_LOST)
+    rig.arise(PolicyCondition.POSE_LOST)
     rig.pass_s(3.5)
     assert rig.log.count("start policy.land") == 4
     rig.refusing.clear()
@@ -321,30 +321,30 @@ def test_a_lost_pose_is_answered_by_its_own_policy_and_not_by_that_for_failures(
         "on_failure: hold", "on_failure: land"
     )
     rig = flying(pelican, text)
-    rig.arise(Condition.POSE_LOST)
+    rig.arise(PolicyCondition.POSE_LOST)
     rig.executor.available({"follow_waypoints": ("pose",)}, rig.now_s)
     rig.pass_s(5)
     assert rig.state("sweep.wall") == "running"
-    rig.arise(Condition.POSE_LOST, is_on=False)
+    rig.arise(PolicyCondition.POSE_LOST, is_on=False)
     rig.pass_s(1)
     assert rig.running() == ["policy.land"]
 
 
 def test_conditions_on_the_ground_move_nothing_and_keep_a_mission_from_starting(pelican: Platform) -> None:
     rig = Rig(pelican, MISSION)
-    rig.arise(Condition.LOW_BATTERY)
+    rig.arise(PolicyCondition.LOW_BATTERY)
     assert rig.state("sweep") == "waiting"
     assert rig.under_way == {}
     with pytest.raises(Refused, match="low battery"):
         rig.start()
-    rig.arise(Condition.LOW_BATTERY, is_on=False)
+    rig.arise(PolicyCondition.LOW_BATTERY, is_on=False)
     rig.start()
     assert rig.running() == ["depart.climb"]
 
 
 def test_conditions_count_in_the_air_also_without_a_mission(rig: Rig) -> None:
     rig.steer("skip")
-    rig.arise(Condition.LOW_BATTERY)
+    rig.arise(PolicyCondition.LOW_BATTERY)
     assert rig.running() == ["policy.return_home"]
 
 
@@ -352,7 +352,7 @@ def test_conditions_count_in_the_air_also_without_a_mission(rig: Rig) -> None:
 
 
 def test_the_emergency_key_holds_and_lands_whatever_else_is_going_on(rig: Rig) -> None:
-    rig.arise(Condition.LOW_BATTERY)
+    rig.arise(PolicyCondition.LOW_BATTERY)
     rig.executor.emergency("hold", "ann", rig.now_s)
     rig.settle()
     assert rig.grant.action_id == "hold"
@@ -374,7 +374,7 @@ def test_after_an_emergency_hold_the_mission_can_go_on(rig: Rig) -> None:
 
 
 def test_nothing_moves_the_vehicle_while_a_policy_does(rig: Rig) -> None:
-    rig.arise(Condition.LOW_BATTERY)
+    rig.arise(PolicyCondition.LOW_BATTERY)
     text = "{mission: c, frame: hold, tasks: {c: {actions: {go: {go_to: {position_m: [1, 1, 1]}}}}}}"
     with pytest.raises(Refused, match="the policy return is being carried out"):
         rig.executor.command(rig.read(text), rig.now_s)

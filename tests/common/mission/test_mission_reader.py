@@ -13,10 +13,10 @@ from gloc3.mission.examples import example_missions
 from gloc3.mission.model.arguments import FollowWaypointsOrder, HeadingOrder, LandOrder, argument_kinds
 from gloc3.mission.model.policy import Policy
 from gloc3.mission.model.structure import PartialOrder
-from gloc3.mission.reading.reader import Surroundings, load_mission, read_mission
+from gloc3.mission.reading.reader import MissionReferences, load_mission, read_mission
 from gloc3.mission.reading.writer import write_mission
 
-EAST = Surroundings(frames={"hold": LocalFrame(GeoPoint(39.5, 2.6, 5.0), 90.0)})
+EAST = MissionReferences(frames={"hold": LocalFrame(GeoPoint(39.5, 2.6, 5.0), 90.0)})
 DESIGN = """\
 mission: cargo hold inspection
 frame: hold                      # a local frame of the world or platform, or geo
@@ -43,7 +43,7 @@ tasks:
 """
 
 
-def findings(text: str, surroundings: Surroundings = EAST) -> list[str]:
+def findings(text: str, surroundings: MissionReferences = EAST) -> list[str]:
     with pytest.raises(InputError) as caught:
         read_mission(text, "m", surroundings)
     return [str(finding) for finding in caught.value.findings]
@@ -84,7 +84,7 @@ tasks:
       go:   {follow_waypoints: {waypoints: [[47.0001, 8, 10]], heading: 45}}
       land: {land: {at: [47, 8.0001]}, after: [go]}
 """
-    surroundings = Surroundings(origin=GeoPoint(47.0, 8.0, 400.0), home_altitude_m=402.0)
+    surroundings = MissionReferences(origin=GeoPoint(47.0, 8.0, 400.0), home_altitude_m=402.0)
     mission = read_mission(text, "m", surroundings)
     go, land = mission.tasks["t"].actions["go"].order, mission.tasks["t"].actions["land"].order
     assert isinstance(go, FollowWaypointsOrder)

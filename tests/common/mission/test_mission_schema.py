@@ -16,7 +16,7 @@ from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.examples import example_missions
 from gloc3.mission.model.structure import structure_findings
 from gloc3.mission.reading.mission_schema import mission_schema
-from gloc3.mission.reading.reader import Surroundings, inspect_mission
+from gloc3.mission.reading.reader import MissionReferences, inspect_mission
 from gloc3.mission.showing.cli import app
 from gloc3.platform.platform import Platform
 
@@ -57,7 +57,7 @@ tasks:
 def read_errors(text: str) -> list[str]:
     """What keeps a mission from flying, by the reader alone."""
     try:
-        reading = inspect_mission(text, "m", Surroundings())
+        reading = inspect_mission(text, "m", MissionReferences())
     except InputError as error:
         return [str(finding) for finding in error.findings]
     found = [*reading.findings, *structure_findings(reading.tasks)]
@@ -122,8 +122,8 @@ def test_for_a_platform_it_knows_its_capabilities_cameras_and_frames(pelican: Pl
     mission = parse(EVERYTHING, "m").value
     assert validator.is_valid(mission)
     assert check_text(EVERYTHING, "m", Circumstances(platform=pelican)).mission is not None
-    for old, new in (("camera: ground", "camera: front"), ("take_off: {height_m: 1.5}", "dive: {depth_m: 1.5}")):
-        text = EVERYTHING.replace(old, new)
+    for previous, new in (("camera: ground", "camera: front"), ("take_off: {height_m: 1.5}", "dive: {depth_m: 1.5}")):
+        text = EVERYTHING.replace(previous, new)
         assert not check_text(text, "m", Circumstances(platform=pelican)).is_ok
         assert not validator.is_valid(parse(text, "m").value)
     frame = mission_schema(pelican)["$defs"]["MissionFile"]["properties"]["frame"]

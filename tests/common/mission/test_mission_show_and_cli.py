@@ -162,8 +162,8 @@ def test_a_picture_shows_the_way_the_fence_and_every_action_with_its_time(pelica
     mission = load_mission("patrol")
     texts = {text[0].tail if len(text) else text.text for text in root.iter("{http://www.w3.org/2000/svg}text")}
     assert {name.partition(".")[2] for name in mission.actions()} | set(mission.tasks) <= texts
-    ways = list(root.iter("{http://www.w3.org/2000/svg}polyline"))
-    assert len(ways) == sum(action.order.moves for action in mission.actions().values())
+    routes = list(root.iter("{http://www.w3.org/2000/svg}polyline"))
+    assert len(routes) == sum(action.order.moves for action in mission.actions().values())
 
 
 def test_a_mission_is_simulated_by_the_command_that_the_simulation_brings() -> None:

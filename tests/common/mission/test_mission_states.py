@@ -5,7 +5,7 @@ import pytest
 from gloc3.errors import Refused
 from gloc3.mission.model.model import Policies
 from gloc3.mission.model.policy import MANOEUVRES, Policy, resolved
-from gloc3.mission.model.states import TABLE, ActionState, Trigger, allowed, to_mermaid, transition
+from gloc3.mission.model.states import TABLE, ActionState, StateTrigger, allowed, to_mermaid, transition
 
 DRAWING = """\
 stateDiagram-v2
@@ -40,9 +40,9 @@ def test_the_table_is_as_drawn() -> None:
 
 def test_what_has_no_row_is_refused_with_what_would_be_accepted() -> None:
     with pytest.raises(Refused, match=r"^pause is not accepted in failed; accepted: retry, skip, abort$"):
-        transition(ActionState.FAILED, Trigger.PAUSE)
+        transition(ActionState.FAILED, StateTrigger.PAUSE)
     with pytest.raises(Refused, match=r"^start is not accepted in done; accepted: nothing$"):
-        transition(ActionState.DONE, Trigger.START)
+        transition(ActionState.DONE, StateTrigger.START)
 
 
 def test_every_state_has_a_row_and_what_is_allowed_leads_on() -> None:

@@ -24,7 +24,7 @@ def silent(rig: Rig, seconds: float, already_s: float = 0.0) -> None:
         rig.settle()
 
 
-def heard(rig: Rig) -> None:
+def received(rig: Rig) -> None:
     """Something is heard of the holder of control."""
     rig.executor.link(0.0, rig.now_s)
     rig.settle()
@@ -49,15 +49,15 @@ def test_without_a_policy_of_its_own_what_is_overdue_is_a_lost_link(pelican: Pla
 def test_who_is_heard_in_time_may_be_silent_again_as_long_as_the_mission_goes_on(pelican: Platform) -> None:
     rig = flying(pelican, DIVE)
     silent(rig, 50.0)
-    heard(rig)
+    received(rig)
     rig.done("sweep.wall")
-    heard(rig)
+    received(rig)
     silent(rig, 20.0)
     assert rig.executor.policy == "", "the stated time has not passed"
     rig.done("recover.home")
     rig.done("recover.down")
     assert rig.executor.board.silence is not None
-    heard(rig)
+    received(rig)
     assert rig.executor.board.silence is None, "the mission has ended, and there is contact"
 
 
@@ -65,7 +65,7 @@ def test_contact_at_its_time_ends_the_silence_and_from_then_on_a_lost_link_is_a_
     rig = flying(pelican, DIVE)
     silent(rig, 95.0)
     rig.pass_s(6.0)
-    heard(rig)
+    received(rig)
     assert rig.executor.board.silence is None
     silent(rig, 7.0)
     assert rig.executor.policy == "land"

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from gloc3.mission.checking.checker import Circumstances, Report, check_text
+from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text
 from gloc3.mission.model.arguments import FollowWaypointsOrder
 from gloc3.platform.reader import load_platform
 
@@ -21,7 +21,7 @@ tasks:
 FIELD = "survey: {area_m: [[300, 100], [700, 100], [700, 500], [300, 500]], spacing_m: 50}"
 
 
-def report(action: str, end: str = "arrive: {}", frame: str = "site", fence: str = "") -> Report:
+def report(action: str, end: str = "arrive: {}", frame: str = "site", fence: str = "") -> CheckReport:
     text = TEXT.replace("ACTION", action).replace("END", end).replace("FRAME", frame).replace("FENCE", fence)
     return check_text(text, "m", PLANE)
 
@@ -46,9 +46,9 @@ def test_lines_that_are_nearer_than_a_turn_come_in_an_order_in_which_each_is_a_t
 
 
 def test_its_room_to_turn_may_be_told_and_what_has_none_is_flown_line_by_line() -> None:
-    told = report(FIELD.replace("spacing_m: 50", "spacing_m: 50, turn_m: 0"))
+    reported = report(FIELD.replace("spacing_m: 50", "spacing_m: 50, turn_m: 0"))
     assert "leg 3 is 50 m long; to turn by 90 and 90 degrees at its ends with a radius of 80 m takes 160 m" in str(
-        told.findings[0]
+        reported.findings[0]
     )
     narrow = "survey: {area_m: [[300, 100], [700, 100], [700, 200], [300, 200]], spacing_m: 50}"
     assert "m:6:" in problem(narrow)

@@ -24,7 +24,7 @@ from gloc3_groundstation.station import snapshots
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.store import log_pull
 from gloc3_groundstation.store.log_pull import ChunkCarrier, LogPuller
-from gloc3_onboard.command_server.log_shelf import LogShelf
+from gloc3_onboard.command_server.log_shelf import LogStore
 
 pytestmark = [pytest.mark.sockets, pytest.mark.timeout(40)]
 SIZE = 4_000_003
@@ -36,10 +36,12 @@ class Vessel:
     def __init__(self, network: ZenohExchange, folder: Path, workers: ThreadPoolExecutor) -> None:
         self._loop = asyncio.get_running_loop()
         self.chunks = 0
-        self._shelf = LogShelf(folder, set, lambda: None, workers)
+        self._log_store = LogStore(folder, set, lambda: None, workers)
         self._publisher = Publisher(network, "pelican", "command_server", 1)
         roles = dict(MEMBERS)
-        self._bridge = StationBridge(network, self._loop, "pelican", roles, 2, lambda *told: pytest.fail(str(told)))
+        self._bridge = StationBridge(
+            network, self._loop, "pelican", roles, 2, lambda *reported: pytest.fail(str(reported))
+        )
         self._undo = network.subscribe("pelican/ci/request", self._take)
         self._due_s = 0.0
         self._tick()
@@ -49,15 +51,15 @@ class Vessel:
         if self._loop.time() >= self._due_s:
             self._due_s = self._loop.time() + 0.1
             self._publisher.publish("pelican/ci/vehicle", VEHICLE, self._loop.time())
-        for told in self._shelf.take():
-            self.chunks += isinstance(told, LogChunk)
+        for reported in self._log_store.collect():
+            self.chunks += isinstance(reported, LogChunk)
             self._publisher.publish(
-                f"pelican/{'log_chunk' if isinstance(told, LogChunk) else 'ci/reply'}", told, self._loop.time()
+                f"pelican/{'log_chunk' if isinstance(reported, LogChunk) else 'ci/reply'}", reported, self._loop.time()
             )
 
     def _take(self, envelope: Envelope[CiRequest]) -> None:
         if isinstance(envelope.payload.body, AboutLogs):
-            self._shelf.ask(envelope.payload)
+            self._log_store.handle(envelope.payload)
 
     def close(self) -> None:
         self._timer.cancel()

@@ -9,7 +9,7 @@ from tests.common.network.yard import LONG, NOW, Yard
 
 from gloc3.cli.program import run
 from gloc3.errors import InputError, Refused
-from gloc3.network.access import Accepted, Role, grants
+from gloc3.network.access import Accepted, MemberRole, grants
 from gloc3.network.file import read_network
 from gloc3.network.register import NETWORK_FILE, found, read_register
 
@@ -107,13 +107,13 @@ def test_keys_and_certificates_that_do_not_fit_or_are_open_to_others_are_refused
 
 
 def test_no_role_may_say_what_is_anothers() -> None:
-    def accepted(member: str, role: Role) -> Accepted:
+    def accepted(member: str, role: MemberRole) -> Accepted:
         return Accepted(member=member, role=role, certificate="1")
 
-    main, other = accepted("pelican.main", Role.PLATFORM), accepted("hummingbird.main", Role.PLATFORM)
-    alice, bob = accepted("alice", Role.OPERATOR), accepted("bob", Role.OBSERVER)
+    main, other = accepted("pelican.main", MemberRole.PLATFORM), accepted("hummingbird.main", MemberRole.PLATFORM)
+    alice, bob = accepted("alice", MemberRole.OPERATOR), accepted("bob", MemberRole.OBSERVER)
 
-    def said(own: Accepted, theirs: Accepted) -> set[str]:
+    def text(own: Accepted, theirs: Accepted) -> set[str]:
         return {
             key
             for grant in grants(own, theirs)
@@ -121,13 +121,13 @@ def test_no_role_may_say_what_is_anothers() -> None:
             for key in grant.keys
         }
 
-    assert said(main, alice) == {
+    assert text(main, alice) == {
         "pelican/ci/request/alice",
         "pelican/demand/alice",
         "pelican/ci/ask/alice",
         "stations/alice/**",
     }
-    assert said(main, bob) == {"pelican/ci/ask/bob", "stations/bob/**"}
-    assert said(main, other) == {f"hummingbird/ci/{name}" for name in ("summary", "mission", "control")}
-    assert said(alice, main) == {"pelican/**", "stations/**"}
-    assert said(alice, bob) == set()
+    assert text(main, bob) == {"pelican/ci/ask/bob", "stations/bob/**"}
+    assert text(main, other) == {f"hummingbird/ci/{name}" for name in ("summary", "mission", "control")}
+    assert text(alice, main) == {"pelican/**", "stations/**"}
+    assert text(alice, bob) == set()

@@ -15,29 +15,31 @@ from gloc3.messages.envelope import Envelope, Severity
 from gloc3.messages.summaries import CiEvent
 from gloc3.messages.teleoperation import VelocityDemand
 from gloc3.messages.topics import TopicTable
-from gloc3.network.access import Role
+from gloc3.network.access import MemberRole
 from gloc3.network.stations import StationBridge, join_platforms
 
 pytestmark = [pytest.mark.sockets, pytest.mark.timeout(60)]
 START = Steer(verb=Verb.START)
-ROLES = {"alice": Role.OPERATOR, "bob": Role.OBSERVER, "pelican.main": Role.PLATFORM}
+ROLES = {"alice": MemberRole.OPERATOR, "bob": MemberRole.OBSERVER, "pelican.main": MemberRole.PLATFORM}
 
 
 class Server:
     """A command interface server as plain as it can be: it accepts everything that reaches it."""
 
-    def __init__(self, exchange: Any, roles: dict[str, Role]) -> None:
+    def __init__(self, exchange: Any, roles: dict[str, MemberRole]) -> None:
         loop = asyncio.get_running_loop()
-        self.taken: list[Envelope[CiRequest]] = []
-        self.heard: list[str] = []
-        self.told: list[tuple[str, str]] = []
+        self.used: list[Envelope[CiRequest]] = []
+        self.received: list[str] = []
+        self.reported: list[tuple[str, str]] = []
         self._publisher = Publisher(exchange, "pelican", "ci", 1)
         exchange.subscribe("pelican/ci/request", self._take)
-        exchange.subscribe("pelican/ci/heard", lambda e: self.heard.append(e.payload.station))
-        self.bridge = StationBridge(exchange, loop, "pelican", roles, 2, lambda *told: self.told.append(told))
+        exchange.subscribe("pelican/ci/heard", lambda e: self.received.append(e.payload.station))
+        self.bridge = StationBridge(
+            exchange, loop, "pelican", roles, 2, lambda *reported: self.reported.append(reported)
+        )
 
     def _take(self, envelope: Envelope[CiRequest]) -> None:
-        self.taken.append(envelope)
+        self.used.append(envelope)
         request = envelope.payload
         reply = CiReply(sender=request.sender, boot=request.boot, sequence=request.sequence, outcome=Outcome.ACCEPTED)
         self._publisher.publish("pelican/ci/reply", reply, 0.0)
@@ -64,14 +66,14 @@ async def test_a_station_asks_commands_and_is_answered_under_its_own_name(tmp_pa
             if {reply.sequence % 2 for reply in replies} == {0, 1}:
                 break
         assert {reply.outcome for reply in replies} == {Outcome.ACCEPTED}
-        assert {envelope.topic for envelope in server.taken} == {"pelican/ci/request"}
+        assert {envelope.topic for envelope in server.used} == {"pelican/ci/request"}
         assert server.bridge.forgeries == {}
-        await until(lambda: server.heard.count("alice") >= 3)
+        await until(lambda: server.received.count("alice") >= 3)
         part()
         await asyncio.sleep(0.3)
-        heard = len(server.heard)
+        received = len(server.received)
         await asyncio.sleep(1.2)
-        assert len(server.heard) == heard
+        assert len(server.received) == received
         server.bridge.close()
 
 
@@ -90,13 +92,13 @@ async def test_requests_that_are_not_what_they_say_are_counted_told_and_not_carr
     ]
     for key, message, _ in sent:
         stranger.publish(f"pelican/ci/{key}", message, 0.0)
-    assert server.told == [(key.partition("/")[2], reason) for key, _, reason in sent]
+    assert server.reported == [(key.partition("/")[2], reason) for key, _, reason in sent]
     assert server.bridge.forgeries == {"alice": 3, "bob": 1, "mallory": 1, "pelican.main": 1}
-    assert not server.taken
+    assert not server.used
     pretended = replace(request("bob", 5, START), role=StationRole.OPERATOR, way="serial:///dev/ttyS0")
     stranger.publish("pelican/ci/request/bob", pretended, 0.0)
     stranger.publish("pelican/ci/request/alice", request("alice", 6, START), 0.0)
-    assert [(each.payload.sequence, each.payload.role, each.payload.way) for each in server.taken] == [
+    assert [(each.payload.sequence, each.payload.role, each.payload.way) for each in server.used] == [
         (5, StationRole.OBSERVER, "network"),  # the server refuses it
         (6, StationRole.OPERATOR, "network"),
     ]
@@ -107,10 +109,10 @@ async def test_velocities_that_are_asked_for_by_hand_come_under_the_name_of_an_o
     tmp_path: Path,
 ) -> None:
     yard, topics = Yard(tmp_path / "yard"), TopicTable.installed()
-    taken: list[Envelope[VelocityDemand]] = []
+    used: list[Envelope[VelocityDemand]] = []
     with yard.open("pelican.main") as main, yard.open("alice") as network:
         server = Server(main, ROLES)
-        main.subscribe("pelican/velocity_demand", taken.append)
+        main.subscribe("pelican/velocity_demand", used.append)
         alice = LocalExchange(topics)
         part = join_platforms(network, alice, topics, "alice")
         publisher = Publisher(alice, "alice", "ci", 9)
@@ -118,16 +120,16 @@ async def test_velocities_that_are_asked_for_by_hand_come_under_the_name_of_an_o
             demand = VelocityDemand(sender="alice", session=1, sequence=sequence, velocity_cm_s=(40, 0, 0))
             publisher.publish("pelican/velocity_demand", demand, 1.25)
             await asyncio.sleep(0.03)
-            if taken:
+            if used:
                 break
-        assert (taken[0].payload.role, taken[0].payload.way, taken[0].t_s) == (StationRole.OPERATOR, "network", 1.25)
-        count = len(taken)
+        assert (used[0].payload.role, used[0].payload.way, used[0].t_s) == (StationRole.OPERATOR, "network", 1.25)
+        count = len(used)
         stranger = Publisher(main, "somewhere", "ci", 9)
         for key, sender in (("bob", "bob"), ("alice", "bob"), ("mallory", "mallory")):
             stranger.publish(f"pelican/demand/{key}", VelocityDemand(sender=sender, session=1, sequence=0), 0.0)
         await asyncio.sleep(0.1)
-        assert len(taken) == count
-        assert [reason for _, reason in server.told] == [
+        assert len(used) == count
+        assert [reason for _, reason in server.reported] == [
             "an observer steers nothing",
             "it says that it is of 'bob'",
             "mallory is no station of this network",

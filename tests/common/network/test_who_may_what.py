@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from msgspec.structs import replace
-from tests.common.exchange.middlewares import event, hear, until
+from tests.common.exchange.middlewares import event, receive, until
 from tests.common.network.yard import MEMBERS, NOW, Yard
 
 from gloc3.exchange import Publisher
@@ -20,7 +20,7 @@ from gloc3.messages.envelope import Envelope
 from gloc3.messages.topics import TopicTable
 from gloc3.messages.vehicle import Image
 from gloc3.messages.watch import Sample
-from gloc3.network.access import Role
+from gloc3.network.access import MemberRole
 from gloc3.network.file import Membership
 from gloc3.network.register import revoke
 
@@ -34,22 +34,22 @@ class Scene:
 
     def __init__(self, main: ZenohExchange, alice: ZenohExchange) -> None:
         self.main = main
-        self.taken, _ = hear(main, f"{ORDERS}*")
-        self.asked, _ = hear(main, "pelican/ci/ask/*")
-        self.moved, _ = hear(main, "pelican/motion/*")
-        self.alice_reads, _ = hear(alice, "*/ci/*")
+        self.used, _ = receive(main, f"{ORDERS}*")
+        self.requested, _ = receive(main, "pelican/ci/ask/*")
+        self.moved, _ = receive(main, "pelican/motion/*")
+        self.alice_reads, _ = receive(alice, "*/ci/*")
         self._main = Publisher(main, "pelican", "ci", 1)
         self._alice = Publisher(alice, "pelican", "alice", 1)
 
     async def play(self, other: ZenohExchange, name: str) -> tuple[list[str], bool]:
         """What another reads, and whether its command comes in, while the operator's messages go both ways."""
-        reads, end = hear(other, "*/ci/*")
-        sees_tokens, end_tokens = hear(other, "pelican/**")
+        reads, end = receive(other, "*/ci/*")
+        sees_tokens, end_tokens = receive(other, "pelican/**")
         speaker = Publisher(other, "pelican", name, 1)
-        for texts in (self.taken, self.asked, self.moved, self.alice_reads):
+        for texts in (self.used, self.requested, self.moved, self.alice_reads):
             texts.clear()
         rounds = 0
-        while rounds < 30 or not (self.alice_reads and "alice" in self.taken):
+        while rounds < 30 or not (self.alice_reads and "alice" in self.used):
             self._main.publish(SEEN, event("state"), 0.0)
             self._alice.publish(f"{ORDERS}alice", event("alice"), 0.0)
             for topic in (f"{ORDERS}{name}", f"{ORDERS}alice", "pelican/ci/request", "pelican/motion/grant"):
@@ -61,7 +61,7 @@ class Scene:
         end_tokens()
         own = {f"order of {name}", f"question of {name}"}
         read = [text for text in (*reads, *sees_tokens) if text not in own]
-        return read, f"order of {name}" in (*self.taken, *self.moved)
+        return read, f"order of {name}" in (*self.used, *self.moved)
 
 
 @pytest.mark.parametrize("over", ["", QUIC], ids=["tls", "quic"])
@@ -73,7 +73,7 @@ async def test_an_operator_reads_and_commands_and_an_observer_only_looks_and_ask
         assert "state" in read
         assert "alice" not in scene.moved
         assert not is_commanding
-        assert "question of bob" in scene.asked
+        assert "question of bob" in scene.requested
 
 
 async def test_hosts_of_a_platform_share_everything_and_stations_see_no_more_than_their_part(tmp_path: Path) -> None:
@@ -81,15 +81,15 @@ async def test_hosts_of_a_platform_share_everything_and_stations_see_no_more_tha
     with ExitStack() as stack:
         ends = {name: stack.enter_context(yard.open(name)) for name in MEMBERS}
         alive = {name: watched(exchange) for name, exchange in ends.items()}
-        heard = {name: hear(exchange, "pelican/odometry/*")[0] for name, exchange in ends.items()}
+        received = {name: receive(exchange, "pelican/odometry/*")[0] for name, exchange in ends.items()}
         ends["pelican.vision"].declare_alive("pelican/components/odometer")
         ends["bob"].declare_alive("pelican/components/pretended")
         vision = Publisher(ends["pelican.vision"], "pelican", "odometer", 1)
-        while not (heard["pelican.main"] and "pelican/components/odometer" in alive["alice"]):
+        while not (received["pelican.main"] and "pelican/components/odometer" in alive["alice"]):
             vision.publish("pelican/odometry/stereo", event("moved"), 0.0)
             await asyncio.sleep(0.03)
-        assert not heard["alice"]
-        assert not heard["bob"]
+        assert not received["alice"]
+        assert not received["bob"]
         assert all("pelican/components/pretended" not in alive[name] for name in MEMBERS if name != "bob")
 
 
@@ -151,7 +151,7 @@ async def test_without_a_certificate_that_counts_nothing_is_read_or_commanded(
     stranger: str, over: str, tmp_path: Path
 ) -> None:
     yard = Yard(tmp_path / "yard", over=over)
-    yard.add("eve", Role.OPERATOR, timedelta(hours=-1) if stranger == "expired" else timedelta(days=1))
+    yard.add("eve", MemberRole.OPERATOR, timedelta(hours=-1) if stranger == "expired" else timedelta(days=1))
     eve = yard.membership("eve", NOW - timedelta(days=1)) if stranger == "expired" else yard.membership("eve")
     node, settings = eve.node(), eve.settings()
     unrestricted(settings)
@@ -182,7 +182,7 @@ async def test_a_revoked_certificate_counts_no_more_and_a_renewed_one_takes_the_
 ) -> None:
     yard = Yard(tmp_path / "yard", over=QUIC)  # whose port is free only a moment after its end
     bob = yard.membership("bob")
-    yard.add("carol", Role.OPERATOR)
+    yard.add("carol", MemberRole.OPERATOR)
     with yard.open("pelican.main") as main, yard.open("alice") as alice, yard.open("carol") as carol:
         scene = Scene(main, alice)
         read, is_commanding = await scene.play(carol, "carol")
@@ -191,15 +191,15 @@ async def test_a_revoked_certificate_counts_no_more_and_a_renewed_one_takes_the_
         revoke(yard.folder, "carol")
         new = yard.membership("pelican.main")
         await main.renew(new.node(), new.settings())
-        await until(lambda: main.troubles() == {})
+        await until(lambda: main.problems() == {})
         assert await scene.play(carol, "carol") == ([], False)
     (yard.folder / "bob").rename(yard.folder / "old")
-    yard.add("bob", Role.OPERATOR, is_renewed=True)
-    old = bob.path.parent.parent / "old" / bob.path.name
+    yard.add("bob", MemberRole.OPERATOR, is_renewed=True)
+    previous = bob.path.parent.parent / "old" / bob.path.name
     with (
         yard.open("pelican.main") as main,
         yard.open("alice") as alice,
-        yard.open("bob", bob._replace(path=old)) as before,
+        yard.open("bob", bob._replace(path=previous)) as before,
     ):
         scene = Scene(main, alice)
         assert await scene.play(before, "bob") == ([], False)
@@ -211,7 +211,7 @@ async def test_a_revoked_certificate_counts_no_more_and_a_renewed_one_takes_the_
 
 async def test_a_link_ends_when_a_certificate_expires(tmp_path: Path) -> None:
     yard = Yard(tmp_path / "yard")
-    yard.add("dave", Role.OBSERVER, timedelta(seconds=8))
+    yard.add("dave", MemberRole.OBSERVER, timedelta(seconds=8))
     loop = asyncio.get_running_loop()
     with yard.open("pelican.main") as main, yard.open("alice") as alice, yard.open("dave") as dave:
         scene = Scene(main, alice)

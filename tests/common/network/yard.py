@@ -13,16 +13,16 @@ from typing import Any
 from gloc3.exchange.zenoh import ZenohExchange, open_exchange
 from gloc3.messages.topics import TopicTable
 from gloc3.network import register
-from gloc3.network.access import Role
+from gloc3.network.access import MemberRole
 from gloc3.network.file import Membership, read_network
 
 NOW = datetime.now(UTC)
 LONG = timedelta(days=30)
 MEMBERS = {
-    "pelican.main": Role.PLATFORM,
-    "pelican.vision": Role.PLATFORM,
-    "alice": Role.OPERATOR,
-    "bob": Role.OBSERVER,
+    "pelican.main": MemberRole.PLATFORM,
+    "pelican.vision": MemberRole.PLATFORM,
+    "alice": MemberRole.OPERATOR,
+    "bob": MemberRole.OBSERVER,
 }
 
 
@@ -43,10 +43,10 @@ class Yard:
         for name, role in MEMBERS.items():
             self.add(name, role)
 
-    def add(self, name: str, role: Role, valid: timedelta = LONG, *, is_renewed: bool = False) -> None:
+    def add(self, name: str, role: MemberRole, valid: timedelta = LONG, *, is_renewed: bool = False) -> None:
         """Takes a member in."""
         listen = [self.address] if name == "pelican.main" else []
-        entry = register.Member(role=role, certificate="", until="", listen=listen)
+        entry = register.NetworkMember(role=role, certificate="", until="", listen=listen)
         register.add(self.folder, name, entry, datetime.now(UTC), valid, is_renewed=is_renewed)
 
     def membership(self, name: str, now: datetime = NOW) -> Membership:

@@ -44,9 +44,9 @@ def whole(folder: Path, own: str) -> dict[str, object]:
 
 def findings(folder: Path, own: str = "", base: str = BASE) -> list[str]:
     file = write(folder, own, base)
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as reported:
         load_platform(str(file))
-    return [str(finding).replace(f"{folder}/", "") for finding in told.value.findings]
+    return [str(finding).replace(f"{folder}/", "") for finding in reported.value.findings]
 
 
 def test_mappings_are_merged_lists_replaced_and_null_takes_out(tmp_path: Path) -> None:

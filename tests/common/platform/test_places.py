@@ -3,7 +3,15 @@
 import pytest
 
 from gloc3.errors import Finding, InputError, Refused
-from gloc3.platform.places import Place, child_processes, choose_host, clock_host, is_in_one_process, place_of, rows_at
+from gloc3.platform.places import (
+    ProcessPlace,
+    child_processes,
+    choose_host,
+    clock_host,
+    is_in_one_process,
+    place_of,
+    rows_at,
+)
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform, read_platform
 
@@ -37,7 +45,7 @@ def test_a_row_tells_host_and_process_and_without_a_word_it_is_the_first_host_s_
     assert [str(place_of(platform, row)) for row in platform.components] == [
         "vehicle", "vehicle", "vision/eyes", "base", "vehicle/fusion", "vision",
     ]  # fmt: skip
-    assert [row.name for row in rows_at(platform, Place("vehicle"))] == ["state", "server"]
+    assert [row.name for row in rows_at(platform, ProcessPlace("vehicle"))] == ["state", "server"]
     assert child_processes(platform, "vehicle") == ["fusion"]
     assert not is_in_one_process(platform)
 
@@ -48,14 +56,14 @@ def test_the_clock_host_is_the_one_with_the_autopilot_s_link() -> None:
 
 def test_a_component_moves_by_one_word() -> None:
     moved = read(PLATFORM.replace("rate_hz: 20, host: base", "rate_hz: 20, host: vision, process: eyes"))
-    assert [row.name for row in rows_at(moved, Place("vision", "eyes"))] == ["camera", "odometer"]
+    assert [row.name for row in rows_at(moved, ProcessPlace("vision", "eyes"))] == ["camera", "odometer"]
 
 
 def test_a_platform_without_hosts_is_one_process_that_is_called_main() -> None:
     platform = load_platform("pelican")
     assert is_in_one_process(platform)
     assert choose_host(platform, None) == clock_host(platform) == "main"
-    assert len(rows_at(platform, Place("main"))) == len(platform.components)
+    assert len(rows_at(platform, ProcessPlace("main"))) == len(platform.components)
 
 
 def test_which_host_this_is_must_be_said_where_there_are_several() -> None:

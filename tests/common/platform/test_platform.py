@@ -161,9 +161,9 @@ def test_what_is_doubtful_but_can_fly_is_told_as_a_warning(tmp_path: Path) -> No
     path.write_text(text)
     line = next(n for n, row in enumerate(text.splitlines(), start=1) if "name: ground_recorder" in row)
     unused = next(n for n, row in enumerate(text.splitlines(), start=1) if "ground_camra" in row)
-    told: list[Finding] = []
-    load_platform(str(path), is_loading_classes=True, warn=told.append)
-    assert [(finding.line, finding.message) for finding in told] == [
+    reported: list[Finding] = []
+    load_platform(str(path), is_loading_classes=True, warn=reported.append)
+    assert [(finding.line, finding.message) for finding in reported] == [
         (unused, "no component uses a device 'ground_camra', so nothing is taken from v4l2:///dev/video0"),
         (line, "nobody here brings 'camera/ground'"),
     ]

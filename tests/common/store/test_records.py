@@ -21,12 +21,12 @@ class Disk:
     """Holds every wait for it until it is let go, and fails where it is told to."""
 
     def __init__(self, patch: pytest.MonkeyPatch) -> None:
-        self.free, self.asked, self.error = threading.Event(), threading.Semaphore(0), 0
+        self.free, self.requested, self.error = threading.Event(), threading.Semaphore(0), 0
         self.free.set()
         patch.setattr(os, "fsync", self._sync)
 
     def _sync(self, descriptor: int) -> None:
-        self.asked.release()
+        self.requested.release()
         assert self.free.wait(SOON_S)
         if self.error:
             raise OSError(self.error, os.strerror(self.error))
@@ -34,7 +34,7 @@ class Disk:
     @contextmanager
     def busy(self) -> Iterator[None]:
         """So long it does not end."""
-        self.asked = threading.Semaphore(0)
+        self.requested = threading.Semaphore(0)
         self.free.clear()
         try:
             yield
@@ -147,7 +147,7 @@ def test_a_power_cut_at_any_time_leaves_the_last_that_was_on_disk_or_a_later_one
     file = made(path, b"safe")
     with disk.busy():
         file.rewrite([b"on its way", b"of two"])
-        assert disk.asked.acquire(timeout=SOON_S)
+        assert disk.requested.acquire(timeout=SOON_S)
         file.rewrite([b"newest"])
         whole = {name: (tmp_path / name).read_bytes() for name in files(tmp_path)}
         assert len(whole) == 3

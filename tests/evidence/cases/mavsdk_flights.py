@@ -198,7 +198,7 @@ def test_a_mission_is_paused_goes_on_and_returns_at_its_end() -> None:
         ]
         mission.set_return_to_launch_after_mission(True)
         assert mission.get_return_to_launch_after_mission()
-        rows = client.told(mission.upload_mission_with_progress_async, MissionPlan(items))
+        rows = client.reported(mission.upload_mission_with_progress_async, MissionPlan(items))
         assert rows[-1][0].name == "SUCCESS"
         read = mission.download_mission()
         assert [round(row.relative_altitude_m) for row in read.mission_items] == [5, 5]
@@ -256,7 +256,7 @@ def test_it_follows_somebody() -> None:
 # -- without satellites -------------------------------------------------------------------------------------------------
 
 
-def is_believed(client: Client, tell: Callable[[], object], north_m: float, east_m: float, within_s: float) -> bool:
+def is_believed(client: Client, report: Callable[[], object], north_m: float, east_m: float, within_s: float) -> bool:
     """Tells a place again and again until the vehicle believes it, or not."""
     deadline = time.monotonic() + within_s
     last: list[Any] = []
@@ -265,7 +265,7 @@ def is_believed(client: Client, tell: Callable[[], object], north_m: float, east
         while not last or hypot(last[-1].position.north_m - north_m, last[-1].position.east_m - east_m) > 0.2:
             if time.monotonic() > deadline:
                 return False
-            tell()
+            report()
             time.sleep(0.02)
     finally:
         client.telemetry.unsubscribe_position_velocity_ned(handle)

@@ -30,7 +30,7 @@ def test_ftp_download_that_breaks_off_can_be_done_again(tmp_path: Path, is_burst
         slow.await_telemetry("position", lambda _: rows[-1][0].name != "NEXT", within_s=90.0)
         assert rows[-1][0].name == "TIMEOUT"
         link.dropped_id = None
-        again = slow.told(files.download_async, "/case/big.bin", str(folder), is_burst, within_s=60.0)
+        again = slow.reported(files.download_async, "/case/big.bin", str(folder), is_burst, within_s=60.0)
         assert again[-1][0].name == "SUCCESS"
     assert (folder / "big.bin").read_bytes() == BIG
 

@@ -84,13 +84,13 @@ def test_a_straight_mission_is_flown_through_at_speed() -> None:
     start_mission(bench)
     speeds: list[float] = []
 
-    def look() -> None:
+    def poll() -> None:
         if bench.autopilot.craft.mission.current == 2:
             velocity = bench.autopilot.estimator.inertial.velocity_ned_m_s
             speeds.append(hypot(velocity[0], velocity[1]))
             assert abs(bench.position[1]) < 5.0
 
-    watch(bench, 40.0, look)
+    watch(bench, 40.0, poll)
     assert max(speeds) > 4.0
     await_complete(bench)
     return_home(bench)
@@ -162,8 +162,8 @@ def test_a_change_of_speed_is_applied_on_the_way() -> None:
     assert bench.command(CHANGE_SPEED, 1, 2.0, -1) is Result.ACCEPTED
     bench.run(4.0)
 
-    def look() -> None:
+    def poll() -> None:
         velocity = bench.sim.truth().velocity_ned_m_s
         assert hypot(velocity[0], velocity[1]) < 2.5
 
-    watch(bench, 5.0, look)
+    watch(bench, 5.0, poll)

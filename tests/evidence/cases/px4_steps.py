@@ -58,10 +58,10 @@ def await_complete(bench: Bench, within_s: float = 180.0) -> None:
     bench.run_until(lambda: bench.autopilot.craft.mission.state is MissionState.COMPLETE, within_s)
 
 
-def watch(bench: Bench, seconds: float, look: Callable[[], None]) -> None:
+def watch(bench: Bench, seconds: float, poll: Callable[[], None]) -> None:
     for _ in range(round(seconds / 0.1)):
         bench.run(0.1)
-        look()
+        poll()
 
 
 def from_home_m(bench: Bench) -> float:

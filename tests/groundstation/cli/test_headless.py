@@ -13,12 +13,12 @@ from gloc3.messages.command_interface import LoadMission, ReadReports, Steer
 from gloc3.messages.envelope import Severity
 from gloc3.messages.summaries import CiEvent, ContactSummary, Health, MissionSummary
 from gloc3_groundstation.cli.headless import Headless
-from gloc3_groundstation.cli.narration import Line
-from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.cli.narration import NarrationLine
+from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station.command_client import Declined
 from gloc3_groundstation.station.station import Station
 
-PLAN = Plan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
+PLAN = CheckedPlan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
 GOLDEN = Path(__file__).parents[1] / "golden" / "narration.txt"
 
 
@@ -32,7 +32,7 @@ def script(platform: ScriptedPlatform) -> None:
     later(6.0, lambda: platform.advance("running", {"sweep.wall": 0.1}, sweep__photos="running"))
     later(8.0, lambda: platform.event("gust of 7 m/s", Severity.NOTICE, "pose"))
     later(8.5, lambda: platform.event("cycle 400", Severity.INFO, "pose"))
-    later(9.0, lambda: platform.trouble("ground_camera", "no frame for 1.0 s"))
+    later(9.0, lambda: platform.problem("ground_camera", "no frame for 1.0 s"))
     later(10.0, setattr, platform, "is_deaf", True)
     later(15.0, setattr, platform, "is_deaf", False)
     later(18.0, lambda: platform.states.update(ground_camera=Health.WORKING))
@@ -41,7 +41,7 @@ def script(platform: ScriptedPlatform) -> None:
     later(24.5, lambda: platform.advance("done", recover="done", recover__home="done", recover__down="done"))
 
 
-def fly(platform_setup: list[str], told: list[Line], refusal: str = "") -> str:
+def fly(platform_setup: list[str], reported: list[NarrationLine], refusal: str = "") -> str:
     async def main() -> str:
         exchange = LocalExchange()
         platform = ScriptedPlatform(exchange)
@@ -53,7 +53,7 @@ def fly(platform_setup: list[str], told: list[Line], refusal: str = "") -> str:
             platform.answer_next(LoadMission, refused("does not fit", "hold.yaml:1:1: no tasks"))
         if refusal == "start":
             platform.answer_next(Steer, refused("battery is at 12 %"))
-        run = Headless(station, told.append, platform="heron")
+        run = Headless(station, reported.append, platform="heron")
         try:
             return (await run.fly(PLAN, wait_s=20.0)).state
         finally:
@@ -63,19 +63,19 @@ def fly(platform_setup: list[str], told: list[Line], refusal: str = "") -> str:
 
 
 def test_a_whole_mission_is_narrated_calmly() -> None:
-    told: list[Line] = []
-    assert fly([], told) == "done"
-    assert "\n".join(str(line) for line in told) + "\n" == GOLDEN.read_text()
+    reported: list[NarrationLine] = []
+    assert fly([], reported) == "done"
+    assert "\n".join(str(line) for line in reported) + "\n" == GOLDEN.read_text()
 
 
 def test_what_is_told_is_also_data() -> None:
-    told: list[Line] = []
-    fly([], told)
-    result = told[-1]
+    reported: list[NarrationLine] = []
+    fly([], reported)
+    result = reported[-1]
     assert (result.kind, result.data) == ("result", {"mission": "cargo hold", "state": "done", "reason": ""})
-    progress = next(line for line in told if line.kind == "progress")
+    progress = next(line for line in reported if line.kind == "progress")
     assert progress.data["vehicle"]["is_armed"] is True
-    assert {"target": "sweep.wall", "state": "running"} in [line.data for line in told if line.kind == "action"]
+    assert {"target": "sweep.wall", "state": "running"} in [line.data for line in reported if line.kind == "action"]
 
 
 def test_a_platform_that_is_not_heard_is_said_after_the_wait() -> None:
@@ -94,7 +94,7 @@ def test_a_refused_start_is_told() -> None:
 
 
 def test_without_a_mission_it_narrates_until_it_is_stopped() -> None:
-    told: list[Line] = []
+    reported: list[NarrationLine] = []
 
     async def main() -> None:
         exchange = LocalExchange()
@@ -102,14 +102,14 @@ def test_without_a_mission_it_narrates_until_it_is_stopped() -> None:
         station = Station(exchange, platform.loop, "255", 11)
         platform.speak_every(0.5)
         platform.mission = MissionSummary(name="other", digest="x", state="running", tasks={"a": "running"})
-        watching = asyncio.ensure_future(Headless(station, told.append).watch())
+        watching = asyncio.ensure_future(Headless(station, reported.append).watch())
         platform.loop.call_later(2.0, watching.cancel)
         with pytest.raises(asyncio.CancelledError):
             await watching
         station.close()
 
     run_virtual(main())
-    assert "mission 'other': running" in [line.text for line in told]
+    assert "mission 'other': running" in [line.text for line in reported]
 
 
 CONTACT = ContactSummary(
@@ -133,7 +133,7 @@ CONTACT = ContactSummary(
 
 
 def test_a_run_whose_mission_ended_out_of_contact_tells_the_summary_and_all_that_happened_before_it_ends() -> None:
-    told: list[Line] = []
+    reported: list[NarrationLine] = []
 
     async def main() -> None:
         exchange = LocalExchange()
@@ -146,18 +146,18 @@ def test_a_run_whose_mission_ended_out_of_contact_tells_the_summary_and_all_that
         first = CiEvent(severity=Severity.WARNING, source="depth", text="leak 1", t_s=15.0, number=1, store=5)
         later(1.2, platform.speak_every, 0.5)
         later(13.0, lambda: platform.advance(depart="running"))
-        later(15.0, lambda: platform.say("event", first))
+        later(15.0, lambda: platform.report("event", first))
         later(20.0, setattr, platform, "is_deaf", True)
         later(40.0, setattr, platform, "is_deaf", False)
         later(40.1, lambda: platform.advance("done"))
         later(41.0, lambda: platform.publisher.publish("heron/contact", CONTACT, platform.loop.time()))
         try:
-            await Headless(station, told.append, platform="heron").fly(PLAN, wait_s=20.0)
+            await Headless(station, reported.append, platform="heron").fly(PLAN, wait_s=20.0)
         finally:
             station.close()
 
     run_virtual(main())
-    texts = [line.text for line in told]
+    texts = [line.text for line in reported]
     assert texts[-1].startswith("'cargo hold': done after")
     summary = next(at for at, text in enumerate(texts) if text.startswith("contact after 20 s"))
     assert [text for text in texts if "leak" in text] == ["warning: depth: leak 1", "warning: depth: leak 2"]

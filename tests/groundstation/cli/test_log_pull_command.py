@@ -12,8 +12,8 @@ from tests.groundstation.store.test_log_pull import Vessel
 
 from gloc3.clock import VirtualLoop
 from gloc3.errors import Gloc3Error, Refused
-from gloc3_groundstation.cli.log_pull import Wanted, fetch, pull
-from gloc3_groundstation.store.pace import Pace
+from gloc3_groundstation.cli.log_pull import PullRequest, fetch, pull
+from gloc3_groundstation.store.pace import DownloadProgress
 from gloc3_groundstation.store.pull_progress import PullProgress
 
 SIZE = 6_000_000
@@ -36,8 +36,8 @@ def fetched(
     async def steps() -> int:
         vessel, loop = Vessel(there, unfinished="log-2.mcap"), asyncio.get_running_loop()
         progress = PullProgress(loop)
-        puller = vessel.puller(progress.pause, progress.tell)
-        command = loop.create_task(fetch(puller, "auv", Wanted(out=out, **(wanted or {})), progress))
+        puller = vessel.puller(progress.pause, progress.update)
+        command = loop.create_task(fetch(puller, "auv", PullRequest(out=out, **(wanted or {})), progress))
         played = play(vessel, command)
         if isinstance(played, Coroutine):
             await played
@@ -59,18 +59,18 @@ def test_it_tells_how_far_and_how_fast_and_after_an_interruption_where_it_goes_o
 
     with pytest.raises(asyncio.CancelledError):
         fetched(there, tmp_path, play=interrupt)
-    said = capsys.readouterr().err
-    assert re.search(r"log.mcap: \d+ % of 6.0 MB, \d+ kB/s, \d+ s to go\n", said), said
-    left = re.search(r"log.mcap: (\d+) % of it is here, and kept; the same command goes on with it\n", said)
-    assert left is not None, said
+    text = capsys.readouterr().err
+    assert re.search(r"log.mcap: \d+ % of 6.0 MB, \d+ kB/s, \d+ s to go\n", text), text
+    left = re.search(r"log.mcap: (\d+) % of it is here, and kept; the same command goes on with it\n", text)
+    assert left is not None, text
     assert fetched(there, tmp_path, {"is_list": True, "is_uncut": True}) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split() == ["log.mcap", "6.0", "MB", left[1], "%", "here"]
     assert lines[1].split() == ["log-2.mcap", "5", "bytes", "is", "being", "written"]
     assert fetched(there, tmp_path) == 0
-    out, said = capsys.readouterr()
-    assert f"log.mcap: goes on from {left[1]} % of 6.0 MB" in said
-    assert "log.mcap: 6.0 MB, digest equal, deleted onboard" in said
+    out, text = capsys.readouterr()
+    assert f"log.mcap: goes on from {left[1]} % of 6.0 MB" in text
+    assert "log.mcap: 6.0 MB, digest equal, deleted onboard" in text
     assert out == f"{tmp_path / 'auv' / 'log.mcap'}\n"
     assert not (there / "log.mcap").exists()
 
@@ -82,9 +82,9 @@ def test_a_station_that_may_only_look_fetches_what_is_finished_and_deletes_nothi
         vessel.may_only_look = True
 
     assert fetched(there, tmp_path, play=allow) == 0
-    said = capsys.readouterr().err
-    assert "the log that is being written is not ended: station 255 may look and not command" in said
-    assert "log.mcap: 6.0 MB, digest equal, left onboard" in said
+    text = capsys.readouterr().err
+    assert "the log that is being written is not ended: station 255 may look and not command" in text
+    assert "log.mcap: 6.0 MB, digest equal, left onboard" in text
     assert (there / "log.mcap").read_bytes() == (tmp_path / "auv" / "log.mcap").read_bytes()
 
 
@@ -103,9 +103,9 @@ def test_wrong_use_says_what_is_meant() -> None:
 
 
 def test_the_speed_is_that_of_late() -> None:
-    pace = Pace()
+    pace = DownloadProgress()
     assert pace.words(0, 1_000_000, 0.0) == "0 % of 1.0 MB"
     assert pace.words(100_000, 1_000_000, 10.0) == "10 % of 1.0 MB, 10 kB/s, 1 min to go"
-    pace.forget()
+    pace.reset()
     assert pace.words(500_000, 1_000_000, 100.0) == "50 % of 1.0 MB"
     assert pace.words(700_000, 1_000_000, 102.0) == "70 % of 1.0 MB, 100 kB/s, 3 s to go"

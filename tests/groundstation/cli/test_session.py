@@ -7,41 +7,41 @@ import signal
 import pytest
 
 from gloc3_groundstation.assembly import StationSetup
-from gloc3_groundstation.cli.narration import Line
+from gloc3_groundstation.cli.narration import NarrationLine
 from gloc3_groundstation.cli.session import HeadlessOptions, Session, SessionOptions
-from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.missions.plans import CheckedPlan
 
 URL = "udpin://127.0.0.1:0"
-PLAN = Plan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
+PLAN = CheckedPlan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
 
 
-def session(plan: Plan | None = None, foxglove_port: int | None = None) -> Session:
+def session(plan: CheckedPlan | None = None, foxglove_port: int | None = None) -> Session:
     return Session(StationSetup(boot=1), SessionOptions(urls=(URL,), plan=plan, foxglove_port=foxglove_port))
 
 
 @pytest.mark.sockets
 @pytest.mark.parametrize(("plan", "code"), [(None, 0), (PLAN, 130)])
-def test_ctrl_c_ends_it_with_a_word(plan: Plan | None, code: int, capsys: pytest.CaptureFixture[str]) -> None:
-    told: list[Line] = []
+def test_ctrl_c_ends_it_with_a_word(plan: CheckedPlan | None, code: int, capsys: pytest.CaptureFixture[str]) -> None:
+    reported: list[NarrationLine] = []
 
-    def tell(line: Line) -> None:
-        told.append(line)
+    def report(line: NarrationLine) -> None:
+        reported.append(line)
         if "listening" in line.text:
             os.kill(os.getpid(), signal.SIGINT)
 
-    assert asyncio.run(session(plan=plan).narrate(HeadlessOptions(wait_s=10.0), tell)) == code
-    assert told[-1].text == "stopped"
-    assert capsys.readouterr().err.count("\n") == len(told)
+    assert asyncio.run(session(plan=plan).narrate(HeadlessOptions(wait_s=10.0), report)) == code
+    assert reported[-1].text == "stopped"
+    assert capsys.readouterr().err.count("\n") == len(reported)
 
 
 @pytest.mark.sockets
 def test_foxglove_is_served_where_it_was_asked_for_and_the_place_is_told() -> None:
-    told: list[str] = []
+    reported: list[str] = []
 
-    def tell(line: Line) -> None:
-        told.append(line.text)
+    def report(line: NarrationLine) -> None:
+        reported.append(line.text)
         if "Foxglove" in line.text:
             os.kill(os.getpid(), signal.SIGINT)
 
-    assert asyncio.run(session(foxglove_port=0).narrate(HeadlessOptions(wait_s=10.0), tell)) == 0
-    assert any(text.startswith("Foxglove is served, view only: ws://127.0.0.1:") for text in told)
+    assert asyncio.run(session(foxglove_port=0).narrate(HeadlessOptions(wait_s=10.0), report)) == 0
+    assert any(text.startswith("Foxglove is served, view only: ws://127.0.0.1:") for text in reported)

@@ -47,10 +47,10 @@ def test_a_mission_that_does_not_pass_the_check_ends_with_1(tmp_path: Path, caps
 @pytest.mark.sockets
 def test_a_platform_that_never_comes_ends_with_1(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("--headless", "--mission", "hop", "--link", "udpin://127.0.0.1:0", "--wait", "0.05") == 1
-    told = capsys.readouterr()
-    assert "listening on udpin://127.0.0.1:0" in told.err
-    assert "a platform was not heard" in told.err
-    assert told.out == ""
+    reported = capsys.readouterr()
+    assert "listening on udpin://127.0.0.1:0" in reported.err
+    assert "a platform was not heard" in reported.err
+    assert reported.out == ""
 
 
 @pytest.mark.sockets
@@ -61,8 +61,8 @@ def test_a_bad_configuration_file_is_told_with_its_place_and_the_defaults_are_us
     file.write_text('theme = "dark"\nlink = []\n')
     arguments = ("--config", str(file), "--link", "udpin://127.0.0.1:0", "--wait", "0.05")
     assert run("--headless", "--mission", "hop", *arguments) == 1
-    told = capsys.readouterr().err
-    assert f"warning: {file}:2:1: unknown setting 'link' (did you mean 'links'?); the station runs with" in told
+    reported = capsys.readouterr().err
+    assert f"warning: {file}:2:1: unknown setting 'link' (did you mean 'links'?); the station runs with" in reported
     assert file.read_text() == 'theme = "dark"\nlink = []\n'
 
 
@@ -74,14 +74,14 @@ def test_the_help_teaches_a_first_flight_with_keys_that_are_so(capsys: pytest.Ca
     from gloc3_groundstation.tui.screens.table import SCREENS
 
     run("--help")
-    told = " ".join(capsys.readouterr().out.split())
+    reported = " ".join(capsys.readouterr().out.split())
     for words in (
         "3, then o: opens",
         "8: tells whether",
         "s: streams it and starts it",
         "p pauses, r resumes, a aborts",
     ):
-        assert words in told
+        assert words in reported
     assert {row.key: row.screen for row in SCREENS}.items() >= {"3": MissionScreen, "8": PreflightScreen}.items()
     rows = (*MISSION_KEYS, *MissionScreen.BINDINGS, *StationApp.BINDINGS)
     bound = {key for row in rows for key in (row[0] if isinstance(row, tuple) else row.key).split(",")}

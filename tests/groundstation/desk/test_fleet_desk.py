@@ -24,13 +24,13 @@ from gloc3.messages.command_interface import (
 from gloc3.messages.summaries import ControlState
 from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.desk.desk import Desk
-from gloc3_groundstation.desk.fleet_desk import Order
-from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.desk.fleet_desk import FleetOrder
+from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station.station import Station
 from gloc3_onboard.command_server.authority import ControlAuthority
 
 T = TypeVar("T")
-PLAN = Plan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
+PLAN = CheckedPlan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
 
 
 class SharedPlatform(ScriptedPlatform):
@@ -44,15 +44,15 @@ class SharedPlatform(ScriptedPlatform):
         if not isinstance(request.body, Control):
             return super()._carry_out(request)
         try:
-            told = self.authority.handle(request.sender, request.body, 5.0, self.loop.time())
+            reported = self.authority.handle(request.sender, request.body, 5.0, self.loop.time())
         except Refused as reason:
             return reply_to(request, Outcome.REFUSED, str(reason))
         self.tell_control()
-        return reply_to(request, reason=told)
+        return reply_to(request, reason=reported)
 
     def tell_control(self) -> None:
         self.control = self.authority.state()
-        self.say("control", self.control)
+        self.report("control", self.control)
 
 
 def play(steps: Callable[["Stage"], Awaitable[T]]) -> T:
@@ -77,10 +77,10 @@ class Stage:
         for vehicle in self.vehicles.values():
             vehicle.speak()
 
-    def told(self, desk: Desk) -> list[str]:
+    def reported(self, desk: Desk) -> list[str]:
         return [f"{event.platform}: {event.text}" for event in desk.station.fleet.events]
 
-    def asked(self, name: str, kind: type) -> list[Any]:
+    def requested(self, name: str, kind: type) -> list[Any]:
         return [body for body in self.vehicles[name].requests if isinstance(body, kind)]
 
     def close(self) -> None:
@@ -93,16 +93,16 @@ def test_an_order_goes_to_each_vehicle_of_a_selection_at_once_and_who_refused_is
         stage.vehicles["egret"].answer_next(Steer, refused("no mission is loaded"))
         fleet = stage.own.fleet
         assert fleet.named(["egret", "stork", "heron"]) == ["heron", "egret"]
-        assert await fleet.order(["heron", "egret"], Order.PAUSE) == ["heron"]
-        told = stage.told(stage.own)
-        assert "egret: pause: no mission is loaded" in told
-        assert told[-1] == ": pause: accepted by 1 of 2, not egret"
-        assert await fleet.order(["heron", "egret"], Order.LAND) == ["heron", "egret"]
-        assert [stage.asked(name, Emergency)[0].verb for name in stage.vehicles] == ["land", "land"]
-        assert await fleet.order(["heron", "egret"], Order.START) == ["heron", "egret"]
+        assert await fleet.order(["heron", "egret"], FleetOrder.PAUSE) == ["heron"]
+        reported = stage.reported(stage.own)
+        assert "egret: pause: no mission is loaded" in reported
+        assert reported[-1] == ": pause: accepted by 1 of 2, not egret"
+        assert await fleet.order(["heron", "egret"], FleetOrder.LAND) == ["heron", "egret"]
+        assert [stage.requested(name, Emergency)[0].verb for name in stage.vehicles] == ["land", "land"]
+        assert await fleet.order(["heron", "egret"], FleetOrder.START) == ["heron", "egret"]
         for name in stage.vehicles:
-            assert [body.text for body in stage.asked(name, LoadMission)] == [PLAN.text]
-            assert stage.asked(name, Steer)[-1] == Steer(verb=Verb.START)
+            assert [body.text for body in stage.requested(name, LoadMission)] == [PLAN.text]
+            assert stage.requested(name, Steer)[-1] == Steer(verb=Verb.START)
 
     play(steps)
 
@@ -110,16 +110,18 @@ def test_an_order_goes_to_each_vehicle_of_a_selection_at_once_and_who_refused_is
 def test_control_of_a_second_vehicle_is_asked_for_and_granted() -> None:
     async def steps(stage: Stage) -> None:
         assert await stage.other.fleet.control("egret", ControlVerb.REQUEST)
-        asking = asyncio.ensure_future(stage.own.fleet.control("egret", ControlVerb.REQUEST))
+        requesting = asyncio.ensure_future(stage.own.fleet.control("egret", ControlVerb.REQUEST))
         await asyncio.sleep(1.0)
-        assert "egret: station 255 asks for control; grant or refuse it on the screen Fleet" in stage.told(stage.other)
+        assert "egret: station 255 asks for control; grant or refuse it on the screen Fleet" in stage.reported(
+            stage.other
+        )
         egret = stage.stations[1].fleet.platforms["egret"]
         assert stage.other.fleet.control_verbs(egret) == {ControlVerb.GRANT, ControlVerb.REFUSE, ControlVerb.RELEASE}
         assert await stage.other.fleet.control("egret", ControlVerb.GRANT)
-        assert await asking
+        assert await requesting
         assert stage.vehicles["egret"].control == ControlState(holder="255")
-        assert "egret: station 255 has control now" in stage.told(stage.other)
-        assert "egret: this station has control" in stage.told(stage.own)
+        assert "egret: station 255 has control now" in stage.reported(stage.other)
+        assert "egret: this station has control" in stage.reported(stage.own)
 
     play(steps)
 
@@ -127,11 +129,11 @@ def test_control_of_a_second_vehicle_is_asked_for_and_granted() -> None:
 def test_a_refused_request_leaves_control_where_it_is_and_a_take_over_does_not_ask() -> None:
     async def steps(stage: Stage) -> None:
         await stage.other.fleet.control("heron", ControlVerb.REQUEST)
-        asking = asyncio.ensure_future(stage.own.fleet.control("heron", ControlVerb.REQUEST))
+        requesting = asyncio.ensure_future(stage.own.fleet.control("heron", ControlVerb.REQUEST))
         await asyncio.sleep(1.0)
         assert await stage.other.fleet.control("heron", ControlVerb.REFUSE)
-        assert not await asking
-        assert any("station 254 keeps it" in text for text in stage.told(stage.own))
+        assert not await requesting
+        assert any("station 254 keeps it" in text for text in stage.reported(stage.own))
         heron = stage.stations[0].fleet.platforms["heron"]
         assert stage.own.fleet.control_verbs(heron) == {ControlVerb.REQUEST, ControlVerb.TAKE_OVER}
         assert not await stage.own.fleet.control("heron", ControlVerb.RELEASE), "it is not ours to give back"
@@ -145,8 +147,8 @@ def test_a_refused_request_leaves_control_where_it_is_and_a_take_over_does_not_a
 
 @pytest.mark.sockets
 async def test_links_are_opened_and_closed_while_the_station_runs() -> None:
-    told = list[str]()
-    ground = GroundStation(StationSetup(boot=1), report=told.append)
+    reported = list[str]()
+    ground = GroundStation(StationSetup(boot=1), report=reported.append)
     station, links = ground.station, ground.links
     desk = Desk(station, links=links)
     try:

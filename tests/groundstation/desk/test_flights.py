@@ -14,12 +14,12 @@ from gloc3.messages.command_interface import Control
 from gloc3.messages.summaries import ControlState, Health, MissionSummary
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.desk.flights import End, Follower
-from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station.snapshots import PlatformSnapshot, Timed
 from gloc3_groundstation.station.station import Station
 
 T = TypeVar("T")
-PLAN = Plan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
+PLAN = CheckedPlan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
 
 
 def with_station(play: Callable[[Station, ScriptedPlatform], Awaitable[T]]) -> T:
@@ -37,17 +37,17 @@ def with_station(play: Callable[[Station, ScriptedPlatform], Awaitable[T]]) -> T
 
 
 def snapshot(
-    state: str, *, heard_s: float = 10.0, digest: str = "d", policy: str = "", armed: bool = True
+    state: str, *, received_s: float = 10.0, digest: str = "d", policy: str = "", armed: bool = True
 ) -> PlatformSnapshot:
     vehicle = msgspec.structs.replace(VEHICLE, is_armed=armed)
     mission = MissionSummary(name="m", digest=digest, state=state, policy=policy, reason="because")
     return PlatformSnapshot(
         name="heron",
         boot=1,
-        first_heard_s=0.0,
-        heard_s=heard_s,
-        vehicle=Timed(vehicle, heard_s),
-        mission=Timed(mission, heard_s),
+        first_received_s=0.0,
+        received_s=received_s,
+        vehicle=Timed(vehicle, received_s),
+        mission=Timed(mission, received_s),
     )
 
 
@@ -76,7 +76,7 @@ def test_a_start_waits_for_what_is_missing_and_names_it() -> None:
 def test_control_that_is_held_is_not_asked_for_again() -> None:
     async def play(station: Station, platform: ScriptedPlatform) -> None:
         platform.control = ControlState(holder="255")
-        platform.say("control", platform.control)
+        platform.report("control", platform.control)
         await flights.stream(station, "heron", PLAN)
         assert not any(isinstance(body, Control) for body in platform.requests)
 
@@ -106,14 +106,14 @@ def test_a_mission_is_followed_to_its_end_through_silence() -> None:
 
 def test_the_end_of_the_flight_before_is_not_the_end_of_this_one() -> None:
     follower = Follower(started_s=10.0)
-    assert follower.end(snapshot("done", heard_s=10.1), 10.1) is None
-    assert follower.end(snapshot("running", heard_s=10.6), 10.6) is None
-    assert follower.end(snapshot("done", heard_s=11.0), 11.0) == End(state="done", reason="because")
+    assert follower.end(snapshot("done", received_s=10.1), 10.1) is None
+    assert follower.end(snapshot("running", received_s=10.6), 10.6) is None
+    assert follower.end(snapshot("done", received_s=11.0), 11.0) == End(state="done", reason="because")
 
 
 def test_an_end_right_after_the_start_is_believed_once_it_is_repeated() -> None:
     follower = Follower(started_s=10.0)
-    assert follower.end(snapshot("failed", heard_s=13.1), 13.1) == End(state="failed", reason="because")
+    assert follower.end(snapshot("failed", received_s=13.1), 13.1) == End(state="failed", reason="because")
 
 
 def test_a_failed_mission_has_not_ended_while_its_policy_is_flown() -> None:

@@ -19,10 +19,10 @@ from gloc3.messages.envelope import Envelope
 from gloc3.messages.summaries import MissionSummary
 from gloc3.messages.teleoperation import DEMAND_HZ, TeleoperationState, VelocityDemand
 from gloc3_groundstation.desk.gamepad import DEAD_ZONE, FULL, GamepadState
-from gloc3_groundstation.desk.teleoperation import RELEASES, FullSpeed, HandControl, Sticks
+from gloc3_groundstation.desk.teleoperation import RELEASES, FullSpeed, HandControl, StickDemand
 from gloc3_groundstation.station.command_client import CommandClient
 from gloc3_groundstation.store.configuration import Configuration
-from gloc3_groundstation.tui.dialogues.teleoperate import Teleoperate
+from gloc3_groundstation.tui.dialogues.teleoperate import TeleoperateDialogue
 from gloc3_groundstation.tui.widgets.lines import text_of
 from gloc3_groundstation.tui.widgets.panel import Panel
 
@@ -46,12 +46,12 @@ async def _hold() -> list[tuple[float, VelocityDemand]]:
     exchange.subscribe("rov/velocity_demand", lambda e: sent.append((loop.time(), e.payload)))
     client = CommandClient(exchange, loop, "255", 1)
     hand = HandControl(client, loop, "rov", FullSpeed(0.6, 0.3, 20.0))
-    hand.move(Sticks(1.0, -2.0, 0.5, -1.0))
+    hand.move(StickDemand(1.0, -2.0, 0.5, -1.0))
     await asyncio.sleep(1.0)
     assert sent == [], "sticks alone send nothing"
     began_s = loop.time()
     for _ in range(20):
-        hand.keep(0.6)
+        hand.hold_key(0.6)
         await asyncio.sleep(0.05)
     await asyncio.sleep(5.0)
     client.close()
@@ -79,7 +79,7 @@ def test_the_sticks_of_a_gamepad_are_those_of_a_pilot_and_a_button_is_the_dead_m
     data = event(AXIS, 4, -FULL) + event(AXIS, 3, FULL) + event(AXIS, 1, -FULL) + event(AXIS, 0, FULL)
     for cut in range(0, len(data), 5):
         pad.feed(data[cut : cut + 5])
-    assert pad.sticks == Sticks(1.0, 1.0, 1.0, 1.0), "ahead, right, up and clockwise; bytes may be cut anywhere"
+    assert pad.sticks == StickDemand(1.0, 1.0, 1.0, 1.0), "ahead, right, up and clockwise; bytes may be cut anywhere"
     pad.feed(event(BUTTON, 4, 1) + event(BUTTON, 5, 1) + event(BUTTON, 4, 0))
     assert pad.is_held
     pad.feed(event(BUTTON, 5, 0) + event(BUTTON, 0, 1))
@@ -97,9 +97,9 @@ class Watcher:
     def __init__(self, here: Scene) -> None:
         self.here = here
         self.demands: list[VelocityDemand] = []
-        here.exchange.subscribe("heron/velocity_demand", self._take)
+        here.exchange.subscribe("heron/velocity_demand", self._receive)
 
-    def _take(self, envelope: Envelope[VelocityDemand]) -> None:
+    def _receive(self, envelope: Envelope[VelocityDemand]) -> None:
         self.demands.append(envelope.payload)
 
     def follow(self, **fields: object) -> None:
@@ -116,7 +116,7 @@ class Watcher:
             yaw_rate_cdeg_s=0,
             measured_yaw_rate_cdeg_s=-150,
         )
-        self.here.platform.say("teleoperation", msgspec.structs.replace(state, **fields))
+        self.here.platform.report("teleoperation", msgspec.structs.replace(state, **fields))
 
     @property
     def text(self) -> str:
@@ -132,45 +132,45 @@ async def _open(here: Scene) -> Watcher:
     await here.go("5")
     await here.wait(lambda: here.app.base is not None and here.app.base.view is not None)
     await here.wait(lambda: here.app.platform is not None)
-    here.app.look()
+    here.app.show_fleet()
     await here.press("t")
-    await here.shows(Teleoperate)
+    await here.shows(TeleoperateDialogue)
     return Watcher(here)
 
 
 async def test_it_is_begun_by_key_goes_while_the_key_is_kept_and_ends_with_the_dialogue() -> None:
     async with scene() as here:
-        watcher = await _open(here)
+        monitor = await _open(here)
         assert any("HOLD at once" in str(one.render()) for one in here.app.screen.query(Static))
-        await watcher.sees("NOT BEGUN")
+        await monitor.sees("NOT BEGUN")
         here.platform.answer_next(RequestAction, lambda request: reply_to(request, reason="command-1"))
         await here.press("w", "w", "enter")
-        await watcher.sees("NOT HEARD")
-        assert [body.capability for body in here.asked(RequestAction) if isinstance(body, RequestAction)] == [
+        await monitor.sees("NOT HEARD")
+        assert [body.capability for body in here.requested(RequestAction) if isinstance(body, RequestAction)] == [
             "teleoperate"
         ]
-        assert watcher.demands == [], "the key that begins it does not move it"
+        assert monitor.demands == [], "the key that begins it does not move it"
         await here.press("enter")
-        await here.wait(lambda: bool(watcher.demands))
-        assert watcher.demands[0].velocity_cm_s[0] > 0
-        watcher.follow()
-        await watcher.sees("LIVE")
-        assert "+50%" in watcher.text
-        assert "+0.11" in watcher.text
-        assert "-1.50" in watcher.text
-        await here.wait(lambda: watcher.demands[-1].velocity_cm_s == (0, 0, 0))
-        watcher.follow(is_live=False, reason="the last demand has expired")
-        await watcher.sees("AT REST")
+        await here.wait(lambda: bool(monitor.demands))
+        assert monitor.demands[0].velocity_cm_s[0] > 0
+        monitor.follow()
+        await monitor.sees("LIVE")
+        assert "+50%" in monitor.text
+        assert "+0.11" in monitor.text
+        assert "-1.50" in monitor.text
+        await here.wait(lambda: monitor.demands[-1].velocity_cm_s == (0, 0, 0))
+        monitor.follow(is_live=False, reason="the last demand has expired")
+        await monitor.sees("AT REST")
         await here.press("enter")
-        await here.wait(lambda: watcher.demands[-1].velocity_cm_s[0] > 0)
-        watcher.follow(is_live=False, reason="the last demand has expired")
-        await watcher.sees("NOT FOLLOWED")
+        await here.wait(lambda: monitor.demands[-1].velocity_cm_s[0] > 0)
+        monitor.follow(is_live=False, reason="the last demand has expired")
+        await monitor.sees("NOT FOLLOWED")
         await here.press("escape")
-        await here.wait(lambda: bool(here.asked(Steer)))
-        (steer,) = here.asked(Steer)
+        await here.wait(lambda: bool(here.requested(Steer)))
+        (steer,) = here.requested(Steer)
         assert isinstance(steer, Steer)
         assert (steer.verb, steer.target) == (Verb.ABORT, "command-1")
-        assert watcher.demands[-1].velocity_cm_s == (0, 0, 0), "it lets go when it is closed"
+        assert monitor.demands[-1].velocity_cm_s == (0, 0, 0), "it lets go when it is closed"
 
 
 async def test_what_is_granted_after_the_operator_has_left_is_given_back() -> None:
@@ -181,57 +181,57 @@ async def test_what_is_granted_after_the_operator_has_left_is_given_back() -> No
         await here.press("enter")
         await here.wait(lambda: bool(held))
         await here.press("escape")
-        assert not here.asked(Steer)
-        here.platform.say("reply", reply_to(held[0], reason="command-1"))
-        await here.wait(lambda: bool(here.asked(Steer)))
-        (steer,) = here.asked(Steer)
+        assert not here.requested(Steer)
+        here.platform.report("reply", reply_to(held[0], reason="command-1"))
+        await here.wait(lambda: bool(here.requested(Steer)))
+        (steer,) = here.requested(Steer)
         assert isinstance(steer, Steer)
         assert (steer.verb, steer.target) == (Verb.ABORT, "command-1")
 
 
 async def test_a_refusal_and_an_end_by_the_vehicle_are_said() -> None:
     async with scene() as here:
-        watcher = await _open(here)
+        monitor = await _open(here)
         reason = "the vehicle is on the ground, and none of take_off, drive_off, depart and dive has been asked for yet"
         here.platform.answer_next(RequestAction, refused(reason))
         await here.press("w", "enter")
-        await watcher.sees("asked for yet")
-        assert re.search(r"surge +\+25% +–", watcher.text), "nothing is asked of a vehicle that is not steered"
-        assert max(len(line) for line in watcher.text.splitlines()) <= 60
+        await monitor.sees("asked for yet")
+        assert re.search(r"surge +\+25% +–", monitor.text), "nothing is asked of a vehicle that is not steered"
+        assert max(len(line) for line in monitor.text.splitlines()) <= 60
         here.platform.answer_next(RequestAction, lambda request: reply_to(request, reason="command-2"))
         await here.press("enter")
-        await watcher.sees("NOT HEARD")
+        await monitor.sees("NOT HEARD")
         here.platform.mission = MissionSummary(name="", digest="", state="", tasks={"command-2": "aborted"})
         here.platform.speak()
-        await watcher.sees("it has ended (aborted)")
-        await watcher.sees("NOT BEGUN")
+        await monitor.sees("it has ended (aborted)")
+        await monitor.sees("NOT BEGUN")
 
 
 async def test_a_gamepad_steers_by_real_bytes_and_one_that_goes_lets_go(tmp_path: Path) -> None:
     fifo = tmp_path / "js0"
     os.mkfifo(fifo)
     async with scene(configuration=Configuration(gamepad=str(fifo))) as here:
-        watcher = await _open(here)
+        monitor = await _open(here)
         pad = os.open(fifo, os.O_WRONLY)
         here.platform.answer_next(RequestAction, lambda request: reply_to(request, reason="command-1"))
         await here.press("enter")
-        await watcher.sees("NOT HEARD")
+        await monitor.sees("NOT HEARD")
         os.write(pad, event(AXIS, 1, -FULL))
         await here.pilot.pause(0.2)
-        assert watcher.demands == []
+        assert monitor.demands == []
         os.write(pad, event(BUTTON, 4, 1))
-        await here.wait(lambda: bool(watcher.demands) and watcher.demands[-1].velocity_cm_s[2] > 0)
+        await here.wait(lambda: bool(monitor.demands) and monitor.demands[-1].velocity_cm_s[2] > 0)
         os.close(pad)
-        await here.wait(lambda: watcher.demands[-1].velocity_cm_s == (0, 0, 0))
-        await watcher.sees("it has gone")
+        await here.wait(lambda: monitor.demands[-1].velocity_cm_s == (0, 0, 0))
+        await monitor.sees("it has gone")
 
 
 async def test_a_gamepad_that_is_not_there_is_said_and_keys_steer_all_the_same(tmp_path: Path) -> None:
     async with scene(configuration=Configuration(gamepad=str(tmp_path / "js7"))) as here:
-        watcher = await _open(here)
-        await watcher.sees("js7: No such file or directory")
+        monitor = await _open(here)
+        await monitor.sees("js7: No such file or directory")
         here.platform.answer_next(RequestAction, lambda request: reply_to(request, reason="command-1"))
         await here.press("enter")
-        await watcher.sees("NOT HEARD")
+        await monitor.sees("NOT HEARD")
         await here.press("down", "enter")
-        await here.wait(lambda: bool(watcher.demands) and watcher.demands[-1].velocity_cm_s[2] < 0)
+        await here.wait(lambda: bool(monitor.demands) and monitor.demands[-1].velocity_cm_s[2] < 0)

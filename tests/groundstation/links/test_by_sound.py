@@ -64,7 +64,7 @@ class Diver:
         self._publisher.publish("heron/ci/reply", reply, self._loop.time())
 
 
-def told(here: Scene, text: str) -> bool:
+def reported(here: Scene, text: str) -> bool:
     """Whether the station has told something."""
     return any(text in event.text for event in here.station.fleet.events)
 
@@ -87,7 +87,7 @@ async def test_what_dives_is_seen_and_stopped_by_sound_through_a_relay(
                 await here.until("facts", "nothing is heard but by sound")
                 assert re.search(r"by sound  x 0.0  y 0.0  h 0.0 m\n +\d+ s ago: running", here.shown("facts"))
                 await here.press("space")
-                await here.wait(lambda: told(here, "heron has taken the order: hold (by sound)"))
+                await here.wait(lambda: reported(here, "heron has taken the order: hold (by sound)"))
             relay.interrupt()
             assert await asyncio.to_thread(relay.end) == 0
             assert re.fullmatch(r"\d+ datagrams; \d+ lost on the way, 0 had no room", relay.lines[-1])

@@ -17,7 +17,7 @@ from gloc3.mavlink.transport.memory import Conditions, MemoryLink
 from gloc3.messages.command_interface import Hello, Outcome, Steer, Verb
 from gloc3.messages.topics import TopicTable
 from gloc3_groundstation.desk import flights
-from gloc3_groundstation.links.link import Link, LinkContext
+from gloc3_groundstation.links.link import LinkContext, StationLinkCore
 from gloc3_groundstation.station.station import Station
 from gloc3_onboard.companion.station_link import StationLink
 
@@ -41,7 +41,7 @@ class Ends:
         self.onboard = StationLink(self.platform.name, 1, loop, there, TOPICS, 7)
         wire(self.onboard, memory.b, loop)
         self.station = Station(here, loop, "255", 11)
-        self.link = Link(
+        self.link = StationLinkCore(
             memory.a.send,
             LinkContext(loop=loop, exchange=here, topics=TOPICS, boot=11, undelivered=self.station.client.undelivered),
         )
@@ -71,9 +71,9 @@ async def found_again(ends: Ends) -> None:
     name = ends.platform.name
     began_s = ends.station.now_s()
     async with asyncio.timeout(FOUND_S):
-        while (known := ends.station.fleet.get(name)) is None or known.heard_s < began_s:
+        while (known := ends.station.fleet.get(name)) is None or known.received_s < began_s:
             await asyncio.sleep(0.05)
-        assert (await ends.station.client.ask(name, Steer(verb=Verb.PAUSE))).outcome is Outcome.ACCEPTED
+        assert (await ends.station.client.request(name, Steer(verb=Verb.PAUSE))).outcome is Outcome.ACCEPTED
 
 
 def test_after_an_hour_of_silence_everything_works_within_seconds_and_nothing_has_piled_up() -> None:
@@ -83,7 +83,7 @@ def test_after_an_hour_of_silence_everything_works_within_seconds_and_nothing_ha
         before = len(gc.get_objects())
         ends.memory.set_conditions(CUT)
         for _ in range(60):
-            reply = await ends.station.client.ask(ends.platform.name, Hello())
+            reply = await ends.station.client.request(ends.platform.name, Hello())
             assert reply.outcome is not Outcome.ACCEPTED
             await asyncio.sleep(HOUR_S / 60.0 - 16.0)
         gc.collect()
@@ -123,19 +123,19 @@ async def test_a_station_that_speaks_from_another_address_is_answered_there() ->
     async def go_online() -> None:
         lines.append(await open_endpoint(f"udpout://127.0.0.1:{server.local_port}", loop, link.receive))
 
-    link = Link(
+    link = StationLinkCore(
         lambda data: lines[-1].send(data) if lines else None,
         LinkContext(loop=loop, exchange=here, topics=TOPICS, boot=11, undelivered=station.client.undelivered),
     )
     try:
         await go_online()
         ports = [lines[-1].local_port]
-        assert (await station.client.ask(platform.name, Hello())).outcome is Outcome.ACCEPTED
+        assert (await station.client.request(platform.name, Hello())).outcome is Outcome.ACCEPTED
         await lines[-1].close()
         await go_online()
         ports.append(lines[-1].local_port)
         assert ports[0] != ports[1]
-        assert (await station.client.ask(platform.name, Steer(verb=Verb.PAUSE))).outcome is Outcome.ACCEPTED
+        assert (await station.client.request(platform.name, Steer(verb=Verb.PAUSE))).outcome is Outcome.ACCEPTED
         sent = [body for body in platform.requests if isinstance(body, Steer)]
         assert len(sent) == 1
     finally:

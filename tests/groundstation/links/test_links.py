@@ -10,7 +10,7 @@ from tests.groundstation.scripted_platform import ScriptedPlatform
 
 from gloc3.clock import Clock, run_virtual
 from gloc3.exchange import LocalExchange
-from gloc3.exchange.mavlink import MavlinkExchange, Role, TunnelEndpoint
+from gloc3.exchange.mavlink import MavlinkExchange, TunnelEndpoint, TunnelRole
 from gloc3.exchange.tunnel.pacing import budget_of
 from gloc3.mavlink.codec import Encoder, Frame, Parser, message
 from gloc3.mavlink.message import Address
@@ -19,25 +19,25 @@ from gloc3.mavlink.transport.memory import Conditions, MemoryLink
 from gloc3.messages.command_interface import Outcome, Steer, Verb
 from gloc3.messages.topics import TopicTable
 from gloc3_groundstation.desk import flights
-from gloc3_groundstation.links.link import Link, LinkContext, LinkSettings
+from gloc3_groundstation.links.link import LinkContext, LinkSettings, StationLinkCore
 from gloc3_groundstation.links.links import Links
-from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station.station import Station
 
 T = TypeVar("T")
 TOPICS = TopicTable.installed()
-PLAN = Plan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n" + "# a line of a mission\n" * 40)
+PLAN = CheckedPlan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n" + "# a line of a mission\n" * 40)
 
 
 class Scene(NamedTuple):
     station: Station
     platform: ScriptedPlatform
-    link: Link
-    heard: list[Frame]
+    link: StationLinkCore
+    received: list[Frame]
     """What the platform's end of the link has heard."""
     inject: Callable[[bytes], None]
     """Puts bytes on the link from the platform's side."""
-    told: list[str]
+    reported: list[str]
     memory: MemoryLink
 
 
@@ -46,24 +46,24 @@ def over(conditions: Conditions, play: Callable[[Scene], Awaitable[T]]) -> T:
         loop = asyncio.get_running_loop()
         memory = MemoryLink(loop, Random(3), conditions)
         here, there = LocalExchange(), LocalExchange()
-        heard: list[Frame] = []
-        told: list[str] = []
+        received: list[Frame] = []
+        reported: list[str] = []
         platform = ScriptedPlatform(there)
         encoder, parser = Encoder(1, 191), Parser(is_datagram=True)
-        end = TunnelEndpoint(Role.PLATFORM, platform.name, Address(1, 191), 99, TOPICS)
+        end = TunnelEndpoint(TunnelRole.PLATFORM, platform.name, Address(1, 191), 99, TOPICS)
         tunnel = MavlinkExchange(end, loop, lambda sent: memory.b.send(encoder.encode(sent)))
         tunnel.bridge(there, TOPICS, platform.name)
 
-        def take(data: bytes) -> None:
+        def handle(data: bytes) -> None:
             for frame in parser.receive(data):
-                heard.append(frame)
+                received.append(frame)
                 decoded = frame.decode()
                 assert decoded is not None
                 tunnel.receive(decoded, frame.sender)
 
-        memory.b.on_data = take
+        memory.b.on_data = handle
         station = Station(here, loop, "255", 11)
-        link = Link(
+        link = StationLinkCore(
             memory.a.send,
             LinkContext(
                 loop=loop,
@@ -71,13 +71,13 @@ def over(conditions: Conditions, play: Callable[[Scene], Awaitable[T]]) -> T:
                 topics=TOPICS,
                 boot=11,
                 undelivered=station.client.undelivered,
-                report=told.append,
+                report=reported.append,
             ),
         )
         memory.a.on_data = link.receive
         platform.loop.call_later(0.3, platform.speak_every, 0.5)
         try:
-            return await play(Scene(station, platform, link, heard, memory.b.send, told, memory))
+            return await play(Scene(station, platform, link, received, memory.b.send, reported, memory))
         finally:
             station.close()
             link.close()
@@ -96,7 +96,7 @@ def test_a_mission_is_streamed_and_started_over_mavlink(loss: float) -> None:
         known = scene.station.fleet.get(name)
         assert known is not None
         assert len(known.components(scene.station.now_s())) == 13
-        assert scene.told == []
+        assert scene.reported == []
 
     over(Conditions(loss=loss, latency_s=0.15, bandwidth_bit_s=57_600, bits_per_byte=10), play)
 
@@ -106,11 +106,11 @@ def test_one_heartbeat_a_second_leaves_as_that_of_a_ground_station() -> None:
         ended: asyncio.Future[None] = scene.platform.loop.create_future()
         scene.platform.loop.call_later(10.05, ended.set_result, None)
         await ended
-        beats = [frame for frame in scene.heard if frame.message_id == 0]
+        beats = [frame for frame in scene.received if frame.message_id == 0]
         assert len(beats) == 11
         (beat,) = {(b.type, b.autopilot) for frame in beats if (b := frame.decode()) is not None}
         assert beat == (6, 8)
-        assert {frame.sender for frame in scene.heard} == {Address(255, 190)}
+        assert {frame.sender for frame in scene.received} == {Address(255, 190)}
 
     over(Conditions(), play)
 
@@ -122,8 +122,8 @@ def test_who_is_heard_is_told_and_a_second_station_of_the_same_id_too() -> None:
             scene.inject(Encoder(255, 190).encode(message("HEARTBEAT", type=6, autopilot=8)))
         scene.inject(b"\xfd garbage \xfe\xfd")
         await flights.await_platform(scene.station, None)
-        assert scene.link.heard() == ["autopilot 1/1"]
-        assert scene.told == ["somebody else is station 255, or the link sends back what we send; see --station-id"]
+        assert scene.link.received() == ["autopilot 1/1"]
+        assert scene.reported == ["somebody else is station 255, or the link sends back what we send; see --station-id"]
 
     over(Conditions(), play)
 
@@ -159,7 +159,7 @@ def test_the_round_trip_to_a_platform_is_known_from_greetings() -> None:
 def test_a_request_that_the_link_could_not_deliver_is_refused_with_the_reason_and_not_called_unknown() -> None:
     async def play(scene: Scene) -> None:
         await flights.await_platform(scene.station, None)
-        reply = await scene.station.client.ask("nobody_here", Steer(verb=Verb.PAUSE))
+        reply = await scene.station.client.request("nobody_here", Steer(verb=Verb.PAUSE))
         assert reply.outcome is Outcome.REFUSED
         assert reply.reason == "not delivered: nobody to take nobody_here/ci/request was heard"
 
@@ -170,7 +170,7 @@ def test_a_request_that_may_have_been_delivered_when_the_link_broke_stays_unknow
     async def play(scene: Scene) -> None:
         name = await flights.await_platform(scene.station, None)
         scene.memory.set_conditions(Conditions(loss=1.0))
-        reply = await scene.station.client.ask(name, Steer(verb=Verb.PAUSE))
+        reply = await scene.station.client.request(name, Steer(verb=Verb.PAUSE))
         assert reply.outcome is Outcome.UNKNOWN
         assert reply.reason.startswith("it may have been delivered (no answer from heron)")
 
@@ -182,15 +182,15 @@ def test_on_a_signed_link_other_frames_are_dropped_counted_and_told_once_a_minut
 
     async def play() -> None:
         loop = asyncio.get_running_loop()
-        memory, told = MemoryLink(loop, Random(3)), list[str]()
-        link = Link(
+        memory, reported = MemoryLink(loop, Random(3)), list[str]()
+        link = StationLinkCore(
             memory.a.send,
-            LinkContext(loop=loop, exchange=LocalExchange(), topics=TOPICS, boot=11, report=told.append),
+            LinkContext(loop=loop, exchange=LocalExchange(), topics=TOPICS, boot=11, report=reported.append),
             LinkSettings(key=key),
         )
         memory.a.on_data = link.receive
-        heard: list[Frame] = []
-        memory.b.on_data = lambda data: heard.extend(Parser(is_datagram=True).receive(data))
+        received: list[Frame] = []
+        memory.b.on_data = lambda data: received.extend(Parser(is_datagram=True).receive(data))
         beat = message("HEARTBEAT", type=2, autopilot=12)
         now = timestamp(Clock(loop).utc_offset_s)
         genuine = Encoder(1, 1, Signing(key, link_id=1, now=now))
@@ -202,16 +202,16 @@ def test_on_a_signed_link_other_frames_are_dropped_counted_and_told_once_a_minut
         ended: asyncio.Future[None] = loop.create_future()
         loop.call_later(70.0, ended.set_result, None)
         await ended
-        assert link.heard() == ["autopilot 1/1"]
+        assert link.received() == ["autopilot 1/1"]
         assert link.refused == 140
-        assert told == [
+        assert reported == [
             "a frame from 2/1 is dropped (the signature is wrong), and so will others be; has it another key?",
             "a frame from 3/1 is dropped (not signed), and so will others be; is signing switched on there?",
             "a frame from 2/1 is dropped (the signature is wrong), 61 so far; has it another key?",
             "a frame from 3/1 is dropped (not signed), 61 so far; is signing switched on there?",
         ]
-        assert heard
-        assert all(is_signed_with(key, frame) for frame in heard)
+        assert received
+        assert all(is_signed_with(key, frame) for frame in received)
         link.close()
 
     run_virtual(play())

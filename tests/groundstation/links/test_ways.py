@@ -6,18 +6,18 @@ from msgspec.structs import replace
 from gloc3.exchange.tunnel.happenings import Undelivered
 from gloc3.messages.command_interface import AnyBody, CiRequest, Emergency, EmergencyVerb, Hello, Query, Steer, Verb
 from gloc3.messages.envelope import Envelope, Source
-from gloc3_groundstation.links.ways import LINE, NETWORK, OWN_NETWORK, Way, Ways
+from gloc3_groundstation.links.ways import LINE, NETWORK, OWN_NETWORK, StationRoute, StationRoutes
 
 
 class Three:
     """A radio, Wi-Fi with MAVLink, and a network, opened in that order."""
 
     def __init__(self) -> None:
-        self.ways = Ways()
+        self.routes = StationRoutes()
         self.ages: dict[str, float | None] = {"radio": 0.1, "wifi": 0.2, "network": 0.3}
-        self.radio = self.ways.open(Way(LINE, lambda _: self.ages["radio"]))
-        self.wifi = self.ways.open(Way(NETWORK, lambda _: self.ages["wifi"]))
-        self.network = self.ways.open(Way(OWN_NETWORK, lambda _: self.ages["network"]))
+        self.radio = self.routes.open(StationRoute(LINE, lambda _: self.ages["radio"]))
+        self.wifi = self.routes.open(StationRoute(NETWORK, lambda _: self.ages["wifi"]))
+        self.network = self.routes.open(StationRoute(OWN_NETWORK, lambda _: self.ages["network"]))
         self.sequence = 0
 
     def envelope(self, body: AnyBody, number: int = 0) -> Envelope[CiRequest]:
@@ -27,7 +27,7 @@ class Three:
 
     def by(self, envelope: Envelope[CiRequest]) -> list[str]:
         names = {"radio": self.radio, "wifi": self.wifi, "network": self.network}
-        return [name for name, number in names.items() if self.ways.carries(number, envelope)]
+        return [name for name, number in names.items() if self.routes.carries(number, envelope)]
 
 
 @pytest.fixture
@@ -65,10 +65,10 @@ def test_the_choice_for_one_message_stays_as_it_was(three: Three) -> None:
 
 def test_a_message_that_has_come_by_one_way_is_not_taken_from_another(three: Three) -> None:
     event = three.envelope(Hello())
-    assert three.ways.is_new(three.wifi, event)
-    assert not three.ways.is_new(three.radio, event)
-    assert three.ways.is_new(three.wifi, event), "a long one comes in several messages"
-    assert three.ways.is_new(three.radio, three.envelope(Hello()))
+    assert three.routes.is_new(three.wifi, event)
+    assert not three.routes.is_new(three.radio, event)
+    assert three.routes.is_new(three.wifi, event), "a long one comes in several messages"
+    assert three.routes.is_new(three.radio, three.envelope(Hello()))
 
 
 def test_only_when_every_way_that_carried_it_has_given_up_a_message_it_is_certain(three: Three) -> None:
@@ -76,25 +76,25 @@ def test_only_when_every_way_that_carried_it_has_given_up_a_message_it_is_certai
     envelope = three.envelope(Hello())
     three.by(envelope)
     lost = Undelivered(envelope, None, True, "nobody to take it was heard")
-    assert not three.ways.is_lost(three.radio, lost)
-    assert not three.ways.is_lost(three.radio, lost)
-    assert not three.ways.is_lost(three.wifi, replace(lost, envelope=replace(envelope, sequence=99)))
-    assert not three.ways.is_lost(three.wifi, lost)
-    assert three.ways.is_lost(three.network, lost)
-    assert three.ways.is_lost(three.radio, replace(lost, is_certain=False)), "it may have arrived"
+    assert not three.routes.is_lost(three.radio, lost)
+    assert not three.routes.is_lost(three.radio, lost)
+    assert not three.routes.is_lost(three.wifi, replace(lost, envelope=replace(envelope, sequence=99)))
+    assert not three.routes.is_lost(three.wifi, lost)
+    assert three.routes.is_lost(three.network, lost)
+    assert three.routes.is_lost(three.radio, replace(lost, is_certain=False)), "it may have arrived"
 
 
 def test_the_word_of_the_one_way_that_carried_it_is_enough(three: Three) -> None:
     envelope = three.envelope(Hello())
     assert three.by(envelope) == ["network"]
-    assert three.ways.is_lost(three.network, Undelivered(envelope, None, True, "nobody was heard"))
+    assert three.routes.is_lost(three.network, Undelivered(envelope, None, True, "nobody was heard"))
 
 
 def test_a_way_that_was_closed_has_no_say_any_more(three: Three) -> None:
     three.ages = dict.fromkeys(three.ages, 30.0)
     envelope = three.envelope(Hello())
     three.by(envelope)
-    three.ways.close(three.radio)
+    three.routes.close(three.radio)
     lost = Undelivered(envelope, None, True, "nobody was heard")
-    assert not three.ways.is_lost(three.wifi, lost)
-    assert three.ways.is_lost(three.network, lost)
+    assert not three.routes.is_lost(three.wifi, lost)
+    assert three.routes.is_lost(three.network, lost)

@@ -14,7 +14,7 @@ from gloc3.messages.frames import GeoPoint, LocalFrame
 from gloc3.messages.motion import SiteSummary
 from gloc3.messages.summaries import VehicleSummary
 from gloc3_groundstation.mapping.ground import Ground
-from gloc3_groundstation.mapping.progress import Progress
+from gloc3_groundstation.mapping.progress import PathProgress
 from gloc3_groundstation.mapping.projection import Projection, length_text, round_length
 from gloc3_groundstation.mapping.requested import requested
 from gloc3_groundstation.station.snapshots import PlatformSnapshot, Timed
@@ -36,8 +36,8 @@ def platform(name: str, site: SiteSummary | None, vehicle: VehicleSummary = VEHI
     return PlatformSnapshot(
         name=name,
         boot=1,
-        first_heard_s=0.0,
-        heard_s=0.0,
+        first_received_s=0.0,
+        received_s=0.0,
         vehicle=Timed(vehicle, 0.0),
         site=None if site is None else Timed(site, 0.0),
     )
@@ -94,7 +94,7 @@ def test_before_the_site_is_known_x_counts_as_north_and_earth_follows_from_both_
 def test_a_mission_in_a_local_frame_is_laid_out_with_way_and_numbers() -> None:
     found = requested(TEXT, SITE)
     assert found is not None
-    assert [way.target for way in found.ways] == ["depart.climb", "sweep.wall", "recover.home", "recover.down"]
+    assert [way.target for way in found.paths] == ["depart.climb", "sweep.wall", "recover.home", "recover.down"]
     assert [waypoint.number for waypoint in found.waypoints] == [1, 2, 3, 4, 5]
     assert found.waypoints[1].position_ned_m == (12.0, -1.0, -2.0)
     assert found.path_ned_m[0] == found.path_ned_m[-1] == (0.0, 0.0, 0.0)
@@ -128,7 +128,7 @@ def test_a_mission_on_earth_is_laid_out_around_the_vehicles_origin() -> None:
 @pytest.mark.parametrize("text", ["", "]", "mission: x\nframe: dock\ntasks: {}\n", "mission: cargo hold\n"])
 def test_what_cannot_be_placed_is_left_out(text: str) -> None:
     found = requested(text, SITE)
-    assert found is None or found.ways == ()
+    assert found is None or found.paths == ()
 
 
 @settings(max_examples=60)
@@ -177,7 +177,7 @@ def flown(
 
 def test_progress_follows_the_path_and_does_not_jump_where_it_crosses_itself() -> None:
     there_and_back = [(0.0, 0.0, -2.0), (10.0, 0.0, -2.0), (10.0, 1.0, -2.0), (0.0, 1.0, -2.0)]
-    progress = Progress(there_and_back)
+    progress = PathProgress(there_and_back)
     progress.advance(flown([(n / 2.0, 0.6) for n in range(19)]))
     assert progress.reached_m == pytest.approx(9.0)
     progress.advance(np.array([(9.0 - n / 2.0, 1.0, -3.0, 100.0 + n) for n in range(11)]))
@@ -188,7 +188,7 @@ def test_progress_follows_the_path_and_does_not_jump_where_it_crosses_itself() -
 
 
 def test_progress_takes_each_point_once_and_begins_where_the_action_does() -> None:
-    progress = Progress([(0.0, 0.0, 0.0), (100.0, 0.0, 0.0)])
+    progress = PathProgress([(0.0, 0.0, 0.0), (100.0, 0.0, 0.0)])
     points = flown([(60.0, 0.0), (61.0, 0.0)])
     progress.advance(points, at_least_m=59.0)
     progress.advance(points)

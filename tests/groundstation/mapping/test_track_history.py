@@ -13,8 +13,8 @@ from gloc3.messages.envelope import Envelope, Message, Source
 from gloc3.messages.motion import MotionSummary, SiteSummary
 from gloc3.messages.summaries import MissionSummary
 from gloc3.messages.wire import type_name
-from gloc3_groundstation.mapping.history import History, Level, Ring
-from gloc3_groundstation.mapping.tracks import Channel, Track, Tracks
+from gloc3_groundstation.mapping.history import History, HistoryLevel, Ring
+from gloc3_groundstation.mapping.tracks import Track, TrackChannel, Tracks
 from gloc3_groundstation.mapping.trail import FRESH, MOST, Trail, thinned
 from gloc3_groundstation.station import fleet as reducers
 from gloc3_groundstation.station.snapshots import Fleet
@@ -42,7 +42,7 @@ class Followed:
         self.tracks = Tracks()
         self.sequence = 0
 
-    def hear(self, message: Message, now_s: float, *, name: str = "heron", boot: int = 1) -> None:
+    def receive(self, message: Message, now_s: float, *, name: str = "heron", boot: int = 1) -> None:
         self.sequence += 1
         topic = f"{name}/ci/{TOPICS[type(message).__name__]}"
         source = Source(name, "command_server", boot)
@@ -51,7 +51,7 @@ class Followed:
         self.tracks.follow(before, self.fleet, now_s)
 
     def move(self, now_s: float, t_s: float | None = None, **changes: object) -> None:
-        self.hear(msgspec.structs.replace(MOTION, t_s=now_s if t_s is None else t_s, **changes), now_s)
+        self.receive(msgspec.structs.replace(MOTION, t_s=now_s if t_s is None else t_s, **changes), now_s)
 
     @property
     def track(self) -> Track:
@@ -71,7 +71,7 @@ def test_a_ring_holds_the_last_rows_in_order(most: int, count: int) -> None:
 
 
 def test_a_peak_of_one_sample_is_still_there_hours_later() -> None:
-    history = History(1, 100, (Level(2.0, 200), Level(30.0, 200)))
+    history = History(1, 100, (HistoryLevel(2.0, 200), HistoryLevel(30.0, 200)))
     for n in range(8000):
         history.append(n * 0.5, np.array((9.0 if n == 2000 else 1.0,), np.float32))
     fresh = history.series(0, 3980.0, 4000.0, 80)
@@ -79,12 +79,12 @@ def test_a_peak_of_one_sample_is_still_there_hours_later() -> None:
     assert len(fresh.times_s) <= 44
     middle = history.series(0, 3700.0, 4000.0, 400)
     assert middle.step_s == 2.0
-    old = history.series(0, 0.0, 4000.0, 50)
-    at = int(old.highs.argmax())
-    assert old.highs[at] == 9.0
-    assert old.lows[at] == 1.0
-    assert abs(old.times_s[at] - 1000.0) <= 80.0
-    assert len(old.times_s) <= 52
+    previous = history.series(0, 0.0, 4000.0, 50)
+    at = int(previous.highs.argmax())
+    assert previous.highs[at] == 9.0
+    assert previous.lows[at] == 1.0
+    assert abs(previous.times_s[at] - 1000.0) <= 80.0
+    assert len(previous.times_s) <= 52
 
 
 def test_what_is_not_known_is_a_gap_and_time_never_runs_back() -> None:
@@ -150,25 +150,25 @@ def test_a_vehicle_that_stands_adds_nothing() -> None:
 
 def test_motion_is_kept_in_metres_and_degrees() -> None:
     here = Followed()
-    here.hear(VEHICLE, 0.0)
+    here.receive(VEHICLE, 0.0)
     here.move(10.0, position_cm=(1234, -50, 210))
     latest = here.track.latest
-    assert latest[Channel.X] == pytest.approx(12.34)
-    assert latest[Channel.SPEED] == pytest.approx(5.0)
-    assert latest[Channel.HEADING] == pytest.approx(90.0)
-    assert latest[Channel.WANTED_HEIGHT] == pytest.approx(2.0)
-    assert latest[Channel.BATTERY_PERCENT] == pytest.approx(97.0)
-    assert latest[Channel.BATTERY_V] == pytest.approx(14.8)
-    assert np.isnan(latest[Channel.WANTED_CLIMB])
+    assert latest[TrackChannel.X] == pytest.approx(12.34)
+    assert latest[TrackChannel.SPEED] == pytest.approx(5.0)
+    assert latest[TrackChannel.HEADING] == pytest.approx(90.0)
+    assert latest[TrackChannel.WANTED_HEIGHT] == pytest.approx(2.0)
+    assert latest[TrackChannel.BATTERY_PERCENT] == pytest.approx(97.0)
+    assert latest[TrackChannel.BATTERY_V] == pytest.approx(14.8)
+    assert np.isnan(latest[TrackChannel.WANTED_CLIMB])
 
 
 def test_without_motion_the_vehicles_summary_stands_in() -> None:
     here = Followed()
-    here.hear(msgspec.structs.replace(VEHICLE, position_m=(1.0, 2.0, 3.0)), 0.0)
-    assert here.track.latest[Channel.HEIGHT] == 3.0
+    here.receive(msgspec.structs.replace(VEHICLE, position_m=(1.0, 2.0, 3.0)), 0.0)
+    assert here.track.latest[TrackChannel.HEIGHT] == 3.0
     here.move(1.0)
-    here.hear(msgspec.structs.replace(VEHICLE, position_m=(9.0, 9.0, 9.0)), 1.2)
-    assert here.track.latest[Channel.HEIGHT] == 0.0
+    here.receive(msgspec.structs.replace(VEHICLE, position_m=(9.0, 9.0, 9.0)), 1.2)
+    assert here.track.latest[TrackChannel.HEIGHT] == 0.0
 
 
 def test_delays_of_the_link_do_not_shake_the_times() -> None:
@@ -185,7 +185,13 @@ def test_silence_is_a_gap_of_trail_and_charts() -> None:
     for now_s in (0.0, 0.25, 10.0, 10.25):
         here.move(now_s, position_cm=(round(now_s * 100), 0, 0))
     assert np.isnan(here.track.trail.points[:, 0]).tolist() == [False, False, True, False, False]
-    assert np.isnan(here.track.series(Channel.X, 0.0, 20.0, 100).lows).tolist() == [False, False, True, False, False]
+    assert np.isnan(here.track.series(TrackChannel.X, 0.0, 20.0, 100).lows).tolist() == [
+        False,
+        False,
+        True,
+        False,
+        False,
+    ]
 
 
 def test_an_invalid_position_is_a_gap() -> None:
@@ -194,16 +200,16 @@ def test_an_invalid_position_is_a_gap() -> None:
     here.move(0.25, is_pose_valid=False)
     here.move(0.5, position_cm=(100, 0, 0))
     assert np.isnan(here.track.trail.points[:, 0]).tolist() == [False, True, False]
-    assert here.track.latest[Channel.ROLL] == 1.5
+    assert here.track.latest[TrackChannel.ROLL] == 1.5
 
 
 def test_another_frame_begins_another_track() -> None:
     here = Followed()
-    here.hear(SiteSummary(frame="hold", x_axis_bearing_deg=0.0), 0.0)
+    here.receive(SiteSummary(frame="hold", x_axis_bearing_deg=0.0), 0.0)
     here.move(0.25)
-    here.hear(SiteSummary(frame="hold", x_axis_bearing_deg=0.0), 2.0)
+    here.receive(SiteSummary(frame="hold", x_axis_bearing_deg=0.0), 2.0)
     assert len(here.track.trail) == 1
-    here.hear(SiteSummary(frame="dock", x_axis_bearing_deg=30.0), 4.0)
+    here.receive(SiteSummary(frame="dock", x_axis_bearing_deg=30.0), 4.0)
     assert len(here.track.trail) == 0
 
 
@@ -211,20 +217,20 @@ def test_the_begin_of_a_mission_is_remembered_and_a_pause_is_none() -> None:
     here = Followed()
     mission = MissionSummary(name="m", digest="d", state="waiting")
     for now_s, state in ((0.0, "waiting"), (5.0, "running"), (9.0, "paused"), (12.0, "running")):
-        here.hear(msgspec.structs.replace(mission, state=state), now_s)
+        here.receive(msgspec.structs.replace(mission, state=state), now_s)
     assert here.track.started_s == 5.0
 
 
 @pytest.mark.thorough
 def test_eight_hours_of_ten_vehicles_take_little_memory_and_no_time_to_show() -> None:
     track = Track()
-    rows = np.zeros((1, len(Channel)), np.float32)
+    rows = np.zeros((1, len(TrackChannel)), np.float32)
     for n in range(8 * 3600 * 4):
         t_s = n * 0.25
         rows[0, 0] = sin(t_s / 60.0)
         track.history.append(t_s, rows[0])
         track.trail.add(t_s, (30.0 * sin(t_s / 60.0), 20.0 * cos(t_s / 47.0), 3.0 + sin(t_s / 5.0)))
     assert 10 * track.bytes < 30_000_000
-    day = track.series(Channel.X, 0.0, 8 * 3600.0, 400)
+    day = track.series(TrackChannel.X, 0.0, 8 * 3600.0, 400)
     assert len(day.times_s) > 300
     assert day.highs.max() == pytest.approx(1.0, abs=0.01)

@@ -118,6 +118,6 @@ def test_the_first_error_is_found_behind_the_warnings_before_it() -> None:
     text = "mission: x\nframe: hold\ntasks:\n  a:\n    actions:\n      up: {take_off: {hieght_m: 2}}\n"
     text += "      stay: {hold: {duration_s: 5}, after: [up]}\n"
     draft = checked(Draft(name="x.yaml", text=text), known_platform("pelican_rtk"))
-    assert draft.told[0].is_warning
-    assert not draft.told[draft.first_error].is_warning
-    assert draft.told[draft.first_error].line == 6
+    assert draft.requested[0].is_warning
+    assert not draft.requested[draft.first_error].is_warning
+    assert draft.requested[draft.first_error].line == 6

@@ -9,29 +9,29 @@ from gloc3_groundstation.missions.verbs import legal_verbs
 P, R, S, A, T = Verb.PAUSE, Verb.RESUME, Verb.SKIP, Verb.ABORT, Verb.RETRY
 
 
-def told(mission: str, task: str = "running", action: str = "running") -> MissionSummary:
+def reported(mission: str, task: str = "running", action: str = "running") -> MissionSummary:
     return MissionSummary(name="m", digest="d", state=mission, tasks={"t": task, "t.a": action, "command-1": action})
 
 
 @pytest.mark.parametrize(
     ("mission", "target", "verbs"),
     [
-        (told("running"), "", {P, S, A}),
-        (told("running"), "t.a", {P, S, A}),
-        (told("paused", "paused", "paused"), "", {R, S, A}),
-        (told("paused", "paused", "paused"), "t.a", {S, A}),  # the mission is paused: resume that
-        (told("running", "running", "paused"), "t.a", {R, S, A}),
-        (told("running", "running", "failed"), "t.a", {T, S, A}),
-        (told("running", "running", "waiting"), "t.a", {S, A}),
-        (told("running", "done", "done"), "t.a", set()),
-        (told("waiting", "waiting", "waiting"), "", {S, A}),
-        (told("done", "done", "done"), "", set()),
-        (told("failed", "failed", "failed"), "", set()),
-        (told("failed", "failed", "failed"), "t.a", set()),
-        (told("done", "done", "running"), "command-1", {P, S, A}),  # a single action is beside the mission
-        (told(""), "", set()),
+        (reported("running"), "", {P, S, A}),
+        (reported("running"), "t.a", {P, S, A}),
+        (reported("paused", "paused", "paused"), "", {R, S, A}),
+        (reported("paused", "paused", "paused"), "t.a", {S, A}),  # the mission is paused: resume that
+        (reported("running", "running", "paused"), "t.a", {R, S, A}),
+        (reported("running", "running", "failed"), "t.a", {T, S, A}),
+        (reported("running", "running", "waiting"), "t.a", {S, A}),
+        (reported("running", "done", "done"), "t.a", set()),
+        (reported("waiting", "waiting", "waiting"), "", {S, A}),
+        (reported("done", "done", "done"), "", set()),
+        (reported("failed", "failed", "failed"), "", set()),
+        (reported("failed", "failed", "failed"), "t.a", set()),
+        (reported("done", "done", "running"), "command-1", {P, S, A}),  # a single action is beside the mission
+        (reported(""), "", set()),
         (None, "", set()),
-        (told("running", "running", "a state of later versions"), "t.a", set()),
+        (reported("running", "running", "a state of later versions"), "t.a", set()),
     ],
 )
 def test_only_legal_verbs_are_offered(mission: MissionSummary | None, target: str, verbs: set[Verb]) -> None:

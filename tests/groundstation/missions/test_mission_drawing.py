@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from gloc3.messages.summaries import MissionSummary
 from gloc3.mission.examples import find_mission
 from gloc3_groundstation.missions.draft import Draft, checked, opened
-from gloc3_groundstation.missions.outline import Outline, Stage, Step, told_outline
+from gloc3_groundstation.missions.outline import Outline, OutlineAction, OutlineTask, received_outline
 from gloc3_groundstation.tui.graph.order import layered, reduced
 from gloc3_groundstation.tui.graph.rails import NODE, rail_rows
 from gloc3_groundstation.tui.views.findings import finding_rows
@@ -15,11 +15,11 @@ from gloc3_groundstation.tui.views.mission.graph import Graph, mission_graph
 from gloc3_groundstation.tui.widgets.lines import Tone, text_of
 
 
-def stage(name: str, *steps: tuple[str, tuple[str, ...]], after: tuple[str, ...] = ()) -> Stage:
-    return Stage(
+def stage(name: str, *steps: tuple[str, tuple[str, ...]], after: tuple[str, ...] = ()) -> OutlineTask:
+    return OutlineTask(
         name=name,
         after=after,
-        steps=tuple(Step(target=f"{name}.{one}", name=one, after=before) for one, before in steps),
+        steps=tuple(OutlineAction(target=f"{name}.{one}", name=one, after=before) for one, before in steps),
     )
 
 
@@ -58,7 +58,7 @@ def test_states_progress_and_names_fit_eighty_columns() -> None:
     outline = opened("inspection", None).outline
     assert outline is not None
     states = {"depart": "done", "depart.climb": "done", "sweep": "running", "sweep.wall": "running"}
-    told = MissionSummary(
+    reported = MissionSummary(
         name="cargo hold inspection",
         digest="d",
         state="running",
@@ -66,7 +66,7 @@ def test_states_progress_and_names_fit_eighty_columns() -> None:
         progress={"sweep.wall": 0.42},
         reasons={"sweep.photos": "ground_recorder: the disk is full"},
     )
-    graph = mission_graph(told_outline(told, outline), told, 80)
+    graph = mission_graph(received_outline(reported, outline), reported, 80)
     assert text(graph).splitlines()[2:] == [
         " ╭ ✓ depart ───── done ─╮   ╭ ► sweep ─── running ─╮   ╭ · recover ─ waiting ─╮",
         " │ ✓ climb         done ├──▶│ ►   wall        42 % ├──▶│ · home       waiting │",
@@ -76,19 +76,19 @@ def test_states_progress_and_names_fit_eighty_columns() -> None:
     assert all(len(text_of(line)) <= 80 for line in graph.lines)
     assert any("failed" in span.text and span.tone is Tone.BAD for line in graph.lines for span in line)
     assert [spot.target for spot in graph.spots if spot.layer == 1] == ["sweep", "sweep.wall", "sweep.photos"]
-    told_of = "\n".join(text_of(line) for line in detail_lines(outline, told, "sweep.photos", 78))
+    told_of = "\n".join(text_of(line) for line in detail_lines(outline, reported, "sweep.photos", 78))
     assert "✗ failed   record_images ground every 0.5 m" in told_of
     assert "ground_recorder: the disk is full" in told_of
     assert "until wall" in told_of
-    elsewhere = "\n".join(text_of(line) for line in detail_lines(outline, told, "", 78))
+    elsewhere = "\n".join(text_of(line) for line in detail_lines(outline, reported, "", 78))
     assert "✗ sweep.photos failed: ground_recorder: the disk is full" in elsewhere
 
 
 def test_old_states_look_old_and_single_actions_have_a_box_of_their_own() -> None:
-    told = MissionSummary(
+    reported = MissionSummary(
         name="", digest="", state="", tasks={"command-1": "running", "command-1.go_to": "running"}, progress={}
     )
-    graph = mission_graph(told_outline(told, None), told, 80, is_stale=True)
+    graph = mission_graph(received_outline(reported, None), reported, 80, is_stale=True)
     assert "► command-1" in text(graph)
     assert "go_to" in text(graph)
     assert {span.tone for line in graph.lines for span in line} == {Tone.STALE}
@@ -136,7 +136,9 @@ def test_whatever_is_typed_into_a_mission_is_drawn_or_has_findings(place: int, r
 
 
 def test_a_task_without_a_usable_action_is_an_empty_box() -> None:
-    outline = Outline(title="m", stages=(Stage(name="fly", steps=()), stage("down", ("land", ()), after=("fly",))))
+    outline = Outline(
+        title="m", stages=(OutlineTask(name="fly", steps=()), stage("down", ("land", ()), after=("fly",)))
+    )
     assert text(mission_graph(outline, None, 60)).splitlines()[2:] == [
         " ╭ ○ fly ──────────────────╮   ╭ ○ down ─────────────────╮",
         " │                         ├──▶│ ○ land                  │",

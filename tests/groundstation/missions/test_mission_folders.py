@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from gloc3_groundstation.missions.files import Group, listing, matching, start_entries
+from gloc3_groundstation.missions.files import FileGroup, listing, matching, start_entries
 
 
 def test_a_folder_lists_folders_then_missions_and_nothing_else(tmp_path: Path) -> None:
@@ -28,9 +28,9 @@ def test_a_folder_lists_folders_then_missions_and_nothing_else(tmp_path: Path) -
     assert [entry.kind for entry in found.entries][1:3] == ["folder", "QGroundControl plan"]
     assert found.entries[2].size == 3000
     assert [entry.name for entry in matching(found.entries, "B")] == ["b.yaml", "sub"]
-    gone = listing(tmp_path / "none")
-    assert gone.problem
-    assert [entry.name for entry in gone.entries] == [".."]
+    lost = listing(tmp_path / "none")
+    assert lost.problem
+    assert [entry.name for entry in lost.entries] == [".."]
     assert ".." not in [entry.name for entry in listing(Path("/")).entries]
 
 
@@ -38,5 +38,5 @@ def test_what_was_opened_lately_and_is_still_there_comes_first(tmp_path: Path) -
     (tmp_path / "here.yaml").write_text("")
     entries = start_entries((str(tmp_path / "here.yaml"), str(tmp_path / "gone.yaml"), "hop"))
     assert [entry.name for entry in entries] == ["here.yaml", "hop", "inspection", "mapping", "patrol", "survey"]
-    assert entries[0].group is Group.RECENT
+    assert entries[0].group is FileGroup.RECENT
     assert [entry.name for entry in matching(entries, "pat")] == ["patrol"]

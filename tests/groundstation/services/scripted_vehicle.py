@@ -12,10 +12,10 @@ from gloc3.clock import run_virtual
 from gloc3.exchange import LocalExchange
 from gloc3.mavlink.codec import Frame, message
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.node import Node
-from gloc3.mavlink.service import Service
+from gloc3.mavlink.node import MavlinkComponent
+from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.command import CommandResult
-from gloc3.mavlink.services.command_server import CommandRequest, CommandServer
+from gloc3.mavlink.services.command_server import MavCommandRequest, MavCommandServer
 from gloc3.mavlink.services.ftp_files import FolderFiles
 from gloc3.mavlink.services.ftp_server import FtpServer
 from gloc3.mavlink.services.heartbeat import Heartbeat
@@ -25,10 +25,10 @@ from gloc3.mavlink.services.mission_server import MissionServer
 from gloc3.mavlink.services.parameter import Parameter, ParameterEncoding, ParameterType, parameter
 from gloc3.mavlink.services.parameter_server import ParameterServer
 from gloc3.mavlink.services.statustext import StatusTextSender
-from gloc3.mavlink.services.version import Capability, Version, VersionServer, version_number
+from gloc3.mavlink.services.version import ProtocolCapability, Version, VersionServer, version_number
 from gloc3.mavlink.transport.memory import PERFECT, Conditions, MemoryLink
 from gloc3.messages.topics import TopicTable
-from gloc3_groundstation.links.link import Link, LinkContext
+from gloc3_groundstation.links.link import LinkContext, StationLinkCore
 from gloc3_groundstation.services.vehicle import VehicleServices
 
 T = TypeVar("T")
@@ -36,7 +36,7 @@ VEHICLE, STATION = Address(1, 1), Address(255, 190)
 PX4, ARDUPILOT = 12, 3
 TOPICS = TopicTable.installed()
 QUADROTOR = 2
-Answer = Callable[[CommandRequest], CommandResult | None]
+Answer = Callable[[MavCommandRequest], CommandResult | None]
 
 
 class Logs:
@@ -72,8 +72,10 @@ class ScriptedVehicle:
     ) -> None:
         is_px4 = autopilot == PX4
         encoding = ParameterEncoding.BYTEWISE if is_px4 else ParameterEncoding.CAST
-        says = Capability.PARAM_ENCODE_BYTEWISE if is_px4 else Capability.PARAM_ENCODE_C_CAST
-        capabilities = says | Capability.MISSION_FENCE | Capability.MISSION_RALLY | Capability.FTP
+        says = ProtocolCapability.PARAM_ENCODE_BYTEWISE if is_px4 else ProtocolCapability.PARAM_ENCODE_C_CAST
+        capabilities = (
+            says | ProtocolCapability.MISSION_FENCE | ProtocolCapability.MISSION_RALLY | ProtocolCapability.FTP
+        )
         version = version_number(1, 15, 4) if is_px4 else version_number(4, 6, 0)
         self.heartbeat = Heartbeat(VEHICLE, vehicle_type=QUADROTOR, autopilot=autopilot)
         self.parameters = ParameterServer(VEHICLE, parameters, encoding=encoding)
@@ -81,23 +83,29 @@ class ScriptedVehicle:
         self.texts = StatusTextSender(VEHICLE)
         self.streams = StreamScheduler(VEHICLE, {"ATTITUDE": 4.0, "VFR_HUD": 0.0})
         self.answer: Answer = lambda request: None
-        self.asked: list[CommandRequest] = []
-        self.heard: list[Frame] = []
-        self._commands = CommandServer(VEHICLE, is_autopilot=True)
+        self.requested: list[MavCommandRequest] = []
+        self.received: list[Frame] = []
+        self._commands = MavCommandServer(VEHICLE, is_autopilot=True)
         self._version = VersionServer(VEHICLE, Version(capabilities=capabilities, flight_software=version))
-        services: list[Service[Any]] = [self.heartbeat, self._commands, self._version, self.parameters, self.mission]
+        services: list[Microservice[Any]] = [
+            self.heartbeat,
+            self._commands,
+            self._version,
+            self.parameters,
+            self.mission,
+        ]
         services += [self.texts, self.streams, LogServer(VEHICLE, logs)]
         if folder is not None:
             services.append(FtpServer(VEHICLE, FolderFiles(folder)))
         self._send = link.b.send
-        self.runner = NodeRunner(Node(VEHICLE, services), loop, link.b.send, after=self._after)
+        self.runner = NodeRunner(MavlinkComponent(VEHICLE, services), loop, link.b.send, after=self._after)
         link.b.on_data = self._take
         self.runner.settle()
 
-    def say(self, *texts: str) -> None:
+    def report(self, *texts: str) -> None:
         """Sends status texts."""
         for text in texts:
-            self.texts.say(6, text)
+            self.texts.send(6, text)
         self.runner.settle()
 
     def send(self, name: str, **fields: Any) -> None:
@@ -107,14 +115,14 @@ class ScriptedVehicle:
     def _take(self, data: bytes) -> None:
         from gloc3.mavlink.codec import Parser
 
-        self.heard += Parser(is_datagram=True).receive(data)
+        self.received += Parser(is_datagram=True).receive(data)
         self.runner.on_data(data)
 
     def _after(self, now_s: float) -> None:
         for number in self.streams.due(now_s):
             self.send({30: "ATTITUDE", 74: "VFR_HUD"}[number])
         for request in self._commands.events():
-            self.asked.append(request)
+            self.requested.append(request)
             result = self.answer(request)
             if result is None:
                 result = self._version.command(request)
@@ -127,7 +135,9 @@ class ScriptedVehicle:
 class Scene:
     """What a test plays with."""
 
-    def __init__(self, services: VehicleServices, vehicle: ScriptedVehicle, memory: MemoryLink, link: Link) -> None:
+    def __init__(
+        self, services: VehicleServices, vehicle: ScriptedVehicle, memory: MemoryLink, link: StationLinkCore
+    ) -> None:
         self.services, self.vehicle, self.memory, self.link = services, vehicle, memory, link
 
     async def pass_s(self, seconds: float) -> None:
@@ -169,7 +179,7 @@ def over(
         vehicle = ScriptedVehicle(
             loop, memory, autopilot=autopilot, parameters=parameters or numbered(), logs=logs or Logs(), folder=folder
         )
-        link = Link(memory.a.send, LinkContext(loop=loop, exchange=LocalExchange(), topics=TOPICS, boot=1))
+        link = StationLinkCore(memory.a.send, LinkContext(loop=loop, exchange=LocalExchange(), topics=TOPICS, boot=1))
         memory.a.on_data = link.receive
         try:
             async with VehicleServices(link, VEHICLE) as services:

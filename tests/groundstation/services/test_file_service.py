@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from gloc3.errors import Refused
-from gloc3.mavlink.services.ftp import Entry
+from gloc3.mavlink.services.ftp import FolderEntry
 from gloc3.mavlink.transport.memory import Conditions
-from gloc3_groundstation.services.progress import Progress
+from gloc3_groundstation.services.progress import JobProgress
 
 from .scripted_vehicle import Scene, over
 
@@ -30,9 +30,9 @@ def test_folders_are_listed_folders_first(top: Path) -> None:
     async def play(scene: Scene) -> None:
         files = scene.services.files
         found = await files.list()
-        assert found.entries == (Entry("log", True), Entry("b.txt", False, 4))
+        assert found.entries == (FolderEntry("log", True), FolderEntry("b.txt", False, 4))
         inner = await files.list(found.path_of(found.entries[0]))
-        assert (inner.path, inner.parent, inner.entries) == ("/log", "/", (Entry("a.ulg", False, 20_000),))
+        assert (inner.path, inner.parent, inner.entries) == ("/log", "/", (FolderEntry("a.ulg", False, 20_000),))
         assert (await files.list("/log/../log/.")).path == "/log"
 
     over(play, LOSSY, folder=top)
@@ -40,7 +40,7 @@ def test_folders_are_listed_folders_first(top: Path) -> None:
 
 def test_a_file_is_downloaded_with_progress_and_has_its_name_only_when_it_is_whole(top: Path, tmp_path: Path) -> None:
     async def play(scene: Scene) -> None:
-        seen: list[Progress] = []
+        seen: list[JobProgress] = []
         path = await scene.services.files.download("/log/a.ulg", tmp_path, seen.append)
         assert path == tmp_path / "a.ulg"
         assert path.read_bytes() == CONTENT
@@ -55,7 +55,7 @@ def test_a_file_is_uploaded_checked_and_removed(top: Path, tmp_path: Path) -> No
     (tmp_path / "new.bin").write_bytes(CONTENT[:5000])
 
     async def play(scene: Scene) -> None:
-        files, seen = scene.services.files, list[Progress]()
+        files, seen = scene.services.files, list[JobProgress]()
         await files.make_folder("/up")
         assert await files.upload(tmp_path / "new.bin", "/up", seen.append) == "/up/new.bin"
         assert (top / "up" / "new.bin").read_bytes() == CONTENT[:5000]
@@ -128,7 +128,7 @@ RADIO = Conditions(latency_s=0.02, bandwidth_bit_s=200_000, bits_per_byte=10)
 
 def test_a_download_goes_to_the_disk_as_it_comes_and_goes_on_where_it_was_cut_off(top: Path, tmp_path: Path) -> None:
     async def play(scene: Scene) -> None:
-        seen: list[Progress] = []
+        seen: list[JobProgress] = []
         task = asyncio.ensure_future(scene.services.files.download("/log/a.ulg", tmp_path))
         await scene.pass_s(0.6)
         task.cancel()

@@ -8,7 +8,7 @@ import pytest
 
 from gloc3.errors import Refused
 from gloc3.mavlink.transport.memory import Conditions
-from gloc3_groundstation.services.progress import Progress
+from gloc3_groundstation.services.progress import JobProgress
 
 from .scripted_vehicle import ARDUPILOT, Logs, Scene, over
 
@@ -34,7 +34,7 @@ def test_a_vehicle_without_logs_has_an_empty_list() -> None:
 
 def test_a_log_is_downloaded_with_progress(tmp_path: Path) -> None:
     async def play(scene: Scene) -> None:
-        seen: list[Progress] = []
+        seen: list[JobProgress] = []
         (line,) = await scene.services.logs.list()
         path = await scene.services.logs.download(line, tmp_path, seen.append)
         assert path.read_bytes() == CONTENT

@@ -16,14 +16,14 @@ from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
 from gloc3.mavlink.codec import Encoder, Frame, Parser
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.node import Node
+from gloc3.mavlink.node import MavlinkComponent
 from gloc3.mavlink.services.heartbeat import Heartbeat
 from gloc3.mavlink.services.mission_server import MissionServer
 from gloc3.mavlink.services.plan import PlanItem, PlanType
-from gloc3.mavlink.signing import Signing, Verdict, timestamp
+from gloc3.mavlink.signing import Signing, SigningVerdict, timestamp
 from gloc3.mavlink.transport.memory import Conditions, MemoryLink
 from gloc3.messages.topics import TopicTable
-from gloc3_groundstation.links.link import Link, LinkContext, LinkSettings
+from gloc3_groundstation.links.link import LinkContext, LinkSettings, StationLinkCore
 from gloc3_groundstation.services import raw
 from gloc3_groundstation.services.raw import MavsdkBehindLink
 
@@ -42,14 +42,14 @@ class Bench:
         self.memory = MemoryLink(loop, random.Random(2))
         now = timestamp(Clock(loop).utc_s())
         self.vehicle_signing = Signing(KEY, link_id=1, now=now) if is_signed else None
-        self.heard: list[Frame] = []
-        self.verdicts: list[Verdict] = []
+        self.received: list[Frame] = []
+        self.verdicts: list[SigningVerdict] = []
         self.mission = MissionServer(VEHICLE)
         heartbeat = Heartbeat(VEHICLE, vehicle_type=2, autopilot=12, period_s=0.3)
-        self.runner = NodeRunner(Node(VEHICLE, [heartbeat, self.mission]), loop, self.memory.b.send)
+        self.runner = NodeRunner(MavlinkComponent(VEHICLE, [heartbeat, self.mission]), loop, self.memory.b.send)
         self.runner.encoder = Encoder(*VEHICLE, self.vehicle_signing)
         self.memory.b.on_data = self._take
-        self.link = Link(
+        self.link = StationLinkCore(
             self.memory.a.send,
             LinkContext(loop=loop, exchange=LocalExchange(), topics=TopicTable.installed(), boot=1),
             LinkSettings(key=KEY if is_signed else None),
@@ -60,13 +60,13 @@ class Bench:
 
     def _take(self, data: bytes) -> None:
         frames = Parser(is_datagram=True).receive(data)
-        self.heard += frames
+        self.received += frames
         if self.vehicle_signing is not None:
             self.verdicts += [self.vehicle_signing.verify(frame) for frame in frames]
         self.runner.on_data(data)
 
     def count(self, message_id: int) -> int:
-        return sum(frame.message_id == message_id for frame in self.heard)
+        return sum(frame.message_id == message_id for frame in self.received)
 
 
 @asynccontextmanager
@@ -96,9 +96,9 @@ async def test_a_plan_goes_up_and_down_under_the_stations_name(is_signed: bool) 
             (item.x, item.z) for item in ITEMS
         ]
         assert fractions == sorted(fractions)
-        assert {frame.sender for frame in scene.heard} == {STATION}
-        assert set(scene.verdicts) <= {Verdict.GENUINE}
-        sequences = [frame.sequence for frame in scene.heard]
+        assert {frame.sender for frame in scene.received} == {STATION}
+        assert set(scene.verdicts) <= {SigningVerdict.GENUINE}
+        sequences = [frame.sequence for frame in scene.received]
         assert sequences == [number % 256 for number in range(len(sequences))]
         assert scene.mavsdk.dropped > 0
 
@@ -110,7 +110,7 @@ async def test_one_station_heartbeat_leaves_and_none_of_mavsdks_questions() -> N
         begun, begun_s = scene.count(0), asyncio.get_running_loop().time()
         await until(lambda: scene.count(0) >= begun + 3)
         assert asyncio.get_running_loop().time() - begun_s > 1.6, "one a second, the first of them may be due"
-        assert {frame.message_id for frame in scene.heard} <= {0, 43, 47, 51, 385}
+        assert {frame.message_id for frame in scene.received} <= {0, 43, 47, 51, 385}
 
 
 async def test_nothing_runs_before_the_first_request_and_nothing_after_close() -> None:
@@ -152,9 +152,9 @@ async def test_a_cancelled_upload_is_told_to_the_vehicle_and_the_old_plan_stays(
         with pytest.raises(asyncio.CancelledError):
             await task
         await until(lambda: scene.count(47) > 0)
-        told = next(frame for frame in scene.heard if frame.message_id == 47).decode()
-        assert told is not None
-        assert told.type == 15
+        reported = next(frame for frame in scene.received if frame.message_id == 47).decode()
+        assert reported is not None
+        assert reported.type == 15
         assert len(scene.mission.plans[PlanType.MISSION]) == 2
         scene.memory.set_conditions(Conditions())
         assert len(await scene.mavsdk.download(PlanType.MISSION)) == 2

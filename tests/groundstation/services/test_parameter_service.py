@@ -8,8 +8,8 @@ import pytest
 from gloc3.errors import Refused
 from gloc3.mavlink.services.parameter import ParameterType, parameter
 from gloc3.mavlink.transport.memory import Conditions
-from gloc3_groundstation.services.parameter_table import Change, ParameterTable
-from gloc3_groundstation.services.progress import Progress
+from gloc3_groundstation.services.parameter_table import ParameterChange, ParameterTable
+from gloc3_groundstation.services.progress import JobProgress
 
 from .scripted_vehicle import ARDUPILOT, PX4, Scene, numbered, over
 
@@ -18,13 +18,13 @@ from .scripted_vehicle import ARDUPILOT, PX4, Scene, numbered, over
 @pytest.mark.parametrize("loss", [0.0, 0.2])
 def test_the_list_is_fetched_with_progress(autopilot: int, loss: float) -> None:
     async def play(scene: Scene) -> None:
-        seen: list[Progress] = []
+        seen: list[JobProgress] = []
         table = await scene.services.parameters.fetch(seen.append)
         assert {row.name: row.value for row in table} == {one.name: one.value for one in numbered()}
         fractions = [progress.fraction for progress in seen if progress.fraction is not None]
         assert fractions == sorted(fractions)
-        assert seen[-1] == Progress(what="listing the parameters", fraction=1.0, detail="40 of 40")
-        assert scene.services.facts.title in ("PX4 1.15.4, system 1", "ArduPilot 4.6.0, system 1")
+        assert seen[-1] == JobProgress(what="listing the parameters", fraction=1.0, detail="40 of 40")
+        assert scene.services.snapshots.title in ("PX4 1.15.4, system 1", "ArduPilot 4.6.0, system 1")
 
     over(play, Conditions(loss=loss, latency_s=0.05), autopilot=autopilot)
 
@@ -33,12 +33,12 @@ def test_a_parameter_is_set_and_read_back_and_the_table_follows() -> None:
     async def play(scene: Scene) -> None:
         parameters = scene.services.parameters
         await parameters.fetch()
-        before, told = parameters.table, list[ParameterTable]()
-        parameters.listen(told.append)
+        before, reported = parameters.table, list[ParameterTable]()
+        parameters.listen(reported.append)
         row = await parameters.set("GRP0_P3", 33)
         assert (row.value, row.is_changed) == (33, True)
         assert scene.vehicle.parameters["GRP0_P3"] == 33
-        assert parameters.table["GRP0_P3"].value == told[-1]["GRP0_P3"].value == 33
+        assert parameters.table["GRP0_P3"].value == reported[-1]["GRP0_P3"].value == 33
         assert before["GRP0_P3"].value == 3
 
     over(play, Conditions(loss=0.2, latency_s=0.05))
@@ -86,9 +86,9 @@ def test_a_file_is_saved_compared_and_written(tmp_path: Path) -> None:
         text = (tmp_path / "saved.parm").read_text()
         (tmp_path / "other.parm").write_text(text.replace("GRP2_P2          2.25", "GRP2_P2 7.5"))
         diff = parameters.compare(tmp_path / "other.parm")
-        assert diff.changes() == (Change("GRP2_P2", 7.5),)
-        report = await parameters.write((*diff.changes(), Change("GRP1_P1", 200), Change("NONE", 1)))
-        assert report.written == (Change("GRP2_P2", 7.5),)
+        assert diff.changes() == (ParameterChange("GRP2_P2", 7.5),)
+        report = await parameters.write((*diff.changes(), ParameterChange("GRP1_P1", 200), ParameterChange("NONE", 1)))
+        assert report.written == (ParameterChange("GRP2_P2", 7.5),)
         assert sorted(report.refused) == ["GRP1_P1", "NONE"]
         assert scene.vehicle.parameters["GRP2_P2"] == 7.5
 
@@ -101,7 +101,7 @@ def test_a_vehicle_that_falls_silent_is_not_waited_for() -> None:
         await parameters.fetch()
         scene.cut()
         begun_s = loop.time()
-        report = await parameters.write([Change(f"GRP0_P{number}", 1) for number in range(0, 30, 3)])
+        report = await parameters.write([ParameterChange(f"GRP0_P{number}", 1) for number in range(0, 30, 3)])
         assert loop.time() - begun_s < 15.0
         assert report.written == ()
         assert len(report.refused) == 10
@@ -139,7 +139,7 @@ def test_the_vehicles_own_description_gives_the_bounds(tmp_path: Path) -> None:
         assert await parameters.fetch_infos() == 1
         with pytest.raises(Refused, match="at most 9"):
             await parameters.set("GRP0_P3", 10)
-        assert (await parameters.write([Change("GRP0_P3", 8)])).needs_restart == ("GRP0_P3",)
+        assert (await parameters.write([ParameterChange("GRP0_P3", 8)])).needs_restart == ("GRP0_P3",)
         assert (await parameters.fetch())["GRP0_P3"].info.title == "Third"
 
     over(play, folder=tmp_path)

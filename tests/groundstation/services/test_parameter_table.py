@@ -6,7 +6,7 @@ from gloc3.errors import Refused
 from gloc3.mavlink.services.parameter import ParameterType, parameter
 from gloc3_groundstation.services.parameter_files import read_parameter_file
 from gloc3_groundstation.services.parameter_info import ParameterInfo
-from gloc3_groundstation.services.parameter_table import Change, DiffKind, ParameterTable
+from gloc3_groundstation.services.parameter_table import DiffKind, ParameterChange, ParameterTable
 
 INFOS = {
     "NAV_DLL_ACT": ParameterInfo(
@@ -108,5 +108,5 @@ def test_a_file_is_compared_before_anything_is_written() -> None:
     (different,) = diff.of(DiffKind.DIFFERENT)
     assert (different.vehicle, different.file, different.line) == (1.5, 3.0, 1)
     assert diff.of(DiffKind.NOT_ALLOWED)[0].reason == "NAV_DLL_ACT must be at most 3, not 9"
-    assert diff.changes() == (Change("MPC_Z_VEL", 3.0),)
+    assert diff.changes() == (ParameterChange("MPC_Z_VEL", 3.0),)
     assert diff.changes(frozenset({"MPC_Z_VEL"})) == ()

@@ -11,7 +11,7 @@ from tests.data_folders import MISSIONS
 from gloc3.errors import Refused
 from gloc3.mavlink.services.plan import PlanItem, PlanType
 from gloc3.mission.formats import load_plan, read_plan, read_wpl, write_plan
-from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
+from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
 from gloc3_groundstation.services.facts import Firmware
 from gloc3_groundstation.services.plan_items import DO_JUMP, PlanParts, differences, from_wire, to_wire
 
@@ -24,8 +24,8 @@ WPL = (
 )
 
 
-def plan_of(*items: MavItem, **fields: object) -> Plan:
-    return Plan(entries=tuple(Entry(items=(item,)) for item in items), raw={}, **fields)  # type: ignore[arg-type]
+def plan_of(*items: MavItem, **fields: object) -> ForeignPlan:
+    return ForeignPlan(entries=tuple(PlanEntry(items=(item,)) for item in items), raw={}, **fields)  # type: ignore[arg-type]
 
 
 def test_a_file_of_waypoints_goes_to_either_firmware_with_its_home_and_jumps() -> None:

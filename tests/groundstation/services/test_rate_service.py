@@ -5,7 +5,7 @@ import pytest
 from gloc3.errors import Refused
 from gloc3.mavlink.codec import Encoder, Parser, message
 from gloc3.mavlink.transport.memory import Conditions
-from gloc3_groundstation.services.rates import RateMeter, RateRow
+from gloc3_groundstation.services.rates import FrameRateMeter, RateRow
 
 from .scripted_vehicle import Scene, over
 
@@ -69,9 +69,9 @@ def test_refusals_are_in_words() -> None:
 
 
 def test_a_burst_is_no_rate_and_strangers_cannot_fill_the_table() -> None:
-    meter, parser = RateMeter(), Parser(is_datagram=True)
+    meter, parser = FrameRateMeter(), Parser(is_datagram=True)
     for number in range(600):
         (frame,) = parser.receive(Encoder(1 + number % 200, 1 + number // 200).encode(message("ATTITUDE")))
-        meter.take(frame, 0.0)
+        meter.count(frame, 0.0)
     assert len(meter.table(1.0).rows) == 512
     assert meter.table(1.0).total_hz == 0.0

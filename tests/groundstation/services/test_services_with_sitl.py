@@ -12,14 +12,14 @@ import pytest
 
 from gloc3.errors import Refused
 from gloc3.mavlink.codec import message
-from gloc3.mavlink.services.calibration import CalibrationKind, Phase
+from gloc3.mavlink.services.calibration import CalibrationKind, CalibrationPhase
 from gloc3.mavlink.services.plan import PlanType
-from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
+from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
 from gloc3_groundstation.assembly import GroundStation, StationSetup
-from gloc3_groundstation.links.link import Link
+from gloc3_groundstation.links.link import StationLinkCore
 from gloc3_groundstation.services.facts import Firmware
-from gloc3_groundstation.services.parameter_table import Change
-from gloc3_groundstation.services.progress import Progress
+from gloc3_groundstation.services.parameter_table import ParameterChange
+from gloc3_groundstation.services.progress import JobProgress
 from gloc3_groundstation.services.vehicle import Garage, VehicleServices
 
 pytestmark = [pytest.mark.sockets, pytest.mark.flight]
@@ -27,9 +27,9 @@ pytestmark = [pytest.mark.sockets, pytest.mark.flight]
 PROGRAM = "import sys; from gloc3_sitl.cli.sitl import app; sys.exit(app(sys.argv[1:], result_action='return_value'))"
 FIRMWARES = {"px4": Firmware.PX4, "ardupilot": Firmware.ARDUPILOT}
 ACTION_PARAMETER = {"px4": "NAV_DLL_ACT", "ardupilot": "FS_GCS_ENABLE"}
-PLAN = Plan(
+PLAN = ForeignPlan(
     entries=tuple(
-        Entry(items=(item,))
+        PlanEntry(items=(item,))
         for item in (
             MavItem(command=22, frame=3, params=(0.0, 0.0, 0.0, None), x=47.3977, y=8.5456, z=3.0),
             MavItem(command=16, frame=3, params=(0.0, 0.0, 0.0, None), x=47.39775, y=8.5456, z=4.0),
@@ -71,7 +71,7 @@ async def until(is_so: Callable[[], bool], within_s: float = 60.0) -> None:
 
 
 @asynccontextmanager
-async def at_hand(port: int) -> AsyncIterator[tuple[VehicleServices, Link]]:
+async def at_hand(port: int) -> AsyncIterator[tuple[VehicleServices, StationLinkCore]]:
     ground, garage = GroundStation(StationSetup(boot=1)), Garage()
     links = ground.links
     try:
@@ -89,9 +89,9 @@ async def at_hand(port: int) -> AsyncIterator[tuple[VehicleServices, Link]]:
 async def test_parameters_are_listed_changed_and_refused(vehicle: tuple[str, int], tmp_path: Path) -> None:
     style, port = vehicle
     async with at_hand(port) as (services, _):
-        seen: list[Progress] = []
+        seen: list[JobProgress] = []
         table = await services.parameters.fetch(seen.append)
-        assert services.facts.firmware is FIRMWARES[style]
+        assert services.snapshots.firmware is FIRMWARES[style]
         assert len(table) > 60
         assert seen[-1].fraction == 1.0
         name = ACTION_PARAMETER[style]
@@ -103,14 +103,14 @@ async def test_parameters_are_listed_changed_and_refused(vehicle: tuple[str, int
         services.parameters.save(file)
         await services.parameters.set(name, 1)
         diff = services.parameters.compare(file)
-        assert diff.changes() == (Change(name, 2.0),)
-        report = await services.parameters.write((*diff.changes(), Change(name, first)))
+        assert diff.changes() == (ParameterChange(name, 2.0),)
+        report = await services.parameters.write((*diff.changes(), ParameterChange(name, first)))
         assert report.refused == {}
 
 
 async def test_a_plan_is_uploaded_verified_downloaded_and_cleared(vehicle: tuple[str, int], tmp_path: Path) -> None:
     async with at_hand(vehicle[1]) as (services, _):
-        seen: list[Progress] = []
+        seen: list[JobProgress] = []
         assert await services.plans.upload(PLAN, seen.append) == ()
         assert {"uploading the mission", "uploading the fence", "reading the rally points back"} <= {
             p.what for p in seen
@@ -127,12 +127,12 @@ async def test_a_plan_is_uploaded_verified_downloaded_and_cleared(vehicle: tuple
         await services.plans.clear(PlanType.FENCE)
         (difference,) = await services.plans.verify(PLAN)
         assert str(difference) == "fence item 0: 1 item wanted, 0 there"
-        assert await services.plans.upload(Plan(entries=(), raw={})) == ()
+        assert await services.plans.upload(ForeignPlan(entries=(), raw={})) == ()
         assert (await services.plans.download()).summary == "0 items, 0 fence areas, 0 rally points"
 
 
 async def test_a_plan_that_the_vehicle_does_not_take_is_refused_in_words(vehicle: tuple[str, int]) -> None:
-    bad = Plan(entries=(*PLAN.entries, Entry(items=(MavItem(command=31_999, frame=2),))), raw={})
+    bad = ForeignPlan(entries=(*PLAN.entries, PlanEntry(items=(MavItem(command=31_999, frame=2),))), raw={})
     async with at_hand(vehicle[1]) as (services, _):
         with pytest.raises(Refused, match="the mission was not uploaded: an item's command"):
             await services.plans.upload(bad)
@@ -140,7 +140,7 @@ async def test_a_plan_that_the_vehicle_does_not_take_is_refused_in_words(vehicle
 
 async def test_a_gyro_is_calibrated_and_rates_are_measured(vehicle: tuple[str, int]) -> None:
     async with at_hand(vehicle[1]) as (services, _):
-        assert (await services.calibration.run(CalibrationKind.GYRO)).phase is Phase.DONE
+        assert (await services.calibration.run(CalibrationKind.GYRO)).phase is CalibrationPhase.DONE
         await services.rates.request("ATTITUDE", 10.0)
         await until(lambda: any(row.rate_hz > 5.0 for row in services.rates.table.find("ATTITUDE")))
         with pytest.raises(Refused, match="RAW_RPM"):
@@ -152,10 +152,10 @@ async def test_the_log_of_an_armed_vehicle_is_listed_and_downloaded_both_ways(
 ) -> None:
     async with at_hand(vehicle[1]) as (services, link):
         async with asyncio.timeout(90.0):
-            while not services.facts.is_armed:
+            while not services.snapshots.is_armed:
                 link.send(message("COMMAND_LONG", target_system=1, target_component=1, command=400, param1=1.0))
                 await asyncio.sleep(0.2)
-        await until(lambda: not services.facts.is_armed)
+        await until(lambda: not services.snapshots.is_armed)
         (line, *_) = await services.logs.list()
         path = await services.logs.download(line, tmp_path)
         assert path.stat().st_size == line.entry.size > 0

@@ -17,7 +17,7 @@ def fleet_of(platform: PlatformSnapshot = PLATFORM, **vehicle: object) -> Fleet:
     return Fleet(platforms={platform.name: platform})
 
 
-def told(alerts: Alerts) -> list[tuple[Severity, str]]:
+def reported(alerts: Alerts) -> list[tuple[Severity, str]]:
     return [(alert.severity, alert.text) for alert in alerts.listed]
 
 
@@ -33,14 +33,14 @@ def test_a_platform_that_speaks_otherwise_is_an_alert() -> None:
     same = replace(PLATFORM, table=replace(PLATFORM.table, **own_software()._asdict()))
     assert update(Alerts(), fleet_of(same), 100.0).all == {}
     other = replace(PLATFORM, table=replace(PLATFORM.table, version="0.0.9", protocol="00c0ffee"))
-    [(severity, text)] = told(update(Alerts(), fleet_of(other), 100.0))
+    [(severity, text)] = reported(update(Alerts(), fleet_of(other), 100.0))
     assert severity is Severity.ERROR
     assert text.startswith("versions differ: 0.0.9 (00c0ffee) onboard, ")
 
 
 def test_a_cause_stays_until_it_is_acknowledged_although_it_is_over() -> None:
     low = update(Alerts(), fleet_of(battery_percent=20), 100.0)
-    assert told(low) == [(Severity.WARNING, "battery at or below 30 %")]
+    assert reported(low) == [(Severity.WARNING, "battery at or below 30 %")]
     over = update(low, fleet_of(battery_percent=80), 101.0)
     assert [(alert.is_over, alert.is_acknowledged) for alert in over.listed] == [(True, False)]
     assert acknowledge(over).all == {}
@@ -58,7 +58,7 @@ def test_an_acknowledged_alert_goes_when_its_cause_is_gone() -> None:
 def test_what_gets_worse_or_comes_back_has_to_be_acknowledged_again() -> None:
     low = acknowledge(update(Alerts(), fleet_of(battery_percent=20), 100.0))
     empty = update(low, fleet_of(battery_percent=9), 101.0)
-    assert told(empty) == [(Severity.CRITICAL, "battery at or below 15 %")]
+    assert reported(empty) == [(Severity.CRITICAL, "battery at or below 15 %")]
     assert len(empty.pending) == 1
     over = update(empty, fleet_of(battery_percent=80), 102.0)
     again = update(over, fleet_of(battery_percent=9), 102.5)
@@ -66,9 +66,9 @@ def test_what_gets_worse_or_comes_back_has_to_be_acknowledged_again() -> None:
 
 
 def test_silence_is_worse_for_an_armed_vehicle_and_hides_what_is_not_known_any_more() -> None:
-    ((severity, text),) = told(update(Alerts(), fleet_of(battery_percent=9), 110.0))
+    ((severity, text),) = reported(update(Alerts(), fleet_of(battery_percent=9), 110.0))
     assert (severity, text.partition(":")[0]) == (Severity.ERROR, "nothing is heard of it any more")
-    ((severity, text),) = told(update(Alerts(), fleet_of(is_armed=True), 110.0))
+    ((severity, text),) = reported(update(Alerts(), fleet_of(is_armed=True), 110.0))
     assert (severity, text.partition(":")[0]) == (Severity.CRITICAL, "nothing is heard of it, and it was armed")
     assert "on_link_loss" in text
 
@@ -78,7 +78,7 @@ def test_a_cause_that_has_gone_says_since_when_and_stands_behind_those_that_stan
     assert len(began(alerts, Alerts(), "battery")) == 1
     assert began(alerts, alerts, "battery") == []
     later = update(alerts, fleet_of(battery_percent=9), 101.0)
-    assert [(alert.what, alert.has_gone, alert.last_s) for alert in later.pending] == [
+    assert [(alert.what, alert.is_cleared, alert.last_s) for alert in later.pending] == [
         ("battery", False, 100.0),
         ("autopilot", True, 101.0),
     ]
@@ -94,14 +94,14 @@ def test_what_endangers_the_vehicle_is_an_alert() -> None:
 
 
 def test_a_link_that_loses_most_is_an_alert_once_it_has_settled() -> None:
-    lossy = replace(PLATFORM, link=LinkStatistics(loss=0.6), heard_s=110.0, began_s=100.0)
+    lossy = replace(PLATFORM, link=LinkStatistics(loss=0.6), received_s=110.0, began_s=100.0)
     assert update(Alerts(), fleet_of(lossy), 101.0).all == {}
     assert [alert.what for alert in update(Alerts(), fleet_of(lossy), 110.0).listed] == ["loss"]
 
 
 def test_while_a_platform_comes_up_what_is_not_there_yet_is_no_alert() -> None:
     absent = ComponentLine(3, list(Health).index(Health.ABSENT), 0, 0, 0, 0)
-    new = replace(PLATFORM, lines={**PLATFORM.lines, 3: (absent, 100.0)}, heard_s=105.0, began_s=100.0)
+    new = replace(PLATFORM, lines={**PLATFORM.lines, 3: (absent, 100.0)}, received_s=105.0, began_s=100.0)
     coming_up = fleet_of(new, is_autopilot_connected=False, has_pilot_control=True, is_armed=True, is_pose_valid=False)
     assert update(Alerts(), coming_up, 101.0).all == {}
     found = {alert.what for alert in update(Alerts(), fleet_of(new), 105.0).listed}
@@ -113,10 +113,10 @@ def test_while_a_platform_comes_up_what_is_not_there_yet_is_no_alert() -> None:
 def test_a_component_that_fails_is_one_alert_with_its_cause_and_its_own_events_are_none() -> None:
     states = list(Health)
     lines = {**PLATFORM.lines, 3: (ComponentLine(3, states.index(Health.FAULTY), 0, 0, 0, 1), 100.0)}
-    trouble = ComponentTrouble(name="pose", cause="Traceback\nLost: no pose", errors=1)
-    fleet = fleet_of(replace(PLATFORM, lines=lines, troubles={"pose": trouble}))
+    problem = ComponentTrouble(name="pose", cause="Traceback\nLost: no pose", errors=1)
+    fleet = fleet_of(replace(PLATFORM, lines=lines, troubles={"pose": problem}))
     fleet = reducers.note(fleet, "heron", Severity.ERROR, "working -> faulty", 100.0, source="pose")
-    assert told(update(Alerts(), fleet, 100.0)) == [(Severity.ERROR, "pose is faulty: Lost: no pose")]
+    assert reported(update(Alerts(), fleet, 100.0)) == [(Severity.ERROR, "pose is faulty: Lost: no pose")]
 
 
 def test_warnings_that_are_said_again_are_counted_and_go_when_they_are_acknowledged() -> None:
@@ -135,14 +135,14 @@ def test_a_refusal_of_what_the_operator_asked_for_is_an_answer_and_no_alert() ->
     fleet = reducers.note(fleet, "", Severity.ERROR, "export: 'events.csv' is there already", 100.0)
     assert update(Alerts(), fleet, 100.0).all == {}
     fleet = reducers.note(fleet, "", Severity.WARNING, "another station has this id", 100.0)
-    assert told(update(Alerts(), fleet, 100.0)) == [(Severity.WARNING, "another station has this id")]
+    assert reported(update(Alerts(), fleet, 100.0)) == [(Severity.WARNING, "another station has this id")]
 
 
 def test_the_worst_comes_first_then_the_newest() -> None:
     fleet = fleet_of(battery_percent=9)
     for number in range(2):
         fleet = reducers.note(fleet, "heron", Severity.WARNING, f"number {number}", 100.0 + number, source="x")
-    texts = [text for _, text in told(update(Alerts(), fleet, 101.0))]
+    texts = [text for _, text in reported(update(Alerts(), fleet, 101.0))]
     assert texts == ["battery at or below 15 %", "x: number 1", "x: number 0"]
 
 

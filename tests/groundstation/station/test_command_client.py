@@ -8,7 +8,7 @@ from tests.groundstation.scripted_platform import ScriptedPlatform, lost, refuse
 
 from gloc3.clock import run_virtual
 from gloc3.exchange import LocalExchange
-from gloc3.exchange.tunnel.routes import EMERGENCY_PATIENCE_S, REQUEST_PATIENCE_S
+from gloc3.exchange.tunnel.routes import EMERGENCY_PATIENCE_S, REQUEST_TIMEOUT_S
 from gloc3.messages.command_interface import EmergencyVerb, Hello, LoadMission, Outcome, Query, ReadMission, Steer, Verb
 from gloc3_groundstation.station.command_client import (
     EMERGENCY_TIMEOUT_S,
@@ -38,7 +38,7 @@ def with_platform(play: Callable[[CommandClient, ScriptedPlatform], Awaitable[T]
 
 def test_a_request_is_answered() -> None:
     async def play(client: CommandClient, platform: ScriptedPlatform) -> None:
-        assert (await client.ask("heron", Hello())).outcome is Outcome.ACCEPTED
+        assert (await client.request("heron", Hello())).outcome is Outcome.ACCEPTED
         assert platform.loop.time() == pytest.approx(0.05)
 
     with_platform(play)
@@ -123,7 +123,7 @@ def test_silence_ends_as_unknown_at_the_time_limit() -> None:
 
 
 def test_nothing_that_was_given_up_is_carried_out_later_by_the_link() -> None:
-    assert TIMEOUT_S > REQUEST_PATIENCE_S
+    assert TIMEOUT_S > REQUEST_TIMEOUT_S
     assert EMERGENCY_TIMEOUT_S > EMERGENCY_PATIENCE_S
 
 

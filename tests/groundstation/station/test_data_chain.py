@@ -36,9 +36,9 @@ def test_a_chain_that_is_whole_is_drawn_from_end_to_end() -> None:
 
 
 def test_it_breaks_behind_a_required_component_that_hands_nothing_on() -> None:
-    picture, said = drawn(with_states(pose=Health.FAULTY))
+    picture, text = drawn(with_states(pose=Health.FAULTY))
     assert picture == " SS ●●● ───▶ DP ✕◐ ─✕╌▷ CC ●●●●● ╌╌╌▷ AD ●● ╌╌╌▷ CI ●"
-    assert said == " the data stops at DP: pose is faulty"
+    assert text == " the data stops at DP: pose is faulty"
     assert drawn(with_states(pose=Health.FAULTY), 130.0)[1].startswith(" as last heard, the data stops")
 
 
@@ -55,7 +55,7 @@ def test_what_is_not_required_does_not_break_it_but_is_told() -> None:
 def test_the_wiring_tells_who_takes_what_from_whom_and_who_gets_nothing() -> None:
     assert "pose" in WIRING.gives("pose")
     assert "waypoints" in WIRING.gives("pose")["pose"]
-    assert "pose" in WIRING.takes("waypoints")
+    assert "pose" in WIRING.inputs("waypoints")
     lines = [text_of(line) for line in wiring_lines(WIRING, "pose", 100)]
     assert lines[0].startswith(" takes ")
     assert lines[1].startswith(" gives pose to ")

@@ -8,7 +8,7 @@ from gloc3.messages.command_interface import CiReply, CiRequest, Outcome, ReadRe
 from gloc3.messages.envelope import Severity
 from gloc3.messages.summaries import CiEvent, ContactSummary, Health
 from gloc3.store import MemoryRecords
-from gloc3_groundstation.station.event_feed import Cursor, EventFeed, ToldEvent
+from gloc3_groundstation.station.event_feed import Cursor, EventFeed, FeedEvent
 from gloc3_onboard.command_server.contacts import Contacts
 from gloc3_onboard.command_server.report_store import MOST_KEPT, SPARE, ReportStore
 
@@ -46,29 +46,29 @@ def reply(numbers: range, last: int, store: int = STORE) -> CiReply:
     return CiReply(sender="255", boot=0, sequence=0, outcome=Outcome.ACCEPTED, result=result)
 
 
-def texts(told: list[ToldEvent]) -> list[str]:
-    return [one.text for one in told]
+def texts(reported: list[FeedEvent]) -> list[str]:
+    return [one.text for one in reported]
 
 
 def test_what_was_missed_comes_before_what_happens_now() -> None:
     feed = EventFeed({"auv": Cursor(STORE, 2)})
     assert texts(feed.event("auv", event(3), 0.0)) == ["event 3"]
-    feed.heard_again("auv", 100.0)
+    feed.note_contact("auv", 100.0)
     assert feed.event("auv", event(9), 100.1) == [], "the summary is shown first"
     assert feed.contact("auv", contact(last=9)) == []
-    asked = feed.wanted("auv", 100.2)
-    assert asked == ReadReports(store=STORE, after=3, most=40)
+    requested = feed.wanted("auv", 100.2)
+    assert requested == ReadReports(store=STORE, after=3, most=40)
     assert feed.wanted("auv", 100.2) is None
-    told = feed.answered("auv", asked, reply(range(4, 9), 9), 104.0)
-    assert texts(told) == [f"event {number}" for number in range(4, 10)]
-    assert told[0].age_s == 100.0
+    reported = feed.answered("auv", requested, reply(range(4, 9), 9), 104.0)
+    assert texts(reported) == [f"event {number}" for number in range(4, 10)]
+    assert reported[0].age_s == 100.0
     assert feed.event("auv", event(9), 100.4) == []
 
 
 def test_a_summary_that_does_not_come_holds_nothing_back_for_long() -> None:
     feed = EventFeed({"auv": Cursor(STORE, 2)})
     feed.event("auv", event(3), 0.0)
-    feed.heard_again("auv", 100.0)
+    feed.note_contact("auv", 100.0)
     assert feed.event("auv", event(4), 100.1) == []
     assert feed.release("auv", 101.9) == []
     assert texts(feed.release("auv", 102.1)) == ["event 4"]
@@ -77,9 +77,9 @@ def test_a_summary_that_does_not_come_holds_nothing_back_for_long() -> None:
 def test_what_the_store_had_no_room_for_is_told_as_lost() -> None:
     feed = EventFeed({"auv": Cursor(STORE, 2)})
     feed.contact("auv", contact(last=5000))
-    asked = feed.wanted("auv", 0.0)
-    assert asked is not None
-    assert texts(feed.answered("auv", asked, reply(range(1000, 1002), 5000), None))[:2] == [
+    requested = feed.wanted("auv", 0.0)
+    assert requested is not None
+    assert texts(feed.answered("auv", requested, reply(range(1000, 1002), 5000), None))[:2] == [
         "997 events before were not kept onboard",
         "event 1000",
     ]
@@ -88,9 +88,9 @@ def test_what_the_store_had_no_room_for_is_told_as_lost() -> None:
 def test_a_platform_that_counts_anew_is_read_from_its_begin() -> None:
     feed = EventFeed({"auv": Cursor(STORE, 40)})
     feed.contact("auv", contact(last=50))
-    asked = feed.wanted("auv", 0.0)
-    assert asked is not None
-    assert texts(feed.answered("auv", asked, reply(range(1, 3), 2, store=8), None)) == ["event 1", "event 2"]
+    requested = feed.wanted("auv", 0.0)
+    assert requested is not None
+    assert texts(feed.answered("auv", requested, reply(range(1, 3), 2, store=8), None)) == ["event 1", "event 2"]
     assert feed.cursors() == {"auv": Cursor(8, 2)}
 
 
@@ -101,26 +101,26 @@ def test_at_random_every_event_is_shown_once_and_in_order() -> None:
         store = ReportStore(MemoryRecords(), STORE)
         contacts, feed, shown = Contacts(store), EventFeed({"auv": Cursor(STORE, 0)}), list[str]()
         store.owe()
-        now_s, asked = 0.0, None
+        now_s, requested = 0.0, None
         for step in range(60):
             now_s += chance.random()
             live = store.add(CiEvent(severity=Severity.INFO, source="s", text=str(step + 1), t_s=now_s))
             for _ in range(chance.choice((0, 1, 1, 2))):  # lost, or doubled
                 shown += texts(feed.event("auv", live, now_s))
             if chance.random() < 0.2:
-                feed.heard_again("auv", now_s)
+                feed.note_contact("auv", now_s)
                 shown += texts(feed.contact("auv", contact(store.last)))
             if chance.random() < 0.1:
                 feed = EventFeed(feed.cursors())  # the station restarts
-                asked = None
-            asked = asked or feed.wanted("auv", now_s)
-            if asked is not None and chance.random() < 0.5:
-                shown += texts(feed.answered("auv", asked, _ask(contacts, asked), now_s))
-                asked = None
+                requested = None
+            requested = requested or feed.wanted("auv", now_s)
+            if requested is not None and chance.random() < 0.5:
+                shown += texts(feed.answered("auv", requested, _request(contacts, requested), now_s))
+                requested = None
         shown += texts(feed.contact("auv", contact(store.last)))
-        while (asked := asked or feed.wanted("auv", now_s := now_s + 10.0)) is not None:
-            shown += texts(feed.answered("auv", asked, _ask(contacts, asked), now_s))
-            asked = None
+        while (requested := requested or feed.wanted("auv", now_s := now_s + 10.0)) is not None:
+            shown += texts(feed.answered("auv", requested, _request(contacts, requested), now_s))
+            requested = None
         assert " ".join(shown) == " ".join(str(number) for number in range(1, 61)), seed
         assert store.delivered == 60
 
@@ -129,16 +129,16 @@ def test_what_an_observer_has_read_is_still_owed_to_the_operators() -> None:
     store = ReportStore(MemoryRecords(), STORE)
     store.owe()
     store.add(CiEvent(severity=Severity.INFO, source="s", text="1", t_s=0.0))
-    asked = ReadReports(store=STORE, after=1, most=40)
-    observer = CiRequest(sender="254", boot=0, sequence=0, body=asked, role=StationRole.OBSERVER)
-    Contacts(store).read(observer, asked)
+    requested = ReadReports(store=STORE, after=1, most=40)
+    observer = CiRequest(sender="254", boot=0, sequence=0, body=requested, role=StationRole.OBSERVER)
+    Contacts(store).read(observer, requested)
     assert store.delivered == 0
-    _ask(Contacts(store), asked)
+    _request(Contacts(store), requested)
     assert store.delivered == 1
 
 
-def _ask(contacts: Contacts, asked: ReadReports) -> CiReply:
-    return contacts.read(CiRequest(sender="255", boot=0, sequence=0, body=asked), asked)
+def _request(contacts: Contacts, requested: ReadReports) -> CiReply:
+    return contacts.read(CiRequest(sender="255", boot=0, sequence=0, body=requested), requested)
 
 
 def test_the_store_outlives_its_process_and_stays_bounded() -> None:

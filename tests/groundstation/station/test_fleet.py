@@ -29,7 +29,7 @@ TOPICS = {"VehicleSummary": "vehicle", "CiEvent": "event", "ComponentTable": "ta
 TOPICS |= {"Summary": "summary", "ComponentTrouble": "trouble", "ControlState": "control"}
 
 
-def heard(
+def received(
     fleet: Fleet, message: Message, now_s: float, *, sequence: int = 0, platform: str = "heron", boot: int = 1
 ) -> Fleet:
     topic = f"{platform}/ci/{TOPICS[type(message).__name__]}"
@@ -44,24 +44,24 @@ def heron(fleet: Fleet) -> PlatformSnapshot:
 
 
 def test_a_platform_appears_with_its_first_message_and_is_incomplete_until_its_table_came() -> None:
-    fleet = heard(Fleet(), VEHICLE, 2.0)
+    fleet = received(Fleet(), VEHICLE, 2.0)
     assert heron(fleet).is_incomplete
-    assert heron(fleet).first_heard_s == 2.0
+    assert heron(fleet).first_received_s == 2.0
     assert [event.text for event in fleet.events] == ["is heard"]
-    assert not heron(heard(fleet, TABLE, 2.5)).is_incomplete
+    assert not heron(received(fleet, TABLE, 2.5)).is_incomplete
 
 
 def test_the_snapshot_before_is_not_changed() -> None:
-    before = heard(Fleet(), VEHICLE, 0.0)
-    heard(before, TABLE, 1.0)
+    before = received(Fleet(), VEHICLE, 0.0)
+    received(before, TABLE, 1.0)
     assert heron(before).table is None
 
 
 def test_components_are_named_by_the_table_and_ordered_by_the_flow_of_data() -> None:
-    fleet = heard(Fleet(), TABLE, 0.0)
+    fleet = received(Fleet(), TABLE, 0.0)
     lines = [ComponentLine(0, 5, 0, 0, 2, 1), ComponentLine(1, 0, 98, 12, 0, 0)]
-    fleet = heard(fleet, Summary(table=3, health=Health.FAULTY, lines=lines), 0.0)
-    fleet = heard(fleet, ComponentTrouble(name="driver", cause="no echo", errors=1), 0.1)
+    fleet = received(fleet, Summary(table=3, health=Health.FAULTY, lines=lines), 0.0)
+    fleet = received(fleet, ComponentTrouble(name="driver", cause="no echo", errors=1), 0.1)
     height, driver = heron(fleet).components(0.1)
     assert (height.name, height.health, height.values["rate_percent"], height.is_well) == (
         "height",
@@ -73,24 +73,24 @@ def test_components_are_named_by_the_table_and_ordered_by_the_flow_of_data() -> 
 
 
 def test_a_summary_may_come_in_parts_and_before_its_table() -> None:
-    fleet = heard(Fleet(), Summary(table=3, health=Health.WORKING, lines=[ComponentLine(0, 0, 9, 0, 0, 0)]), 0.0)
+    fleet = received(Fleet(), Summary(table=3, health=Health.WORKING, lines=[ComponentLine(0, 0, 9, 0, 0, 0)]), 0.0)
     line = ComponentLine(1, 1, 9, 0, 0, 0)
-    fleet = heard(fleet, Summary(table=3, health=Health.WORKING, lines=[line]), 0.0, sequence=1)
+    fleet = received(fleet, Summary(table=3, health=Health.WORKING, lines=[line]), 0.0, sequence=1)
     assert heron(fleet).components(0.0) == ()
-    found = heron(heard(fleet, TABLE, 0.1)).components(0.1)
+    found = heron(received(fleet, TABLE, 0.1)).components(0.1)
     assert [component.health for component in found] == [Health.QUIET, Health.WORKING]
 
 
 def test_a_summary_of_another_table_asks_for_that_table() -> None:
-    fleet = heard(heard(Fleet(), TABLE, 0.0), Summary(table=4, health=Health.WORKING, lines=[]), 0.0)
+    fleet = received(received(Fleet(), TABLE, 0.0), Summary(table=4, health=Health.WORKING, lines=[]), 0.0)
     assert heron(fleet).is_incomplete
 
 
 def test_every_kind_of_status_grows_stale_at_its_own_age() -> None:
-    fleet = heard(heard(Fleet(), TABLE, 0.0), VEHICLE, 0.0)
-    fleet = heard(fleet, MissionSummary(name="m", digest="d", state="running"), 0.0)
-    fleet = heard(fleet, ControlState(holder="255"), 0.0)
-    fleet = heard(fleet, Summary(table=3, health=Health.WORKING, lines=[ComponentLine(0, 0, 9, 0, 0, 0)]), 0.0)
+    fleet = received(received(Fleet(), TABLE, 0.0), VEHICLE, 0.0)
+    fleet = received(fleet, MissionSummary(name="m", digest="d", state="running"), 0.0)
+    fleet = received(fleet, ControlState(holder="255"), 0.0)
+    fleet = received(fleet, Summary(table=3, health=Health.WORKING, lines=[ComponentLine(0, 0, 9, 0, 0, 0)]), 0.0)
     platform = heron(fleet)
     assert platform.vehicle is not None
     assert platform.mission is not None
@@ -101,63 +101,63 @@ def test_every_kind_of_status_grows_stale_at_its_own_age() -> None:
 
 
 def test_a_component_that_was_never_heard_of_has_no_health_and_is_not_called_stale() -> None:
-    (height, _) = heron(heard(Fleet(), TABLE, 0.0)).components(100.0)
+    (height, _) = heron(received(Fleet(), TABLE, 0.0)).components(100.0)
     assert (height.health, height.is_stale) == (None, False)
 
 
 def test_gaps_in_the_sequence_are_losses() -> None:
     fleet = Fleet()
     for sequence in range(0, 400, 2):
-        fleet = heard(fleet, VEHICLE, sequence / 10, sequence=sequence)
+        fleet = received(fleet, VEHICLE, sequence / 10, sequence=sequence)
     link = heron(fleet).link
     assert (link.received, link.lost) == (200, 199)
     assert link.loss == pytest.approx(0.5, abs=0.05)
     for sequence in range(400, 500):
-        fleet = heard(fleet, VEHICLE, sequence / 10, sequence=sequence)
+        fleet = received(fleet, VEHICLE, sequence / 10, sequence=sequence)
     assert heron(fleet).link.loss < 0.01
 
 
 def test_what_is_older_than_what_is_known_changes_nothing_but_proves_that_the_platform_is_there() -> None:
-    fleet = heard(Fleet(), VEHICLE, 0.0, sequence=5)
-    fleet = heard(fleet, MissionSummary(name="m", digest="d", state="done"), 0.0, sequence=2)
-    again = heard(fleet, MissionSummary(name="m", digest="d", state="running"), 1.0, sequence=1)
+    fleet = received(Fleet(), VEHICLE, 0.0, sequence=5)
+    fleet = received(fleet, MissionSummary(name="m", digest="d", state="done"), 0.0, sequence=2)
+    again = received(fleet, MissionSummary(name="m", digest="d", state="running"), 1.0, sequence=1)
     assert heron(again).mission == heron(fleet).mission
-    assert heron(again).heard_s == 1.0
+    assert heron(again).received_s == 1.0
 
 
 def test_a_restarted_platform_is_asked_anew_and_keeps_its_last_position() -> None:
-    fleet = heard(heard(Fleet(), TABLE, 0.0), VEHICLE, 0.0, sequence=9)
-    fleet = heard(fleet, ControlState(holder=""), 3.0, boot=2)
+    fleet = received(received(Fleet(), TABLE, 0.0), VEHICLE, 0.0, sequence=9)
+    fleet = received(fleet, ControlState(holder=""), 3.0, boot=2)
     platform = heron(fleet)
     assert platform.is_incomplete
     assert platform.vehicle is not None
-    assert platform.vehicle.heard_s == 0.0
+    assert platform.vehicle.received_s == 0.0
     assert fleet.events[-1].text == reducers.RESTARTED
     assert fleet.events[-1].severity is Severity.WARNING
 
 
 def test_two_platforms_of_one_name_are_told_and_one_of_them_is_shown() -> None:
-    fleet = heard(Fleet(), VEHICLE, 0.0, boot=1)
+    fleet = received(Fleet(), VEHICLE, 0.0, boot=1)
     for step in range(1, 40):
-        fleet = heard(fleet, VEHICLE, 0.5 * step, sequence=step, boot=1 + step % 2)
+        fleet = received(fleet, VEHICLE, 0.5 * step, sequence=step, boot=1 + step % 2)
     assert [event.text for event in fleet.events] == ["is heard", reducers.RESTARTED], "told once, not at each message"
     assert heron(fleet).boot == 2
     (cause,) = [cause for cause in causes(fleet, 20.0) if cause.what == "name"]
     assert cause.text.startswith("two platforms have this name")
     assert not heron(fleet).is_doubled(40.0)
-    fleet = heard(fleet, VEHICLE, 40.0, sequence=80, boot=1)
+    fleet = received(fleet, VEHICLE, 40.0, sequence=80, boot=1)
     assert heron(fleet).boot == 1, "the other one has gone"
 
 
 def test_what_comes_late_from_a_life_that_is_over_is_no_second_platform() -> None:
-    fleet = heard(heard(Fleet(), VEHICLE, 0.0, boot=1), VEHICLE, 1.0, boot=2)
-    fleet = heard(heard(fleet, VEHICLE, 1.1, sequence=8, boot=1), VEHICLE, 1.2, sequence=9, boot=1)
+    fleet = received(received(Fleet(), VEHICLE, 0.0, boot=1), VEHICLE, 1.0, boot=2)
+    fleet = received(received(fleet, VEHICLE, 1.1, sequence=8, boot=1), VEHICLE, 1.2, sequence=9, boot=1)
     assert heron(fleet).boot == 2
     assert not heron(fleet).is_doubled(1.3)
 
 
 def test_silence_that_ends_is_an_event() -> None:
-    fleet = heard(heard(Fleet(), VEHICLE, 0.0), VEHICLE, 12.0, sequence=1)
+    fleet = received(received(Fleet(), VEHICLE, 0.0), VEHICLE, 12.0, sequence=1)
     assert fleet.events[-1].text == "is heard again after 12 s of silence"
 
 
@@ -165,7 +165,7 @@ def test_events_are_kept_in_a_bounded_ring_and_counted() -> None:
     fleet = Fleet()
     for number in range(reducers.EVENTS_KEPT + 20):
         event = CiEvent(severity=Severity.INFO, source="driver", text=f"{number}", t_s=0.0)
-        fleet = heard(fleet, event, 0.0, sequence=number)
+        fleet = received(fleet, event, 0.0, sequence=number)
     assert len(fleet.events) == reducers.EVENTS_KEPT
     assert fleet.event_count == reducers.EVENTS_KEPT + 21
     assert fleet.events[-1].number == fleet.event_count
@@ -174,13 +174,13 @@ def test_events_are_kept_in_a_bounded_ring_and_counted() -> None:
 
 
 def test_two_platforms_are_kept_apart() -> None:
-    fleet = heard(heard(Fleet(), VEHICLE, 0.0), VEHICLE, 5.0, platform="hummingbird")
-    assert [(platform.name, platform.heard_s) for platform in fleet] == [("heron", 0.0), ("hummingbird", 5.0)]
+    fleet = received(received(Fleet(), VEHICLE, 0.0), VEHICLE, 5.0, platform="hummingbird")
+    assert [(platform.name, platform.received_s) for platform in fleet] == [("heron", 0.0), ("hummingbird", 5.0)]
 
 
 def test_a_planned_silence_is_no_alarm_until_contact_is_due() -> None:
-    told = MissionSummary(name="m", digest="d", state="running", silence="dive", silent_until_s=70.0)
-    fleet = heard(Fleet(utc_offset_s=VIRTUAL_EPOCH_S), told, 40.0)  # the platform's clock was at 0 then
+    reported = MissionSummary(name="m", digest="d", state="running", silence="dive", silent_until_s=70.0)
+    fleet = received(Fleet(utc_offset_s=VIRTUAL_EPOCH_S), reported, 40.0)  # the platform's clock was at 0 then
     platform = heron(fleet)
     assert wording.silence(platform, 99.0) == "silent as planned (dive), due 00:01:50 UTC"
     assert not list(causes(fleet, 99.0))

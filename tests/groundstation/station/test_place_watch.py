@@ -13,7 +13,7 @@ HOME = GeoPoint(47.3977, 8.5456, 488.0)
 
 def placed(watch: PlaceWatch, x: float, y: float, height: float, now_s: float, **fields: int) -> None:
     place = LocalFrame(HOME).to_geo((x, y, height))
-    watch.take(
+    watch.receive(
         message(
             "GLOBAL_POSITION_INT",
             time_boot_ms=round(1000 * now_s),
@@ -44,13 +44,13 @@ def test_the_frame_begins_at_the_first_place_on_the_height_of_home() -> None:
 def test_attitude_and_battery_go_with_the_place_while_they_are_fresh() -> None:
     watch = PlaceWatch()
     attitude = message("ATTITUDE", roll=radians(5.0), pitch=radians(-2.0), yaw=radians(-90.0))
-    watch.take(attitude, 1.0)
-    watch.take(message("SYS_STATUS", voltage_battery=15_840, current_battery=1450), 1.0)
+    watch.receive(attitude, 1.0)
+    watch.receive(message("SYS_STATUS", voltage_battery=15_840, current_battery=1450), 1.0)
     placed(watch, 0.0, 0.0, 0.0, 1.5)
     assert watch.motion is not None
     assert watch.motion.attitude_cdeg == (500, -200, 27000)
     assert (watch.motion.battery_cv, watch.motion.battery_ca) == (1584, 1450)
-    watch.take(message("SYS_STATUS", voltage_battery=65_535, current_battery=-1), 2.0)
+    watch.receive(message("SYS_STATUS", voltage_battery=65_535, current_battery=-1), 2.0)
     placed(watch, 0.0, 0.0, 0.0, 9.0)
     assert watch.motion.attitude_cdeg == (0, 0, 9000)
     assert (watch.motion.battery_cv, watch.motion.battery_ca) == (0, 0)
@@ -58,8 +58,8 @@ def test_attitude_and_battery_go_with_the_place_while_they_are_fresh() -> None:
 
 def test_no_place_on_earth_and_angles_beyond_reason_are_not_believed() -> None:
     watch = PlaceWatch()
-    watch.take(message("GLOBAL_POSITION_INT", lat=0, lon=0, relative_alt=5000), 1.0)
+    watch.receive(message("GLOBAL_POSITION_INT", lat=0, lon=0, relative_alt=5000), 1.0)
     assert (watch.site, watch.motion) == (None, None)
-    watch.take(message("ATTITUDE", roll=float("nan")), 1.0)
+    watch.receive(message("ATTITUDE", roll=float("nan")), 1.0)
     placed(watch, 0.0, 0.0, 0.0, 1.5)
     assert watch.motion is not None

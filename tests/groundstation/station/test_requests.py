@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gloc3.messages.command_interface import CiReply, CiRequest, Hello, LoadMission, Outcome, Query, ReadMission
-from gloc3_groundstation.station.requests import PATIENCE_S, Requests
+from gloc3_groundstation.station.requests import TIMEOUT_S, Requests
 
 
 def reply(request: CiRequest, outcome: Outcome = Outcome.ACCEPTED, boot: int = 5) -> CiReply:
@@ -36,8 +36,8 @@ def test_a_late_reply_is_asked_for_and_the_answer_counts_as_the_reply() -> None:
     requests = Requests("255", 5)
     key = requests.request("a", ReadMission(), 10.0, 0.0)
     requests.outgoing()
-    assert requests.next_tick_s() == PATIENCE_S
-    requests.tick(PATIENCE_S)
+    assert requests.next_tick_s() == TIMEOUT_S
+    requests.tick(TIMEOUT_S)
     ((_, query),) = requests.outgoing()
     assert query.body == Query(boot=5, sequence=0)
     requests.receive("a", reply(query, Outcome.REFUSED), 2.5)
@@ -75,7 +75,7 @@ def test_without_any_answer_the_outcome_is_unknown_and_says_who_was_silent() -> 
 def test_a_long_mission_is_given_time_before_it_is_asked_about() -> None:
     requests = Requests("255", 5)
     requests.request("a", LoadMission(name="m", text="x" * 20_000), 60.0, 0.0)
-    assert requests.next_tick_s() == PATIENCE_S + 20.0
+    assert requests.next_tick_s() == TIMEOUT_S + 20.0
 
 
 @settings(max_examples=60)

@@ -21,10 +21,10 @@ def test_a_bare_autopilot_appears_with_mode_arming_battery_and_place() -> None:
     async def play(scene: Scene) -> None:
         autopilot = Autopilot(scene.memories[0], ARDUPILOT, custom_mode=BRAKE, base_mode=128)
         await scene.pass_s(1.5)
-        autopilot.say("SYS_STATUS", battery_remaining=64)
-        autopilot.say("EXTENDED_SYS_STATE", landed_state=2)
+        autopilot.report("SYS_STATUS", battery_remaining=64)
+        autopilot.report("EXTENDED_SYS_STATE", landed_state=2)
         await scene.pass_s(2.0)
-        autopilot.say("GLOBAL_POSITION_INT", lat=473977000, lon=85456000, alt=500_000, relative_alt=12_000, hdg=9000)
+        autopilot.report("GLOBAL_POSITION_INT", lat=473977000, lon=85456000, alt=500_000, relative_alt=12_000, hdg=9000)
         await scene.pass_s(1.0)
         bare = scene.platform("ardupilot-1")
         assert bare.vehicle is not None
@@ -33,8 +33,8 @@ def test_a_bare_autopilot_appears_with_mode_arming_battery_and_place() -> None:
         assert (vehicle.landed, vehicle.heading_deg, vehicle.geo) == ("in_air", 90, (47.3977, 8.5456, 500.0))
         assert not bare.has_companion
         assert scene.vehicles.reach("ardupilot-1") == (scene.links[0][1], Address(1, 1))
-        said = "is heard: ArduPilot quadrotor, system 1, without a companion of ours: services only"
-        assert scene.texts() == [said]
+        text = "is heard: ArduPilot quadrotor, system 1, without a companion of ours: services only"
+        assert scene.texts() == [text]
         assert list(alerts.causes(scene.station.fleet, scene.station.now_s())) == []
         autopilot.is_on = False
         await scene.pass_s(6.0)
@@ -115,12 +115,14 @@ def test_two_vehicles_of_one_system_id_on_two_links_are_told_and_each_is_reached
         assert list(scene.station.fleet.platforms) == ["px4-1", "px4-1@2"]
         assert scene.vehicles.reach("px4-1")[0] is scene.links[0][1]
         assert scene.vehicles.reach("px4-1@2")[0] is scene.links[1][1]
-        told = alerts.update(Alerts(), scene.station.fleet, scene.station.now_s()).pending
-        assert [(alert.platform, alert.what) for alert in told] == [
+        reported = alerts.update(Alerts(), scene.station.fleet, scene.station.now_s()).pending
+        assert [(alert.platform, alert.what) for alert in reported] == [
             ("px4-1", "same system id"),
             ("px4-1@2", "same system id"),
         ]
-        assert told[0].text.startswith("px4-1@2 on udpin://0.0.0.0:14551 has the same system id 1: each is spoken to")
+        assert reported[0].text.startswith(
+            "px4-1@2 on udpin://0.0.0.0:14551 has the same system id 1: each is spoken to"
+        )
 
     over(play)
 
@@ -170,19 +172,25 @@ def test_an_unknown_autopilot_says_what_is_the_matter() -> None:
 
 def test_a_bare_vehicle_is_asked_a_few_times_for_what_it_does_not_tell() -> None:
     async def play(scene: Scene) -> None:
-        asked: list[tuple[int, float, float]] = []
+        requested: list[tuple[int, float, float]] = []
 
-        def take(data: bytes) -> None:
+        def handle(data: bytes) -> None:
             for frame in Parser(is_datagram=True).receive(data):
                 decoded = frame.decode()
                 if decoded is not None and decoded.name == "COMMAND_LONG":
-                    asked.append((decoded.command, decoded.param1, decoded.param2))
+                    requested.append((decoded.command, decoded.param1, decoded.param2))
 
-        scene.memories[0].b.on_data = take
+        scene.memories[0].b.on_data = handle
         Autopilot(scene.memories[0], PX4)
         await scene.pass_s(60.0)
-        assert len(asked) == 4 * 5
-        assert set(asked) == {(511, 1.0, 1e6), (511, 30.0, 1e6), (511, 33.0, 1e6), (511, 74.0, 1e6), (511, 245.0, 1e6)}
+        assert len(requested) == 4 * 5
+        assert set(requested) == {
+            (511, 1.0, 1e6),
+            (511, 30.0, 1e6),
+            (511, 33.0, 1e6),
+            (511, 74.0, 1e6),
+            (511, 245.0, 1e6),
+        }
 
     over(play)
 
@@ -195,15 +203,15 @@ def test_a_link_that_is_closed_takes_its_bare_vehicles_with_it_and_a_platform_lo
         tunnel = scene.companion(0)
         await scene.pass_s(6.0)
         assert list(scene.station.fleet.platforms) == ["heron", "ardupilot-2"]
-        gone = scene.links[:]
+        lost = scene.links[:]
         scene.links.clear()
         await scene.pass_s(1.0)
         assert list(scene.station.fleet.platforms) == ["heron"]
         assert scene.platform("heron").autopilot is None
-        scene.links.append(gone[1])
+        scene.links.append(lost[1])
         await scene.pass_s(5.0)
         assert list(scene.station.fleet.platforms) == ["heron", "ardupilot-2"]
-        scene.links.append(gone[0])
+        scene.links.append(lost[0])
         tunnel.close()
 
     over(play)

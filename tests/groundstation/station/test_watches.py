@@ -47,46 +47,46 @@ def height(height_m: float) -> HeightAboveGround:
 def test_what_somebody_wants_is_asked_at_once_again_before_the_lease_ends_and_ended_when_nobody_looks(
     watches: Watches,
 ) -> None:
-    watches.look("screen", "heron", [POSE], 10.0)
+    watches.watch("screen", "heron", [POSE], 10.0)
     assert watches.due(10.0) == [("heron", Watch(wants=[POSE]))]
     assert watches.due(10.1) == []
     assert watches.next_s() == 10.0 + RENEW_S
     assert watches.due(10.0 + RENEW_S) == [("heron", Watch(wants=[POSE]))]
     assert 2.0 * RENEW_S < LEASE_S
-    watches.look("screen", "heron", [], 14.0)
+    watches.watch("screen", "heron", [], 14.0)
     assert watches.due(14.0) == [("heron", Watch())]
     assert watches.due(30.0) == []
     assert watches.next_s() is None
 
 
 def test_a_viewer_that_does_not_look_again_in_time_is_forgotten(watches: Watches) -> None:
-    watches.look("screen", "heron", [POSE], 0.0, for_s=2.0)
+    watches.watch("screen", "heron", [POSE], 0.0, for_s=2.0)
     watches.due(0.0)
     assert watches.next_s() == 2.0
     assert watches.due(2.0) == [("heron", Watch())]
 
 
 def test_two_viewers_share_one_request_and_get_what_the_more_demanding_one_wants(watches: Watches) -> None:
-    watches.look("screen", "heron", [Want("pose", 1.0), Want("camera/ground", 1.0, 96, 72)], 0.0, is_listing=True)
-    watches.look("foxglove", "heron", [Want("pose", 10.0), Want("camera/ground", 0.5, 320, 240)], 0.0)
-    ((_, asked),) = watches.due(0.0)
-    assert asked.is_listing
-    assert asked.wants == [Want("camera/ground", 1.0, 320, 240), Want("pose", 10.0)]
-    watches.look_away("foxglove")
-    ((_, asked),) = watches.due(1.0)
-    assert asked.wants == [Want("camera/ground", 1.0, 96, 72), Want("pose", 1.0)]
+    watches.watch("screen", "heron", [Want("pose", 1.0), Want("camera/ground", 1.0, 96, 72)], 0.0, is_listing=True)
+    watches.watch("foxglove", "heron", [Want("pose", 10.0), Want("camera/ground", 0.5, 320, 240)], 0.0)
+    ((_, requested),) = watches.due(0.0)
+    assert requested.is_listing
+    assert requested.wants == [Want("camera/ground", 1.0, 320, 240), Want("pose", 10.0)]
+    watches.unwatch("foxglove")
+    ((_, requested),) = watches.due(1.0)
+    assert requested.wants == [Want("camera/ground", 1.0, 96, 72), Want("pose", 1.0)]
 
 
 def test_looking_at_another_vehicle_ends_the_look_at_the_one_before(watches: Watches) -> None:
-    watches.look("screen", "heron", [POSE], 0.0)
+    watches.watch("screen", "heron", [POSE], 0.0)
     watches.due(0.0)
-    watches.look_away("screen", except_from="egret")
-    watches.look("screen", "egret", [POSE], 1.0)
+    watches.unwatch("screen", except_from="egret")
+    watches.watch("screen", "egret", [POSE], 1.0)
     assert watches.due(1.0) == [("heron", Watch()), ("egret", Watch(wants=[POSE]))]
 
 
 def test_a_sample_is_the_message_as_it_was_published_and_its_numbers_are_kept_for_plots(watches: Watches) -> None:
-    watches.look("screen", "heron", [Want("height")], 0.0)
+    watches.watch("screen", "heron", [Want("height")], 0.0)
     watches.due(0.0)
     for step in range(HISTORY + 5):
         now_s = 0.1 * step
@@ -108,7 +108,7 @@ def test_a_sample_is_the_message_as_it_was_published_and_its_numbers_are_kept_fo
 def test_samples_that_a_link_held_back_and_brings_at_once_have_the_rate_at_which_they_were_taken(
     watches: Watches,
 ) -> None:
-    watches.look("screen", "heron", [Want("height")], 0.0)
+    watches.watch("screen", "heron", [Want("height")], 0.0)
     watches.due(0.0)
     for step in range(30):
         watches.receive(sample("height", height(1.0), 0.2 * step), 6.0 + 1e-5 * step)
@@ -116,17 +116,17 @@ def test_samples_that_a_link_held_back_and_brings_at_once_have_the_rate_at_which
 
 
 def test_what_is_said_not_to_be_valid_is_shown_and_not_plotted(watches: Watches) -> None:
-    watches.look("screen", "heron", [Want("height")], 0.0)
+    watches.watch("screen", "heron", [Want("height")], 0.0)
     watches.due(0.0)
     for step, height_m in enumerate((1.0, 41.0, 1.1)):
-        told = HeightAboveGround(height_m=height_m, is_valid=height_m < 40.0)
-        watches.receive(sample("height", told, 0.1 * step), 0.1 * step)
+        reported = HeightAboveGround(height_m=height_m, is_valid=height_m < 40.0)
+        watches.receive(sample("height", reported, 0.1 * step), 0.1 * step)
     assert [numbers for _, numbers in watches.series("heron", "height", "height_m")] == [(1.0,), (1.1,)]
     assert len(watches.series("heron", "height", "is_valid")) == 3
 
 
 def test_a_sample_that_comes_by_two_links_counts_once(watches: Watches) -> None:
-    watches.look("screen", "heron", [Want("height")], 0.0)
+    watches.watch("screen", "heron", [Want("height")], 0.0)
     watches.due(0.0)
     first, second = sample("height", height(1.0), 0.0), sample("height", height(2.0), 0.2)
     assert watches.receive(first, 0.1) is not None
@@ -138,14 +138,14 @@ def test_a_sample_that_comes_by_two_links_counts_once(watches: Watches) -> None:
 
 def test_samples_that_others_look_at_are_not_kept(watches: Watches) -> None:
     assert watches.receive(sample("height", height(1.0), 0.0), 0.0) is None
-    watches.look("screen", "heron", [POSE], 0.0)
+    watches.watch("screen", "heron", [POSE], 0.0)
     watches.due(0.0)
     assert watches.receive(sample("height", height(1.0), 0.0), 0.0) is None
     assert watches.sight("heron", "height", 0.0).envelope is None
 
 
 def test_a_vehicle_that_has_restarted_begins_its_plots_anew(watches: Watches) -> None:
-    watches.look("screen", "heron", [Want("height")], 0.0)
+    watches.watch("screen", "heron", [Want("height")], 0.0)
     watches.due(0.0)
     watches.receive(sample("height", height(1.0), 500.0), 1.0)
     watches.receive(sample("height", height(2.0), 3.0), 2.0)
@@ -156,14 +156,14 @@ def test_a_sample_that_cannot_be_read_says_why(watches: Watches) -> None:
     class Strange(Message, frozen=True):
         value: int
 
-    watches.look("screen", "heron", [Want("strange")], 0.0)
+    watches.watch("screen", "heron", [Want("strange")], 0.0)
     watches.due(0.0)
     assert watches.receive(sample("strange", Strange(value=1), 0.0), 0.0) is None
     assert watches.sight("heron", "strange", 0.0).problem == "unknown message type 'Strange'"
 
 
 def test_what_is_refused_is_told_at_the_topic_and_what_the_platform_cannot_do_at_all_of_them(watches: Watches) -> None:
-    watches.look("screen", "heron", [Want("hight"), POSE], 0.0)
+    watches.watch("screen", "heron", [Want("hight"), POSE], 0.0)
     watches.due(0.0)
     watches.answered("heron", {"hight": "did you mean 'height'?"})
     assert watches.sight("heron", "hight", 0.0).problem == "did you mean 'height'?"
@@ -173,7 +173,7 @@ def test_what_is_refused_is_told_at_the_topic_and_what_the_platform_cannot_do_at
 
 
 def test_the_list_is_asked_for_until_it_is_there(watches: Watches) -> None:
-    watches.look("screen", "heron", [], 0.0, is_listing=True)
+    watches.watch("screen", "heron", [], 0.0, is_listing=True)
     assert watches.lists_due() == ["heron"]
     watches.listed("heron", [TopicEntry("pose", "Pose", 20.0, "pose")])
     assert watches.lists_due() == []
@@ -181,7 +181,7 @@ def test_the_list_is_asked_for_until_it_is_there(watches: Watches) -> None:
     watches.receive(Envelope("heron/watch/activity", Source("heron", "viewer", 9), 0, 0.0, "", "", activity), 0.0)
     assert watches.activity("heron") == activity
     watches.due(0.0)
-    watches.look("screen", "heron", [], 1.0)
+    watches.watch("screen", "heron", [], 1.0)
     watches.due(1.0)
     assert watches.activity("heron") is None, "what is not looked at is not known"
 
@@ -205,7 +205,7 @@ def test_pictures_grow_while_they_come_in_time_and_shrink_when_they_do_not() -> 
 
 def test_a_preview_is_never_plotted(watches: Watches) -> None:
     preview = Preview(camera="front", width=64, height=48, full_width=640, full_height=480, data=b"x")
-    watches.look("screen", "heron", [Want("camera/front")], 0.0)
+    watches.watch("screen", "heron", [Want("camera/front")], 0.0)
     watches.due(0.0)
     assert watches.receive(sample("camera/front", preview, 1.0), 1.0) is not None
     assert watches.series("heron", "camera/front", "width") == []

@@ -127,7 +127,7 @@ def test_any_text_is_read_or_told(tmp_path_factory: pytest.TempPathFactory, text
     path = tmp_path_factory.getbasetemp() / "any.toml"
     path.write_text(text, encoding="utf-8", errors="ignore", newline="")
     try:
-        told = repr(ConfigurationFile(path).read())
+        reported = repr(ConfigurationFile(path).read())
     except InputError as error:
-        told = str(error)
-    assert told.startswith(("Configuration(", str(path)))
+        reported = str(error)
+    assert reported.startswith(("Configuration(", str(path)))

@@ -15,7 +15,7 @@ from gloc3.messages.summaries import ControlState, MissionSummary
 from gloc3.messages.topics import TopicTable
 from gloc3.mission.model.model import digest_of
 from gloc3_groundstation.desk.desk import Desk
-from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.store.contact_queue import ContactQueue
 
@@ -36,17 +36,17 @@ class Far:
         self._publisher = Publisher(self.exchange, "petrel", "command_server", 1)
         self.exchange.subscribe("petrel/ci/request", self._take)
         self.station = Station(self.exchange, self._loop, "255", 1)
-        self._tell()
+        self._notify()
 
-    def _tell(self) -> None:
+    def _notify(self) -> None:
         if self.is_here:
-            self._say("vehicle", VEHICLE)
-            self._say("control", ControlState(holder=self._holder))
+            self._write("vehicle", VEHICLE)
+            self._write("control", ControlState(holder=self._holder))
             digest = digest_of(self._text) if self._text else ""
-            self._say("mission", MissionSummary(name="m", digest=digest, state=self.state if digest else ""))
-        self._timer = self._loop.call_later(0.5, self._tell)
+            self._write("mission", MissionSummary(name="m", digest=digest, state=self.state if digest else ""))
+        self._timer = self._loop.call_later(0.5, self._notify)
 
-    def _say(self, topic: str, message: Any) -> None:
+    def _write(self, topic: str, message: Any) -> None:
         self._publisher.publish(f"petrel/ci/{topic}", message, self._loop.time())
 
     def _take(self, envelope: Envelope[CiRequest]) -> None:
@@ -57,7 +57,7 @@ class Far:
         body, text, outcome = request.body, "", Outcome.ACCEPTED
         if isinstance(body, Control):
             self._holder = request.sender
-            self._say("control", ControlState(holder=self._holder))
+            self._write("control", ControlState(holder=self._holder))
         elif isinstance(body, LoadMission):
             self.loads.append(body.name)
             if body.name == self.refused:
@@ -78,14 +78,14 @@ class Far:
             reason=reason,
             text=text,
         )
-        self._loop.call_later(0.1, self._say, "reply", reply)
+        self._loop.call_later(0.1, self._write, "reply", reply)
 
     def shown(self) -> list[str]:
         return [event.text for event in self.station.fleet.events]
 
 
-def plan(name: str) -> Plan:
-    return Plan(name=name, title=name, text=TEXT.format(name))
+def plan(name: str) -> CheckedPlan:
+    return CheckedPlan(name=name, title=name, text=TEXT.format(name))
 
 
 def played(steps: Callable[[Far], Awaitable[None]]) -> Far:
@@ -177,7 +177,7 @@ def test_a_start_never_waits_for_contact() -> None:
         assert await desk.start("petrel") == {}
         await desk.stream("petrel")
         assert [queued.plan.name for queued in desk.queue.of("petrel")] == ["one"]
-        reply = await far.station.client.ask("petrel", Steer(verb=Verb.ABORT))
+        reply = await far.station.client.request("petrel", Steer(verb=Verb.ABORT))
         assert reply.outcome is Outcome.UNKNOWN
         far.is_here = True
         await asyncio.sleep(10.0)

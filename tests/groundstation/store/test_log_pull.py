@@ -14,7 +14,7 @@ from gloc3.clock import VirtualLoop
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.messages.command_interface import (
-    LOOKS,
+    QUERIES,
     AboutLogs,
     CiReply,
     CiRequest,
@@ -31,7 +31,7 @@ from gloc3.messages.topics import TopicTable
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.store.log_pull import ChunkCarrier, LogPuller, Pulled
 from gloc3_onboard.command_server.journal import answer
-from gloc3_onboard.command_server.log_shelf import AtOnce, LogShelf
+from gloc3_onboard.command_server.log_shelf import ImmediateExecutor, LogStore
 
 LATENCY_S = 0.3
 
@@ -43,44 +43,44 @@ class Vessel:
         self.folder, self.loss, self.is_cut_off = folder, loss, False
         self.may_only_look = False
         """Whether the station is one that may look and not command."""
-        self.under_way = self.most_under_way = 0
+        self.running = self.most_under_way = 0
         topics, loop = TopicTable.installed(), asyncio.get_running_loop()
         self.exchange = LocalExchange(topics)
         self._random, self._loop = Random(1), loop
-        self._shelf = LogShelf(folder, lambda: {folder / unfinished}, lambda: None, AtOnce())
+        self._log_store = LogStore(folder, lambda: {folder / unfinished}, lambda: None, ImmediateExecutor())
         self._publisher = Publisher(self.exchange, "auv", "command_server", 1)
         self.exchange.subscribe("auv/ci/request", self._take)
         self.station = Station(self.exchange, loop, "255", 1)
-        self._tell()
+        self._report()
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         if not self.is_cut_off:
             self._publisher.publish("auv/ci/vehicle", VEHICLE, self._loop.time())
-        self._timer = self._loop.call_later(0.5, self._tell)
+        self._timer = self._loop.call_later(0.5, self._report)
 
     def _take(self, envelope: Envelope[CiRequest]) -> None:
         if self.is_cut_off or not isinstance(envelope.payload.body, AboutLogs):
             return
-        reply = self._asked(envelope.payload)
-        for told in [*([] if reply is None else [reply]), *self._shelf.take()]:
-            if isinstance(told, LogChunk):
-                self.under_way += 1
-                self.most_under_way = max(self.most_under_way, self.under_way)
+        reply = self._requested(envelope.payload)
+        for reported in [*([] if reply is None else [reply]), *self._log_store.collect()]:
+            if isinstance(reported, LogChunk):
+                self.running += 1
+                self.most_under_way = max(self.most_under_way, self.running)
                 if self._random.random() < self.loss:
-                    self.under_way -= 1
+                    self.running -= 1
                     continue
-            self._loop.call_later(LATENCY_S, self._arrive, told)
+            self._loop.call_later(LATENCY_S, self._arrive, reported)
 
-    def _asked(self, request: CiRequest) -> CiReply | None:
-        if self.may_only_look and not isinstance(request.body, LOOKS):
+    def _requested(self, request: CiRequest) -> CiReply | None:
+        if self.may_only_look and not isinstance(request.body, QUERIES):
             return answer(request, Outcome.REFUSED, "station 255 may look and not command")
-        return self._shelf.ask(request)
+        return self._log_store.handle(request)
 
-    def _arrive(self, told: Any) -> None:
-        self.under_way -= isinstance(told, LogChunk)
+    def _arrive(self, reported: Any) -> None:
+        self.running -= isinstance(reported, LogChunk)
         if not self.is_cut_off:
-            topic = "log_chunk" if isinstance(told, LogChunk) else "ci/reply"
-            self._publisher.publish(f"auv/{topic}", told, self._loop.time())
+            topic = "log_chunk" if isinstance(reported, LogChunk) else "ci/reply"
+            self._publisher.publish(f"auv/{topic}", reported, self._loop.time())
 
     def answer(self, reply: CiReply) -> None:
         self._publisher.publish("auv/ci/reply", reply, self._loop.time())
@@ -89,8 +89,8 @@ class Vessel:
         self._timer.cancel()
         self.station.close()
 
-    def puller(self, told: Any = lambda _: None, came: Any = lambda *_: None) -> LogPuller:
-        return LogPuller(self.station, "auv", ChunkCarrier(self.station, self.exchange, "auv"), came, told)
+    def puller(self, reported: Any = lambda _: None, came: Any = lambda *_: None) -> LogPuller:
+        return LogPuller(self.station, "auv", ChunkCarrier(self.station, self.exchange, "auv"), came, reported)
 
 
 @pytest.fixture
@@ -168,9 +168,9 @@ def test_what_came_damaged_is_fetched_once_more_and_never_confirmed(there: Path,
     (here / "log.mcap.1000003.part").write_bytes(b"of another log")
 
     async def steps() -> Pulled:
-        vessel, said = Vessel(there), list[str]()
-        pulled = await _whole(vessel.puller(said.append), here)
-        assert "log.mcap came with another digest: once more" in said
+        vessel, text = Vessel(there), list[str]()
+        pulled = await _whole(vessel.puller(text.append), here)
+        assert "log.mcap came with another digest: once more" in text
         vessel.close()
         return pulled
 
@@ -223,21 +223,21 @@ def test_only_logs_can_be_fetched_and_only_with_the_right_digest_be_deleted(ther
 
 def test_a_request_that_comes_twice_ends_one_log(there: Path) -> None:
     cuts: list[int] = []
-    shelf = LogShelf(there, set, lambda: cuts.append(1), AtOnce())
+    shelf = LogStore(there, set, lambda: cuts.append(1), ImmediateExecutor())
     for sequence in (7, 7, 8):
-        reply = shelf.ask(CiRequest(sender="255", boot=1, sequence=sequence, body=CutLog()))
+        reply = shelf.handle(CiRequest(sender="255", boot=1, sequence=sequence, body=CutLog()))
         assert reply is not None
         assert reply.outcome is Outcome.ACCEPTED
     assert len(cuts) == 2
 
 
 def test_a_piece_beyond_the_end_of_a_log_is_empty(there: Path) -> None:
-    shelf = LogShelf(there, set, lambda: None, AtOnce())
+    shelf = LogStore(there, set, lambda: None, ImmediateExecutor())
     for sequence, offset in enumerate((-1, 1_000_003, 1 << 63)):
-        shelf.ask(
+        shelf.handle(
             CiRequest(sender="255", boot=1, sequence=sequence, body=ReadLog(name="log.mcap", offset=offset, size=9))
         )
-    assert [len(chunk.data) for chunk in shelf.take() if isinstance(chunk, LogChunk)] == [9, 0, 0]
+    assert [len(chunk.data) for chunk in shelf.collect() if isinstance(chunk, LogChunk)] == [9, 0, 0]
 
 
 @pytest.mark.parametrize("name", ["../here/log.mcap", "/tmp/log.mcap", ".ssh", "log.mcap/..", 7])

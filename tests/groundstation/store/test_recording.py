@@ -14,27 +14,29 @@ from gloc3.log.reader import LogReader
 from gloc3.mavlink.codec import Encoder, message
 from gloc3.messages.topics import TopicTable
 from gloc3_groundstation.desk.events_desk import EventsDesk
-from gloc3_groundstation.links.link import Link, LinkContext
+from gloc3_groundstation.links.link import LinkContext, StationLinkCore
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.store.event_store import EventStore
-from gloc3_groundstation.store.recording import Limits, Recording, default_root, make_room
+from gloc3_groundstation.store.recording import RecordingLimits, SessionRecording, default_root, make_room
 
 pytestmark = pytest.mark.thorough
 
 
-def record(root: Path, seconds: float, limits: Limits, told: list[str]) -> Path:
+def record(root: Path, seconds: float, limits: RecordingLimits, reported: list[str]) -> Path:
     async def main() -> Path:
         loop = asyncio.get_running_loop()
         exchange, topics = LocalExchange(), TopicTable.installed()
-        recording = Recording(root, Clock(loop), loop, topics, "255", told.append, limits)
+        recording = SessionRecording(root, Clock(loop), loop, topics, "255", reported.append, limits)
         station = Station(exchange, loop, "255", 1)
         store = EventStore(recording.events, Clock(loop).utc_offset_s)
         EventsDesk(station, store)
         recording.attach(exchange)
         sent: list[bytes] = []
-        link = Link(
+        link = StationLinkCore(
             sent.append,
-            LinkContext(loop=loop, exchange=exchange, topics=topics, boot=1, tap=recording.frame, report=told.append),
+            LinkContext(
+                loop=loop, exchange=exchange, topics=topics, boot=1, tap=recording.frame, report=reported.append
+            ),
         )
         platform, encoder = ScriptedPlatform(exchange), Encoder(1, 1)
         platform.speak_every(0.5)
@@ -65,35 +67,35 @@ def frames(tlog: Path) -> list[Any]:
 
 @pytest.mark.thorough
 def test_everything_is_in_the_three_logs_and_other_programs_read_them(tmp_path: Path) -> None:
-    told: list[str] = []
-    folder = record(tmp_path, 5.0, Limits(), told)
+    reported: list[str] = []
+    folder = record(tmp_path, 5.0, RecordingLimits(), reported)
     assert folder.name == "2026-01-01_00-00-00"
     assert sorted(path.name for path in folder.iterdir()) == ["events.jsonl", "links.tlog", "station.mcap"]
-    heard = frames(folder / "links.tlog")
-    assert [one.time_boot_ms for one in heard if one.get_type() == "ATTITUDE"] == [0, 1, 2, 3, 4]
-    beats = [one for one in heard if one.get_type() == "HEARTBEAT"]
+    received = frames(folder / "links.tlog")
+    assert [one.time_boot_ms for one in received if one.get_type() == "ATTITUDE"] == [0, 1, 2, 3, 4]
+    beats = [one for one in received if one.get_type() == "HEARTBEAT"]
     assert {one.get_srcSystem() for one in beats} == {255}, "what is sent is in it too"
     assert beats[0]._timestamp == pytest.approx(VIRTUAL_EPOCH_S, abs=1.1)
     assert "second 4" in (folder / "events.jsonl").read_text()
     with LogReader(folder / "station.mcap") as log:
         topics = set(log.topics)
     assert {"heron/ci/summary", "heron/ci/vehicle", "heron/ci/event", "heron/ci/request"} <= topics
-    assert told == []
+    assert reported == []
 
 
 def test_logs_are_cut_into_parts_and_the_oldest_make_room(tmp_path: Path) -> None:
-    old = tmp_path / "2020-01-01_00-00-00"
-    old.mkdir()
-    (old / "links.tlog").write_bytes(b"x" * 50_000)
-    (old / "notes.txt").write_text("a person's own")
-    os.utime(old / "links.tlog", (1.0, 1.0))
-    folder = record(tmp_path, 60.0, Limits(part_bytes=500, kept_bytes=40_000), [])
+    previous = tmp_path / "2020-01-01_00-00-00"
+    previous.mkdir()
+    (previous / "links.tlog").write_bytes(b"x" * 50_000)
+    (previous / "notes.txt").write_text("a person's own")
+    os.utime(previous / "links.tlog", (1.0, 1.0))
+    folder = record(tmp_path, 60.0, RecordingLimits(part_bytes=500, kept_bytes=40_000), [])
     parts = [path.name for path in folder.iterdir()]
     numbers = [int(name.partition("-")[2].partition(".")[0]) for name in parts if "-" in name]
     assert max(numbers) > 50
     assert min(numbers) > 3, "the oldest are gone"
     assert sum(path.stat().st_size for path in folder.iterdir()) < 60_000, "and what is being written"
-    assert [path.name for path in old.iterdir()] == ["notes.txt"]
+    assert [path.name for path in previous.iterdir()] == ["notes.txt"]
 
 
 def test_what_is_being_written_never_makes_room(tmp_path: Path) -> None:
@@ -107,14 +109,14 @@ def test_what_is_being_written_never_makes_room(tmp_path: Path) -> None:
 def test_a_disk_that_takes_no_more_is_told_once_and_the_station_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told: list[str] = []
+    reported: list[str] = []
 
     def fail(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Path, "open", fail)
     with pytest.raises(Exception, match="No space left on device"):
-        record(tmp_path, 1.0, Limits(), told)
+        record(tmp_path, 1.0, RecordingLimits(), reported)
     monkeypatch.undo()
     opened = Path.open
 
@@ -122,9 +124,9 @@ def test_a_disk_that_takes_no_more_is_told_once_and_the_station_goes_on(
         return fail() if "-2" in path.stem and path.suffix == ".tlog" else opened(path, *arguments, **options)
 
     monkeypatch.setattr(Path, "open", fail_later)
-    record(tmp_path, 30.0, Limits(part_bytes=500), told)
-    assert len(told) == 1
-    assert told[0].startswith("recording: cannot write")
+    record(tmp_path, 30.0, RecordingLimits(part_bytes=500), reported)
+    assert len(reported) == 1
+    assert reported[0].startswith("recording: cannot write")
 
 
 def test_the_folder_is_that_of_the_desktop_standard() -> None:

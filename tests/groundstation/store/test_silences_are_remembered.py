@@ -31,7 +31,7 @@ class Life:
         self.file = SilenceFile(file, self.station, self.loop)
         self._publisher = Publisher(self.exchange, "auv", "command_server", 7)
 
-    def hear(self, mission: MissionSummary) -> None:
+    def receive(self, mission: MissionSummary) -> None:
         self._publisher.publish("auv/ci/vehicle", replace(VEHICLE, is_armed=True), self.loop.time())
         self._publisher.publish("auv/ci/mission", mission, self.loop.time())
 
@@ -43,7 +43,7 @@ class Life:
     def alarms(self) -> list[tuple[Severity, str]]:
         return [(one.severity, one.text) for one in causes(self.station.fleet, self.loop.time())]
 
-    def told(self) -> list[str]:
+    def reported(self) -> list[str]:
         return [event.text for event in self.station.fleet.events]
 
     def end(self) -> None:
@@ -59,21 +59,21 @@ def played(steps: Callable[[], Awaitable[None]]) -> None:
 def test_the_next_life_of_a_station_shows_the_silence_the_alarm_and_the_contact(tmp_path: Path) -> None:
     async def steps() -> None:
         first = Life(tmp_path / "silences.json")
-        first.hear(DIVE)
+        first.receive(DIVE)
         await asyncio.sleep(20.0)
         words = first.shown()
         assert words.startswith("silent as planned (dive), due 00:10:00")
         first.end()
         second = Life(tmp_path / "silences.json")
         assert second.shown() == words
-        assert "was silent as planned (dive), due 00:10:00 UTC" in second.told()
+        assert "was silent as planned (dive), due 00:10:00 UTC" in second.reported()
         await asyncio.sleep(300.0)
         assert second.alarms() == []
         await asyncio.sleep(300.0)
         assert second.shown().startswith("OVERDUE by 20 s (dive)")
         assert [text.split(":")[0] for _, text in second.alarms()] == ["overdue"]
-        second.hear(replace(DIVE, silence="", silent_until_s=0.0))
-        assert second.told()[-1] == "is heard again after 620 s of silence, 20 s overdue"
+        second.receive(replace(DIVE, silence="", silent_until_s=0.0))
+        assert second.reported()[-1] == "is heard again after 620 s of silence, 20 s overdue"
         assert second.alarms() == []
         second.end()
         assert Life(tmp_path / "silences.json").shown() == "", "a silence that has ended is not remembered"
@@ -117,8 +117,8 @@ def test_a_platform_that_is_heard_by_sound_alone_is_in_view_without_an_alarm_or_
         assert life.alarms() == []
         await asyncio.sleep(60.0)
         assert life.alarms() == []
-        life.hear(DIVE)
-        assert life.told() == ["is heard by sound, and not otherwise", "is heard"]
+        life.receive(DIVE)
+        assert life.reported() == ["is heard by sound, and not otherwise", "is heard"]
         life.end()
 
     played(steps)

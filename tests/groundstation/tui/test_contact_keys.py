@@ -11,15 +11,15 @@ from tests.node_runner import NodeRunner
 
 from gloc3.exchange import Publisher
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.node import Node
+from gloc3.mavlink.node import MavlinkComponent
 from gloc3.mavlink.services.ftp_files import FolderFiles
 from gloc3.mavlink.services.ftp_server import FtpServer
 from gloc3.mavlink.transport.memory import PERFECT, Conditions
 from gloc3.messages.command_interface import AboutLogs, CiRequest, LoadMission
 from gloc3.messages.envelope import Envelope
-from gloc3_groundstation.desk.service_jobs import Service
-from gloc3_groundstation.tui.dialogues.questions import Question
-from gloc3_onboard.command_server.log_shelf import AtOnce, LogShelf
+from gloc3_groundstation.desk.service_jobs import ServiceKind
+from gloc3_groundstation.tui.dialogues.questions import YesNoQuestion
+from gloc3_onboard.command_server.log_shelf import ImmediateExecutor, LogStore
 
 pytestmark = pytest.mark.sockets
 COMPANION = Address(1, 191)
@@ -46,12 +46,12 @@ async def test_u_queues_a_mission_while_nothing_is_heard_x_takes_it_back_and_con
         assert "waits" not in here.shown("position")
         await here.press("u")
         await here.until("position", "waits for contact")
-        assert len(here.asked(LoadMission)) == 1
+        assert len(here.requested(LoadMission)) == 1
         later_s = 0.0
         here.platform.speak()
-        await here.wait(lambda: len(here.asked(LoadMission)) == 2)
+        await here.wait(lambda: len(here.requested(LoadMission)) == 2)
         await here.wait(lambda: "waits for contact" not in here.shown("position"))
-    assert len(here.asked(LoadMission)) == 2
+    assert len(here.requested(LoadMission)) == 2
 
 
 class OnboardComputer:
@@ -59,25 +59,25 @@ class OnboardComputer:
 
     def __init__(self, here: ServicesScene, folder: Path) -> None:
         loop = here.platform.loop
-        self._shelf = LogShelf(folder / "logs", set, lambda: None, AtOnce())
+        self._log_store = LogStore(folder / "logs", set, lambda: None, ImmediateExecutor())
         self._publisher, self._loop = Publisher(here.exchange, NAME, "command_server", 1), loop
         here.exchange.subscribe(f"{NAME}/ci/request", self._take)
         server = FtpServer(COMPANION, FolderFiles(folder))
-        self.runner = NodeRunner(Node(COMPANION, [server]), loop, here.memory.b.send)
+        self.runner = NodeRunner(MavlinkComponent(COMPANION, [server]), loop, here.memory.b.send)
         autopilot = here.memory.b.on_data
         assert autopilot is not None
 
-        def take(data: bytes) -> None:
+        def handle(data: bytes) -> None:
             autopilot(data)
             self.runner.on_data(data)
 
-        here.memory.b.on_data = take
+        here.memory.b.on_data = handle
 
     def _take(self, envelope: Envelope[CiRequest]) -> None:
         if isinstance(envelope.payload.body, AboutLogs):
-            reply = self._shelf.ask(envelope.payload)
-            for told in [*([] if reply is None else [reply]), *self._shelf.take()]:
-                self._publisher.publish(f"{NAME}/ci/reply", told, self._loop.time())
+            reply = self._log_store.handle(envelope.payload)
+            for reported in [*([] if reply is None else [reply]), *self._log_store.collect()]:
+                self._publisher.publish(f"{NAME}/ci/reply", reported, self._loop.time())
 
 
 async def test_o_fetches_the_onboard_computers_logs_after_a_question_and_goes_on_where_it_was_cancelled(
@@ -92,17 +92,17 @@ async def test_o_fetches_the_onboard_computers_logs_after_a_question_and_goes_on
         computer = OnboardComputer(here, onboard)
         await here.tab("Logs")
         await here.press("o")
-        await here.shows(Question)
+        await here.shows(YesNoQuestion)
         await here.press("n")
-        await here.wait(lambda: not isinstance(here.app.screen, Question))
+        await here.wait(lambda: not isinstance(here.app.screen, YesNoQuestion))
         assert not here.services.vehicle(NAME).jobs.running
         await here.press("o")
-        await here.shows(Question)
+        await here.shows(YesNoQuestion)
         await here.press("y")
         await here.until("job", "fetching log.mcap")
         await here.until("job", "150 kB")
         jobs = here.services.vehicle(NAME).jobs.running
-        await here.wait(lambda: Service.LOGS not in jobs or (jobs[Service.LOGS].fraction or 0.0) > 0.2)
+        await here.wait(lambda: ServiceKind.LOGS not in jobs or (jobs[ServiceKind.LOGS].fraction or 0.0) > 0.2)
         await here.press("escape")
         await here.until("job", "✗ fetching the onboard computer's logs: cancelled")
         (part,) = log.parent.iterdir()
@@ -112,7 +112,7 @@ async def test_o_fetches_the_onboard_computers_logs_after_a_question_and_goes_on
         assert there.exists()
         here.memory.set_conditions(PERFECT)
         await here.press("o")
-        await here.shows(Question)
+        await here.shows(YesNoQuestion)
         await here.press("y")
         await here.until("job", "1 log of the onboard computer: in")
         assert "digests equal, deleted onboard" in here.shown("job").replace("\n   ", " ")

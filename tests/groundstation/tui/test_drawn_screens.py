@@ -11,7 +11,7 @@ from textual.command import CommandPalette
 from textual.widgets import OptionList
 
 from gloc3_groundstation.store.configuration import Configuration
-from gloc3_groundstation.tui.dialogues.questions import Question
+from gloc3_groundstation.tui.dialogues.questions import YesNoQuestion
 from gloc3_groundstation.tui.screen import SMALLEST
 from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel
 
@@ -31,9 +31,9 @@ async def test_a_text_that_does_not_fit_is_found() -> None:
     async with scene(None) as here:
         here.platform.speak()
         await here.until("facts", "all 13 well")
-        facts = here.app.screen.query_one("#facts", Panel)
-        long = (facts.lines[0][0]._replace(text="x" * 80),)
-        facts.show([long] * 20)
+        snapshot = here.app.screen.query_one("#facts", Panel)
+        long = (snapshot.lines[0][0]._replace(text="x" * 80),)
+        snapshot.show([long] * 20)
         assert len(clipped(here.app)) > 1
 
 
@@ -55,7 +55,7 @@ async def test_control_q_asks_before_it_leaves_an_armed_vehicle() -> None:
         here.platform.fly(is_armed=True)
         await here.until("title", "ARMED")
         await here.press("ctrl+q")
-        await here.shows(Question)
+        await here.shows(YesNoQuestion)
 
 
 async def test_without_colours_the_chosen_command_of_the_palette_is_marked() -> None:

@@ -6,7 +6,7 @@ from gloc3_groundstation.tui.in_view import WAITS_S, InView
 
 def fleet(*names: str) -> Fleet:
     return Fleet(
-        platforms={name: PlatformSnapshot(name=name, boot=1, first_heard_s=0.0, heard_s=0.0) for name in names}
+        platforms={name: PlatformSnapshot(name=name, boot=1, first_received_s=0.0, received_s=0.0) for name in names}
     )
 
 

@@ -11,7 +11,7 @@ from gloc3.messages.command_interface import LoadMission, Steer, Verb
 from gloc3.messages.summaries import MissionSummary
 from gloc3.mission.model.model import digest_of
 from gloc3_groundstation.tui.dialogues.open_mission import OpenMission
-from gloc3_groundstation.tui.dialogues.questions import Question
+from gloc3_groundstation.tui.dialogues.questions import YesNoQuestion
 from gloc3_groundstation.tui.screens.mission import MissionScreen
 from gloc3_groundstation.tui.widgets.mission_editor import MissionEditor
 
@@ -45,7 +45,7 @@ async def test_a_mission_is_opened_checked_mended_streamed_flown_paused_resumed_
         await here.wait(lambda: any("read back" in event.text for event in here.station.fleet.events))
         here.platform.mission = MissionSummary(name="cargo hold", digest=digest_of(TEXT), state="waiting", tasks=TASKS)
         await here.press("s")
-        await here.shows(Question)
+        await here.shows(YesNoQuestion)
         await here.press("y")
         await here.wait(lambda: Steer(verb=Verb.START) in here.platform.requests)
         here.platform.advance("running", {"sweep.wall": 0.42}, depart="done", sweep="running", sweep__wall="running")
@@ -54,14 +54,14 @@ async def test_a_mission_is_opened_checked_mended_streamed_flown_paused_resumed_
         await _steer(here, "p", Verb.PAUSE, "paused")
         await _steer(here, "r", Verb.RESUME, "running")
         await here.press("a")
-        await here.shows(Question)
+        await here.shows(YesNoQuestion)
         await here.press("y")
         await here.wait(lambda: Steer(verb=Verb.ABORT) in here.platform.requests)
         here.platform.advance("aborted", sweep="aborted", sweep__wall="aborted")
         await here.until("graph", "aborted")
-        sent = [body for body in here.asked(Steer) if isinstance(body, Steer)]
+        sent = [body for body in here.requested(Steer) if isinstance(body, Steer)]
         assert [body.verb for body in sent] == [Verb.START, Verb.PAUSE, Verb.RESUME, Verb.ABORT]
-        assert len(here.asked(LoadMission)) == 1
+        assert len(here.requested(LoadMission)) == 1
 
 
 async def _steer(here: Scene, key: str, verb: Verb, state: str) -> None:

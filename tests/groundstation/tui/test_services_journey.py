@@ -16,7 +16,7 @@ from textual.widgets import Input
 from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.tui.app import StationApp
-from gloc3_groundstation.tui.widgets.entry import Entry
+from gloc3_groundstation.tui.widgets.entry import TextEntry
 
 pytestmark = [pytest.mark.sockets, pytest.mark.flight]
 
@@ -79,17 +79,17 @@ async def test_a_parameter_of_a_vehicle_without_a_companion_is_changed_by_keys(s
         await here.wait(lambda: here.shown("parameters_list").count("\n") == 0)
         await here.enter()
         await here.press("e")
-        await here.wait(lambda: isinstance(here.app.screen, Entry) and isinstance(here.app.focused, Input))
+        await here.wait(lambda: isinstance(here.app.screen, TextEntry) and isinstance(here.app.focused, Input))
         here.app.screen.query_one(Input).value = "2"
         await here.press("enter")
         await here.until("job", f"✓ {parameter} is 2 now")
         await here.press("e")
-        await here.wait(lambda: isinstance(here.app.screen, Entry) and isinstance(here.app.focused, Input))
+        await here.wait(lambda: isinstance(here.app.screen, TextEntry) and isinstance(here.app.focused, Input))
         here.app.screen.query_one(Input).value = "77"
         await here.press("enter")
         await here.until("job", f"✗ {parameter} was not set")
         await here.press("s")
-        await here.wait(lambda: isinstance(here.app.screen, Entry) and isinstance(here.app.focused, Input))
+        await here.wait(lambda: isinstance(here.app.screen, TextEntry) and isinstance(here.app.focused, Input))
         await here.press("enter")
         await here.until("job", "parameters are in")
         (saved,) = tmp_path.iterdir()

@@ -45,7 +45,7 @@ async def settled(here: Scene) -> str:
     """The picture, once it no longer changes."""
     seen = ""
     for _ in range(100):
-        here.app.look()
+        here.app.show_fleet()
         await here.pilot.pause(0.15)
         now = plain(here.app.export_screenshot())
         if now == seen:

@@ -26,7 +26,7 @@ MADE_UP = StatusField(
 )
 
 
-def heard(fleet: Fleet, topic: str, message: Message) -> Fleet:
+def received(fleet: Fleet, topic: str, message: Message) -> Fleet:
     source = Source("heron", "command_server", 1)
     envelope = Envelope(f"heron/ci/{topic}", source, 0, 0.0, "", type_name(type(message)), message)
     return reducers.receive(fleet, envelope, 0.0)
@@ -40,9 +40,9 @@ def test_one_declaration_takes_a_value_to_its_column(monkeypatch: pytest.MonkeyP
     book = ComponentBook(rows)
     for name, values in (("camera", {"made_up": 84.6}), ("laser", {"made_up": 41.5}), ("height", {})):
         status = ComponentStatus(name=name, kind=Kind.SAMPLER, state=State.WORKING, values=values)
-        book.hear(status, 0.0)
-    fleet = heard(Fleet(), "table", book.table())
-    fleet = heard(fleet, "summary", book.summary(Health.WORKING, 0.0))
+        book.receive(status, 0.0)
+    fleet = received(Fleet(), "table", book.table())
+    fleet = received(fleet, "summary", book.summary(Health.WORKING, 0.0))
     platform = fleet.get("heron")
     assert platform is not None
     assert text_of(view.components_header(120)).split()[-3:] == ["up", "last", "error"]

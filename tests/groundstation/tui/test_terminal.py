@@ -12,7 +12,7 @@ from gloc3.messages.command_interface import Emergency, EmergencyVerb, LoadMissi
 from gloc3.messages.summaries import ControlState
 from gloc3_groundstation.desk.flights import End
 from gloc3_groundstation.store.configuration import Configuration, LastSession
-from gloc3_groundstation.tui.dialogues.questions import AskFor, Question
+from gloc3_groundstation.tui.dialogues.questions import TextQuestion, YesNoQuestion
 from gloc3_groundstation.tui.help import HelpScreen
 from gloc3_groundstation.tui.screens.table import SCREENS
 from gloc3_groundstation.tui.widgets.lines import text_of
@@ -30,14 +30,14 @@ async def test_what_comes_is_shown_and_keys_that_make_no_sense_do_nothing() -> N
         panel = here.app.screen.query_one("#facts", Panel)
         await here.press("s", "p", "r", "a", "u")
         await here.pilot.pause()
-        assert here.asked(Steer) == here.asked(LoadMission) == []
-        here.app.look()
+        assert here.requested(Steer) == here.requested(LoadMission) == []
+        here.app.show_fleet()
         with patch.object(panel, "refresh") as refresh:
-            here.app.look()
+            here.app.show_fleet()
             assert not refresh.called, "nothing has changed, so nothing is drawn"
         for number in range(40):
             here.platform.event(f"number {number}")
-        here.app.look()
+        here.app.show_fleet()
         await here.pilot.pause()
         events = here.app.screen.query_one("#events", Panel)
         assert "number 39" in events.render_line(events.size.height - 1).text
@@ -48,7 +48,7 @@ async def test_what_comes_while_it_ends_is_shown_to_nobody() -> None:
         pass
     assert not here.app.screen_stack
     here.app._was_possible = None  # as if what is possible had changed meanwhile
-    here.app.look()
+    here.app.show_fleet()
 
 
 async def test_a_mission_is_streamed_started_paused_resumed_and_aborted_by_keys() -> None:
@@ -57,27 +57,27 @@ async def test_a_mission_is_streamed_started_paused_resumed_and_aborted_by_keys(
         here.platform.speak()
         await here.until("events", "is loaded and read back")
         await here.press("s", "n")
-        assert not here.asked(Steer), "what arms the vehicle is asked about first"
+        assert not here.requested(Steer), "what arms the vehicle is asked about first"
         await here.press("s", "y")
         await here.until("events", "error: heron: start: pose is faulty")
         here.platform.fly(is_armed=True)
         await here.until("title", "ARMED")
         await here.press("s")
         await here.until("events", "the mission is started")
-        assert len(here.asked(LoadMission)) == 1
+        assert len(here.requested(LoadMission)) == 1
         await here.until("mission", "depart")
         await here.press("p")
         await here.until("events", "pause: accepted")
         here.platform.advance("paused")
-        here.app.look()
+        here.app.show_fleet()
         await here.press("r")
         await here.until("events", "resume: accepted")
         here.platform.advance("running")
-        here.app.look()
+        here.app.show_fleet()
         await here.press("a", "n", "a", "y")
         await here.until("events", "abort: accepted")
         verbs = (Verb.START, Verb.START, Verb.PAUSE, Verb.RESUME, Verb.ABORT)
-        assert here.asked(Steer) == [Steer(verb=verb) for verb in verbs]
+        assert here.requested(Steer) == [Steer(verb=verb) for verb in verbs]
 
 
 @pytest.mark.sockets
@@ -100,9 +100,9 @@ async def test_the_emergency_key_holds_at_once_offers_more_when_pressed_again_an
         typed.value = "heron"
         await here.press("enter")
         await here.until("events", "emergency disarm")
-        verbs = [getattr(body, "verb", None) for body in here.asked(Emergency)]
+        verbs = [getattr(body, "verb", None) for body in here.requested(Emergency)]
         assert verbs == [EmergencyVerb.HOLD, EmergencyVerb.LAND, EmergencyVerb.DISARM]
-        assert getattr(here.asked(Emergency)[-1], "confirmation", "") == "heron"
+        assert getattr(here.requested(Emergency)[-1], "confirmation", "") == "heron"
         await here.press("q", "n")
         assert not here.app._exit
         await here.press("q", "ctrl+c")
@@ -134,9 +134,9 @@ async def test_digits_and_function_keys_show_the_screens_and_only_the_one_that_i
         await here.go("f2")
         await here.until("components", "command_server")
         overview = here.app._screen_stacks["overview"][0]
-        with patch.object(type(overview), "look") as look:
-            here.app.look()
-            assert not look.called
+        with patch.object(type(overview), "look") as poll:
+            here.app.show_fleet()
+            assert not poll.called
         await here.press("down", "down", "down")
         await here.until("component", "data processor, required, 20 Hz")
 
@@ -151,10 +151,10 @@ async def test_help_tells_the_keys_of_the_screen_and_those_that_work_everywhere(
         )
         screen = here.app.screen
         assert isinstance(screen, HelpScreen)
-        said = "\n".join(text_of(line) for line in screen.query_one(Panel).lines)
-        assert "a         Abort: cancels it, then flies on_failure; asks first" in said
-        assert "space     HOLD: the vehicle holds at once" in said
-        assert "1         Overview: is everything all right?" in said
+        text = "\n".join(text_of(line) for line in screen.query_one(Panel).lines)
+        assert "a         Abort: cancels it, then flies on_failure; asks first" in text
+        assert "space     HOLD: the vehicle holds at once" in text
+        assert "1         Overview: is everything all right?" in text
         await here.press("escape")
         await here.wait(lambda: here.app.screen is not screen)
     assert all(row.screen.HELP.strip() for row in SCREENS), "every screen says what it is for"
@@ -188,7 +188,7 @@ async def test_the_palette_offers_what_can_be_done_now() -> None:
         await here.wait(lambda: here.app.theme == "daylight")
         assert here.app.configuration().theme == "daylight"
         await choose(here, "export")
-        await here.wait(lambda: isinstance(here.app.screen, AskFor) and here.app.current_mode == "events")
+        await here.wait(lambda: isinstance(here.app.screen, TextQuestion) and here.app.current_mode == "events")
         await here.press("escape")
         await here.wait(lambda: here.app.screen is here.app.base)
         await choose(here, "logs: list")
@@ -229,7 +229,7 @@ async def test_a_terminal_that_is_too_small_says_so_and_the_emergency_key_works_
         assert "This terminal has 60 × 20 characters." in here.shown("too_small")
         assert not here.app.screen.query_one("#body").display
         await here.press("space")
-        await here.wait(lambda: bool(here.asked(Emergency)))
+        await here.wait(lambda: bool(here.requested(Emergency)))
         await here.pilot.resize_terminal(80, 24)
         await here.until("title", "heron")
         await here.wait(lambda: here.app.screen.query_one("#body").display)
@@ -241,7 +241,7 @@ async def test_keys_screens_and_the_alert_can_be_clicked() -> None:
         here.platform.speak()
         await here.until("keys", "s Start")
         await here.pilot.click("#keys", offset=(here.shown("keys").index("Start"), 0))
-        await here.shows(Question)
+        await here.shows(YesNoQuestion)
         await here.press("y")
         await here.until("events", "the mission is started")
         await here.pilot.click("#keys", offset=(here.shown("keys").index("HOLD"), 0))
@@ -277,16 +277,16 @@ async def test_the_emergency_key_works_over_a_dialogue_and_while_typing_with_con
         await here.wait(lambda: isinstance(here.app.focused, Input))
         await here.pilot.press("space")
         await here.wait(lambda: here.app.screen.query_one(Input).value == " ")
-        assert here.asked(Emergency) == [], "what is typed is typed"
+        assert here.requested(Emergency) == [], "what is typed is typed"
         await here.press("ctrl+@")
-        await here.wait(lambda: len(here.asked(Emergency)) == 1)
+        await here.wait(lambda: len(here.requested(Emergency)) == 1)
         await here.press("escape")
         await here.wait(lambda: here.app.screen is here.app.base)
         here.app.desk._held_s.clear()
         await here.press("question_mark")
         await here.shows(HelpScreen)
         await here.press("space")
-        await here.wait(lambda: len(here.asked(Emergency)) == 2)
+        await here.wait(lambda: len(here.requested(Emergency)) == 2)
 
 
 @pytest.mark.sockets

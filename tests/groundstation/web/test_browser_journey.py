@@ -18,12 +18,12 @@ pytestmark = [pytest.mark.sockets, pytest.mark.flight]
 @pytest.mark.skipif(found() is None, reason="no Chromium is installed here")
 async def test_an_operator_flies_in_a_browser(tmp_path: Path) -> None:
     flown = await fly(tmp_path)
-    assert flown.code == 0, flown.said
-    assert "'hop' is aborted" in flown.said
+    assert flown.code == 0, flown.reported
+    assert "'hop' is aborted" in flown.reported
     pixels = cv2.imdecode(np.frombuffer(flown.picture, np.uint8), cv2.IMREAD_COLOR)
     assert pixels is not None
     assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 100, "letters with soft edges, a horizon, charts"
-    assert {urlsplit(asked).netloc for asked in flown.requested} == {urlsplit(flown.url).netloc}, (
+    assert {urlsplit(requested).netloc for requested in flown.requested} == {urlsplit(flown.url).netloc}, (
         "nothing from elsewhere"
     )
     assert flown.problems == []

@@ -41,11 +41,11 @@ class Page:
         self.websocket = websocket
         self.terminal = Emulator(columns, lines)
 
-    async def say(self, *message: object) -> None:
+    async def report(self, *message: object) -> None:
         await self.websocket.send(json.dumps(message))
 
     async def press(self, text: str) -> None:
-        await self.say("stdin", text)
+        await self.report("stdin", text)
 
     async def until(self, text: str) -> None:
         """Waits until the terminal shows a text."""
@@ -63,7 +63,7 @@ class Served(NamedTuple):
     url: str
     app: StationApp
     platform: ScriptedPlatform
-    told: list[str]
+    reported: list[str]
     ended: asyncio.Task[Any]
 
     @asynccontextmanager
@@ -82,12 +82,12 @@ async def served(options: WebOptions = WebOptions(port=0)) -> AsyncIterator[Serv
     platform.delay_s = 0.001
     station = Station(exchange, platform.loop, "255", 11)
     app = StationApp(Desk(station, PLAN), opening=Opening(is_in_browser=True))
-    told: list[str] = []
-    async with WebServer(lambda: app.window, options, lambda text, _: told.append(text)).serving() as url:
+    reported: list[str] = []
+    async with WebServer(lambda: app.window, options, lambda text, _: reported.append(text)).serving() as url:
         ended = asyncio.create_task(app.run_async())
         platform.speak()
         try:
-            yield Served(url, app, platform, told, ended)
+            yield Served(url, app, platform, reported, ended)
         finally:
             app.exit()
             await ended
@@ -95,19 +95,19 @@ async def served(options: WebOptions = WebOptions(port=0)) -> AsyncIterator[Serv
             station.close()
 
 
-def nobody(text: str, is_watched: bool) -> None:
+def no_progress(text: str, is_watched: bool) -> None:
     raise AssertionError(text)
 
 
 async def status_of(url: str, **headers: str) -> int:
-    def ask() -> int:
+    def request() -> int:
         try:
             with urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=60.0) as answer:
                 return int(answer.status)
         except HTTPError as error:
             return error.code
 
-    return await asyncio.to_thread(ask)
+    return await asyncio.to_thread(request)
 
 
 async def test_a_browser_sees_the_station_and_its_keys_mouse_and_size_count() -> None:
@@ -121,7 +121,7 @@ async def test_a_browser_sees_the_station_and_its_keys_mouse_and_size_count() ->
         await page.press("\x1bOQ")
         await page.until("the data flows from end to end")
         page.terminal.resize(70, 20)
-        await page.say("resize", {"width": 70, "height": 20})
+        await page.report("resize", {"width": 70, "height": 20})
         await page.until("This terminal has 70 × 20 characters.")
         await page.until("The station needs 80 × 24: load the page again")
         await page.press(" ")
@@ -129,10 +129,10 @@ async def test_a_browser_sees_the_station_and_its_keys_mouse_and_size_count() ->
             while not any(isinstance(body, Emergency) for body in here.platform.requests):
                 await asyncio.sleep(0.01)
         page.terminal.resize(120, 40)
-        await page.say("resize", {"width": 120, "height": 40})
+        await page.report("resize", {"width": 120, "height": 40})
         await page.press("1")
         await page.until("emergency hold")
-        await page.say("ping", "17")
+        await page.report("ping", "17")
         while (answer := await page.websocket.recv()) != '["pong","17"]':
             assert isinstance(answer, bytes)
 
@@ -160,13 +160,13 @@ async def test_the_station_runs_on_when_its_window_is_closed_and_is_whole_for_th
             await page.press("2")
             await page.until("the data flows from end to end")
         async with asyncio.timeout(5.0):
-            while "has gone" not in here.told[-1]:
+            while "has gone" not in here.reported[-1]:
                 await asyncio.sleep(0.01)
         here.platform.fly(mode="OFFBOARD")
         async with here.page(80, 24) as page:
             await page.until("heron   OFFBOARD")
             await page.until("the data flows from end to end")
-            assert here.told[-1] == "the station is shown to 127.0.0.1"
+            assert here.reported[-1] == "the station is shown to 127.0.0.1"
 
 
 async def test_that_nobody_looks_at_an_armed_vehicle_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -175,15 +175,15 @@ async def test_that_nobody_looks_at_an_armed_vehicle_is_a_warning(monkeypatch: p
     platform = ScriptedPlatform(exchange)
     station = Station(exchange, platform.loop, "255", 11)
     platform.control = ControlState(holder="255")
-    tell = session.teller(Desk(station))
+    report = session.reporter(Desk(station))
     for is_armed in (False, True):
         platform.fly(is_armed=is_armed)
         platform.speak()
-        tell("it is shown", True)
-        tell("it has gone", False)
-    told = [event for event in station.fleet.events if event.text.startswith("it ")]
-    assert [event.severity for event in told] == [Severity.NOTICE] * 3 + [Severity.WARNING]
-    assert "heron: armed and in this station's control" in told[-1].text
+        report("it is shown", True)
+        report("it has gone", False)
+    reported = [event for event in station.fleet.events if event.text.startswith("it ")]
+    assert [event.severity for event in reported] == [Severity.NOTICE] * 3 + [Severity.WARNING]
+    assert "heron: armed and in this station's control" in reported[-1].text
     platform.is_deaf = True
     station.close()
 
@@ -267,8 +267,8 @@ async def test_what_cannot_be_understood_is_left_alone() -> None:
         ):
             await page.websocket.send(data)
         await page.websocket.send(b"\x00")
-        await page.say("resize", {"width": 10**9, "height": 0})
-        await page.say("resize", {"width": 100, "height": 30})
+        await page.report("resize", {"width": 10**9, "height": 0})
+        await page.report("resize", {"width": 100, "height": 30})
         await page.until("heron   HOLD   disarmed")
 
 
@@ -282,25 +282,25 @@ async def test_beyond_this_computer_the_address_has_a_key_and_a_warning_names_wh
             assert await status_of(root + way) == 404
         warning = exposure(here.url, "ann")
         assert here.url in warning
-        for said in ("commands every vehicle", "as ann", "nothing is encrypted", "ssh -L"):
-            assert said in warning
+        for text in ("commands every vehicle", "as ann", "nothing is encrypted", "ssh -L"):
+            assert text in warning
 
 
 async def test_an_address_that_cannot_be_had_is_told_with_what_to_do() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = taken.getsockname()[1]
+    with socket.create_server(("127.0.0.1", 0)) as used:
+        port = used.getsockname()[1]
         with pytest.raises(Refused, match=f"port {port}: address already in use; another port: --web-port"):
-            async with WebServer(lambda: None, WebOptions(port=port), nobody).serving():
+            async with WebServer(lambda: None, WebOptions(port=port), no_progress).serving():
                 pass
     with pytest.raises(Refused, match=r"on nowhere\.invalid port 0: .*--web-host"):
-        async with WebServer(lambda: None, WebOptions(host="nowhere.invalid", port=0), nobody).serving():
+        async with WebServer(lambda: None, WebOptions(host="nowhere.invalid", port=0), no_progress).serving():
             pass
 
 
 async def test_without_the_package_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "textual_serve", None)
     with pytest.raises(Gloc3Error, match=r"--web needs textual-serve: pip install 'gloc3\[groundstation\]'"):
-        async with WebServer(lambda: None, WebOptions(), nobody).serving():
+        async with WebServer(lambda: None, WebOptions(), no_progress).serving():
             pass
 
 

@@ -13,9 +13,9 @@ from gloc3_onboard.autopilot.ardupilot import ArduPilot
 from gloc3_onboard.autopilot.families import style_of
 from gloc3_onboard.autopilot.px4 import Px4
 from gloc3_onboard.autopilot.setpoints import MOST_M_S, setpoint_message
-from gloc3_onboard.autopilot.style import NAV_TAKEOFF, SET_MODE, ClassFacts, Command, Form
+from gloc3_onboard.autopilot.style import NAV_TAKEOFF, SET_MODE, ClassProperties, Form, MavCommand
 from gloc3_onboard.components.drivers.setpoint_stream import EXPIRY_S
-from gloc3_onboard.sensors.devices import Answer, AutopilotSetpoint
+from gloc3_onboard.sensors.devices import AutopilotSetpoint, CommandAnswer
 
 from .test_autopilot_link import SET_POSITION, Rig
 
@@ -48,9 +48,9 @@ EVERY = [*ardupilot.CLASSES.values(), *px4.CLASSES.values()]
 def test_the_adapter_is_chosen_by_autopilot_and_type(style: str, number: int, vehicle: str) -> None:
     with Rig(style, vehicle_type=number) as rig:
         rig.run(2.0)
-        assert rig.said[0] == f"{style} autopilot found as 1/1, of a {vehicle}"
+        assert rig.reported[0] == f"{style} autopilot found as 1/1, of a {vehicle}"
         assert (rig.device.state().style, rig.device.state().vehicle) == (Style(style), VehicleClass(vehicle))
-        assert rig.device.manners.vehicle is VehicleClass(vehicle)
+        assert rig.device.behaviour.vehicle is VehicleClass(vehicle)
         assert rig.device.setup().vehicle is VehicleClass(vehicle)
 
 
@@ -58,7 +58,7 @@ def test_the_adapter_is_chosen_by_autopilot_and_type(style: str, number: int, ve
 def test_a_class_whose_modes_are_not_known_is_left_alone(style: str, number: int) -> None:
     with Rig(style, vehicle_type=number) as rig:
         rig.run(5.0)
-        assert rig.said[0].endswith(f"MAV_TYPE {number}): it is left alone")
+        assert rig.reported[0].endswith(f"MAV_TYPE {number}): it is left alone")
         assert rig.autopilot.ran == []
 
 
@@ -74,8 +74,8 @@ def test_it_is_chosen_anew_when_another_firmware_speaks() -> None:
         rig.autopilot.style, rig.autopilot.vehicle_type = "px4", 10
         rig.autopilot.boot()
         rig.run(4.0)
-        assert "the autopilot is a px4 of a rover now" in rig.said
-        assert rig.device.manners == px4.ROVER.manners
+        assert "the autopilot is a px4 of a rover now" in rig.reported
+        assert rig.device.behaviour == px4.ROVER.behaviour
         assert rig.autopilot.rate_hz("ESTIMATOR_STATUS") == pytest.approx(1.0), "asked for what PX4 has"
         rig.autopilot.vehicle_type = 7
         rig.autopilot.boot()
@@ -87,29 +87,29 @@ def test_it_is_chosen_anew_when_another_firmware_speaks() -> None:
         assert not rig.device.state().is_connected
 
 
-@pytest.mark.parametrize("facts", EVERY, ids=lambda facts: f"{facts.vehicle}-{len(facts.modes)}")
-def test_every_mode_that_is_commanded_is_read_as_what_it_does(facts: ClassFacts) -> None:
+@pytest.mark.parametrize("facts", EVERY, ids=lambda snapshot: f"{snapshot.vehicle}-{len(snapshot.modes)}")
+def test_every_mode_that_is_commanded_is_read_as_what_it_does(facts: ClassProperties) -> None:
     for mode, number in facts.commanded.items():
         read, _ = facts.modes[number]
-        assert read is (facts.manners.land_mode if mode is FlightMode.LAND else mode)
+        assert read is (facts.behaviour.land_mode if mode is FlightMode.LAND else mode)
     assert {FlightMode.HOLD, FlightMode.GUIDED} <= set(facts.commanded)
-    assert facts.manners.vehicle is facts.vehicle
-    assert facts.manners.climbs != bool(facts.why_no_take_off)
+    assert facts.behaviour.vehicle is facts.vehicle
+    assert facts.behaviour.climbs != bool(facts.why_no_take_off)
 
 
 def test_what_a_class_has_no_mode_or_no_take_off_for_is_refused_in_words() -> None:
     sub, rover, plane = ArduPilot(VehicleClass.SUB), ArduPilot(VehicleClass.ROVER), ArduPilot(VehicleClass.PLANE)
-    assert sub.mode_command(FlightMode.RETURN) == Answer(False, "a sub has no mode for return")
+    assert sub.mode_command(FlightMode.RETURN) == CommandAnswer(False, "a sub has no mode for return")
     refused = rover.take_off_command(2.0, 0.0)
-    assert refused == Answer(False, "a rover does not take off; its missions begin with drive_off")
+    assert refused == CommandAnswer(False, "a rover does not take off; its missions begin with drive_off")
     assert Px4(VehicleClass.ROVER).take_off_command(2.0, 0.0) == refused
-    taken = plane.take_off_command(50.0, 0.0)
-    assert isinstance(taken, Command)
-    assert (taken.number, taken.parameters[1]) == (SET_MODE, 13.0)
+    used = plane.take_off_command(50.0, 0.0)
+    assert isinstance(used, MavCommand)
+    assert (used.number, used.parameters[1]) == (SET_MODE, 13.0)
     with Rig("ardupilot", vehicle_type=10) as rig:
         rig.run(4.0)
         assert rig.device.answer(rig.device.command_take_off(2.0)) == refused
-        assert rig.asked(NAV_TAKEOFF) == []
+        assert rig.requested(NAV_TAKEOFF) == []
 
 
 @pytest.mark.parametrize("number", [10, 11, 12])
@@ -127,10 +127,10 @@ def test_a_rover_is_led_by_a_velocity_alone_to_a_moving_place() -> None:
         rig.run(4.0)
         rig.device.send_setpoint(AutopilotSetpoint((3.0, 4.0, 0.0), (0.6, 0.8, 0.0), 1.0))
         rig.run(0.1)
-        heard = next(message for message in rig.autopilot.heard if message.name == SET_POSITION)
-        assert heard.type_mask == 0b1101_1100_0111, "position, acceleration, yaw and its rate are to be ignored"
-        assert math.hypot(heard.vx, heard.vy) == pytest.approx(1.0 + MOST_M_S, abs=0.01)
-        assert math.atan2(heard.vy, heard.vx) == pytest.approx(math.atan2(0.8, 0.6), abs=0.01)
+        received = next(message for message in rig.autopilot.received if message.name == SET_POSITION)
+        assert received.type_mask == 0b1101_1100_0111, "position, acceleration, yaw and its rate are to be ignored"
+        assert math.hypot(received.vx, received.vy) == pytest.approx(1.0 + MOST_M_S, abs=0.01)
+        assert math.atan2(received.vy, received.vx) == pytest.approx(math.atan2(0.8, 0.6), abs=0.01)
 
 
 def test_a_rover_that_is_there_stands_and_keeps_its_heading() -> None:
@@ -161,8 +161,8 @@ def test_a_submarine_never_gets_a_position_without_a_velocity() -> None:
     assert (message.vx, message.vy, message.vz) == (0.0, 0.0, 0.0)
 
 
-@pytest.mark.parametrize("facts", EVERY, ids=lambda facts: f"{facts.vehicle}-{facts.timeout_s}")
-def test_our_own_expiry_comes_before_that_of_every_autopilot(facts: ClassFacts) -> None:
+@pytest.mark.parametrize("facts", EVERY, ids=lambda snapshot: f"{snapshot.vehicle}-{snapshot.timeout_s}")
+def test_our_own_expiry_comes_before_that_of_every_autopilot(facts: ClassProperties) -> None:
     assert facts.timeout_s > EXPIRY_S, "else the autopilot would act by itself before we command its hold"
 
 
@@ -181,11 +181,11 @@ def test_a_stream_that_has_paused_for_too_long_is_told(style: str, gap_s: float)
         for pause_s in (0.05, 0.5 * gap_s, gap_s):
             rig.device.send_setpoint(AutopilotSetpoint((1.0, 0.0, -2.0), None, None))
             rig.run(pause_s)
-        assert not [text for text in rig.said if "no setpoint" in text]
+        assert not [text for text in rig.reported if "no setpoint" in text]
         rig.device.send_setpoint(AutopilotSetpoint((1.0, 0.0, -2.0), None, None))
-        told = [text for text in rig.said if "no setpoint" in text]
-        assert len(told) == 1
-        assert told[0].startswith(f"no setpoint for {gap_s:.1f} s")
+        reported = [text for text in rig.reported if "no setpoint" in text]
+        assert len(reported) == 1
+        assert reported[0].startswith(f"no setpoint for {gap_s:.1f} s")
 
 
 def test_a_plane_is_sent_to_a_place_ahead_once_a_second() -> None:
@@ -194,12 +194,12 @@ def test_a_plane_is_sent_to_a_place_ahead_once_a_second() -> None:
         rig.device.send_setpoint(AutopilotSetpoint((3.0, 0.0, -50.0), (15.0, 0.0, 0.0), None))
         rig.autopilot.heartbeat.custom_mode = 15
         rig.run(1.5)
-        assert not [m for m in rig.autopilot.heard if m.name == "COMMAND_INT"], "only in guided mode"
+        assert not [m for m in rig.autopilot.received if m.name == "COMMAND_INT"], "only in guided mode"
         for _ in range(40):
             rig.device.send_setpoint(AutopilotSetpoint((3.0, 0.0, -50.0), (15.0, 0.0, 0.0), None))
             rig.run(0.05)
-        heard = [m for m in rig.autopilot.heard if m.name == "COMMAND_INT" and m.command == 192]
-        assert 2 <= len(heard) <= 3
-        assert heard[0].x * 1e-7 == pytest.approx(39.5 + 203.0 / 111_000.0, abs=1e-4)
-        assert heard[0].z == pytest.approx(55.0, abs=0.1), "altitude above the sea"
-        assert not [m for m in rig.autopilot.heard if m.name == SET_POSITION]
+        received = [m for m in rig.autopilot.received if m.name == "COMMAND_INT" and m.command == 192]
+        assert 2 <= len(received) <= 3
+        assert received[0].x * 1e-7 == pytest.approx(39.5 + 203.0 / 111_000.0, abs=1e-4)
+        assert received[0].z == pytest.approx(55.0, abs=0.1), "altitude above the sea"
+        assert not [m for m in rig.autopilot.received if m.name == SET_POSITION]

@@ -6,13 +6,13 @@ import pytest
 
 from gloc3.mavlink.codec import Encoder, Parser, message
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.node import Node
+from gloc3.mavlink.node import MavlinkComponent
 from gloc3.mavlink.services.command import CommandResult
-from gloc3.mavlink.services.command_client import CommandClient
-from gloc3.mavlink.services.command_server import CommandServer
+from gloc3.mavlink.services.command_client import MavCommandClient
+from gloc3.mavlink.services.command_server import MavCommandServer
 from gloc3.mavlink.services.parameter import ParameterEncoding, ParameterType, parameter
 from gloc3.mavlink.services.parameter_server import ParameterServer
-from gloc3.mavlink.services.version import Capability, Version, VersionServer, version_number
+from gloc3.mavlink.services.version import ProtocolCapability, Version, VersionServer, version_number
 from gloc3.messages.vehicle import Style, VehicleClass
 from gloc3_onboard.autopilot.inspection import Inspection
 
@@ -26,23 +26,23 @@ class Rig:
 
     def __init__(self, style: Style = Style.PX4) -> None:
         encoding = ParameterEncoding.BYTEWISE if style is Style.PX4 else ParameterEncoding.CAST
-        self.commands = CommandClient(OWN)
+        self.commands = MavCommandClient(OWN)
         self.inspection = Inspection(OWN, self.commands)
-        self.server = CommandServer(VEHICLE, is_autopilot=True)
+        self.server = MavCommandServer(VEHICLE, is_autopilot=True)
         self.version = VersionServer(
-            VEHICLE, Version(capabilities=Capability(0), flight_software=version_number(1, 15, 2))
+            VEHICLE, Version(capabilities=ProtocolCapability(0), flight_software=version_number(1, 15, 2))
         )
         self.parameters = ParameterServer(
             VEHICLE,
             [parameter("NAV_DLL_ACT", 2, ParameterType.INT32), parameter("COM_DL_LOSS_T", 7.5)],
             encoding=encoding,
         )
-        self.here = Node(OWN, [self.commands, self.inspection])
-        self.there = Node(VEHICLE, [self.server, self.version, self.parameters])
+        self.here = MavlinkComponent(OWN, [self.commands, self.inspection])
+        self.there = MavlinkComponent(VEHICLE, [self.server, self.version, self.parameters])
         self.own_encoder, self.own_parser = Encoder(*OWN), Parser()
         self.encoder, self.parser = Encoder(*VEHICLE), Parser()
         self.deaf_to: set[str] = set()
-        self.asked: list[str] = []
+        self.requested: list[str] = []
         self.now_s = 0.0
         self.style = style
 
@@ -55,8 +55,8 @@ class Rig:
             self.now_s += STEP_S
             self.here.tick(self.now_s)
             for sent in self.here.outgoing():
-                self.asked.append(sent.param_id if sent.name == "PARAM_REQUEST_READ" else sent.name)
-                if self.asked[-1] not in self.deaf_to:
+                self.requested.append(sent.param_id if sent.name == "PARAM_REQUEST_READ" else sent.name)
+                if self.requested[-1] not in self.deaf_to:
                     for frame in self.own_parser.receive(self.own_encoder.encode(sent)):
                         self.there.receive(frame, self.now_s)
             for request in self.server.events():
@@ -90,13 +90,13 @@ def test_a_further_reading_ends_with_its_number_and_leaves_out_what_is_not_there
     rig.run(1.0)
     rig.parameters.set("NAV_DLL_ACT", 0)
     rig.parameters.outgoing()  # that it was changed is lost on the way
-    rig.asked.clear()
+    rig.requested.clear()
     rig.inspection.read(1, rig.now_s)
     rig.inspection.read(2, rig.now_s)
     rig.run(1.0)
     assert rig.inspection.setup.number == 2
     assert rig.inspection.setup.parameters["NAV_DLL_ACT"] == 0.0
-    assert "NEVER_HEARD_OF" not in rig.asked
+    assert "NEVER_HEARD_OF" not in rig.requested
 
 
 def test_what_somebody_sets_is_taken_in_at_once() -> None:

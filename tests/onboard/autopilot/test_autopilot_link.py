@@ -16,7 +16,7 @@ from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.transport.memory import Conditions, MemoryLink
 from gloc3.messages.envelope import Severity
 from gloc3.messages.vehicle import FlightMode, LandedState, Style
-from gloc3_onboard.autopilot.commands import KEPT, NOBODY
+from gloc3_onboard.autopilot.commands import KEPT, NO_OWNER
 from gloc3_onboard.autopilot.device import AutopilotDevice
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.style import ARM_DISARM, COMMON_STREAMS, NAV_LAND, NAV_TAKEOFF, SET_MODE
@@ -33,21 +33,23 @@ class Rig:
     def __init__(self, style: str = "px4", *, loss: float = 0.0, own: Address = VEHICLE, vehicle_type: int = 2) -> None:
         self.loop = VirtualLoop()
         self.wire = MemoryLink(self.loop, Random(3), Conditions(latency_s=0.02, loss=loss))
-        self.said: list[str] = []
+        self.reported: list[str] = []
         self.why_not_arm = ""
-        self.link = AutopilotLink(self.loop, Clock(self.loop), say=self._say, why_not_arm=lambda: self.why_not_arm)
+        self.link = AutopilotLink(
+            self.loop, Clock(self.loop), report=self._report, why_not_arm=lambda: self.why_not_arm
+        )
         self.device = AutopilotDevice(self.link)
         self.autopilot = FakeAutopilot(self.loop, self.wire.b, style, own, vehicle_type)
         self.routed = wire(self.link, self.wire.a, self.loop)
 
-    def _say(self, severity: Severity, text: str) -> None:
-        self.said.append(text)
+    def _report(self, severity: Severity, text: str) -> None:
+        self.reported.append(text)
 
     def run(self, seconds: float) -> "Rig":
         self.loop.run_until_complete(asyncio.sleep(seconds))
         return self
 
-    def asked(self, command: int) -> list[tuple[float, ...]]:
+    def requested(self, command: int) -> list[tuple[float, ...]]:
         return [request.params for request in self.autopilot.ran if request.command == command]
 
     def until(self, condition: Callable[[], bool], within_s: float) -> float:
@@ -70,7 +72,7 @@ class Rig:
 def test_it_is_found_told_apart_and_asked_for_everything_that_is_needed(style: str) -> None:
     with Rig(style) as rig:
         rig.run(4.0)
-        assert rig.said[0] == f"{style} autopilot found as 1/1, of a copter"
+        assert rig.reported[0] == f"{style} autopilot found as 1/1, of a copter"
         assert rig.device.state().style is Style(style)
         for stream in COMMON_STREAMS:
             name = codec.name_of(stream.message_id)
@@ -117,7 +119,7 @@ def test_after_a_restart_the_streams_are_asked_for_again_and_the_old_origin_is_f
         pose = rig.device.pose()
         assert pose is not None
         assert rig.loop.time() - pose.t_s < 0.2
-        assert "the autopilot has restarted" in rig.said
+        assert "the autopilot has restarted" in rig.reported
 
 
 def test_a_stream_that_stays_away_is_asked_for_again_and_a_refused_one_is_not() -> None:
@@ -128,62 +130,62 @@ def test_a_stream_that_stays_away_is_asked_for_again_and_a_refused_one_is_not() 
     with Rig() as rig:
         rig.autopilot.refuses[511] = CommandResult.DENIED, "no"
         rig.run(10.0)
-        assert len(rig.asked(511)) == len(rig.link.style.streams)
-        assert len([text for text in rig.said if "refuses to send" in text]) == len(rig.link.style.streams)
-        assert any(text.startswith("the autopilot refuses to send SYS_STATUS at 2 Hz: denied") for text in rig.said)
+        assert len(rig.requested(511)) == len(rig.link.style.streams)
+        assert len([text for text in rig.reported if "refuses to send" in text]) == len(rig.link.style.streams)
+        assert any(text.startswith("the autopilot refuses to send SYS_STATUS at 2 Hz: denied") for text in rig.reported)
 
 
 def test_a_stream_that_another_station_has_slowed_down_is_asked_for_again_and_one_that_flows_is_not() -> None:
     with Rig() as rig:
         rig.run(5.0)
-        asked = len(rig.asked(511))
+        requested = len(rig.requested(511))
         rig.run(30.0)
-        assert len(rig.asked(511)) == asked
+        assert len(rig.requested(511)) == requested
         usual_hz = rig.autopilot.rate_hz("LOCAL_POSITION_NED")
         assert usual_hz > 8.0
         rig.autopilot._streams.set_rate("LOCAL_POSITION_NED", 4.0, rig.loop.time())
         rig.until(lambda: rig.autopilot.rate_hz("LOCAL_POSITION_NED") == pytest.approx(usual_hz), 12.0)
-        assert len(rig.asked(511)) == asked + 1
+        assert len(rig.requested(511)) == requested + 1
 
 
 def test_when_a_station_asks_for_all_streams_ours_are_asked_for_right_behind_it() -> None:
     with Rig() as rig:
         rig.run(5.0)
-        watch, station = RateWatch(rig.link.ask_streams_again, rig.loop.time), codec.Encoder(255, 190)
+        watch, station = RateWatch(rig.link.request_streams_again, rig.loop.time), codec.Encoder(255, 190)
         wanted = {codec.name_of(stream.message_id): stream.rate_hz for stream in rig.link.style.streams}
         parser = codec.Parser()
         slow = codec.message(
             "REQUEST_DATA_STREAM", target_system=1, target_component=1, req_message_rate=4, start_stop=1
         )
         other = codec.message("COMMAND_LONG", target_system=1, target_component=1, command=ARM_DISARM)
-        watch.hear(parser.receive(station.encode(other)))
+        watch.receive(parser.receive(station.encode(other)))
         rig.run(1.0)
-        asked = len(rig.asked(511))
+        requested = len(rig.requested(511))
         for _ in range(2):  # as MAVProxy sends it
             rig.autopilot._streams.receive(slow, codec.Address(255, 190), rig.loop.time())
-            watch.hear(parser.receive(station.encode(slow)))
+            watch.receive(parser.receive(station.encode(slow)))
             rig.run(0.02)
         assert {name: rig.autopilot.rate_hz(name) for name in wanted} == pytest.approx(wanted, rel=1e-3)
         rig.run(2.0)
-        assert len(rig.asked(511)) <= asked + 4 * len(wanted)
-        asked = len(rig.asked(511))
+        assert len(rig.requested(511)) <= requested + 4 * len(wanted)
+        requested = len(rig.requested(511))
         for _ in range(500):  # a flood of them is answered a few times
             rig.autopilot._streams.receive(slow, codec.Address(255, 190), rig.loop.time())
-            watch.hear(parser.receive(station.encode(slow)))
+            watch.receive(parser.receive(station.encode(slow)))
         rig.run(1.0)
         assert {name: rig.autopilot.rate_hz(name) for name in wanted} == pytest.approx(wanted)
-        assert len(rig.asked(511)) <= asked + 8 * len(wanted)
+        assert len(rig.requested(511)) <= requested + 8 * len(wanted)
 
 
 def test_an_autopilot_of_another_kind_is_left_alone() -> None:
     with Rig("paparazzi") as rig:
         rig.run(5.0)
         kind = "an autopilot of a kind that is not supported (MAV_AUTOPILOT 4, MAV_TYPE 2)"
-        assert rig.said == [f"1/1 is {kind}: it is left alone"]
+        assert rig.reported == [f"1/1 is {kind}: it is left alone"]
         ticket = rig.device.command_arm()
         rig.device.send_setpoint(AutopilotSetpoint((0.0, 0.0, 0.0), None, None))
         rig.run(1.0)
-        assert rig.device.answer(ticket) == (False, NOBODY)
+        assert rig.device.answer(ticket) == (False, NO_OWNER)
         assert rig.autopilot.ran == []
         assert not rig.device.state().is_connected
 
@@ -191,9 +193,9 @@ def test_an_autopilot_of_another_kind_is_left_alone() -> None:
 def test_an_autopilot_of_another_system_is_taken_when_it_has_been_alone() -> None:
     with Rig(own=Address(7, 1)) as rig:
         rig.run(2.0)
-        assert rig.said == []
+        assert rig.reported == []
         rig.run(2.0)
-        assert rig.said == ["px4 autopilot found as 7/1, of a copter"]
+        assert rig.reported == ["px4 autopilot found as 7/1, of a copter"]
 
 
 def test_something_else_that_calls_itself_an_autopilot_does_not_keep_it_from_ours() -> None:
@@ -201,17 +203,17 @@ def test_something_else_that_calls_itself_an_autopilot_does_not_keep_it_from_our
         gimbal = codec.Encoder(1, 154).encode(codec.message("HEARTBEAT", type=26, autopilot=0))
         rig.routed.receive(gimbal)
         rig.run(2.0)
-        assert rig.said[0] == "px4 autopilot found as 1/1, of a copter"
+        assert rig.reported[0] == "px4 autopilot found as 1/1, of a copter"
 
 
 def test_a_command_before_there_is_an_autopilot_is_refused_and_never_sent_later() -> None:
     with Rig() as rig:
         rig.autopilot.is_off = True
         ticket = rig.device.command_arm()
-        assert rig.device.answer(ticket) == (False, NOBODY)
+        assert rig.device.answer(ticket) == (False, NO_OWNER)
         rig.autopilot.is_off = False
         rig.run(5.0)
-        assert rig.asked(ARM_DISARM) == []
+        assert rig.requested(ARM_DISARM) == []
 
 
 @STYLES
@@ -223,16 +225,16 @@ def test_modes_arming_and_take_off_in_the_words_of_each_style(style: str) -> Non
             tickets.append(rig.device.command_mode(mode))
             rig.run(0.5)
         assert all(rig.device.answer(ticket) == (True, "") for ticket in tickets)
-        assert rig.asked(ARM_DISARM)[0][0] == 1.0
-        (take_off,) = rig.asked(NAV_TAKEOFF)
+        assert rig.requested(ARM_DISARM)[0][0] == 1.0
+        (take_off,) = rig.requested(NAV_TAKEOFF)
         if style == "px4":
             assert take_off[6] == pytest.approx(9.0), "altitude above the sea"
             assert math.isnan(take_off[3])
-            assert [params[:3] for params in rig.asked(SET_MODE)] == [(1.0, 6.0, 0.0), (1.0, 4.0, 3.0)]
-            assert len(rig.asked(NAV_LAND)) == 1
+            assert [params[:3] for params in rig.requested(SET_MODE)] == [(1.0, 6.0, 0.0), (1.0, 4.0, 3.0)]
+            assert len(rig.requested(NAV_LAND)) == 1
         else:
             assert take_off[6] == pytest.approx(1.5), "height above home"
-            assert [params[:2] for params in rig.asked(SET_MODE)] == [(1.0, 4.0), (1.0, 17.0), (1.0, 9.0)]
+            assert [params[:2] for params in rig.requested(SET_MODE)] == [(1.0, 4.0), (1.0, 17.0), (1.0, 9.0)]
 
 
 def test_a_take_off_before_the_altitude_is_known_is_refused() -> None:
@@ -250,19 +252,19 @@ def test_a_refusal_is_answered_with_what_the_autopilot_says_at_once_or_a_moment_
         why = "Arming denied: the compass is not calibrated, and the battery is low, too"
         rig.autopilot.refuses[ARM_DISARM] = CommandResult.TEMPORARILY_REJECTED, why
         ticket = rig.device.command_arm()
-        took_s = rig.until(lambda: rig.device.answer(ticket) is not None, 2.0)
+        elapsed_s = rig.until(lambda: rig.device.answer(ticket) is not None, 2.0)
         answer = rig.device.answer(ticket)
         assert answer is not None
         assert not answer.is_accepted
         assert answer.reason == f"rejected for now; it may be accepted later: {why}"
-        assert took_s < 0.6
+        assert elapsed_s < 0.6
 
 
 def test_reasons_against_arming_are_kept_until_it_would_arm() -> None:
     with Rig() as rig:
         rig.run(3.0)
         rig.link.telemetry._set(is_armable=False)
-        rig.autopilot.say("PreArm: no fix")
+        rig.autopilot.report("PreArm: no fix")
         rig.run(0.1)
         assert "PreArm: no fix" in rig.device.state().reasons
         rig.run(1.0)
@@ -279,7 +281,9 @@ def test_hold_never_waits_behind_an_older_mode_command(style: str) -> None:
         hold = rig.device.command_mode(FlightMode.HOLD)
         rig.run(0.05)
         wanted = (1.0, 4.0, 3.0) if style == "px4" else (1.0, 17.0, 0.0)
-        message = next(m for m in reversed(rig.autopilot.heard) if m.name == "COMMAND_LONG" and m.command == SET_MODE)
+        message = next(
+            m for m in reversed(rig.autopilot.received) if m.name == "COMMAND_LONG" and m.command == SET_MODE
+        )
         assert (message.param1, message.param2, message.param3) == wanted
         assert rig.device.answer(guided) == (False, "overtaken by a later command")
         assert rig.device.answer(hold) is None
@@ -293,9 +297,11 @@ def test_after_the_pilot_has_taken_over_nothing_is_sent_again(style: str) -> Non
         tickets = [rig.device.command_mode(FlightMode.GUIDED), rig.device.command_arm()]
         rig.run(0.1)
         rig.device.abandon_commands()
-        rig.autopilot.heard.clear()
+        rig.autopilot.received.clear()
         rig.run(10.0)
-        assert not [m for m in rig.autopilot.heard if m.name == "COMMAND_LONG" and m.command in (SET_MODE, ARM_DISARM)]
+        assert not [
+            m for m in rig.autopilot.received if m.name == "COMMAND_LONG" and m.command in (SET_MODE, ARM_DISARM)
+        ]
         assert all(rig.device.answer(ticket) == (False, "somebody else has control") for ticket in tickets)
 
 
@@ -338,11 +344,11 @@ def test_setpoints_and_what_of_them_is_to_be_ignored(
         rig.run(4.0)
         rig.device.send_setpoint(AutopilotSetpoint(position, velocity, yaw))
         rig.run(0.1)
-        heard = next(message for message in rig.autopilot.heard if message.name == SET_POSITION)
-        assert (heard.type_mask, heard.coordinate_frame, heard.target_system) == (mask, 1, 1)
-        assert (heard.x, heard.y, heard.z) == (position or (0.0, 0.0, 0.0))
-        assert (heard.vx, heard.vy, heard.vz) == pytest.approx(velocity or (0.0, 0.0, 0.0))
-        assert heard.time_boot_ms == pytest.approx(4000, abs=60)
+        received = next(message for message in rig.autopilot.received if message.name == SET_POSITION)
+        assert (received.type_mask, received.coordinate_frame, received.target_system) == (mask, 1, 1)
+        assert (received.x, received.y, received.z) == (position or (0.0, 0.0, 0.0))
+        assert (received.vx, received.vy, received.vz) == pytest.approx(velocity or (0.0, 0.0, 0.0))
+        assert received.time_boot_ms == pytest.approx(4000, abs=60)
 
 
 def test_garbage_and_others_do_no_harm() -> None:

@@ -10,7 +10,7 @@ from gloc3.mavlink.codec import message
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.messages.summaries import Health, Summary
 from gloc3_onboard.autopilot.arm_authority import ArmAuthority
-from gloc3_onboard.autopilot.health_words import estimator_doubts
+from gloc3_onboard.autopilot.health_words import estimator_problems
 from gloc3_onboard.autopilot.telemetry import REPEATED_S
 
 from .test_autopilot_link import STYLES, Rig
@@ -51,7 +51,7 @@ GOOD = 0x3F
     ],
 )
 def test_the_flags_of_an_estimator_in_words(name: str, fields: dict[str, Any], doubts: list[str]) -> None:
-    assert estimator_doubts(message(name, **fields)) == doubts
+    assert estimator_problems(message(name, **fields)) == doubts
 
 
 @STYLES
@@ -77,12 +77,12 @@ def test_an_autopilot_that_would_not_arm_is_asked_why_now_and_then(style: str) -
         rig.run(5.0)
         assert rig.device.state().reasons == ["PreArm: Compass not calibrated"]
         rig.run(35.0)
-        assert 2 <= len(rig.asked(PREARM)) <= 4
+        assert 2 <= len(rig.requested(PREARM)) <= 4
         rig.autopilot.prearm_health = 1 << 28
         rig.run(2.0)
-        asked = len(rig.asked(PREARM))
+        requested = len(rig.requested(PREARM))
         rig.run(40.0)
-        assert len(rig.asked(PREARM)) == asked, "it would arm"
+        assert len(rig.requested(PREARM)) == requested, "it would arm"
 
 
 def test_who_does_not_know_the_question_is_not_asked_again() -> None:
@@ -90,15 +90,15 @@ def test_who_does_not_know_the_question_is_not_asked_again() -> None:
         not_ready(rig)
         rig.autopilot.refuses[PREARM] = CommandResult.UNSUPPORTED, ""
         rig.run(60.0)
-        assert len(rig.asked(PREARM)) == 1
+        assert len(rig.requested(PREARM)) == 1
 
 
 def test_a_reason_that_is_not_repeated_is_over() -> None:
     with Rig("ardupilot") as rig:
         not_ready(rig)
-        rig.autopilot.say("PreArm: Compass not calibrated")
+        rig.autopilot.report("PreArm: Compass not calibrated")
         rig.run(0.5 * REPEATED_S)
-        rig.autopilot.say("PreArm: Battery 1 low voltage failsafe")
+        rig.autopilot.report("PreArm: Battery 1 low voltage failsafe")
         rig.run(0.1)
         assert len(rig.device.state().reasons) == 2
         rig.run(0.6 * REPEATED_S)
@@ -110,14 +110,14 @@ def test_leave_to_arm_is_given_or_refused_with_its_reason(why_not: str) -> None:
     with Rig() as rig:
         rig.why_not_arm = why_not
         rig.run(4.0)
-        rig.autopilot.heard.clear()
+        rig.autopilot.received.clear()
         for target in (191, 0):
             rig.autopilot.send(
                 "COMMAND_LONG", command=AUTHORISATION, target_system=1, target_component=target, confirmation=target % 2
             )
             rig.run(0.5)
-        acks = [m for m in rig.autopilot.heard if m.name == "COMMAND_ACK" and m.command == AUTHORISATION]
-        texts = [m.text for m in rig.autopilot.heard if m.name == "STATUSTEXT"]
+        acks = [m for m in rig.autopilot.received if m.name == "COMMAND_ACK" and m.command == AUTHORISATION]
+        texts = [m.text for m in rig.autopilot.received if m.name == "STATUSTEXT"]
         assert acks
         if why_not:
             assert acks[0].result == CommandResult.DENIED
@@ -130,7 +130,7 @@ def test_leave_to_arm_is_given_or_refused_with_its_reason(why_not: str) -> None:
 def test_nobody_else_may_ask_for_leave_and_other_commands_are_not_answered_here() -> None:
     with Rig() as rig:
         rig.run(4.0)
-        rig.autopilot.heard.clear()
+        rig.autopilot.received.clear()
         rig.autopilot.send("COMMAND_LONG", command=512, target_system=1, target_component=191)
         from gloc3.mavlink.codec import Encoder
 
@@ -139,7 +139,7 @@ def test_nobody_else_may_ask_for_leave_and_other_commands_are_not_answered_here(
         )
         rig.routed.receive(stranger)
         rig.run(0.5)
-        assert not [m for m in rig.autopilot.heard if m.name == "COMMAND_ACK"]
+        assert not [m for m in rig.autopilot.received if m.name == "COMMAND_ACK"]
 
 
 def test_leave_follows_the_summaries_of_the_command_interface() -> None:
@@ -161,13 +161,13 @@ def test_the_autopilot_is_told_its_own_time_and_asked_for_it() -> None:
         rig.run(10.0)
         rig.autopilot.boot()
         rig.run(6.0)
-        rig.autopilot.heard.clear()
+        rig.autopilot.received.clear()
         rig.autopilot.send("TIMESYNC", tc1=0, ts1=77)
         rig.run(0.2)
-        answer = next(m for m in rig.autopilot.heard if m.name == "TIMESYNC" and m.ts1 == 77)
+        answer = next(m for m in rig.autopilot.received if m.name == "TIMESYNC" and m.ts1 == 77)
         booted_s = rig.autopilot.boot_s - 0.2
         assert answer.tc1 * 1e-9 == pytest.approx(booted_s, abs=0.06), "poses are stamped in the same time"
-        assert [m for m in rig.autopilot.heard if m.name == "TIMESYNC" and m.tc1 == 0]
+        assert [m for m in rig.autopilot.received if m.name == "TIMESYNC" and m.tc1 == 0]
 
 
 @STYLES
@@ -177,11 +177,11 @@ def test_a_restart_that_shows_in_the_clock_alone_is_noticed_and_the_streams_are_
         rig.autopilot.boot()
         for name in ("LOCAL_POSITION_NED", "ATTITUDE_QUATERNION", "SYS_STATUS", "DISTANCE_SENSOR"):
             rig.autopilot.set_rate(name, 0.0)
-        rig.said.clear()
-        took_s = rig.until(lambda: "the autopilot has restarted" in rig.said, 4.0)
-        assert took_s < 3.0
+        rig.reported.clear()
+        elapsed_s = rig.until(lambda: "the autopilot has restarted" in rig.reported, 4.0)
+        assert elapsed_s < 3.0
         rig.until(lambda: rig.autopilot.rate_hz("LOCAL_POSITION_NED") == pytest.approx(20.0), 3.0)
-        assert rig.said.count("the autopilot has restarted") == 1
+        assert rig.reported.count("the autopilot has restarted") == 1
 
 
 @STYLES
@@ -199,4 +199,4 @@ def test_an_autopilot_whose_clock_stood_still_has_not_restarted_and_its_poses_ar
         pose = rig.device.pose()
         assert pose is not None
         assert rig.loop.time() - pose.t_s < 0.12
-        assert "the autopilot has restarted" not in rig.said
+        assert "the autopilot has restarted" not in rig.reported

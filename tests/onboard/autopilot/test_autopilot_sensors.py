@@ -38,7 +38,7 @@ class FixedTime:
         return min(boot_ms * 1e-3, now_s)
 
 
-def take(name: str, yaw_rad: float | None = None, **fields: Any) -> AutopilotSensors:
+def handle(name: str, yaw_rad: float | None = None, **fields: Any) -> AutopilotSensors:
     """The sensors after one message, as its bytes say it."""
     sensors = AutopilotSensors()
     data = codec.Encoder(1, 1).encode(codec.message(name, **fields))
@@ -51,7 +51,7 @@ def take(name: str, yaw_rad: float | None = None, **fields: Any) -> AutopilotSen
 
 def obstacles(yaw_rad: float | None = None, **fields: Any) -> LaserScan:
     given = {"time_usec": 5_000_000, "min_distance": 20, "max_distance": 1000, "increment": 5, "frame": 12}
-    found = take("OBSTACLE_DISTANCE", yaw_rad, **{**given, **fields}).obstacles
+    found = handle("OBSTACLE_DISTANCE", yaw_rad, **{**given, **fields}).obstacles
     assert found is not None
     assert found.t_s == pytest.approx(5.0)
     return found.scan
@@ -115,7 +115,7 @@ def test_level_range_finders_make_a_scan_of_eight_beams_and_old_ones_are_forgott
     ],
 )
 def test_an_inertial_unit_is_told_in_si_units_whatever_the_message(name: str, fields: dict[str, Any]) -> None:
-    (stamped,) = take(name, **fields).samples(-math.inf)
+    (stamped,) = handle(name, **fields).samples(-math.inf)
     assert stamped.t_s == pytest.approx(7.0)
     assert stamped.sample.rate_frd_rad_s == pytest.approx((0.1, 0.0, 0.0))
     assert stamped.sample.specific_force_frd_m_s2 == pytest.approx((0.0, 0.0, -9.80665), rel=1e-6)
@@ -156,7 +156,7 @@ def test_messages_are_asked_for_when_a_sampler_starts_and_its_samples_come_from_
     assert autopilot.rate_hz(name) == 100.0
     assert autopilot.rate_hz("OBSTACLE_DISTANCE") == 10.0
     rung: list[None] = []
-    unwatch = [device.on_news(lambda: rung.append(None)) for device in (imu, laser, level)]
+    unwatch = [device.on_new_data(lambda: rung.append(None)) for device in (imu, laser, level)]
     autopilot.send(
         "OBSTACLE_DISTANCE", time_usec=5_000_000, increment=5, frame=12, max_distance=900, distances=[300] * 72
     )
@@ -184,7 +184,7 @@ def test_the_simulated_autopilot_tells_its_inertial_unit_to_the_sampler(style: s
         cable = MemoryLink(bench.loop, Random(1), Conditions(latency_s=0.002))
         cable.a.on_data = simulator.attach(cable.a.send, LinkKind.COMPANION)
         said: list[str] = []
-        link = AutopilotLink(bench.loop, Clock(bench.loop), say=lambda _, text: said.append(text))
+        link = AutopilotLink(bench.loop, Clock(bench.loop), report=lambda _, text: said.append(text))
         wire(link, cable.b, bench.loop)
         simulator.start(bench.loop)
         bench.host(

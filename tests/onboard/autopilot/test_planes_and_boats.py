@@ -79,7 +79,7 @@ def test_a_plane_takes_off_flies_its_waypoints_waits_in_circles_comes_home_and_l
         assert (peer.modes[0], peer.modes[-1]) == (kind.take_off, kind.land)
         assert kind.guided in peer.modes
         if kind is ArduPlane:
-            assert min(b - a for a, b in pairwise(peer.asked_s)) > 0.9, "no more than once a second"
+            assert min(b - a for a, b in pairwise(peer.requested_s)) > 0.9, "no more than once a second"
     finally:
         stack.close()
 

@@ -36,7 +36,7 @@ def lines(tmp_path: Path) -> Iterator[Lines]:
         yield found
 
 
-def heard_s(log: Path) -> list[float]:
+def received_s(log: Path) -> list[float]:
     """When what was asked for came, in seconds, by a `.tlog`: a time before each frame."""
     data, times, place = log.read_bytes(), [], 0
     while place + 20 <= len(data):
@@ -66,13 +66,13 @@ async def test_after_a_reboot_it_is_asked_for_its_streams_again(tmp_path: Path, 
     with program("onboard", "copter", "--autopilot", lines.first, "--out", "out", folder=tmp_path) as onboard:
         await asyncio.to_thread(onboard.await_line, lambda line: "autopilot found" in line)
         await asyncio.sleep(2.0 * WATCHED_S)
-        before = heard_s(tmp_path / "out" / "log.tlog")
+        before = received_s(tmp_path / "out" / "log.tlog")
         await reboot(lines.second)
         await asyncio.to_thread(onboard.await_line, lambda line: "the autopilot has restarted" in line)
         await asyncio.sleep(2.0 * WATCHED_S)
         onboard.interrupt()
         assert onboard.end() == 0, onboard.text
-    after = heard_s(tmp_path / "out" / "log.tlog")[len(before) :]
+    after = received_s(tmp_path / "out" / "log.tlog")[len(before) :]
     assert rate_hz(before) > 0.5 * RATE_HZ
     assert rate_hz(after) > 0.5 * RATE_HZ
 
@@ -82,20 +82,20 @@ def test_it_takes_a_key_and_hears_only_who_has_it(tmp_path: Path, lines: Lines) 
         with program("signing", *words, folder=tmp_path) as running:
             return running.end()
 
-    def asks(url: str, out: str) -> float:
+    def requester(url: str, out: str) -> float:
         with program("onboard", "copter", "--autopilot", url, "--out", out, folder=tmp_path) as onboard:
             onboard.await_line(lambda line: "autopilot found" in line)
             time.sleep(2.0 * WATCHED_S)
             onboard.interrupt()
             assert onboard.end() == 0, onboard.text
-        return rate_hz(heard_s(tmp_path / out / "log.tlog"))
+        return rate_hz(received_s(tmp_path / out / "log.tlog"))
 
     link = ["--autopilot", lines.second, "--key", "radio.key"]
     assert signing("new", "radio.key") == 0
     assert signing("show", *link) == 1
     assert signing("set", *link, "--yes") == 0
     assert signing("show", *link) == 0
-    assert asks(lines.second, "unsigned") == 0.0
-    assert asks(f"{lines.second}?key=radio.key", "signed") > 0.5 * RATE_HZ
+    assert requester(lines.second, "unsigned") == 0.0
+    assert requester(f"{lines.second}?key=radio.key", "signed") > 0.5 * RATE_HZ
     assert signing("remove", *link, "--yes") == 0
     assert signing("show", *link) == 1

@@ -21,12 +21,14 @@ async def test_a_mission_survives_its_station_is_paused_and_resumed_and_ends_dis
 ) -> None:
     if shutil.which(vehicle.binary) is None:
         pytest.skip(f"{vehicle.binary} is not on PATH: see docs/firmware.md")
-    led = await lead(vehicle, tmp_path)
+    exchange = await lead(vehicle, tmp_path)
     _, _, near_m = SIZES[vehicle.binary]
-    assert led.pictures >= 3
-    assert max(led.misses_m) < near_m + 0.5
-    assert led.most_m < near_m
+    assert exchange.pictures >= 3
+    assert max(exchange.misses_m) < near_m + 0.5
+    assert exchange.most_m < near_m
     assert (
-        (led.highest_m > vehicle.height_m - 0.5) if vehicle.height_m >= 0.0 else (led.lowest_m < vehicle.height_m + 0.5)
+        (exchange.highest_m > vehicle.height_m - 0.5)
+        if vehicle.height_m >= 0.0
+        else (exchange.lowest_m < vehicle.height_m + 0.5)
     )
-    assert not led.had_pilot
+    assert not exchange.had_pilot

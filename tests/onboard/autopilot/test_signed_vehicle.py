@@ -22,34 +22,34 @@ ASK = message("COMMAND_LONG", target_system=1, target_component=1, command=512, 
 """The autopilot's version."""
 
 
-async def answers(port: int, key: bytes | None, told: list[str], within_s: float) -> Counter[str]:
+async def answers(port: int, key: bytes | None, reported: list[str], within_s: float) -> Counter[str]:
     """What a station hears that asks the autopilot behind the onboard process, until it is answered or time is up."""
-    heard: Counter[str] = Counter()
+    received: Counter[str] = Counter()
 
-    def hear(frame: Frame) -> None:
+    def receive(frame: Frame) -> None:
         if frame.shape is not None:
-            heard[f"{frame.system}/{frame.component} {frame.shape.name}"] += 1
+            received[f"{frame.system}/{frame.component} {frame.shape.name}"] += 1
 
-    ground = GroundStation(StationSetup(boot=1, signing_key=key), report=told.append)
+    ground = GroundStation(StationSetup(boot=1, signing_key=key), report=reported.append)
     try:
         await ground.open([f"udpout://127.0.0.1:{port}"])
-        ((_, link),) = ground.links.ways()
-        link.listen(hear)
+        ((_, link),) = ground.links.routes()
+        link.listen(receive)
         for _ in range(round(within_s / 0.25)):
-            if link.heard():
+            if link.received():
                 link.send(ASK)
             await asyncio.sleep(0.25)
-            if heard["1/1 AUTOPILOT_VERSION"]:
+            if received["1/1 AUTOPILOT_VERSION"]:
                 break
     finally:
         await ground.close()
-    return heard
+    return received
 
 
 def test_with_the_key_a_station_reaches_the_autopilot_and_without_it_nobody_does(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(signing_cli, "HEAR_S", 20.0)  # no longer than needed, but on a machine that is busy
+    monkeypatch.setattr(signing_cli, "LISTEN_S", 20.0)  # no longer than needed, but on a machine that is busy
     vehicle, station = free_ports(2, socket.SOCK_DGRAM)
     key = str(tmp_path / "radio.key")
     assert run(["signing", "new", key]) == 0
@@ -70,15 +70,15 @@ def test_with_the_key_a_station_reaches_the_autopilot_and_without_it_nobody_does
             folder=tmp_path,
         ) as onboard:
             onboard.await_line(lambda line: "components; log in" in line)
-            told: list[str] = []
-            knows = asyncio.run(answers(station, read_signing_key(Path(key)), told, 60.0))
+            reported: list[str] = []
+            knows = asyncio.run(answers(station, read_signing_key(Path(key)), reported, 60.0))
             assert knows["1/1 AUTOPILOT_VERSION"]
             assert knows["1/191 HEARTBEAT"]
-            assert told == []
+            assert reported == []
             time.sleep(2.0)  # what was asked several times is answered as often
-            stranger = asyncio.run(answers(station, None, told, 3.0))
+            stranger = asyncio.run(answers(station, None, reported, 3.0))
             assert not stranger["1/1 AUTOPILOT_VERSION"]
-            assert any("signs what it sends, and this link has no key" in text for text in told)
+            assert any("signs what it sends, and this link has no key" in text for text in reported)
             onboard.interrupt()
             assert onboard.end() == 0, onboard.text
         assert run(["signing", "remove", *link, "--yes"]) == 0

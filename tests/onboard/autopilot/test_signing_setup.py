@@ -45,9 +45,9 @@ class Autopilot:
 
     def _run(self) -> None:
         while not self._is_over.wait(0.01):
-            while (heard := self._link.recv_match()) is not None:
-                if heard.get_type() == "SETUP_SIGNING" and not self._is_deaf:
-                    key = bytes(heard.secret_key)
+            while (received := self._link.recv_match()) is not None:
+                if received.get_type() == "SETUP_SIGNING" and not self._is_deaf:
+                    key = bytes(received.secret_key)
                     self.key = key if any(key) else None
                     self._sign()
             mode = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self._is_armed else 0
@@ -75,7 +75,7 @@ def begin(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Autopilot]]
 
 @pytest.fixture(autouse=True)
 def in_a_hurry(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(signing_cli, "HEAR_S", 0.6)
+    monkeypatch.setattr(signing_cli, "LISTEN_S", 0.6)
     monkeypatch.setattr(signing_cli, "COUNT_S", 0.15)
     monkeypatch.setattr(signing_setup, "HEARTBEAT_S", 0.05)
 
@@ -111,11 +111,11 @@ def test_an_autopilot_gets_a_key_is_shown_to_sign_with_it_and_forgets_it_again(
     assert "not signed" in capsys.readouterr().err
     assert run(["signing", "set", *link, "--yes"]) == 0
     assert autopilot.key == KEY
-    said = capsys.readouterr().err
-    assert "PX4 1/1" in said
-    assert "it is sent the key of" in said
-    assert "signed with this key" in said.splitlines()[-1]
-    assert KEY.hex() not in said
+    text = capsys.readouterr().err
+    assert "PX4 1/1" in text
+    assert "it is sent the key of" in text
+    assert "signed with this key" in text.splitlines()[-1]
+    assert KEY.hex() not in text
     assert run(["signing", "show", *link]) == 0
     assert run(["signing", "remove", *link, "--yes"]) == 0
     assert autopilot.key is None

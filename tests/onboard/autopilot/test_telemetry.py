@@ -11,7 +11,7 @@ from gloc3.mavlink.message import Address
 from gloc3.messages.vehicle import FlightMode
 from gloc3_onboard.autopilot.ardupilot import ArduPilot
 from gloc3_onboard.autopilot.px4 import Px4
-from gloc3_onboard.autopilot.style import Command
+from gloc3_onboard.autopilot.style import MavCommand
 from gloc3_onboard.autopilot.telemetry import BootClock, ClockOffset, Telemetry
 
 
@@ -51,20 +51,20 @@ def test_an_autopilot_that_stood_still_and_answers_all_at_once_has_not_restarted
     telemetry = Telemetry()
     offset = ClockOffset(Address(1, 191), telemetry)
     service = offset.service
-    service.ask(Address(1, 1))
-    asked = [3.15, 3.73, 4.27, 4.83, 5.35, 5.86, 6.36]
+    service.request(Address(1, 1))
+    requested = [3.15, 3.73, 4.27, 4.83, 5.35, 5.86, 6.36]
     questions = []
-    for now_s in asked:
+    for now_s in requested:
         service.tick(now_s)
         questions += [message.ts1 for message in service.outgoing()]
     # As heard of a simulation that was short of its computer: five answers in one burst, and two from 2.6 s later.
     answers = [(5.42, 0.255), *[(5.43, 0.255)] * 4, (6.48, 2.82), (6.49, 2.82)]
     telemetry.t_s(255, 5.42)
-    for (now_s, told_s), question in zip(answers, questions, strict=True):
-        answer = codec.message("TIMESYNC", tc1=round(told_s * 1e9), ts1=question)
+    for (now_s, reported_s), question in zip(answers, questions, strict=True):
+        answer = codec.message("TIMESYNC", tc1=round(reported_s * 1e9), ts1=question)
         service.receive(answer, Address(1, 1), now_s)
-        telemetry.t_s(told_s * 1e3, now_s)
-        offset.look(now_s)
+        telemetry.t_s(reported_s * 1e3, now_s)
+        offset.poll(now_s)
     assert telemetry.restarts == 0
 
 
@@ -72,13 +72,13 @@ def test_what_an_autopilot_tells_after_a_pause_of_its_clock_is_not_taken_for_old
     telemetry = Telemetry()
     offset = ClockOffset(Address(1, 191), telemetry)
     service = offset.service
-    service.ask(Address(1, 1))
+    service.request(Address(1, 1))
 
-    def ask_and_answer(now_s: float, told_s: float, late_s: float) -> None:
+    def ask_and_answer(now_s: float, reported_s: float, late_s: float) -> None:
         service.tick(now_s)
-        answer = codec.message("TIMESYNC", tc1=round(told_s * 1e9), ts1=service.outgoing()[0].ts1)
+        answer = codec.message("TIMESYNC", tc1=round(reported_s * 1e9), ts1=service.outgoing()[0].ts1)
         service.receive(answer, Address(1, 1), now_s + late_s)
-        offset.look(now_s + late_s)
+        offset.poll(now_s + late_s)
 
     for step in range(10):
         assert telemetry.t_s(1000 * step, 100.0 + step) == pytest.approx(100.0 + step)
@@ -100,7 +100,7 @@ def test_nothing_is_ever_valid_later_than_it_was_heard(messages: list[tuple[floa
         assert clock.t_s(boot_ms, now_s) <= now_s + 1e-9
 
 
-def heard(name: str, *, style: Any = None, **fields: Any) -> Telemetry:
+def received(name: str, *, style: Any = None, **fields: Any) -> Telemetry:
     telemetry = Telemetry()
     telemetry.adopt(style or Px4())
     telemetry.receive(codec.message(name, **fields), 1.0)
@@ -123,7 +123,7 @@ def heard(name: str, *, style: Any = None, **fields: Any) -> Telemetry:
     ],
 )
 def test_modes_are_read_by_the_style(style: Px4 | ArduPilot, custom_mode: int, mode: FlightMode, name: str) -> None:
-    state = heard("HEARTBEAT", style=style, custom_mode=custom_mode, base_mode=128 | 1, system_status=5).state
+    state = received("HEARTBEAT", style=style, custom_mode=custom_mode, base_mode=128 | 1, system_status=5).state
     assert (state.mode, state.mode_name, state.is_armed, state.is_failsafe) == (mode, name, True, True)
 
 
@@ -131,26 +131,26 @@ def test_modes_are_read_by_the_style(style: Px4 | ArduPilot, custom_mode: int, m
 @pytest.mark.parametrize("style", [Px4(), ArduPilot()])
 def test_the_modes_that_are_asked_for_are_those_that_are_read(style: Px4 | ArduPilot, mode: FlightMode) -> None:
     command = style.mode_command(mode)
-    assert isinstance(command, Command)
+    assert isinstance(command, MavCommand)
     if command.number == 176:
         main, sub = int(command.parameters[1]), int(command.parameters[2])
         assert style.flight_mode(main << 16 | sub << 24 if isinstance(style, Px4) else main) is mode
 
 
 def test_what_a_battery_does_not_tell() -> None:
-    state = heard("SYS_STATUS", voltage_battery=65535, current_battery=-1, battery_remaining=-1).state
+    state = received("SYS_STATUS", voltage_battery=65535, current_battery=-1, battery_remaining=-1).state
     assert (state.battery_v, state.battery_a, state.battery_remaining) == (0.0, 0.0, -1.0)
 
 
 def test_a_range_that_does_not_look_down_or_has_no_echo() -> None:
     limits = {"min_distance": 20, "max_distance": 700}
-    assert heard("DISTANCE_SENSOR", current_distance=100, orientation=0, **limits).height is None
+    assert received("DISTANCE_SENSOR", current_distance=100, orientation=0, **limits).height is None
     for distance, is_valid in ((10, False), (100, True), (701, False)):
-        stamped = heard("DISTANCE_SENSOR", current_distance=distance, orientation=25, **limits).height
+        stamped = received("DISTANCE_SENSOR", current_distance=distance, orientation=25, **limits).height
         assert stamped is not None
         assert stamped.height.is_valid == is_valid
         assert bool(stamped.height.reason) != is_valid
 
 
 def test_without_an_attitude_there_is_no_pose() -> None:
-    assert heard("LOCAL_POSITION_NED", time_boot_ms=5).pose is None
+    assert received("LOCAL_POSITION_NED", time_boot_ms=5).pose is None

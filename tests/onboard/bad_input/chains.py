@@ -69,7 +69,7 @@ class Chain(NamedTuple):
     """What its sampler reports."""
     output: str
     """What the fusion hears of it."""
-    look: Callable[[int], Shot]
+    poll: Callable[[int], Shot]
     """The scene for the n-th time."""
     sampler: Callable[[ScriptedSource, Calibrations], Component[Any]]
     stamp: Callable[[ScriptedSource, float, Any], None]
@@ -139,7 +139,7 @@ CHAINS = {
         "stereo cameras",
         CAMERAS,
         "odometry/stereo",
-        lambda number: pictures(EYES, wall.look(0.0, seed=number)),
+        lambda number: pictures(EYES, wall.poll(0.0, seed=number)),
         StereoCameraSampler,
         _pair,
         {"features": FeatureProcessor, "odometry": StereoOdometryProcessor},

@@ -57,7 +57,7 @@ class BadInput(NamedTuple):
 
     make: Callable[[Given], list[Delivery]]
     sensors: tuple[str, ...]
-    is_told: bool = True
+    is_reported: bool = True
     """A component of the chain must say that it cannot be used; otherwise what is told may be right instead."""
     height_m: float = HEIGHT_M
     """What the height sensor says meanwhile."""
@@ -65,17 +65,17 @@ class BadInput(NamedTuple):
     """So wrong one report may be that is called valid; the pose may not."""
 
 
-def _each(spoil: Callable[[Any], Any]) -> Callable[[Given], list[Delivery]]:
+def _each(corrupt: Callable[[Any], Any]) -> Callable[[Given], list[Delivery]]:
     """Every part of every shot is spoilt."""
-    return lambda given: [(0.0, tuple(map(spoil, given.good)))]
+    return lambda given: [(0.0, tuple(map(corrupt, given.good)))]
 
 
-def _pixels(spoil: Callable[[Any], Any]) -> Callable[[Given], list[Delivery]]:
-    def spoilt(image: Image) -> Image:
+def _pixels(corrupt: Callable[[Any], Any]) -> Callable[[Given], list[Delivery]]:
+    def corrupted(image: Image) -> Image:
         pixels = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width)
-        return pictures([image.camera], [np.ascontiguousarray(spoil(pixels))])[0]
+        return pictures([image.camera], [np.ascontiguousarray(corrupt(pixels))])[0]
 
-    return _each(spoilt)
+    return _each(corrupted)
 
 
 def _ranges(value: float) -> Callable[[Given], list[Delivery]]:
@@ -92,11 +92,11 @@ def _mixed(given: Given) -> list[Delivery]:
     random = np.random.default_rng(given.number)
     line, shift = random.uniform(0.2, 0.8), int(random.integers(40, 280))
 
-    def spoil(pixels: Any) -> Any:
+    def corrupt(pixels: Any) -> Any:
         row = round(line * len(pixels))
         return np.vstack([pixels[:row], np.roll(pixels[row:], shift, axis=1)])
 
-    return [(0.0, given.good)] if given.number % 2 else _pixels(spoil)(given)
+    return [(0.0, given.good)] if given.number % 2 else _pixels(corrupt)(given)
 
 
 def _two_lights(given: Given) -> list[Delivery]:
@@ -110,24 +110,26 @@ INPUTS: Mapping[str, BadInput] = {
     "black": BadInput(_pixels(lambda pixels: pixels * 0), EYES),
     "white": BadInput(_pixels(lambda pixels: pixels * 0 + 255), EYES),
     "torn: bytes are missing": BadInput(_each(_torn), ALL),
-    "torn: every other one is shifted below a line": BadInput(_mixed, EYES, is_told=False, right_m=MOVED_M),
+    "torn: every other one is shifted below a line": BadInput(_mixed, EYES, is_reported=False, right_m=MOVED_M),
     "of the wrong size": BadInput(_pixels(lambda pixels: pixels[::2, ::2]), EYES),
     "time runs backwards": BadInput(lambda given: [(-0.2 * given.number - 0.05, given.good)], ALL),
-    "stamped in the future": BadInput(lambda given: [(5.0, given.good)], ALL, is_told=False),
+    "stamped in the future": BadInput(lambda given: [(5.0, given.good)], ALL, is_reported=False),
     "not a time": BadInput(lambda given: [(math.nan, given.good)], ALL),
     "stuck: the same with new times": BadInput(lambda given: [(0.0, given.before)], ALL),
-    "duplicated: each twice": BadInput(lambda given: [(0.0, given.good)] * 2, ALL, is_told=False),
+    "duplicated: each twice": BadInput(lambda given: [(0.0, given.good)] * 2, ALL, is_reported=False),
     "missing: two of three": BadInput(
-        lambda given: [(0.0, given.good)] if given.number % 3 == 0 else [], ALL, is_told=False
+        lambda given: [(0.0, given.good)] if given.number % 3 == 0 else [], ALL, is_reported=False
     ),
     "missing: all": BadInput(lambda given: [], ALL),
     "all ranges NaN": BadInput(_ranges(math.nan), ("laser",)),
     "all ranges zero": BadInput(_ranges(0.0), ("laser",)),
     "all ranges at the maximum": BadInput(_ranges(30.0), ("laser",)),
     "two lights": BadInput(_two_lights, ("tracker",)),
-    "height NaN": BadInput(lambda given: [(0.0, given.good)], SEEN_BY_HEIGHT, is_told=False, height_m=math.nan),
-    "height zero": BadInput(lambda given: [(0.0, given.good)], SEEN_BY_HEIGHT, is_told=False, height_m=0.0),
-    "height at the maximum": BadInput(lambda given: [(0.0, given.good)], SEEN_BY_HEIGHT, is_told=False, height_m=40.0),
+    "height NaN": BadInput(lambda given: [(0.0, given.good)], SEEN_BY_HEIGHT, is_reported=False, height_m=math.nan),
+    "height zero": BadInput(lambda given: [(0.0, given.good)], SEEN_BY_HEIGHT, is_reported=False, height_m=0.0),
+    "height at the maximum": BadInput(
+        lambda given: [(0.0, given.good)], SEEN_BY_HEIGHT, is_reported=False, height_m=40.0
+    ),
 }
 
 
@@ -190,13 +192,13 @@ def faults(name: str, outcomes: Mapping[str, Outcome], *, is_long: bool) -> list
         is_long: it lasted so long that the pose must not be valid any more where the input cannot be used.
     """
     given = INPUTS.get(name)
-    is_told, right_m = (given.is_told, given.right_m) if given is not None else (True, RIGHT_M)
+    is_reported, right_m = (given.is_reported, given.right_m) if given is not None else (True, RIGHT_M)
     *before, fused = outcomes
     found = [f"{one} {fault}" for one in before for fault in outcomes[one].faults(right_m)]
     found += [f"{fused} {fault}" for fault in outcomes[fused].faults()]
-    if is_told and not any(outcomes[one].invalid for one in before):
+    if is_reported and not any(outcomes[one].invalid for one in before):
         found.append("nobody tells")
-    if is_told and is_long and not outcomes[fused].invalid:
+    if is_reported and is_long and not outcomes[fused].invalid:
         found.append("the pose stays valid")
     return found
 
@@ -218,9 +220,9 @@ class Trial:
         self._source = ScriptedSource()
         self._random = np.random.default_rng(3)
         self._frames = self._steps = 0
-        self._heard: list[tuple[float, str, Any]] = []
+        self._received: list[tuple[float, str, Any]] = []
         """When, on which topic, and what."""
-        self.before = self.chain.look(0)
+        self.before = self.chain.poll(0)
         self.reports = self.chain.reports(with_sampler=with_sampler)
         self.outcomes = {name: Outcome() for name in self.reports}
         self.chain.host(self.bench, self.rig, self._source, with_sampler=with_sampler)
@@ -263,7 +265,7 @@ class Trial:
 
     def _begin(self) -> float:
         self.outcomes = {one: Outcome() for one in self.reports}
-        self._heard.clear()
+        self._received.clear()
         return self.bench.loop.time()
 
     def _end(self, begin_s: float, good_s: float) -> dict[str, Outcome]:
@@ -274,17 +276,17 @@ class Trial:
         return self.outcomes
 
     def _judge(self, outcome: Outcome, topic: str, begin_s: float, end_s: float) -> None:
-        told = [(at_s, message) for at_s, heard, message in self._heard if heard == topic]
-        outcome.is_finite = all(is_finite(message) for _, message in told)
-        outcome.is_reasoned = all(message.is_valid or message.reason for _, message in told)
-        wrong = [error_m(message) for at_s, message in told if message.is_valid and at_s > begin_s]
+        reported = [(at_s, message) for at_s, received, message in self._received if received == topic]
+        outcome.is_finite = all(is_finite(message) for _, message in reported)
+        outcome.is_reasoned = all(message.is_valid or message.reason for _, message in reported)
+        wrong = [error_m(message) for at_s, message in reported if message.is_valid and at_s > begin_s]
         outcome.error_m = max(wrong, default=0.0)
-        for at_s, message in told:
+        for at_s, message in reported:
             if begin_s + GRACE_S < at_s <= end_s:
                 outcome.valid += message.is_valid
                 outcome.invalid += not message.is_valid
                 outcome.reason = outcome.reason if message.is_valid else message.reason
-        after = [(at_s, message.is_valid) for at_s, message in told if at_s > end_s]
+        after = [(at_s, message.is_valid) for at_s, message in reported if at_s > end_s]
         if after and after[-1][1]:
             last = max((at_s for at_s, is_valid in after if not is_valid), default=end_s)
             outcome.again_s = round(last - end_s, 2)
@@ -294,10 +296,10 @@ class Trial:
     def _run(self, duration_s: float, make: Callable[[Given], list[Delivery]]) -> None:
         number = 0
         for _ in range(round(duration_s / STEP_S)):
-            self._feel()
+            self._measure_forces()
             if self._steps % STEPS_A_FRAME == 0:
                 self._frames += 1
-                shot = self.chain.look(self._frames)
+                shot = self.chain.poll(self._frames)
                 for late_s, one in make(Given(shot, self.before, number)):
                     self._deliver(self.bench.loop.time() + late_s, one)
                     self.bench.run(STEP_S / 10)
@@ -316,7 +318,7 @@ class Trial:
         for topic, message in zip(self.chain.topics, shot, strict=True):
             self.bench.send(topic, message, t_s=t_s)
 
-    def _feel(self) -> None:
+    def _measure_forces(self) -> None:
         """Everything else that the components hear."""
         rate = tuple((self._random.normal(size=3) * 7e-4).tolist())
         force = tuple((self._random.normal(size=3) * 0.02 + (0.0, 0.0, -9.80665)).tolist())
@@ -335,7 +337,7 @@ class Trial:
         for envelope in self.bench.envelopes:
             topic = envelope.topic.removeprefix("bench/")
             if topic in self.reports.values() and envelope.source.component != "bench":
-                self._heard.append((now_s, topic, envelope.payload))
+                self._received.append((now_s, topic, envelope.payload))
         self.bench.envelopes.clear()
         for name, outcome in self.outcomes.items():
             outcome.is_working &= self.bench.state(name) is State.WORKING

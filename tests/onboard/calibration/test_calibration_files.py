@@ -157,9 +157,9 @@ def test_a_projection_of_kitti_gives_the_baseline_and_takes_the_size_of_a_pictur
 # --- what is wrong ---
 
 
-def changed(tmp_path: Path, old: str, new: str) -> Path:
-    assert old in CAMCHAIN
-    return written(tmp_path, CAMCHAIN.replace(old, new, 1))
+def changed(tmp_path: Path, previous: str, new: str) -> Path:
+    assert previous in CAMCHAIN
+    return written(tmp_path, CAMCHAIN.replace(previous, new, 1))
 
 
 @pytest.mark.parametrize(
@@ -221,8 +221,8 @@ def test_a_projection_that_is_none_is_told_with_line_and_column(tmp_path: Path) 
     path = written(tmp_path, good + "P1: 707 0 601 -380 0 x 183 0 0 0 1 0\nP2: 1 2 3\n", "calib.txt")
     with pytest.raises(InputError) as found:
         read_calibration(path, size=(1226, 370))
-    told = str(found.value).replace(str(path), "FILE")
-    assert told.splitlines() == ["FILE:2:22: P1: 'x' is no number", "FILE:3:5: P2: 3 numbers, where 12 belong"]
+    reported = str(found.value).replace(str(path), "FILE")
+    assert reported.splitlines() == ["FILE:2:22: P1: 'x' is no number", "FILE:3:5: P2: 3 numbers, where 12 belong"]
     with pytest.raises(InputError, match="outside pictures of 320 x 100"):
         read_calibration(written(tmp_path, good, "calib.txt"), size=(320, 100))
 
@@ -242,7 +242,7 @@ def test_a_camera_is_chosen_by_name_and_a_reference_may_tell_the_axes(tmp_path: 
     written(tmp_path, CAMCHAIN)
     _, model = read_reference("calibration.yaml?axes=flu#cam1", tmp_path)
     assert model.lens is Lens.EQUIDISTANT
-    for reference, told in (
+    for reference, reported in (
         ("calibration.yaml#cam3", "it has no camera 'cam3'"),
         ("calibration.yaml", "calibration.yaml#cam0"),
         ("calibration.yaml?axes=fly#cam0", "right-handed"),
@@ -250,7 +250,7 @@ def test_a_camera_is_chosen_by_name_and_a_reference_may_tell_the_axes(tmp_path: 
         ("calibration.yaml?size=big", "640x480"),
         ("nothing.yaml", "cannot be read"),
     ):
-        with pytest.raises((InputError, Refused), match=told):
+        with pytest.raises((InputError, Refused), match=reported):
             read_reference(reference, tmp_path)
 
 

@@ -14,7 +14,7 @@ from gloc3.messages.vehicle import AutopilotState, FlightMode, Pose, Style
 from gloc3.platform.platform import Failsafes, HostRow, LinkLossFailsafe, LowBatteryFailsafe, PoseLostFailsafe
 from gloc3.platform.reader import load_platform
 from gloc3_onboard.checks.checklist import checklist
-from gloc3_onboard.checks.readings import Condition, Readings
+from gloc3_onboard.checks.readings import ComponentCondition, Readings
 from gloc3_onboard.checks.tables import table_of
 
 PELICAN = load_platform("pelican_rtk")
@@ -81,7 +81,7 @@ def found(style: Style = Style.PX4, **changes: Any) -> dict[str, Check]:
         "computer": msgspec.structs.replace(computer, **changes.pop("computer", {})),
         "pose": POSE,
         "is_pose_fresh": True,
-        "components": [Condition(name="pose", health=Health.WORKING, is_required=True, is_standby=False)],
+        "components": [ComponentCondition(name="pose", health=Health.WORKING, is_required=True, is_standby=False)],
     }
     return {check.title: check for check in checklist(Readings(**{**known, **changes}))}
 
@@ -281,8 +281,10 @@ def test_a_port_says_what_is_the_matter_and_what_to_do(problem: str, advice: str
 
 
 def test_components_that_are_not_well_are_named_with_their_errors() -> None:
-    def one(name: str, health: Health, *, is_required: bool = False, is_standby: bool = False) -> Condition:
-        return Condition(name=name, health=health, is_required=is_required, is_standby=is_standby, cause="no frame")
+    def one(name: str, health: Health, *, is_required: bool = False, is_standby: bool = False) -> ComponentCondition:
+        return ComponentCondition(
+            name=name, health=health, is_required=is_required, is_standby=is_standby, cause="no frame"
+        )
 
     lines = found(
         components=[
@@ -317,8 +319,8 @@ def with_hosts() -> Any:
     return msgspec.structs.replace(PELICAN, hosts=hosts, components=rows)
 
 
-def host(name: str, **told: Any) -> HostPresence:
-    known = {"clock_bound_s": 0.002, "clock_age_s": 1.0, **own_software()._asdict(), **told}
+def host(name: str, **reported: Any) -> HostPresence:
+    known = {"clock_bound_s": 0.002, "clock_age_s": 1.0, **own_software()._asdict(), **reported}
     status = HostStatus(host=name, is_clock_host=False, processes=[], **known)
     return HostPresence(host=name, is_here=True, status=status)
 

@@ -14,7 +14,7 @@ from gloc3.mavlink.transport.endpoints import open_endpoint
 from gloc3.messages.preflight import Check, Verdict, red
 from gloc3.platform.reader import load_platform
 from gloc3_onboard.cli.doctor import app
-from gloc3_onboard.cli.doctor_run import Question, examine
+from gloc3_onboard.cli.doctor_run import DoctorOptions, examine
 from gloc3_onboard.process.computer import HostComputer
 from gloc3_sitl.vehicles.simulator import LinkKind, Simulator, SimulatorSettings
 from gloc3_sitl.world import World
@@ -41,7 +41,7 @@ async def vehicle(style: str, **parameters: float) -> AsyncIterator[str]:
 
 
 async def examined(url: str, folder: Path, wait_s: float = 20.0) -> dict[str, Check]:
-    checks = await examine(Question(PELICAN, url, folder, wait_s))
+    checks = await examine(DoctorOptions(PELICAN, url, folder, wait_s))
     return {check.title: check for check in checks}
 
 
@@ -64,12 +64,12 @@ async def test_a_vehicle_that_is_set_otherwise_is_red(tmp_path: Path) -> None:
 
 async def test_a_port_that_is_taken_says_so(tmp_path: Path) -> None:
     loop = asyncio.get_running_loop()
-    taken = await open_endpoint("udpin://127.0.0.1:0", loop, lambda _: None)
+    used = await open_endpoint("udpin://127.0.0.1:0", loop, lambda _: None)
     try:
-        url = f"udpin://127.0.0.1:{taken.local_port}"
+        url = f"udpin://127.0.0.1:{used.local_port}"
         found = await examined(url, tmp_path, 0.2)
     finally:
-        await taken.close()
+        await used.close()
     assert found["computer: port"].verdict is Verdict.RED
     assert "another program" in found["computer: port"].advice
 

@@ -20,9 +20,9 @@ def truth(tmp_path: Path) -> Path:
 
 def test_a_trajectory_is_compared_in_words_and_in_json(truth: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert _call(app, ["compare", str(truth), "--truth", str(truth)]) == 0
-    said = capsys.readouterr().out
-    assert "absolute (ATE)     rms 0.0000" in said
-    assert "relative, 10 m     rms 0.0000" in said
+    text = capsys.readouterr().out
+    assert "absolute (ATE)     rms 0.0000" in text
+    assert "relative, 10 m     rms 0.0000" in text
     assert _call(app, ["compare", str(truth), "--truth", str(truth), "--json", "--over", "2"]) == 0
     found = msgspec.json.decode(capsys.readouterr().out)
     assert found["errors"]["relative_over_m"] == 2.0
@@ -51,9 +51,9 @@ def test_along_a_line_the_first_pose_lays_it_over_the_truth_unless_asked_otherwi
     (tmp_path / "line.txt").write_text(LINE)
     line = str(tmp_path / "line.txt")
     assert _call(app, ["compare", line, "--truth", line]) == 0
-    said = capsys.readouterr().out
-    assert "attitude         rms 0.0000" in said
-    assert "laid over          by the first pose" in said
+    text = capsys.readouterr().out
+    assert "attitude         rms 0.0000" in text
+    assert "laid over          by the first pose" in text
     with pytest.raises(Refused, match="on one line"):
         _call(app, ["compare", line, "--truth", line, "--align", "begin"])
 

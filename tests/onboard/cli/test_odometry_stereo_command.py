@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 from tests.data_folders import PICTURES
-from tests.onboard.algorithms.vision.wall import BASELINE_M, FOCAL_PX, HEIGHT, WIDTH, look
+from tests.onboard.algorithms.vision.wall import BASELINE_M, FOCAL_PX, HEIGHT, WIDTH, poll
 
 from gloc3.cli.program import _call
 from gloc3.evaluation.metrics import relative_errors, steps
@@ -27,7 +27,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for part in ("image_0", "image_1"):
         (place / part).mkdir()
     for n in range(COUNT):
-        for part, picture in zip(("image_0", "image_1"), look(STEP_M * n, seed=n), strict=True):
+        for part, picture in zip(("image_0", "image_1"), poll(STEP_M * n, seed=n), strict=True):
             cv2.imwrite(str(place / part / f"{n:06}.png"), picture)
     column, row = (WIDTH - 1) / 2.0, (HEIGHT - 1) / 2.0
     for_right = -FOCAL_PX * BASELINE_M

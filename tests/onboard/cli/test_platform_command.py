@@ -69,7 +69,7 @@ def test_a_file_from_a_connected_autopilot_says_what_that_is_set_to(
     with vehicle(style, **parameters) as url:
         options = ["platform", "new", "--autopilot", url, "--file", str(file), *ANSWERS]
         assert run(options) == 0, capsys.readouterr().err
-        said = capsys.readouterr().err
+        text = capsys.readouterr().err
         assert run([*options, "--camera", "v4l2:///dev/video9"]) == 2
         assert f"{file} is there already" in capsys.readouterr().err
     assert failsafe in file.read_text()
@@ -81,7 +81,7 @@ def test_a_file_from_a_connected_autopilot_says_what_that_is_set_to(
         "land",
     )
     assert platform.frames["site"].origin.geo[:2] == pytest.approx((39.5528, 2.6285), abs=1e-3)
-    assert "supposed: --speed-m-s 3" in said
+    assert "supposed: --speed-m-s 3" in text
     assert "record_images" not in platform.capabilities
 
 

@@ -21,12 +21,12 @@ def test_a_preset_is_shown_and_set_only_when_told_to(tmp_path: Path) -> None:
         "preset: mine\nstyle: px4\nvehicle: copter\nparameters:\n"
         "  NAV_DLL_ACT: {value: 2, why: it returns}\n  COM_OF_LOSS_T: {value: 0.7}\n"
     )
-    lacking = tmp_path / "lacking.yaml"
-    lacking.write_text(file.read_text() + "  NO_SUCH_ONE: {value: 1}\n")
+    missing = tmp_path / "lacking.yaml"
+    missing.write_text(file.read_text() + "  NO_SUCH_ONE: {value: 1}\n")
     with program("sitl", "--link", f"companion=udpout://127.0.0.1:{port}", folder=tmp_path) as sitl:
         sitl.await_line(lambda line: "companion link" in line)
         codes, texts = [], []
-        for wanted, *what in ((file, "apply"), (file, "apply", "--yes"), (lacking, "diff")):
+        for wanted, *what in ((file, "apply"), (file, "apply", "--yes"), (missing, "diff")):
             with program("preset", what[0], str(wanted), *what[1:], *link, folder=tmp_path) as preset:
                 codes.append(preset.end())
                 texts.append(preset.text)
@@ -41,7 +41,7 @@ def test_a_preset_is_shown_and_set_only_when_told_to(tmp_path: Path) -> None:
 def test_nobody_waits_long_for_an_autopilot_that_is_not_there(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(preset_cli, "HEAR_S", 0.3)
+    monkeypatch.setattr(preset_cli, "LISTEN_S", 0.3)
     url = f"tcpout://127.0.0.1:{free_ports(1, socket.SOCK_STREAM)[0]}"
     assert run(["preset", "diff", "px4_vision", "--autopilot", url]) == 1
     assert f"{url}: no autopilot is heard: connection refused" in capsys.readouterr().err

@@ -7,7 +7,7 @@ from gloc3.component.lci import State
 from gloc3.messages.envelope import ComponentStatus, Kind
 from gloc3.platform.reader import load_platform
 from gloc3_onboard.command_server.book import ComponentBook
-from gloc3_onboard.command_server.facts import VehicleFacts
+from gloc3_onboard.command_server.facts import VehicleState
 from gloc3_onboard.command_server.observing import Availability
 
 NAME = "record_images"
@@ -22,42 +22,42 @@ class Desk:
         self.platform = msgspec.structs.replace(platform, capabilities={**platform.capabilities, NAME: row})
         self.book = ComponentBook(self.platform.components)
         self.availability = Availability(self.platform)
-        self.facts = VehicleFacts(self.platform, None)
+        self.snapshot = VehicleState(self.platform, None)
         self.now_s = 0.0
         for component in self.platform.components:
-            self.tell(component.name)
+            self.report(component.name)
         self.now_s = 1.0
 
-    def tell(self, name: str, state: State | None = State.WORKING, *silent: str) -> None:
+    def report(self, name: str, state: State | None = State.WORKING, *silent: str) -> None:
         status = ComponentStatus(name=name, kind=Kind.SAMPLER, state=state, silent=list(silent))
-        self.book.hear(status, self.now_s)
+        self.book.receive(status, self.now_s)
 
-    def lacks(self) -> tuple[str, ...]:
-        return self.availability.missing(self.book, self.facts, self.now_s).get(NAME, ())
+    def missing(self) -> tuple[str, ...]:
+        return self.availability.missing(self.book, self.snapshot, self.now_s).get(NAME, ())
 
 
 @pytest.mark.parametrize("need", ["camera/ground", "ground_camera", "height"])
 def test_the_component_behind_a_need_must_work(need: str) -> None:
     desk = Desk(need)
-    assert desk.lacks() == ()
-    desk.tell("height" if need == "height" else "ground_camera", State.STANDBY)
-    assert desk.lacks() == (need,)
+    assert desk.missing() == ()
+    desk.report("height" if need == "height" else "ground_camera", State.STANDBY)
+    assert desk.missing() == (need,)
 
 
 def test_a_topic_that_is_needed_must_not_be_silent_although_its_component_works() -> None:
     desk = Desk("camera/ground")
-    desk.tell("ground_camera", State.WORKING, "camera/ground")
-    assert desk.lacks() == ("camera/ground",)
-    desk.tell("ground_camera")
-    assert desk.lacks() == ()
+    desk.report("ground_camera", State.WORKING, "camera/ground")
+    assert desk.missing() == ("camera/ground",)
+    desk.report("ground_camera")
+    assert desk.missing() == ()
 
 
 def test_the_silence_of_other_topics_of_that_component_is_no_matter() -> None:
     desk = Desk("camera/ground")
-    desk.tell("ground_camera", State.WORKING, "camera/extra")
-    desk.tell("height", State.WORKING, "height")
-    assert desk.lacks() == ()
+    desk.report("ground_camera", State.WORKING, "camera/extra")
+    desk.report("height", State.WORKING, "height")
+    assert desk.missing() == ()
 
 
 def test_without_a_young_pose_what_needs_it_is_not_to_be_had() -> None:
-    assert Desk("pose", "autopilot").lacks() == ("pose", "autopilot")
+    assert Desk("pose", "autopilot").missing() == ("pose", "autopilot")

@@ -15,20 +15,20 @@ from gloc3_onboard.command_server.book import ComponentBook
 GONE_S = 5.0
 
 
-def ask(authority: ControlAuthority, station: str, verb: ControlVerb, now_s: float = 0.0, about: str = "") -> str:
-    authority.hear(station, now_s)
+def request(authority: ControlAuthority, station: str, verb: ControlVerb, now_s: float = 0.0, about: str = "") -> str:
+    authority.note_contact(station, now_s)
     return authority.handle(station, Control(verb=verb, station=about), GONE_S, now_s)
 
 
 def held() -> ControlAuthority:
     authority = ControlAuthority()
-    assert ask(authority, "255", ControlVerb.REQUEST) == "granted"
+    assert request(authority, "255", ControlVerb.REQUEST) == "granted"
     return authority
 
 
 def test_the_first_who_asks_is_granted_and_asking_again_changes_nothing() -> None:
     authority = held()
-    assert ask(authority, "255", ControlVerb.REQUEST) == "granted"
+    assert request(authority, "255", ControlVerb.REQUEST) == "granted"
     authority.require("255")
     with pytest.raises(Refused, match="station 255 holds control; ask for control first"):
         authority.require("254")
@@ -38,46 +38,46 @@ def test_the_first_who_asks_is_granted_and_asking_again_changes_nothing() -> Non
 
 def test_the_holder_is_asked_and_grants_or_refuses() -> None:
     authority = held()
-    assert ask(authority, "254", ControlVerb.REQUEST) == "station 255 has been asked"
-    assert ask(authority, "255", ControlVerb.REFUSE) == "refused"
+    assert request(authority, "254", ControlVerb.REQUEST) == "station 255 has been asked"
+    assert request(authority, "255", ControlVerb.REFUSE) == "refused"
     assert authority.state().requested_by == ""
-    ask(authority, "254", ControlVerb.REQUEST)
+    request(authority, "254", ControlVerb.REQUEST)
     with pytest.raises(Refused, match="station 253 has not asked"):
-        ask(authority, "255", ControlVerb.GRANT, about="253")
-    assert ask(authority, "255", ControlVerb.GRANT, about="254") == "granted to station 254"
+        request(authority, "255", ControlVerb.GRANT, about="253")
+    assert request(authority, "255", ControlVerb.GRANT, about="254") == "granted to station 254"
     assert authority.holder == "254"
 
 
 def test_a_second_request_does_not_push_the_first_aside() -> None:
     authority = held()
-    ask(authority, "254", ControlVerb.REQUEST)
+    request(authority, "254", ControlVerb.REQUEST)
     with pytest.raises(Refused, match="station 254 has asked already"):
-        ask(authority, "253", ControlVerb.REQUEST)
+        request(authority, "253", ControlVerb.REQUEST)
     assert authority.requested_by == "254"
-    assert ask(authority, "254", ControlVerb.REQUEST) == "station 255 has been asked"
+    assert request(authority, "254", ControlVerb.REQUEST) == "station 255 has been asked"
 
 
 def test_only_the_holder_answers_and_releases() -> None:
     authority = held()
-    ask(authority, "254", ControlVerb.REQUEST)
+    request(authority, "254", ControlVerb.REQUEST)
     for verb in (ControlVerb.GRANT, ControlVerb.REFUSE, ControlVerb.RELEASE):
         with pytest.raises(Refused):
-            ask(authority, "254", verb)
-    assert ask(authority, "255", ControlVerb.RELEASE) == "released"
+            request(authority, "254", verb)
+    assert request(authority, "255", ControlVerb.RELEASE) == "released"
     assert authority.holder == "254"
 
 
 def test_who_is_gone_loses_control_to_who_asks() -> None:
     authority = held()
-    assert ask(authority, "254", ControlVerb.REQUEST, 6.0) == "granted: station 255 is gone"
+    assert request(authority, "254", ControlVerb.REQUEST, 6.0) == "granted: station 255 is gone"
 
 
 @pytest.mark.parametrize("is_gone", [True, False])
 def test_a_request_that_is_not_answered_is_granted_if_the_holder_is_gone_else_refused(is_gone: bool) -> None:
     authority = held()
-    ask(authority, "254", ControlVerb.REQUEST, 1.0)
+    request(authority, "254", ControlVerb.REQUEST, 1.0)
     if not is_gone:
-        authority.hear("255", ANSWER_S)
+        authority.note_contact("255", ANSWER_S)
     assert not authority.tick(1.0 + ANSWER_S)
     assert authority.tick(1.1 + ANSWER_S)
     assert authority.state().holder == ("254" if is_gone else "255")
@@ -87,17 +87,17 @@ def test_a_request_that_is_not_answered_is_granted_if_the_holder_is_gone_else_re
 
 def test_taking_over_needs_nobodys_leave() -> None:
     authority = held()
-    assert ask(authority, "254", ControlVerb.TAKE_OVER) == "taken over from station 255"
+    assert request(authority, "254", ControlVerb.TAKE_OVER) == "taken over from station 255"
     assert authority.holder == "254"
-    assert ask(ControlAuthority(), "254", ControlVerb.TAKE_OVER) == "taken"
+    assert request(ControlAuthority(), "254", ControlVerb.TAKE_OVER) == "taken"
 
 
 def test_silence_is_the_holders_and_strangers_are_forgotten_first() -> None:
     authority = held()
     assert ControlAuthority().silent_s(9.0) == 0.0
     for number in range(3 * MOST_HEARD):
-        authority.hear(f"stranger-{number}", 1.0)
-    assert len(authority._heard_s) <= MOST_HEARD
+        authority.note_contact(f"stranger-{number}", 1.0)
+    assert len(authority._received_s) <= MOST_HEARD
     assert authority.silent_s(4.0) == 4.0
 
 
@@ -117,7 +117,7 @@ def test_a_line_of_the_summary_takes_at_most_sixteen_bytes() -> None:
     book = ComponentBook([row(f"c{number}") for number in range(300)])
     for name in book.rows:
         extreme = {"rate_hz": 1e9, "cycle_mean_s": 1e9, "overruns": 2**40 - 1, "errors": 2**40 - 1}
-        book.hear(status(name, State.FAULTY, **extreme), 0.0)
+        book.receive(status(name, State.FAULTY, **extreme), 0.0)
     lines = book.summary(Health.FAULTY, 0.0).lines
     assert len(lines) == 300
     assert max(len(msgspec.msgpack.encode(line)) for line in lines) <= 16
@@ -127,18 +127,18 @@ def test_a_line_of_the_summary_takes_at_most_sixteen_bytes() -> None:
 def test_a_component_that_is_silent_counts_as_absent_until_it_is_heard() -> None:
     book = ComponentBook([row("a", status_period_s=1.0)])
     assert book.state("a", 0.0) is None
-    book.hear(status("a"), 0.0)
+    book.receive(status("a"), 0.0)
     assert book.state("a", 3.5) is State.WORKING
     assert book.state("a", 3.6) is None
-    book.hear(status("a"), 4.0)
+    book.receive(status("a"), 4.0)
     assert book.is_working("a", 4.0)
-    book.hear(status("stranger"), 4.0)
+    book.receive(status("stranger"), 4.0)
     assert book.status("stranger") is None
 
 
 def test_one_that_has_just_come_up_is_not_relied_upon_yet() -> None:
     book = ComponentBook([row("a")])
-    book.hear(status("a"), 1.0)
+    book.receive(status("a"), 1.0)
     assert not book.is_working("a", 1.1)
     assert book.is_working("a", 1.25)
 
@@ -146,11 +146,11 @@ def test_one_that_has_just_come_up_is_not_relied_upon_yet() -> None:
 def test_the_tables_number_changes_whenever_the_table_does() -> None:
     book = ComponentBook([row("a"), row("b", required=True, standby_for="a")])
     seen = {book.table().table}
-    for heard in (status("a"), status("b"), status("a", nominal_rate_hz=5.0)):
-        book.hear(heard, 0.0)
+    for received in (status("a"), status("b"), status("a", nominal_rate_hz=5.0)):
+        book.receive(received, 0.0)
         assert book.table().table not in seen
         seen.add(book.table().table)
-    book.hear(status("a", nominal_rate_hz=5.0, rate_hz=1.0), 1.0)
+    book.receive(status("a", nominal_rate_hz=5.0, rate_hz=1.0), 1.0)
     assert book.table().table in seen
     assert book.summary(Health.WORKING, 1.0).table == book.table().table
     assert book.table().rows[1] == msgspec.structs.replace(
@@ -160,10 +160,10 @@ def test_the_tables_number_changes_whenever_the_table_does() -> None:
 
 def test_troubles_are_told_once_and_again_when_there_are_more() -> None:
     book = ComponentBook([row("a")])
-    book.hear(status("a", errors=1, cause="odd"), 0.0)
-    assert [(trouble.name, trouble.cause) for trouble in book.new_troubles()] == [("a", "odd")]
-    assert book.new_troubles() == []
-    book.hear(status("a", errors=0), 1.0)
-    book.new_troubles()
-    book.hear(status("a", errors=1, cause="again"), 2.0)
-    assert [trouble.cause for trouble in book.new_troubles()] == ["again"]
+    book.receive(status("a", errors=1, cause="odd"), 0.0)
+    assert [(problem.name, problem.cause) for problem in book.new_problems()] == [("a", "odd")]
+    assert book.new_problems() == []
+    book.receive(status("a", errors=0), 1.0)
+    book.new_problems()
+    book.receive(status("a", errors=1, cause="again"), 2.0)
+    assert [problem.cause for problem in book.new_problems()] == ["again"]

@@ -15,20 +15,20 @@ class Desk:
     """Station 255 holds control; its clock is 1000 s behind the vehicle's."""
 
     def __init__(self) -> None:
-        self.told: list[str] = []
+        self.reported: list[str] = []
         authority = ControlAuthority()
         authority.handle("255", Control(verb=ControlVerb.REQUEST), 5.0, 0.0)
-        self.demands = Demands(authority, self._say)
+        self.demands = Demands(authority, self._report)
 
-    def _say(self, severity: Severity, text: str, source: str = "") -> None:
+    def _report(self, severity: Severity, text: str, source: str = "") -> None:
         assert severity is Severity.WARNING
-        self.told.append(text)
+        self.reported.append(text)
 
     def take(self, *sequences: int, sent_s: float = 0.0, now_s: float = 1000.0, **fields: Any) -> list[int]:
         """The sequences that count of demands that come together."""
         values = {"sender": "255", "session": 7, **fields}
         demands = [at(sent_s, VelocityDemand(sequence=one, **values)) for one in sequences]
-        return [one.sequence for one in self.demands.take(demands, now_s)]
+        return [one.sequence for one in self.demands.newest(demands, now_s)]
 
 
 def test_of_those_that_come_together_the_newest_counts_and_none_counts_twice() -> None:
@@ -38,7 +38,7 @@ def test_of_those_that_come_together_the_newest_counts_and_none_counts_twice() -
     assert desk.take(1) == []
     assert desk.take(4, 3) == [4]
     assert desk.take(0, session=8) == [0]
-    assert desk.told == []
+    assert desk.reported == []
 
 
 def test_nobody_but_an_operator_who_holds_control_is_obeyed_and_that_is_told_now_and_then() -> None:
@@ -46,12 +46,12 @@ def test_nobody_but_an_operator_who_holds_control_is_obeyed_and_that_is_told_now
     assert desk.take(0, sender="254") == []
     assert desk.take(1, sender="254") == []
     assert desk.take(0, role=StationRole.OBSERVER) == []
-    assert desk.told == [
+    assert desk.reported == [
         "velocities of station 254 are not taken: station 255 holds control; ask for control first",
         "velocities of station 255 are not taken: it is an observer",
     ]
     assert desk.take(2, sender="254", now_s=1000.0 + AGAIN_S) == []
-    assert len(desk.told) == 3
+    assert len(desk.reported) == 3
     assert desk.take(0) == [0], "what others sent does not count for it"
 
 
@@ -61,7 +61,7 @@ def test_what_the_link_held_up_is_not_carried_out_whatever_the_clocks_say() -> N
     assert desk.take(1, sent_s=0.1, now_s=1000.1 + EXPIRES_S) == [1]
     held_up = [desk.take(n, sent_s=0.1 * n, now_s=1003.0) for n in range(2, 20)]
     assert held_up == [[]] * 18
-    assert desk.told == [
+    assert desk.reported == [
         "velocities of station 255 are not taken: they come 2.7 s late; take to the keys anew if the link stays so slow"
     ]
     assert desk.take(30, sent_s=3.0, now_s=1003.1) == [30]

@@ -4,25 +4,25 @@ from tests.onboard.messages import at, flying, pose, standing
 
 from gloc3.messages.standard_topics import AUTOPILOT_SILENT_S
 from gloc3.messages.vehicle import AutopilotState, FlightMode, LandedState, Pose
-from gloc3.mission.executing.board import Condition
+from gloc3.mission.executing.board import PolicyCondition
 from gloc3.platform.reader import load_platform
-from gloc3_onboard.command_server.facts import POSE_LOST_S, POSE_SILENT_S, VehicleFacts
+from gloc3_onboard.command_server.facts import POSE_LOST_S, POSE_SILENT_S, VehicleState
 from gloc3_onboard.command_server.summaries import vehicle_summary
 
 PLATFORM = load_platform("pelican_rtk")
-OLD_S = AUTOPILOT_SILENT_S + 0.1
+STALE_S = AUTOPILOT_SILENT_S + 0.1
 
 
-def facts_of(state: AutopilotState, *, age_s: float = 0.0) -> VehicleFacts:
+def facts_of(state: AutopilotState, *, age_s: float = 0.0) -> VehicleState:
     """The facts so long after a state was heard."""
-    facts = VehicleFacts(PLATFORM, None)
-    facts.see_autopilot(at(0.0, state))
-    facts.look(age_s)
-    return facts
+    snapshot = VehicleState(PLATFORM, None)
+    snapshot.update_autopilot(at(0.0, state))
+    snapshot.expire(age_s)
+    return snapshot
 
 
-def conditions(facts: VehicleFacts, now_s: float) -> dict[Condition, bool]:
-    return {condition: is_on for condition, is_on, _ in facts.conditions(None, now_s)}
+def conditions(snapshot: VehicleState, now_s: float) -> dict[PolicyCondition, bool]:
+    return {condition: is_on for condition, is_on, _ in snapshot.conditions(None, now_s)}
 
 
 def test_a_state_is_known_for_ten_periods_of_its_topic() -> None:
@@ -32,8 +32,8 @@ def test_a_state_is_known_for_ten_periods_of_its_topic() -> None:
     assert not late.is_connected
     assert late.known_autopilot is None
     assert late.autopilot_problem == "nothing is heard of the autopilot's state"
-    late.see_autopilot(at(2.1, standing()))
-    late.look(2.1)
+    late.update_autopilot(at(2.1, standing()))
+    late.expire(2.1)
     assert late.is_connected
     assert late.autopilot_problem == ""
 
@@ -42,53 +42,53 @@ def test_a_vehicle_that_was_armed_may_be_in_the_air_and_it_is_not_known_whether_
     armed = AutopilotState(is_connected=True, is_armed=True, landed=LandedState.ON_GROUND)
     assert not facts_of(armed).is_airborne
     assert facts_of(armed).is_flight_known
-    assert facts_of(armed, age_s=OLD_S).is_airborne
-    assert not facts_of(armed, age_s=OLD_S).is_flight_known
-    assert facts_of(flying(FlightMode.GUIDED), age_s=OLD_S).is_airborne
-    assert not facts_of(standing(), age_s=OLD_S).is_airborne
+    assert facts_of(armed, age_s=STALE_S).is_airborne
+    assert not facts_of(armed, age_s=STALE_S).is_flight_known
+    assert facts_of(flying(FlightMode.GUIDED), age_s=STALE_S).is_airborne
+    assert not facts_of(standing(), age_s=STALE_S).is_airborne
 
 
 def test_a_lost_pose_is_still_noticed_in_flight_and_an_old_battery_decides_nothing() -> None:
     low = AutopilotState(is_connected=True, is_armed=True, landed=LandedState.IN_AIR, battery_remaining=0.1)
-    assert conditions(facts_of(low), 0.0)[Condition.LOW_BATTERY]
-    facts = facts_of(low, age_s=OLD_S)
-    later_s = OLD_S + POSE_LOST_S + 0.05
-    facts.look(later_s)
-    late = conditions(facts, later_s)
-    assert late[Condition.POSE_LOST]
-    assert Condition.LOW_BATTERY not in late  # neither on nor over
+    assert conditions(facts_of(low), 0.0)[PolicyCondition.LOW_BATTERY]
+    snapshot = facts_of(low, age_s=STALE_S)
+    later_s = STALE_S + POSE_LOST_S + 0.05
+    snapshot.expire(later_s)
+    late = conditions(snapshot, later_s)
+    assert late[PolicyCondition.POSE_LOST]
+    assert PolicyCondition.LOW_BATTERY not in late  # neither on nor over
 
 
 def test_home_does_not_follow_a_vehicle_of_which_it_is_not_known_whether_it_is_armed() -> None:
-    facts = facts_of(standing())
-    facts.see_pose(at(0.1, pose(1.0, 0.0, 0.0)))
-    facts.look(OLD_S)
-    facts.see_pose(at(OLD_S, pose(9.0, 0.0, 0.0)))
-    assert facts.home_ned_m is not None
-    assert facts.home_ned_m[0] == 1.0
-    assert isinstance(facts.pose, Pose)
-    assert facts.pose.position_ned_m[0] == 9.0
+    snapshot = facts_of(standing())
+    snapshot.update_pose(at(0.1, pose(1.0, 0.0, 0.0)))
+    snapshot.expire(STALE_S)
+    snapshot.update_pose(at(STALE_S, pose(9.0, 0.0, 0.0)))
+    assert snapshot.home_ned_m is not None
+    assert snapshot.home_ned_m[0] == 1.0
+    assert isinstance(snapshot.pose, Pose)
+    assert snapshot.pose.position_ned_m[0] == 9.0
 
 
 def test_stations_are_told_that_it_is_not_known() -> None:
-    now, late = (vehicle_summary(PLATFORM, facts_of(standing(), age_s=age_s), age_s) for age_s in (0.0, OLD_S))
+    now, late = (vehicle_summary(PLATFORM, facts_of(standing(), age_s=age_s), age_s) for age_s in (0.0, STALE_S))
     assert (now.is_autopilot_connected, now.landed, now.is_armable) == (True, "on_ground", True)
     assert (late.is_autopilot_connected, late.landed, late.is_armable) == (False, "unknown", False)
 
 
 def pose_lost(gaps: list[tuple[float, float]], until_s: float) -> list[tuple[float, bool]]:
     """When it was said that the pose is lost, or is back, of a vehicle in flight whose pose comes but in the gaps."""
-    facts, told = facts_of(flying(FlightMode.GUIDED)), [(0.0, False)]
+    snapshot, reported = facts_of(flying(FlightMode.GUIDED)), [(0.0, False)]
     for count in range(round(until_s / 0.05)):
         now_s = round(0.05 * count, 2)
-        facts.see_autopilot(at(now_s, flying(FlightMode.GUIDED)))
+        snapshot.update_autopilot(at(now_s, flying(FlightMode.GUIDED)))
         if not any(begin_s <= now_s < end_s for begin_s, end_s in gaps):
-            facts.see_pose(at(now_s, pose()))
-        facts.look(now_s)
-        is_lost = conditions(facts, now_s).get(Condition.POSE_LOST, told[-1][1])
-        if is_lost != told[-1][1]:
-            told.append((now_s, is_lost))
-    return told[1:]
+            snapshot.update_pose(at(now_s, pose()))
+        snapshot.expire(now_s)
+        is_lost = conditions(snapshot, now_s).get(PolicyCondition.POSE_LOST, reported[-1][1])
+        if is_lost != reported[-1][1]:
+            reported.append((now_s, is_lost))
+    return reported[1:]
 
 
 def test_a_pose_is_lost_when_it_has_stayed_away_and_is_back_at_once() -> None:

@@ -17,11 +17,11 @@ def reply(to: CiRequest, reason: str = "") -> CiReply:
     return CiReply(sender=to.sender, boot=to.boot, sequence=to.sequence, outcome=Outcome.ACCEPTED, reason=reason)
 
 
-def carry_out(journal: Journal, asked: CiRequest) -> bool:
+def carry_out(journal: Journal, requested: CiRequest) -> bool:
     """Whether it is carried out now."""
-    known = journal.begin(asked)
+    known = journal.begin(requested)
     if known.is_new:
-        journal.end(reply(asked))
+        journal.end(reply(requested))
     return known.is_new
 
 
@@ -137,11 +137,11 @@ def test_no_request_ever_runs_twice(steps: list[tuple[int, int, str, int]]) -> N
     journal = Journal(store)
     ran: set[tuple[str, int, int]] = set()
     for sequence, boot, sender, chance in steps:
-        asked = request(sequence, boot, sender)
-        if journal.begin(asked).is_new:
+        requested = request(sequence, boot, sender)
+        if journal.begin(requested).is_new:
             assert (sender, boot, sequence) not in ran
             ran.add((sender, boot, sequence))
             if chance:
-                journal.end(reply(asked))
+                journal.end(reply(requested))
         if chance == 9:
             journal = Journal(store)

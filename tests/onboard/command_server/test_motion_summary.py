@@ -17,7 +17,7 @@ from gloc3.messages.vehicle import AutopilotState, Pose, Setpoint
 from gloc3.messages.wire import type_name
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform
-from gloc3_onboard.command_server.facts import KeptHome, VehicleFacts
+from gloc3_onboard.command_server.facts import KeptHome, VehicleState
 from gloc3_onboard.command_server.summaries import motion_summary, site_summary, vehicle_summary
 
 ORIGIN = (39.5528, 2.6285, 2.0)
@@ -42,24 +42,24 @@ def turned(platform: Platform, bearing_deg: float) -> Platform:
     return msgspec.structs.replace(platform, frames=frames)
 
 
-def heard(message: Pose | Setpoint, t_s: float) -> Envelope[Any]:
+def received(message: Pose | Setpoint, t_s: float) -> Envelope[Any]:
     return Envelope("pelican/x", Source("pelican", "x", 1), 0, t_s, "", type_name(type(message)), message)
 
 
-def facts(platform: Platform, pose: Pose = POSE) -> VehicleFacts:
-    found = VehicleFacts(platform, KeptHome((0.0, -1.0, 0.0), ORIGIN))
-    found.see_pose(heard(pose, 10.0))
+def snapshot(platform: Platform, pose: Pose = POSE) -> VehicleState:
+    found = VehicleState(platform, KeptHome((0.0, -1.0, 0.0), ORIGIN))
+    found.update_pose(received(pose, 10.0))
     return found
 
 
-def told(platform: Platform, known: VehicleFacts, now_s: float = 10.0) -> MotionSummary:
+def reported(platform: Platform, known: VehicleState, now_s: float = 10.0) -> MotionSummary:
     found = motion_summary(platform, known, now_s)
     assert found is not None
     return found
 
 
 def test_motion_is_told_in_the_platforms_frame_and_in_hundredths(pelican: Platform) -> None:
-    motion = told(pelican, facts(pelican))
+    motion = reported(pelican, snapshot(pelican))
     assert motion.position_cm == (300, -100, 200)
     assert motion.velocity_cm_s == (50, 0, 10)
     assert motion.attitude_cdeg == (500, -300, 27000)
@@ -70,38 +70,38 @@ def test_motion_is_told_in_the_platforms_frame_and_in_hundredths(pelican: Platfo
 
 def test_a_turned_frame_turns_position_velocity_and_covariance(pelican: Platform) -> None:
     east = turned(pelican, 90.0)
-    motion = told(east, facts(east))
+    motion = reported(east, snapshot(east))
     assert motion.position_cm == (100, 300, 200)
     assert motion.velocity_cm_s == (0, 50, 10)
     assert motion.covariance_cm2 == (100, 0, 900)
     north_east = turned(pelican, 45.0)
-    assert told(north_east, facts(north_east)).covariance_cm2 == (500, 400, 500)
+    assert reported(north_east, snapshot(north_east)).covariance_cm2 == (500, 400, 500)
 
 
 def test_the_setpoint_is_told_while_it_is_flown(pelican: Platform) -> None:
-    known = facts(pelican)
-    assert told(pelican, known).setpoint_cm is None
+    known = snapshot(pelican)
+    assert reported(pelican, known).setpoint_cm is None
     wanted = Setpoint(action_id="a", position_ned_m=(4.0, 1.0, -2.5), velocity_ned_m_s=(0.5, 0.0, 0.0), yaw_rad=-0.1)
-    known.see_setpoint(heard(wanted, 10.0))
-    motion = told(pelican, known, 10.3)
+    known.update_setpoint(received(wanted, 10.0))
+    motion = reported(pelican, known, 10.3)
     assert motion.setpoint_cm == (400, -100, 250)
     assert motion.setpoint_velocity_cm_s == (50, 0, 0)
     assert motion.setpoint_heading_cdeg == 35427
-    assert told(pelican, known, 10.6).setpoint_cm is None
+    assert reported(pelican, known, 10.6).setpoint_cm is None
 
 
 def test_nothing_is_told_before_there_is_a_pose(pelican: Platform) -> None:
-    empty = VehicleFacts(pelican, None)
+    empty = VehicleState(pelican, None)
     assert motion_summary(pelican, empty, 1.0) is None
     assert site_summary(pelican, empty) is None
 
 
 def test_the_site_is_the_frame_on_earth_and_home(pelican: Platform) -> None:
-    site = site_summary(pelican, facts(pelican))
+    site = site_summary(pelican, snapshot(pelican))
     assert site is not None
     assert (site.frame, site.x_axis_bearing_deg, site.origin_geo) == ("hold", 0.0, ORIGIN)
     assert site.home_m == (0.0, 1.0, 0.0)
-    elsewhere = facts(pelican, msgspec.structs.replace(POSE, origin_geo=(1.0, 2.0, 3.0)))
+    elsewhere = snapshot(pelican, msgspec.structs.replace(POSE, origin_geo=(1.0, 2.0, 3.0)))
     unnamed = site_summary(pelican, elsewhere)
     assert unnamed is not None
     assert unnamed.frame == ""
@@ -109,12 +109,14 @@ def test_the_site_is_the_frame_on_earth_and_home(pelican: Platform) -> None:
 
 def test_both_fit_one_frame_of_a_radio_far_from_the_origin(pelican: Platform) -> None:
     far = msgspec.structs.replace(POSE, position_ned_m=(5123.4, -4321.9, -812.3), position_std_m=(9.0, 8.0, 7.0))
-    known = facts(turned(pelican, 33.0), far)
+    known = snapshot(turned(pelican, 33.0), far)
     known.home = KeptHome((123.45, -67.89, 1.23), ORIGIN)
     known.autopilot = AutopilotState(is_connected=True, battery_v=22.2, battery_a=31.4)
     point, speed = (5125.0, -4320.0, -800.0), (12.0, -11.0, 3.0)
-    known.see_setpoint(heard(Setpoint(action_id="a", position_ned_m=point, velocity_ned_m_s=speed, yaw_rad=3.0), 10.0))
-    messages = told(pelican, known), site_summary(pelican, known)
+    known.update_setpoint(
+        received(Setpoint(action_id="a", position_ned_m=point, velocity_ned_m_s=speed, yaw_rad=3.0), 10.0)
+    )
+    messages = reported(pelican, known), site_summary(pelican, known)
     sender = StatusSender(Counters())
     for channel, message in enumerate(messages, start=200):
         assert message is not None
@@ -135,10 +137,10 @@ def test_numbers_beyond_reason_are_told_as_something_that_can_be_told(pelican: P
         ned_from_frd=(wild, 0.0, 0.0, wild),
         position_std_m=(wild, 1.0, wild),
     )
-    known = facts(pelican, msgspec.structs.replace(POSE, position_std_m=(wild, 1.0, wild)))
-    known.see_pose(heard(pose, 10.0))
-    known.see_setpoint(heard(Setpoint(action_id="go", position_ned_m=(1.0, wild, 0.0), yaw_rad=0.0), 10.0))
-    motion = told(pelican, known)
+    known = snapshot(pelican, msgspec.structs.replace(POSE, position_std_m=(wild, 1.0, wild)))
+    known.update_pose(received(pose, 10.0))
+    known.update_setpoint(received(Setpoint(action_id="go", position_ned_m=(1.0, wild, 0.0), yaw_rad=0.0), 10.0))
+    motion = reported(pelican, known)
     assert len(msgspec.msgpack.encode(motion)) < 300
     assert motion.position_cm[0] == (300 if not isfinite(wild) else 2**31 - 1)
     assert motion.setpoint_cm is None or abs(motion.setpoint_cm[1]) == 2**31 - 1

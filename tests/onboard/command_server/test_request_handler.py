@@ -45,7 +45,7 @@ from gloc3.messages.envelope import (
 )
 from gloc3.messages.vehicle import AutopilotState, LandedState, Pose
 from gloc3.messages.watch import Want
-from gloc3.mission.checking.checker import Report, check_text
+from gloc3.mission.checking.checker import CheckReport, check_text
 from gloc3.mission.executing.executor import MissionExecutor
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform
@@ -53,7 +53,7 @@ from gloc3.store import MemoryRecords
 from gloc3_onboard.command_server.authority import Authority
 from gloc3_onboard.command_server.component_requests import ComponentRequests
 from gloc3_onboard.command_server.contacts import Contacts
-from gloc3_onboard.command_server.log_shelf import AtOnce
+from gloc3_onboard.command_server.log_shelf import ImmediateExecutor
 from gloc3_onboard.command_server.mission_commands import MOST_FINDINGS, MissionCommands
 from gloc3_onboard.command_server.mission_host import MissionHost
 from gloc3_onboard.command_server.observing import Observing
@@ -81,41 +81,43 @@ class Desk:
         self.said: list[str] = []
         self.sequence = -1
         self.executor = MissionExecutor(self.platform)
-        self.worker: Executor = AtOnce()
+        self.worker: Executor = ImmediateExecutor()
         self.handler = self.begin()
 
     def begin(self) -> RequestHandler:
-        observing = Observing(self.platform, None, self.say)
-        facts = observing.facts
+        observing = Observing(self.platform, None, self.report)
+        snapshot = observing.snapshot
         state = AutopilotState(is_connected=True, landed=LandedState.ON_GROUND, is_armable=True)
-        facts.see_autopilot(Envelope("p/autopilot", Source("p", "autopilot", 1), 0, 0.0, "", "AutopilotState", state))
-        facts.look(0.0)
-        self.facts = facts
+        snapshot.update_autopilot(
+            Envelope("p/autopilot", Source("p", "autopilot", 1), 0, 0.0, "", "AutopilotState", state)
+        )
+        snapshot.expire(0.0)
+        self.snapshot = snapshot
         pose = Pose(
             position_ned_m=(0.0, 0.0, 0.0),
             velocity_ned_m_s=(0.0, 0.0, 0.0),
             ned_from_frd=(1.0, 0.0, 0.0, 0.0),
             origin_geo=ORIGIN,
         )
-        facts.see_pose(Envelope("p/pose", Source("p", "pose", 1), 0, 0.0, "ned", "Pose", pose))
+        snapshot.update_pose(Envelope("p/pose", Source("p", "pose", 1), 0, 0.0, "ned", "Pose", pose))
         self.book = observing.book
         for row in self.platform.components:
-            self.book.hear(ComponentStatus(name=row.name, kind=Kind.CONTROLLER, state=State.WORKING), 0.0)
-        authority = Authority("", self.say)
+            self.book.receive(ComponentStatus(name=row.name, kind=Kind.CONTROLLER, state=State.WORKING), 0.0)
+        authority = Authority("", self.report)
         self.authority = authority.control
         site = Site(
             self.platform, self.journal, MemoryRecords(), MemoryRecords(), background=Background(worker=self.worker)
         )
-        self.host = MissionHost(site, observing, self.authority, ServerSettings(), self.say)
+        self.host = MissionHost(site, observing, self.authority, ServerSettings(), self.report)
         self.host.executor = self.executor
-        missions = MissionCommands(site, observing, authority, self.host, self.say)
-        components = ComponentRequests(observing, self.say)
+        missions = MissionCommands(site, observing, authority, self.host, self.report)
+        components = ComponentRequests(observing, self.report)
         return RequestHandler(site, authority, missions, components, Contacts(site.reports))
 
-    def say(self, _: Severity, text: str) -> None:
+    def report(self, _: Severity, text: str) -> None:
         self.said.append(text)
 
-    def ask(self, body: AnyBody, sender: str = "255", sequence: int | None = None, boot: int = 7) -> CiReply | None:
+    def request(self, body: AnyBody, sender: str = "255", sequence: int | None = None, boot: int = 7) -> CiReply | None:
         if sequence is None:
             self.sequence += 1
             sequence = self.sequence
@@ -129,8 +131,8 @@ class Desk:
         )
         return self.handler.handle(request, 0.0)
 
-    def told(self, body: AnyBody, **kwargs: Any) -> CiReply:
-        reply = self.ask(body, **kwargs)
+    def reported(self, body: AnyBody, **kwargs: Any) -> CiReply:
+        reply = self.request(body, **kwargs)
         assert reply is not None
         return reply
 
@@ -138,12 +140,12 @@ class Desk:
 @pytest.fixture
 def desk() -> Desk:
     made = Desk()
-    assert made.told(Control(verb=ControlVerb.REQUEST)).outcome is Outcome.ACCEPTED
+    assert made.reported(Control(verb=ControlVerb.REQUEST)).outcome is Outcome.ACCEPTED
     return made
 
 
 def test_a_station_without_control_is_refused_and_told_who_holds_it(desk: Desk) -> None:
-    reply = desk.told(LoadMission(name="hop", text=HOP), sender="254")
+    reply = desk.reported(LoadMission(name="hop", text=HOP), sender="254")
     assert reply.outcome is Outcome.REFUSED
     assert "station 255 holds control" in reply.reason
 
@@ -168,41 +170,41 @@ def test_an_observer_may_look_and_not_command(desk: Desk, body: AnyBody) -> None
     assert reply.reason == "station bob may look and not command: it is an observer"
     assert desk.authority.holder == "255"
     assert desk.handler.components.messages == []
-    looked = desk.observed(Hello())
-    assert looked is not None
-    assert looked.outcome is Outcome.ACCEPTED
+    checked = desk.observed(Hello())
+    assert checked is not None
+    assert checked.outcome is Outcome.ACCEPTED
 
 
 def test_a_mission_is_loaded_and_read_back_as_it_was(desk: Desk) -> None:
-    assert desk.told(LoadMission(name="hop", text=HOP)).outcome is Outcome.ACCEPTED
-    assert desk.told(ReadMission(), sender="254").text == HOP
+    assert desk.reported(LoadMission(name="hop", text=HOP)).outcome is Outcome.ACCEPTED
+    assert desk.reported(ReadMission(), sender="254").text == HOP
 
 
 def test_a_mission_with_errors_is_refused_with_the_findings_and_the_one_before_stays(desk: Desk) -> None:
-    desk.told(LoadMission(name="hop", text=HOP))
-    reply = desk.told(LoadMission(name="bad", text=HOP.replace("take_off", "take_of")))
+    desk.reported(LoadMission(name="hop", text=HOP))
+    reply = desk.reported(LoadMission(name="bad", text=HOP.replace("take_off", "take_of")))
     assert reply.outcome is Outcome.REFUSED
     assert "bad:7:" in reply.text
     assert "take_off" in reply.text
-    assert desk.told(ReadMission()).text == HOP
+    assert desk.reported(ReadMission()).text == HOP
 
 
 def test_of_too_many_findings_the_first_are_told_and_a_mission_under_way_is_not_checked_against(desk: Desk) -> None:
     tasks = "".join(f"  t{number}: {{actions: {{up: {{take_off: {{height_m: 1}}}}}}}}\n" for number in range(30))
-    reply = desk.told(LoadMission(name="bad", text=f"mission: bad\nframe: hold\ntasks:\n{tasks}"))
+    reply = desk.reported(LoadMission(name="bad", text=f"mission: bad\nframe: hold\ntasks:\n{tasks}"))
     lines = reply.text.splitlines()
     assert len(lines) == MOST_FINDINGS + 1
     assert lines[-1].endswith(" more")
-    desk.told(LoadMission(name="hop", text=HOP))
+    desk.reported(LoadMission(name="hop", text=HOP))
     assert desk.executor.mission is not None
     desk.executor.steer("start", "", 0.0, (0.0, 0.0, 0.0))
-    reply = desk.told(LoadMission(name="bad", text="no mission"))
+    reply = desk.reported(LoadMission(name="bad", text="no mission"))
     assert reply.reason == "the mission 'hop' is running; abort it first"
 
 
 def test_a_repeat_gets_the_same_reply_and_runs_nothing_twice(desk: Desk) -> None:
-    assert desk.ask(CommandComponent(component="height", command="stop"), sequence=50) is None
-    assert desk.ask(CommandComponent(component="height", command="stop"), sequence=50) is None
+    assert desk.request(CommandComponent(component="height", command="stop"), sequence=50) is None
+    assert desk.request(CommandComponent(component="height", command="stop"), sequence=50) is None
     assert len(desk.handler.components.messages) == 1
     message = desk.handler.components.messages[0].message
     reply = CommandReply(
@@ -210,61 +212,61 @@ def test_a_repeat_gets_the_same_reply_and_runs_nothing_twice(desk: Desk) -> None
     )
     answer = desk.handler.replied(reply)
     assert answer is not None
-    assert desk.told(CommandComponent(component="height", command="stop"), sequence=50) == answer
+    assert desk.reported(CommandComponent(component="height", command="stop"), sequence=50) == answer
 
 
 def test_what_was_under_way_when_the_process_ended_is_unknown(desk: Desk) -> None:
-    desk.ask(CommandComponent(component="height", command="stop"), sequence=60)
+    desk.request(CommandComponent(component="height", command="stop"), sequence=60)
     desk.handler = desk.begin()
-    reply = desk.told(CommandComponent(component="height", command="stop"), sequence=60)
+    reply = desk.reported(CommandComponent(component="height", command="stop"), sequence=60)
     assert reply.outcome is Outcome.UNKNOWN
-    assert desk.told(Query(boot=7, sequence=60)).outcome is Outcome.UNKNOWN
+    assert desk.reported(Query(boot=7, sequence=60)).outcome is Outcome.UNKNOWN
     assert not desk.handler.components.messages
 
 
 def test_what_ended_before_a_restart_gets_the_same_reply_after_it(desk: Desk) -> None:
-    before = desk.told(LoadMission(name="hop", text=HOP), sequence=70)
+    before = desk.reported(LoadMission(name="hop", text=HOP), sequence=70)
     desk.handler = desk.begin()
-    assert desk.told(LoadMission(name="hop", text=HOP), sequence=70) == before
+    assert desk.reported(LoadMission(name="hop", text=HOP), sequence=70) == before
 
 
 def test_an_emergency_is_taken_from_anybody_and_named(desk: Desk) -> None:
-    reply = desk.told(Emergency(verb=EmergencyVerb.HOLD, author="ana"), sender="253")
+    reply = desk.reported(Emergency(verb=EmergencyVerb.HOLD, author="ana"), sender="253")
     assert reply.outcome is Outcome.ACCEPTED
     assert "ana" in reply.reason
 
 
 def test_what_was_asked_before_an_emergency_is_not_done_after_it(desk: Desk) -> None:
-    desk.told(LoadMission(name="hop", text=HOP))
-    desk.told(Emergency(verb=EmergencyVerb.HOLD), sequence=91)
-    reply = desk.told(Steer(verb=Verb.START), sequence=90)
+    desk.reported(LoadMission(name="hop", text=HOP))
+    desk.reported(Emergency(verb=EmergencyVerb.HOLD), sequence=91)
+    reply = desk.reported(Steer(verb=Verb.START), sequence=90)
     assert reply.outcome is Outcome.REFUSED
     assert "emergency" in reply.reason
 
 
 def test_an_lci_command_is_held_against_the_state_table_before_it_goes_out(desk: Desk) -> None:
-    reply = desk.told(CommandComponent(component="height", command="start"))
+    reply = desk.reported(CommandComponent(component="height", command="start"))
     assert reply.outcome is Outcome.REFUSED
     assert "start is not accepted in working" in reply.reason
     assert not desk.handler.components.messages
 
 
 def test_an_unknown_component_is_refused_with_those_that_there_are(desk: Desk) -> None:
-    assert "limiter" in desk.told(CommandComponent(component="hieght", command="stop")).reason
+    assert "limiter" in desk.reported(CommandComponent(component="hieght", command="stop")).reason
 
 
 def test_a_component_that_does_not_answer_leaves_the_outcome_unknown(desk: Desk) -> None:
-    desk.ask(CallFunction(component="height", function="set_rate", arguments={"rate_hz": 5.0}))
+    desk.request(CallFunction(component="height", function="set_rate", arguments={"rate_hz": 5.0}))
     assert [reply.outcome for reply in desk.handler.expire(100.0)] == [Outcome.UNKNOWN]
 
 
 def test_actions_are_not_started_behind_the_executors_back(desk: Desk) -> None:
-    reply = desk.told(CallFunction(component="waypoints", function="action.start"))
+    reply = desk.reported(CallFunction(component="waypoints", function="action.start"))
     assert reply.outcome is Outcome.REFUSED
 
 
 def test_a_single_action_is_checked_like_a_mission(desk: Desk) -> None:
-    reply = desk.told(RequestAction(capability="go_to", arguments={"position_m": [1, 1, 500]}))
+    reply = desk.reported(RequestAction(capability="go_to", arguments={"position_m": [1, 1, 500]}))
     assert reply.outcome is Outcome.REFUSED
     assert reply.text
 
@@ -273,25 +275,25 @@ def test_a_single_action_is_checked_like_a_mission(desk: Desk) -> None:
     "odd", [b"1.5", {b"up": 1}, {"up": b"1"}, datetime(2026, 1, 1, tzinfo=UTC), math.nan, 1 << 63, "1" * 9_999]
 )
 def test_whatever_the_arguments_of_an_action_are_it_is_refused_and_the_server_goes_on(desk: Desk, odd: object) -> None:
-    reply = desk.told(RequestAction(capability="take_off", arguments={"height_m": odd}))
+    reply = desk.reported(RequestAction(capability="take_off", arguments={"height_m": odd}))
     assert reply.outcome is Outcome.REFUSED
 
 
 def test_an_emergency_disarm_takes_the_platforms_typed_name(desk: Desk) -> None:
-    refused = desk.told(Emergency(verb=EmergencyVerb.DISARM, author="ana", confirmation="pelikan"), sender="254")
+    refused = desk.reported(Emergency(verb=EmergencyVerb.DISARM, author="ana", confirmation="pelikan"), sender="254")
     assert refused.outcome is Outcome.REFUSED
     assert "pelican" in refused.reason
     assert not desk.handler.missions.disarms
-    reply = desk.told(Emergency(verb=EmergencyVerb.DISARM, author="ana", confirmation="pelican"), sender="254")
+    reply = desk.reported(Emergency(verb=EmergencyVerb.DISARM, author="ana", confirmation="pelican"), sender="254")
     assert reply.outcome is Outcome.ACCEPTED
     assert [disarm.author for disarm in desk.handler.missions.disarms] == ["ana"]
     assert any("ana" in text for text in desk.said)
 
 
 def test_no_mission_starts_while_nothing_is_heard_of_the_autopilots_state(desk: Desk) -> None:
-    desk.told(LoadMission(name="hop", text=HOP))
-    desk.facts.look(60.0)
-    reply = desk.told(Steer(verb=Verb.START))
+    desk.reported(LoadMission(name="hop", text=HOP))
+    desk.snapshot.expire(60.0)
+    reply = desk.reported(Steer(verb=Verb.START))
     assert reply.outcome is Outcome.REFUSED
     assert reply.reason == "nothing is heard of the autopilot's state"
 
@@ -306,12 +308,12 @@ def asked_of_viewer(desk: Desk) -> FunctionRequest:
 def test_two_stations_with_one_id_are_told_of() -> None:
     desk = Desk()
     for boot in (7, 8) * 4:
-        desk.told(Control(verb=ControlVerb.REQUEST), boot=boot)
+        desk.reported(Control(verb=ControlVerb.REQUEST), boot=boot)
     assert [text for text in desk.said if "two stations have the id 255" in text]
 
 
 def test_looking_needs_no_control_and_goes_to_the_viewer(desk: Desk) -> None:
-    assert desk.ask(Watch(wants=[Want("pose", 2.0)]), sender="254") is None
+    assert desk.request(Watch(wants=[Want("pose", 2.0)]), sender="254") is None
     message = asked_of_viewer(desk)
     assert message.function == "watch"
     assert message.arguments == {"station": "254", "wants": [["pose", 2.0, 64, 48, 40]], "is_listing": False}
@@ -321,14 +323,14 @@ def test_looking_needs_no_control_and_goes_to_the_viewer(desk: Desk) -> None:
     answer = desk.handler.replied(reply)
     assert answer is not None
     assert (answer.sender, answer.outcome, answer.reason) == ("254", Outcome.REFUSED, "no such topic")
-    assert desk.ask(ListTopics(), sender="254") is None
+    assert desk.request(ListTopics(), sender="254") is None
     assert asked_of_viewer(desk).function == "topics"
 
 
 def test_looking_leaves_nothing_on_disk_and_is_possible_before_the_autopilot_answers(desk: Desk) -> None:
     desk.host.executor = None
     before = len(desk.journal.load())
-    desk.ask(Watch(wants=[Want("pose")]))
+    desk.request(Watch(wants=[Want("pose")]))
     message = asked_of_viewer(desk)
     reply = FunctionReply(request_id=message.request_id, component="viewer", function="watch", is_accepted=True)
     assert desk.handler.replied(reply) is not None
@@ -336,18 +338,18 @@ def test_looking_leaves_nothing_on_disk_and_is_possible_before_the_autopilot_ans
 
 
 def test_an_older_want_does_not_come_after_a_newer_one(desk: Desk) -> None:
-    desk.ask(Watch(), sequence=31)
+    desk.request(Watch(), sequence=31)
     asked_of_viewer(desk)
-    late = desk.told(Watch(wants=[Want("pose")]), sequence=30)
+    late = desk.reported(Watch(wants=[Want("pose")]), sequence=30)
     assert late.outcome is Outcome.REFUSED
     assert "overtaken" in late.reason
     assert desk.handler.components.messages == []
-    assert desk.ask(Watch(wants=[Want("pose")]), sequence=0, boot=8) is None, "a station that was started anew"
+    assert desk.request(Watch(wants=[Want("pose")]), sequence=0, boot=8) is None, "a station that was started anew"
 
 
 def test_a_viewer_that_does_not_answer_leaves_the_request_unknown(desk: Desk) -> None:
     before = len(desk.journal.load())
-    desk.ask(Watch(wants=[Want("pose")]))
+    desk.request(Watch(wants=[Want("pose")]))
     (answer,) = desk.handler.expire(100.0)
     assert answer.outcome is Outcome.UNKNOWN
     assert len(desk.journal.load()) == before
@@ -358,7 +360,7 @@ def checking(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Desk, Event]]:
     """A handler that has missions checked in a thread, and what lets a check end."""
     may_end = Event()
 
-    def check_slowly(*args: Any) -> Report:
+    def check_slowly(*args: Any) -> CheckReport:
         assert may_end.wait(30.0)
         return check_text(*args)
 
@@ -367,7 +369,7 @@ def checking(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Desk, Event]]:
         made = Desk()
         made.worker = worker
         made.handler = made.begin()
-        made.told(Control(verb=ControlVerb.REQUEST))
+        made.reported(Control(verb=ControlVerb.REQUEST))
         yield made, may_end
         may_end.set()
 
@@ -383,10 +385,10 @@ def answered(desk: Desk, count: int = 1) -> list[CiReply]:
 
 def test_while_a_mission_is_checked_everything_else_goes_on(checking: tuple[Desk, Event]) -> None:
     desk, may_end = checking
-    assert desk.ask(LoadMission(name="hop", text=HOP)) is None
+    assert desk.request(LoadMission(name="hop", text=HOP)) is None
     assert desk.handler.expire(0.5) == []
-    assert desk.told(Control(verb=ControlVerb.REQUEST)).outcome is Outcome.ACCEPTED
-    assert desk.ask(LoadMission(name="bad", text="mission: bad\n")) is None
+    assert desk.reported(Control(verb=ControlVerb.REQUEST)).outcome is Outcome.ACCEPTED
+    assert desk.request(LoadMission(name="bad", text="mission: bad\n")) is None
     may_end.set()
     accepted, refused = answered(desk, 2)
     assert (accepted.outcome, refused.outcome) == (Outcome.ACCEPTED, Outcome.REFUSED)
@@ -397,8 +399,8 @@ def test_while_a_mission_is_checked_everything_else_goes_on(checking: tuple[Desk
 
 def test_what_has_changed_while_a_mission_was_checked_counts(checking: tuple[Desk, Event]) -> None:
     desk, may_end = checking
-    assert desk.ask(LoadMission(name="hop", text=HOP)) is None
-    assert desk.told(Control(verb=ControlVerb.RELEASE)).outcome is Outcome.ACCEPTED
+    assert desk.request(LoadMission(name="hop", text=HOP)) is None
+    assert desk.reported(Control(verb=ControlVerb.RELEASE)).outcome is Outcome.ACCEPTED
     may_end.set()
     (reply,) = answered(desk)
     assert (reply.outcome, desk.executor.mission) == (Outcome.REFUSED, None)
@@ -408,5 +410,5 @@ def test_what_has_changed_while_a_mission_was_checked_counts(checking: tuple[Des
 def test_missions_beyond_what_can_wait_for_their_check_are_refused(checking: tuple[Desk, Event]) -> None:
     desk, _ = checking
     for _ in range(8):
-        assert desk.ask(LoadMission(name="hop", text=HOP)) is None
-    assert "8 missions are being checked" in desk.told(LoadMission(name="hop", text=HOP)).reason
+        assert desk.request(LoadMission(name="hop", text=HOP)) is None
+    assert "8 missions are being checked" in desk.reported(LoadMission(name="hop", text=HOP)).reason

@@ -53,13 +53,13 @@ def test_the_journal_the_progress_and_the_events_are_those_of_the_version_before
 
 def test_signed_senders_are_those_of_the_version_before(tmp_path: Path) -> None:
     shutil.copytree(DATA, tmp_path, dirs_exist_ok=True)
-    told: list[str] = []
+    reported: list[str] = []
 
     async def streams() -> dict[tuple[int, int, int], int]:
         clock = Clock(asyncio.get_running_loop())
-        signing = SigningMemory(tmp_path, clock, told.append).signing(KEY, 1)
+        signing = SigningMemory(tmp_path, clock, reported.append).signing(KEY, 1)
         assert timestamp(clock.utc_s()) == 34_715_520_000_000
         return dict(signing._streams.latest)
 
     assert run_virtual(streams()) == {(255, 190, 1): 34_715_520_000_000, (254, 190, 2): 34_715_519_999_500}
-    assert told == []
+    assert reported == []

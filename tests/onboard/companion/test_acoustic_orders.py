@@ -7,12 +7,12 @@ from typing import Any
 import pytest
 
 from gloc3.clock import VirtualLoop
-from gloc3.exchange.acoustic import AcousticCode, Order, Receipt, Verb
+from gloc3.exchange.acoustic import AcousticCode, AcousticOrder, AcousticVerb, Receipt
 from gloc3.exchange.base import LocalExchange, Publisher
 from gloc3.messages.command_interface import CiReply, CiRequest, Emergency, EmergencyVerb, Outcome
 from gloc3.messages.envelope import Envelope
 from gloc3.store import MemoryRecords
-from gloc3_groundstation.links.acoustic_way import AcousticWay, ModemContext
+from gloc3_groundstation.links.acoustic_way import AcousticRoute, ModemContext
 from gloc3_onboard.command_server.journal import Journal, answer
 from gloc3_onboard.companion.acoustic_link import AcousticLink
 
@@ -35,21 +35,21 @@ class Auv:
         self.receipts: list[Receipt] = []
         exchange, self._journal = LocalExchange(), Journal(records)
         self._replies = Publisher(exchange, "auv", "command_server", 1)
-        self.link = AcousticLink("auv", exchange, loop, next(_boots), self._heard, KEY)
-        exchange.subscribe("auv/ci/request", self._asked)
+        self.link = AcousticLink("auv", exchange, loop, next(_boots), self._received, KEY)
+        exchange.subscribe("auv/ci/request", self._requested)
 
-    def order(self, number: int, verb: Verb) -> Receipt | None:
+    def order(self, number: int, verb: AcousticVerb) -> Receipt | None:
         """Says an order to it; its receipt."""
         self.receipts.clear()
-        self.link.receive(AcousticCode("auv", KEY).encode(Order(number, verb)))
+        self.link.receive(AcousticCode("auv", KEY).encode(AcousticOrder(number, verb)))
         return self.receipts[-1] if self.receipts else None
 
-    def _heard(self, data: bytes) -> None:
+    def _received(self, data: bytes) -> None:
         receipt = AcousticCode("auv", KEY).decode(data)
         assert isinstance(receipt, Receipt)
         self.receipts.append(receipt)
 
-    def _asked(self, envelope: Envelope[Any]) -> None:
+    def _requested(self, envelope: Envelope[Any]) -> None:
         request = envelope.payload
         assert isinstance(request, CiRequest)
         assert isinstance(request.body, Emergency)
@@ -68,39 +68,39 @@ def test_an_order_is_carried_out_once_also_where_it_is_played_again_to_the_next_
 ) -> None:
     records = MemoryRecords()
     auv = Auv(loop, records)
-    assert auv.order(100, Verb.SURFACE) == auv.order(100, Verb.SURFACE) == Receipt(100, True)
+    assert auv.order(100, AcousticVerb.SURFACE) == auv.order(100, AcousticVerb.SURFACE) == Receipt(100, True)
     assert auv.done == [EmergencyVerb.LAND]
     later = Auv(loop, records)
-    assert later.order(100, Verb.SURFACE) == Receipt(100, True)
+    assert later.order(100, AcousticVerb.SURFACE) == Receipt(100, True)
     assert later.done == []
-    assert later.order(101, Verb.SURFACE) == Receipt(101, True)
+    assert later.order(101, AcousticVerb.SURFACE) == Receipt(101, True)
     assert later.done == [EmergencyVerb.LAND]
 
 
 def test_two_stations_that_order_in_one_second_are_both_heard(loop: VirtualLoop) -> None:
     auv = Auv(loop, MemoryRecords())
-    assert auv.order(100, Verb.HOLD) == Receipt(100, True)
-    assert auv.order(100, Verb.SURFACE) == Receipt(100, True)
+    assert auv.order(100, AcousticVerb.HOLD) == Receipt(100, True)
+    assert auv.order(100, AcousticVerb.SURFACE) == Receipt(100, True)
     assert auv.done == [EmergencyVerb.HOLD, EmergencyVerb.LAND]
 
 
 def test_an_order_of_a_clock_that_was_set_back_is_refused_and_not_left_without_a_receipt(loop: VirtualLoop) -> None:
     auv = Auv(loop, MemoryRecords())
-    auv.order(100, Verb.HOLD)
-    assert auv.order(99, Verb.SURFACE) == Receipt(99, False)
+    auv.order(100, AcousticVerb.HOLD)
+    assert auv.order(99, AcousticVerb.SURFACE) == Receipt(99, False)
     assert auv.done == [EmergencyVerb.HOLD]
 
 
 def test_a_station_never_says_two_orders_under_one_number(loop: VirtualLoop) -> None:
-    said: list[Order] = []
+    text: list[AcousticOrder] = []
     code, utc_s = AcousticCode("auv"), [1000.0]
 
     def send(data: bytes) -> None:
         order = code.decode(data)
-        assert isinstance(order, Order)
-        said.append(order)
+        assert isinstance(order, AcousticOrder)
+        text.append(order)
 
-    way = AcousticWay(
+    way = AcousticRoute(
         "auv",
         loop,
         send,
@@ -108,9 +108,9 @@ def test_a_station_never_says_two_orders_under_one_number(loop: VirtualLoop) -> 
             exchange=LocalExchange(), boot=1, is_silent=lambda: True, report=lambda _: None, now_utc_s=lambda: utc_s[0]
         ),
     )
-    way.order(Verb.HOLD)
-    way.order(Verb.SURFACE)
+    way.order(AcousticVerb.HOLD)
+    way.order(AcousticVerb.SURFACE)
     utc_s[0] = 10.0
-    way.order(Verb.SURFACE)
+    way.order(AcousticVerb.SURFACE)
     way.close()
-    assert [order.number for order in said] == [1000, 1001, 1002]
+    assert [order.number for order in text] == [1000, 1001, 1002]

@@ -20,12 +20,12 @@ from gloc3.messages.frames import GeoPoint
 from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.formats import to_mission
 from gloc3.mission.formats.items import FenceArea
-from gloc3.mission.formats.items import Plan as PlanFile
+from gloc3.mission.formats.items import ForeignPlan as PlanFile
 from gloc3.mission.formats.to_mission import CONVERTED, LEFT_OUT
 from gloc3.platform.reader import load_platform
 from gloc3_onboard.companion.companion import MOST, PERIOD_S, Companion, Reasons
 from gloc3_onboard.companion.files import MemoryFiles
-from gloc3_onboard.companion.parameter_table import ParameterRow, exact, rows_of, short_name
+from gloc3_onboard.companion.parameter_table import CompanionParameter, exact, rows_of, short_name
 from gloc3_onboard.companion.plans import Verdict, fence_of, items_of, judge, plan_of
 
 CIRCUMSTANCES: dict[str, Any] = {
@@ -55,21 +55,21 @@ def test_every_platform_has_parameters_with_names_of_their_own_that_fit(name: st
 
 @given(st.lists(st.from_regex(r"[a-z][a-z0-9_]{0,40}", fullmatch=True), max_size=40))
 def test_short_names_fit_and_are_all_different(full: list[str]) -> None:
-    taken: set[str] = set()
-    names = [short_name(one, taken) for one in full]
+    used: set[str] = set()
+    names = [short_name(one, used) for one in full]
     assert len(set(names)) == len(names)
     assert all(0 < len(name) <= 16 for name in names)
 
 
 def test_a_short_name_is_like_the_long_one_and_a_short_one_is_kept() -> None:
-    taken: set[str] = set()
-    assert short_name("height_max_m", taken) == "HEIGHT_MAX_M"
-    assert short_name("waypoints_return_speed_m_s", taken) == "WPN_RTR_SPED_M_S"
-    assert short_name("height_max_m", taken) == "HEIGHT_MAX_M2"
+    used: set[str] = set()
+    assert short_name("height_max_m", used) == "HEIGHT_MAX_M"
+    assert short_name("waypoints_return_speed_m_s", used) == "WPN_RTR_SPED_M_S"
+    assert short_name("height_max_m", used) == "HEIGHT_MAX_M2"
 
 
 def test_bounds_and_whole_numbers_are_kept_and_floats_are_as_they_were_written() -> None:
-    row = ParameterRow(name="A", component="", setting="a_m_s", value=1.0, low=0.0, high=7.0, is_whole=True)
+    row = CompanionParameter(name="A", component="", setting="a_m_s", value=1.0, low=0.0, high=7.0, is_whole=True)
     assert (row.unit, row.problem(7.0), row.problem(1.5)) == ("m/s", "", "A is a whole number, 1.5 is none")
     assert row.problem(8.0) == "A is from 0 to 7, not 8"
     assert exact(0.10000000149011612) == 0.1
@@ -158,7 +158,7 @@ def test_whatever_is_sent_to_it_nothing_raises_and_it_still_answers() -> None:
     companion = Companion(COMPANION, load_platform("pelican_rtk"), LocalExchange(), Clock(loop), loop, 1)
     companion.share(MemoryFiles({"file": b"content"}))
     sent: list[MavlinkMessage] = []
-    hear, parser, chance = companion.attach(sent.append), codec.Parser(), Random(1)
+    receive, parser, chance = companion.attach(sent.append), codec.Parser(), Random(1)
     shapes = [shape for number in sorted(companion._wanted) if (shape := codec.shape(codec.name_of(number)))]
     encoders = [codec.Encoder(system, 190) for system in (255, 254, 1)]
     commands = [17, 20, 21, 193, 224, 300, 400, 510, 511, 512, 520, 31010, 32100, 60000]
@@ -167,27 +167,27 @@ def test_whatever_is_sent_to_it_nothing_raises_and_it_still_answers() -> None:
         fields = {field.attribute: any_field(chance, field) for field in shape.fields}
         fields |= {"target_system": 1, "target_component": 191} if "target_system" in fields else {}
         fields |= {"command": chance.choice(commands)} if "command" in fields else {}
-        hear(parser.receive(chance.choice(encoders).encode(codec.message(shape.name, **fields))))
+        receive(parser.receive(chance.choice(encoders).encode(codec.message(shape.name, **fields))))
         loop.run_until_complete(asyncio.sleep(chance.choice([0.0, 0.01, 0.3])))
     assert loop.failures == []
     sent.clear()
-    asked = codec.message("COMMAND_LONG", target_system=1, target_component=191, command=512, param1=148.0)
-    hear(parser.receive(codec.Encoder(253, 190).encode(asked)))
-    assert {"COMMAND_ACK", "AUTOPILOT_VERSION"} <= {told.name for told in sent}
+    requested = codec.message("COMMAND_LONG", target_system=1, target_component=191, command=512, param1=148.0)
+    receive(parser.receive(codec.Encoder(253, 190).encode(requested)))
+    assert {"COMMAND_ACK", "AUTOPILOT_VERSION"} <= {reported.name for reported in sent}
     companion.close()
     loop.close()
 
 
 def test_of_many_reasons_some_are_told_and_the_rest_is_counted() -> None:
-    told: list[str] = []
-    reasons = Reasons(told.append)
+    reported: list[str] = []
+    reasons = Reasons(reported.append)
     for number in range(MOST + 5):
-        reasons.say(str(number))
-    assert told == [str(number) for number in range(MOST)]
+        reasons.report(str(number))
+    assert reported == [str(number) for number in range(MOST)]
     reasons.tick(PERIOD_S - 0.1)
     reasons.tick(PERIOD_S)
-    assert told[MOST:] == ["and 5 more refusals"]
+    assert reported[MOST:] == ["and 5 more refusals"]
     assert reasons.next_tick_s() is None
-    reasons.say("again")
-    assert told[-1] == "again"
-    assert reasons.said == MOST + 6
+    reasons.report("again")
+    assert reported[-1] == "again"
+    assert reasons.reported == MOST + 6

@@ -39,13 +39,13 @@ class Mavproxy:
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
-    def say(self, line: str) -> None:
+    def report(self, line: str) -> None:
         """Types a line."""
         assert self._process.stdin is not None
         self._process.stdin.write(line + "\n")
         self._process.stdin.flush()
 
-    def hear(self, text: str, is_it: Callable[[str], bool] = lambda _: True) -> str:
+    def receive(self, text: str, is_it: Callable[[str], bool] = lambda _: True) -> str:
         """Waits for a line with a text, and takes away all up to it."""
 
         def find() -> int:
@@ -90,31 +90,31 @@ def mavproxy(port: int, folder: Path) -> Iterator[Mavproxy]:
 def test_it_links_fetches_parameters_uploads_a_mission_and_changes_the_mode(tmp_path: Path) -> None:
     (tmp_path / "plan.txt").write_text(WAYPOINTS)
     with vehicle(tmp_path, style="ardupilot") as scene, mavproxy(scene.port, tmp_path) as proxy:
-        proxy.hear("online system 1")
-        count = int(proxy.hear("Received ", lambda line: "parameters" in line).split()[-2])
+        proxy.receive("online system 1")
+        count = int(proxy.receive("Received ", lambda line: "parameters" in line).split()[-2])
         assert count > 50
-        proxy.say("wp load plan.txt")
-        proxy.hear("MISSION_ACK: TYPE_MISSION: ACCEPTED")
-        proxy.say("mode GUIDED")
-        proxy.hear("COMMAND_ACK: DO_SET_MODE: ACCEPTED")
-        proxy.hear("Mode GUIDED")
+        proxy.report("wp load plan.txt")
+        proxy.receive("MISSION_ACK: TYPE_MISSION: ACCEPTED")
+        proxy.report("mode GUIDED")
+        proxy.receive("COMMAND_ACK: DO_SET_MODE: ACCEPTED")
+        proxy.receive("Mode GUIDED")
 
-        proxy.say("set target_component 191")
-        proxy.say("wp load plan.txt")
-        proxy.hear("MISSION_ACK: TYPE_MISSION: ACCEPTED")
-        proxy.say("wp list")
-        proxy.hear("16 3 39.55283")
-        proxy.say("param fetch")
-        assert int(proxy.hear("Received ", lambda line: "parameters" in line).split()[-2]) != count
-        proxy.say("param show FTP_WRITE")
-        proxy.hear("FTP_WRITE        1.0")
-        proxy.say("long 400 1")
-        proxy.hear("COMPONENT_ARM_DISARM of station 250 refused: the onboard computer does not arm by command")
-        proxy.say("long 300")
-        proxy.hear("COMMAND_ACK: MISSION_START: ACCEPTED")
-        proxy.say("set target_component 1")
-        proxy.hear("ARMED")
-        proxy.hear("DISARMED")
+        proxy.report("set target_component 191")
+        proxy.report("wp load plan.txt")
+        proxy.receive("MISSION_ACK: TYPE_MISSION: ACCEPTED")
+        proxy.report("wp list")
+        proxy.receive("16 3 39.55283")
+        proxy.report("param fetch")
+        assert int(proxy.receive("Received ", lambda line: "parameters" in line).split()[-2]) != count
+        proxy.report("param show FTP_WRITE")
+        proxy.receive("FTP_WRITE        1.0")
+        proxy.report("long 400 1")
+        proxy.receive("COMPONENT_ARM_DISARM of station 250 refused: the onboard computer does not arm by command")
+        proxy.report("long 300")
+        proxy.receive("COMMAND_ACK: MISSION_START: ACCEPTED")
+        proxy.report("set target_component 1")
+        proxy.receive("ARMED")
+        proxy.receive("DISARMED")
     with LogReader(scene.out / "log.mcap") as log:
         poses_s = [entry.envelope.t_s for entry in log.entries("pose")]
         states = [entry.envelope.payload.state for entry in log.entries("ci/mission")]

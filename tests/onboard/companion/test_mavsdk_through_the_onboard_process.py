@@ -86,18 +86,20 @@ def command(direct: MavlinkDirect, number: int, *params: float, component: int =
 
 def finished(begin: Callable[..., Any]) -> str:
     """Waits for the end of a transfer; the name of its result."""
-    told: queue.SimpleQueue[str] = queue.SimpleQueue()
-    begin(lambda result, *_: told.put(result.name))
-    while (name := told.get(timeout=60.0)) == "NEXT":
+    reported: queue.SimpleQueue[str] = queue.SimpleQueue()
+    begin(lambda result, *_: reported.put(result.name))
+    while (name := reported.get(timeout=60.0)) == "NEXT":
         pass
     return name
 
 
 def messages(direct: MavlinkDirect, name: str) -> queue.SimpleQueue[tuple[int, dict[str, Any]]]:
     """What comes of a message: from which component, and its fields."""
-    heard: queue.SimpleQueue[tuple[int, dict[str, Any]]] = queue.SimpleQueue()
-    direct.subscribe_message(name, lambda told, _: heard.put((told.component_id, json.loads(told.fields_json))))
-    return heard
+    received: queue.SimpleQueue[tuple[int, dict[str, Any]]] = queue.SimpleQueue()
+    direct.subscribe_message(
+        name, lambda reported, _: received.put((reported.component_id, json.loads(reported.fields_json)))
+    )
+    return received
 
 
 def test_it_reaches_the_autopilot_and_the_onboard_computer_each_by_its_id(
@@ -139,10 +141,10 @@ def test_it_reaches_the_autopilot_and_the_onboard_computer_each_by_its_id(
             assert finished(lambda ended: ftp.download_async(path, str(station), uses_burst, ended)) == "SUCCESS"  # noqa: B023
         rows = json.loads((station / "parameters.json").read_text())["parameters"]
         assert {row["name"] for row in rows} == ours
-        told: queue.SimpleQueue[bool] = queue.SimpleQueue()
+        reported: queue.SimpleQueue[bool] = queue.SimpleQueue()
         local = str(station / "hop.plan")
-        ftp.are_files_identical_async(local, "/missions/hop.plan", lambda _result, same, _: told.put(same))
-        assert told.get(timeout=60.0)
+        ftp.are_files_identical_async(local, "/missions/hop.plan", lambda _result, same, _: reported.put(same))
+        assert reported.get(timeout=60.0)
 
         metadata = ComponentMetadata(client.system)
         found: queue.SimpleQueue[Any] = queue.SimpleQueue()
@@ -171,7 +173,7 @@ def test_plans_for_the_autopilot_are_missions_of_ours_where_that_is_asked_for(tm
         client.await_armable()
         direct, telemetry = MavlinkDirect(client.system), Telemetry(client.system)
         texts: queue.SimpleQueue[str] = queue.SimpleQueue()
-        telemetry.subscribe_status_text(lambda told, _: texts.put(told.text))
+        telemetry.subscribe_status_text(lambda reported, _: texts.put(reported.text))
         raw = MissionRaw(client.system)
         with pytest.raises(MissionRawError) as refused:
             raw.upload_mission([PLAN[0], item(1, 82), item(2, 21)])

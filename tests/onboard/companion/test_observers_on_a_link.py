@@ -15,22 +15,22 @@ pytestmark = [pytest.mark.sockets, pytest.mark.thorough]
 REQUEST_MESSAGE, AUTOPILOT_VERSION = 512, 148
 
 
-def answers(port: int, station: int, patience_s: float) -> set[str]:
+def answers(port: int, station: int, timeout_s: float) -> set[str]:
     """The kinds of messages that come on a link, after a station asked the autopilot for something there."""
     found: set[str] = set()
     parser, encoder = Parser(is_datagram=True), Encoder(station, 190)
-    ask = message(
+    request = message(
         "COMMAND_LONG", target_system=1, target_component=1, command=REQUEST_MESSAGE, param1=AUTOPILOT_VERSION
     )
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
         line.settimeout(0.2)
-        until_s = time.monotonic() + patience_s
-        asked_s = 0.0
+        until_s = time.monotonic() + timeout_s
+        requested_s = 0.0
         while time.monotonic() < until_s and "COMMAND_ACK" not in found:
-            if time.monotonic() - asked_s > 0.5:
-                asked_s = time.monotonic()
+            if time.monotonic() - requested_s > 0.5:
+                requested_s = time.monotonic()
                 line.sendto(encoder.encode(message("HEARTBEAT", type=6, autopilot=8)), ("127.0.0.1", port))
-                line.sendto(encoder.encode(ask), ("127.0.0.1", port))
+                line.sendto(encoder.encode(request), ("127.0.0.1", port))
             try:
                 data = line.recv(2048)
             except TimeoutError:

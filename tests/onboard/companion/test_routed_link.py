@@ -50,27 +50,27 @@ def links(
 ) -> tuple[list[RoutedLink], list[Wire], list[list[Frame]]]:
     """Links with wires; the first has a key, if one is given."""
     router = Router(Address(1, 191))
-    heard: list[list[Frame]] = [[] for _ in urls]
+    received: list[list[Frame]] = [[] for _ in urls]
     gate = None if signing is None else SignedOnly(signing, lambda _: None)
     routed = [
         RoutedLink(url, router, loop, into.extend, signed_only=None if number else gate)
-        for number, (url, into) in enumerate(zip(urls, heard, strict=True))
+        for number, (url, into) in enumerate(zip(urls, received, strict=True))
     ]
     wires = [Wire(loop) for _ in urls]
     for link, wire in zip(routed, wires, strict=True):
         link.open(wire)
-    return routed, wires, heard
+    return routed, wires, received
 
 
 def test_pieces_of_a_stream_are_heard_and_passed_on_as_whole_frames() -> None:
     async def work() -> None:
-        (autopilot, station), wires, heard = links(
+        (autopilot, station), wires, received = links(
             asyncio.get_running_loop(), "serial:///dev/ttyACM0:921600", "udpin://0.0.0.0:14550"
         )
         raw = b"".join(AUTOPILOT.encode(message("ATTITUDE", time_boot_ms=number + 1)) for number in range(10))
         for start in range(0, len(raw), 7):
             autopilot.receive(b"\x00" + raw[start : start + 7] if start == 0 else raw[start : start + 7])
-        assert len(heard[0]) == 10
+        assert len(received[0]) == 10
         assert b"".join(frame.raw for _, frame in wires[1].sent) == raw
         assert wires[0].sent == []
         assert station.routed.counts.frames_out == 10
@@ -87,7 +87,7 @@ def test_what_is_passed_on_is_never_decoded(monkeypatch: pytest.MonkeyPatch) -> 
         return decode(frame)
 
     async def work() -> None:
-        (autopilot, station), wires, heard = links(
+        (autopilot, station), wires, received = links(
             asyncio.get_running_loop(), "udpin://0.0.0.0:14540", "serial:///dev/ttyUSB0:57600"
         )
         monkeypatch.setattr(Frame, "decode", seen)
@@ -97,7 +97,7 @@ def test_what_is_passed_on_is_never_decoded(monkeypatch: pytest.MonkeyPatch) -> 
             await asyncio.sleep(0.1)
         monkeypatch.setattr(Frame, "decode", decode)
         assert [len(wire.sent) for wire in wires] == [30, 30]
-        assert (decoded, heard[0][0].decode()) == ([], message("SYSTEM_TIME"))
+        assert (decoded, received[0][0].decode()) == ([], message("SYSTEM_TIME"))
 
     run_virtual(work())
 
@@ -148,11 +148,11 @@ def test_what_is_not_signed_on_a_signed_link_is_neither_heard_nor_passed_on_but_
     async def work() -> None:
         signing = Signing(KEY, link_id=1, now=1)
         loop = asyncio.get_running_loop()
-        (station, _), wires, heard = links(loop, "udpin://0.0.0.0:14550", "udpin://0.0.0.0:14540", signing=signing)
+        (station, _), wires, received = links(loop, "udpin://0.0.0.0:14550", "udpin://0.0.0.0:14540", signing=signing)
         signer = Encoder(255, 190, Signing(KEY, link_id=2, now=1))
         good = signer.encode(message("HEARTBEAT"))
         station.receive(FORGER.encode(message("COMMAND_LONG", command=400)) + good + good)
-        assert [frame.raw for frame in heard[0]] == [good]
+        assert [frame.raw for frame in received[0]] == [good]
         assert wires[1].names() == ["HEARTBEAT"]
         traffic = station.condition().traffic
         assert (traffic.genuine, traffic.refused) == (1, {"not signed": 1, "an old frame once more": 1})
@@ -220,16 +220,16 @@ def test_a_closed_link_leaves_no_timer_and_sends_nothing() -> None:
 def test_what_is_withheld_goes_to_the_listener_alone() -> None:
     async def work() -> None:
         loop = asyncio.get_running_loop()
-        router, heard = Router(Address(1, 191)), list[Frame]()
+        router, received = Router(Address(1, 191)), list[Frame]()
         withheld = message("MISSION_COUNT").id
         station = RoutedLink(
-            "udpin://0.0.0.0:14550", router, loop, heard.extend, withheld=lambda frame: frame.message_id == withheld
+            "udpin://0.0.0.0:14550", router, loop, received.extend, withheld=lambda frame: frame.message_id == withheld
         )
         autopilot = RoutedLink("udpin://0.0.0.0:14540", router, loop, lambda frames: None)
         wire = Wire(loop)
         autopilot.open(wire)
         station.receive(STATION.encode(message("MISSION_COUNT")) + STATION.encode(message("HEARTBEAT")))
-        assert len(heard) == 2
+        assert len(received) == 2
         assert wire.names() == ["HEARTBEAT"]
 
     run_virtual(work())

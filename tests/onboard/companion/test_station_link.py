@@ -16,7 +16,7 @@ from gloc3.messages.command_interface import CiRequest, Hello, StationRole
 from gloc3.messages.envelope import Envelope, Event
 from gloc3.messages.summaries import ContactSummary, Health, StationHeard
 from gloc3.messages.topics import TopicTable
-from gloc3_groundstation.links.link import Link, LinkContext, LinkSettings
+from gloc3_groundstation.links.link import LinkContext, LinkSettings, StationLinkCore
 from gloc3_onboard.companion.routing import RoutedLink
 from gloc3_onboard.companion.station_link import StationLink, StationLinkSettings
 
@@ -53,7 +53,7 @@ class Ends:
         self.here, self.there = LocalExchange(), LocalExchange()
         self.requests: list[Envelope[CiRequest]] = []
         self.events: list[str] = []
-        self.told: list[str] = []
+        self.reported: list[str] = []
         self.here.subscribe("heron/ci/request", self.requests.append)
         self.here.subscribe("heron/components/station_link/event", self._take)
         platform_signing = self._signing(platform_key)
@@ -70,15 +70,15 @@ class Ends:
             "udpin://:14551",
             Router(Address(1, 191)),
             self.loop,
-            self.platform.take,
+            self.platform.receive_frames,
             signed_only=self.platform.signed_only,
         )
         self.memory.b.on_data = self.routed.receive
         self.routed.open(self.memory.b)
         self.platform.open(self.routed)
-        self.station = Link(
+        self.station = StationLinkCore(
             self.memory.a.send,
-            LinkContext(loop=self.loop, exchange=self.there, topics=TOPICS, boot=8, report=self.told.append),
+            LinkContext(loop=self.loop, exchange=self.there, topics=TOPICS, boot=8, report=self.reported.append),
             LinkSettings(key=station_key),
         )
         self.memory.a.on_data = self.station.receive
@@ -89,7 +89,7 @@ class Ends:
     def _take(self, envelope: Envelope[Event]) -> None:
         self.events.append(envelope.payload.text)
 
-    async def ask(self) -> None:
+    async def request(self) -> None:
         """Has the station greet the platform for ten seconds, and ask for something in the middle."""
         await asyncio.sleep(5.0)
         request = CiRequest(sender="255", boot=8, sequence=0, body=Hello())
@@ -109,7 +109,7 @@ class Ends:
 def test_stations_are_taken_by_their_key(platform_key: bytes | None, station_key: bytes | None, is_heard: bool) -> None:
     async def play() -> None:
         ends = Ends(platform_key, station_key)
-        await ends.ask()
+        await ends.request()
         is_seen = is_heard or station_key is None  # who has no key still hears what is signed
         assert [name for name, _ in ends.station.platforms()] == (["heron"] if is_seen else [])
         assert len(ends.requests) == is_heard
@@ -118,7 +118,7 @@ def test_stations_are_taken_by_their_key(platform_key: bytes | None, station_key
             assert ends.events[0].startswith(f"a frame from 255/190 is dropped ({refused})")
         else:
             assert ends.events == []
-        locked_out = [text for text in ends.told if "takes nothing from here; see --signing-key" in text]
+        locked_out = [text for text in ends.reported if "takes nothing from here; see --signing-key" in text]
         assert len(locked_out) == (platform_key is not None and station_key is None), "and the operator is told, once"
         assert bool(ends.station.genuine) == (platform_key == station_key is not None)
         assert bool(ends.station.refusals) == (station_key is not None and not is_heard)
@@ -148,15 +148,15 @@ def test_a_request_says_how_it_came_and_what_its_sender_may_do_whatever_was_sent
 def test_on_the_wire_it_is_component_191_speaking_in_tunnel_frames_of_our_payload_type() -> None:
     async def play() -> None:
         ends = Ends(None, None)
-        heard: list[Frame] = []
-        ends.memory.a.on_data = lambda data: heard.extend(Parser(is_datagram=True).receive(data))
+        received: list[Frame] = []
+        ends.memory.a.on_data = lambda data: received.extend(Parser(is_datagram=True).receive(data))
         await asyncio.sleep(3.0)
-        assert {tuple(frame.sender) for frame in heard} == {(1, 191)}
-        told = [said for frame in heard if (said := frame.decode()) is not None]
-        assert {(frame.message_id, said.payload_type) for frame, said in zip(heard, told, strict=True)} == {
+        assert {tuple(frame.sender) for frame in received} == {(1, 191)}
+        reported = [text for frame in received if (text := frame.decode()) is not None]
+        assert {(frame.message_id, text.payload_type) for frame, text in zip(received, reported, strict=True)} == {
             (385, 0xC103)
         }
-        assert {bytes(said.payload)[0] for said in told} == {1}, "the version comes first"
+        assert {bytes(text.payload)[0] for text in reported} == {1}, "the version comes first"
         ends.close()
 
     run_virtual(play())
@@ -166,7 +166,9 @@ def test_what_a_person_should_know_of_the_link_is_an_event_of_the_platform() -> 
     async def play() -> None:
         ends = Ends(None, None)
         await asyncio.sleep(2.0)
-        twin = Link(ends.memory.a.send, LinkContext(loop=ends.loop, exchange=LocalExchange(), topics=TOPICS, boot=99))
+        twin = StationLinkCore(
+            ends.memory.a.send, LinkContext(loop=ends.loop, exchange=LocalExchange(), topics=TOPICS, boot=99)
+        )
         await asyncio.sleep(10.0)
         assert any("255" in text for text in ends.events), "a second station of the same id"
         twin.close()
@@ -179,7 +181,7 @@ def test_garbage_on_a_signed_link_harms_nobody() -> None:
     async def play() -> None:
         ends = Ends(KEY, KEY)
         ends.routed.receive(bytes(range(256)) + Encoder(9, 1).encode(message("HEARTBEAT", type=6))[:-3])
-        await ends.ask()
+        await ends.request()
         assert len(ends.requests) == 1
         ends.close()
 
@@ -193,13 +195,13 @@ def test_after_a_long_silence_a_station_counts_as_reached_only_when_what_is_told
         ends.there.subscribe("heron/contact", lambda envelope: came.append(envelope.payload.station))
         publisher = Publisher(ends.here, "heron", "command_server", 5)
 
-        def heard(envelope: Envelope[StationHeard]) -> None:
+        def received(envelope: Envelope[StationHeard]) -> None:
             if envelope.payload.is_reached and (not seen or envelope.t_s > seen[-1] + 60.0):
                 publisher.publish("heron/contact", CONTACT, envelope.t_s)
             seen.extend([envelope.t_s] if envelope.payload.is_reached else [])
 
         seen: list[float] = []
-        ends.here.subscribe("heron/ci/heard", heard)
+        ends.here.subscribe("heron/ci/heard", received)
         await asyncio.sleep(5.0)
         ends.memory.set_conditions(Conditions(loss=1.0))
         await asyncio.sleep(1200.0)

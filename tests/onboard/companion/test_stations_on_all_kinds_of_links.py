@@ -29,7 +29,7 @@ class Radio:
     """What sits at the other end of a serial line, and all that it has heard by name and component."""
 
     def __init__(self, line: int) -> None:
-        self.heard: dict[tuple[str, int], Any] = {}
+        self.received: dict[tuple[str, int], Any] = {}
         self._line = line
         self._came = threading.Condition()
         self._codec = dialect.MAVLink(None, srcSystem=RADIO_SYSTEM, srcComponent=190)
@@ -40,11 +40,11 @@ class Radio:
     def send(self, message: Any) -> None:
         os.write(self._line, message.pack(self._codec))
 
-    def hear(self, name: str, component: int, **fields: Any) -> None:
+    def receive(self, name: str, component: int, **fields: Any) -> None:
         """Waits until the last message of a name from there has these fields."""
 
         def has_come() -> bool:
-            message = self.heard.get((name, component))
+            message = self.received.get((name, component))
             return message is not None and all(getattr(message, field) == value for field, value in fields.items())
 
         with self._came:
@@ -58,7 +58,7 @@ class Radio:
                 return
             with self._came:
                 for message in self._codec.parse_buffer(data) or ():
-                    self.heard[message.get_type(), message.get_srcComponent()] = message
+                    self.received[message.get_type(), message.get_srcComponent()] = message
                 self._came.notify_all()
 
 
@@ -90,11 +90,11 @@ def test_each_has_its_way_to_the_autopilot_while_one_of_them_flies(tmp_path: Pat
         dronekit.arm_and_take_off(2.0)
 
         radio.send(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
-        radio.hear("HEARTBEAT", COMPANION)
+        radio.receive("HEARTBEAT", COMPANION)
         radio.send(dialect.MAVLink_param_request_read_message(1, AUTOPILOT, b"PILOT_SPD_UP", -1))
-        radio.hear("PARAM_VALUE", AUTOPILOT, param_id="PILOT_SPD_UP")
-        radio.hear("HEARTBEAT", AUTOPILOT, custom_mode=GUIDED)
-        assert ("COMMAND_ACK", AUTOPILOT) not in radio.heard, "what is for another does not use its line up"
+        radio.receive("PARAM_VALUE", AUTOPILOT, param_id="PILOT_SPD_UP")
+        radio.receive("HEARTBEAT", AUTOPILOT, custom_mode=GUIDED)
+        assert ("COMMAND_ACK", AUTOPILOT) not in radio.received, "what is for another does not use its line up"
         dronekit.set_mode(LAND)
         dronekit.wait(lambda: not dronekit.is_armed)
     with LogReader(scene.out / "log.mcap") as log:

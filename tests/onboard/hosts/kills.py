@@ -22,7 +22,7 @@ from tests.stalls import Watch
 
 from gloc3.mission.model.states import ENDED
 from gloc3.network import register
-from gloc3.network.access import Role
+from gloc3.network.access import MemberRole
 from gloc3.platform.reader import whole_text
 from gloc3_groundstation.station.station import Station
 from gloc3_sitl.demo.demo import free_ports
@@ -115,7 +115,7 @@ def _fleet(folder: Path, ground: int, watch: int) -> Iterator[tuple[Program, Fle
     now = datetime.now(UTC)
     register.found(folder / "net", "patrol", now, A_DAY)
     for host, listen in ((MAIN, [f"127.0.0.1:{meeting}"]), (SECOND, [])):
-        entry = register.Member(role=Role.PLATFORM, certificate="", until="", listen=listen)
+        entry = register.NetworkMember(role=MemberRole.PLATFORM, certificate="", until="", listen=listen)
         register.add(folder / "net", f"{NAME}.{host}", entry, now, A_DAY, is_renewed=False)
     link = f"companion=udpout://127.0.0.1:{companion}"
     words = {host: ["onboard", "platform.yaml", "--host", host, "--out", "out"] for host in (MAIN, SECOND)}
@@ -134,14 +134,14 @@ def _fleet(folder: Path, ground: int, watch: int) -> Iterator[tuple[Program, Fle
         yield simulator, Fleet({MAIN: main, SECOND: second, STATION: commanding})
 
 
-async def fly(folder: Path, kills: Iterator[tuple[float, str]], count: int, say: Callable[[str], None]) -> Report:
+async def fly(folder: Path, kills: Iterator[tuple[float, str]], count: int, report: Callable[[str], None]) -> Report:
     """Flies rounds until so many processes have been killed, then on until everybody is there again, and home.
 
     Args:
         folder: for everything that is written.
         kills: how long after the one before, and whose turn it is; one that is away just then is not waited for.
         count: how many.
-        say: told how far it is.
+        report: told how far it is.
     """
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "platform.yaml").write_text(platform())
@@ -166,14 +166,14 @@ async def fly(folder: Path, kills: Iterator[tuple[float, str]], count: int, say:
                 now_s = time.monotonic()
                 if await asyncio.to_thread(fleet.kill, victim):
                     killed.append(Kill(now_s, victim))
-                    say(f"{len(killed)} of {count}: {victim}")
+                    report(f"{len(killed)} of {count}: {victim}")
             await until(lambda: fleet.is_whole, 60.0, "everybody is there again")
             if mission_state(watching, name) not in ENDED:
                 await _flies_on(watching, name)
                 (folder / HOME).touch()
             await until(lambda: mission_state(watching, name) in ENDED, 120.0, "the mission ends")
             await until(lambda: not watching.fleet.get(name).is_armed, 60.0, "it stands")  # type: ignore[union-attr]
-            end, took_s = mission_state(watching, name), time.monotonic() - begun_s
+            end, elapsed_s = mission_state(watching, name), time.monotonic() - begun_s
         for part in (STATION, SECOND, MAIN):
             await asyncio.to_thread(fleet.managers[part].end)
         assert fleet.managers[MAIN].code == 0, fleet.managers[MAIN].lines[-20:]
@@ -182,7 +182,7 @@ async def fly(folder: Path, kills: Iterator[tuple[float, str]], count: int, say:
         await asyncio.to_thread(simulator.end)
         for part, manager in fleet.managers.items():
             (folder / f"{part}.txt").write_text("\n".join(manager.lines))
-    return measured(folder, killed, end, took_s, fleet.managers[STATION].lines, stalls.longest_s)
+    return measured(folder, killed, end, elapsed_s, fleet.managers[STATION].lines, stalls.longest_s)
 
 
 async def _flies_on(watching: Station, name: str) -> None:

@@ -14,7 +14,7 @@ from tests.flight.fleet_trial import Command
 
 from gloc3.component.lci import OPERATING, State
 from gloc3.errors import Gloc3Error
-from gloc3.log.reader import Entry, LogReader
+from gloc3.log.reader import LoggedMessage, LogReader
 from gloc3.messages.envelope import ComponentStatus
 from gloc3.messages.topics import TopicTable
 from gloc3_sitl.flight.messages import TOPICS, SimTruth
@@ -81,7 +81,9 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     """Longest sleep of the process that looks on, beyond what it wanted: this computer had no time."""
 
 
-def measured(folder: Path, killed: list[Kill], end: str, took_s: float, told: Sequence[str], stall_s: float) -> Report:
+def measured(
+    folder: Path, killed: list[Kill], end: str, took_s: float, reported: Sequence[str], stall_s: float
+) -> Report:
     """The report.
 
     Args:
@@ -89,11 +91,11 @@ def measured(folder: Path, killed: list[Kill], end: str, took_s: float, told: Se
         killed: in order.
         end: of the mission.
         took_s: from the first round to the end.
-        told: the operator's lines.
+        reported: the operator's lines.
         stall_s: see `Report`.
     """
     unreadable: list[str] = []
-    mains: list[list[Entry]] = []
+    mains: list[list[LoggedMessage]] = []
     executed: dict[str, Counter[float]] = {}
     logs = sorted((folder / "out").glob("log*.mcap"), key=lambda path: path.stat().st_mtime)
     for path in logs:
@@ -118,7 +120,7 @@ def measured(folder: Path, killed: list[Kill], end: str, took_s: float, told: Se
     summaries_s = sorted(
         e.envelope.t_s for entries in mains for e in entries if e.envelope.topic.endswith("/ci/summary")
     )
-    resumed, commands = _commands(told)
+    resumed, commands = _commands(reported)
     with LogReader(folder / "truth" / "truth.mcap", TopicTable(TOPICS).types) as reader:
         truth = [(e.envelope.t_s, e.envelope.payload) for e in reader.entries("sim/truth")]
     return Report(
@@ -140,7 +142,7 @@ def measured(folder: Path, killed: list[Kill], end: str, took_s: float, told: Se
     )
 
 
-def _rates(entries: list[Entry]) -> Iterator[float]:
+def _rates(entries: list[LoggedMessage]) -> Iterator[float]:
     """The rates that components were told to have."""
     for entry in entries:
         payload: Any = entry.envelope.payload
@@ -148,16 +150,16 @@ def _rates(entries: list[Entry]) -> Iterator[float]:
             yield payload.arguments["rate_hz"]
 
 
-def _commands(told: Sequence[str]) -> tuple[int, dict[float, Command]]:
+def _commands(reported: Sequence[str]) -> tuple[int, dict[float, Command]]:
     """How often an operator said resume, and his commands by their rates, with what he was told of them last."""
     resumed, commands = 0, {}
-    for line in told:
+    for line in reported:
         with suppress(msgspec.MsgspecError):  # half a line, of one who was killed
-            said = msgspec.json.decode(line)
-            if isinstance(said, str):
+            text = msgspec.json.decode(line)
+            if isinstance(text, str):
                 resumed += 1
             else:
-                command = msgspec.convert(said, Command)
+                command = msgspec.convert(text, Command)
                 commands[command.rate_hz] = command
     return resumed, commands
 

@@ -28,13 +28,13 @@ class Manager:
         while True:
             self.program.process.wait()
             code = self.program.end()
-            said = self.program.lines
+            text = self.program.lines
             self.program.close()
             if self._is_over.is_set():
                 self.code = code
                 return
             self.program = Program(*self._how)
-            self._said += said
+            self._said += text
 
     @property
     def lines(self) -> list[str]:

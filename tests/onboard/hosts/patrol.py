@@ -19,7 +19,7 @@ from tests.onboard.real_vehicle import flights, station, until
 from gloc3.errors import Gloc3Error
 from gloc3.messages.command_interface import CallFunction, Verb
 from gloc3.mission.model.states import ENDED
-from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station.command_client import Declined
 from gloc3_groundstation.station.station import Station
 
@@ -27,7 +27,7 @@ SYSTEM = 255
 HOME, RESUMED = "home", "resumed"
 COMMANDED = ("ground_recorder", "viewer")
 """Whose rates it changes: one in the main process, one in a child."""
-EVERY_S, PATIENCE_S = 1.0, 2.0
+EVERY_S, TIMEOUT_S = 1.0, 2.0
 START_ATTEMPTS = 30
 
 
@@ -39,7 +39,7 @@ def rate_hz() -> float:
 async def begin(operator: Station, name: str, text: str) -> None:
     """Streams a mission, and starts it as soon as the checks let it."""
     await flights.await_ready(operator, name)
-    await flights.stream(operator, name, Plan(name="mission.yaml", title="patrol", text=text))
+    await flights.stream(operator, name, CheckedPlan(name="mission.yaml", title="patrol", text=text))
     for attempt in range(START_ATTEMPTS):
         try:
             await flights.start(operator, name)
@@ -54,24 +54,24 @@ async def begin(operator: Station, name: str, text: str) -> None:
 def mission_state(watching: Station, name: str, task: str = "") -> str:
     """The state of the mission, or of a task of it; empty where none is known."""
     found = watching.fleet.get(name)
-    told = found.mission.value if found is not None and found.mission is not None else None
-    return "" if told is None else str(told.tasks.get(task, "") if task else told.state)
+    reported = found.mission.value if found is not None and found.mission is not None else None
+    return "" if reported is None else str(reported.tasks.get(task, "") if task else reported.state)
 
 
 async def command(
-    operator: Station, name: str, component: str, told: Callable[[Command], None] = lambda _: None
+    operator: Station, name: str, component: str, reported: Callable[[Command], None] = lambda _: None
 ) -> Command:
     """Gives a component a rate; tells of it when it is sent, and when it is answered."""
     sent = Command(operator.id, name, rate_hz())
-    told(sent)
+    reported(sent)
     body = CallFunction(component=component, function="set_rate", arguments={"rate_hz": sent.rate_hz})
-    reply = await operator.client.ask(name, body)
+    reply = await operator.client.request(name, body)
     sent.outcome, sent.reason = str(reply.outcome), reply.reason
-    told(sent)
+    reported(sent)
     return sent
 
 
-def _say(what: Command | str) -> None:
+def _report(what: Command | str) -> None:
     sys.stdout.write(msgspec.json.encode(what).decode() + "\n")
     sys.stdout.flush()
 
@@ -88,14 +88,14 @@ async def main(link: str, folder: Path) -> None:
         while mission_state(operator, name) not in ENDED:
             await asyncio.sleep(EVERY_S)
             turn += 1
-            task = asyncio.create_task(command(operator, name, COMMANDED[turn % len(COMMANDED)], _say))
+            task = asyncio.create_task(command(operator, name, COMMANDED[turn % len(COMMANDED)], _report))
             commanding.add(task)
             task.add_done_callback(commanding.discard)
             paused_s = paused_s + EVERY_S if mission_state(operator, name) == "paused" else 0.0
             try:
-                if paused_s >= PATIENCE_S:
+                if paused_s >= TIMEOUT_S:
                     await operator.client.steer(name, Verb.RESUME)
-                    _say(RESUMED)
+                    _report(RESUMED)
                 elif (folder / HOME).exists() and mission_state(operator, name, "rounds") == "running":
                     await operator.client.steer(name, Verb.SKIP, "rounds")
             except Gloc3Error:  # it is not there, or goes on just now

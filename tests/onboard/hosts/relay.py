@@ -12,7 +12,7 @@ from contextlib import suppress
 from typing import Any
 
 UDP = "udp/"
-MOST_UNDER_WAY = 1000
+MOST_PENDING = 1000
 """Pieces of a connection's data, in each direction."""
 Address = tuple[str, int]
 
@@ -72,15 +72,15 @@ class Connections(Relay):
 
     async def _pass(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         loop = asyncio.get_running_loop()
-        under_way: asyncio.Queue[tuple[float, bytes]] = asyncio.Queue(MOST_UNDER_WAY)
-        writing = loop.create_task(_write(under_way, writer))
+        running: asyncio.Queue[tuple[float, bytes]] = asyncio.Queue(MOST_PENDING)
+        writing = loop.create_task(_write(running, writer))
         with suppress(OSError):
             while data := await reader.read(16_384):
                 await self._is_open.wait()
-                await under_way.put((loop.time() + self._delay_s, data))
+                await running.put((loop.time() + self._delay_s, data))
                 if self._rate:
                     await asyncio.sleep(len(data) / self._rate)
-        await under_way.put((loop.time() + self._delay_s, b""))
+        await running.put((loop.time() + self._delay_s, b""))
         await writing
 
 
@@ -123,8 +123,8 @@ class Datagrams(Relay):
 
 
 class _End(asyncio.DatagramProtocol):
-    def __init__(self, take: Callable[[bytes, Address], None]) -> None:
-        self._take = take
+    def __init__(self, handle: Callable[[bytes, Address], None]) -> None:
+        self._take = handle
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
         self._take(data, addr)
@@ -133,11 +133,11 @@ class _End(asyncio.DatagramProtocol):
         """The other side is not there yet: a datagram that is lost."""
 
 
-async def _write(under_way: asyncio.Queue[tuple[float, bytes]], writer: asyncio.StreamWriter) -> None:
+async def _write(running: asyncio.Queue[tuple[float, bytes]], writer: asyncio.StreamWriter) -> None:
     """Writes what is under way when it is due, in its order, until its end."""
     loop = asyncio.get_running_loop()
     while True:
-        due_s, data = await under_way.get()
+        due_s, data = await running.get()
         await asyncio.sleep(due_s - loop.time())
         if not data:
             writer.close()

@@ -12,13 +12,13 @@ from gloc3.clock import Clock
 from gloc3.component.context import HostContext
 from gloc3.component.lci import State
 from gloc3.messages.envelope import ComponentStatus, Envelope
-from gloc3.platform.places import Place, rows_at
+from gloc3.platform.places import ProcessPlace, rows_at
 from gloc3.platform.reader import read_platform, whole_text
 from gloc3.store import MemoryRecords
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.hosts.child import ChildProcess
-from gloc3_onboard.hosts.keeper import HostKeeper
-from gloc3_onboard.hosts.pipe import Order
+from gloc3_onboard.hosts.keeper import HostAgent
+from gloc3_onboard.hosts.pipe import ChildSetup
 from gloc3_onboard.hosts.shared import open_shared
 from gloc3_onboard.process.run_log import LogLimits
 from gloc3_onboard.process.runner import Onboard
@@ -40,15 +40,15 @@ def server_row() -> str:
 class Rig:
     """What the test sees of the platform."""
 
-    def __init__(self, onboard: Onboard, keeper: HostKeeper, loop: asyncio.AbstractEventLoop, out: Path) -> None:
+    def __init__(self, onboard: Onboard, keeper: HostAgent, loop: asyncio.AbstractEventLoop, out: Path) -> None:
         self.onboard, self.keeper, self.out = onboard, keeper, out
         self.statuses: list[tuple[float, ComponentStatus]] = []
-        self.heard: dict[str, list[tuple[float, Envelope[Any]]]] = {}
+        self.received: dict[str, list[tuple[float, Envelope[Any]]]] = {}
         self._loop = loop
 
-    def hear(self, envelope: Envelope[Any]) -> None:
+    def receive(self, envelope: Envelope[Any]) -> None:
         now_s = self._loop.time()
-        self.heard.setdefault(envelope.topic.partition("/")[2], []).append((now_s, envelope))
+        self.received.setdefault(envelope.topic.partition("/")[2], []).append((now_s, envelope))
         if isinstance(envelope.payload, ComponentStatus):
             self.statuses.append((now_s, envelope.payload))
 
@@ -80,29 +80,31 @@ async def rig(rows: str, out: Path) -> AsyncIterator[Rig]:
     file.write_text(HEAD + rows + server_row())
     platform = read_platform(file.read_bytes(), str(file), is_loading_classes=True)
     loop, random = asyncio.get_running_loop(), Random(1)
-    troubles: list[str] = []
-    with open_shared(platform, "main", out, loop, lambda _, text: troubles.append(text)) as shared:
+    problems: list[str] = []
+    with open_shared(platform, "main", out, loop, lambda _, text: problems.append(text)) as shared:
         context = HostContext("probe", shared.exchange, Clock(loop), loop, shared.topics, random)
 
-        def order(process: str, lives: dict[str, str | None] | None) -> Order:
-            return Order(
+        def order(process: str, lives: dict[str, str | None] | None) -> ChildSetup:
+            return ChildSetup(
                 platform=str(file), host="main", process=process, endpoint=shared.endpoint, logs=str(out), devices=(),
                 parent=os.getpid(), offset_s=0.0, log_limits=LogLimits(), lives=lives,
             )  # fmt: skip
 
-        keeper = HostKeeper(platform, "main", context, order, lambda _: None)
+        keeper = HostAgent(platform, "main", context, order, lambda _: None)
         devices = {"site": Site(platform, MemoryRecords(), MemoryRecords(), MemoryRecords())}
-        onboard = Onboard(platform, context, devices, rows=rows_at(platform, Place("main")), led=keeper.led)
+        onboard = Onboard(
+            platform, context, devices, rows=rows_at(platform, ProcessPlace("main")), exchange=keeper.agent_exchange
+        )
         found = Rig(onboard, keeper, loop, out)
-        shared.exchange.subscribe("probe/**", found.hear)
+        shared.exchange.subscribe("probe/**", found.receive)
         try:
             keeper.begin()
             onboard.begin()
             yield found
-            await onboard.stop(troubles.append)
+            await onboard.stop(problems.append)
             onboard.close()
             await keeper.end()
-            assert not troubles, troubles
+            assert not problems, problems
         finally:
             keeper.close()
 

@@ -31,7 +31,7 @@ def rows(fate: Path) -> str:
 async def both_up(found: Rig) -> None:
     await found.until(lambda: found.state("ticker") is State.WORKING, "the ticker works")
     await found.until(lambda: found.state("ticker_standby") is State.QUIET, "its standby is quiet")
-    await found.until(lambda: len(found.heard.get("height", [])) > 40, "the ticker is heard")
+    await found.until(lambda: len(found.received.get("height", [])) > 40, "the ticker is heard")
 
 
 @pytest.mark.parametrize(
@@ -48,28 +48,28 @@ async def test_a_crash_is_faulty_at_once_with_its_words_the_standby_takes_over_a
     fate = tmp_path / "fate"
     async with rig(rows(fate), tmp_path) as found:
         await both_up(found)
-        pid, first_boot = found.child("one").pid, found.heard["height"][-1][1].source.boot
+        pid, first_boot = found.child("one").pid, found.received["height"][-1][1].source.boot
         if death == "kill":
             os.kill(pid, signal.SIGKILL)
         else:
             fate.write_text(death)
         await found.until(lambda: found.state("ticker") is State.FAULTY, "it is faulty")
         at_s, status = next((t_s, one) for t_s, one in found.statuses if one.state is State.FAULTY)
-        last_s = max(t_s for t_s, height in found.heard["height"] if height.source.boot == first_boot)
+        last_s = max(t_s for t_s, height in found.received["height"] if height.source.boot == first_boot)
         assert at_s - last_s < PROMPT_S
         assert status.cause.startswith(cause)
         await found.until(lambda: found.state("ticker_standby") is State.WORKING, "the standby takes over")
-        took_s, _ = found.first("ticker_standby", State.WORKING, at_s)
-        assert took_s - at_s < PROMPT_S
+        elapsed_s, _ = found.first("ticker_standby", State.WORKING, at_s)
+        assert elapsed_s - at_s < PROMPT_S
         await found.until(lambda: found.state("ticker") is State.QUIET, "it comes back, and stays quiet")
         assert found.child("one").pid not in (0, pid)
         assert found.child("one").restarts == 1
         statuses = [t_s for t_s, one in found.statuses if one.name == "command_server"]
         assert max(b - a for a, b in pairwise(statuses)) < 1.0 + PROMPT_S, "the rest never stops"
         since_s = found.statuses[-1][0]
-        await found.until(lambda: found.heard["height"][-1][0] > since_s, "heights go on")
-        told = [event.payload for _, event in found.heard["components/ticker/event"]]
-        assert any(cause in event.text for event in told)
+        await found.until(lambda: found.received["height"][-1][0] > since_s, "heights go on")
+        reported = [event.payload for _, event in found.received["components/ticker/event"]]
+        assert any(cause in event.text for event in reported)
     assert not found.child("one").pid
     with LogReader(tmp_path / "log-main-one.mcap") as before, LogReader(tmp_path / "log-main-one-2.mcap") as after:
         assert not before.is_finished, "it was killed"
@@ -106,9 +106,9 @@ async def test_the_host_tells_its_processes_with_their_components_and_last_words
         await both_up(found)
         os.kill(found.child("two").pid, signal.SIGKILL)
         await found.until(lambda: found.state("ticker_standby") is State.FAULTY, "it is faulty")
-        number = len(found.heard["hosts/main"])
-        await found.until(lambda: len(found.heard["hosts/main"]) > number, "the host tells")
-        main, one, two = found.heard["hosts/main"][-1][1].payload.processes
+        number = len(found.received["hosts/main"])
+        await found.until(lambda: len(found.received["hosts/main"]) > number, "the host tells")
+        main, one, two = found.received["hosts/main"][-1][1].payload.processes
         assert (main.name, main.pid, main.components) == ("", os.getpid(), ["command_server"])
         assert (one.name, one.phase, one.components) == ("one", "up", ["ticker"])
         assert (two.name, two.phase, two.pid) == ("two", "away", 0)

@@ -10,9 +10,9 @@ from gloc3_onboard.hosts.host_watch import RENEWAL_S, HostWatch
 TOPIC = f"{PLATFORM}/{HOSTS}/base"
 
 
-def told(bench: Bench) -> list[tuple[str, bool]]:
-    said = [e.payload for e in bench.envelopes if e.topic == f"{PLATFORM}/{HOST_PRESENCE}" and e.payload.status is None]
-    return [(one.host, one.is_here) for one in said]
+def reported(bench: Bench) -> list[tuple[str, bool]]:
+    text = [e.payload for e in bench.envelopes if e.topic == f"{PLATFORM}/{HOST_PRESENCE}" and e.payload.status is None]
+    return [(one.host, one.is_here) for one in text]
 
 
 def test_a_host_whose_process_began_anew_before_its_silence_was_noticed_was_lost() -> None:
@@ -29,7 +29,7 @@ def test_a_host_whose_process_began_anew_before_its_silence_was_noticed_was_lost
         withdraw()
         bench.run(1.0)
         watch.close()
-    assert told(bench) == [("base", True), ("base", False), ("base", True), ("base", False)]
+    assert reported(bench) == [("base", True), ("base", False), ("base", True), ("base", False)]
 
 
 def test_a_host_that_reads_its_network_file_again_is_lost_only_if_it_stays_away() -> None:

@@ -50,8 +50,8 @@ def network(folder: Path) -> None:
 
 def states(entries: list[Any], name: str) -> list[str]:
     """The states that a component told one after the other."""
-    told = [e.envelope.payload.state for e in entries if e.envelope.topic == f"pelican/components/{name}/status"]
-    return [str(state) for state, _ in groupby(told)]
+    reported = [e.envelope.payload.state for e in entries if e.envelope.topic == f"pelican/components/{name}/status"]
+    return [str(state) for state, _ in groupby(reported)]
 
 
 def onboard(folder: Path, host: str, *more: str) -> list[str]:
@@ -87,10 +87,10 @@ def test_a_host_with_another_clock_keeps_the_platform_s_time_is_lost_and_is_take
                 assert program_.end() == 0, program_.text
     with LogReader(tmp_path / "out" / "log-vehicle.mcap") as reader:
         entries = list(reader.entries())
-    told = [e.envelope for e in entries if e.envelope.topic == "pelican/hosts/vision"]
-    assert {round(one.payload.clock_offset_s, 1) for one in told} == {-AHEAD_S}
+    reported = [e.envelope for e in entries if e.envelope.topic == "pelican/hosts/vision"]
+    assert {round(one.payload.clock_offset_s, 1) for one in reported} == {-AHEAD_S}
     here = [e.envelope.t_s for e in entries if e.envelope.topic == "pelican/components/hold/status"]
-    assert all(min(here) - 1.0 < one.t_s < max(here) + 1.0 for one in told), "its stamps are in the platform's time"
+    assert all(min(here) - 1.0 < one.t_s < max(here) + 1.0 for one in reported), "its stamps are in the platform's time"
     assert states(entries, "limiter_standby")[:5] == ["idle", "standby", "working", "quiet", "working"]
     assert states(entries, "limiter")[-3:] == ["working", "quiet", "None"], "it came back, and then left in order"
 

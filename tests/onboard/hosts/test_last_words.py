@@ -2,7 +2,7 @@
 
 import signal
 
-from gloc3_onboard.hosts.last_words import confession, last_words, manner_of_death
+from gloc3_onboard.hosts.last_words import describe_exit, last_error, last_lines
 
 DUMP = """\
 loading the vocabulary
@@ -20,8 +20,8 @@ Extension modules: numpy._core (total: 1)
 
 
 def test_of_a_crash_the_error_and_the_function_that_had_it_are_told() -> None:
-    assert last_words(DUMP) == "Segmentation fault in match (match.py:83)"
-    assert [line.strip().partition(",")[0] for line in confession(DUMP)] == [
+    assert last_lines(DUMP) == "Segmentation fault in match (match.py:83)"
+    assert [line.strip().partition(",")[0] for line in last_error(DUMP)] == [
         "Fatal Python error: Segmentation fault",
         'File "/opt/site-packages/odometer/match.py"',
         'File "/opt/site-packages/gloc3/cycle_job.py"',
@@ -30,17 +30,17 @@ def test_of_a_crash_the_error_and_the_function_that_had_it_are_told() -> None:
 
 def test_a_crash_outside_of_python_has_no_function() -> None:
     lines = ["Fatal Python error: Aborted", "Current thread 0x1 (most recent call first):", "  <no Python frame>"]
-    assert last_words(lines) == "Aborted"
+    assert last_lines(lines) == "Aborted"
 
 
 def test_of_everything_else_the_last_line_counts() -> None:
-    assert last_words(["Traceback (most recent call last):", "  ...", "MemoryError", ""]) == "MemoryError"
-    assert last_words([]) == ""
-    assert len(last_words(["x" * 1000])) == 160
+    assert last_lines(["Traceback (most recent call last):", "  ...", "MemoryError", ""]) == "MemoryError"
+    assert last_lines([]) == ""
+    assert len(last_lines(["x" * 1000])) == 160
 
 
 def test_how_a_process_ended_is_told_by_the_signal_s_name() -> None:
-    assert manner_of_death(-signal.SIGBUS) == "by SIGBUS"
-    assert manner_of_death(-64) in ("by signal 64", "by SIGRTMAX")
-    assert manner_of_death(2) == "with code 2"
-    assert manner_of_death(0) == "by itself"
+    assert describe_exit(-signal.SIGBUS) == "by SIGBUS"
+    assert describe_exit(-64) in ("by signal 64", "by SIGRTMAX")
+    assert describe_exit(2) == "with code 2"
+    assert describe_exit(0) == "by itself"

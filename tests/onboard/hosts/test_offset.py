@@ -11,7 +11,9 @@ from gloc3_onboard.hosts.offset import DRIFT, UNKNOWN, OffsetFilter
 from gloc3_onboard.hosts.steering import SLEW, Steering
 
 
-def ask(found: OffsetFilter, at_s: float, offset_s: float, there_s: float, back_s: float, work_s: float = 0.0) -> float:
+def request(
+    found: OffsetFilter, at_s: float, offset_s: float, there_s: float, back_s: float, work_s: float = 0.0
+) -> float:
     """One question and its answer; when that came."""
     received_s = at_s + there_s + offset_s
     heard_s = at_s + there_s + work_s + back_s
@@ -33,7 +35,7 @@ def test_it_is_never_farther_off_than_it_says(delays: list[tuple[float, float]],
     found = OffsetFilter()
     now_s = 0.0
     for there_s, back_s in delays:
-        now_s = ask(found, now_s + 1.0, offset_s + drift * now_s, there_s, back_s, work_s=0.01)
+        now_s = request(found, now_s + 1.0, offset_s + drift * now_s, there_s, back_s, work_s=0.01)
         known = found.estimate(now_s)
         true_s = offset_s + drift * now_s
         assert abs(known.offset_s - true_s) <= known.bound_s + DRIFT * 6.0 + 1e-6
@@ -42,10 +44,10 @@ def test_it_is_never_farther_off_than_it_says(delays: list[tuple[float, float]],
 def test_one_quick_answer_among_slow_ones_counts() -> None:
     found, chance = OffsetFilter(), Random(1)
     for second in range(30):
-        ask(found, float(second), 100.0, chance.uniform(0.0, 0.4), 0.3)
-    ask(found, 30.0, 100.0, 0.0004, 0.0006)
+        request(found, float(second), 100.0, chance.uniform(0.0, 0.4), 0.3)
+    request(found, 30.0, 100.0, 0.0004, 0.0006)
     for second in range(31, 40):
-        ask(found, float(second), 100.0, chance.uniform(0.0, 0.4), 0.3)
+        request(found, float(second), 100.0, chance.uniform(0.0, 0.4), 0.3)
     known = found.estimate(40.0)
     assert known.offset_s == pytest.approx(100.0, abs=0.001)
     assert known.bound_s < 0.002
@@ -55,11 +57,11 @@ def test_one_quick_answer_among_slow_ones_counts() -> None:
 def test_a_clock_that_was_set_anew_is_believed_at_the_third_answer() -> None:
     found = OffsetFilter()
     for second in range(10):
-        ask(found, float(second), 100.0, 0.001, 0.001)
+        request(found, float(second), 100.0, 0.001, 0.001)
     for second in (10, 11):
-        ask(found, float(second), -50.0, 0.001, 0.001)
+        request(found, float(second), -50.0, 0.001, 0.001)
         assert found.estimate(float(second)).offset_s == pytest.approx(100.0)
-    ask(found, 12.0, -50.0, 0.001, 0.001)
+    request(found, 12.0, -50.0, 0.001, 0.001)
     assert found.estimate(12.1).offset_s == pytest.approx(-50.0)
 
 

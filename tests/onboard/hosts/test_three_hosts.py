@@ -7,7 +7,7 @@ from tests.onboard.hosts.namespaces import BASE, VISION, missing
 from tests.onboard.hosts.three_hosts import fly, platform
 from tests.onboard.hosts.three_hosts_faults import LINE_DOWN
 
-from gloc3.platform.places import Place, rows_at
+from gloc3.platform.places import ProcessPlace, rows_at
 from gloc3.platform.reader import read_platform
 
 pytestmark = [pytest.mark.sockets, pytest.mark.thorough]
@@ -20,7 +20,7 @@ def test_a_word_moves_the_odometer_to_another_host() -> None:
     assert len(changed) == 1
     for text, host in ((there, VISION), (here, BASE)):
         read = read_platform(text.encode(), "p.yaml")
-        names = {row.name for row in rows_at(read, Place(host))}
+        names = {row.name for row in rows_at(read, ProcessPlace(host))}
         assert "stereo_odometry" in names
 
 

@@ -28,7 +28,7 @@ from gloc3.messages.command_interface import Verb
 from gloc3.messages.vehicle import LandedState
 from gloc3.mission.model.states import ENDED
 from gloc3.network import register
-from gloc3.network.access import Role
+from gloc3.network.access import MemberRole
 from gloc3.platform.reader import whole_text
 from gloc3_groundstation.station.command_client import Declined
 from gloc3_groundstation.station.station import Station
@@ -107,7 +107,7 @@ async def fly(
     folder: Path,
     odometer: str | None,
     faults: tuple[Fault, ...],
-    say: Callable[[str], None],
+    report: Callable[[str], None],
     calm_s: float,
     settle_s: float = SETTLES_S,
 ) -> Report:
@@ -117,7 +117,7 @@ async def fly(
         folder: for everything that is written.
         odometer: its host; None to fly without cameras, by satellites.
         faults: one that ends with a landing is the last.
-        say: told how far it is.
+        report: told how far it is.
         calm_s: how long nothing is wrong at first.
         settle_s: how long a mission has to go on, or a vehicle to hold, before that is believed.
     """
@@ -127,7 +127,7 @@ async def fly(
     async with (
         three_hosts(folder, has_cameras=odometer is not None) as hosts,
         station(f"udpin://{GROUND}.2:{STATION}", 255) as operator,
-        _telling(operator, say),
+        _telling(operator, report),
     ):
         started_s = time.monotonic()
         name = await flights.await_platform(operator, None)
@@ -141,10 +141,10 @@ async def fly(
         trials = []
         for fault in faults:
             trials.append(await _go_through(fault, hosts, operator, name, settle_s))
-            say(str(trials[-1]))
+            report(str(trials[-1]))
         end = "landed"
         if not faults or faults[-1].mission != LANDS:
-            await _told(operator, name, Verb.SKIP)
+            await _reported(operator, name, Verb.SKIP)
             await until(lambda: mission_state(operator, name) in ENDED, 120.0, "the mission ends")
             end = mission_state(operator, name)
         for host in (BASE, VISION, VEHICLE):
@@ -157,13 +157,13 @@ async def fly(
 
 
 @asynccontextmanager
-async def _telling(operator: Station, say: Callable[[str], None]) -> AsyncIterator[None]:
+async def _telling(operator: Station, report: Callable[[str], None]) -> AsyncIterator[None]:
     """Says in the end what the operator was told, whatever became of the flight."""
     try:
         yield
     finally:
         for event in operator.fleet.events:
-            say(f"{event.heard_s:.2f} {event.source}: {event.text}")
+            report(f"{event.received_s:.2f} {event.source}: {event.text}")
 
 
 async def _go_through(fault: Fault, hosts: ThreeHosts, operator: Station, name: str, settle_s: float) -> Trial:
@@ -216,21 +216,21 @@ def _stands(operator: Station, name: str) -> bool:
 
 async def _resumed(operator: Station, name: str, settle_s: float) -> float:
     """Says resume where the mission is paused, until it has gone on for a while; when that was said last, or 0."""
-    said_s, until_s = 0.0, time.monotonic() + GOES_ON_S
+    reported_s, until_s = 0.0, time.monotonic() + GOES_ON_S
     running_s = inf
     while time.monotonic() < running_s + settle_s:
         assert time.monotonic() < until_s, "the mission does not go on"
         await asyncio.sleep(0.1)
         state = mission_state(operator, name, "way")
         running_s = min(running_s, time.monotonic()) if state == "running" else inf
-        if state == "paused" and time.monotonic() > said_s + settle_s:
+        if state == "paused" and time.monotonic() > reported_s + settle_s:
             await asyncio.sleep(settle_s)  # what holds shall stand before
-            said_s = time.monotonic()
-            await _told(operator, name, Verb.RESUME)
-    return said_s
+            reported_s = time.monotonic()
+            await _reported(operator, name, Verb.RESUME)
+    return reported_s
 
 
-async def _told(operator: Station, name: str, verb: Verb) -> None:
+async def _reported(operator: Station, name: str, verb: Verb) -> None:
     """Has the mission resumed, or its way skipped; asks again where that is refused: the autopilot is not there yet, say."""
     until_s = time.monotonic() + GOES_ON_S
     while True:
@@ -291,8 +291,8 @@ def _network(folder: Path) -> None:
     listening = {VEHICLE: [f"0.0.0.0:{PORT}", f"{QUIC}0.0.0.0:{PORT}"]}
     register.found(folder / "net", "hold", now, A_DAY)
     for host in (VEHICLE, *NETS):
-        entry = register.Member(
-            role=Role.PLATFORM,
+        entry = register.NetworkMember(
+            role=MemberRole.PLATFORM,
             certificate="",
             until="",
             listen=listening.get(host, []),

@@ -20,12 +20,12 @@ class Scene(NamedTuple):
     relays: dict[str, "subprocess.Popen[str]"]
     """By the host behind them; of the station's link `radio`."""
 
-    def tell(self, relay: str, *lines: str) -> None:
+    def report(self, relay: str, *lines: str) -> None:
         """Has a relay do something."""
-        told = self.relays[relay].stdin
-        assert told is not None
-        told.write("".join(f"{line}\n" for line in lines))
-        told.flush()
+        reported = self.relays[relay].stdin
+        assert reported is not None
+        reported.write("".join(f"{line}\n" for line in lines))
+        reported.flush()
 
     def signal(self, host: str, number: int) -> None:
         """Sends a signal to a host's main process and its children."""
@@ -52,7 +52,7 @@ class Fault(NamedTuple):
 
 
 def _heal(relay: str) -> Act:
-    return lambda scene: scene.tell(relay, "heal")
+    return lambda scene: scene.report(relay, "heal")
 
 
 def _signal(host: str, number: int) -> Act:
@@ -76,9 +76,9 @@ def _on_the_way_to_vision() -> tuple[Fault, ...]:
         namespaces.shape(VISION)
 
     return (
-        Fault("relay: 0.1 s later, 250 kB/s at most", VISION, 6.0, lambda scene: scene.tell(VISION, "delay 0.1", "rate 250000"), _heal(VISION), False, GOES_ON, STILL),
-        Fault("relay: parted", VISION, 10.0, lambda scene: scene.tell(VISION, "partition"), _heal(VISION), True, GOES_ON, IGNORE),
-        Fault("relay: connection reset", VISION, 0.5, lambda scene: scene.tell(VISION, "reset"), _nothing, True, GOES_ON, IGNORE),
+        Fault("relay: 0.1 s later, 250 kB/s at most", VISION, 6.0, lambda scene: scene.report(VISION, "delay 0.1", "rate 250000"), _heal(VISION), False, GOES_ON, STILL),
+        Fault("relay: parted", VISION, 10.0, lambda scene: scene.report(VISION, "partition"), _heal(VISION), True, GOES_ON, IGNORE),
+        Fault("relay: connection reset", VISION, 0.5, lambda scene: scene.report(VISION, "reset"), _nothing, True, GOES_ON, IGNORE),
         Fault("token bucket on the line, 2 Mbit/s", VISION, 6.0, bucket, whole, False, GOES_ON, STILL),
         Fault("SIGSTOP", VISION, 5.0, _signal(VISION, signal.SIGSTOP), _signal(VISION, signal.SIGCONT), True, GOES_ON, IGNORE),
         Fault("SIGKILL", VISION, 0.0, _signal(VISION, signal.SIGKILL), _nothing, True, GOES_ON, IGNORE),
@@ -87,7 +87,7 @@ def _on_the_way_to_vision() -> tuple[Fault, ...]:
 
 def _on_the_vehicle() -> tuple[Fault, ...]:
     return (
-        Fault("radio link of the station: 30 % lost, both ways", RADIO, 10.0, lambda scene: scene.tell(RADIO, "loss 0.3"), _heal(RADIO), False, GOES_ON, "commands are repeated, and executed once"),
+        Fault("radio link of the station: 30 % lost, both ways", RADIO, 10.0, lambda scene: scene.report(RADIO, "loss 0.3"), _heal(RADIO), False, GOES_ON, "commands are repeated, and executed once"),
         Fault("SIGSTOP", VEHICLE, 0.3, _signal(VEHICLE, signal.SIGSTOP), _signal(VEHICLE, signal.SIGCONT), None, GOES_ON, "nobody was silent"),
         Fault("SIGKILL", VEHICLE, 0.0, _signal(VEHICLE, signal.SIGKILL), _nothing, None, LANDS, BLIND),
     )  # fmt: skip
@@ -98,7 +98,7 @@ LINE_DOWN: Final = Fault("line down", BASE, 8.0, lambda _: namespaces.line(BASE,
 
 def _on_the_way_to_base() -> tuple[Fault, ...]:
     return (
-        Fault("QUIC over UDP: 30 % lost, both ways", BASE, 10.0, lambda scene: scene.tell(BASE, "loss 0.3"), _heal(BASE), None, EITHER, f"what is lost is sent again; after 2 s without a word {HOLD}"),
+        Fault("QUIC over UDP: 30 % lost, both ways", BASE, 10.0, lambda scene: scene.report(BASE, "loss 0.3"), _heal(BASE), None, EITHER, f"what is lost is sent again; after 2 s without a word {HOLD}"),
         LINE_DOWN,
         Fault("SIGSTOP", BASE, 5.0, _signal(BASE, signal.SIGSTOP), _signal(BASE, signal.SIGCONT), True, HOLDS, HOLD),
         Fault("SIGKILL", BASE, 0.0, _signal(BASE, signal.SIGKILL), _nothing, True, HOLDS, HOLD),

@@ -13,7 +13,7 @@ from tests.flight.fleet_trial import Command
 from tests.onboard.hosts.kills_told import touch_down_m_s
 from tests.onboard.hosts.namespaces import NETS, VEHICLE
 
-from gloc3.log.reader import Entry, LogReader
+from gloc3.log.reader import LoggedMessage, LogReader
 from gloc3.messages.command_interface import Outcome
 from gloc3.messages.topics import TopicTable
 from gloc3_sitl.flight.messages import TOPICS, SimTruth
@@ -85,7 +85,7 @@ def measured(
     stall_s: float,
 ) -> Report:
     """The report; `calm` is the time without faults, in the platform's time."""
-    by_topic: dict[str, list[Entry]] = {}
+    by_topic: dict[str, list[LoggedMessage]] = {}
     for path in sorted((folder / "out").glob(f"log-{VEHICLE}*.mcap"), key=lambda path: path.stat().st_mtime):
         with LogReader(path) as reader:
             for entry in reader.entries():
@@ -135,7 +135,7 @@ def _farthest_m(truth: list[tuple[float, SimTruth]]) -> float:
     )
 
 
-def _wrong(trials: list[Trial], by_topic: dict[str, list[Entry]]) -> Iterator[str]:
+def _wrong(trials: list[Trial], by_topic: dict[str, list[LoggedMessage]]) -> Iterator[str]:
     functions: list[Any] = [e.envelope.payload for e in by_topic.get("components/viewer/function", [])]
     executed = Counter(one.arguments.get("rate_hz") for one in functions if one.function == "set_rate")
     for trial in trials:

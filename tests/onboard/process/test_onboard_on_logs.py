@@ -36,13 +36,13 @@ cam0:
 """
 
 
-def keep(heard: dict[str, Envelope[Any]], envelope: Envelope[Any]) -> None:
-    heard[envelope.topic] = envelope
+def keep(received: dict[str, Envelope[Any]], envelope: Envelope[Any]) -> None:
+    received[envelope.topic] = envelope
 
 
-async def until(heard: dict[str, Envelope[Any]], *topics: str) -> None:
+async def until(received: dict[str, Envelope[Any]], *topics: str) -> None:
     async with asyncio.timeout(20.0):
-        while any(f"tester/{topic}" not in heard for topic in topics):
+        while any(f"tester/{topic}" not in received for topic in topics):
             await asyncio.sleep(0.02)
 
 
@@ -59,23 +59,23 @@ async def test_sensors_on_logs_bring_data_and_one_that_is_not_there_is_told_with
             platform=file, autopilot=address, stations=(), devices=override, out=tmp_path / laser, is_quiet=True
         )
         process = OnboardProcess(options, platform, asyncio.get_running_loop())
-        heard: dict[str, Envelope[Any]] = {}
-        process.exchange.subscribe("**", partial(keep, heard))
+        received: dict[str, Envelope[Any]] = {}
+        process.exchange.subscribe("**", partial(keep, received))
         await process.open()
         try:
-            await until(heard, "camera/front_left", "camera/front_right", "imu", "computer")
+            await until(received, "camera/front_left", "camera/front_right", "imu", "computer")
             if laser == "working":
-                await until(heard, "laser")
+                await until(received, "laser")
             await asyncio.sleep(0.3)
         finally:
             await process.close()
-        assert heard["tester/camera/front_left"].payload.is_valid
-        assert heard["tester/imu"].payload.is_valid
-        sensors = {one.device: one for one in heard["tester/computer"].payload.sensors}
+        assert received["tester/camera/front_left"].payload.is_valid
+        assert received["tester/imu"].payload.is_valid
+        sensors = {one.device: one for one in received["tester/computer"].payload.sensors}
         assert sensors["stereo_camera"].uncalibrated == ["front_right"]
         assert 0.0 <= sensors["imu"].age_s < 1.0
         if laser == "faulty":
             assert "/dev/nothing is not there; is it plugged in?" in sensors["laser"].problem
         else:
             assert sensors["laser"].problem == ""
-            assert heard["tester/laser"].payload.is_valid
+            assert received["tester/laser"].payload.is_valid

@@ -30,19 +30,19 @@ def logged(folder: Path, topic: str) -> list[tuple[float, Any]]:
 
 def test_hold_is_confirmed_before_the_process_ends(tmp_path: Path) -> None:
     companion, ground = free_ports(2, socket.SOCK_DGRAM)
-    autopilot, heard = f"udpin://127.0.0.1:{companion}", f"udpin://127.0.0.1:{ground}"
+    autopilot, received = f"udpin://127.0.0.1:{companion}", f"udpin://127.0.0.1:{ground}"
     links = ["--autopilot", autopilot, "--station", f"udpout://127.0.0.1:{ground}"]
     with (
         program("sitl", "--link", f"companion=udpout://127.0.0.1:{companion}", folder=tmp_path) as sitl,
         program("onboard", "pelican_rtk", *links, "--out", "out", folder=tmp_path) as onboard,
-        program("station", "--headless", "--mission", "hop", "--link", heard, folder=tmp_path) as station,
+        program("station", "--headless", "--mission", "hop", "--link", received, folder=tmp_path) as station,
     ):
         in_flight(sitl, onboard, station)
         onboard.interrupt(signal.SIGTERM)
         assert onboard.end() == 0, onboard.text
-        said = onboard.lines[onboard.lines.index("onboard: stopping") + 1 :]
+        text = onboard.lines[onboard.lines.index("onboard: stopping") + 1 :]
         for url in (autopilot, f"udpout://127.0.0.1:{ground}"):
-            traffic = [line for line in said if line.startswith(f"onboard: {url}: in ")]
+            traffic = [line for line in text if line.startswith(f"onboard: {url}: in ")]
             assert len(traffic) == 1, f"what has passed each link, once: {onboard.text}"
         station.interrupt()
         assert station.end() == 130

@@ -35,7 +35,7 @@ def touched(folder: Path, *names: str) -> LogFiles:
 async def test_a_file_that_has_grown_large_is_followed_by_the_next_and_every_message_is_in_one_of_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(run_log, "LOOK_EVERY_S", 0.02)
+    monkeypatch.setattr(run_log, "POLL_PERIOD_S", 0.02)
     loop, exchange, said = asyncio.get_running_loop(), LocalExchange(), list[str]()
     talker = Publisher(exchange, "bench", "talker", 1)
     log = RunLog(
@@ -53,7 +53,7 @@ async def test_a_file_that_has_grown_large_is_followed_by_the_next_and_every_mes
     count = 0
     while log.path.name != "log-4.mcap":
         talker.publish("bench/components/talker/event", Event(severity=Severity.INFO, text=f"{count}"), loop.time())
-        log.keep("a", "in", bytes(range(1, 200)))
+        log.record_frame("a", "in", bytes(range(1, 200)))
         count += 1
         await asyncio.sleep(0.005)
         assert count < 5000

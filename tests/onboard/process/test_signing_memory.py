@@ -5,7 +5,7 @@ from pathlib import Path
 
 from gloc3.clock import Clock, run_virtual
 from gloc3.mavlink.codec import Encoder, Frame, Parser, message
-from gloc3.mavlink.signing import Signing, Verdict, timestamp
+from gloc3.mavlink.signing import Signing, SigningVerdict, timestamp
 from gloc3_onboard.process.signing_memory import AHEAD, SigningMemory
 
 KEY = bytes(range(32))
@@ -29,43 +29,45 @@ class Sender:
         return frame
 
 
-async def _restart(folder: Path, *, is_orderly: bool, told: list[str]) -> list[Verdict]:
+async def _restart(folder: Path, *, is_orderly: bool, reported: list[str]) -> list[SigningVerdict]:
     """Eight frames are heard, a second apart; of these, of a new one at once, and of one a while later."""
     clock = Clock(asyncio.get_running_loop())
-    sender, before = Sender(clock), SigningMemory(folder, clock, told.append)
-    signing, heard = before.signing(KEY, 1), []
+    sender, before = Sender(clock), SigningMemory(folder, clock, reported.append)
+    signing, received = before.signing(KEY, 1), []
     for _ in range(8):
-        heard.append(sender.frame())
-        assert signing.verify(heard[-1]) is Verdict.GENUINE
+        received.append(sender.frame())
+        assert signing.verify(received[-1]) is SigningVerdict.GENUINE
         await asyncio.sleep(1.0)
     if is_orderly:
         before.close()
-    again = SigningMemory(folder, clock, told.append).signing(KEY, 1)
-    verdicts = [again.verify(frame) for frame in (*heard, sender.frame())]
+    again = SigningMemory(folder, clock, reported.append).signing(KEY, 1)
+    verdicts = [again.verify(frame) for frame in (*received, sender.frame())]
     await asyncio.sleep(AHEAD_S)
     return [*verdicts, again.verify(sender.frame())]
 
 
 def test_nothing_is_taken_once_more_after_a_restart_and_who_goes_on_is_heard(tmp_path: Path) -> None:
-    told: list[str] = []
-    *old, new, later = run_virtual(_restart(tmp_path / "crashed", is_orderly=False, told=told))
-    assert set(old) == {Verdict.REPEATED}
-    assert (new, later) == (Verdict.REPEATED, Verdict.GENUINE), "what may have been heard before the crash is not taken"
-    *old, new, later = run_virtual(_restart(tmp_path / "stopped", is_orderly=True, told=told))
-    assert set(old) == {Verdict.REPEATED}
-    assert (new, later) == (Verdict.GENUINE, Verdict.GENUINE)
+    reported: list[str] = []
+    *previous, new, later = run_virtual(_restart(tmp_path / "crashed", is_orderly=False, reported=reported))
+    assert set(previous) == {SigningVerdict.REPEATED}
+    assert (new, later) == (SigningVerdict.REPEATED, SigningVerdict.GENUINE), (
+        "what may have been heard before the crash is not taken"
+    )
+    *previous, new, later = run_virtual(_restart(tmp_path / "stopped", is_orderly=True, reported=reported))
+    assert set(previous) == {SigningVerdict.REPEATED}
+    assert (new, later) == (SigningVerdict.GENUINE, SigningVerdict.GENUINE)
     files = list((tmp_path / "crashed").iterdir())
     assert len(files) == 2, "what was on disk, and what may not be yet"
     assert not any(KEY in file.read_bytes() or KEY.hex()[:8] in file.name for file in files)
-    assert told == []
+    assert reported == []
 
 
 def test_a_file_that_cannot_be_kept_or_read_is_told_and_keeps_nobody_out(tmp_path: Path) -> None:
-    told: list[str] = []
+    reported: list[str] = []
     (tmp_path / "taken").write_text("a file, not a folder")
-    *old, new, _ = run_virtual(_restart(tmp_path / "taken", is_orderly=False, told=told))
-    assert set(old) == {Verdict.GENUINE}, "that is what is told"
-    assert new is Verdict.GENUINE
-    assert len(told) == 4, "each of the two once"
-    assert "cannot be read" in told[0]
-    assert "may be taken once more" in told[1]
+    *previous, new, _ = run_virtual(_restart(tmp_path / "taken", is_orderly=False, reported=reported))
+    assert set(previous) == {SigningVerdict.GENUINE}, "that is what is told"
+    assert new is SigningVerdict.GENUINE
+    assert len(reported) == 4, "each of the two once"
+    assert "cannot be read" in reported[0]
+    assert "may be taken once more" in reported[1]

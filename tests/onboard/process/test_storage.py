@@ -4,13 +4,13 @@ import json
 from pathlib import Path
 
 from gloc3.messages.vehicle import Image
-from gloc3_onboard.components.drivers.image_recorder import Picture
+from gloc3_onboard.components.drivers.image_recorder import RecordedPicture
 from gloc3_onboard.process.storage import NoPictures, PictureFolder
 
 
-def picture(number: int, camera: str = "ground") -> Picture:
+def picture(number: int, camera: str = "ground") -> RecordedPicture:
     image = Image(camera=camera, width=4, height=2, data=bytes(range(8)))
-    return Picture(f"{camera}-{number:05d}.png", 1.5, image, (1.0, 2.0, -3.0), (1.0, 0.0, 0.0, 0.0))
+    return RecordedPicture(f"{camera}-{number:05d}.png", 1.5, image, (1.0, 2.0, -3.0), (1.0, 0.0, 0.0, 0.0))
 
 
 def test_pictures_are_real_files_with_their_poses_beside_them(tmp_path: Path) -> None:

@@ -44,7 +44,7 @@ def keep(folder: Path, tlog: Path, *frames: bytes, disk: Event | None = None) ->
             if disk is not None:
                 traffic._file._write = waiting(disk, traffic._file._write)  # type: ignore[method-assign, assignment]
             for frame in frames:
-                traffic.keep("radio", "in", frame)
+                traffic.record_frame("radio", "in", frame)
                 await asyncio.sleep(1.0)
             if disk is not None:
                 assert tlog.stat().st_size == 0

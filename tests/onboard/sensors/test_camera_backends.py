@@ -23,19 +23,19 @@ class Capture:
     def __init__(self, widest: float = 1e4, driver_s: float = 0.0, frame: Any = None) -> None:
         self.widest, self.driver_s = widest, driver_s
         self.frame = np.full((48, 64, 3), 90, np.uint8) if frame is None else frame
-        self.asked: dict[int, float] = {}
+        self.requested: dict[int, float] = {}
         self.left, self.is_released = 3, False
 
     def isOpened(self) -> bool:  # noqa: N802 (OpenCV names it)
         return True
 
     def set(self, number: int, value: float) -> None:
-        self.asked[number] = value
+        self.requested[number] = value
 
     def get(self, number: int) -> float:
         if number == cv2.CAP_PROP_POS_MSEC:
             return self.driver_s * 1e3
-        return min(self.asked.get(number, 0.0), self.widest)
+        return min(self.requested.get(number, 0.0), self.widest)
 
     def read(self) -> tuple[bool, Any]:
         self.left -= 1
@@ -78,7 +78,7 @@ def test_a_v4l2_camera_is_set_up_as_its_url_says(monkeypatch: pytest.MonkeyPatch
     url = "v4l2:///dev/null?width=640&height=480&rate_hz=15&exposure_s=0.005&gain=12&format=MJPG"
     library, found = frames(monkeypatch, url, Capture())
     assert library.opened == ("/dev/null", cv2.CAP_V4L2)
-    assert library.capture.asked == {
+    assert library.capture.requested == {
         cv2.CAP_PROP_FOURCC: cv2.VideoWriter.fourcc(*"MJPG"),
         cv2.CAP_PROP_FRAME_WIDTH: 640.0,
         cv2.CAP_PROP_FRAME_HEIGHT: 480.0,

@@ -112,10 +112,10 @@ def test_an_a50_over_tcp_is_read() -> None:
 
     threading.Thread(target=serve, daemon=True).start()
     device = DvlSource("dvl", parse_source("dvl", f"a50://127.0.0.1:{server.getsockname()[1]}"), monotonic)
-    heard = threading.Event()
-    unwatch = device.on_news(heard.set)
+    received = threading.Event()
+    unwatch = device.on_new_data(received.set)
     device.open()
-    assert heard.wait(10.0)
+    assert received.wait(10.0)
     stamped = device.bottom_velocity()
     device.close()
     unwatch()
@@ -151,7 +151,7 @@ class Device:
     def close(self) -> None:
         """Nothing."""
 
-    def on_news(self, ready: object) -> object:
+    def on_new_data(self, ready: object) -> object:
         return self.bell.listen(ready)  # type: ignore[arg-type]
 
     def bottom_velocity(self) -> StampedBottomVelocity | None:
@@ -175,7 +175,7 @@ def test_the_sampler_reports_each_velocity_once_and_marks_what_cannot_be_used(
         bench.host(ComponentRow(name="dvl", class_name="x:Y", rate_hz=8.0), lambda: DvlSampler(device))  # type: ignore[arg-type]
         device.now = StampedBottomVelocity(bench.loop.time(), bottom)
         bench.run(0.6)
-        (said,) = bench.all("dvl")
-        assert (said.is_valid, said.reason) == (not reason, reason)
+        (text,) = bench.all("dvl")
+        assert (text.is_valid, text.reason) == (not reason, reason)
         bench.run(3.0)
         assert bench.last("dvl").reason.startswith("no velocity for")

@@ -76,7 +76,7 @@ class Hokuyo:
 
     def __init__(self, read: Callable[[], bytes], write: Callable[[bytes], object]) -> None:
         self._read, self._write = read, write
-        self.heard = b""
+        self.received = b""
         self.is_mute = False
 
     def run(self) -> None:
@@ -84,12 +84,12 @@ class Hokuyo:
         while True:
             try:
                 data = self._read()
-                self.heard += data
+                self.received += data
                 if b"QT\n" in data:
                     self._write(b"QT\n" + summed(b"00") + b"\n")
                 if b"PP\n" in data and not self.is_mute:
                     self._write(parameters())
-                is_measuring = is_measuring or b"MD0044072501000\n" in self.heard
+                is_measuring = is_measuring or b"MD0044072501000\n" in self.received
                 if is_measuring:
                     broken = b"MD0044072501000\n" + summed(b"99") + b"0000$\n" + b"\n"
                     self._write(broken if count == 1 else turn((1 << 24) - 150 + 100 * count & (1 << 24) - 1, ranges()))
@@ -130,7 +130,7 @@ def first_turns(device: HokuyoLaser | RpLidar, count: int = 3) -> list[StampedSc
         assert stamped is not None
         found.append(stamped)
 
-    unwatch = device.on_news(keep)
+    unwatch = device.on_new_data(keep)
     device.open()
     try:
         until(lambda: len(found) >= count)

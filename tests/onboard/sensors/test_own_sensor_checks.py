@@ -90,10 +90,10 @@ def test_the_advice_stands_apart_from_the_finding() -> None:
 
 def test_the_watch_knows_the_age_of_each_sensor_and_whether_pictures_fit() -> None:
     now_s = 10.0
-    source, gone = ScriptedSource(), ScriptedSource()
-    gone.gone = "left: unplugged; plug it in"
+    source, lost = ScriptedSource(), ScriptedSource()
+    lost.lost = "left: unplugged; plug it in"
     urls = {"ground_camera": "v4l2://0", "left_camera": "v4l2://1", "laser": "none://"}
-    sources = {"ground_camera": source, "left_camera": gone, "laser": ScriptedSource()}
+    sources = {"ground_camera": source, "left_camera": lost, "laser": ScriptedSource()}
     watch = SensorWatch(urls, sources, OneModel(), lambda: now_s)
 
     def found() -> dict[str, SensorCondition]:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from tests.data_folders import OUTSIDE
-from tests.onboard.scripted_sources import HEIGHT, WIDTH, euroc, felt, picture, scan
+from tests.onboard.scripted_sources import HEIGHT, WIDTH, euroc, measured, picture, scan
 
 from gloc3.clock import Clock
 from gloc3.component.deployment import ComponentRow
@@ -49,7 +49,7 @@ def play(bench: Bench, folder: Path, **urls: str) -> dict[str, Any]:
     return sources
 
 
-def told(bench: Bench, topic: str) -> list[tuple[float, Any]]:
+def reported(bench: Bench, topic: str) -> list[tuple[float, Any]]:
     return [(envelope.t_s, envelope.payload) for envelope in bench.envelopes if envelope.topic == f"bench/{topic}"]
 
 
@@ -59,8 +59,8 @@ def test_cameras_and_inertial_unit_of_one_data_set_stay_together_in_our_time(tmp
         bench.run(5.0)
         play(bench, tmp_path, camera="euroc://.#cam0", stereo_camera="euroc://.", imu="euroc://.#imu0")
         bench.run(0.47)
-        frames, samples = told(bench, "image"), told(bench, "imu")
-        pairs = list(zip(told(bench, "left"), told(bench, "right"), strict=True))
+        frames, samples = reported(bench, "image"), reported(bench, "imu")
+        pairs = list(zip(reported(bench, "left"), reported(bench, "right"), strict=True))
     assert [t_s for t_s, _ in frames] == pytest.approx([5.0 + 0.05 * k for k in range(10)], abs=1e-6)
     assert [image.data for _, image in frames] == [picture(number).data for number in range(10)]
     assert all(image.is_valid for _, image in frames)
@@ -85,7 +85,7 @@ def test_a_device_that_is_opened_anew_goes_on_where_the_log_is(tmp_path: Path) -
         bench.run(0.4)
         bench.command("camera_sampler", "start")
         bench.run(0.2)
-        times = [t_s for t_s, _ in told(bench, "image")]
+        times = [t_s for t_s, _ in reported(bench, "image")]
     assert times[:3] == pytest.approx([0.0, 0.05, 0.1], abs=1e-6)
     assert times[3:] == pytest.approx([0.5, 0.55, 0.6, 0.65, 0.7], abs=1e-6)
 
@@ -97,7 +97,7 @@ def test_a_picture_that_is_missing_in_a_log_is_a_frame_that_is_not_valid(tmp_pat
     with Bench() as bench:
         play(bench, tmp_path, camera="euroc://.")
         bench.run(0.3)
-        found = [(image.is_valid, image.reason) for _, image in told(bench, "image")]
+        found = [(image.is_valid, image.reason) for _, image in reported(bench, "image")]
         assert bench.state("camera_sampler") is State.WORKING
     assert found[2] == (False, f"{third.name} is missing")
     assert [is_valid for is_valid, _ in found] == [True, True, False, True, True, True, True][: len(found)]
@@ -114,12 +114,12 @@ def test_a_sequence_of_kitti_is_played_with_its_times_or_at_a_rate(tmp_path: Pat
             bench, tmp_path, camera="kitti://.#image_1?rate_hz=10".replace("#image_1?rate_hz=10", "?rate_hz=10#image_1")
         )
         bench.run(1.0)
-        assert [t_s for t_s, _ in told(bench, "image")][:4] == pytest.approx([0.0, 0.1, 0.2, 0.3], abs=1e-6)
+        assert [t_s for t_s, _ in reported(bench, "image")][:4] == pytest.approx([0.0, 0.1, 0.2, 0.3], abs=1e-6)
     (tmp_path / "times.txt").write_text("0.0\n0.12\n0.21\n0.35\n")
     with Bench() as bench:
         play(bench, tmp_path, stereo_camera="kitti://.")
         bench.run(0.5)
-        assert [t_s for t_s, _ in told(bench, "left")] == pytest.approx([0.0, 0.12, 0.21, 0.35], abs=1e-6)
+        assert [t_s for t_s, _ in reported(bench, "left")] == pytest.approx([0.0, 0.12, 0.21, 0.35], abs=1e-6)
 
 
 def test_a_laser_log_is_played(tmp_path: Path) -> None:
@@ -128,7 +128,7 @@ def test_a_laser_log_is_played(tmp_path: Path) -> None:
     with Bench() as bench:
         play(bench, tmp_path, laser="carmen://walk.log?max_m=50")
         bench.run(0.9)
-        found = told(bench, "laser")
+        found = reported(bench, "laser")
     assert [t_s for t_s, _ in found] == pytest.approx([0.0, 0.2, 0.4, 0.6, 0.8], abs=1e-6)
     assert np.frombuffer(found[2][1].ranges_m, "<f4").tolist() == [1.0, 2.0, 3.0, 6.0]
     assert (found[0][1].scanner, found[0][1].range_max_m) == ("laser", 50.0)
@@ -150,7 +150,7 @@ def logged(path: Path) -> None:
             bench.run(0.1)
             t_s = bench.loop.time() - 0.02
             publisher.publish("bench/laser", scan([1.0, 2.0, 3.0 + number, math.inf]), t_s=t_s)
-            publisher.publish("bench/imu", felt(0.0, 0.001 * number).sample, t_s=t_s)
+            publisher.publish("bench/imu", measured(0.0, 0.001 * number).sample, t_s=t_s)
             publisher.publish("bench/height", HeightAboveGround(height_m=1.0 + 0.1 * number, is_valid=True), t_s=t_s)
             for camera in ("front_left", "front_right"):
                 publisher.publish(f"bench/camera/{camera}", picture(number, camera=camera), t_s=t_s)
@@ -164,12 +164,12 @@ def test_every_sampler_takes_its_data_from_a_log_of_ours(tmp_path: Path) -> None
         play(bench, tmp_path, laser=log, imu=log, height=log, stereo_camera=log, camera=f"{log}#camera/front_left")
         bench.run(1.0)
         for topic in ("laser", "imu", "height", "left", "right", "image"):
-            found = told(bench, topic)
+            found = reported(bench, topic)
             assert [t_s for t_s, _ in found] == pytest.approx([0.1 * k for k in range(10)], abs=1e-6), topic
             assert all(payload.is_valid for _, payload in found), topic
-        assert np.frombuffer(told(bench, "laser")[4][1].ranges_m, "<f4").tolist() == [1.0, 2.0, 7.0, math.inf]
-        assert told(bench, "height")[4][1].height_m == pytest.approx(1.4)
-        assert told(bench, "right")[4][1].data == picture(4).data
+        assert np.frombuffer(reported(bench, "laser")[4][1].ranges_m, "<f4").tolist() == [1.0, 2.0, 7.0, math.inf]
+        assert reported(bench, "height")[4][1].height_m == pytest.approx(1.4)
+        assert reported(bench, "right")[4][1].data == picture(4).data
 
 
 def test_pictures_that_a_flight_has_put_beside_its_log_are_played(tmp_path: Path) -> None:
@@ -197,7 +197,7 @@ def test_pictures_that_a_flight_has_put_beside_its_log_are_played(tmp_path: Path
     with Bench() as bench:
         play(bench, tmp_path, camera="mcap://log-2.mcap#image_recorded")
         bench.run(1.3)
-        found = [(t_s, image.data) for t_s, image in told(bench, "image") if image.is_valid]
+        found = [(t_s, image.data) for t_s, image in reported(bench, "image") if image.is_valid]
     assert [t_s for t_s, _ in found] == pytest.approx([0.0, 0.5, 1.0], abs=1e-6)
     assert [data for _, data in found] == [picture(number).data for number in range(3)]
     with Bench() as bench:
@@ -266,14 +266,14 @@ def test_real_data_sets_are_sampled_without_a_complaint() -> None:
         )
         bench.run(1.9)
         for topic, least in (("left", 38), ("right", 38), ("imu", 300), ("image", 19)):
-            found = told(bench, topic)
+            found = reported(bench, topic)
             assert len(found) >= least, topic
             assert {payload.reason for _, payload in found} == {""}, topic
-        force = np.mean([sample.specific_force_frd_m_s2 for _, sample in told(bench, "imu")], axis=0)
+        force = np.mean([sample.specific_force_frd_m_s2 for _, sample in reported(bench, "imu")], axis=0)
     assert math.hypot(*force) == pytest.approx(9.81, abs=0.2)
     assert force[2] < -8.0, "at rest it is held up"
     with Bench() as bench:
         log = next((OUTSIDE / "lidar" / "aces").glob("*.log"))
         play(bench, OUTSIDE, laser=f"carmen://{log}")
         bench.run(5.0)
-        assert len(told(bench, "laser")) >= 3
+        assert len(reported(bench, "laser")) >= 3

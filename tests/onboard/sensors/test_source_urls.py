@@ -148,8 +148,8 @@ def test_a_platform_file_tells_sources_and_a_command_line_goes_before_it(
     found = source_urls(platform, ["laser", "ground_camera"], ["laser=carmen://other.log", "ground_camera=tcp://a:1"])
     assert found["laser"] == f"carmen://{tmp_path / 'other.log'}", "relative to where it was typed"
     assert found["ground_camera"] == "tcp://a:1"
-    for text, told in (("laser", "NAME=URL"), ("lidar=none://", "known: laser, spare_laser")):
-        with pytest.raises(Refused, match=told):
+    for text, reported in (("laser", "NAME=URL"), ("lidar=none://", "known: laser, spare_laser")):
+        with pytest.raises(Refused, match=reported):
             source_urls(platform, ["laser"], [text])
 
 
@@ -158,11 +158,11 @@ def test_every_kind_of_sensor_plays_a_recording_of_nothing() -> None:
     for name, kind in sensor_kinds().items():
         with Bench() as bench:
             device = make_sources({DEVICE_OF[name]: "none://"}, host(bench.loop))[DEVICE_OF[name]]
-            news: list[str] = []
+            reports: list[str] = []
             device.open()
-            device.on_news(lambda name=name, news=news: news.append(name))
+            device.on_new_data(lambda name=name, reports=reports: reports.append(name))
             bench.run(1.0)
-            assert (kind.poll(device), news) == ((), [])
+            assert (kind.poll(device), reports) == ((), [])
             device.close()
 
 

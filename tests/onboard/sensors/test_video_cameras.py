@@ -57,7 +57,7 @@ def collected(device: VideoCamera) -> Iterator[list[StampedImage]]:
         assert frame is not None
         frames.append(frame)
 
-    unwatch = device.on_news(keep)
+    unwatch = device.on_new_data(keep)
     device.open()
     try:
         yield frames
@@ -238,7 +238,7 @@ def test_frames_of_two_cameras_are_paired_by_their_times() -> None:
 
 def test_a_pair_of_which_one_camera_cannot_be_opened_is_not_open() -> None:
     left, right = ScriptedSource(), ScriptedSource()
-    right.gone = "unplugged"
+    right.lost = "unplugged"
     with pytest.raises(Gloc3Error, match="unplugged"):
         PairedCameras(left, right, 0.005).open()
     assert not left.is_open

@@ -78,8 +78,8 @@ def arguments() -> list[str]:
 
 
 def fed_after(manager: FakeManager, life: int, line: str) -> bool:
-    told = [each for number, _, each in manager.told if number == life]
-    return line in told and "WATCHDOG=1" in told[told.index(line) :]
+    reported = [each for number, _, each in manager.reported if number == life]
+    return line in reported and "WATCHDOG=1" in reported[reported.index(line) :]
 
 
 def test_a_manager_hears_ready_then_the_watchdog_and_at_the_end_stopping(bench: Path) -> None:
@@ -128,15 +128,15 @@ def test_what_a_manager_is_told_stands_in_lines_and_one_that_is_away_is_lamented
     manager.ready()
     manager.status("away")
     assert said == ["the service manager cannot be told: No such file or directory"]
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as heard:
-        heard.bind(str(tmp_path / "notify"))
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as received:
+        received.bind(str(tmp_path / "notify"))
         manager.extend(10.0)
         manager.alive()
         for text in ("two\nlines", "two\nlines", "one"):
             manager.status(text)
         manager.stopping()
-        told = [heard.recv(4096).decode() for _ in range(4)]
-    assert told == ["EXTEND_TIMEOUT_USEC=10000000", "STATUS=two lines", "STATUS=one", "STOPPING=1"]
+        reported = [received.recv(4096).decode() for _ in range(4)]
+    assert reported == ["EXTEND_TIMEOUT_USEC=10000000", "STATUS=two lines", "STATUS=one", "STOPPING=1"]
     manager.close()
     manager.ready()
     assert len(said) == 1
@@ -156,18 +156,18 @@ def test_a_reload_has_the_components_adopt_what_they_may_and_a_wrong_file_change
     with service(*arguments(), folder=bench) as manager:
         manager.await_line(0, "STATUS=bench is working: 2 of 2 components work; no autopilot is heard")
         begun_us = time.monotonic_ns() // 1000
-        told = reloaded(manager, bench, ("required: true}\n", "required: true, settings: {depth_m: 2.5}}\n"))
-        [reload] = [line for line in told if line.startswith("MONOTONIC_USEC=")]
-        assert told.index("RELOADING=1") < told.index(reload) < told.index("READY=1")
+        reported = reloaded(manager, bench, ("required: true}\n", "required: true, settings: {depth_m: 2.5}}\n"))
+        [reload] = [line for line in reported if line.startswith("MONOTONIC_USEC=")]
+        assert reported.index("RELOADING=1") < reported.index(reload) < reported.index("READY=1")
         assert begun_us <= int(reload.partition("=")[2]) <= time.monotonic_ns() // 1000
         assert (bench / "depth_m").read_text() == "2.5"
         reloaded(manager, bench, ("depth_m: 2.5", "depth_m: 7.5"))
         reloaded(manager, bench, ("depth_m: 7.5", "depth_m: 2.5"))
         reloaded(manager, bench, ("rate_hz: 10, required: true, s", "rate_hz: 20, required: true, timeout_s: 4, s"))
         assert (bench / "depth_m").read_text() == "2.5"
-    said = [line for line in manager.journal.splitlines() if line.startswith(("<3>", "<5>"))]
-    said = said[next(number for number, line in enumerate(said) if "read again" in line) :]
-    assert said == [
+    text = [line for line in manager.journal.splitlines() if line.startswith(("<3>", "<5>"))]
+    text = text[next(number for number, line in enumerate(text) if "read again" in line) :]
+    assert text == [
         "<5>onboard: read again: stuck: settings: adopted",
         "<3>onboard: bench.yaml:4:105: depth_m: expected a number <= 5.0 (7.5)",
         "<3>onboard: the platform file cannot be used: nothing was changed",

@@ -14,8 +14,8 @@ from gloc3.errors import Refused
 from gloc3.platform.reader import load_platform
 from gloc3_onboard.cli.onboard_options import OnboardOptions
 from gloc3_onboard.service.install import advice, make_plan, rule, usb_device
-from gloc3_onboard.service.needs import Node, allowed, arguments, homes, keys, modules, nodes
-from gloc3_onboard.service.unit import Unit, quoted
+from gloc3_onboard.service.needs import DeviceNode, allowed, arguments, homes, keys, modules, nodes
+from gloc3_onboard.service.unit import SystemdUnit, quoted
 
 MOST_EXPOSURE = 2.0
 NEEDS_SYSTEMD = pytest.mark.skipif(
@@ -106,10 +106,10 @@ def test_only_the_devices_that_are_asked_for_are_allowed() -> None:
         "of a missing name either kind may come"
     )
     assert modules(found[:1]) == ("cdc_acm",)
-    text = Unit(name="a", command=("gloc3",), user="u", devices=("char-ttyACM",), groups=("dialout",)).text()
+    text = SystemdUnit(name="a", command=("gloc3",), user="u", devices=("char-ttyACM",), groups=("dialout",)).text()
     assert "PrivateDevices" not in text
     assert "DevicePolicy=closed\nDeviceAllow=char-ttyACM rw\n" in text
-    assert "PrivateDevices=yes" in Unit(name="a", command=("gloc3",), user="u").text()
+    assert "PrivateDevices=yes" in SystemdUnit(name="a", command=("gloc3",), user="u").text()
 
 
 TWO_HOSTS = """\
@@ -164,14 +164,14 @@ def plugged(sys: Path, node: str, port: str, *, serial: str, index: str = "") ->
     usb = sys / "devices/usb1" / port
     entry = usb / f"{port}:1.0" / kind / node
     entry.mkdir(parents=True)
-    facts = {
+    snapshot = {
         "idVendor": "26ac",
         "idProduct": "0011",
         "manufacturer": "3D Robotics",
         "product": "PX4 FMU",
         "serial": serial,
     }
-    for name, text in facts.items():
+    for name, text in snapshot.items():
         if text:
             (usb / name).write_text(text + "\n")
     (usb / f"{port}:1.0" / "bInterfaceNumber").write_text("00\n")
@@ -200,7 +200,10 @@ def test_with_rules_the_service_uses_the_names_that_they_give(tmp_path: Path) ->
 def test_a_device_is_named_by_its_serial_number_or_else_by_its_plug(tmp_path: Path) -> None:
     plugged(tmp_path, "ttyACM0", "1-2", serial="3A0025001851")
     plugged(tmp_path, "video2", "1-4", serial="", index="0")
-    autopilot, camera = Node("autopilot", Path("/dev/ttyACM0"), "dialout"), Node("camera", Path("/dev/video2"), "video")
+    autopilot, camera = (
+        DeviceNode("autopilot", Path("/dev/ttyACM0"), "dialout"),
+        DeviceNode("camera", Path("/dev/video2"), "video"),
+    )
     found = usb_device(autopilot, tmp_path)
     assert found is not None
     assert rule("autopilot", found) == (
@@ -216,4 +219,4 @@ def test_a_device_is_named_by_its_serial_number_or_else_by_its_plug(tmp_path: Pa
     assert advice(autopilot, found) == (
         "/dev/ttyACM0 (3D Robotics PX4 FMU) may be called otherwise tomorrow: --udev calls it /dev/gloc3/autopilot"
     )
-    assert usb_device(Node("radio", Path("/dev/ttyUSB7"), "dialout"), tmp_path) is None
+    assert usb_device(DeviceNode("radio", Path("/dev/ttyUSB7"), "dialout"), tmp_path) is None

@@ -47,7 +47,7 @@ class Scene:
         bench.exchange.subscribe(f"{PLATFORM}/watch/**", lambda e: self.seen.append((bench.loop.time(), e)))
         self.bench.run(0.1)
 
-    def ask(self, *wants: Want, station: str = "255", is_listing: bool = False) -> Any:
+    def request(self, *wants: Want, station: str = "255", is_listing: bool = False) -> Any:
         arguments = {
             "station": station,
             "wants": [[w.topic, w.rate_hz, w.width, w.height, w.quality] for w in wants],
@@ -56,11 +56,11 @@ class Scene:
         return self.bench.call("viewer", "watch", **arguments)
 
     def publish(self, topic: str, period_s: float, message: Any) -> None:
-        def say() -> None:
+        def report() -> None:
             self.publisher.publish(f"{PLATFORM}/{topic}", message, self.bench.loop.time())
-            self.bench.loop.call_later(period_s, say)
+            self.bench.loop.call_later(period_s, report)
 
-        self.bench.loop.call_soon(say)
+        self.bench.loop.call_soon(report)
 
     def fly(self, period_s: float = 0.05) -> None:
         self.publish("height", period_s, HeightAboveGround(height_m=2.5, is_valid=True))
@@ -77,7 +77,7 @@ def scene() -> Iterator[Scene]:
 
 def test_a_topic_is_sampled_at_the_rate_that_is_wanted_and_the_sample_is_what_was_published(scene: Scene) -> None:
     scene.fly()
-    assert scene.ask(Want("height", 2.0)).is_accepted
+    assert scene.request(Want("height", 2.0)).is_accepted
     scene.bench.run(5.0)
     assert 9 <= len(scene.seen) <= 12
     t_s, envelope = scene.seen[-1]
@@ -91,13 +91,13 @@ def test_a_topic_is_sampled_at_the_rate_that_is_wanted_and_the_sample_is_what_wa
 
 def test_a_fast_topic_is_shown_up_to_ten_times_a_second(scene: Scene) -> None:
     scene.fly(0.01)
-    scene.ask(Want("height", 20.0))
+    scene.request(Want("height", 20.0))
     scene.bench.run(5.0)
     assert 45 <= len(scene.seen) <= 55
 
 
 def test_a_topic_that_speaks_once_is_shown_once_and_its_last_word_is_not_lost(scene: Scene) -> None:
-    scene.ask(Want("height", 0.5))
+    scene.request(Want("height", 0.5))
     scene.bench.run(1.0)
     for height_m in (1.0, 2.0, 3.0):
         scene.bench.send("height", HeightAboveGround(height_m=height_m, is_valid=True))
@@ -108,17 +108,17 @@ def test_a_topic_that_speaks_once_is_shown_once_and_its_last_word_is_not_lost(sc
 
 def test_nothing_is_sent_when_the_lease_ends_or_nobody_looks_any_more(scene: Scene) -> None:
     scene.fly()
-    scene.ask(Want("height", 5.0))
+    scene.request(Want("height", 5.0))
     scene.bench.run(LEASE_S + 20.0)
     assert scene.seen[-1][0] <= LEASE_S + 0.4
     scene.seen.clear()
-    scene.ask(Want("height", 5.0))
+    scene.request(Want("height", 5.0))
     scene.bench.run(2.0)
-    scene.ask()
-    told = len(scene.seen)
-    assert told > 5
+    scene.request()
+    reported = len(scene.seen)
+    assert reported > 5
     scene.bench.run(5.0)
-    assert len(scene.seen) == told
+    assert len(scene.seen) == reported
 
 
 def test_an_idle_viewer_listens_to_nothing(scene: Scene) -> None:
@@ -126,36 +126,36 @@ def test_an_idle_viewer_listens_to_nothing(scene: Scene) -> None:
         return len(scene.bench.exchange._subscribers)
 
     before = listeners()
-    scene.ask(Want("height"), Want("pose"), is_listing=True)
+    scene.request(Want("height"), Want("pose"), is_listing=True)
     scene.bench.run(0.1)
     assert listeners() > before + 30
-    scene.ask()
+    scene.request()
     scene.bench.run(0.1)
     assert listeners() == before
 
 
 def test_a_topic_that_is_not_there_is_refused_with_the_nearest_and_does_not_harm_the_others(scene: Scene) -> None:
     scene.fly()
-    reply = scene.ask(Want("hight"), Want("height"))
+    reply = scene.request(Want("hight"), Want("height"))
     assert reply.is_accepted
     assert reply.result["refused"] == {"hight": "there is no topic 'hight'; did you mean 'height'?"}
     scene.bench.run(2.0)
     assert scene.seen
-    reply = scene.ask(Want("hight"))
+    reply = scene.request(Want("hight"))
     assert not reply.is_accepted
     assert "did you mean 'height'?" in reply.reason
-    told = len(scene.seen)
+    reported = len(scene.seen)
     scene.bench.run(2.0)
-    assert len(scene.seen) == told, "what is refused takes the place of what was wanted before"
+    assert len(scene.seen) == reported, "what is refused takes the place of what was wanted before"
 
 
 @pytest.mark.parametrize("topic", ["watch/sample/height", "watch/activity", "components/nobody/status", ""])
 def test_neither_the_viewers_own_topics_nor_those_of_nobody_can_be_looked_at(scene: Scene, topic: str) -> None:
-    assert not scene.ask(Want(topic)).is_accepted
+    assert not scene.request(Want(topic)).is_accepted
 
 
 def test_the_internal_state_and_the_events_of_a_component_can_be_looked_at(scene: Scene) -> None:
-    reply = scene.ask(Want("components/pose/internal"), Want("components/pose/event"), Want("sim/truth"))
+    reply = scene.request(Want("components/pose/internal"), Want("components/pose/event"), Want("sim/truth"))
     assert reply.is_accepted
     assert reply.result["refused"] == {}
 
@@ -163,7 +163,7 @@ def test_the_internal_state_and_the_events_of_a_component_can_be_looked_at(scene
 def test_an_image_is_made_small_and_keeps_its_proportions(scene: Scene) -> None:
     image = Image(camera="front", width=640, height=240, data=bytes(range(256)) * 600)
     scene.publish("camera/ground", 0.5, image)
-    scene.ask(Want("camera/ground", 1.0, 64, 48, 40))
+    scene.request(Want("camera/ground", 1.0, 64, 48, 40))
     scene.bench.run(3.0)
     assert 2 <= len(scene.seen) <= 4
     assert all(e.topic == f"{PLATFORM}/watch/large/camera/ground" for _, e in scene.seen)
@@ -178,7 +178,7 @@ def test_an_image_is_made_small_and_keeps_its_proportions(scene: Scene) -> None:
 def test_an_image_without_a_picture_says_why(scene: Scene) -> None:
     image = Image(camera="front", width=640, height=480, data=b"", is_valid=False, reason="no frame for 1.0 s")
     scene.publish("camera/ground", 0.5, image)
-    scene.ask(Want("camera/ground"))
+    scene.request(Want("camera/ground"))
     scene.bench.run(1.0)
     preview = scene.messages()[-1]
     assert not preview.is_valid
@@ -199,7 +199,7 @@ def test_a_scan_of_a_recorded_flight_is_shown_whole(scene: Scene, tmp_path: Path
     reader = LogReader(tmp_path / "log.mcap", TABLE.types)
     recorded = [entry.envelope.payload for entry in reader.entries("obstacles")]
     reader.close()
-    scene.ask(Want("obstacles", 5.0))
+    scene.request(Want("obstacles", 5.0))
     scene.bench.run(0.1)
     for scan in recorded:
         scene.bench.send("obstacles", scan)
@@ -215,7 +215,7 @@ def test_the_list_tells_how_every_topic_speaks_while_somebody_looks_at_it(scene:
     assert {"pose", "camera/ground", "setpoint_wanted/hold", "components/limiter/internal"} <= set(names)
     assert not any(name.startswith("watch/") for name in names)
     scene.fly()
-    scene.ask(is_listing=True)
+    scene.request(is_listing=True)
     scene.bench.run(4.0)
     activity = [e.payload for _, e in scene.seen if isinstance(e.payload, TopicActivity)]
     assert 3 <= len(activity) <= 4
@@ -256,14 +256,14 @@ def test_more_stations_than_can_be_served_take_turns() -> None:
 
 def test_a_viewer_that_was_stopped_begins_anew(scene: Scene) -> None:
     scene.fly()
-    scene.ask(Want("height", 5.0))
+    scene.request(Want("height", 5.0))
     scene.bench.run(1.0)
     scene.bench.command("viewer", "stop")
-    told = len(scene.seen)
+    reported = len(scene.seen)
     scene.bench.run(1.0)
     scene.bench.command("viewer", "start")
     scene.bench.run(1.0)
-    assert len(scene.seen) == told
+    assert len(scene.seen) == reported
     assert scene.host.state is State.WORKING
 
 

@@ -32,11 +32,11 @@ class Bench:
             settings.pop("world", World.load("open")), SimulatorSettings(style=style, **{"seed": 7, **settings})
         )
         self.is_px4 = self.sim.style == "px4"
-        self.heard: list[MavlinkMessage] = []
+        self.received: list[MavlinkMessage] = []
         self.counts: Counter[str] = Counter()
         self._parser = Parser(is_datagram=True)
         self._encoder = Encoder(system, component)
-        self._receive = self.sim.attach(self._hear, LinkKind.BARE)
+        self._receive = self.sim.attach(self._handle, LinkKind.BARE)
         self.send("HEARTBEAT", type=18, autopilot=8)
 
     @property
@@ -68,15 +68,15 @@ class Bench:
     def texts(self) -> list[str]:
         return [text for _, _, text in self.sim.texts]
 
-    def _hear(self, data: bytes) -> None:
+    def _handle(self, data: bytes) -> None:
         for frame in self._parser.receive(data):
-            heard = frame.decode()
-            if heard is not None:
-                self.heard.append(heard)
-                self.counts[heard.name] += 1
+            received = frame.decode()
+            if received is not None:
+                self.received.append(received)
+                self.counts[received.name] += 1
 
     def last(self, name: str) -> MavlinkMessage:
-        return next(heard for heard in reversed(self.heard) if heard.name == name)
+        return next(received for received in reversed(self.received) if received.name == name)
 
     def send(self, name: str, **fields: Any) -> None:
         self._receive(self._encoder.encode(message(name, **fields)))
@@ -184,14 +184,14 @@ class Bench:
         return transfer.items
 
     def _finish(self, client: MissionClient, transfer: Transfer) -> PlanResult:
-        seen = len(self.heard)
+        seen = len(self.received)
         while transfer.result is None:
             for out in client.outgoing():
                 self._receive(self._encoder.encode(out))
-            for heard in self.heard[seen:]:
-                if heard.name in client.handles:
-                    client.receive(heard, VEHICLE, self.sim.now_s)
-            seen = len(self.heard)
+            for received in self.received[seen:]:
+                if received.name in client.handles:
+                    client.receive(received, VEHICLE, self.sim.now_s)
+            seen = len(self.received)
             self.run(0.02)
             client.tick(self.sim.now_s)
         for out in client.outgoing():

@@ -16,13 +16,15 @@ class Authorizer(Bench):
     def __init__(self, *, two_steps: bool = False) -> None:
         super().__init__("px4", parameters={"COM_ARM_AUTH_REQ": 1, "COM_ARM_AUTH_ID": 1, "COM_ARM_AUTH_MET": two_steps})
         self.get_ready()
-        self.heard.clear()
+        self.received.clear()
 
     def wants_to_arm(self) -> None:
         self.send("COMMAND_LONG", target_system=1, target_component=1, command=ARM, param1=1.0)
 
-    def asked(self) -> list[MavlinkMessage]:
-        return [heard for heard in self.heard if heard.name == "COMMAND_LONG" and heard.command == REQUEST]
+    def requested(self) -> list[MavlinkMessage]:
+        return [
+            received for received in self.received if received.name == "COMMAND_LONG" and received.command == REQUEST
+        ]
 
     def answer(self, result: Result, reason: int = 0, extra: int = 0) -> None:
         fields = {"result": result, "progress": reason, "result_param2": extra}
@@ -30,13 +32,17 @@ class Authorizer(Bench):
 
     def results(self) -> list[Result]:
         """How the attempts to arm have ended."""
-        return [Result(heard.result) for heard in self.heard if heard.name == "COMMAND_ACK" and heard.command == ARM]
+        return [
+            Result(received.result)
+            for received in self.received
+            if received.name == "COMMAND_ACK" and received.command == ARM
+        ]
 
 
 def test_it_arms_when_leave_is_given_and_says_nothing_before() -> None:
     bench = Authorizer()
     bench.wants_to_arm()
-    (request,) = bench.asked()
+    (request,) = bench.requested()
     assert (request.target_system, request.target_component) == (1, 0)
     bench.run(0.3)
     assert (bench.is_armed, bench.results()) == (False, [])
@@ -57,10 +63,10 @@ def test_leave_holds_as_long_as_was_said() -> None:
     assert bench.command(ARM, 1.0) is Result.ACCEPTED, "still"
     assert bench.command(ARM, 0.0) is Result.ACCEPTED
     bench.run(2.0)
-    asked = len(bench.asked())
+    requested = len(bench.requested())
     bench.wants_to_arm()
     bench.run(0.1)
-    assert len(bench.asked()) == asked + 1
+    assert len(bench.requested()) == requested + 1
     assert not bench.is_armed
 
 
@@ -114,7 +120,7 @@ def test_a_transmitter_has_to_wait_for_leave_too() -> None:
     bench.pilot.switch_on()
     bench.pilot.arm()
     bench.run(0.2)
-    assert len(bench.asked()) == 1
+    assert len(bench.requested()) == 1
     assert not bench.is_armed
     bench.answer(Result.ACCEPTED, extra=5)
     bench.run(0.1)

@@ -12,7 +12,7 @@ from gloc3_sitl.autopilot.control.mixer import Mixer
 from gloc3_sitl.autopilot.control.position import PositionController, PositionGains
 from gloc3_sitl.autopilot.control.rates import AttitudeController, RateController, attitude_for
 from gloc3_sitl.autopilot.control.setpoint import MotionSetpoint
-from gloc3_sitl.autopilot.control.trajectory import Trajectory, TrajectoryLimits
+from gloc3_sitl.autopilot.control.trajectory import SmoothTrajectory, TrajectoryLimits
 
 pytestmark = pytest.mark.thorough
 
@@ -114,7 +114,7 @@ def test_a_trajectory_arrives_within_its_limits_and_stays(
     target: tuple[float, float, float], velocity: tuple[float, float, float]
 ) -> None:
     limits = TrajectoryLimits()
-    trajectory = Trajectory(limits, STILL, velocity)
+    trajectory = SmoothTrajectory(limits, STILL, velocity)
     trajectory.go_to(target)
     for _ in range(50 * 60):
         before = trajectory.acceleration
@@ -129,7 +129,7 @@ def test_a_trajectory_arrives_within_its_limits_and_stays(
 
 @pytest.mark.parametrize("distance", [0.1, 1.0, 3.0, 6.0, 30.0])
 def test_a_trajectory_from_rest_does_not_overshoot(distance: float) -> None:
-    trajectory = Trajectory(TrajectoryLimits(jerk_m_s3=6.0, acceleration_xy_m_s2=3.0), STILL)
+    trajectory = SmoothTrajectory(TrajectoryLimits(jerk_m_s3=6.0, acceleration_xy_m_s2=3.0), STILL)
     trajectory.go_to((distance, 0.0, 0.0))
     farthest = 0.0
     for _ in range(50 * 20):
@@ -139,7 +139,7 @@ def test_a_trajectory_from_rest_does_not_overshoot(distance: float) -> None:
 
 
 def test_stopping_needs_no_way_back() -> None:
-    trajectory = Trajectory(TrajectoryLimits(), STILL, (4.0, 3.0, 0.5))
+    trajectory = SmoothTrajectory(TrajectoryLimits(), STILL, (4.0, 3.0, 0.5))
     trajectory.stop()
     slowest = 0.0
     for _ in range(50 * 10):

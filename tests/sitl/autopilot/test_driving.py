@@ -161,7 +161,7 @@ def test_a_station_that_falls_silent_stops_it_or_brings_it_back_as_its_parameter
     for action, mode in ((2, "HOLD"), (1, "RTL")):
         bench = armed("rover", parameters={"FS_GCS_ENABLE": 1, "FS_ACTION": action})
         bench.send("HEARTBEAT", type=6, autopilot=8)
-        bench.autopilot.failsafes.station_heard(255)
+        bench.autopilot.failsafes.station_contact(255)
         bench.autopilot.commander.go_to((30.0, 0.0, 0.0), nan, nan)
         bench.run(7.0)
         assert bench.mode == mode
@@ -179,9 +179,9 @@ def test_the_rovers_wheels_tell_how_far_they_have_turned_and_the_boat_has_none()
     bench.autopilot.commander.go_to((10.0, 0.0, 0.0), nan, nan)
     bench.run(15.0)
     assert bench.command(512, 9000) is Result.ACCEPTED
-    told = bench.last("WHEEL_DISTANCE")
-    assert told.count == 2
-    assert told.distance[:2] == pytest.approx(bench.sim.truth().wheels_m, rel=0.02)
+    reported = bench.last("WHEEL_DISTANCE")
+    assert reported.count == 2
+    assert reported.distance[:2] == pytest.approx(bench.sim.truth().wheels_m, rel=0.02)
     boat = armed("boat")
     boat.command(512, 9000)
     assert not boat.counts["WHEEL_DISTANCE"]

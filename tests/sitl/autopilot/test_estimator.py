@@ -17,7 +17,7 @@ from gloc3.messages.frames import (
 )
 from gloc3_sitl.autopilot.estimator.axis import AxisFilter
 from gloc3_sitl.autopilot.estimator.estimator import Estimator
-from gloc3_sitl.autopilot.estimator.sources import DEFAULT_SOURCES, ExternalOdometry, Fix, Source
+from gloc3_sitl.autopilot.estimator.sources import DEFAULT_SOURCES, AidingSource, ExternalOdometry, Fix
 
 pytestmark = pytest.mark.thorough
 
@@ -98,8 +98,8 @@ class Rig:
             )
             if self.steps % 5 == 0:
                 estimator.tick(now_s)
-                estimator.take_barometer(400.0 - position[2] + 7.0 + noise(0.0, 0.1), now_s)
-                estimator.take_magnetometer(rotate_back(attitude, FIELD_NED), now_s)
+                estimator.use_barometer(400.0 - position[2] + 7.0 + noise(0.0, 0.1), now_s)
+                estimator.use_magnetometer(rotate_back(attitude, FIELD_NED), now_s)
             if self.steps % 25 == 0:
                 self.measure(position, velocity, now_s)
 
@@ -107,7 +107,7 @@ class Rig:
         noise = self.random.gauss
         if self.has_fix:
             at = tuple(p + o + noise(0.0, 0.01) for p, o in zip(position, self.fix_offset, strict=True))
-            self.estimator.take_fix(
+            self.estimator.use_fix(
                 Fix(
                     t_s=now_s,
                     place=PLANE.geo_from_ned((at[0], at[1], at[2])),
@@ -122,7 +122,7 @@ class Rig:
             )
         if self.external is not None:
             away = tuple(p + o for p, o in zip(position, self.external, strict=True))
-            self.estimator.take_external(
+            self.estimator.use_external(
                 ExternalOdometry(
                     t_s=now_s,
                     position_ned_m=(away[0], away[1], away[2]),
@@ -207,7 +207,12 @@ def test_a_late_fix_is_compared_with_the_past() -> None:
 
 
 def test_external_odometry_carries_it_indoors() -> None:
-    sources = Source.EXTERNAL_POSITION | Source.EXTERNAL_HEIGHT | Source.BAROMETER | Source.MAGNETOMETER
+    sources = (
+        AidingSource.EXTERNAL_POSITION
+        | AidingSource.EXTERNAL_HEIGHT
+        | AidingSource.BAROMETER
+        | AidingSource.MAGNETOMETER
+    )
     rig = Rig(sources=sources)
     rig.has_fix = False
     rig.external = (0.0, 0.0, 0.0)
@@ -221,7 +226,12 @@ def test_external_odometry_carries_it_indoors() -> None:
 
 
 def test_a_reset_of_external_odometry_moves_the_position_at_once() -> None:
-    sources = Source.EXTERNAL_POSITION | Source.EXTERNAL_HEIGHT | Source.BAROMETER | Source.MAGNETOMETER
+    sources = (
+        AidingSource.EXTERNAL_POSITION
+        | AidingSource.EXTERNAL_HEIGHT
+        | AidingSource.BAROMETER
+        | AidingSource.MAGNETOMETER
+    )
     rig = Rig(sources=sources)
     rig.has_fix = False
     rig.external = (0.0, 0.0, 0.0)
@@ -237,9 +247,9 @@ def test_a_reset_of_external_odometry_moves_the_position_at_once() -> None:
 def test_the_range_finder_tells_the_ground_below() -> None:
     rig = Rig()
     rig.run(3.0, flies=False)
-    rig.estimator.take_range(0.5, rig.now_s)
+    rig.estimator.use_range(0.5, rig.now_s)
     assert rig.estimator.height_above_ground_m == pytest.approx(0.5, abs=0.01)
-    rig.estimator.take_range(None, rig.now_s)
+    rig.estimator.use_range(None, rig.now_s)
     assert rig.estimator.height_above_ground_m != rig.estimator.height_above_ground_m
 
 
@@ -260,7 +270,7 @@ def test_headings_are_right_all_round() -> None:
     for heading in (-pi, -1.0, 0.0, 2.0, 3.1):
         estimator = Estimator(declination_rad=DECLINATION)
         attitude = from_euler(0.02, -0.03, heading)
-        estimator.take_magnetometer(rotate_back(attitude, FIELD_NED), 0.0)
+        estimator.use_magnetometer(rotate_back(attitude, FIELD_NED), 0.0)
         for step in range(250):
             estimator.imu(rotate_back(attitude, (0.0, 0.0, -9.80665)), (0.0, 0.0, 0.0), step * 0.004, 0.004)
         assert abs(wrap_pi(estimator.yaw_rad - heading)) < radians(0.5)

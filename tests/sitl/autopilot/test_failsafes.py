@@ -46,9 +46,9 @@ def test_px4_leaves_offboard_one_second_after_the_last_setpoint(choice: int, mod
     bench.set_parameter("COM_OBL_RC_ACT", choice)
     bench.take_off()
     bench.start_streaming(HERE)
-    took = bench.run_until(lambda: bench.mode != "Offboard", 3.0)
+    used = bench.run_until(lambda: bench.mode != "Offboard", 3.0)
     assert bench.mode == mode
-    assert 0.9 < took < 1.1
+    assert 0.9 < used < 1.1
 
 
 def test_px4_hands_over_to_a_pilot_who_is_there_when_setpoints_end() -> None:
@@ -112,8 +112,8 @@ def test_px4_holds_for_five_seconds_and_returns_when_the_station_is_lost() -> No
     bench.stream(hover, 9.0)
     assert "Failsafe: ground station lost" in bench.texts
     assert bench.mode == "Hold"
-    took = bench.run_until(lambda: bench.mode == "Return", 6.0)
-    assert took > 1.0
+    used = bench.run_until(lambda: bench.mode == "Return", 6.0)
+    assert used > 1.0
     bench.run_until(lambda: not bench.is_armed, 60.0)
 
 
@@ -153,8 +153,8 @@ def test_ardupilot_lands_when_its_own_station_falls_silent() -> None:
     bench.set_parameter("FS_GCS_ENABLE", 5)
     station_heartbeats(bench, 6)
     assert bench.mode == "GUIDED"
-    took = bench.run_until(lambda: bench.mode == "LAND", 8.0)
-    assert 3.5 < took < 5.5
+    used = bench.run_until(lambda: bench.mode == "LAND", 8.0)
+    assert 3.5 < used < 5.5
 
 
 # -- battery, position, fence -------------------------------------------------------------------------------------------
@@ -191,8 +191,8 @@ def test_a_lost_position_lands_it(style: str, mode: str) -> None:
     bench = Bench(style)
     bench.take_off()
     bench.sim.sensors.fail("fix", "lost")
-    took = bench.run_until(lambda: bench.mode == mode, 4.0)
-    assert took > 0.9
+    used = bench.run_until(lambda: bench.mode == mode, 4.0)
+    assert used > 0.9
     bench.run_until(lambda: not bench.is_armed, 20.0)
     assert abs(bench.position[0]) < 3.0
     assert abs(bench.position[1]) < 3.0

@@ -96,8 +96,8 @@ def test_a_vehicle_that_is_armed_and_does_not_fly_disarms_by_itself() -> None:
     bench = Bench()
     bench.get_ready()
     assert bench.command(ARM, 1) is Result.ACCEPTED
-    took = bench.run_until(lambda: not bench.is_armed, 15.0)
-    assert 9.0 < took < 11.0
+    used = bench.run_until(lambda: not bench.is_armed, 15.0)
+    assert 9.0 < used < 11.0
 
 
 def test_disarming_in_flight_needs_force() -> None:

@@ -40,14 +40,14 @@ def finish(bench: Bench, client: FtpClient, call: FtpCall) -> FtpCall:
 
 def drive(bench: Bench, client: FtpClient | LogClient, is_over: Callable[[], bool]) -> None:
     """Lets a client talk with the vehicle until it has what it wants."""
-    seen = len(bench.heard)
+    seen = len(bench.received)
     while not is_over():
         for out in client.outgoing():
             bench.send_message(out)
-        for heard in bench.heard[seen:]:
-            if heard.name in client.handles:
-                client.receive(heard, VEHICLE, bench.sim.now_s)
-        seen = len(bench.heard)
+        for received in bench.received[seen:]:
+            if received.name in client.handles:
+                client.receive(received, VEHICLE, bench.sim.now_s)
+        seen = len(bench.received)
         bench.run(0.02)
         client.tick(bench.sim.now_s)
 

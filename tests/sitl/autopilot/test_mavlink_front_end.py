@@ -11,7 +11,7 @@ from gloc3.mavlink.codec import Encoder, Parser, message, shape
 from gloc3_sitl.autopilot.mavlink.commands import HANDLERS
 from gloc3_sitl.autopilot.mavlink.links import LinkKind
 from gloc3_sitl.autopilot.modes import Result
-from gloc3_sitl.autopilot.surroundings import Power
+from gloc3_sitl.autopilot.surroundings import SupplyState
 from gloc3_sitl.autopilot.verdict import Author
 from gloc3_sitl.vehicles.simulator import BOOT_S, Simulator, SimulatorSettings
 from gloc3_sitl.world import World
@@ -33,15 +33,15 @@ class Ear:
         self.senders: Counter[tuple[int, int]] = Counter()
         self._parser = Parser(is_datagram=True)
         self._encoder = Encoder(system, component)
-        self._receive = sim.attach(self._hear, kind)
+        self._receive = sim.attach(self._handle, kind)
 
-    def _hear(self, data: bytes) -> None:
+    def _handle(self, data: bytes) -> None:
         for frame in self._parser.receive(data):
             self.senders[frame.sender] += 1
             if frame.shape is not None:
                 self.counts[frame.shape.name] += 1
 
-    def say(self, name: str, **fields: object) -> None:
+    def report(self, name: str, **fields: object) -> None:
         self._receive(self._encoder.encode(message(name, **fields)))
 
 
@@ -197,12 +197,12 @@ def test_frames_pass_between_links_by_their_addresses() -> None:
     station = Ear(sim, LinkKind.BARE, 255, 190)
     other = Ear(sim, LinkKind.BARE, 254, 190)
     for ear in (companion, station, other):
-        ear.say("HEARTBEAT", type=18, autopilot=8)
+        ear.report("HEARTBEAT", type=18, autopilot=8)
     assert companion.senders[255, 190] == 1
-    station.say("COMMAND_LONG", target_system=1, target_component=191, command=31010)
+    station.report("COMMAND_LONG", target_system=1, target_component=191, command=31010)
     assert companion.counts["COMMAND_LONG"] == 1
     assert other.counts["COMMAND_LONG"] == 0
-    station.say("COMMAND_LONG", target_system=1, target_component=1, command=31010)
+    station.report("COMMAND_LONG", target_system=1, target_component=1, command=31010)
     assert companion.counts["COMMAND_LONG"] == 1
     assert station.counts["COMMAND_ACK"] == 1
     assert other.counts["COMMAND_ACK"] == 0
@@ -213,10 +213,10 @@ def test_each_link_has_its_own_unbroken_sequence() -> None:
     sequences: list[int] = []
     parser = Parser(is_datagram=True)
 
-    def hear(data: bytes) -> None:
+    def receive(data: bytes) -> None:
         sequences.extend(frame.sequence for frame in parser.receive(data))
 
-    sim.attach(hear, LinkKind.GROUND)
+    sim.attach(receive, LinkKind.GROUND)
     Ear(sim, LinkKind.COMPANION, 1, 191)
     sim.advance(3.0)
     assert sequences == [number % 256 for number in range(len(sequences))]
@@ -245,7 +245,7 @@ def test_commands_with_any_numbers_are_answered(command: int, params: list[float
     bench = BARE_BENCH
     bench.run(0.02)
     if bench.sim.is_down:
-        bench.sim.switch(Power.REBOOT)
+        bench.sim.switch(SupplyState.REBOOT)
         bench.run(BOOT_S + 0.1)
     if bench.sim.autopilot.commander.is_terminated:
         bench.sim.autopilot.commander.is_terminated = False

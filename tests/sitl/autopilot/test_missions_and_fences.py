@@ -51,7 +51,7 @@ def test_a_mission_is_flown_through_every_waypoint_and_lands(style: str) -> None
     bench.run_until(lambda: dist(bench.position, (6.0, 6.0, -4.0)) < 0.8, 30.0)
     bench.run_until(lambda: not bench.is_armed, 40.0)
     assert dist(bench.position, (0.0, 6.0, 0.0)) < 0.4
-    reached = [heard.seq for heard in bench.heard if heard.name == "MISSION_ITEM_REACHED"]
+    reached = [received.seq for received in bench.received if received.name == "MISSION_ITEM_REACHED"]
     first = 0 if bench.is_px4 else 1
     assert reached == list(range(first, len(items)))
     assert bench.autopilot.craft.mission.state is MissionState.COMPLETE
@@ -134,7 +134,7 @@ def test_waiting_jumping_and_delays_take_their_time() -> None:
     )
     start(bench)
     bench.run_until(lambda: not bench.is_armed, 90.0)
-    reached = [heard.seq for heard in bench.heard if heard.name == "MISSION_ITEM_REACHED"]
+    reached = [received.seq for received in bench.received if received.name == "MISSION_ITEM_REACHED"]
     assert reached == [0, 1, 2, 3, 1, 2, 3, 5]
 
 

@@ -5,10 +5,10 @@ from struct import pack, unpack
 import pytest
 
 from gloc3.errors import Refused
-from gloc3_sitl.autopilot.parameters import Kind, ParameterStore
+from gloc3_sitl.autopilot.parameters import ParameterKind, ParameterStore
 from gloc3_sitl.autopilot.styles.ardupilot import ARDUPILOT
 from gloc3_sitl.autopilot.styles.px4 import PX4
-from gloc3_sitl.autopilot.tuning import Action, Tuning
+from gloc3_sitl.autopilot.tuning import FailsafeAction, Tuning
 
 from .bench import Bench
 
@@ -57,10 +57,10 @@ def test_choices_become_actions() -> None:
     store.set("COM_LOW_BAT_ACT", 3)
     store.set("GF_ACTION", 5)
     chosen = (tuning.station_lost_action, tuning.battery_critical_action, tuning.battery_emergency_action)
-    assert chosen == (Action.RETURN, Action.RETURN, Action.LAND)
-    assert tuning.fence_action is Action.LAND
+    assert chosen == (FailsafeAction.RETURN, FailsafeAction.RETURN, FailsafeAction.LAND)
+    assert tuning.fence_action is FailsafeAction.LAND
     store.reset()
-    assert tuning.station_lost_action == Action.NONE
+    assert tuning.station_lost_action == FailsafeAction.NONE
 
 
 def test_all_parameters_are_listed_once() -> None:
@@ -68,21 +68,21 @@ def test_all_parameters_are_listed_once() -> None:
         bench = Bench(style)
         bench.send("PARAM_REQUEST_LIST", target_system=1, target_component=1)
         bench.run(2.0)
-        told = [heard for heard in bench.heard if heard.name == "PARAM_VALUE"]
-        assert len({heard.param_id for heard in told}) == len(told) == told[0].param_count
-        assert len(told) > 40
+        reported = [received for received in bench.received if received.name == "PARAM_VALUE"]
+        assert len({received.param_id for received in reported}) == len(reported) == reported[0].param_count
+        assert len(reported) > 40
 
 
 def test_integers_travel_bytewise_in_px4_and_as_floats_in_ardupilot() -> None:
     for style, name, raw in (("px4", "NAV_DLL_ACT", 2), ("ardupilot", "FS_GCS_ENABLE", bits(5.0))):
         bench = Bench(style)
-        kind = Kind.INT32 if style == "px4" else Kind.INT8
+        kind = ParameterKind.INT32 if style == "px4" else ParameterKind.INT8
         bench.send(
             "PARAM_SET", target_system=1, target_component=1, param_id=name, param_value=raw, param_type=int(kind)
         )
-        told = bench.last("PARAM_VALUE")
-        assert (told.param_id, told.param_value, told.param_type) == (name, raw, int(kind))
-    assert bench.autopilot.tuning.station_lost_action is Action.LAND
+        reported = bench.last("PARAM_VALUE")
+        assert (reported.param_id, reported.param_value, reported.param_type) == (name, raw, int(kind))
+    assert bench.autopilot.tuning.station_lost_action is FailsafeAction.LAND
 
 
 def test_a_float_is_set_from_the_ground_and_used() -> None:

@@ -125,7 +125,7 @@ def test_a_lost_station_sends_it_home_after_the_time_that_is_set() -> None:
     bench = flying()
     bench.set_parameter("FS_GCS_ENABL", 1)
     bench.set_parameter("FS_LONG_ACTN", 1)
-    bench.autopilot.failsafes.station_heard(255)
+    bench.autopilot.failsafes.station_contact(255)
     bench.run(4.0)
     assert bench.mode == "TAKEOFF"
     bench.run(3.0)

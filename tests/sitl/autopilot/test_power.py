@@ -22,9 +22,9 @@ def test_a_reboot_is_silent_and_begins_anew_with_what_is_on_the_card(style: str)
     bench.sim.front.files.make_folder("/kept")
     bench.run(2.0)
     assert bench.command(POWER, REBOOT) is Result.ACCEPTED
-    bench.heard.clear()
+    bench.received.clear()
     bench.run(BOOT_S - 0.1)
-    assert not bench.heard
+    assert not bench.received
     bench.run(1.0)
     bench.send("HEARTBEAT", type=18, autopilot=8)
     bench.command(512, 2)
@@ -83,10 +83,10 @@ def test_a_shutdown_is_final_in_px4_style() -> None:
     assert bench.command(POWER, SHUTDOWN) is Result.ACCEPTED
     bench.run(0.1)
     assert bench.sim.is_off
-    bench.heard.clear()
+    bench.received.clear()
     bench.send("HEARTBEAT", type=18, autopilot=8)
     bench.run(5.0)
-    assert not bench.heard
+    assert not bench.received
 
 
 def test_ardupilot_cannot_be_shut_down() -> None:

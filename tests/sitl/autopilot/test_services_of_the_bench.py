@@ -4,7 +4,7 @@ from math import radians
 
 import pytest
 
-from gloc3_sitl.autopilot.calibration import PATIENCE_S
+from gloc3_sitl.autopilot.calibration import TIMEOUT_S
 from gloc3_sitl.autopilot.modes import Result
 
 from .bench import ARM, Bench
@@ -15,7 +15,7 @@ MAGNETOMETER, GPS, RANGE_FINDER, BATTERY, MOTOR = 2, 4, 7, 100, 101
 OK, OFF, STUCK, SLOW = 0, 1, 2, 5
 
 
-def told(bench: Bench) -> list[str]:
+def reported(bench: Bench) -> list[str]:
     return [text.removeprefix("[cal] ") for text in bench.texts if text.startswith("[cal] ")]
 
 
@@ -27,7 +27,7 @@ def test_what_needs_no_turning_is_calibrated(params: tuple[float, ...], word: st
     assert bench.command(CALIBRATE, *params) is Result.TEMPORARILY_REJECTED
     bench.run(3.0)
     steps = [f"progress <{share}>" for share in (20, 40, 60, 80, 100)]
-    assert told(bench) == [f"calibration started: 2 {word}", *steps, f"calibration done: {word}"]
+    assert reported(bench) == [f"calibration started: 2 {word}", *steps, f"calibration done: {word}"]
 
 
 @pytest.mark.parametrize(("params", "word"), [((0, 1), "mag"), ((0, 0, 0, 0, 1), "accel")])
@@ -38,12 +38,12 @@ def test_what_somebody_must_turn_fails_when_nobody_does_and_can_be_cancelled(
     bench.get_ready()
     assert bench.command(CALIBRATE, *params) is Result.ACCEPTED
     bench.run(2.0)
-    assert told(bench)[:2] == [f"calibration started: 2 {word}", "pending: back front left right up down"]
+    assert reported(bench)[:2] == [f"calibration started: 2 {word}", "pending: back front left right up down"]
     assert bench.command(CALIBRATE) is Result.ACCEPTED
-    assert told(bench)[-1] == "calibration cancelled"
+    assert reported(bench)[-1] == "calibration cancelled"
     assert bench.command(CALIBRATE, *params) is Result.ACCEPTED
-    bench.run(PATIENCE_S + 0.5)
-    assert told(bench)[-1] == "calibration failed: timeout: no motion"
+    bench.run(TIMEOUT_S + 0.5)
+    assert reported(bench)[-1] == "calibration failed: timeout: no motion"
 
 
 @STYLES
@@ -111,7 +111,7 @@ def test_ardupilot_looks_at_a_place_until_it_is_told_to_stop() -> None:
     bench.run(3.0)
     assert bench.autopilot.estimator.yaw_rad == pytest.approx(radians(90.0), abs=0.1)
     assert bench.command(LOOK_AT_NOTHING) is Result.ACCEPTED
-    assert bench.autopilot.craft.looks_at is None
+    assert bench.autopilot.craft.is_facing is None
 
 
 @STYLES

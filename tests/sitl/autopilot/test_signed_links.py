@@ -25,28 +25,28 @@ class Somebody:
         self._parser = Parser(is_datagram=is_datagram)
         self.encoder = Encoder(system, 190)
         self.sign(key)
-        self._receive = sim.attach(self._hear, LinkKind.BARE, is_datagram=is_datagram)
+        self._receive = sim.attach(self._handle, LinkKind.BARE, is_datagram=is_datagram)
 
     def sign(self, key: bytes | None) -> None:
         self.encoder.signing = None if key is None else Signing(key, link_id=self.encoder.address.system, now=NOW)
 
-    def _hear(self, data: bytes) -> None:
+    def _handle(self, data: bytes) -> None:
         for frame in self._parser.receive(data):
             key = next((key for key in (KEY, OTHER) if is_signed_with(key, frame)), None)
             self.senders[frame.system] += 1
             if frame.shape is not None and frame.system == 1:
                 self.counts[frame.shape.name, key] += 1
 
-    def say(self, name: str, **fields: object) -> None:
+    def report(self, name: str, **fields: object) -> None:
         self._receive(self.encoder.encode(message(name, **fields)))
 
     def set_up(self, key: bytes, time: int = NOW) -> None:
-        self.say("SETUP_SIGNING", target_system=1, target_component=1, secret_key=key, initial_timestamp=time)
+        self.report("SETUP_SIGNING", target_system=1, target_component=1, secret_key=key, initial_timestamp=time)
 
     def is_served(self) -> bool:
         """Whether a command is answered, signed as this one signs."""
         before = self.counts.total()
-        self.say("COMMAND_LONG", target_system=1, target_component=1, command=UNKNOWN)
+        self.report("COMMAND_LONG", target_system=1, target_component=1, command=UNKNOWN)
         return self.counts.total() > before
 
 
@@ -61,16 +61,16 @@ def test_who_has_not_the_key_is_neither_heard_nor_passed_on_from_then_on(style: 
     sim = simulator(style)
     knows, stranger, wrong = Somebody(sim, 255), Somebody(sim, 254), Somebody(sim, 253, OTHER)
     assert knows.is_served()
-    stranger.say("COMMAND_LONG", target_system=255, target_component=190, command=UNKNOWN)
+    stranger.report("COMMAND_LONG", target_system=255, target_component=190, command=UNKNOWN)
     assert knows.senders[254] == 1
-    knows.say("SETUP_SIGNING", secret_key=KEY, initial_timestamp=NOW)
+    knows.report("SETUP_SIGNING", secret_key=KEY, initial_timestamp=NOW)
     assert stranger.senders[255] == 0, "a key is passed on to nobody"
     knows.sign(KEY)
     assert knows.is_served()
     assert knows.counts["COMMAND_ACK", KEY] == 1
     assert not stranger.is_served()
     assert not wrong.is_served()
-    stranger.say("COMMAND_LONG", target_system=255, target_component=190, command=UNKNOWN)
+    stranger.report("COMMAND_LONG", target_system=255, target_component=190, command=UNKNOWN)
     assert knows.senders[254] == 1, "as before"
     assert sim.front.context.signing.dropped == 3
     heartbeats = stranger.counts["HEARTBEAT", KEY]
@@ -123,6 +123,6 @@ def test_px4_takes_heartbeats_unsigned_and_ardupilot_all_on_its_first_serial_por
         knows, cable = Somebody(sim, 255), Somebody(sim, 254, is_datagram=False)
         knows.set_up(KEY)
         dropped = sim.front.context.signing.dropped
-        Somebody(sim, 253).say("HEARTBEAT", type=6, autopilot=8)
+        Somebody(sim, 253).report("HEARTBEAT", type=6, autopilot=8)
         assert sim.front.context.signing.dropped - dropped == (style == "ardupilot")
         assert cable.is_served() is (style == "ardupilot")

@@ -36,7 +36,7 @@ def test_many_small_steps_are_the_same_as_one_large_one() -> None:
 
 
 def test_a_loop_in_virtual_time_drives_it_and_its_links() -> None:
-    heard: list[str] = []
+    received: list[str] = []
 
     async def fly() -> float:
         loop = asyncio.get_running_loop()
@@ -44,10 +44,10 @@ def test_a_loop_in_virtual_time_drives_it_and_its_links() -> None:
         link = MemoryLink(loop, Random(1), Conditions(latency_s=0.01))
         parser = Parser(is_datagram=True)
 
-        def hear(data: bytes) -> None:
-            heard.extend(frame.shape.name for frame in parser.receive(data) if frame.shape is not None)
+        def receive(data: bytes) -> None:
+            received.extend(frame.shape.name for frame in parser.receive(data) if frame.shape is not None)
 
-        link.a.on_data = hear
+        link.a.on_data = receive
         link.b.on_data = simulator.attach(link.b.send, LinkKind.GROUND)
         simulator.start(loop)
         await asyncio.sleep(3.0)
@@ -56,7 +56,7 @@ def test_a_loop_in_virtual_time_drives_it_and_its_links() -> None:
         return simulator.now_s
 
     assert run_virtual(fly()) == pytest.approx(3.0, abs=0.03)
-    assert heard.count("HEARTBEAT") in (3, 4)
+    assert received.count("HEARTBEAT") in (3, 4)
 
 
 def test_it_can_run_faster_than_its_loop() -> None:

@@ -60,9 +60,9 @@ def test_it_talks_on_its_link_and_ends_clean_at_a_signal(number: int) -> None:
     )
     assert process.stderr is not None
     try:
-        said = ""
+        text = ""
         for line in process.stderr:
-            said += line
+            text += line
             found = re.search(r"port (\d+)", line)
             if found:
                 break
@@ -71,13 +71,13 @@ def test_it_talks_on_its_link_and_ends_clean_at_a_signal(number: int) -> None:
             station.settimeout(10.0)
             greeting = Encoder(255, 190).encode(message("HEARTBEAT", type=6, autopilot=8))
             station.sendto(greeting, ("127.0.0.1", int(found[1])))
-            heard = Parser(is_datagram=True).receive(station.recv(2048))
-        assert heard[0].sender == (1, 1)
+            received = Parser(is_datagram=True).receive(station.recv(2048))
+        assert received[0].sender == (1, 1)
         process.send_signal(number)
-        said += process.communicate(timeout=60)[1]
+        text += process.communicate(timeout=60)[1]
         assert process.returncode == 0
-        assert "Traceback" not in said
-        assert "ended after" in said
+        assert "Traceback" not in text
+        assert "ended after" in text
     finally:
         process.kill()
         process.wait()

@@ -47,7 +47,7 @@ class Dive:
                 velocity_deviation_m_s=0.05,
                 reset_counter=0,
             )
-            self.autopilot.estimator.take_external(pose, simulator.now_s)
+            self.autopilot.estimator.use_external(pose, simulator.now_s)
 
     def arm(self, mode: int = GUIDED) -> None:
         """Arms in a mode."""

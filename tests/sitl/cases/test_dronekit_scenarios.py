@@ -49,13 +49,13 @@ def test_the_command_listens_where_ardupilot_does() -> None:
 
 
 def test_state_mode_and_version(vehicle: Vehicle) -> None:
-    heartbeat = vehicle.heard["HEARTBEAT"]
+    heartbeat = vehicle.received["HEARTBEAT"]
     assert (heartbeat.type, heartbeat.autopilot) == (dialect.MAV_TYPE_QUADROTOR, dialect.MAV_AUTOPILOT_ARDUPILOTMEGA)
     vehicle.await_message(
         "HEARTBEAT", lambda beat: beat.system_status == dialect.MAV_STATE_STANDBY
     )  # it boots at first
     assert vehicle.command(dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, 1) == ACCEPTED
-    version = vehicle.heard.get("AUTOPILOT_VERSION") or vehicle.await_message("AUTOPILOT_VERSION")
+    version = vehicle.received.get("AUTOPILOT_VERSION") or vehicle.await_message("AUTOPILOT_VERSION")
     assert version.flight_sw_version >> 24 == 4
     assert version.capabilities & dialect.MAV_PROTOCOL_CAPABILITY_MISSION_INT
 
@@ -167,9 +167,9 @@ def test_velocities_in_guided(vehicle: Vehicle) -> None:
     for _ in range(20):
         vehicle.master.mav.set_position_target_local_ned_send(0, 1, 1, 1, 3527, 0, 0, 0, 0, 1.5, 0, 0, 0, 0, 0, 0)
         vehicle.await_message("LOCAL_POSITION_NED")
-        if vehicle.heard["LOCAL_POSITION_NED"].vy > 1.2:
+        if vehicle.received["LOCAL_POSITION_NED"].vy > 1.2:
             break
-    assert vehicle.heard["LOCAL_POSITION_NED"].vy > 1.2
+    assert vehicle.received["LOCAL_POSITION_NED"].vy > 1.2
     assert vehicle.command(dialect.MAV_CMD_NAV_LAND) == ACCEPTED
     vehicle.wait(lambda: not vehicle.is_armed, 60.0)
     vehicle.set_mode(STABILIZE)
@@ -178,14 +178,14 @@ def test_velocities_in_guided(vehicle: Vehicle) -> None:
 def test_arming_is_refused_with_the_reason_in_words(vehicle: Vehicle) -> None:
     vehicle.set_mode(RTL)
     assert vehicle.command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1) == FAILED
-    vehicle.wait(lambda: "PreArm: " in getattr(vehicle.heard.get("STATUSTEXT"), "text", ""))
+    vehicle.wait(lambda: "PreArm: " in getattr(vehicle.received.get("STATUSTEXT"), "text", ""))
     vehicle.set_mode(STABILIZE)
 
 
 def test_a_reboot_is_acknowledged_and_the_vehicle_comes_back(vehicle: Vehicle) -> None:
     before = vehicle.await_message("SYSTEM_TIME").time_boot_ms
     assert vehicle.command(dialect.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == ACCEPTED
-    vehicle.heard.pop("HEARTBEAT")
+    vehicle.received.pop("HEARTBEAT")
     vehicle.await_message("HEARTBEAT")
     vehicle.master.mav.request_data_stream_send(1, 1, 0, 4, 1)
     assert vehicle.await_message("SYSTEM_TIME").time_boot_ms < before
@@ -220,11 +220,11 @@ def check_overrides(vehicle: Vehicle) -> None:
         vehicle.master.mav.rc_channels_override_send(1, 1, *pulses, *(65535,) * (8 - len(pulses)))
 
     override(1700, 1500, 1200, 1500)
-    heard = vehicle.await_message("RC_CHANNELS", lambda channels: channels.chan1_raw == 1700)
-    assert heard.chan3_raw == 1200
+    received = vehicle.await_message("RC_CHANNELS", lambda channels: channels.chan1_raw == 1700)
+    assert received.chan3_raw == 1200
     override(65535, 1600)
-    heard = vehicle.await_message("RC_CHANNELS", lambda channels: channels.chan2_raw == 1600)
-    assert heard.chan1_raw == 1700
+    received = vehicle.await_message("RC_CHANNELS", lambda channels: channels.chan2_raw == 1600)
+    assert received.chan1_raw == 1700
     override(0, 0, 0, 0)
     vehicle.await_message("RC_CHANNELS", lambda channels: channels.rssi == 0)
 

@@ -253,7 +253,7 @@ def test_calibrations(at_hand: tuple[Client, bool]) -> None:
     client, is_px4 = at_hand
     calibration = client.plugin(Calibration)
     for begin in (calibration.calibrate_gyro_async, calibration.calibrate_level_horizon_async):
-        assert client.told(begin)[-1][0].name == both("SUCCESS", "UNSUPPORTED")[is_px4]
+        assert client.reported(begin)[-1][0].name == both("SUCCESS", "UNSUPPORTED")[is_px4]
 
 
 def test_what_there_is_not(at_hand: tuple[Client, bool]) -> None:
@@ -265,18 +265,18 @@ def test_what_there_is_not(at_hand: tuple[Client, bool]) -> None:
     assert outcome(client.plugin(Transponder).set_rate_transponder, 1.0) == both("UNKNOWN", "COMMAND_DENIED")[is_px4]
     assert outcome(client.plugin(Rtk).send_rtcm_data, RtcmData("AAAA")) == "SUCCESS"
     assert not client.plugin(Gimbal).gimbal_list().gimbals
-    assert outcome(client.plugin(Gimbal).take_control, 0, ControlMode.PRIMARY) == "ERROR"
+    assert outcome(client.plugin(Gimbal).request_control, 0, ControlMode.PRIMARY) == "ERROR"
     assert not client.plugin(Camera).camera_list().cameras
     assert outcome(client.plugin(Camera).get_mode, 0) == "CAMERA_ID_INVALID"
     assert outcome(client.plugin(Events).get_health_and_arming_checks_report) == "NOT_AVAILABLE"
     client.plugin(ComponentMetadata).request_autopilot_component()
     if is_px4:
         assert outcome(client.plugin(LogStreaming).start_log_streaming) == "UNSUPPORTED"
-        told: list[Any] = []
+        reported: list[Any] = []
         shell = client.plugin(Shell)
-        shell.subscribe_receive(lambda receive, _: told.append(receive))
+        shell.subscribe_receive(lambda receive, _: reported.append(receive))
         shell.send("ver all", Device.SHELL)
-        client.await_telemetry("position", lambda _: bool(told))
+        client.await_telemetry("position", lambda _: bool(reported))
 
 
 def test_follow_me_is_configured_and_entered_in_px4_alone(at_hand: tuple[Client, bool]) -> None:
@@ -311,13 +311,13 @@ def test_files_and_logs(at_hand: tuple[Client, bool], tmp_path: Path) -> None:
     source.write_bytes(bytes(range(256)) * 40)
     files.create_directory("/x")
     assert outcome(files.create_directory, "/x") == "FILE_EXISTS"
-    assert client.told(files.upload_async, str(source), "/x")[-1][0].name == "SUCCESS"
+    assert client.reported(files.upload_async, str(source), "/x")[-1][0].name == "SUCCESS"
     assert [file.name for file in files.list_directory("/x").entries] == ["a.txt"]
     assert files.are_files_identical(str(source), "/x/a.txt")
     for is_burst in (False, True):
         folder = tmp_path / str(is_burst)
         folder.mkdir()
-        assert client.told(files.download_async, "/x/a.txt", str(folder), is_burst)[-1][0].name == "SUCCESS"
+        assert client.reported(files.download_async, "/x/a.txt", str(folder), is_burst)[-1][0].name == "SUCCESS"
         assert (folder / "a.txt").read_bytes() == source.read_bytes()
     files.rename("/x/a.txt", "/x/b.txt")
     assert outcome(files.remove_directory, "/x") != "SUCCESS"
@@ -336,7 +336,7 @@ def test_files_and_logs(at_hand: tuple[Client, bool], tmp_path: Path) -> None:
 
 PX4_ALONE = {"altitude", "actuator_output_status", "ground_truth", "odometry"}
 ARDUPILOT_ALONE = {"raw_imu"}
-NOBODY = {"actuator_control_target"}
+NO_OWNER = {"actuator_control_target"}
 RATES = (
     *(
         "altitude",
@@ -355,7 +355,7 @@ RATES = (
 
 def test_every_rate_is_set_or_refused(at_hand: tuple[Client, bool]) -> None:
     client, is_px4 = at_hand
-    missing = NOBODY | (ARDUPILOT_ALONE if is_px4 else PX4_ALONE)
+    missing = NO_OWNER | (ARDUPILOT_ALONE if is_px4 else PX4_ALONE)
     refused = both("UNKNOWN", "COMMAND_DENIED")[is_px4]
     for name in RATES:
         found = outcome(getattr(client.telemetry, f"set_rate_{name}"), 5.0)

@@ -67,14 +67,14 @@ def test_action_arm_disarm(client: Client) -> None:
 
 
 def test_telemetry_subscription_and_its_end(client: Client) -> None:
-    told: list[Any] = []
-    handle = client.telemetry.subscribe_position(lambda value, _: told.append(value))
-    client.await_telemetry("position", lambda _: len(told) > 3)
+    reported: list[Any] = []
+    handle = client.telemetry.subscribe_position(lambda value, _: reported.append(value))
+    client.await_telemetry("position", lambda _: len(reported) > 3)
     client.telemetry.unsubscribe_position(handle)
     client.await_telemetry("heading", lambda _: True)
-    count = len(told)
+    count = len(reported)
     client.await_telemetry("velocity_ned", lambda _: True)
-    assert len(told) <= count + 1
+    assert len(reported) <= count + 1
 
 
 def test_telemetry_altitude_and_ground_truth_carry_growing_times(client: Client) -> None:
@@ -148,22 +148,22 @@ def test_mission_raw_upload_empty(client: Client) -> None:
 
 
 def test_mission_changed_is_told(port: int, client: Client) -> None:
-    told: list[bool] = []
-    handle = client.mission.subscribe_mission_changed(lambda changed, _: told.append(changed))
+    reported: list[bool] = []
+    handle = client.mission.subscribe_mission_changed(lambda changed, _: reported.append(changed))
     client.mission.upload_mission(long_mission(2))
-    client.await_telemetry("position", lambda _: bool(told))
+    client.await_telemetry("position", lambda _: bool(reported))
     client.mission.unsubscribe_mission_changed(handle)
 
 
 def test_a_cancelled_upload_leaves_the_old_mission_and_a_new_one_works(port: int, client: Client) -> None:
     client.mission.upload_mission(long_mission(3))
     with relay(port, delay_s=0.02) as link, client_at(link.port) as slow:
-        told: list[Any] = []
-        slow.mission.upload_mission_async(long_mission(200), lambda *values: told.append(values))
+        reported: list[Any] = []
+        slow.mission.upload_mission_async(long_mission(200), lambda *values: reported.append(values))
         time.sleep(0.3)
         slow.mission.cancel_mission_upload()
-        slow.await_telemetry("position", lambda _: bool(told))
-        assert told[-1][0].name == "TRANSFER_CANCELLED"
+        slow.await_telemetry("position", lambda _: bool(reported))
+        assert reported[-1][0].name == "TRANSFER_CANCELLED"
         assert len(slow.mission.download_mission()) == 3
         slow.mission.upload_mission(long_mission(4))
         assert len(client.mission.download_mission()) == 4
@@ -172,12 +172,12 @@ def test_a_cancelled_upload_leaves_the_old_mission_and_a_new_one_works(port: int
 def test_a_cancelled_download(port: int, client: Client) -> None:
     client.mission.upload_mission(long_mission(200))
     with relay(port, delay_s=0.02) as link, client_at(link.port) as slow:
-        told: list[Any] = []
-        slow.mission.download_mission_async(lambda *values: told.append(values))
+        reported: list[Any] = []
+        slow.mission.download_mission_async(lambda *values: reported.append(values))
         time.sleep(0.3)
         slow.mission.cancel_mission_download()
-        slow.await_telemetry("position", lambda _: bool(told))
-        assert told[-1][0].name == "TRANSFER_CANCELLED"
+        slow.await_telemetry("position", lambda _: bool(reported))
+        assert reported[-1][0].name == "TRANSFER_CANCELLED"
     # what is asked for twice and comes twice, MAVSDK counts twice
     assert {one.seq for one in client.mission.download_mission()} == set(range(200))
 
@@ -198,7 +198,7 @@ def fresh(client: Client, *names: str) -> Ftp:
 def put(client: Client, files: Ftp, tmp_path: Path, name: str, data: bytes) -> Path:
     source = tmp_path / name
     source.write_bytes(data)
-    assert client.told(files.upload_async, str(source), "/case", within_s=60.0)[-1][0].name == "SUCCESS"
+    assert client.reported(files.upload_async, str(source), "/case", within_s=60.0)[-1][0].name == "SUCCESS"
     return source
 
 
@@ -210,7 +210,7 @@ def check_big_file(client: Client, tmp_path: Path, data: bytes) -> None:
     for is_burst in (False, True):
         folder = tmp_path / str(is_burst)
         folder.mkdir()
-        rows = client.told(files.download_async, "/case/big.bin", str(folder), is_burst, within_s=60.0)
+        rows = client.reported(files.download_async, "/case/big.bin", str(folder), is_burst, within_s=60.0)
         assert rows[-1][0].name == "SUCCESS"
         assert (folder / "big.bin").read_bytes() == data
 
@@ -247,10 +247,10 @@ def test_ftp_stays_inside_its_tree(client: Client, tmp_path: Path) -> None:
     files = fresh(client)
     for path in ("/../secret", "../secret"):
         assert outcome(files.remove_file, path) != "SUCCESS"
-        assert client.told(files.download_async, path, str(tmp_path), False)[-1][0].name != "SUCCESS"
+        assert client.reported(files.download_async, path, str(tmp_path), False)[-1][0].name != "SUCCESS"
     source = tmp_path / "a.txt"
     source.write_bytes(b"x")
-    assert client.told(files.upload_async, str(source), "/../outside")[-1][0].name != "SUCCESS"
+    assert client.reported(files.upload_async, str(source), "/../outside")[-1][0].name != "SUCCESS"
 
 
 # -- the link -----------------------------------------------------------------------------------------------------------
@@ -258,8 +258,8 @@ def test_ftp_stays_inside_its_tree(client: Client, tmp_path: Path) -> None:
 
 def test_mavlink_direct_both_ways(client: Client) -> None:
     direct = client.plugin(MavlinkDirect)
-    told: list[Any] = []
-    handle = direct.subscribe_message("COMMAND_ACK", lambda heard, _: told.append(heard))
+    reported: list[Any] = []
+    handle = direct.subscribe_message("COMMAND_ACK", lambda received, _: reported.append(received))
     fields = '{"command":512,"param1":148,"param2":0,"param3":0,"param4":0,"param5":0,"param6":0,"param7":0,"confirmation":0}'
     direct.send_message(
         MavlinkMessage(
@@ -271,8 +271,8 @@ def test_mavlink_direct_both_ways(client: Client) -> None:
             fields_json=fields,
         )
     )
-    client.await_telemetry("position", lambda _: bool(told))
-    assert '"result":0' in told[0].fields_json.replace(" ", "")
+    client.await_telemetry("position", lambda _: bool(reported))
+    assert '"result":0' in reported[0].fields_json.replace(" ", "")
     direct.unsubscribe_message(handle)
 
 

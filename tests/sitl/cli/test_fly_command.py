@@ -67,7 +67,7 @@ def fly(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, Any, 
 def test_a_mission_leaves_log_report_and_picture_and_is_narrated(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    code, report, told = fly(capsys, "hop", "--out", str(tmp_path), "--seed", "3")
+    code, report, reported = fly(capsys, "hop", "--out", str(tmp_path), "--seed", "3")
     assert code == 0
     assert (report["mission"], report["mission_state"], report["seed"]) == ("hop", "done", 3)
     assert report["tasks"]["hop.down"] == "done"
@@ -75,8 +75,8 @@ def test_a_mission_leaves_log_report_and_picture_and_is_narrated(
     assert report["battery_remaining"] < 1.0
     assert set(report["wall"]) == {"total_s", "setup_s", "flight_s", "simulated_s", "real_time_factor"}
     assert msgspec.json.decode((tmp_path / "report.json").read_bytes()) == report
-    assert "hop.up running" in told
-    assert "mission done" in told
+    assert "hop.up running" in reported
+    assert "mission done" in reported
     assert "<svg" in (tmp_path / "path.svg").read_text()
     with LogReader(tmp_path / "log.mcap") as reader:
         assert reader.is_finished

@@ -12,7 +12,16 @@ from gloc3.errors import Refused
 from gloc3.messages.frames import IDENTITY, GeoPoint, TangentPlane, Vector3
 from gloc3.messages.perception import ImuSample, LaserScan
 from gloc3.messages.vehicle import Image
-from gloc3_sitl.faults.device_faults import CAMERA, LASER, DeviceFault, Exposure, PairExposure, Turn, seen_from, spoilt
+from gloc3_sitl.faults.device_faults import (
+    CAMERA,
+    LASER,
+    DeviceFault,
+    FaultyFrame,
+    FaultyScan,
+    PairExposure,
+    corrupted,
+    seen_from,
+)
 from gloc3_sitl.faults.faults import read_fault, schedule_faults
 from gloc3_sitl.flight.flight import Flight
 from gloc3_sitl.flight.plan import FlightPlan
@@ -34,11 +43,11 @@ SCAN = LaserScan(
 
 
 def picture(word: str) -> Image:
-    return spoilt(Exposure(1.0, IMAGE), DeviceFault(word)).image
+    return corrupted(FaultyFrame(1.0, IMAGE), DeviceFault(word)).image
 
 
 def ranges(word: str, size: float | None = None) -> Any:
-    return np.frombuffer(spoilt(Turn(1.0, SCAN), DeviceFault(word, size)).scan.ranges_m, "<f4")
+    return np.frombuffer(corrupted(FaultyScan(1.0, SCAN), DeviceFault(word, size)).scan.ranges_m, "<f4")
 
 
 def test_pictures_become_black_white_torn_small_or_garbage() -> None:
@@ -49,15 +58,15 @@ def test_pictures_become_black_white_torn_small_or_garbage() -> None:
     assert (small.width, small.height, len(small.data)) == (4, 3, 12)
     assert picture("garbage").data not in (PIXELS, b"")
     assert picture("garbage") == picture("garbage"), "the same at the same time"
-    assert picture("garbage") != spoilt(Exposure(1.1, IMAGE), DeviceFault("garbage")).image
+    assert picture("garbage") != corrupted(FaultyFrame(1.1, IMAGE), DeviceFault("garbage")).image
 
 
 def test_both_sides_of_a_pair_are_spoilt_and_what_is_well_stays() -> None:
     pair = PairExposure(1.0, IMAGE, IMAGE)
-    black = spoilt(pair, DeviceFault("black"))
+    black = corrupted(pair, DeviceFault("black"))
     assert set(black.left.data) == set(black.right.data) == {0}
-    assert spoilt(pair, None) is pair
-    assert spoilt(pair, DeviceFault("late")) is pair
+    assert corrupted(pair, None) is pair
+    assert corrupted(pair, DeviceFault("late")) is pair
 
 
 def test_ranges_become_nothing_the_greatest_no_number_too_long_or_garbage() -> None:
@@ -145,7 +154,7 @@ class Unit:
     def open(self) -> None: ...
     def close(self) -> None: ...
 
-    def on_news(self, ready: Callable[[], None]) -> Callable[[], None]:
+    def on_new_data(self, ready: Callable[[], None]) -> Callable[[], None]:
         return ready
 
     def samples(self, after_s: float) -> list[tuple[float, ImuSample]]:
@@ -158,7 +167,7 @@ class Unit:
 
 
 def test_the_inertial_unit_fails_on_its_way_to_the_onboard_process() -> None:
-    async def felt(word: str) -> tuple[float, ImuSample] | None:
+    async def measured(word: str) -> tuple[float, ImuSample] | None:
         loop = asyncio.get_running_loop()
         imu = SimImu(loop, 1)
         imu.wire(Unit(loop))
@@ -171,11 +180,11 @@ def test_the_inertial_unit_fails_on_its_way_to_the_onboard_process() -> None:
         return (found[-1].t_s - begin_s, found[-1].sample) if found else None
 
     def rate(word: str) -> tuple[float, float]:
-        found = run_virtual(felt(word))
+        found = run_virtual(measured(word))
         assert found is not None
         return round(found[0], 2), found[1].rate_frd_rad_s[0]
 
-    assert run_virtual(felt("lost")) is None
+    assert run_virtual(measured("lost")) is None
     assert rate("stuck") == pytest.approx((1.0, 1.0))
     assert rate("late") == pytest.approx((0.8, 1.8))
     assert rate("old") == pytest.approx((1.0, 1.8))
@@ -205,7 +214,7 @@ def test_devices_fall_silent_get_stuck_come_late_and_recover() -> None:
         laser.open()
         stereo.open()
 
-        async def scan_after(seconds: float) -> Turn:
+        async def scan_after(seconds: float) -> FaultyScan:
             await asyncio.sleep(seconds)
             turn = laser.scan()
             assert turn is not None

@@ -42,9 +42,9 @@ class EmbeddedPx4:
 
     def __init__(self, send: Send) -> None:
         self.texts: list[str] = []
-        self.autopilot: Final = Autopilot(PX4, self._say)
+        self.autopilot: Final = Autopilot(PX4, self._report)
         self._front = Front(self.autopilot)
-        self.hear: Final = self._front.attach(send, LinkKind.COMPANION)
+        self.receive: Final = self._front.attach(send, LinkKind.COMPANION)
         self._fix: MavlinkMessage | None = None
         self._range: MavlinkMessage | None = None
 
@@ -54,9 +54,9 @@ class EmbeddedPx4:
         peer.is_armed = self.autopilot.craft.is_armed
         return list(throttles)
 
-    def _say(self, severity: Severity, text: str) -> None:
+    def _report(self, severity: Severity, text: str) -> None:
         self.texts.append(text)
-        self._front.say(severity, text)
+        self._front.send_text(severity, text)
 
     def _readings(self, peer: Px4Peer) -> list[Reading]:
         now_s, sensor = peer.now_us * 1e-6, peer.sensor
@@ -102,13 +102,13 @@ def fix_reading(fix: MavlinkMessage, t_s: float) -> FixReading:
     )
 
 
-def range_reading(told: MavlinkMessage) -> RangeReading:
+def range_reading(reported: MavlinkMessage) -> RangeReading:
     """DISTANCE_SENSOR; it is known where the sensor sits."""
     return RangeReading(
-        t_s=told.time_boot_ms * 1e-3,
-        distance_m=told.current_distance * 1e-2,
-        is_valid=told.signal_quality != 1,
-        min_m=told.min_distance * 1e-2,
-        max_m=told.max_distance * 1e-2,
+        t_s=reported.time_boot_ms * 1e-3,
+        distance_m=reported.current_distance * 1e-2,
+        is_valid=reported.signal_quality != 1,
+        min_m=reported.min_distance * 1e-2,
+        max_m=reported.max_distance * 1e-2,
         mount_height_m=HeightSensor.mount_height_m,
     )

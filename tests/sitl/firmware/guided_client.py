@@ -17,7 +17,7 @@ EKF_POSITION = 8 | 16
 POSITION_ONLY = 3576
 MODE, ARM, TAKE_OFF, REBOOT, INTERVAL = 176, 400, 22, 246, 511
 STREAMS = {"LOCAL_POSITION_NED": 50_000, "SYSTEM_TIME": 100_000, "EKF_STATUS_REPORT": 200_000}
-PATIENCE_S = 250.0
+TIMEOUT_S = 250.0
 """A computer that is busy simulates slower than real time."""
 
 
@@ -28,7 +28,7 @@ class GuidedClient:
         self._parser = Parser(is_datagram=True)
         self._encoder = Encoder(255, 190)
         self._endpoint: Endpoint
-        self._news = asyncio.Event()
+        self._reports = asyncio.Event()
         self._beating: asyncio.Task[None]
 
     async def __aenter__(self) -> Self:
@@ -54,7 +54,7 @@ class GuidedClient:
                 self.latest[message.name] = message
                 if message.name == "STATUSTEXT":
                     self.texts.append(str(message.text))
-        self._news.set()
+        self._reports.set()
 
     async def _beat(self) -> None:
         while True:
@@ -64,12 +64,12 @@ class GuidedClient:
     def send(self, name: str, **fields: Any) -> None:
         self._endpoint.send(self._encoder.encode(codec.message(name, **fields)))
 
-    async def until(self, is_it: Callable[[], bool], what: str, within_s: float = PATIENCE_S) -> None:
+    async def until(self, is_it: Callable[[], bool], what: str, within_s: float = TIMEOUT_S) -> None:
         try:
             async with asyncio.timeout(within_s):
                 while not is_it():
-                    self._news.clear()
-                    await self._news.wait()
+                    self._reports.clear()
+                    await self._reports.wait()
         except TimeoutError:
             raise AssertionError(f"not within {within_s} s: {what}; it said {list(self.texts)}") from None
 

@@ -17,7 +17,7 @@ from gloc3_sitl.firmware.px4 import RATE_HZ, Px4Bridge
 from gloc3_sitl.world import World
 
 PERIOD_S: Final = 0.02
-PATIENCE_S: Final = 10.0
+TIMEOUT_S: Final = 10.0
 
 
 class Px4InStep:
@@ -51,15 +51,15 @@ class Px4InStep:
         self.autopilot = EmbeddedPx4(self._end.send)
         for name, value in self._parameters.items():
             self.autopilot.autopilot.parameters.set(name, value)
-        self._end.on_data = self.autopilot.hear
+        self._end.on_data = self.autopilot.receive
         self.peer = Px4Peer(control=self.autopilot)
-        self._px4 = socket.create_connection(self._listener.getsockname(), PATIENCE_S)
+        self._px4 = socket.create_connection(self._listener.getsockname(), TIMEOUT_S)
         self._ours, _ = self._listener.accept()
         for end in (self._px4, self._ours):
-            end.settimeout(PATIENCE_S)
+            end.settimeout(TIMEOUT_S)
             end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.bridge.connected()
-        self._px4.sendall(self.peer.greet())
+        self._px4.sendall(self.peer.send_hello())
         self.bridge.receive(self._ours.recv(4096))
         self._begin_s = self._loop.time()
         self._is_on = True

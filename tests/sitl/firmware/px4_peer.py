@@ -35,10 +35,10 @@ class Px4Peer:
         self._parser = Parser()
         self._encoder = Encoder(1, 1)
 
-    def greet(self) -> bytes:
+    def send_hello(self) -> bytes:
         heartbeat = codec.message("HEARTBEAT", autopilot=12)
-        wish = codec.message("COMMAND_LONG", command=511, param1=115, param2=5e3)
-        return self._encoder.encode(heartbeat) + self._encoder.encode(wish)
+        wanted = codec.message("COMMAND_LONG", command=511, param1=115, param2=5e3)
+        return self._encoder.encode(heartbeat) + self._encoder.encode(wanted)
 
     def take(self, data: bytes) -> bytes:
         """Reads what has come; what it answers."""

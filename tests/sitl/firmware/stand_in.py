@@ -16,15 +16,15 @@ from pathlib import Path
 
 def main(words: list[str]) -> None:
     kind, *arguments = words
-    told = {name: value for name, value in os.environ.items() if name.startswith("PX4_")}
-    Path("told.json").write_text(json.dumps({"arguments": arguments, "environment": told}))
+    reported = {name: value for name, value in os.environ.items() if name.startswith("PX4_")}
+    Path("told.json").write_text(json.dumps({"arguments": arguments, "environment": reported}))
     signal.signal(signal.SIGTERM, signal.SIG_IGN if kind == "px4" else signal.SIG_DFL)
     if kind == "ardupilot":
         given = dict(zip(arguments[::2], arguments[1::2], strict=True))
         ardupilot(int(given["--sim-port-out"]), int(given["--serial0"].rpartition(":")[2]))
     elif kind == "px4":
         named = "PX4_PARAM_"
-        values = {name.removeprefix(named): float(value) for name, value in told.items() if name.startswith(named)}
+        values = {name.removeprefix(named): float(value) for name, value in reported.items() if name.startswith(named)}
         px4(int(arguments[arguments.index("-i") + 1]), values)
     else:
         sys.exit("stand-in: Failed to find location")
@@ -73,11 +73,11 @@ def px4(instance: int, parameters: dict[str, float]) -> None:
         for name in parameters.keys() & store.rows.keys():
             store.set(name, parameters[name])
         peer = Px4Peer(control=autopilot)
-        link.sendall(peer.greet())
+        link.sendall(peer.send_hello())
         while data := link.recv(4096):
             with suppress(BlockingIOError, ConnectionRefusedError):
                 while True:
-                    autopilot.hear(line.recv(2048))
+                    autopilot.receive(line.recv(2048))
             link.sendall(peer.take(data))
 
 

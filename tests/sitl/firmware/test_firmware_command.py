@@ -76,8 +76,8 @@ async def test_ardupilot_is_started_with_its_parameters_links_and_home_and_ended
         )
     )
     assert code == 0
-    told = json.loads((tmp_path / "firmware" / "told.json").read_text())["arguments"]
-    given = dict(zip(told[::2], told[1::2], strict=True))
+    reported = json.loads((tmp_path / "firmware" / "told.json").read_text())["arguments"]
+    given = dict(zip(reported[::2], reported[1::2], strict=True))
     assert given["--model"] == "JSON:127.0.0.1"
     assert given["--home"].startswith("47.")
     assert given["--serial0"] == "udpclient:127.0.0.1:14999"
@@ -90,9 +90,9 @@ async def test_ardupilot_is_started_with_its_parameters_links_and_home_and_ended
     assert read[1]["VISO_TYPE"] == 1.0
     assert read[2] == {"WPNAV_SPEED": 200.0}
     assert not (tmp_path / "firmware" / "eeprom.bin").exists()
-    said = capsys.readouterr().err
-    assert "ArduPilot is there; it keeps the time" in said
-    assert "s of simulated time" in said
+    text = capsys.readouterr().err
+    assert "ArduPilot is there; it keeps the time" in text
+    assert "s of simulated time" in text
 
 
 @pytest.mark.sockets
@@ -101,9 +101,9 @@ async def test_px4_is_started_with_its_parameters_and_flies_in_lock_step(tmp_pat
         options("px4", binary=program(tmp_path, "px4"), parameters={"NAV_DLL_ACT": 0.0}, out=tmp_path, no_gps=True)
     )
     assert code == 0
-    told = json.loads((tmp_path / "firmware" / "told.json").read_text())
-    assert told["arguments"][:3] == ["-d", "-i", str(PX4_PORT - 4560)]
-    environment = told["environment"]
+    reported = json.loads((tmp_path / "firmware" / "told.json").read_text())
+    assert reported["arguments"][:3] == ["-d", "-i", str(PX4_PORT - 4560)]
+    environment = reported["environment"]
     assert environment["PX4_SIM_HOST_ADDR"] == "127.0.0.1"
     assert environment["PX4_PARAM_CA_ROTOR_COUNT"] == "4"
     assert environment["PX4_PARAM_EKF2_GPS_CTRL"] == "0"
@@ -172,7 +172,7 @@ async def test_a_px4_that_is_gone_may_come_again_and_a_second_one_is_turned_away
     for _ in range(2):
         peer = Px4Peer()
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
-        writer.write(peer.greet())
+        writer.write(peer.send_hello())
         while peer.now_us < 200_000:
             writer.write(peer.take(await reader.read(4096)))
         second, other = await asyncio.open_connection("127.0.0.1", port)

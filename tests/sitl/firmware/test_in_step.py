@@ -29,18 +29,18 @@ def test_time_goes_on_only_when_it_is_asked_to_and_the_link_goes_both_ways(
 ) -> None:
     flown = made(tmp_path, monkeypatch)
     try:
-        heard: list[bytes] = []
-        tell = flown.attach(heard.append)
+        received: list[bytes] = []
+        report = flown.attach(received.append)
         flown.advance(1.0)
         assert flown.truth().t_s == 1.0
         flown.advance(1.0)
         assert flown.truth().t_s == 1.0
-        assert 1 <= len(heard) <= 2  # the second may be on its way
-        tell(b"and back")
+        assert 1 <= len(received) <= 2  # the second may be on its way
+        report(b"and back")
         flown.advance(2.5)
         assert flown.truth().t_s == 2.5
-        assert heard.count(b"and back") == 1
-        assert len(heard) == 4
+        assert received.count(b"and back") == 1
+        assert len(received) == 4
     finally:
         flown.stop()
     assert (tmp_path / "firmware" / "ardupilot_pelican.parm").exists()

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from tests.sitl.firmware.json_peer import JsonPeer
 
 from gloc3.errors import Misuse
-from gloc3_sitl.firmware.json_wire import Servos, State, read_servos, state_text
+from gloc3_sitl.firmware.json_wire import JsonState, Servos, read_servos, state_text
 
 FAR = st.floats(-5e3, 5e3)
 NEAR = st.floats(-200.0, 200.0)
@@ -50,7 +50,7 @@ def test_the_firmwares_scanner_reads_what_is_written(
     range_m: float | None,
 ) -> None:
     peer = JsonPeer()
-    assert peer.take(state_text(State(t_s, rate, force, position, attitude, velocity, range_m)))
+    assert peer.take(state_text(JsonState(t_s, rate, force, position, attitude, velocity, range_m)))
     read = peer.state
     assert read["timestamp"][0] == pytest.approx(t_s, abs=1e-6)
     assert read["gyro"] == pytest.approx(rate, abs=1e-6)
@@ -64,4 +64,4 @@ def test_the_firmwares_scanner_reads_what_is_written(
 def test_what_is_no_number_never_leaves() -> None:
     zero = (0.0, 0.0, 0.0)
     with pytest.raises(Misuse, match="no number"):
-        state_text(State(1.0, zero, zero, (0.0, float("nan"), 0.0), (1.0, 0.0, 0.0, 0.0), zero))
+        state_text(JsonState(1.0, zero, zero, (0.0, float("nan"), 0.0), (1.0, 0.0, 0.0, 0.0), zero))

@@ -17,7 +17,7 @@ def make(**settings: object) -> tuple[Px4Bridge, SensedBody]:
 
 
 def run(bridge: Px4Bridge, peer: Px4Peer, steps: int) -> None:
-    bridge.receive(peer.greet())
+    bridge.receive(peer.send_hello())
     for _ in range(steps):
         assert bridge.is_due
         bridge.receive(peer.take(bridge.step()))
@@ -26,7 +26,7 @@ def run(bridge: Px4Bridge, peer: Px4Peer, steps: int) -> None:
 def test_time_runs_freely_until_px4_answers_and_then_waits_for_each_answer() -> None:
     bridge, body = make()
     peer = Px4Peer(boot_steps=10)
-    bridge.receive(peer.greet())
+    bridge.receive(peer.send_hello())
     for _ in range(10):
         assert bridge.is_due
         assert peer.take(bridge.step()) == b""

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 from tests.commands.programs import program
-from tests.sitl.firmware.test_firmware_command import program as stand_in
+from tests.sitl.firmware.test_firmware_command import program as placeholder
 
 from gloc3.log.reader import LogReader
 
@@ -29,7 +29,7 @@ tasks:
 @pytest.mark.thorough
 def test_a_mission_is_flown_on_the_bridge_by_the_programs_of_a_user(tmp_path: Path) -> None:
     (tmp_path / "mission.yaml").write_text(MISSION)
-    vehicle = ["--firmware-binary", str(stand_in(tmp_path, "px4")), "--firmware-port", str(4560 + INSTANCE)]
+    vehicle = ["--firmware-binary", str(placeholder(tmp_path, "px4")), "--firmware-port", str(4560 + INSTANCE)]
     vehicle += ["--world", "open", f"--home={PLACE}", "--param", "COM_LOW_BAT_ACT=0", "--out", "sitl"]
     companion = ["--autopilot", f"udpin://127.0.0.1:{14540 + INSTANCE}", "--station", f"udpout://127.0.0.1:{STATION}"]
     ground = ["--headless", "--mission", "mission.yaml", "--link", f"udpin://127.0.0.1:{STATION}"]

@@ -8,23 +8,23 @@ import pytest
 
 from gloc3.evaluation.requested_path import RequestedFlight
 from gloc3.messages.frames import Vector3
-from gloc3_sitl.flight.path_error import Sample
+from gloc3_sitl.flight.path_error import TruthSample
 from gloc3_sitl.flight.report import FlightReport, as_json, as_lines, judge
 
 WAY: list[Vector3] = [(0.0, 0.0, -2.0), (10.0, 0.0, -2.0), (10.0, 5.0, -2.0)]
 SPEED_M_S = 0.5
 
 
-def fly(points: list[Vector3], begin_s: float, speed_m_s: float = SPEED_M_S) -> list[Sample]:
+def fly(points: list[Vector3], begin_s: float, speed_m_s: float = SPEED_M_S) -> list[TruthSample]:
     """Positions at 10 Hz along straight lines."""
     samples, t_s = [], begin_s
     for a, b in itertools.pairwise(points):
         steps = round(math.dist(a, b) / speed_m_s * 10)
         for step in range(steps):
             n, e, d = (p + (q - p) * step / steps for p, q in zip(a, b, strict=True))
-            samples.append(Sample(t_s, (n, e, d)))
+            samples.append(TruthSample(t_s, (n, e, d)))
             t_s += 0.1
-    return [*samples, Sample(t_s, points[-1])]
+    return [*samples, TruthSample(t_s, points[-1])]
 
 
 def requested(begin_s: float, end_s: float | None, way: list[Vector3] = WAY) -> RequestedFlight:

@@ -4,21 +4,21 @@ import itertools
 import math
 
 from gloc3.messages.frames import Vector3
-from gloc3_sitl.flight.path_error import PathResult, Sample, path_error
+from gloc3_sitl.flight.path_error import PathResult, TruthSample, path_error
 
 SQUARE: list[Vector3] = [(0.0, 0.0, -2.0), (10.0, 0.0, -2.0), (10.0, 10.0, -2.0), (0.0, 10.0, -2.0)]
 
 
-def fly(points: list[Vector3], speed_m_s: float = 0.5) -> list[Sample]:
+def fly(points: list[Vector3], speed_m_s: float = 0.5) -> list[TruthSample]:
     samples, t_s = [], 0.0
     for a, b in itertools.pairwise(points):
         steps = max(1, round(math.dist(a, b) / speed_m_s * 10))
         for step in range(steps):
             share = step / steps
             x, y, z = (p + (q - p) * share for p, q in zip(a, b, strict=True))
-            samples.append(Sample(t_s, (x, y, z)))
+            samples.append(TruthSample(t_s, (x, y, z)))
             t_s += 0.1
-    return [*samples, Sample(t_s, points[-1])]
+    return [*samples, TruthSample(t_s, points[-1])]
 
 
 def judge(points: list[Vector3], **kwargs: float) -> PathResult:
@@ -40,7 +40,7 @@ def test_a_flight_beside_the_way_shows_its_distance() -> None:
 
 
 def test_a_flight_that_hovers_is_red() -> None:
-    result = path_error([Sample(0.1 * i, SQUARE[0]) for i in range(600)], SQUARE)
+    result = path_error([TruthSample(0.1 * i, SQUARE[0]) for i in range(600)], SQUARE)
     assert result.passed == 0
     assert result.slowest_m_s == 0.0
 

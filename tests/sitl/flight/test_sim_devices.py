@@ -13,7 +13,7 @@ from gloc3_sitl.flight.sim_rig import SIM_DEVICES, SimRig
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.vehicles.simulator import Simulator, SimulatorSettings
 from gloc3_sitl.world import World, rig
-from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.camera import SimulatedCamera
 from gloc3_sitl.world.imager import Photo
 
 pytestmark = pytest.mark.thorough
@@ -36,14 +36,14 @@ def test_a_stereo_pair_comes_at_15_hz_from_one_instant() -> None:
     async def test(sims: SimRig, simulator: Simulator) -> None:
         stereo = sims.devices["stereo_camera"]
         assert isinstance(stereo, SimStereoCamera)
-        news: list[float] = []
-        unwatch = stereo.on_news(lambda: news.append(asyncio.get_running_loop().time()))
+        reports: list[float] = []
+        unwatch = stereo.on_new_data(lambda: reports.append(asyncio.get_running_loop().time()))
         stereo.open()
         assert stereo.pair() is None
         times = []
         for _ in range(6):
-            count = len(news)
-            while len(news) == count:
+            count = len(reports)
+            while len(reports) == count:
                 await asyncio.sleep(0.005)
             pair = stereo.pair()
             assert pair is not None
@@ -55,11 +55,11 @@ def test_a_stereo_pair_comes_at_15_hz_from_one_instant() -> None:
         stereo.close()
         steps = np.diff(times)
         assert steps.mean() == pytest.approx(1.0 / 15.0, abs=0.005)
-        assert news[1] - news[0] == pytest.approx(1.0 / 15.0, abs=1e-6)
+        assert reports[1] - reports[0] == pytest.approx(1.0 / 15.0, abs=1e-6)
         assert max(abs(steps - 1.0 / 15.0)) <= 0.02 + 1e-6, "the physics moves on in steps of 20 ms"
-        count = len(news)
+        count = len(reports)
         await asyncio.sleep(1.0)
-        assert len(news) == count
+        assert len(reports) == count
 
     run(test)
 
@@ -71,16 +71,16 @@ def test_all_devices_give_what_they_are_named_for() -> None:
         assert isinstance(laser, SimLaser)
         assert isinstance(ground, SimCamera)
         assert isinstance(tracker, SimCamera)
-        news = {"laser": 0, "ground": 0, "tracker": 0}
+        reports = {"laser": 0, "ground": 0, "tracker": 0}
 
         def counter(name: str) -> Callable[[], None]:
             def count() -> None:
-                news[name] += 1
+                reports[name] += 1
 
             return count
 
         for device, name in ((laser, "laser"), (ground, "ground"), (tracker, "tracker")):
-            device.on_news(counter(name))
+            device.on_new_data(counter(name))
             device.open()
         await asyncio.sleep(0.35)
         turn, frame, seen = laser.scan(), ground.frame(), tracker.frame()
@@ -94,20 +94,20 @@ def test_all_devices_give_what_they_are_named_for() -> None:
         assert sims.model("front_left") == rig.FRONT_LEFT
         assert sims.model("nose") is None
         await asyncio.sleep(0.67)
-        assert news == {"laser": 10, "ground": 15, "tracker": 15}, "in 1.02 s"
+        assert reports == {"laser": 10, "ground": 15, "tracker": 15}, "in 1.02 s"
 
     run(test)
 
 
 def test_nothing_is_drawn_before_somebody_opens_a_device_and_asks(monkeypatch: pytest.MonkeyPatch) -> None:
-    taken: list[str] = []
-    capture = Camera.capture
+    used: list[str] = []
+    capture = SimulatedCamera.capture
 
-    def note(camera: Camera, truth: Truth) -> Photo:
-        taken.append(camera.imager.name)
+    def note(camera: SimulatedCamera, truth: Truth) -> Photo:
+        used.append(camera.imager.name)
         return capture(camera, truth)
 
-    monkeypatch.setattr(Camera, "capture", note)
+    monkeypatch.setattr(SimulatedCamera, "capture", note)
 
     async def test(sims: SimRig, simulator: Simulator) -> None:
         stereo, ground = sims.devices["stereo_camera"], sims.devices["ground_camera"]
@@ -118,9 +118,9 @@ def test_nothing_is_drawn_before_somebody_opens_a_device_and_asks(monkeypatch: p
         assert ground.frame() is None
         stereo.open()
         await asyncio.sleep(1.0)
-        assert taken == [], "open, but not asked"
+        assert used == [], "open, but not asked"
         stereo.pair()
-        assert taken == ["front_left", "front_right"]
+        assert used == ["front_left", "front_right"]
 
     run(test)
 

@@ -37,11 +37,11 @@ def test_near_the_ground_an_updraught_is_over_in_a_second() -> None:
 def test_the_same_wind_blows_on_a_hill_as_at_the_sea() -> None:
     def wind(altitude_m: float) -> list[Vector3]:
         vehicle = Quadrotor("pelican", GeoPoint(63.44, 10.4, altitude_m), gusty(6.0, 270.0), seed=2)
-        felt = []
+        measured = []
         for _ in range(100):
             vehicle.step((0.0, 0.0, 0.0, 0.0))
-            felt.append(vehicle.truth().wind_ned_m_s)
-        return felt
+            measured.append(vehicle.truth().wind_ned_m_s)
+        return measured
 
     for low, high in zip(wind(2.0), wind(488.0), strict=True):
         assert low == pytest.approx(high, abs=0.01)

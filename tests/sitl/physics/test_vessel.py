@@ -28,10 +28,10 @@ def run(vehicle: Vessel, left: float, right: float, seconds: float, see: Callabl
 
 
 def test_its_masses_and_draught_are_those_of_the_marine_systems_simulator() -> None:
-    facts = hydrodynamics(OTTER)
-    assert facts.draught_m == pytest.approx(0.195, abs=0.001)
-    assert (facts.surge_kg, facts.sway_kg) == pytest.approx((85.5, 162.5))
-    assert facts.yaw_kg_m2 == pytest.approx(42.65, abs=0.05)
+    snapshot = hydrodynamics(OTTER)
+    assert snapshot.draught_m == pytest.approx(0.195, abs=0.001)
+    assert (snapshot.surge_kg, snapshot.sway_kg) == pytest.approx((85.5, 162.5))
+    assert snapshot.yaw_kg_m2 == pytest.approx(42.65, abs=0.05)
 
 
 def test_at_full_thrust_it_runs_six_knots_and_comes_to_rest_when_its_propellers_stop() -> None:

@@ -21,7 +21,7 @@ SEEDS = range(60)
 
 
 def test_the_imu_has_white_noise_of_its_density_and_a_constant_bias(still: Still) -> None:
-    sensor, truth = imu.Imu(1), still()
+    sensor, truth = imu.SimulatedImu(1), still()
     samples = [sensor.measure(truth, i / 200) for i in range(3000)]
     for axis, at_rest in enumerate((0.0, 0.0, -9.8)):
         forces = [sample.specific_force_frd_m_s2[axis] - at_rest for sample in samples]
@@ -33,7 +33,7 @@ def test_the_imu_has_white_noise_of_its_density_and_a_constant_bias(still: Still
 
 
 def test_imu_biases_of_many_units_scatter_as_stated() -> None:
-    units = [imu.Imu(seed) for seed in SEEDS]
+    units = [imu.SimulatedImu(seed) for seed in SEEDS]
     forces = [bias for unit in units for bias in unit.force_bias_m_s2]
     rates = [bias for unit in units for bias in unit.rate_bias_rad_s]
     assert stdev(forces) == pytest.approx(imu.ACCELEROMETER_BIAS_M_S2, rel=0.2)

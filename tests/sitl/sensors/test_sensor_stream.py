@@ -113,10 +113,10 @@ async def test_a_stream_that_breaks_or_is_damaged_is_opened_anew() -> None:
 
 
 async def test_a_picture_whose_time_is_not_known_yet_is_dropped() -> None:
-    asked: list[float] = []
+    requested: list[float] = []
 
     def unknown(boot_s: float) -> None:
-        asked.append(boot_s)
+        requested.append(boot_s)
 
     async def serve(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         writer.write(encode(GreyFrame(5_000_000, "x", 4, 2, bytes(8))))
@@ -127,7 +127,7 @@ async def test_a_picture_whose_time_is_not_known_yet_is_dropped() -> None:
     camera = StreamCamera("belly", ("127.0.0.1", server.sockets[0].getsockname()[1]), unknown)
     camera.open()
     try:
-        await until(lambda: bool(asked))
+        await until(lambda: bool(requested))
     finally:
         camera.close()
         server.close()
@@ -135,7 +135,7 @@ async def test_a_picture_whose_time_is_not_known_yet_is_dropped() -> None:
 
 
 async def test_a_camera_port_that_is_taken_is_refused() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
+    with socket.create_server(("127.0.0.1", 0)) as used:
         server = SensorServer(Simulator(World.load("hold")), asyncio.get_running_loop(), 0)
         with pytest.raises(Refused, match="in use by another program"):
-            await server.open(taken.getsockname()[1])
+            await server.open(used.getsockname()[1])

@@ -164,8 +164,8 @@ def test_a_scaled_height_is_too_much_and_nothing_else_can_be_scaled(still: Still
     suite = SensorSuite(1, home)
     sound = only(RangeReading, run(suite, still(), 1.0))
     suite.fail("height", "scaled", 9.0)
-    told = only(RangeReading, run(suite, still(), 1.0, start_s=1.0))
-    assert mean(reading.distance_m for reading in told) == pytest.approx(
+    reported = only(RangeReading, run(suite, still(), 1.0, start_s=1.0))
+    assert mean(reading.distance_m for reading in reported) == pytest.approx(
         10.0 * mean(reading.distance_m for reading in sound), rel=0.2
     )
     suite.fail("imu", "scaled")

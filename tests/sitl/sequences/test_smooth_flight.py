@@ -35,10 +35,10 @@ def test_what_an_inertial_unit_feels_leads_back_to_the_same_way() -> None:
     attitude, speed = start.attitude_wxyz, np.array(start.velocity_ned_m_s)
     place = np.array(HOLD.frame.to_ned(flight.place_m(0.0)))
     for number in range(3000):
-        felt = flight.truth((number + 0.5) * step_s)
-        half, whole = (tuple(rate * share * step_s for rate in felt.rate_frd_rad_s) for share in (0.5, 1.0))
+        measured = flight.truth((number + 0.5) * step_s)
+        half, whole = (tuple(rate * share * step_s for rate in measured.rate_frd_rad_s) for share in (0.5, 1.0))
         middle = multiply(attitude, from_rotation_vector((half[0], half[1], half[2])))
-        acceleration = np.array(rotate(middle, felt.specific_force_frd_m_s2)) + GRAVITY_M_S2
+        acceleration = np.array(rotate(middle, measured.specific_force_frd_m_s2)) + GRAVITY_M_S2
         place += speed * step_s + acceleration * step_s**2 / 2.0
         speed += acceleration * step_s
         attitude = multiply(attitude, from_rotation_vector((whole[0], whole[1], whole[2])))

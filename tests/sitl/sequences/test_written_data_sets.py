@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gloc3.errors import Refused
 from gloc3_onboard.cli.odometry_ground import ground as odometry
 from gloc3_onboard.cli.odometry_report import ReportOptions
-from gloc3_sitl.cli.record import Form, lap, record
+from gloc3_sitl.cli.record import DataSetFormat, lap, record
 from gloc3_sitl.sequences.carmen import write_carmen
 from gloc3_sitl.sequences.euroc import write_euroc
 from gloc3_sitl.sequences.kitti import write_kitti
@@ -62,9 +62,9 @@ def test_euroc_truth_extrinsics_and_lenses_put_the_tag_where_both_pictures_show_
     assert write_euroc(tmp_path, HOLD, TO_THE_TAG.truth, 2.0, rate_hz=2.0) == 5
     top = tmp_path / "mav0"
     truth = np.loadtxt(top / "state_groundtruth_estimate0" / "data.csv", delimiter=",", comments="#")
-    felt = np.loadtxt(top / "imu0" / "data.csv", delimiter=",", comments="#")
-    assert len(truth) == len(felt) == 401
-    assert felt[0, 4] == pytest.approx(9.8, abs=0.15), "its x axis looks up"
+    measured = np.loadtxt(top / "imu0" / "data.csv", delimiter=",", comments="#")
+    assert len(truth) == len(measured) == 401
+    assert measured[0, 4] == pytest.approx(9.8, abs=0.15), "its x axis looks up"
     for name in ("cam0", "cam1"):
         text = (top / name / "sensor.yaml").read_text().replace("%YAML:1.0", "")
         sensor = yaml.safe_load(text)
@@ -114,7 +114,7 @@ def test_the_ground_odometer_finds_the_way_of_a_ground_data_set(
 ) -> None:
     folder = tmp_path / "floor"
     way = ["5,1,1.5", "9,1,1.5"]
-    assert record(Form.GROUND, folder, way=way, speed=0.8, rate=8.0, seconds=5.0) == 0
+    assert record(DataSetFormat.GROUND, folder, way=way, speed=0.8, rate=8.0, seconds=5.0) == 0
     assert odometry(folder, options=ReportOptions(truth=folder / "truth.txt", json=True), slant=True) == 0
     found = msgspec.json.decode(capsys.readouterr().out)
     assert (found["run"]["inputs"], found["run"]["valid"]) == (41, 40)
@@ -125,23 +125,23 @@ def test_the_ground_odometer_finds_the_way_of_a_ground_data_set(
 
 
 def test_the_command_writes_each_form_and_refuses_what_makes_no_sense(tmp_path: Path) -> None:
-    assert record(Form.KITTI, tmp_path / "k", seconds=0.1) == 0
-    assert record(Form.EUROC, tmp_path / "e", seconds=0.1, world="tank") == 0
-    assert record(Form.CARMEN, tmp_path / "c.log", seconds=0.5, world="corridor") == 0
+    assert record(DataSetFormat.KITTI, tmp_path / "k", seconds=0.1) == 0
+    assert record(DataSetFormat.EUROC, tmp_path / "e", seconds=0.1, world="tank") == 0
+    assert record(DataSetFormat.CARMEN, tmp_path / "c.log", seconds=0.5, world="corridor") == 0
     assert len(list((tmp_path / "k" / "image_1").glob("*.png"))) == 2
     assert len(list((tmp_path / "e" / "mav0" / "cam1" / "data").glob("*.png"))) == 2
     with pytest.raises(Refused, match="is there already"):
-        record(Form.KITTI, tmp_path / "k", seconds=0.1)
+        record(DataSetFormat.KITTI, tmp_path / "k", seconds=0.1)
     with pytest.raises(Refused, match="is there already"):
-        record(Form.CARMEN, tmp_path / "c.log", seconds=0.1)
+        record(DataSetFormat.CARMEN, tmp_path / "c.log", seconds=0.1)
     with pytest.raises(Refused, match=r"the way comes within 0.\d\d m of something"):
-        record(Form.KITTI, tmp_path / "x", way=["16,5,1.5", "16,12.5,1.5"])
+        record(DataSetFormat.KITTI, tmp_path / "x", way=["16,5,1.5", "16,12.5,1.5"])
     with pytest.raises(Refused, match=r"the way takes [0-9]+ s; say with --seconds"):
-        record(Form.KITTI, tmp_path / "x", way=["1,1,1.5", "18,9,1.5"], speed=0.005)
+        record(DataSetFormat.KITTI, tmp_path / "x", way=["1,1,1.5", "18,9,1.5"], speed=0.005)
     with pytest.raises(Refused, match="must be X,Y,HEIGHT"):
-        record(Form.KITTI, tmp_path / "x", way=["16,5"])
+        record(DataSetFormat.KITTI, tmp_path / "x", way=["16,5"])
     with pytest.raises(Refused, match="--speed"):
-        record(Form.KITTI, tmp_path / "x", speed=0.0)
+        record(DataSetFormat.KITTI, tmp_path / "x", speed=0.0)
     assert not (tmp_path / "x").exists()
 
 

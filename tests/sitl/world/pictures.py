@@ -9,7 +9,7 @@ from gloc3.camera.model import CameraModel, Lens
 from gloc3.messages.frames import rotate
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world import World
-from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.camera import SimulatedCamera
 from gloc3_sitl.world.imager import Imager
 from gloc3_sitl.world.texture import Image, paint
 
@@ -59,7 +59,7 @@ def looks(model: CameraModel) -> Floats:
     return np.column_stack([flat.reshape(-1, 2), np.ones(len(pixels))])
 
 
-def fore_wall_by_hand(camera: Camera, truth: Truth) -> Image:
+def fore_wall_by_hand(camera: SimulatedCamera, truth: Truth) -> Image:
     """The hold's fore bulkhead as each pixel's own ray meets it, without homographies: what the picture must be."""
     world, model = camera.world, camera.model
     local_from_rdf, eye = camera.pose(truth)

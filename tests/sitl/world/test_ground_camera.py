@@ -10,7 +10,7 @@ import pytest
 from gloc3.messages.frames import Vector3
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world import World
-from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.camera import SimulatedCamera
 from gloc3_sitl.world.imager import Imager
 from gloc3_sitl.world.rig import GROUND, GROUND_IMAGER
 from gloc3_sitl.world.texture import Image
@@ -27,8 +27,8 @@ def hold() -> World:
 
 
 @pytest.fixture(scope="module")
-def camera(hold: World) -> Camera:
-    return Camera(hold, GROUND, GROUND_IMAGER)
+def camera(hold: World) -> SimulatedCamera:
+    return SimulatedCamera(hold, GROUND, GROUND_IMAGER)
 
 
 def find_tag(picture: Image) -> tuple[int, list[tuple[float, float]]] | None:
@@ -57,7 +57,7 @@ VIEWS: list[tuple[Vector3, Vector3]] = [
 
 @pytest.mark.parametrize(("position_m", "euler_rad"), VIEWS)
 def test_the_tag_is_seen_where_the_truth_says(
-    hold: World, camera: Camera, truth_at: TruthAt, position_m: Vector3, euler_rad: Vector3
+    hold: World, camera: SimulatedCamera, truth_at: TruthAt, position_m: Vector3, euler_rad: Vector3
 ) -> None:
     truth = truth_at(hold, position_m, euler_rad)
     assert camera.marker_in_view(truth)
@@ -74,14 +74,16 @@ def test_the_tag_is_seen_where_the_truth_says(
     [((2.0, 1.0, 2.0), (0.0, 0.0, 0.0)), ((10.0, 1.0, 0.3), (0.0, 0.0, 0.0)), ((10.0, 1.0, 3.0), (1.2, 0.0, 0.0))],
 )
 def test_no_tag_is_seen_where_the_truth_says_none_is(
-    hold: World, camera: Camera, truth_at: TruthAt, position_m: Vector3, euler_rad: Vector3
+    hold: World, camera: SimulatedCamera, truth_at: TruthAt, position_m: Vector3, euler_rad: Vector3
 ) -> None:
     truth = truth_at(hold, position_m, euler_rad)
     assert not camera.marker_in_view(truth)
     assert find_tag(camera.capture(truth).pixels) is None
 
 
-def test_the_predicate_and_the_detector_agree_along_a_flight(hold: World, camera: Camera, truth_at: TruthAt) -> None:
+def test_the_predicate_and_the_detector_agree_along_a_flight(
+    hold: World, camera: SimulatedCamera, truth_at: TruthAt
+) -> None:
     seen = []
     for step in range(40):
         truth = truth_at(hold, (6.0 + 0.2 * step, 1.2, 2.0), (0.02, -0.03, 0.1))
@@ -94,7 +96,7 @@ def test_the_predicate_and_the_detector_agree_along_a_flight(hold: World, camera
 
 
 def test_the_picture_s_top_is_ahead_and_its_right_is_to_the_right(
-    hold: World, camera: Camera, truth_at: TruthAt
+    hold: World, camera: SimulatedCamera, truth_at: TruthAt
 ) -> None:
     truth = truth_at(hold, (5.0, 5.0, 2.0))
     middle = camera.project(truth, (5.0, 5.0, 0.0))
@@ -111,7 +113,7 @@ def test_the_picture_s_top_is_ahead_and_its_right_is_to_the_right(
 def test_a_step_sideways_moves_the_picture_by_as_much_as_geometry_says(hold: World, truth_at: TruthAt) -> None:
     import cv2
 
-    camera = Camera(hold, GROUND, CLEAN)
+    camera = SimulatedCamera(hold, GROUND, CLEAN)
     first = camera.capture(truth_at(hold, (5.0, 5.0, 4.0))).pixels.astype(np.float32)
     second = camera.capture(truth_at(hold, (5.3, 5.1, 4.0))).pixels.astype(np.float32)
     (across, down), _ = cv2.phaseCorrelate(first, second, cv2.createHanningWindow((640, 480), cv2.CV_32F))
@@ -122,7 +124,8 @@ def test_a_step_sideways_moves_the_picture_by_as_much_as_geometry_says(hold: Wor
 def test_pictures_have_texture_everywhere_and_noise_of_the_stated_strength(hold: World, truth_at: TruthAt) -> None:
     truth = truth_at(hold, (16.0, 9.0, 3.0))
     noisy, clean = (
-        Camera(hold, GROUND, Imager(name="ground", noise_grey=grey)).capture(truth).pixels for grey in (3.0, 0.0)
+        SimulatedCamera(hold, GROUND, Imager(name="ground", noise_grey=grey)).capture(truth).pixels
+        for grey in (3.0, 0.0)
     )
     assert float((noisy.astype(int) - clean).std()) == pytest.approx(3.0, rel=0.05)
     blocks = clean.reshape(6, 80, 8, 80).std(axis=(1, 3))
@@ -132,7 +135,7 @@ def test_pictures_have_texture_everywhere_and_noise_of_the_stated_strength(hold:
 def test_the_same_seed_gives_the_same_pictures_and_another_seed_other_noise(hold: World, truth_at: TruthAt) -> None:
     truth = truth_at(hold, (3.0, 3.0, 2.0), (0.1, 0.1, 1.0))
     truths = [truth, msgspec.structs.replace(truth, t_s=truth.t_s + 0.2)]
-    cameras = [Camera(hold, GROUND, GROUND_IMAGER, seed) for seed in (1, 1, 2)]
+    cameras = [SimulatedCamera(hold, GROUND, GROUND_IMAGER, seed) for seed in (1, 1, 2)]
     first, again, other = ([camera.capture(truth).pixels.tobytes() for truth in truths] for camera in cameras)
     assert first == again
     assert first != other
@@ -141,7 +144,7 @@ def test_the_same_seed_gives_the_same_pictures_and_another_seed_other_noise(hold
 
 
 def test_walls_come_into_view_near_them(hold: World, truth_at: TruthAt) -> None:
-    camera = Camera(hold, GROUND, CLEAN)
+    camera = SimulatedCamera(hold, GROUND, CLEAN)
     picture = camera.capture(truth_at(hold, (20.0, 5.0, 5.0))).pixels
     wall_foot = camera.project(truth_at(hold, (20.0, 5.0, 5.0)), (21.0, 5.0, 0.0))
     assert wall_foot is not None
@@ -153,7 +156,7 @@ def test_walls_come_into_view_near_them(hold: World, truth_at: TruthAt) -> None:
 
 def test_open_ground_goes_on_for_ever_and_has_its_tag_ahead_of_the_home(truth_at: TruthAt) -> None:
     world = World.load("open")
-    camera = Camera(world, GROUND, GROUND_IMAGER)
+    camera = SimulatedCamera(world, GROUND, GROUND_IMAGER)
     far = camera.capture(truth_at(world, (640.0, -410.0, 60.0))).pixels
     assert float(far.std()) > 5.0
     found = find_tag(camera.capture(truth_at(world, (3.0, 0.0, 5.0), (0.0, 0.0, pi / 3))).pixels)
@@ -162,7 +165,7 @@ def test_open_ground_goes_on_for_ever_and_has_its_tag_ahead_of_the_home(truth_at
 
 def test_repeated_texture_has_no_seam(truth_at: TruthAt) -> None:
     world = World.load("open")
-    camera = Camera(world, GROUND, CLEAN)
+    camera = SimulatedCamera(world, GROUND, CLEAN)
     for x_m in (8.0, 24.0, 40.0):
         picture = camera.capture(truth_at(world, (x_m, 8.0, 4.0))).pixels.astype(int)
         steps = np.abs(np.diff(picture, axis=0)).mean(axis=1)
@@ -170,7 +173,7 @@ def test_repeated_texture_has_no_seam(truth_at: TruthAt) -> None:
 
 
 def test_a_camera_that_looks_ahead_sees_the_wall(hold: World, truth_at: TruthAt) -> None:
-    front = Camera(hold, msgspec.structs.replace(GROUND, frd_from_rdf=(0.5, 0.5, 0.5, 0.5)), CLEAN)
+    front = SimulatedCamera(hold, msgspec.structs.replace(GROUND, frd_from_rdf=(0.5, 0.5, 0.5, 0.5)), CLEAN)
     truth = truth_at(hold, (15.0, 5.0, 3.0))
     place = front.project(truth, (21.0, 5.0, 3.0 + 0.0973 - 0.07))
     assert place == pytest.approx(GROUND.center_px, abs=0.01)

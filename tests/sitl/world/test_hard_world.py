@@ -9,8 +9,8 @@ import pytest
 
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world import World, rig
-from gloc3_sitl.world.camera import Camera
-from gloc3_sitl.world.model import Dust, Exposure, Lamp, Lighting
+from gloc3_sitl.world.camera import SimulatedCamera
+from gloc3_sitl.world.model import CameraExposure, Dust, Lamp, Lighting
 
 from .pictures import CLEAN, shift_px, with_hold
 
@@ -23,7 +23,7 @@ LAMP = Lamp(position_frd_m=(0.0, 0.0, 0.07), strength=8.0, beam_deg=90.0)
 
 def middle(world: World, truth: Truth, half: int = 12) -> float:
     """Mean grey value in the middle of a picture ahead."""
-    picture = Camera(world, AHEAD, CLEAN).capture(truth).pixels
+    picture = SimulatedCamera(world, AHEAD, CLEAN).capture(truth).pixels
     return float(picture[240 - half : 240 + half, 320 - half : 320 + half].mean())
 
 
@@ -47,7 +47,7 @@ def test_a_lamp_fades_with_the_square_of_the_distance_and_beside_its_beam(truth_
     near, far = (middle(world, truth_at(world, (21.0 - d, 5.0, 4.0))) for d in (3.0, 6.0))
     assert near == pytest.approx(120.0 * 8.0 / 9.0, rel=0.03)
     assert far == pytest.approx(near / 4.0, rel=0.05)
-    picture = Camera(world, AHEAD, CLEAN).capture(truth_at(world, (18.0, 5.0, 4.0))).pixels
+    picture = SimulatedCamera(world, AHEAD, CLEAN).capture(truth_at(world, (18.0, 5.0, 4.0))).pixels
     tangent = 200.0 / 400.0
     cosine = 1.0 / np.sqrt(1.0 + tangent**2)
     beside = float(picture[230:250, 510:530].mean())
@@ -57,10 +57,10 @@ def test_a_lamp_fades_with_the_square_of_the_distance_and_beside_its_beam(truth_
 def test_an_automatic_exposure_keeps_pictures_usable_where_the_lamp_alone_would_not(truth_at: TruthAt) -> None:
     lighting = Lighting(ambient=0.0, lamps=(LAMP,))
     fixed = with_hold(lighting=lighting, **bare_walls())
-    metered = with_hold(lighting=lighting, exposure=Exposure(is_automatic=True), **bare_walls())
+    metered = with_hold(lighting=lighting, exposure=CameraExposure(is_automatic=True), **bare_walls())
     truths = [truth_at(fixed, (21.0 - d, 5.0, 4.0)) for d in (2.0, 8.0)]
-    bright, dark = (Camera(fixed, AHEAD, CLEAN).capture(truth).pixels.mean() for truth in truths)
-    first, second = (Camera(metered, AHEAD, CLEAN).capture(truth).pixels.mean() for truth in truths)
+    bright, dark = (SimulatedCamera(fixed, AHEAD, CLEAN).capture(truth).pixels.mean() for truth in truths)
+    first, second = (SimulatedCamera(metered, AHEAD, CLEAN).capture(truth).pixels.mean() for truth in truths)
     assert bright > 5.0 * dark
     assert first < 1.5 * second
     assert 60.0 < second < 180.0
@@ -71,7 +71,9 @@ def test_haze_takes_contrast_by_the_metre(truth_at: TruthAt) -> None:
     hazy = with_hold(lighting=Lighting(ambient=1.0), dust=Dust(haze_per_m=0.05, haze_grey=60.0))
     truth = truth_at(clear, (15.0, 5.0, 5.0))
     cut = np.s_[200:280, 280:360]
-    first, second = (Camera(world, AHEAD, CLEAN).capture(truth).pixels[cut].astype(float) for world in (clear, hazy))
+    first, second = (
+        SimulatedCamera(world, AHEAD, CLEAN).capture(truth).pixels[cut].astype(float) for world in (clear, hazy)
+    )
     assert second.std() / first.std() == pytest.approx(0.95**6, rel=0.04)
     assert second.mean() == pytest.approx(first.mean() * 0.95**6 + 60.0 * (1.0 - 0.95**6), rel=0.04)
 
@@ -80,8 +82,8 @@ def test_grains_float_before_the_camera_and_do_not_move_with_the_wall(truth_at: 
     clear, dusty = with_hold(), with_hold(dust=Dust(grains_per_m3=10.0))
     truth = truth_at(clear, (17.0, 5.0, 5.0))
     moments = [truth, msgspec.structs.replace(truth, t_s=truth.t_s + 1.0)]
-    still = [Camera(clear, AHEAD, CLEAN).capture(moment).pixels.astype(int) for moment in moments]
-    dust = [Camera(dusty, AHEAD, CLEAN).capture(moment).pixels.astype(int) for moment in moments]
+    still = [SimulatedCamera(clear, AHEAD, CLEAN).capture(moment).pixels.astype(int) for moment in moments]
+    dust = [SimulatedCamera(dusty, AHEAD, CLEAN).capture(moment).pixels.astype(int) for moment in moments]
     assert np.array_equal(still[0], still[1])
     spots = [cv2.connectedComponents(((a - b) > 5).astype(np.uint8))[0] - 1 for a, b in zip(dust, still, strict=True)]
     assert min(spots) >= 8
@@ -90,11 +92,11 @@ def test_grains_float_before_the_camera_and_do_not_move_with_the_wall(truth_at: 
 
 
 def test_a_long_exposure_smears_along_the_motion_and_not_across(truth_at: TruthAt) -> None:
-    sharp, smeared = with_hold(), with_hold(exposure=Exposure(time_s=0.03))
+    sharp, smeared = with_hold(), with_hold(exposure=CameraExposure(time_s=0.03))
     truth = truth_at(sharp, (5.0, 5.0, 2.0))
     moving = msgspec.structs.replace(truth, velocity_ned_m_s=(1.5, 0.0, 0.0))
     pictures = [
-        Camera(world, rig.GROUND, CLEAN).capture(state).pixels.astype(float)
+        SimulatedCamera(world, rig.GROUND, CLEAN).capture(state).pixels.astype(float)
         for world, state in ((sharp, moving), (smeared, moving), (smeared, truth))
     ]
     across = [np.abs(np.diff(picture, axis=1)).mean() for picture in pictures]
@@ -106,9 +108,11 @@ def test_a_long_exposure_smears_along_the_motion_and_not_across(truth_at: TruthA
 
 
 def test_the_exposure_jumps_for_all_cameras_at_once_and_stays_for_a_while(truth_at: TruthAt) -> None:
-    world = with_hold(exposure=Exposure(jump=2.0, jump_every_s=2.0), **bare_walls())
+    world = with_hold(exposure=CameraExposure(jump=2.0, jump_every_s=2.0), **bare_walls())
     truth = truth_at(world, (5.0, 5.0, 4.0))
-    cameras = [Camera(world, model, imager, 3) for model, imager in (rig.CAMERAS["front_left"], rig.CAMERAS["ground"])]
+    cameras = [
+        SimulatedCamera(world, model, imager, 3) for model, imager in (rig.CAMERAS["front_left"], rig.CAMERAS["ground"])
+    ]
     greys = [
         [
             float(camera.capture(msgspec.structs.replace(truth, t_s=t_s)).pixels[100:380].mean())
@@ -125,12 +129,12 @@ def test_the_exposure_jumps_for_all_cameras_at_once_and_stays_for_a_while(truth_
 
 def test_the_hard_hold_has_a_bare_wall_and_plates_that_look_alike(truth_at: TruthAt) -> None:
     world = World.load("hold_hard")
-    bare = Camera(world, AHEAD, CLEAN).capture(truth_at(world, (19.0, 5.0, 6.0))).pixels
-    busy = Camera(world, AHEAD, CLEAN).capture(truth_at(world, (5.0, 11.0, 6.0), (0.0, 0.0, -1.57))).pixels
+    bare = SimulatedCamera(world, AHEAD, CLEAN).capture(truth_at(world, (19.0, 5.0, 6.0))).pixels
+    busy = SimulatedCamera(world, AHEAD, CLEAN).capture(truth_at(world, (5.0, 11.0, 6.0), (0.0, 0.0, -1.57))).pixels
     fine = [np.abs(cv2.Laplacian(picture, cv2.CV_32F)[100:380, 100:540]).mean() for picture in (bare, busy)]
     assert fine[0] < 0.25 * fine[1]
-    calm = World(msgspec.structs.replace(world.file, dust=Dust(), lighting=Lighting(), exposure=Exposure()))
-    camera = Camera(calm, rig.GROUND, CLEAN)
+    calm = World(msgspec.structs.replace(world.file, dust=Dust(), lighting=Lighting(), exposure=CameraExposure()))
+    camera = SimulatedCamera(calm, rig.GROUND, CLEAN)
     here, there, beside = (
         camera.capture(truth_at(calm, (x_m, 5.0, 2.0))).pixels.astype(float) for x_m in (4.0, 6.0, 5.0)
     )
@@ -142,7 +146,7 @@ def test_a_box_that_moves_is_seen_and_scanned_where_it_is(truth_at: TruthAt) -> 
     from gloc3_sitl.world.laser import LaserScanner
 
     world = World.load("hold_busy")
-    camera = Camera(world, AHEAD, CLEAN)
+    camera = SimulatedCamera(world, AHEAD, CLEAN)
     scanner = LaserScanner(world, rig.LASER)
     pictures, ranges = [], []
     for t_s in (0.0, 5.0):
@@ -161,7 +165,7 @@ def test_a_box_that_moves_is_seen_and_scanned_where_it_is(truth_at: TruthAt) -> 
 
 def test_a_flight_through_the_hard_hold_always_has_something_to_see(truth_at: TruthAt) -> None:
     world = World.load("hold_hard")
-    camera = Camera(world, *rig.CAMERAS["front_left"])
+    camera = SimulatedCamera(world, *rig.CAMERAS["front_left"])
     for number in range(12):
         truth = truth_at(world, (2.0 + 1.2 * number, 1.0 + 0.6 * number, 1.5), (0.0, 0.0, 0.5 * number))
         picture = camera.capture(msgspec.structs.replace(truth, t_s=0.7 * number)).pixels

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from gloc3.camera.geometry import matrix, unproject
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world import World, rig
-from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.camera import SimulatedCamera
 from gloc3_sitl.world.geometry import Geometry
-from gloc3_sitl.world.model import Box, Lighting, Surface, Texture
+from gloc3_sitl.world.model import Box, Lighting, Texture, WorldSurface
 
 from .pictures import CLEAN
 
@@ -23,10 +23,10 @@ Floats = NDArray[np.float64]
 ROOMS = {"hold_busy": ((-2.5, -2.5, 0.3), (20.5, 12.5, 9.5)), "tank": ((-1.5, -1.2, 0.8), (13.5, 6.3, 5.5))}
 
 
-def in_one_grey_each(name: str) -> tuple[World, list[tuple[int, Surface | Box]]]:
+def in_one_grey_each(name: str) -> tuple[World, list[tuple[int, WorldSurface | Box]]]:
     """A world with every surface and box in a grey of its own."""
     file = World.load(name).file
-    things: list[tuple[str, Surface | Box]] = [*file.surfaces.items(), *file.boxes.items()]
+    things: list[tuple[str, WorldSurface | Box]] = [*file.surfaces.items(), *file.boxes.items()]
     greys = {thing: 20 + 10 * number for number, (thing, _) in enumerate(things)}
     textures = {
         thing: Texture(size_m=(4.0, 4.0), resolution_px_m=16, contrast=0.0, brightness=grey)
@@ -40,9 +40,9 @@ def in_one_grey_each(name: str) -> tuple[World, list[tuple[int, Surface | Box]]]
     return World(plain), [(greys[thing], row) for thing, row in things]
 
 
-def nearest(things: list[tuple[int, Surface | Box]], eye: Floats, looks: Floats, t_s: float) -> NDArray[np.int64]:
+def nearest(things: list[tuple[int, WorldSurface | Box]], eye: Floats, looks: Floats, t_s: float) -> NDArray[np.int64]:
     """The grey of what each ray meets first."""
-    alone = [Geometry([row], []) if isinstance(row, Surface) else Geometry([], [row]) for _, row in things]
+    alone = [Geometry([row], []) if isinstance(row, WorldSurface) else Geometry([], [row]) for _, row in things]
     reach = np.array([geometry.ranges(eye, looks, t_s) for geometry in alone])
     greys = np.array([grey for grey, _ in things])
     return np.asarray(greys[reach.argmin(axis=0)], np.int64)
@@ -51,7 +51,7 @@ def nearest(things: list[tuple[int, Surface | Box]], eye: Floats, looks: Floats,
 @pytest.mark.parametrize("name", ROOMS)
 def test_every_pixel_shows_what_its_ray_meets_first(name: str, truth_at: TruthAt) -> None:
     world, things = in_one_grey_each(name)
-    camera = Camera(world, rig.FRONT_LEFT, CLEAN)
+    camera = SimulatedCamera(world, rig.FRONT_LEFT, CLEAN)
     random = np.random.default_rng(7)
     low, high = ROOMS[name]
     for _ in range(40):
@@ -65,16 +65,16 @@ def test_every_pixel_shows_what_its_ray_meets_first(name: str, truth_at: TruthAt
         columns, rows = random.integers(0, 640, 800), random.integers(0, 480, 800)
         flat = unproject(camera.model, np.column_stack([columns, rows]).astype(float))
         local_from_rdf, eye = camera.pose(truth)
-        looks = np.column_stack([flat, np.ones(len(flat))]) @ matrix(local_from_rdf).T
-        looks /= np.linalg.norm(looks, axis=1, keepdims=True)
-        expected = nearest(things, np.array(eye), looks, truth.t_s)
+        views = np.column_stack([flat, np.ones(len(flat))]) @ matrix(local_from_rdf).T
+        views /= np.linalg.norm(views, axis=1, keepdims=True)
+        expected = nearest(things, np.array(eye), views, truth.t_s)
         wrong = np.abs(picture[rows, columns].astype(int) - expected) > 1
         assert wrong.mean() < 0.02, f"{wrong.mean():.1%} of the pixels at {place}, {euler}, {truth.t_s}"
 
 
 def test_nothing_breaks_where_no_vehicle_should_be(truth_at: TruthAt) -> None:
     world = World.load("hold_hard")
-    cameras = [Camera(world, *rig.CAMERAS[name]) for name in ("front_left", "ground")]
+    cameras = [SimulatedCamera(world, *rig.CAMERAS[name]) for name in ("front_left", "ground")]
     places = [
         (21.0, 5.0, 3.0),
         (20.999, 5.0, 0.01),

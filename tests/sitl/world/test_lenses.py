@@ -11,7 +11,7 @@ from gloc3.camera.model import CameraModel, Lens
 from gloc3.messages.frames import Vector3, rotate_back
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world import World, rig
-from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.camera import SimulatedCamera
 
 from .pictures import CLEAN, fore_wall_by_hand, largest_shift_px, shift_px
 
@@ -58,7 +58,7 @@ def hold_with_the_fore_wall_alone() -> World:
 @pytest.mark.parametrize("lens", LENSES)
 def test_points_are_projected_as_the_formula_says(lens: str, truth_at: TruthAt) -> None:
     world = World.load("hold")
-    camera = Camera(world, LENSES[lens], CLEAN)
+    camera = SimulatedCamera(world, LENSES[lens], CLEAN)
     truth = truth_at(world, (15.0, 5.0, 3.0), (0.1, -0.05, 0.2))
     local_from_rdf, eye = camera.pose(truth)
     points: list[Vector3] = [(21.0, 5.0, 3.0), (21.0, 8.0, 5.0), (20.0, 2.0, 1.0), (18.0, 4.0, 1.5), (21.0, 7.5, 0.5)]
@@ -73,7 +73,7 @@ def test_points_are_projected_as_the_formula_says(lens: str, truth_at: TruthAt) 
 @pytest.mark.parametrize("lens", LENSES)
 def test_pictures_show_every_part_of_a_wall_where_its_own_ray_meets_it(lens: str, truth_at: TruthAt) -> None:
     world = hold_with_the_fore_wall_alone()
-    camera = Camera(world, LENSES[lens], CLEAN)
+    camera = SimulatedCamera(world, LENSES[lens], CLEAN)
     truth = truth_at(world, (18.5, 5.0, 3.0), (0.07, -0.05, 0.15))
     drawn, expected = camera.capture(truth).pixels, fore_wall_by_hand(camera, truth)
     assert np.count_nonzero(drawn == 0) == 0, "no part is missing"
@@ -85,7 +85,7 @@ def test_pictures_show_every_part_of_a_wall_where_its_own_ray_meets_it(lens: str
 
 def test_a_shift_of_the_picture_would_be_noticed(truth_at: TruthAt) -> None:
     world = hold_with_the_fore_wall_alone()
-    camera = Camera(world, LENSES["radtan"], CLEAN)
+    camera = SimulatedCamera(world, LENSES["radtan"], CLEAN)
     truth, moved = (truth_at(world, (18.5, y_m, 3.0), (0.07, -0.05, 0.15)) for y_m in (5.0, 5.0015))
     assert largest_shift_px(fore_wall_by_hand(camera, truth), camera.capture(moved).pixels) > 0.15
 
@@ -96,7 +96,9 @@ def test_the_disparity_of_a_stereo_pair_is_focal_length_times_baseline_over_dept
 ) -> None:
     world = hold_with_the_fore_wall_alone()
     eyes = [
-        Camera(world, msgspec.structs.replace(FRONT, position_frd_m=(0.12, side * rig.BASELINE_M / 2.0, 0.02)), CLEAN)
+        SimulatedCamera(
+            world, msgspec.structs.replace(FRONT, position_frd_m=(0.12, side * rig.BASELINE_M / 2.0, 0.02)), CLEAN
+        )
         for side in (-1.0, 1.0)
     ]
     truth = truth_at(world, (21.0 - 0.12 - distance_m, 5.0, 3.0))
@@ -111,7 +113,7 @@ def test_the_disparity_of_a_stereo_pair_is_focal_length_times_baseline_over_dept
 def test_a_fisheye_of_more_than_a_canvas_can_hold_is_drawn_without_gaps(truth_at: TruthAt) -> None:
     world = World.load("hold")
     model = msgspec.structs.replace(LENSES["equidistant"], focal_px=(210.0, 210.0), distortion=())
-    picture = Camera(world, model, CLEAN).capture(truth_at(world, (15.0, 5.0, 3.0))).pixels
+    picture = SimulatedCamera(world, model, CLEAN).capture(truth_at(world, (15.0, 5.0, 3.0))).pixels
     rows, columns = np.mgrid[0:480, 0:640]
     angle = np.hypot(columns - 321.3, rows - 238.1) / 210.0
     assert np.count_nonzero(picture[angle < 1.5] == 0) == 0

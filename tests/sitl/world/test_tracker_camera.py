@@ -12,7 +12,7 @@ from gloc3.camera.geometry import matrix, project
 from gloc3.messages.frames import Vector3
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world import World, rig
-from gloc3_sitl.world.model import Box, Light, Tracker
+from gloc3_sitl.world.model import Box, BrightSpot, Tracker
 from gloc3_sitl.world.texture import Image
 from gloc3_sitl.world.tracker import LED_FRD_M, TrackerCamera
 
@@ -91,7 +91,7 @@ def test_a_box_hides_the_light_while_it_stands_in_between(truth_at: TruthAt) -> 
 def test_a_second_light_leads_astray_while_it_is_on(truth_at: TruthAt) -> None:
     file = World.load("hold").file
     world = World(
-        msgspec.structs.replace(file, lights={"torch": Light(position_m=(6.0, 9.0, 3.0), from_s=2.0, to_s=4.0)})
+        msgspec.structs.replace(file, lights={"torch": BrightSpot(position_m=(6.0, 9.0, 3.0), from_s=2.0, to_s=4.0)})
     )
     tracker = tracker_in(world)
     truth = truth_at(world, (9.0, 5.0, 2.0))

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import msgspec
 
-from gloc3.exchange.tunnel.reader import FrameError, Reader, varint
+from gloc3.exchange.tunnel.reader import ByteReader, TunnelFrameError, varint
 from gloc3.messages.envelope import Envelope, Message
 from gloc3.messages.wire import from_array, to_array
 
@@ -47,13 +47,13 @@ def unpack_payload(payload: bytes, message_type: type[Message]) -> Any:
     """The message in a payload.
 
     Raises:
-        FrameError: the bytes are damaged.
+        TunnelFrameError: the bytes are damaged.
         WireError: they do not fit the type.
     """
     try:
         array = msgspec.msgpack.decode(payload)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise FrameError(f"damaged payload: {error}") from error
+        raise TunnelFrameError(f"damaged payload: {error}") from error
     return from_array(array, message_type)
 
 
@@ -67,11 +67,11 @@ def unpack_status(body: bytes) -> tuple[float, bytes]:
     """Time and payload, inflated.
 
     Raises:
-        FrameError: the bytes are damaged.
+        TunnelFrameError: the bytes are damaged.
     """
-    reader = Reader(body)
+    reader = ByteReader(body)
     t_s, flags = reader.time(), reader.byte()
-    return t_s, _inflate(flags, reader.rest())
+    return t_s, _inflate(flags, reader.remainder())
 
 
 def pack_reliable(envelope: Envelope[Any], channel: int, row: bytes) -> bytes:
@@ -86,15 +86,15 @@ def unpack_reliable(body: bytes) -> ReliableBody:
     """What `pack_reliable` wrote, inflated.
 
     Raises:
-        FrameError: the bytes are damaged.
+        TunnelFrameError: the bytes are damaged.
     """
-    reader = Reader(body)
-    (check,) = reader.take(_CHECK)
+    reader = ByteReader(body)
+    (check,) = reader.unpack(_CHECK)
     if zlib.crc32(body[_CHECK.size :]) != check:
-        raise FrameError("the check sum is wrong")
+        raise TunnelFrameError("the check sum is wrong")
     channel, sequence, t_s, flags = reader.varint(), reader.varint(), reader.time(), reader.byte()
     row = reader.chunk(reader.varint())
-    return ReliableBody(channel, sequence, t_s, _inflate(flags, reader.rest()), row)
+    return ReliableBody(channel, sequence, t_s, _inflate(flags, reader.remainder()), row)
 
 
 def _inflate(flags: int, payload: bytes) -> bytes:
@@ -104,7 +104,7 @@ def _inflate(flags: int, payload: bytes) -> bytes:
         inflater = zlib.decompressobj()
         plain = inflater.decompress(payload, MAX_UNPACKED)
     except zlib.error as error:
-        raise FrameError(f"damaged payload: {error}") from error
+        raise TunnelFrameError(f"damaged payload: {error}") from error
     if not inflater.eof:
-        raise FrameError(f"a payload is cut off, or longer than {MAX_UNPACKED} bytes")
+        raise TunnelFrameError(f"a payload is cut off, or longer than {MAX_UNPACKED} bytes")
     return plain

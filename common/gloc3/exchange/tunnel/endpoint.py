@@ -9,26 +9,26 @@ from gloc3.exchange.tunnel.body import ReliableBody, pack_reliable, unpack_relia
 from gloc3.exchange.tunnel.frames import (
     MAX_NAME_BYTES,
     MAX_TOKENS,
-    Ask,
-    Hello,
     OtherVersion,
     Status,
     StatusPart,
     SummaryRows,
-    Table,
+    TableRequest,
     TunnelFrame,
+    TunnelHello,
+    TunnelTable,
     decode,
 )
-from gloc3.exchange.tunnel.gate import Gate, NotTaken
+from gloc3.exchange.tunnel.gate import NotAccepted, TunnelGate
 from gloc3.exchange.tunnel.happenings import Acknowledged, Counters, Delivered, Happening, Undelivered
-from gloc3.exchange.tunnel.layout import MAX_PAYLOAD, PAYLOAD_TYPE, Lane, Role
+from gloc3.exchange.tunnel.layout import MAX_PAYLOAD, PAYLOAD_TYPE, Lane, TunnelRole
 from gloc3.exchange.tunnel.outbox import Outbox
 from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget, Pacer
-from gloc3.exchange.tunnel.peers import Peer, Peers
-from gloc3.exchange.tunnel.reader import FrameError
+from gloc3.exchange.tunnel.peers import Peer, TunnelPeers
+from gloc3.exchange.tunnel.reader import TunnelFrameError
 from gloc3.exchange.tunnel.reliable_frames import Ack, Data, Refusal
-from gloc3.exchange.tunnel.routes import REQUEST_PATIENCE_S, route, urgency
-from gloc3.exchange.tunnel.sending import Outgoing
+from gloc3.exchange.tunnel.routes import REQUEST_TIMEOUT_S, route, urgency
+from gloc3.exchange.tunnel.sending import OutgoingMessage
 from gloc3.exchange.tunnel.status import unpack_summary
 from gloc3.exchange.tunnel.table import OwnTable
 from gloc3.mavlink.message import Address, MavlinkMessage
@@ -57,7 +57,7 @@ class TunnelEndpoint:
 
     def __init__(
         self,
-        role: Role,
+        role: TunnelRole,
         name: str,
         own: Address,
         boot: int,
@@ -72,11 +72,11 @@ class TunnelEndpoint:
         self.boot: Final = boot & 0xFFFFFFFF
         self.counters: Final = Counters()
         self.topics: Final = topics
-        self._gate = Gate(role, name, topics)
+        self._gate = TunnelGate(role, name, topics)
         self._pacer = Pacer(budget)
         self._table = OwnTable()
-        self._happenings: list[Happening] = []
-        self._peers = Peers(role, name, own, self.counters, self._happenings.append)
+        self._events: list[Happening] = []
+        self._peers = TunnelPeers(role, name, own, self.counters, self._events.append)
         self._outbox = Outbox(role, name, self.boot, self._pacer, self._peers, self._table, self.counters)
         self._published: dict[str, int] = {}
         self._homeless: list[tuple[Envelope[Any], float, float]] = []
@@ -89,12 +89,12 @@ class TunnelEndpoint:
         """Sends a message if its topic crosses the link in this direction; others are none of its business."""
         platform, _, name = envelope.topic.partition("/")
         way = route(name, self.topics.row(envelope.topic))
-        if way is None or way.sender is not self.role or (self.role is Role.PLATFORM and platform != self.name):
+        if way is None or way.sender is not self.role or (self.role is TunnelRole.PLATFORM and platform != self.name):
             return
         if way.is_reliable:
             self._submit(envelope, now_s)
             return
-        if way.is_view and not self._lookers(envelope.payload):
+        if way.is_view and not self._viewers(envelope.payload):
             return  # who looks at it is on another link
         count = self._published.get(envelope.topic, 0)
         self._published[envelope.topic] = count + 1
@@ -102,7 +102,7 @@ class TunnelEndpoint:
             try:
                 (self._outbox.views if way.is_view else self._outbox.status).offer(self._number(envelope), envelope)
             except Refused as refusal:
-                self._peers.trouble(self.own, str(refusal))
+                self._peers.problem(self.own, str(refusal))
 
     def declare(self, token: str) -> None:
         """Says that something here is alive.
@@ -115,17 +115,17 @@ class TunnelEndpoint:
         size = len(self._table)
         number = self._table.token(token)
         if number == size:
-            self._outbox.news.append(number)
+            self._outbox.changes.append(number)
         if number not in self._outbox.tokens:
             self._outbox.tokens.append(number)
-        self._outbox.greet_soon()
+        self._outbox.send_hello_soon()
 
     def withdraw(self, token: str) -> None:
         """It is not alive any more."""
         number = self._table.token(token)
         if number in self._outbox.tokens:
             self._outbox.tokens.remove(number)
-            self._outbox.greet_soon()
+            self._outbox.send_hello_soon()
 
     def other_traffic(self, size_bytes: int, now_s: float) -> None:
         """Somebody else has sent so many bytes over the same link."""
@@ -164,11 +164,11 @@ class TunnelEndpoint:
         """What may leave now: target system and component (0 for all), and the payload of a TUNNEL message."""
         return self._outbox.outgoing(now_s)
 
-    def happenings(self) -> list[Happening]:
+    def events(self) -> list[Happening]:
         """What has happened, in order; asking empties it."""
-        happened = list(self._happenings)
-        self._happenings.clear()
-        return happened
+        events = list(self._events)
+        self._events.clear()
+        return events
 
     # --- from below ---
 
@@ -186,37 +186,37 @@ class TunnelEndpoint:
         counters.received_frames += 1
         try:
             if size > MAX_PAYLOAD:
-                raise FrameError(f"{size} bytes do not fit a frame")
+                raise TunnelFrameError(f"{size} bytes do not fit a frame")
             boot, frame = decode(message.payload[:size].ljust(size, b"\0"))
             self._dispatch(frame, boot, sender, now_s)
         except OtherVersion as difference:
             counters.other_version += 1
-            self._peers.trouble(sender, str(difference))
-        except FrameError as error:
+            self._peers.problem(sender, str(difference))
+        except TunnelFrameError as error:
             counters.damaged += 1
-            self._peers.trouble(sender, str(error), kind="damaged")
+            self._peers.problem(sender, str(error), kind="damaged")
 
     def _dispatch(self, frame: TunnelFrame, boot: int, sender: Address, now_s: float) -> None:
         if boot == self.boot and sender == self.own:
             self.counters.foreign += 1  # our own frame, sent back by a router
             return
-        if isinstance(frame, Hello):
-            is_news = self._peers.find(sender, boot) is None
-            greeted = self._peers.greet(sender, frame, boot, now_s)
-            if greeted is not None and is_news:
+        if isinstance(frame, TunnelHello):
+            is_new = self._peers.find(sender, boot) is None
+            greeted = self._peers.send_hello(sender, frame, boot, now_s)
+            if greeted is not None and is_new:
                 greeted.wanted = list(range(len(self._table)))
-                self._outbox.greet_soon()
-                self._house(now_s)
+                self._outbox.send_hello_soon()
+                self._clean_up(now_s)
             return
         peer = self._peers.find(sender, boot)
         if peer is None:
             self.counters.other_life += 1
             return
-        self._peers.hear(peer, now_s)
+        self._peers.note_contact(peer, now_s)
         match frame:
             case Data() | Ack() | Refusal() if frame.to_boot != self.boot & 0xFFFF:
                 self.counters.other_life += 1
-                self._outbox.greet_soon()
+                self._outbox.send_hello_soon()
             case Data():
                 peer.receiver.receive(frame, now_s)
                 self._hand_over(peer, frame.lane)
@@ -227,13 +227,13 @@ class TunnelEndpoint:
                 if refused is not None:
                     self._give_up(refused.envelope, sender, True, frame.reason)
             case Status() | StatusPart() | SummaryRows():
-                self._take_status(peer, frame)
-            case Table():
+                self._receive_status(peer, frame)
+            case TunnelTable():
                 peer.table.add(frame.rows)
                 self._peers.refresh(peer)
                 for lane in Lane:
                     self._hand_over(peer, lane)
-            case Ask():
+            case TableRequest():
                 peer.wanted = [number for number in frame.numbers if number < len(self._table)]
 
     # --- reliable ---
@@ -251,8 +251,8 @@ class TunnelEndpoint:
             self._give_up(envelope, None, True, f"{MAX_HOMELESS} messages wait already for somebody to be heard")
             return
         if receivers is None:
-            patience_s = urgency(envelope.payload, has_upload=False, is_fenced=False).patience_s
-            self._homeless.append((envelope, since_s, since_s + min(patience_s, REQUEST_PATIENCE_S)))
+            timeout_s = urgency(envelope.payload, has_upload=False, is_fenced=False).timeout_s
+            self._homeless.append((envelope, since_s, since_s + min(timeout_s, REQUEST_TIMEOUT_S)))
             return
         for peer in receivers:
             self._send(peer, envelope, channel, now_s, since_s)
@@ -264,7 +264,7 @@ class TunnelEndpoint:
             return
         how = urgency(payload, has_upload=sender.is_open(Lane.BULK), is_fenced=sender.is_fenced)
         body = pack_reliable(envelope, channel, b"" if channel in peer.known else self._table.rows(channel))
-        outgoing = Outgoing(envelope, channel, body, how.lane, since_s, how.patience_s, how.is_fence)
+        outgoing = OutgoingMessage(envelope, channel, body, how.lane, since_s, how.timeout_s, how.is_fence)
         reason = sender.submit(outgoing, now_s)
         if reason:
             self._give_up(envelope, peer.address, True, reason)
@@ -278,17 +278,17 @@ class TunnelEndpoint:
         elif isinstance(payload, CiRequest):
             peer = self._peers.named(envelope.topic.partition("/")[0])
         elif isinstance(payload, Sample):
-            return self._lookers(payload)
+            return self._viewers(payload)
         else:
             return list(self._peers)
         return None if peer is None else [peer]
 
-    def _lookers(self, payload: Sample | TopicActivity) -> list[Peer]:
+    def _viewers(self, payload: Sample | TopicActivity) -> list[Peer]:
         """Those here who look at a sample."""
         peers = (self._peers.named(name) for name in payload.stations)
         return [peer for peer in peers if peer is not None and peer.is_alive]
 
-    def _house(self, now_s: float) -> None:
+    def _clean_up(self, now_s: float) -> None:
         """Somebody new is here: perhaps a message waits for him."""
         waiting, self._homeless = self._homeless, []
         for entry in waiting:
@@ -302,7 +302,7 @@ class TunnelEndpoint:
         for outgoing in done:
             self.counters.acknowledged += 1
             peer.known.add(outgoing.channel)
-            self._happenings.append(Acknowledged(outgoing.envelope, peer.address))
+            self._events.append(Acknowledged(outgoing.envelope, peer.address))
         if round_trip_s is not None:
             queue_s = peer.round_trips.sample(round_trip_s, now_s)
             self._pacer.fill(now_s)
@@ -320,7 +320,7 @@ class TunnelEndpoint:
                     self.counters.unknown_number += 1
                     return
                 envelope = self._gate.open(channel, peer, opened, is_reliable=True)
-            except (FrameError, NotTaken, WireError) as error:
+            except (TunnelFrameError, NotAccepted, WireError) as error:
                 self._count(peer, error)
                 peer.receiver.refuse(lane, str(error))
                 return
@@ -329,12 +329,12 @@ class TunnelEndpoint:
 
     # --- best effort ---
 
-    def _take_status(self, peer: Peer, frame: Status | StatusPart | SummaryRows) -> None:
+    def _receive_status(self, peer: Peer, frame: Status | StatusPart | SummaryRows) -> None:
         channel = peer.channel(frame.channel)
         if channel is None:
             self.counters.unknown_number += 1
             return
-        if self.role is Role.PLATFORM and channel.topic.partition("/")[0] != self.name:
+        if self.role is TunnelRole.PLATFORM and channel.topic.partition("/")[0] != self.name:
             return  # what a station tells another platform reaches all of them
         try:
             message_type = self._gate.type_of(channel, peer, is_reliable=False)
@@ -351,7 +351,7 @@ class TunnelEndpoint:
                 t_s, payload = unpack_status(body)
                 opened = ReliableBody(frame.channel, frame.sequence, t_s, payload)
                 self._deliver(self._gate.open(channel, peer, opened, is_reliable=False), peer)
-        except (NotTaken, WireError) as error:
+        except (NotAccepted, WireError) as error:
             self._count(peer, error)
 
     # --- both ---
@@ -360,14 +360,14 @@ class TunnelEndpoint:
         size = len(self._table)
         number = self._table.channel(envelope)
         if number == size:
-            self._outbox.news.append(number)
+            self._outbox.changes.append(number)
         return number
 
     def _deliver(self, envelope: Envelope[Any], peer: Peer) -> None:
         self.counters.delivered += 1
         if isinstance(envelope.payload, CiRequest):
             self._learn(envelope.payload.sender, peer)
-        self._happenings.append(Delivered(envelope, peer.address))
+        self._events.append(Delivered(envelope, peer.address))
 
     def _learn(self, sender: str, peer: Peer) -> None:
         """Replies to this sender go where its requests come from."""
@@ -375,20 +375,20 @@ class TunnelEndpoint:
             self._senders.clear()
         self._senders[sender] = peer.address
 
-    def _count(self, peer: Peer, error: FrameError | NotTaken | WireError) -> None:
+    def _count(self, peer: Peer, error: TunnelFrameError | NotAccepted | WireError) -> None:
         counters = self.counters
-        if isinstance(error, FrameError):
+        if isinstance(error, TunnelFrameError):
             counters.damaged += 1
-            self._peers.trouble(peer.address, str(error), kind="damaged")
+            self._peers.problem(peer.address, str(error), kind="damaged")
             return
         if isinstance(error, VersionsDiffer):
             counters.versions_differ += 1
-        elif isinstance(error, NotTaken):
-            counters.not_taken += 1
+        elif isinstance(error, NotAccepted):
+            counters.not_accepted += 1
         else:
             counters.damaged += 1
-        self._peers.trouble(peer.address, str(error))
+        self._peers.problem(peer.address, str(error))
 
     def _give_up(self, envelope: Envelope[Any], peer: Address | None, is_certain: bool, reason: str) -> None:
         self.counters.undelivered += 1
-        self._happenings.append(Undelivered(envelope, peer, is_certain, reason))
+        self._events.append(Undelivered(envelope, peer, is_certain, reason))

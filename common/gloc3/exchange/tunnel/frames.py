@@ -13,8 +13,8 @@ from typing import Final, TypeAlias
 
 import msgspec
 
-from gloc3.exchange.tunnel.layout import HEADER, SEALED, VERSION, FrameKind, Role, header, seal, unseal
-from gloc3.exchange.tunnel.reader import FrameError, Reader, varint
+from gloc3.exchange.tunnel.layout import HEADER, SEALED, VERSION, FrameKind, TunnelRole, header, seal, unseal
+from gloc3.exchange.tunnel.reader import ByteReader, TunnelFrameError, varint
 from gloc3.exchange.tunnel.reliable_frames import Ack, Data, Refusal
 
 _HELLO: Final = struct.Struct("<BHIH")
@@ -36,10 +36,10 @@ class Echo(msgspec.Struct, frozen=True):
     held_ms: int
 
 
-class Hello(msgspec.Struct, frozen=True):
+class TunnelHello(msgspec.Struct, frozen=True):
     """Broadcast a few times in two seconds: who is here, with its clock and how many numbers its table has."""
 
-    role: Role
+    role: TunnelRole
     name: str
     table_size: int
     sent_ms: int
@@ -60,17 +60,17 @@ class Hello(msgspec.Struct, frozen=True):
         return seal(body + self.name.encode())
 
     @classmethod
-    def decode(cls, reader: Reader) -> Hello:
+    def decode(cls, reader: ByteReader) -> TunnelHello:
         """Reads what `encode` wrote."""
-        role, table_size, low, high = reader.take(_HELLO)
-        if role not in (Role.PLATFORM, Role.STATION):
-            raise FrameError(f"unknown role {role}")
-        echoes = tuple(Echo(*reader.take(_ECHO)) for _ in range(reader.byte()))
+        role, table_size, low, high = reader.unpack(_HELLO)
+        if role not in (TunnelRole.PLATFORM, TunnelRole.STATION):
+            raise TunnelFrameError(f"unknown role {role}")
+        echoes = tuple(Echo(*reader.unpack(_ECHO)) for _ in range(reader.byte()))
         tokens = tuple(reader.varint() for _ in range(reader.byte()))
-        return cls(Role(role), reader.text(), table_size, low | high << 32, echoes, tokens)
+        return cls(TunnelRole(role), reader.text(), table_size, low | high << 32, echoes, tokens)
 
 
-class Table(msgspec.Struct, frozen=True):
+class TunnelTable(msgspec.Struct, frozen=True):
     """Rows of the sender's table, as `OwnTable` encodes them."""
 
     rows: bytes
@@ -80,12 +80,12 @@ class Table(msgspec.Struct, frozen=True):
         return seal(header(FrameKind.TABLE, boot) + self.rows)
 
     @classmethod
-    def decode(cls, reader: Reader) -> Table:
+    def decode(cls, reader: ByteReader) -> TunnelTable:
         """Reads what `encode` wrote."""
-        return cls(reader.rest())
+        return cls(reader.remainder())
 
 
-class Ask(msgspec.Struct, frozen=True):
+class TableRequest(msgspec.Struct, frozen=True):
     """Asks a peer for rows of its table."""
 
     numbers: tuple[int, ...]
@@ -95,7 +95,7 @@ class Ask(msgspec.Struct, frozen=True):
         return seal(header(FrameKind.ASK, boot) + b"".join(varint(number) for number in self.numbers))
 
     @classmethod
-    def decode(cls, reader: Reader) -> Ask:
+    def decode(cls, reader: ByteReader) -> TableRequest:
         """Reads what `encode` wrote."""
         numbers = []
         while not reader.is_at_end:
@@ -115,9 +115,9 @@ class Status(msgspec.Struct, frozen=True):
         return header(FrameKind.STATUS, boot) + varint(self.channel) + varint(self.sequence) + self.body
 
     @classmethod
-    def decode(cls, reader: Reader) -> Status:
+    def decode(cls, reader: ByteReader) -> Status:
         """Reads what `encode` wrote."""
-        return cls(reader.varint(), reader.varint(), reader.rest())
+        return cls(reader.varint(), reader.varint(), reader.remainder())
 
 
 class StatusPart(msgspec.Struct, frozen=True):
@@ -137,11 +137,11 @@ class StatusPart(msgspec.Struct, frozen=True):
         return header(FrameKind.STATUS_PART, boot) + varint(self.channel) + varint(self.sequence) + place + self.chunk
 
     @classmethod
-    def decode(cls, reader: Reader) -> StatusPart:
+    def decode(cls, reader: ByteReader) -> StatusPart:
         """Reads what `encode` wrote."""
         channel, sequence = reader.varint(), reader.varint()
-        index, count, size = reader.take(_PART)
-        return cls(channel, sequence, index, count, size, reader.rest())
+        index, count, size = reader.unpack(_PART)
+        return cls(channel, sequence, index, count, size, reader.remainder())
 
 
 class SummaryRows(msgspec.Struct, frozen=True):
@@ -156,17 +156,19 @@ class SummaryRows(msgspec.Struct, frozen=True):
         return header(FrameKind.SUMMARY, boot) + varint(self.channel) + varint(self.sequence) + self.body
 
     @classmethod
-    def decode(cls, reader: Reader) -> SummaryRows:
+    def decode(cls, reader: ByteReader) -> SummaryRows:
         """Reads what `encode` wrote."""
-        return cls(reader.varint(), reader.varint(), reader.rest())
+        return cls(reader.varint(), reader.varint(), reader.remainder())
 
 
-TunnelFrame: TypeAlias = Hello | Table | Ask | Status | StatusPart | SummaryRows | Data | Ack | Refusal
+TunnelFrame: TypeAlias = (
+    TunnelHello | TunnelTable | TableRequest | Status | StatusPart | SummaryRows | Data | Ack | Refusal
+)
 
-_DECODERS: Final[Mapping[int, Callable[[Reader], TunnelFrame]]] = {
-    FrameKind.HELLO: Hello.decode,
-    FrameKind.TABLE: Table.decode,
-    FrameKind.ASK: Ask.decode,
+_DECODERS: Final[Mapping[int, Callable[[ByteReader], TunnelFrame]]] = {
+    FrameKind.HELLO: TunnelHello.decode,
+    FrameKind.TABLE: TunnelTable.decode,
+    FrameKind.ASK: TableRequest.decode,
     FrameKind.STATUS: Status.decode,
     FrameKind.STATUS_PART: StatusPart.decode,
     FrameKind.SUMMARY: SummaryRows.decode,
@@ -176,7 +178,7 @@ _DECODERS: Final[Mapping[int, Callable[[Reader], TunnelFrame]]] = {
 }
 
 
-class OtherVersion(FrameError):
+class OtherVersion(TunnelFrameError):
     """The peer speaks another version of the tunnel."""
 
 
@@ -185,18 +187,18 @@ def decode(payload: bytes) -> tuple[int, TunnelFrame]:
 
     Raises:
         OtherVersion: it is of another version.
-        FrameError: it is damaged or of an unknown kind.
+        TunnelFrameError: it is damaged or of an unknown kind.
     """
     if payload and payload[0] != VERSION:
         raise OtherVersion(f"versions differ: tunnel version {payload[0]} there, {VERSION} here")
-    reader = Reader(payload)
-    _, kind, boot = reader.take(HEADER)
+    reader = ByteReader(payload)
+    _, kind, boot = reader.unpack(HEADER)
     decoder = _DECODERS.get(kind)
     if decoder is None:
-        raise FrameError(f"unknown kind of frame {kind}")
+        raise TunnelFrameError(f"unknown kind of frame {kind}")
     if kind in SEALED:
         frame = unseal(payload)
         if frame is None or len(frame) < HEADER.size:
-            raise FrameError("the check sum of a frame is wrong")
-        reader = Reader(frame, HEADER.size)
+            raise TunnelFrameError("the check sum of a frame is wrong")
+        reader = ByteReader(frame, HEADER.size)
     return boot, decoder(reader)

@@ -6,20 +6,20 @@ from typing import Any
 
 from gloc3.errors import Gloc3Error
 from gloc3.exchange.tunnel.body import ReliableBody, unpack_payload
-from gloc3.exchange.tunnel.layout import Role
+from gloc3.exchange.tunnel.layout import TunnelRole
 from gloc3.exchange.tunnel.peers import Peer
 from gloc3.exchange.tunnel.routes import route
-from gloc3.exchange.tunnel.table import Channel
+from gloc3.exchange.tunnel.table import TunnelChannel
 from gloc3.messages.envelope import Envelope, Message
 from gloc3.messages.topics import TopicTable
 from gloc3.messages.wire import VersionsDiffer, WireError
 
 
-class NotTaken(Gloc3Error):
+class NotAccepted(Gloc3Error):
     """A message that is on no topic which this end takes from that peer; the text says why."""
 
 
-class Gate:
+class TunnelGate:
     """Judges channels and opens what comes on them.
 
     Args:
@@ -28,37 +28,37 @@ class Gate:
         topics: the topics and types that this end knows.
     """
 
-    def __init__(self, role: Role, name: str, topics: TopicTable) -> None:
+    def __init__(self, role: TunnelRole, name: str, topics: TopicTable) -> None:
         self._role = role
         self._name = name
         self._topics = topics
 
-    def type_of(self, channel: Channel, peer: Peer, *, is_reliable: bool) -> type[Message]:
+    def type_of(self, channel: TunnelChannel, peer: Peer, *, is_reliable: bool) -> type[Message]:
         """The type of what comes on a channel.
 
         Raises:
-            NotTaken: it is not for this end.
+            NotAccepted: it is not for this end.
             VersionsDiffer: the ends know the type with other fixed parts.
             WireError: this end does not know the type.
         """
         platform, _, name = channel.topic.partition("/")
         row = self._topics.row(channel.topic)
         way = route(name, row)
-        expected = self._name if self._role is Role.PLATFORM else peer.name
+        expected = self._name if self._role is TunnelRole.PLATFORM else peer.name
         if row is None or way is None or way.sender is not peer.role or way.is_reliable is not is_reliable:
-            raise NotTaken(f"{channel.topic} is not taken from a {peer.role.name.lower()}")
+            raise NotAccepted(f"{channel.topic} is not taken from a {peer.role.name.lower()}")
         if platform != expected:
-            raise NotTaken(f"{channel.topic} is not taken from {peer.name}: it belongs to {platform}")
+            raise NotAccepted(f"{channel.topic} is not taken from {peer.name}: it belongs to {platform}")
         found = self._topics.types.find(channel.type)
         if found is not row.message:
-            raise NotTaken(f"{channel.topic} carries {row.message.__name__}, not {found.__name__}")
+            raise NotAccepted(f"{channel.topic} carries {row.message.__name__}, not {found.__name__}")
         return found
 
-    def open(self, channel: Channel, peer: Peer, body: ReliableBody, *, is_reliable: bool) -> Envelope[Any]:
+    def open(self, channel: TunnelChannel, peer: Peer, body: ReliableBody, *, is_reliable: bool) -> Envelope[Any]:
         """The envelope for a message on a channel.
 
         Raises:
-            NotTaken, VersionsDiffer, WireError: as `type_of`.
+            NotAccepted, VersionsDiffer, WireError: as `type_of`.
             FrameError: the payload is damaged.
         """
         message_type = self.type_of(channel, peer, is_reliable=is_reliable)
@@ -66,11 +66,11 @@ class Gate:
         return self.envelope(channel, body.sequence, body.t_s, payload)
 
     @staticmethod
-    def envelope(channel: Channel, sequence: int, t_s: float, payload: Any) -> Envelope[Any]:
+    def envelope(channel: TunnelChannel, sequence: int, t_s: float, payload: Any) -> Envelope[Any]:
         """The envelope, as it was published."""
         if channel.source is None:
             raise WireError(f"{channel.topic} is no topic")
         return Envelope(channel.topic, channel.source, sequence, t_s, channel.frame, channel.type, payload)
 
 
-__all__ = ["Gate", "NotTaken", "VersionsDiffer"]
+__all__ = ["NotAccepted", "TunnelGate", "VersionsDiffer"]

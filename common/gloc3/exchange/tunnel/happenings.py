@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 
-from gloc3.exchange.tunnel.layout import Role
+from gloc3.exchange.tunnel.layout import TunnelRole
 from gloc3.mavlink.message import Address
 from gloc3.messages.envelope import Envelope
 
@@ -41,7 +41,7 @@ class PeerChanged(msgspec.Struct, frozen=True):
 
     peer: Address
     name: str
-    role: Role
+    role: TunnelRole
     is_alive: bool
     is_restarted: bool = False
     """It came back as another process."""
@@ -54,14 +54,14 @@ class TokenChanged(msgspec.Struct, frozen=True):
     is_alive: bool
 
 
-class Trouble(msgspec.Struct, frozen=True):
+class TunnelTrouble(msgspec.Struct, frozen=True):
     """Something that a person should know, told once: versions differ, two peers of one name."""
 
     peer: Address
     text: str
 
 
-Happening = Delivered | Acknowledged | Undelivered | PeerChanged | TokenChanged | Trouble
+Happening = Delivered | Acknowledged | Undelivered | PeerChanged | TokenChanged | TunnelTrouble
 
 
 class Counters(msgspec.Struct):
@@ -85,7 +85,7 @@ class Counters(msgspec.Struct):
     """Messages that came before the table's row."""
     versions_differ: int = 0
     """Messages whose type differs between the ends."""
-    not_taken: int = 0
+    not_accepted: int = 0
     """Messages on topics that this end does not take from that peer."""
     too_many_peers: int = 0
     delivered: int = 0

@@ -36,7 +36,7 @@ class FrameKind(IntEnum):
     REFUSAL = 9
 
 
-class Role(IntEnum):
+class TunnelRole(IntEnum):
     """Which end of the link."""
 
     PLATFORM = 0

@@ -10,17 +10,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from gloc3.exchange.tunnel.frames import MAX_ECHOES, Hello, Table, TunnelFrame
+from gloc3.exchange.tunnel.frames import MAX_ECHOES, TunnelFrame, TunnelHello, TunnelTable
 from gloc3.exchange.tunnel.happenings import Counters
-from gloc3.exchange.tunnel.layout import DUTIES, Lane, Role
+from gloc3.exchange.tunnel.layout import DUTIES, Lane, TunnelRole
 from gloc3.exchange.tunnel.pacing import Bucket, Pacer
-from gloc3.exchange.tunnel.peers import Peer, Peers
+from gloc3.exchange.tunnel.peers import Peer, TunnelPeers
 from gloc3.exchange.tunnel.status import StatusSender
 from gloc3.exchange.tunnel.table import OwnTable
 from gloc3.mavlink.message import Address
 
 EVERYBODY: Final = Address(0, 0)
-HELLO_PERIOD_S: Final = {Role.STATION: 0.5, Role.PLATFORM: 1.0}
+HELLO_PERIOD_S: Final = {TunnelRole.STATION: 0.5, TunnelRole.PLATFORM: 1.0}
 """A station is heard twice a second, since a silent one that holds control has lost the link."""
 LONELY_PERIOD_S: Final = 0.5
 """While nobody is there."""
@@ -49,11 +49,11 @@ class Outbox:
 
     def __init__(
         self,
-        role: Role,
+        role: TunnelRole,
         name: str,
         boot: int,
         pacer: Pacer,
-        peers: Peers,
+        peers: TunnelPeers,
         table: OwnTable,
         counters: Counters,
     ) -> None:
@@ -69,18 +69,18 @@ class Outbox:
         """What somebody looks at; it waits until everything else has left."""
         self._counters = counters
         self._hello_s = 0.0
-        self._greeted_s = -HELLO_SPACING_S
+        self._last_hello_s = -HELLO_SPACING_S
         self._turn = 0
         self._busy_until_s = 0.0
         self._view_turn = 0
-        self.news: list[int] = []
+        self.changes: list[int] = []
         """Rows of the table that nobody has been told yet."""
         self.tokens: list[int] = []
         """Numbers of what is alive here."""
 
-    def greet_soon(self) -> None:
+    def send_hello_soon(self) -> None:
         """Somebody needs to hear who we are."""
-        self._hello_s = min(self._hello_s, self._greeted_s + HELLO_SPACING_S)
+        self._hello_s = min(self._hello_s, self._last_hello_s + HELLO_SPACING_S)
 
     def outgoing(self, now_s: float) -> list[tuple[int, int, bytes]]:
         """What may leave now: target system and component, and the payload of a TUNNEL message."""
@@ -110,7 +110,7 @@ class Outbox:
         """When there will be something to send."""
         line_s = self._pacer.line.open_s()
         times_s = [self._hello_s]
-        if self.news:
+        if self.changes:
             return line_s
         if self.status.is_waiting:
             times_s.append(self._pacer.status.open_s())
@@ -163,27 +163,29 @@ class Outbox:
         if now_s >= self._hello_s:
             is_lonely = not any(peer.is_alive for peer in self._peers)
             self._hello_s = now_s + (LONELY_PERIOD_S if is_lonely else HELLO_PERIOD_S[self._role])
-            self._greeted_s = now_s
+            self._last_hello_s = now_s
             return EVERYBODY, self._hello(now_s), None
-        if self.news:
-            return EVERYBODY, self._rows(self.news), None
+        if self.changes:
+            return EVERYBODY, self._rows(self.changes), None
         for peer in self._peers:
-            ask_s = peer.ask_s()
-            if ask_s is not None and now_s >= ask_s:
-                return peer.address, peer.ask(now_s), None
+            request_s = peer.ask_s()
+            if request_s is not None and now_s >= request_s:
+                return peer.address, peer.request(now_s), None
             if peer.wanted:
                 return peer.address, self._rows(peer.wanted), None
         return None
 
-    def _hello(self, now_s: float) -> Hello:
-        alive = sorted((peer for peer in self._peers if peer.is_alive), key=lambda peer: -peer.heard_s)
+    def _hello(self, now_s: float) -> TunnelHello:
+        alive = sorted((peer for peer in self._peers if peer.is_alive), key=lambda peer: -peer.received_s)
         echoes = [echo for peer in alive if (echo := peer.echo(now_s)) is not None][:MAX_ECHOES]
-        return Hello(self._role, self._name, len(self._table), round(now_s * 1000.0), tuple(echoes), tuple(self.tokens))
+        return TunnelHello(
+            self._role, self._name, len(self._table), round(now_s * 1000.0), tuple(echoes), tuple(self.tokens)
+        )
 
-    def _rows(self, numbers: list[int]) -> Table:
+    def _rows(self, numbers: list[int]) -> TunnelTable:
         rows, count = self._table.frame_of(numbers)
         del numbers[:count]
-        return Table(rows)
+        return TunnelTable(rows)
 
     def _best_effort(self) -> _Chosen | None:
         if not self._pacer.status.is_open:

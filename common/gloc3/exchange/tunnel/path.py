@@ -71,22 +71,22 @@ class PeerClock:
     def __init__(self) -> None:
         self._samples: deque[ClockSample] = deque(maxlen=CLOCK_SAMPLES)
 
-    def sample(self, asked_s: float, told_s: float, held_s: float, now_s: float) -> float | None:
+    def sample(self, requested_s: float, reported_s: float, held_s: float, now_s: float) -> float | None:
         """Takes an echo in.
 
         Args:
-            asked_s: when our greeting left, by our clock.
-            told_s: when the peer's greeting left, by its clock.
+            requested_s: when our greeting left, by our clock.
+            reported_s: when the peer's greeting left, by its clock.
             held_s: how long our greeting had been there by then.
             now_s: when the peer's greeting came, by our clock.
 
         Returns:
             The round trip; None for an echo that makes no sense.
         """
-        round_trip_s = now_s - asked_s - held_s
+        round_trip_s = now_s - requested_s - held_s
         if not 0.0 <= round_trip_s < 60.0:
             return None
-        self._samples.append(ClockSample(told_s + 0.5 * round_trip_s - now_s, round_trip_s))
+        self._samples.append(ClockSample(reported_s + 0.5 * round_trip_s - now_s, round_trip_s))
         return round_trip_s
 
     @property

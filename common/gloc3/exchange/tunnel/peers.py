@@ -6,19 +6,19 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Final
 
-from gloc3.exchange.tunnel.frames import Ask, Echo, Hello
-from gloc3.exchange.tunnel.happenings import Counters, Happening, PeerChanged, TokenChanged, Trouble, Undelivered
-from gloc3.exchange.tunnel.layout import Role
+from gloc3.exchange.tunnel.frames import Echo, TableRequest, TunnelHello
+from gloc3.exchange.tunnel.happenings import Counters, Happening, PeerChanged, TokenChanged, TunnelTrouble, Undelivered
+from gloc3.exchange.tunnel.layout import TunnelRole
 from gloc3.exchange.tunnel.path import PeerClock, RoundTrips
 from gloc3.exchange.tunnel.receiving import ReliableReceiver
 from gloc3.exchange.tunnel.sending import ReliableSender
 from gloc3.exchange.tunnel.status import StatusReceiver
-from gloc3.exchange.tunnel.table import Channel, PeerTable
+from gloc3.exchange.tunnel.table import PeerTable, TunnelChannel
 from gloc3.mavlink.message import Address
 
 SILENT_AFTER_S: Final = 8.0
-ASK_SPACING_S: Final = 0.4
-ASK_LIMIT: Final = 40
+REQUEST_SPACING_S: Final = 0.4
+REQUEST_LIMIT: Final = 40
 LIVES_REMEMBERED: Final = 8
 
 
@@ -26,14 +26,14 @@ class Peer:
     """The other end of the link, or one of several."""
 
     def __init__(
-        self, address: Address, hello: Hello, boot: int, first_number: int, counters: Counters, now_s: float
+        self, address: Address, hello: TunnelHello, boot: int, first_number: int, counters: Counters, now_s: float
     ) -> None:
         self._counters = counters
         self.address: Final = address
         self.role: Final = hello.role
         self.name = hello.name
         self.is_alive = True
-        self.heard_s = now_s
+        self.received_s = now_s
         self.former_boots: deque[int] = deque(maxlen=LIVES_REMEMBERED)
         self.since_s = now_s
         """When this life was first heard."""
@@ -54,7 +54,7 @@ class Peer:
         self.tokens: tuple[str, ...] = ()
         self._token_numbers: tuple[int, ...] = ()
         self._hello: tuple[int, float] | None = None
-        self._asked_s = -ASK_SPACING_S
+        self._requested_s = -REQUEST_SPACING_S
 
     def restart(self, boot: int, first_number: int, now_s: float) -> None:
         """Forgets everything about the process that was there."""
@@ -62,7 +62,7 @@ class Peer:
         self.since_s = now_s
         self._begin(boot, first_number)
 
-    def greet(self, hello: Hello, own: Address, now_s: float) -> float | None:
+    def send_hello(self, hello: TunnelHello, own: Address, now_s: float) -> float | None:
         """Takes a greeting in; the round trip if it tells one."""
         self._hello = (hello.sent_ms & 0xFFFFFFFF, now_s)
         self._token_numbers = hello.tokens
@@ -71,8 +71,8 @@ class Peer:
         for echo in hello.echoes:
             if (echo.system, echo.component) == own:
                 now_ms = round(now_s * 1000.0)
-                asked_s = now_s - ((now_ms - echo.sent_ms) & 0xFFFFFFFF) / 1000.0
-                return self.clock.sample(asked_s, hello.sent_ms / 1000.0, echo.held_ms / 1000.0, now_s)
+                requested_s = now_s - ((now_ms - echo.sent_ms) & 0xFFFFFFFF) / 1000.0
+                return self.clock.sample(requested_s, hello.sent_ms / 1000.0, echo.held_ms / 1000.0, now_s)
         return None
 
     def echo(self, now_s: float) -> Echo | None:
@@ -88,7 +88,7 @@ class Peer:
         channels = (self.table.find(number) for number in self._token_numbers)
         return tuple(channel.topic for channel in channels if channel is not None and channel.source is None)
 
-    def channel(self, number: int) -> Channel | None:
+    def channel(self, number: int) -> TunnelChannel | None:
         """What a number of its table stands for; None where it has to be asked."""
         return self.table.find(number)
 
@@ -96,32 +96,32 @@ class Peer:
         """When it is to be asked for rows of its table; None while nothing is missing."""
         if not self.is_alive or not self.table.missing(1):
             return None
-        return self._asked_s + max(ASK_SPACING_S, 0.6 * self.round_trips.smoothed_s)
+        return self._requested_s + max(REQUEST_SPACING_S, 0.6 * self.round_trips.smoothed_s)
 
-    def ask(self, now_s: float) -> Ask:
+    def request(self, now_s: float) -> TableRequest:
         """The question for the rows that are missing."""
-        self._asked_s = now_s
-        return Ask(self.table.missing(ASK_LIMIT))
+        self._requested_s = now_s
+        return TableRequest(self.table.missing(REQUEST_LIMIT))
 
     @property
     def silent_s(self) -> float:
         """When it counts as gone if nothing comes."""
-        return self.heard_s + SILENT_AFTER_S
+        return self.received_s + SILENT_AFTER_S
 
 
 MAX_PEERS: Final = 128
 """A station has a hundred vehicles behind one link, and room for some more."""
-FORGET_AFTER_S: Final = 300.0
+DROP_AFTER_S: Final = 300.0
 """A peer that is silent for so long is forgotten, and with it what waited for it."""
 MAKE_ROOM_AFTER_S: Final = 130.0
 """A peer that is silent for so long gives way to a new one when there are too many. It is longer than any message is
 repeated, so that none of them is taken for a new one if that peer comes back."""
 GHOST_AFTER_S: Final = 3.0
 """Frames of a former life are late until then; afterwards two processes share an address."""
-MAX_TROUBLES: Final = 256
+MAX_PROBLEMS: Final = 256
 
 
-class Peers:
+class TunnelPeers:
     """The peers of the other role, by address, in the order in which they were first heard.
 
     Args:
@@ -133,16 +133,16 @@ class Peers:
     """
 
     def __init__(
-        self, role: Role, name: str, own: Address, counters: Counters, tell: Callable[[Happening], None]
+        self, role: TunnelRole, name: str, own: Address, counters: Counters, report: Callable[[Happening], None]
     ) -> None:
         self._role = role
         self._name = name
         self._own = own
         self._counters = counters
-        self._tell = tell
+        self._report = report
         self._peers: dict[Address, Peer] = {}
         self._first_number = 0
-        self._troubles: set[tuple[Address, str]] = set()
+        self._problems: set[tuple[Address, str]] = set()
 
     def __iter__(self) -> Iterator[Peer]:
         return iter(self._peers.values())
@@ -161,14 +161,14 @@ class Peers:
         found = [peer for peer in self if peer.name == name]
         return next((peer for peer in found if peer.is_alive), found[0] if found else None)
 
-    def greet(self, address: Address, hello: Hello, boot: int, now_s: float) -> Peer | None:
+    def send_hello(self, address: Address, hello: TunnelHello, boot: int, now_s: float) -> Peer | None:
         """Takes a greeting in; the peer, or None where it is none of ours."""
         if address == self._own:
-            self.trouble(address, f"another process uses our address {address.system}/{address.component}")
+            self.problem(address, f"another process uses our address {address.system}/{address.component}")
             return None
         if hello.role is self._role:
             if hello.name == self._name:
-                self.trouble(address, f"another {self._role.name.lower()} calls itself {self._name}")
+                self.problem(address, f"another {self._role.name.lower()} calls itself {self._name}")
             return None
         peer = self._peers.get(address)
         if peer is None:
@@ -176,28 +176,28 @@ class Peers:
                 self._counters.too_many_peers += 1
                 return None
             peer = self._peers[address] = Peer(address, hello, boot, self._number(), self._counters, now_s)
-            self._tell(PeerChanged(address, peer.name, peer.role, True))
+            self._report(PeerChanged(address, peer.name, peer.role, True))
             self._check_name(peer)
         elif boot in peer.former_boots:
             self._counters.other_life += 1
             if now_s - peer.since_s > GHOST_AFTER_S:
-                self.trouble(address, f"two processes use the address {address.system}/{address.component}")
+                self.problem(address, f"two processes use the address {address.system}/{address.component}")
             return None
         elif boot != peer.boot:
             self._restart(peer, boot, now_s)
-        round_trip_s = peer.greet(hello, self._own, now_s)
+        round_trip_s = peer.send_hello(hello, self._own, now_s)
         if round_trip_s is not None:
             peer.round_trips.sample(round_trip_s, now_s)
-        self.hear(peer, now_s)
+        self.note_contact(peer, now_s)
         self.refresh(peer)
         return peer
 
-    def hear(self, peer: Peer, now_s: float) -> None:
+    def note_contact(self, peer: Peer, now_s: float) -> None:
         """Something came from a peer."""
-        peer.heard_s = now_s
+        peer.received_s = now_s
         if not peer.is_alive:
             peer.is_alive = True
-            self._tell(PeerChanged(peer.address, peer.name, peer.role, True))
+            self._report(PeerChanged(peer.address, peer.name, peer.role, True))
             self.refresh(peer)
 
     def refresh(self, peer: Peer) -> None:
@@ -205,42 +205,42 @@ class Peers:
         before, peer.tokens = peer.tokens, peer.live_tokens()
         for token in before:
             if token not in peer.tokens:
-                self._tell(TokenChanged(token, False))
+                self._report(TokenChanged(token, False))
         for token in peer.tokens:
             if token not in before:
-                self._tell(TokenChanged(token, True))
+                self._report(TokenChanged(token, True))
 
     def tick(self, now_s: float) -> None:
         """Notices who has gone silent, and forgets who has been for long."""
         for peer in list(self):
             if peer.is_alive and now_s >= peer.silent_s:
                 peer.is_alive = False
-                self._tell(PeerChanged(peer.address, peer.name, peer.role, False))
+                self._report(PeerChanged(peer.address, peer.name, peer.role, False))
                 self.refresh(peer)
-            if now_s >= peer.heard_s + FORGET_AFTER_S:
-                self._forget(peer)
+            if now_s >= peer.received_s + DROP_AFTER_S:
+                self._drop(peer)
 
     def next_s(self) -> float | None:
         """When `tick` has something to do."""
         return min(
-            (peer.silent_s if peer.is_alive else peer.heard_s + FORGET_AFTER_S for peer in self),
+            (peer.silent_s if peer.is_alive else peer.received_s + DROP_AFTER_S for peer in self),
             default=None,
         )
 
-    def trouble(self, address: Address, text: str, kind: str = "") -> None:
+    def problem(self, address: Address, text: str, kind: str = "") -> None:
         """Tells a trouble, once; one of a kind only the first time."""
         key = (address, kind or text)
-        if key not in self._troubles and len(self._troubles) < MAX_TROUBLES:
-            self._troubles.add(key)
-            self._tell(Trouble(address, text))
+        if key not in self._problems and len(self._problems) < MAX_PROBLEMS:
+            self._problems.add(key)
+            self._report(TunnelTrouble(address, text))
 
     def _restart(self, peer: Peer, boot: int, now_s: float) -> None:
         """A new process is at a peer's address: what the old one cannot have got goes to the new one."""
         waiting = peer.sender.waiting()
         for token in peer.tokens:
-            self._tell(TokenChanged(token, False))
+            self._report(TokenChanged(token, False))
         peer.restart(boot, self._number(), now_s)
-        self._tell(PeerChanged(peer.address, peer.name, peer.role, True, is_restarted=True))
+        self._report(PeerChanged(peer.address, peer.name, peer.role, True, is_restarted=True))
         for outgoing, may_have_arrived in waiting:
             if may_have_arrived:
                 reason = f"{peer.name} restarted before it had acknowledged"
@@ -248,16 +248,16 @@ class Peers:
             else:
                 peer.sender.submit(outgoing, now_s)
 
-    def _forget(self, peer: Peer) -> None:
+    def _drop(self, peer: Peer) -> None:
         for outgoing, may_have_arrived in peer.sender.waiting():
-            reason = f"{peer.name} has been silent for {FORGET_AFTER_S:.0f} s"
+            reason = f"{peer.name} has been silent for {DROP_AFTER_S:.0f} s"
             self._give_up(Undelivered(outgoing.envelope, peer.address, not may_have_arrived, reason))
         self._first_number = self._number()
         del self._peers[peer.address]
 
     def _give_up(self, undelivered: Undelivered) -> None:
         self._counters.undelivered += 1
-        self._tell(undelivered)
+        self._report(undelivered)
 
     def _number(self) -> int:
         """A number that no message of this process has had, so that a forgotten peer never mistakes one."""
@@ -266,12 +266,12 @@ class Peers:
     def _make_room(self, now_s: float) -> bool:
         if len(self._peers) < MAX_PEERS:
             return True
-        silent = [peer for peer in self if now_s - peer.heard_s > MAKE_ROOM_AFTER_S]
+        silent = [peer for peer in self if now_s - peer.received_s > MAKE_ROOM_AFTER_S]
         if silent:
-            self._forget(min(silent, key=lambda peer: peer.heard_s))
+            self._drop(min(silent, key=lambda peer: peer.received_s))
         return bool(silent)
 
     def _check_name(self, peer: Peer) -> None:
         for other in self:
             if other is not peer and other.is_alive and other.name == peer.name:
-                self.trouble(peer.address, f"two {peer.role.name.lower()}s call themselves {peer.name}")
+                self.problem(peer.address, f"two {peer.role.name.lower()}s call themselves {peer.name}")

@@ -11,12 +11,12 @@ from gloc3.errors import Gloc3Error
 _VARINT_BITS: Final = 63
 
 
-class FrameError(Gloc3Error):
+class TunnelFrameError(Gloc3Error):
     """A frame that is damaged or of another make; the text says what is wrong with it."""
 
 
-class Reader:
-    """Takes values off the front of some bytes; what is not there is a `FrameError`, never another exception."""
+class ByteReader:
+    """Takes values off the front of some bytes; what is not there is a `TunnelFrameError`, never another exception."""
 
     __slots__ = ("_at", "_data")
 
@@ -29,19 +29,19 @@ class Reader:
         """Whether nothing is left."""
         return self._at >= len(self._data)
 
-    def take(self, layout: struct.Struct) -> tuple[int, ...]:
+    def unpack(self, layout: struct.Struct) -> tuple[int, ...]:
         """Whole numbers in a fixed layout."""
         at = self._at
         self._at = at + layout.size
         if self._at > len(self._data):
-            raise FrameError("the frame is cut off")
+            raise TunnelFrameError("the frame is cut off")
         return layout.unpack_from(self._data, at)
 
     def time(self) -> float:
         """Seconds in eight bytes, finite."""
         t_s = float(_DOUBLE.unpack(self.chunk(8))[0])
         if not isfinite(t_s):
-            raise FrameError("a time is not finite")
+            raise TunnelFrameError("a time is not finite")
         return t_s
 
     def byte(self) -> int:
@@ -53,10 +53,10 @@ class Reader:
         at = self._at
         self._at = at + count
         if self._at > len(self._data):
-            raise FrameError("the frame is cut off")
+            raise TunnelFrameError("the frame is cut off")
         return self._data[at : self._at]
 
-    def rest(self) -> bytes:
+    def remainder(self) -> bytes:
         """All that is left."""
         at, self._at = self._at, len(self._data)
         return self._data[at:]
@@ -64,9 +64,9 @@ class Reader:
     def text(self, count: int | None = None) -> str:
         """UTF-8 of so many bytes, or of all that is left."""
         try:
-            return (self.rest() if count is None else self.chunk(count)).decode()
+            return (self.remainder() if count is None else self.chunk(count)).decode()
         except UnicodeDecodeError as error:
-            raise FrameError("a text is no UTF-8") from error
+            raise TunnelFrameError("a text is no UTF-8") from error
 
     def varint(self) -> int:
         """A number in as many bytes as it needs, seven bits each, the lowest first."""
@@ -78,11 +78,11 @@ class Reader:
                 return value
             shift += 7
             if shift > _VARINT_BITS:
-                raise FrameError("a number has no end")
+                raise TunnelFrameError("a number has no end")
 
 
 def varint(value: int) -> bytes:
-    """A number that is not negative, as `Reader.varint` takes it."""
+    """A number that is not negative, as `ByteReader.varint` takes it."""
     if value < 0x80:
         return bytes((value,))
     parts = bytearray()

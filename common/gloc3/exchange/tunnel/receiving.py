@@ -134,7 +134,7 @@ class ReliableReceiver:
         """The message that is next will never be handed over."""
         inbox = self._lanes[lane]
         assert inbox.expected is not None
-        self._forget(inbox, inbox.expected)
+        self._drop(inbox, inbox.expected)
         inbox.reason = reason or "no reason was given"
         self._refusals.append((lane, inbox.expected))
 
@@ -143,11 +143,11 @@ class ReliableReceiver:
         if inbox.expected is None or base <= inbox.expected:
             return
         for number in [number for number in inbox.messages if number < base]:
-            self._forget(inbox, number)
+            self._drop(inbox, number)
         inbox.expected = base
         inbox.reason = ""
 
-    def _forget(self, inbox: _Inbox, number: int) -> None:
+    def _drop(self, inbox: _Inbox, number: int) -> None:
         message = inbox.messages.pop(number, None)
         if message is not None:
             self._buffered_fragments -= message.count

@@ -9,7 +9,7 @@ from typing import Final
 import msgspec
 
 from gloc3.exchange.tunnel.layout import HEADER, ROOM, SEALED_ROOM, FrameKind, Lane, header, seal
-from gloc3.exchange.tunnel.reader import FrameError, Reader
+from gloc3.exchange.tunnel.reader import ByteReader, TunnelFrameError
 
 _KEY: Final = struct.Struct("<H")
 _DATA: Final = struct.Struct("<BHHHH")
@@ -52,14 +52,16 @@ class Data(msgspec.Struct, frozen=True):
         return header(FrameKind.DATA, boot) + _KEY.pack(self.to_boot ^ (zlib.crc32(rest) & 0xFFFF)) + rest
 
     @classmethod
-    def decode(cls, reader: Reader) -> Data:
+    def decode(cls, reader: ByteReader) -> Data:
         """Reads what `encode` wrote."""
-        (key,) = reader.take(_KEY)
-        rest = reader.rest()
-        reader = Reader(rest)
-        flags, number, serial, index, count = reader.take(_DATA)
+        (key,) = reader.unpack(_KEY)
+        rest = reader.remainder()
+        reader = ByteReader(rest)
+        flags, number, serial, index, count = reader.unpack(_DATA)
         to_boot = key ^ (zlib.crc32(rest) & 0xFFFF)
-        return cls(to_boot, Lane(flags & 3), bool(flags & 4), flags >> 3, number, serial, index, count, reader.rest())
+        return cls(
+            to_boot, Lane(flags & 3), bool(flags & 4), flags >> 3, number, serial, index, count, reader.remainder()
+        )
 
 
 class LaneReport(msgspec.Struct, frozen=True):
@@ -102,14 +104,14 @@ class Ack(msgspec.Struct, frozen=True):
         return seal(frame)
 
     @classmethod
-    def decode(cls, reader: Reader) -> Ack:
+    def decode(cls, reader: ByteReader) -> Ack:
         """Reads what `encode` wrote."""
-        to_boot, highest, received, delay = reader.take(_ACK)
+        to_boot, highest, received, delay = reader.unpack(_ACK)
         lanes = []
         while not reader.is_at_end:
-            lane, expected, count = reader.take(_LANE)
+            lane, expected, count = reader.unpack(_LANE)
             if lane > Lane.VIEW:
-                raise FrameError("there are four lanes")
+                raise TunnelFrameError("there are four lanes")
             partial: list[tuple[int, int | None]] = []
             for _ in range(count):
                 ahead, size = reader.byte(), reader.byte()
@@ -134,9 +136,9 @@ class Refusal(msgspec.Struct, frozen=True):
         return seal(frame + reason.decode(errors="ignore").encode())
 
     @classmethod
-    def decode(cls, reader: Reader) -> Refusal:
+    def decode(cls, reader: ByteReader) -> Refusal:
         """Reads what `encode` wrote."""
-        to_boot, lane, number = reader.take(_REFUSAL)
+        to_boot, lane, number = reader.unpack(_REFUSAL)
         if lane > Lane.VIEW:
-            raise FrameError("there are four lanes")
+            raise TunnelFrameError("there are four lanes")
         return cls(to_boot, Lane(lane), number, reader.text())

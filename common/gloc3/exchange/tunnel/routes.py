@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import msgspec
 
-from gloc3.exchange.tunnel.layout import Lane, Role
+from gloc3.exchange.tunnel.layout import Lane, TunnelRole
 from gloc3.messages.command_interface import CiReply, CiRequest, Emergency, LoadMission, ReadMission, Steer, Verb
 from gloc3.messages.summaries import ComponentTable, ContactSummary
 from gloc3.messages.teleoperation import VelocityDemand
@@ -18,7 +18,7 @@ from gloc3.messages.watch import LARGE, WATCH, Sample
 class Route(msgspec.Struct, frozen=True):
     """How a topic crosses the link."""
 
-    sender: Role
+    sender: TunnelRole
     """The end that it comes from; what comes from the other end on this topic is not taken."""
     is_reliable: bool
     every: int = 1
@@ -28,29 +28,29 @@ class Route(msgspec.Struct, frozen=True):
 
 
 RELIABLE: Final[Mapping[str, Route]] = {
-    "ci/request": Route(Role.STATION, is_reliable=True),
-    "ci/reply": Route(Role.PLATFORM, is_reliable=True),
-    "contact": Route(Role.PLATFORM, is_reliable=True),
-    "ci/event": Route(Role.PLATFORM, is_reliable=True),
-    "ci/table": Route(Role.PLATFORM, is_reliable=True),
-    "ci/trouble": Route(Role.PLATFORM, is_reliable=True),
-    "ci/host_names": Route(Role.PLATFORM, is_reliable=True),
+    "ci/request": Route(TunnelRole.STATION, is_reliable=True),
+    "ci/reply": Route(TunnelRole.PLATFORM, is_reliable=True),
+    "contact": Route(TunnelRole.PLATFORM, is_reliable=True),
+    "ci/event": Route(TunnelRole.PLATFORM, is_reliable=True),
+    "ci/table": Route(TunnelRole.PLATFORM, is_reliable=True),
+    "ci/trouble": Route(TunnelRole.PLATFORM, is_reliable=True),
+    "ci/host_names": Route(TunnelRole.PLATFORM, is_reliable=True),
 }
 """The topics that may not lose a message, below the platform's name."""
 
-DEMAND: Final = Route(Role.STATION, is_reliable=False)
+DEMAND: Final = Route(TunnelRole.STATION, is_reliable=False)
 """The newest counts, and none is sent again."""
-SAMPLE: Final = Route(Role.PLATFORM, is_reliable=False, is_view=True)
-LARGE_SAMPLE: Final = Route(Role.PLATFORM, is_reliable=True, is_view=True)
+SAMPLE: Final = Route(TunnelRole.PLATFORM, is_reliable=False, is_view=True)
+LARGE_SAMPLE: Final = Route(TunnelRole.PLATFORM, is_reliable=True, is_view=True)
 
 EMERGENCY_PATIENCE_S: Final = 5.0
 """An emergency that has not arrived by then is not carried out behind the operator's back."""
-REQUEST_PATIENCE_S: Final = 15.0
-UPLOAD_PATIENCE_S: Final = 60.0
-ANSWER_PATIENCE_S: Final = 120.0
-CONTACT_PATIENCE_S: Final = 10.0
+REQUEST_TIMEOUT_S: Final = 15.0
+UPLOAD_TIMEOUT_S: Final = 60.0
+ANSWER_TIMEOUT_S: Final = 120.0
+CONTACT_TIMEOUT_S: Final = 10.0
 """What is so at the begin of a contact is of no use later: the next contact tells more."""
-VIEW_PATIENCE_S: Final = 5.0
+VIEW_TIMEOUT_S: Final = 5.0
 """A large sample that has made no progress for so long gives way to a newer one."""
 LONG_TEXT: Final = 400
 
@@ -65,7 +65,7 @@ def route(name: str, row: TopicRow | None) -> Route | None:
     if row is None:
         return None
     if row.downlink_every > 0:
-        return Route(Role.PLATFORM, is_reliable=False, every=row.downlink_every)
+        return Route(TunnelRole.PLATFORM, is_reliable=False, every=row.downlink_every)
     if name.startswith(WATCH):
         return LARGE_SAMPLE if name.startswith(LARGE) else SAMPLE
     return DEMAND if row.message is VelocityDemand else RELIABLE.get(name)
@@ -75,7 +75,7 @@ class Urgency(msgspec.Struct, frozen=True):
     """How a reliable message is sent."""
 
     lane: Lane
-    patience_s: float
+    timeout_s: float
     is_fence: bool = False
 
 
@@ -95,18 +95,18 @@ def urgency(message: Any, *, has_upload: bool, is_fenced: bool) -> Urgency:
         if isinstance(body, Emergency):
             return Urgency(Lane.URGENT, EMERGENCY_PATIENCE_S)
         if isinstance(body, LoadMission):
-            return Urgency(Lane.BULK, UPLOAD_PATIENCE_S)
+            return Urgency(Lane.BULK, UPLOAD_TIMEOUT_S)
         if is_fenced or (has_upload and _means_upload(body)):
-            return Urgency(Lane.BULK, UPLOAD_PATIENCE_S, is_fence=True)
-        return Urgency(Lane.ORDINARY, REQUEST_PATIENCE_S)
+            return Urgency(Lane.BULK, UPLOAD_TIMEOUT_S, is_fence=True)
+        return Urgency(Lane.ORDINARY, REQUEST_TIMEOUT_S)
     if isinstance(message, ContactSummary):
-        return Urgency(Lane.URGENT, CONTACT_PATIENCE_S)
+        return Urgency(Lane.URGENT, CONTACT_TIMEOUT_S)
     if isinstance(message, Sample):
-        return Urgency(Lane.VIEW, VIEW_PATIENCE_S)
+        return Urgency(Lane.VIEW, VIEW_TIMEOUT_S)
     is_long = isinstance(message, ComponentTable) or (
         isinstance(message, CiReply) and (len(message.text) > LONG_TEXT or "reports" in message.result)
     )
-    return Urgency(Lane.BULK if is_long else Lane.ORDINARY, ANSWER_PATIENCE_S)
+    return Urgency(Lane.BULK if is_long else Lane.ORDINARY, ANSWER_TIMEOUT_S)
 
 
 def _means_upload(body: object) -> bool:

@@ -47,7 +47,7 @@ ANSWER_GRACE_S: Final = 1.2
 LONGEST_PROBE_S: Final = 2.0
 
 
-class Outgoing(msgspec.Struct, frozen=True):
+class OutgoingMessage(msgspec.Struct, frozen=True):
     """A message that is to be sent."""
 
     envelope: Envelope[Any]
@@ -55,7 +55,7 @@ class Outgoing(msgspec.Struct, frozen=True):
     body: bytes
     lane: Lane
     submitted_s: float
-    patience_s: float
+    timeout_s: float
     """It is given up so long after it was submitted; in the lanes of large messages, after the last progress."""
     is_fence: bool = False
     """It waits in the bulk lane for an upload; what comes after it must not overtake it."""
@@ -66,7 +66,7 @@ class _Transfer:
 
     __slots__ = ("acked", "copies", "count", "fresh", "full", "lost", "number", "outgoing", "sent_s", "serials")
 
-    def __init__(self, number: int, outgoing: Outgoing) -> None:
+    def __init__(self, number: int, outgoing: OutgoingMessage) -> None:
         self.number = number
         self.outgoing = outgoing
         self.count = max(1, -(-len(outgoing.body) // CHUNK))
@@ -117,7 +117,7 @@ class ReliableSender:
         self._highest = -1
         self._received = 0
         self._times_s: deque[tuple[int, float]] = deque()
-        self._heard_s = 0.0
+        self._received_s = 0.0
         """When the last acknowledgement came."""
         self._sent_s = 0.0
         self._probes = 0
@@ -136,11 +136,11 @@ class ReliableSender:
         """Whether a message in the bulk lane must not be overtaken."""
         return any(transfer.outgoing.is_fence for transfer in self._lanes[Lane.BULK])
 
-    def waiting(self) -> list[tuple[Outgoing, bool]]:
+    def waiting(self) -> list[tuple[OutgoingMessage, bool]]:
         """What is not done, and whether it may have arrived all the same."""
         return [(transfer.outgoing, transfer.was_sent) for lane in Lane for transfer in self._lanes[lane]]
 
-    def submit(self, outgoing: Outgoing, now_s: float) -> str:
+    def submit(self, outgoing: OutgoingMessage, now_s: float) -> str:
         """Takes a message; the answer is a reason against it, or empty."""
         lane = self._lanes[outgoing.lane]
         if len(outgoing.body) > MAX_BODY:
@@ -152,13 +152,13 @@ class ReliableSender:
         if not lane:
             self._progress_s[outgoing.lane] = now_s
         if self.is_idle:
-            self._heard_s = self._sent_s = now_s
+            self._received_s = self._sent_s = now_s
         self.is_idle = False
         lane.append(_Transfer(self._next_number[outgoing.lane], outgoing))
         self._next_number[outgoing.lane] += 1
         return ""
 
-    def _replace(self, outgoing: Outgoing) -> bool:
+    def _replace(self, outgoing: OutgoingMessage) -> bool:
         """Puts a newer message of a channel in the place of one that has not begun to be sent."""
         lane = self._lanes[outgoing.lane]
         for place, transfer in enumerate(lane):
@@ -215,7 +215,7 @@ class ReliableSender:
             return None
         copies = self._copies
         slow_s = max(COPY_SPACING_S, LATE_ROUND_TRIPS * trips.smoothed_s)
-        latest_s = self._heard_s + trips.smoothed_s + ANSWER_GRACE_S
+        latest_s = self._received_s + trips.smoothed_s + ANSWER_GRACE_S
         best: tuple[float, Lane, _Transfer, int] | None = None
         for lane in lanes:
             if not is_idle and lane is not Lane.URGENT and len(self._lanes[lane]) > HURRIED_COPIES:
@@ -240,7 +240,9 @@ class ReliableSender:
     def _may_fly(self) -> bool:
         """Whether so little is unanswered that more may be sent."""
         flight = self._next_serial - self._highest - 1
-        return flight < SMALLEST_FLIGHT or self._sent_s < self._heard_s + self._round_trips.smoothed_s + ANSWER_GRACE_S
+        return (
+            flight < SMALLEST_FLIGHT or self._sent_s < self._received_s + self._round_trips.smoothed_s + ANSWER_GRACE_S
+        )
 
     def _window(self, lane: Lane) -> Iterator[_Transfer]:
         transfers = self._lanes[lane]
@@ -264,17 +266,17 @@ class ReliableSender:
 
     # --- what comes back ---
 
-    def acknowledge(self, ack: Ack, now_s: float) -> tuple[list[Outgoing], float | None]:
+    def acknowledge(self, ack: Ack, now_s: float) -> tuple[list[OutgoingMessage], float | None]:
         """Takes an acknowledgement in: what is done now, and the round trip if it tells one."""
         highest = unwrap(ack.highest, max(self._highest, 0))
         if highest >= self._next_serial:
             return [], None
-        self._heard_s = now_s
+        self._received_s = now_s
         self._probes = 0
         round_trip_s = None
         if highest > self._highest:
             round_trip_s = self._advance(highest, ack, now_s)
-        done: list[Outgoing] = []
+        done: list[OutgoingMessage] = []
         for report in ack.lanes:
             transfers = self._lanes[report.lane]
             expected = unwrap(report.expected, transfers[0].number) if transfers else 0
@@ -290,7 +292,7 @@ class ReliableSender:
                         transfer.acked |= acked & ((1 << transfer.fresh) - 1)
                         self._progress_s[report.lane] = now_s
         self._declare_losses(now_s)
-        self._look_for_work()
+        self._find_work()
         return done, round_trip_s
 
     def _advance(self, highest: int, ack: Ack, now_s: float) -> float | None:
@@ -317,7 +319,7 @@ class ReliableSender:
                         serials[index] = -1  # waits to be sent again
                         lost.append(index)
 
-    def refuse(self, lane: Lane, number: int) -> Outgoing | None:
+    def refuse(self, lane: Lane, number: int) -> OutgoingMessage | None:
         """The peer will not take a message: what it was, or None where it is not known any more."""
         for transfer in list(self._window(lane)):
             if transfer.number & 0xFFFF == number and transfer.was_sent:
@@ -327,9 +329,9 @@ class ReliableSender:
 
     # --- time ---
 
-    def expire(self, now_s: float) -> list[tuple[Outgoing, bool]]:
+    def expire(self, now_s: float) -> list[tuple[OutgoingMessage, bool]]:
         """Gives up what waited too long; and whether it may have arrived all the same."""
-        given_up: list[tuple[Outgoing, bool]] = []
+        given_up: list[tuple[OutgoingMessage, bool]] = []
         if self.is_idle:
             return given_up
         for lane in Lane:
@@ -360,22 +362,22 @@ class ReliableSender:
 
     def _probe_s(self) -> float:
         wait_s = min(LONGEST_PROBE_S, self._round_trips.timeout_s * 1.5**self._probes + 0.1)
-        return max(self._sent_s, self._heard_s) + wait_s
+        return max(self._sent_s, self._received_s) + wait_s
 
     def _end_s(self, lane: Lane, transfer: _Transfer) -> float:
         outgoing = transfer.outgoing
         since_s = outgoing.submitted_s
         if lane >= Lane.BULK:
             since_s = max(since_s, self._progress_s[lane])
-        return since_s + outgoing.patience_s
+        return since_s + outgoing.timeout_s
 
     def _drop(self, lane: Lane, transfer: _Transfer) -> None:
         """Takes a message out, and makes sure that the peer learns that it need not wait for it."""
         self._lanes[lane].remove(transfer)
-        self._look_for_work()
+        self._find_work()
         self._nudge()
 
-    def _look_for_work(self) -> None:
+    def _find_work(self) -> None:
         self.is_idle = not any(self._lanes.values())
 
     def _nudge(self) -> None:

@@ -20,7 +20,7 @@ from gloc3.exchange.tunnel.body import pack_status
 from gloc3.exchange.tunnel.frames import Status, StatusPart, SummaryRows
 from gloc3.exchange.tunnel.happenings import Counters
 from gloc3.exchange.tunnel.layout import ROOM
-from gloc3.exchange.tunnel.reader import FrameError, Reader, varint
+from gloc3.exchange.tunnel.reader import ByteReader, TunnelFrameError, varint
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.motion import MotionSummary
 from gloc3.messages.status_fields import BYTE, ROW_FIELDS
@@ -47,7 +47,7 @@ class SummaryPacker:
         self._latest: Envelope[Any] | None = None
         self._rows: dict[int, ComponentLine] = {}
         self._waiting: list[int] = []
-        self._is_told = True
+        self._is_reported = True
 
     def offer(self, envelope: Envelope[Any]) -> int:
         """Takes a summary; rows of an earlier one that were not sent yet are replaced. Tells how many."""
@@ -56,7 +56,7 @@ class SummaryPacker:
             self._rows.clear()
             self._waiting.clear()
         self._latest = envelope
-        self._is_told = False
+        self._is_reported = False
         waiting = set(self._waiting)
         replaced = 0
         for line in summary.lines:
@@ -70,7 +70,7 @@ class SummaryPacker:
     @property
     def is_waiting(self) -> bool:
         """Whether a frame is to be sent."""
-        return bool(self._waiting) or not self._is_told
+        return bool(self._waiting) or not self._is_reported
 
     def next_body(self, room: int) -> tuple[int, bytes]:
         """Sequence and body of the next frame; `room` are the bytes behind header, channel and sequence."""
@@ -80,15 +80,15 @@ class SummaryPacker:
         first = self._waiting[0] if self._waiting else 0
         body = _T_S.pack(envelope.t_s) + varint(summary.table)
         body += bytes((_HEALTH.index(summary.health),)) + varint(first)
-        taken = 0
+        used = 0
         for index in self._waiting:
             row = _packed(self._rows[index])
-            if index != first + taken or len(body) + len(row) > room:
+            if index != first + used or len(body) + len(row) > room:
                 break
             body += row
-            taken += 1
-        del self._waiting[:taken]
-        self._is_told = True
+            used += 1
+        del self._waiting[:used]
+        self._is_reported = True
         return envelope.sequence, body
 
 
@@ -102,12 +102,12 @@ def unpack_summary(body: bytes) -> tuple[float, Summary]:
     """Time of validity and the rows of one frame.
 
     Raises:
-        FrameError: the bytes are damaged.
+        TunnelFrameError: the bytes are damaged.
     """
-    reader = Reader(body)
+    reader = ByteReader(body)
     t_s, table, health, index = reader.time(), reader.varint(), reader.byte(), reader.varint()
     if health >= len(_HEALTH):
-        raise FrameError(f"unknown health {health}")
+        raise TunnelFrameError(f"unknown health {health}")
     lines = []
     while not reader.is_at_end:
         state = reader.byte()
@@ -262,11 +262,11 @@ class StatusReceiver:
         """The whole body, once enough parts are here.
 
         Raises:
-            FrameError: the part contradicts itself or the others.
+            TunnelFrameError: the part contradicts itself or the others.
         """
         has_parity = part.count >= MIN_PARTS_WITH_PARITY
         if not 2 <= part.count <= MAX_PARTS or part.index >= part.count + has_parity or not part.chunk:
-            raise FrameError("a part has no place in its message")
+            raise TunnelFrameError("a part has no place in its message")
         last = self._arrivals.get(part.channel)
         if last is None or last.sequence != part.sequence:
             last = self._open(part.channel, part.sequence, part.count, part.size)
@@ -276,7 +276,7 @@ class StatusReceiver:
             self._counters.late += 1
             return None
         if (part.count, part.size) != (last.count, last.size):
-            raise FrameError("the parts of a message do not fit together")
+            raise TunnelFrameError("the parts of a message do not fit together")
         last.chunks[part.index] = part.chunk
         if len(last.chunks) < last.count:
             return None
@@ -305,7 +305,7 @@ def _join(chunks: dict[int, bytes], count: int, size: int) -> bytes:
         chunks[missing] = _parity([chunk for _, chunk in sorted(chunks.items())])
     body = b"".join(chunks[index] for index in range(count))[:size]
     if len(body) != size:
-        raise FrameError("the parts of a message do not fit together")
+        raise TunnelFrameError("the parts of a message do not fit together")
     return body
 
 

@@ -9,7 +9,7 @@ import msgspec
 
 from gloc3.errors import Refused
 from gloc3.exchange.tunnel.layout import SEALED_ROOM
-from gloc3.exchange.tunnel.reader import FrameError
+from gloc3.exchange.tunnel.reader import TunnelFrameError
 from gloc3.messages.envelope import Envelope, Source
 
 MAX_ROWS: Final = 2048
@@ -21,7 +21,7 @@ _ROWS_IN_FRAME: Final = 15
 _DECODER: Final = msgspec.msgpack.Decoder(list[_Row])
 
 
-class Channel(msgspec.Struct, frozen=True):
+class TunnelChannel(msgspec.Struct, frozen=True):
     """What all messages of one source on one topic have in common; the source is None for a token."""
 
     topic: str
@@ -34,7 +34,7 @@ class OwnTable:
     """The numbers that this process uses, in the order in which they were needed."""
 
     def __init__(self) -> None:
-        self._numbers: dict[Channel, int] = {}
+        self._numbers: dict[TunnelChannel, int] = {}
         self._rows: list[bytes] = []
 
     def __len__(self) -> int:
@@ -46,7 +46,7 @@ class OwnTable:
         Raises:
             Refused: its names are too long for a frame, or the table is full.
         """
-        return self._number(Channel(envelope.topic, envelope.type, envelope.source, envelope.frame))
+        return self._number(TunnelChannel(envelope.topic, envelope.type, envelope.source, envelope.frame))
 
     def token(self, token: str) -> int:
         """The number for a token.
@@ -54,7 +54,7 @@ class OwnTable:
         Raises:
             Refused: it is too long for a frame, or the table is full.
         """
-        return self._number(Channel(token, "", None))
+        return self._number(TunnelChannel(token, "", None))
 
     def rows(self, number: int) -> bytes:
         """One row, in the form that `PeerTable.add` takes."""
@@ -70,7 +70,7 @@ class OwnTable:
             size += len(rows[-1])
         return bytes((0x90 | len(rows),)) + b"".join(rows), len(rows)
 
-    def _number(self, channel: Channel) -> int:
+    def _number(self, channel: TunnelChannel) -> int:
         number = self._numbers.get(channel)
         if number is not None:
             return number
@@ -95,14 +95,14 @@ class PeerTable:
     """What a peer's numbers stand for, as far as it has said."""
 
     def __init__(self) -> None:
-        self._channels: dict[int, Channel] = {}
+        self._channels: dict[int, TunnelChannel] = {}
         self._size = 0
 
     def announce(self, size: int) -> None:
         """The peer says how many rows it has."""
         self._size = max(self._size, min(size, MAX_ROWS))
 
-    def find(self, number: int) -> Channel | None:
+    def find(self, number: int) -> TunnelChannel | None:
         """What a number stands for; None where the peer has to be asked."""
         found = self._channels.get(number)
         if found is None:
@@ -119,16 +119,16 @@ class PeerTable:
         """Takes rows in.
 
         Raises:
-            FrameError: they are damaged.
+            TunnelFrameError: they are damaged.
         """
         try:
             decoded = _DECODER.decode(rows)
         except (msgspec.DecodeError, msgspec.ValidationError, UnicodeDecodeError, RecursionError) as error:
-            raise FrameError(f"damaged table: {error}") from error
+            raise TunnelFrameError(f"damaged table: {error}") from error
         for number, topic, type_text, platform, component, boot, frame in decoded:
             if not 0 <= number < MAX_ROWS:
-                raise FrameError(f"row {number} is beyond the table")
+                raise TunnelFrameError(f"row {number} is beyond the table")
             source = Source(platform, component, boot) if type_text else None
             full = platform + topic if topic.startswith("/") else topic
-            self._channels.setdefault(number, Channel(full, type_text, source, frame))
+            self._channels.setdefault(number, TunnelChannel(full, type_text, source, frame))
             self._size = max(self._size, number + 1)

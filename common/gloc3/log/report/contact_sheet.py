@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gloc3.camera.opencv import load_opencv
 from gloc3.camera.wall_coverage import Coverage
-from gloc3.log.report.recording import Recording, Taken
+from gloc3.log.report.recording import PictureRecording, TakenPicture
 
 Picture = NDArray[np.uint8]
 
@@ -24,7 +24,7 @@ SHADES: Final = ("#f3c6bd", "#cfe3f4", "#9ac5e8", "#5c9fd4", "#2a72b5", "#124a84
 """Not seen, seen once, twice, … five times or more."""
 
 
-def chosen(recording: Recording) -> list[tuple[int, Taken]]:
+def chosen(recording: PictureRecording) -> list[tuple[int, TakenPicture]]:
     """The pictures of the sheet, with their numbers from 1: all, or an even choice."""
     numbered = list(enumerate(recording.pictures, start=1))
     if len(numbered) <= MOST:
@@ -32,13 +32,13 @@ def chosen(recording: Recording) -> list[tuple[int, Taken]]:
     return [numbered[round(index)] for index in np.linspace(0, len(numbered) - 1, MOST)]
 
 
-def contact_sheet(recording: Recording) -> bytes | None:
+def contact_sheet(recording: PictureRecording) -> bytes | None:
     """The pictures side by side with number and time, as PNG; None where there are none."""
     cv2 = load_opencv()
-    taken = chosen(recording)
-    if not taken:
+    used = chosen(recording)
+    if not used:
         return None
-    tiles = [_tile(cv2, recording.folder, number, picture, recording.time_of(picture, 1)) for number, picture in taken]
+    tiles = [_tile(cv2, recording.folder, number, picture, recording.time_of(picture, 1)) for number, picture in used]
     height = max(tile.shape[0] for tile in tiles)
     rows = -(-len(tiles) // COLUMNS)
     step_x, step_y = _WIDTH_PX + _GAP_PX, height + _GAP_PX
@@ -57,7 +57,7 @@ def coverage_map(coverage: Coverage) -> bytes:
     return _png(cv2, palette[np.minimum(coverage.times, len(SHADES) - 1)])
 
 
-def _tile(cv2: Any, folder: Path, number: int, picture: Taken, time: str) -> Picture:
+def _tile(cv2: Any, folder: Path, number: int, picture: TakenPicture, time: str) -> Picture:
     """One picture, made small, with a label below; an empty one where it cannot be read."""
     path = folder / picture.file
     data = np.frombuffer(path.read_bytes(), np.uint8) if path.exists() else np.zeros(0, np.uint8)

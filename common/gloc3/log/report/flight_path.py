@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import msgspec
 
-from gloc3.log.reader import Entry, LogReader
+from gloc3.log.reader import LoggedMessage, LogReader
 from gloc3.log.record import MISSION, REQUESTED_PATH
 from gloc3.messages.frames import Vector3
 from gloc3.mission.model.fence import Fence
@@ -64,7 +64,7 @@ def value_of(payload: Any, name: str) -> Any:
     return payload.get(name) if isinstance(payload, dict) else getattr(payload, name, None)
 
 
-def _positions(entry: Entry) -> Iterator[Vector3]:
+def _positions(entry: LoggedMessage) -> Iterator[Vector3]:
     position = value_of(entry.envelope.payload, "position_ned_m")
     if position is not None and value_of(entry.envelope.payload, "is_valid") is not False:
         yield tuple(position)

@@ -11,9 +11,9 @@ from typing import Final
 import msgspec
 
 from gloc3.camera.model import CameraModel
-from gloc3.camera.wall_coverage import Coverage, Limits, Wall, cover
+from gloc3.camera.wall_coverage import Coverage, CoverageLimits, Wall, cover
 from gloc3.log.report.contact_sheet import MOST, contact_sheet
-from gloc3.log.report.recording import Recording, Taken
+from gloc3.log.report.recording import PictureRecording, TakenPicture
 from gloc3.log.report.report_drawings import draw_places, draw_wall, view_of
 from gloc3.messages.frames import Vector3, yaw_of
 
@@ -29,7 +29,7 @@ _STYLE: Final = (
 )
 
 
-class Figures(msgspec.Struct, frozen=True):
+class ReportFigures(msgspec.Struct, frozen=True):
     """What the report says in numbers."""
 
     pictures: int
@@ -45,8 +45,8 @@ class Figures(msgspec.Struct, frozen=True):
 
 
 def write_report(
-    recording: Recording, cameras: dict[str, CameraModel], wall: Wall | None, limits: Limits, out: Path
-) -> Figures:
+    recording: PictureRecording, cameras: dict[str, CameraModel], wall: Wall | None, limits: CoverageLimits, out: Path
+) -> ReportFigures:
     """Writes the report into a folder.
 
     Args:
@@ -76,7 +76,7 @@ def write_report(
     return figures
 
 
-def summary(figures: Figures) -> str:
+def summary(figures: ReportFigures) -> str:
     """The report in a line."""
     text = f"{figures.pictures} pictures"
     if figures.coverage is not None and figures.coverage_twice is not None:
@@ -85,12 +85,12 @@ def summary(figures: Figures) -> str:
     return text
 
 
-def _figures(recording: Recording, coverage: Coverage | None) -> Figures:
+def _figures(recording: PictureRecording, coverage: Coverage | None) -> ReportFigures:
     flown = recording.path.flown if recording.path is not None else []
     flown_m = round(sum(math.dist(a, b) for a, b in pairwise(flown)), 3)
     if coverage is None:
-        return Figures(len(recording.pictures), flown_m)
-    return Figures(
+        return ReportFigures(len(recording.pictures), flown_m)
+    return ReportFigures(
         pictures=len(recording.pictures),
         flown_m=flown_m,
         coverage=round(coverage.share, 6),
@@ -101,11 +101,16 @@ def _figures(recording: Recording, coverage: Coverage | None) -> Figures:
 
 
 def _page(
-    recording: Recording, figures: Figures, limits: Limits, drawing: str, places: str, sheet: bytes | None
+    recording: PictureRecording,
+    figures: ReportFigures,
+    limits: CoverageLimits,
+    drawing: str,
+    places: str,
+    sheet: bytes | None,
 ) -> str:
     mission = recording.path.mission if recording.path is not None else ""
     title = escape(f"Inspection: {mission or recording.name}")
-    body = [f"<h1>{title}</h1>", _facts(recording, figures, limits)]
+    body = [f"<h1>{title}</h1>", _figure_lines(recording, figures, limits)]
     if drawing:
         body += ["<h2>What was seen of the wall</h2>", drawing]
     if places:
@@ -119,20 +124,20 @@ def _page(
     return f'<!doctype html>\n<html lang="en"><head>{head}</head><body>\n' + "\n".join(body) + "\n</body></html>\n"
 
 
-def _facts(recording: Recording, figures: Figures, limits: Limits) -> str:
-    facts = [("Run", recording.name)]
+def _figure_lines(recording: PictureRecording, figures: ReportFigures, limits: CoverageLimits) -> str:
+    snapshot = [("Run", recording.name)]
     if recording.platform:
-        facts.append(("Platform", recording.platform))
+        snapshot.append(("Platform", recording.platform))
     if recording.utc_offset_s is not None and recording.pictures:
         begin = datetime.fromtimestamp(recording.pictures[0].t_s + recording.utc_offset_s, UTC)
-        facts.append(("First picture", f"{begin:%Y-%m-%d %H:%M:%S} UTC"))
+        snapshot.append(("First picture", f"{begin:%Y-%m-%d %H:%M:%S} UTC"))
     if recording.frame is not None:
-        facts.append(("Positions", f"in the frame {recording.frame[0]}"))
-    facts.append(("Pictures", str(figures.pictures)))
+        snapshot.append(("Positions", f"in the frame {recording.frame[0]}"))
+    snapshot.append(("Pictures", str(figures.pictures)))
     if figures.flown_m > 0.0:
-        facts.append(("Path flown", f"{figures.flown_m:.1f} m"))
+        snapshot.append(("Path flown", f"{figures.flown_m:.1f} m"))
     if figures.coverage is not None and figures.coverage_twice is not None and figures.wall_m is not None:
-        facts += [
+        snapshot += [
             ("Wall", f"{figures.wall_m[0]:.2f} m wide, {figures.wall_m[1]:.2f} m high"),
             ("Seen", f"{100.0 * figures.coverage:.1f} %; at least twice {100.0 * figures.coverage_twice:.1f} %"),
             ("Pixel on the wall", f"{figures.pixel_mm:.1f} mm (median)" if figures.pixel_mm is not None else "none"),
@@ -144,11 +149,11 @@ def _facts(recording: Recording, figures: Figures, limits: Limits) -> str:
                 ),
             ),
         ]
-    rows = "".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in facts)
+    rows = "".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in snapshot)
     return f"<table>{rows}</table>"
 
 
-def _table(recording: Recording) -> str:
+def _table(recording: PictureRecording) -> str:
     places = ("north, m", "east, m") if recording.frame is None else ("x, m", "y, m")
     names = ["", "file", "UTC" if recording.utc_offset_s is not None else "time", *places, "height, m", "heading"]
     rows = []
@@ -165,7 +170,7 @@ def _table(recording: Recording) -> str:
     return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
 
 
-def _place(picture: Taken, recording: Recording) -> Vector3:
+def _place(picture: TakenPicture, recording: PictureRecording) -> Vector3:
     """In the platform's local frame, or north, east and height."""
     north, east, down = picture.position_ned_m
     return recording.frame[1].from_ned(picture.position_ned_m) if recording.frame is not None else (north, east, -down)

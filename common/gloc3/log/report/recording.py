@@ -22,7 +22,7 @@ CAMERAS: Final = "cameras.json"
 """Beside the pictures: the models of the cameras by name."""
 
 
-class Taken(msgspec.Struct, frozen=True):
+class TakenPicture(msgspec.Struct, frozen=True):
     """One picture."""
 
     camera: str
@@ -32,14 +32,14 @@ class Taken(msgspec.Struct, frozen=True):
     ned_from_frd: Quaternion
 
 
-class Recording(msgspec.Struct, frozen=True):
+class PictureRecording(msgspec.Struct, frozen=True):
     """The pictures of one run."""
 
     name: str
     """Of the folder or log."""
     folder: Path
     """Where the pictures are."""
-    pictures: list[Taken]
+    pictures: list[TakenPicture]
     """In order of time."""
     cameras: dict[str, CameraModel]
     """What is known of the cameras."""
@@ -51,7 +51,7 @@ class Recording(msgspec.Struct, frozen=True):
     utc_offset_s: float | None = None
     """What makes UTC, in seconds since 1970, of the log's times; None where that is not known."""
 
-    def time_of(self, picture: Taken, decimals: int) -> str:
+    def time_of(self, picture: TakenPicture, decimals: int) -> str:
         """When a picture was taken: the time of day where UTC is known, else seconds of the log's clock."""
         if self.utc_offset_s is None:
             return f"{picture.t_s:.{decimals}f} s"
@@ -65,7 +65,7 @@ class Recording(msgspec.Struct, frozen=True):
         ((name, bearing_deg),) = self.bearings_deg.items()
         return name, LocalFrame(GeoPoint(0.0, 0.0, 0.0), bearing_deg)
 
-    def lifted(self, height_m: float) -> "Recording":
+    def lifted(self, height_m: float) -> "PictureRecording":
         """The same, where poses are of a point so far below the body's origin, that cameras are placed from."""
         pictures = [
             msgspec.structs.replace(picture, position_ned_m=(north, east, down - height_m))
@@ -84,7 +84,7 @@ class _Line(msgspec.Struct, frozen=True):
     ned_from_frd_wxyz: Quaternion
 
 
-def read_recording(path: Path) -> Recording:
+def read_recording(path: Path) -> PictureRecording:
     """Reads a run.
 
     Args:
@@ -116,11 +116,11 @@ def read_cameras(path: Path) -> dict[str, CameraModel]:
         raise InputError([Finding(file=path.name, message=str(error), hint=hint)]) from error
 
 
-def _of_log(log: Path) -> Recording:
+def _of_log(log: Path) -> PictureRecording:
     folder = log.parent / log.stem.replace("log", "images", 1)
     with LogReader(log, TopicTable.installed().types) as reader:
         pictures = [
-            Taken(
+            TakenPicture(
                 camera=entry.envelope.payload.camera,
                 file=entry.envelope.payload.file,
                 t_s=entry.envelope.t_s,
@@ -135,7 +135,7 @@ def _of_log(log: Path) -> Recording:
         frames = platform.frames if platform is not None else {}
         described = platform.cameras if platform is not None else {}
         models = {name: model for name, model in described.items() if isinstance(model, CameraModel)}
-        return Recording(
+        return PictureRecording(
             name=log.absolute().parent.name + ("" if log.stem == "log" else f", {log.stem}"),
             folder=folder,
             pictures=sorted(pictures, key=lambda picture: picture.t_s),
@@ -147,7 +147,7 @@ def _of_log(log: Path) -> Recording:
         )
 
 
-def _of_list(folder: Path) -> Recording:
+def _of_list(folder: Path) -> PictureRecording:
     folder = folder if (folder / POSES).exists() else folder / "images"
     if not (folder / POSES).exists():
         raise Refused(f"{folder.parent}: neither a log nor pictures with {POSES}")
@@ -158,9 +158,11 @@ def _of_list(folder: Path) -> Recording:
         except msgspec.DecodeError as error:
             raise InputError([Finding(file=POSES, line=number, message=str(error))]) from error
         camera = row.file.rpartition("-")[0] or row.file
-        pictures.append(Taken(camera, row.file, row.t_s, row.position_ned_m, row.ned_from_frd_wxyz))
+        pictures.append(TakenPicture(camera, row.file, row.t_s, row.position_ned_m, row.ned_from_frd_wxyz))
     pictures.sort(key=lambda picture: picture.t_s)
-    return Recording(name=folder.absolute().name, folder=folder, pictures=pictures, cameras=_known_cameras(folder))
+    return PictureRecording(
+        name=folder.absolute().name, folder=folder, pictures=pictures, cameras=_known_cameras(folder)
+    )
 
 
 def _known_cameras(folder: Path) -> dict[str, CameraModel]:

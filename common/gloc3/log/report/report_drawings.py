@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import Final
 
 from gloc3.camera.model import CameraModel
-from gloc3.camera.wall_coverage import Coverage, View, Wall, footprint, optical_axis
+from gloc3.camera.wall_coverage import Coverage, Wall, WallView, footprint, optical_axis
 from gloc3.log.report.contact_sheet import SHADES, coverage_map
-from gloc3.log.report.recording import Recording, Taken
+from gloc3.log.report.recording import PictureRecording, TakenPicture
 from gloc3.messages.frames import Vector3
 
 _WIDTH_PX: Final = 900.0
@@ -17,12 +17,12 @@ _TALLEST_PX: Final = 620.0
 _LEGEND_PX: Final = 560.0
 
 
-def view_of(picture: Taken) -> View:
+def view_of(picture: TakenPicture) -> WallView:
     """A picture as geometry sees it."""
-    return View(picture.camera, picture.position_ned_m, picture.ned_from_frd)
+    return WallView(picture.camera, picture.position_ned_m, picture.ned_from_frd)
 
 
-def draw_wall(coverage: Coverage, recording: Recording, cameras: dict[str, CameraModel]) -> str:
+def draw_wall(coverage: Coverage, recording: PictureRecording, cameras: dict[str, CameraModel]) -> str:
     """The wall, seen by who stands before it: how often each part was seen, and the outlines of the pictures (SVG)."""
     width_m, height_m = coverage.wall.size_m
     scale = min((_WIDTH_PX - 2 * _MARGIN_PX) / width_m, _TALLEST_PX / height_m)
@@ -56,7 +56,7 @@ def draw_wall(coverage: Coverage, recording: Recording, cameras: dict[str, Camer
     return _svg(max(width, _LEGEND_PX) + 2 * _MARGIN_PX, height + 46 + 30, inside + "".join(ticks) + legend)
 
 
-def draw_places(recording: Recording, cameras: dict[str, CameraModel], wall: Wall | None) -> str:
+def draw_places(recording: PictureRecording, cameras: dict[str, CameraModel], wall: Wall | None) -> str:
     """From above, north up: the path flown, the wall, and where each picture was taken and looked to (SVG)."""
     flown = _thinned(recording.path.flown, 2000) if recording.path is not None else []
     outline = _outline(wall) if wall is not None else []
@@ -101,7 +101,7 @@ def is_labelled(number: int, count: int) -> bool:
     return number == 1 or number % every == 0
 
 
-def _arrow(picture: Taken, cameras: dict[str, CameraModel], x: float, y: float) -> str:
+def _arrow(picture: TakenPicture, cameras: dict[str, CameraModel], x: float, y: float) -> str:
     """A line in the direction that the camera looked in, as long as it is level."""
     if picture.camera not in cameras:
         return ""

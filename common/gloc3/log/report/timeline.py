@@ -32,7 +32,7 @@ class Bar(msgspec.Struct, frozen=True):
     state: Health
 
 
-class Timeline(msgspec.Struct, frozen=True):
+class ComponentTimeline(msgspec.Struct, frozen=True):
     """One component over the time of the log."""
 
     component: str
@@ -41,7 +41,7 @@ class Timeline(msgspec.Struct, frozen=True):
     """When it reported an error or a warning."""
 
 
-def read_timelines(reader: LogReader) -> list[Timeline]:
+def read_timelines(reader: LogReader) -> list[ComponentTimeline]:
     """The states of all components, in the order of their first report."""
     changes: dict[str, list[tuple[float, Health]]] = {}
     end_s = 0.0
@@ -60,11 +60,11 @@ def read_timelines(reader: LogReader) -> list[Timeline]:
     for component, rows in changes.items():
         ends = [t_s for t_s, _ in rows[1:]] + [end_s]
         bars = [Bar(start_s, stop_s, health) for (start_s, health), stop_s in zip(rows, ends, strict=True)]
-        found.append(Timeline(component, bars, errors.get(component, [])))
+        found.append(ComponentTimeline(component, bars, errors.get(component, [])))
     return found
 
 
-def plot_timelines(timelines: list[Timeline], file: Path, title: str = "") -> None:
+def plot_timelines(timelines: list[ComponentTimeline], file: Path, title: str = "") -> None:
     """Draws a bar for each component.
 
     Raises:

@@ -16,9 +16,9 @@ import msgspec
 
 from gloc3.errors import Refused
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.service import Service, earliest
+from gloc3.mavlink.service import Microservice, earliest
 from gloc3.mavlink.services.command import CommandResult
-from gloc3.mavlink.services.command_client import CommandCall, CommandClient
+from gloc3.mavlink.services.command_client import CommandCall, MavCommandClient
 
 PREFLIGHT_CALIBRATION: Final = 241
 SILENT_S: Final = 90.0
@@ -56,7 +56,7 @@ class SideState(StrEnum):
     DONE = "done"
 
 
-class Phase(StrEnum):
+class CalibrationPhase(StrEnum):
     """How far a calibration is."""
 
     ASKED = "asked"
@@ -72,7 +72,7 @@ class CalibrationState(msgspec.Struct, frozen=True, kw_only=True):
     """A calibration at one moment."""
 
     kind: CalibrationKind
-    phase: Phase = Phase.ASKED
+    phase: CalibrationPhase = CalibrationPhase.ASKED
     progress: float | None = None
     """From 0 to 1; None while the vehicle tells none."""
     instruction: str = ""
@@ -87,10 +87,10 @@ class CalibrationState(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def is_over(self) -> bool:
         """Whether nothing more will happen."""
-        return self.phase in (Phase.DONE, Phase.FAILED, Phase.CANCELLED)
+        return self.phase in (CalibrationPhase.DONE, CalibrationPhase.FAILED, CalibrationPhase.CANCELLED)
 
 
-class Calibration(Service[CalibrationState]):
+class Calibration(Microservice[CalibrationState]):
     """One calibration of one vehicle; each change of its state is an event.
 
     Args:
@@ -103,10 +103,10 @@ class Calibration(Service[CalibrationState]):
         super().__init__(own)
         self.state = CalibrationState(kind=kind)
         self._target = target
-        self._quick = CommandClient(own)
-        self._patient = CommandClient(own, retry_s=PATIENT_S, attempts=1)
+        self._quick = MavCommandClient(own)
+        self._is_waiting = MavCommandClient(own, retry_s=PATIENT_S, attempts=1)
         self._call: CommandCall | None = None
-        self._heard_s = 0.0
+        self._received_s = 0.0
 
     @abstractmethod
     def begin(self, now_s: float) -> None:
@@ -130,66 +130,71 @@ class Calibration(Service[CalibrationState]):
         if sender.system != self._target.system:
             return
         if message.name == "COMMAND_ACK":
-            for client in (self._quick, self._patient):
+            for client in (self._quick, self._is_waiting):
                 client.receive(message, sender, now_s)
-            self._look(now_s)
+            self._poll(now_s)
         elif sender == self._target and not self.state.is_over:
-            self._hear(message, now_s)
+            self._receive(message, now_s)
 
     def tick(self, now_s: float) -> None:
         """Asks again, or gives up."""
-        for client in (self._quick, self._patient):
+        for client in (self._quick, self._is_waiting):
             client.tick(now_s)
-        self._look(now_s)
-        if not self.state.is_over and now_s >= self._heard_s + SILENT_S:
-            self._end(Phase.FAILED, f"nothing was heard of it for {SILENT_S:.0f} s; its last word may have been lost")
+        self._poll(now_s)
+        if not self.state.is_over and now_s >= self._received_s + SILENT_S:
+            self._end(
+                CalibrationPhase.FAILED,
+                f"nothing was heard of it for {SILENT_S:.0f} s; its last word may have been lost",
+            )
 
     def next_tick_s(self) -> float | None:
         """When one of these is due."""
-        silent_s = None if self.state.is_over else self._heard_s + SILENT_S
-        return earliest(self._quick.next_tick_s(), self._patient.next_tick_s(), silent_s)
+        silent_s = None if self.state.is_over else self._received_s + SILENT_S
+        return earliest(self._quick.next_tick_s(), self._is_waiting.next_tick_s(), silent_s)
 
     def outgoing(self) -> list[MavlinkMessage]:
         """What is to be sent; asking empties it."""
-        return [*self._quick.outgoing(), *self._patient.outgoing(), *super().outgoing()]
+        return [*self._quick.outgoing(), *self._is_waiting.outgoing(), *super().outgoing()]
 
     @abstractmethod
-    def _hear(self, message: MavlinkMessage, now_s: float) -> None:
+    def _receive(self, message: MavlinkMessage, now_s: float) -> None:
         """Takes in what the autopilot tells while it is under way."""
 
     @abstractmethod
     def _answered(self, result: CommandResult, *, was_in_progress: bool) -> None:
         """The command to begin was accepted; whether it is done with that is for the firmware to say."""
 
-    def _ask(self, command: int, params: tuple[float, ...], now_s: float, *, is_patient: bool = False) -> None:
+    def _send_command(self, command: int, params: tuple[float, ...], now_s: float, *, is_patient: bool = False) -> None:
         """Sends the command that begins it."""
-        self._heard_s = now_s
-        client = self._patient if is_patient else self._quick
+        self._received_s = now_s
+        client = self._is_waiting if is_patient else self._quick
         self._call = client.send_long(self._target, command, params, now_s=now_s)
 
-    def _look(self, now_s: float) -> None:
+    def _poll(self, now_s: float) -> None:
         """Sees what became of the command that began it."""
-        for client in (self._quick, self._patient):
+        for client in (self._quick, self._is_waiting):
             client.events()
         call = self._call
         if call is None or self.state.is_over:
             return
         if call.is_in_progress and call.result is None:
-            self._heard_s = now_s
-            self._change(phase=Phase.RUNNING, progress=None if call.progress is None else call.progress / 100.0)
+            self._received_s = now_s
+            self._change(
+                phase=CalibrationPhase.RUNNING, progress=None if call.progress is None else call.progress / 100.0
+            )
         elif call.result is not None:
             self._call = None
-            self._heard_s = now_s
+            self._received_s = now_s
             if call.result is CommandResult.ACCEPTED:
                 self._answered(call.result, was_in_progress=call.is_in_progress)
             else:
-                self._end(Phase.FAILED, f"the vehicle's answer: {call.result.words}")
+                self._end(CalibrationPhase.FAILED, f"the vehicle's answer: {call.result.words}")
 
     def _note(self, text: str) -> None:
         self._change(texts=(*self.state.texts, text)[-MOST_TEXTS:])
 
-    def _end(self, phase: Phase, reason: str = "") -> None:
-        is_done = phase is Phase.DONE
+    def _end(self, phase: CalibrationPhase, reason: str = "") -> None:
+        is_done = phase is CalibrationPhase.DONE
         self._change(phase=phase, reason=reason, instruction="", progress=1.0 if is_done else self.state.progress)
 
     def _change(self, **changes: object) -> None:

@@ -11,7 +11,7 @@ from gloc3.mavlink.services.calibration import (
     PREFLIGHT_CALIBRATION,
     Calibration,
     CalibrationKind,
-    Phase,
+    CalibrationPhase,
     Side,
     SideState,
 )
@@ -56,22 +56,24 @@ class ArduPilotCalibration(Calibration):
         """Asks the vehicle to begin."""
         match self.state.kind:
             case CalibrationKind.GYRO:
-                self._ask(PREFLIGHT_CALIBRATION, (1.0,), now_s, is_patient=True)
+                self._send_command(PREFLIGHT_CALIBRATION, (1.0,), now_s, is_patient=True)
                 self._change(instruction="keep the vehicle still")
             case CalibrationKind.LEVEL:
-                self._ask(PREFLIGHT_CALIBRATION, (0.0, 0.0, 0.0, 0.0, 2.0), now_s, is_patient=True)
+                self._send_command(PREFLIGHT_CALIBRATION, (0.0, 0.0, 0.0, 0.0, 2.0), now_s, is_patient=True)
                 self._change(instruction="keep the vehicle still and level")
             case CalibrationKind.ACCELEROMETER:
-                self._ask(PREFLIGHT_CALIBRATION, (0.0, 0.0, 0.0, 0.0, 1.0), now_s)
+                self._send_command(PREFLIGHT_CALIBRATION, (0.0, 0.0, 0.0, 0.0, 1.0), now_s)
             case CalibrationKind.MAGNETOMETER:
-                self._ask(START_MAGNETOMETER, (0.0, 0.0, 1.0), now_s)  # all of them, no retry, saved at the end
+                self._send_command(
+                    START_MAGNETOMETER, (0.0, 0.0, 1.0), now_s
+                )  # all of them, no retry, saved at the end
 
     def cancel(self, now_s: float) -> None:
         """Asks the vehicle to stop, where it can."""
         if self.state.is_over:
             return
         if self._call is not None:
-            for client in (self._quick, self._patient):
+            for client in (self._quick, self._is_waiting):
                 client.abandon(self._call)
             self._call = None
         reason = ""
@@ -79,7 +81,7 @@ class ArduPilotCalibration(Calibration):
             self._quick.send_long(self._target, CANCEL_MAGNETOMETER, now_s=now_s)
         elif self.state.kind is CalibrationKind.ACCELEROMETER:
             reason = "the vehicle goes on waiting for a position; begin again, or restart it before the flight"
-        self._end(Phase.CANCELLED, reason)
+        self._end(CalibrationPhase.CANCELLED, reason)
 
     def confirm(self, now_s: float) -> None:
         """Tells the vehicle that it lies as it wants to.
@@ -87,60 +89,64 @@ class ArduPilotCalibration(Calibration):
         Raises:
             Refused: it does not wait for that.
         """
-        if self.state.phase is not Phase.WAITING:
+        if self.state.phase is not CalibrationPhase.WAITING:
             raise Refused("the vehicle does not wait for a confirmation")
         if self._confirmation is not None:
             self._quick.abandon(self._confirmation)  # the vehicle has gone on, so it has heard that
         position = (float(self._position),)
         self._confirmation = self._quick.send_long(self._target, ACCELEROMETER_POSITION, position, now_s=now_s)
-        self._heard_s, self._confirmed = now_s, self._position
+        self._received_s, self._confirmed = now_s, self._position
         side = _POSITIONS[self._position]
         self._change(
-            phase=Phase.RUNNING,
+            phase=CalibrationPhase.RUNNING,
             instruction="hold the vehicle still: this side is measured",
             sides={**self.state.sides, side: SideState.MEASURING},
         )
 
     def _answered(self, result: CommandResult, *, was_in_progress: bool) -> None:
         if self.state.kind in (CalibrationKind.GYRO, CalibrationKind.LEVEL):
-            self._end(Phase.DONE)
-        elif self.state.phase is Phase.ASKED:
+            self._end(CalibrationPhase.DONE)
+        elif self.state.phase is CalibrationPhase.ASKED:
             is_magnetometer = self.state.kind is CalibrationKind.MAGNETOMETER
             text = "turn the vehicle slowly about all its axes, each side down once" if is_magnetometer else ""
-            self._change(phase=Phase.RUNNING, progress=0.0, instruction=text)
+            self._change(phase=CalibrationPhase.RUNNING, progress=0.0, instruction=text)
 
-    def _hear(self, message: MavlinkMessage, now_s: float) -> None:
+    def _receive(self, message: MavlinkMessage, now_s: float) -> None:
         match message.name:
             case "STATUSTEXT":
                 self._note(message.text)
             case "COMMAND_LONG":
                 is_ours = self._is_for_us(message) and message.command == ACCELEROMETER_POSITION
                 if is_ours and self.state.kind is CalibrationKind.ACCELEROMETER:
-                    self._heard_s = now_s
+                    self._received_s = now_s
                     self._wants(message.param1)
             case _ if self.state.kind is CalibrationKind.MAGNETOMETER:
-                self._heard_s = now_s
+                self._received_s = now_s
                 self._mask |= message.cal_mask
                 if message.name == "MAG_CAL_PROGRESS":
                     self._percent[message.compass_id] = min(message.completion_pct, 100)
-                    self._change(phase=Phase.RUNNING, progress=sum(self._percent.values()) / 100 / len(self._percent))
+                    self._change(
+                        phase=CalibrationPhase.RUNNING, progress=sum(self._percent.values()) / 100 / len(self._percent)
+                    )
                 else:
                     self._reports[message.compass_id] = message.cal_status
                     self._judge()
 
-    def _wants(self, told: float) -> None:
+    def _wants(self, reported: float) -> None:
         """The vehicle wants to lie in a position, which it repeats until that is confirmed, or tells the end."""
-        position = int(told) if math.isfinite(told) else 0
+        position = int(reported) if math.isfinite(reported) else 0
         if position == _SUCCESS:
-            self._end(Phase.DONE)
+            self._end(CalibrationPhase.DONE)
         elif position == _FAILED:
-            self._end(Phase.FAILED, self.state.texts[-1] if self.state.texts else "the vehicle does not say why")
+            self._end(
+                CalibrationPhase.FAILED, self.state.texts[-1] if self.state.texts else "the vehicle does not say why"
+            )
         elif position in _POSITIONS and position not in (self._position, self._confirmed):
             self._position = position
             order = list(_POSITIONS.values())
             current = order.index(_POSITIONS[position])
             self._change(
-                phase=Phase.WAITING,
+                phase=CalibrationPhase.WAITING,
                 progress=current / len(order),
                 instruction=f"put the vehicle {_POSITIONS[position]}, hold it still, and confirm",
                 sides={side: SideState.DONE if order.index(side) < current else SideState.PENDING for side in order},
@@ -152,7 +158,7 @@ class ArduPilotCalibration(Calibration):
             return
         bad = {number: status for number, status in self._reports.items() if status != _MAGNETOMETER_DONE}
         if not bad:
-            self._end(Phase.DONE, "restart the vehicle before the next flight")
+            self._end(CalibrationPhase.DONE, "restart the vehicle before the next flight")
             return
         words = [f"magnetometer {n + 1} {_MAGNETOMETER_WORDS.get(s, 'failed')}" for n, s in sorted(bad.items())]
-        self._end(Phase.FAILED, "; ".join(words))
+        self._end(CalibrationPhase.FAILED, "; ".join(words))

@@ -10,7 +10,7 @@ from gloc3.mavlink.services.calibration import (
     PREFLIGHT_CALIBRATION,
     Calibration,
     CalibrationKind,
-    Phase,
+    CalibrationPhase,
     Side,
     SideState,
 )
@@ -53,7 +53,7 @@ class Px4Calibration(Calibration):
 
     def begin(self, now_s: float) -> None:
         """Asks the vehicle to begin."""
-        self._ask(PREFLIGHT_CALIBRATION, _PARAMS[self.state.kind], now_s)
+        self._send_command(PREFLIGHT_CALIBRATION, _PARAMS[self.state.kind], now_s)
 
     def cancel(self, now_s: float) -> None:
         """Asks the vehicle to stop: the same command with nothing in it."""
@@ -63,7 +63,7 @@ class Px4Calibration(Calibration):
             self._quick.abandon(self._call)
             self._call = None
         self._quick.send_long(self._target, PREFLIGHT_CALIBRATION, now_s=now_s)
-        self._end(Phase.CANCELLED)
+        self._end(CalibrationPhase.CANCELLED)
 
     def tick(self, now_s: float) -> None:
         """Asks again, or gives up."""
@@ -71,34 +71,34 @@ class Px4Calibration(Calibration):
         self._read(now_s)
         super().tick(now_s)
 
-    def _hear(self, message: MavlinkMessage, now_s: float) -> None:
+    def _receive(self, message: MavlinkMessage, now_s: float) -> None:
         self._texts.receive(message, self._target, now_s)
         self._read(now_s)
 
     def _answered(self, result: CommandResult, *, was_in_progress: bool) -> None:
         if was_in_progress:
-            self._end(Phase.DONE)  # PX4 itself accepts at once and tells the end in a text
-        elif self.state.phase is Phase.ASKED:
-            self._change(phase=Phase.RUNNING, instruction=_STILL.get(self.state.kind, ""))
+            self._end(CalibrationPhase.DONE)  # PX4 itself accepts at once and tells the end in a text
+        elif self.state.phase is CalibrationPhase.ASKED:
+            self._change(phase=CalibrationPhase.RUNNING, instruction=_STILL.get(self.state.kind, ""))
 
     def _read(self, now_s: float) -> None:
-        for told in self._texts.events():
-            if told.text.startswith(_PREFIX) and not self.state.is_over:
-                self._heard_s = now_s
-                self._understand(told.text.removeprefix(_PREFIX).strip())
+        for reported in self._texts.events():
+            if reported.text.startswith(_PREFIX) and not self.state.is_over:
+                self._received_s = now_s
+                self._understand(reported.text.removeprefix(_PREFIX).strip())
 
     def _understand(self, text: str) -> None:
         self._note(text)
         if text.startswith("calibration started"):
-            self._change(phase=Phase.RUNNING, progress=0.0, instruction=_STILL.get(self.state.kind, ""))
+            self._change(phase=CalibrationPhase.RUNNING, progress=0.0, instruction=_STILL.get(self.state.kind, ""))
         elif text.startswith("calibration done"):
-            self._end(Phase.DONE)
+            self._end(CalibrationPhase.DONE)
         elif text.startswith("calibration failed"):
-            self._end(Phase.FAILED, text.partition(":")[2].strip() or "the vehicle says no more than that")
+            self._end(CalibrationPhase.FAILED, text.partition(":")[2].strip() or "the vehicle says no more than that")
         elif text.startswith("calibration cancelled"):
-            self._end(Phase.CANCELLED)
+            self._end(CalibrationPhase.CANCELLED)
         elif found := _PROGRESS(text):
-            self._change(phase=Phase.RUNNING, progress=min(int(found[1]), 100) / 100.0)
+            self._change(phase=CalibrationPhase.RUNNING, progress=min(int(found[1]), 100) / 100.0)
         elif text.startswith("pending:"):
             self._wants([_SIDES[word] for word in text.removeprefix("pending:").split() if word in _SIDES])
         elif (found := _DETECTED(text)) and found[1] in _SIDES:
@@ -113,7 +113,7 @@ class Px4Calibration(Calibration):
     def _wants(self, pending: list[Side]) -> None:
         known = [*self.state.sides, *(side for side in pending if side not in self.state.sides)]
         self._change(
-            phase=Phase.RUNNING,
+            phase=CalibrationPhase.RUNNING,
             sides={side: SideState.PENDING if side in pending else SideState.DONE for side in known},
         )
         self._change(instruction=self._next_side())

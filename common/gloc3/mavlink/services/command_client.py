@@ -11,7 +11,7 @@ from gloc3.errors import Refused
 from gloc3.mavlink.codec import enum_name
 from gloc3.mavlink.codec import message as make
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.service import Service
+from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.command import CommandResult
 
 RETRY_S: Final = 0.5
@@ -60,7 +60,7 @@ class CommandCall:
         return f"{enum_name('MAV_CMD', self.command)} to {self.target.system}/{self.target.component}: {result}"
 
 
-class CommandClient(Service[CommandCall]):
+class MavCommandClient(Microservice[CommandCall]):
     """Sends commands; a call comes back as an event when it is over, and each time its progress is told."""
 
     handles = frozenset({"COMMAND_ACK"})

@@ -10,7 +10,7 @@ import msgspec
 
 from gloc3.mavlink.codec import message as make
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.service import Service
+from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.plan import units_per_degree
 
@@ -20,13 +20,13 @@ REPEATED_WITHIN_S: Final = 1.5
 """A COMMAND_INT has no confirmation: the same again within this, with no other command between, is a repeat."""
 DUPLICATED_WITHIN_S: Final = 0.25
 """The same COMMAND_LONG again within this, with the same confirmation, was doubled on the way."""
-ONLY_ASKS: Final = frozenset({510, 512, 519, 520})
+ONLY_QUERIES: Final = frozenset({510, 512, 519, 520})
 """Commands that only ask for a message: whoever asks again, however soon, has not got it."""
 MOST_REMEMBERED: Final = 128
 _NOT_SET: Final = 0x7FFF_FFFF
 
 
-class CommandRequest(msgspec.Struct, frozen=True, kw_only=True):
+class MavCommandRequest(msgspec.Struct, frozen=True, kw_only=True):
     """A command that somebody asks us to run."""
 
     sender: Address
@@ -42,7 +42,7 @@ class CommandRequest(msgspec.Struct, frozen=True, kw_only=True):
     confirmation: int
 
 
-def serve_all(_request: CommandRequest) -> bool:
+def serve_all(_request: MavCommandRequest) -> bool:
     """Serves every command."""
     return True
 
@@ -50,14 +50,14 @@ def serve_all(_request: CommandRequest) -> bool:
 class _Answered(msgspec.Struct):
     """What is kept of a command that ran or runs."""
 
-    request: CommandRequest
+    request: MavCommandRequest
     ack: MavlinkMessage | None
     """None while it runs and nothing was said."""
     is_over: bool
     t_s: float
 
 
-class CommandServer(Service[CommandRequest]):
+class MavCommandServer(Microservice[MavCommandRequest]):
     """Takes commands: each comes out as an event once, and is to be answered with `answer`.
 
     Args:
@@ -76,7 +76,7 @@ class CommandServer(Service[CommandRequest]):
         commands: Collection[int] | None = None,
         *,
         is_autopilot: bool = False,
-        serves: Callable[[CommandRequest], bool] = serve_all,
+        serves: Callable[[MavCommandRequest], bool] = serve_all,
     ) -> None:
         super().__init__(own)
         self._serves = serves
@@ -112,14 +112,14 @@ class CommandServer(Service[CommandRequest]):
             return
         self._known.pop(key, None)
         if len(self._known) >= MOST_REMEMBERED:
-            self._forget()
+            self._drop_finished()
         self._known[key] = _Answered(request, None, False, now_s)
         self._latest = key
         self._events.append(request)
 
     def answer(
         self,
-        request: CommandRequest,
+        request: MavCommandRequest,
         result: CommandResult,
         *,
         now_s: float,
@@ -143,9 +143,9 @@ class CommandServer(Service[CommandRequest]):
         if known is not None and known.request is request:
             known.ack, known.is_over, known.t_s = ack, result is not CommandResult.IN_PROGRESS, now_s
 
-    def _is_repeat(self, known: _Answered, request: CommandRequest, now_s: float) -> bool:
+    def _is_repeat(self, known: _Answered, request: MavCommandRequest, now_s: float) -> bool:
         before = known.request
-        if request.command in ONLY_ASKS:
+        if request.command in ONLY_QUERIES:
             return False
         if request.is_int != before.is_int or request.frame != before.frame or not _same(request.params, before.params):
             return False
@@ -158,13 +158,13 @@ class CommandServer(Service[CommandRequest]):
             return age_s < REMEMBERED_S
         return request.confirmation == before.confirmation and age_s < DUPLICATED_WITHIN_S
 
-    def _forget(self) -> None:
+    def _drop_finished(self) -> None:
         over = [key for key, known in self._known.items() if known.is_over]
         for key in over[: MOST_REMEMBERED // 2] or list(self._known)[:1]:
             del self._known[key]
 
     def _acknowledge(
-        self, request: CommandRequest, result: CommandResult, param1: int | None = None, result_param2: int = 0
+        self, request: MavCommandRequest, result: CommandResult, param1: int | None = None, result_param2: int = 0
     ) -> MavlinkMessage:
         ack = make(
             "COMMAND_ACK",
@@ -187,7 +187,7 @@ class CommandCancel(msgspec.Struct, frozen=True):
     sender: Address
 
 
-class CancelServer(Service[CommandCancel]):
+class CancelServer(Microservice[CommandCancel]):
     """Takes COMMAND_CANCEL, which is answered with the acknowledgement of the command that it ends, or not at all."""
 
     handles = frozenset({"COMMAND_CANCEL"})
@@ -207,7 +207,7 @@ def _same(left: Sequence[float], right: Sequence[float]) -> bool:
     return all(a == b or (math.isnan(a) and math.isnan(b)) for a, b in zip(left, right, strict=True))
 
 
-def _read(message: MavlinkMessage, sender: Address) -> CommandRequest:
+def _read(message: MavlinkMessage, sender: Address) -> MavCommandRequest:
     first = (message.param1, message.param2, message.param3, message.param4)
     is_int = message.name == "COMMAND_INT"
     if is_int:
@@ -216,7 +216,7 @@ def _read(message: MavlinkMessage, sender: Address) -> CommandRequest:
         z = message.z
     else:
         x, y, z = message.param5, message.param6, message.param7
-    return CommandRequest(
+    return MavCommandRequest(
         sender=sender,
         target=Address(message.target_system, message.target_component),
         command=message.command,

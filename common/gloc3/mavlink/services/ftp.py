@@ -108,7 +108,7 @@ class Payload(msgspec.Struct, frozen=True, kw_only=True):
     operation: int
     size: int = 0
     """Bytes of data, or how many are wanted."""
-    asked: int = 0
+    requested: int = 0
     """In an answer, the operation that was asked for."""
     is_burst_complete: bool = False
     offset: int = 0
@@ -121,7 +121,7 @@ class Payload(msgspec.Struct, frozen=True, kw_only=True):
             self.session,
             self.operation,
             self.size,
-            self.asked,
+            self.requested,
             self.is_burst_complete,
             self.offset & 0xFFFF_FFFF,
         )
@@ -130,7 +130,7 @@ class Payload(msgspec.Struct, frozen=True, kw_only=True):
 
 def read_payload(raw: bytes) -> Payload | None:
     """The payload in a message; None if it contradicts itself."""
-    sequence, session, operation, size, asked, is_complete, offset = _HEADER.unpack_from(raw)
+    sequence, session, operation, size, requested, is_complete, offset = _HEADER.unpack_from(raw)
     if size > DATA_BYTES:
         return None
     return Payload(
@@ -138,14 +138,14 @@ def read_payload(raw: bytes) -> Payload | None:
         session=session,
         operation=operation,
         size=size,
-        asked=asked,
+        requested=requested,
         is_burst_complete=is_complete != 0,
         offset=offset,
         data=raw[_HEADER.size : _HEADER.size + size],
     )
 
 
-class Entry(msgspec.Struct, frozen=True, order=True):
+class FolderEntry(msgspec.Struct, frozen=True, order=True):
     """What a folder holds."""
 
     name: str
@@ -159,7 +159,7 @@ class Entry(msgspec.Struct, frozen=True, order=True):
         return b"D%b\0" % name if self.is_folder else b"F%b\t%d\0" % (name, self.size)
 
 
-def read_entries(data: bytes) -> tuple[list[Entry], int]:
+def read_entries(data: bytes) -> tuple[list[FolderEntry], int]:
     """The entries in an answer, and how many it counts; those that are skipped or not understood count too."""
     found, count = [], 0
     for raw in data.split(b"\0"):
@@ -168,10 +168,10 @@ def read_entries(data: bytes) -> tuple[list[Entry], int]:
         count += 1
         kind, text = raw[:1], raw[1:].decode("utf-8", "replace")
         if kind == b"D" and text not in (".", ".."):
-            found.append(Entry(text.partition("\t")[0], True))
+            found.append(FolderEntry(text.partition("\t")[0], True))
         elif kind == b"F":
             name, _, size = text.partition("\t")
-            found.append(Entry(name, False, int(size) if size.isascii() and size.isdigit() else 0))
+            found.append(FolderEntry(name, False, int(size) if size.isascii() and size.isdigit() else 0))
     return found, count
 
 

@@ -10,10 +10,10 @@ from typing import Final
 from gloc3.errors import Refused
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.round_trip import RESTLESS_S, RoundTrip
-from gloc3.mavlink.service import Service
+from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.ftp import (
     DATA_BYTES,
-    Entry,
+    FolderEntry,
     FtpError,
     Operation,
     Payload,
@@ -28,7 +28,7 @@ LARGEST_BYTES: Final = 1 << 24
 """Of a file that is read into memory; larger ones need a sink."""
 
 
-class Job(Enum):
+class FtpJob(Enum):
     """What a call is about."""
 
     LIST = "list"
@@ -41,15 +41,15 @@ class FtpCall:
     """A piece of work, and what became of it."""
 
     __slots__ = (
-        "_asked",
-        "_asked_s",
         "_budget",
         "_expected",
         "_gaps",
-        "_heard_s",
         "_is_first",
         "_offset",
         "_order",
+        "_received_s",
+        "_requested",
+        "_requested_s",
         "_session",
         "_steps",
         "checksum",
@@ -65,7 +65,7 @@ class FtpCall:
 
     def __init__(
         self,
-        job: Job,
+        job: FtpJob,
         target: Address,
         path: str,
         data: bytes = b"",
@@ -80,7 +80,7 @@ class FtpCall:
         """What is written, or what was read, unless that goes to a sink."""
         self.sink = sink
         self._order: InOrder | None = None
-        self.entries: list[Entry] = []
+        self.entries: list[FolderEntry] = []
         """What a folder holds, once it has been listed."""
         self.checksum: int | None = None
         """Of the file, if that was asked for."""
@@ -94,9 +94,9 @@ class FtpCall:
         self._gaps: deque[tuple[int, int]] = deque()
         """Parts of a file that have not come yet, begin and end."""
         self._offset = 0
-        self._asked: Payload | None = None
-        self._asked_s = 0.0
-        self._heard_s = 0.0
+        self._requested: Payload | None = None
+        self._requested_s = 0.0
+        self._received_s = 0.0
         self._is_first = True
         self._budget = 200
 
@@ -105,7 +105,7 @@ class FtpCall:
         """From 0 to 1."""
         if self.result is FtpError.NONE:
             return 1.0
-        if self.job is Job.WRITE:
+        if self.job is FtpJob.WRITE:
             return self._offset / len(self.data) if self.data else 0.0
         return self.received / self._expected if self._expected else 0.0
 
@@ -115,7 +115,7 @@ class FtpCall:
         return self._expected - sum(end - begin for begin, end in self._gaps)
 
 
-class FtpClient(Service[FtpCall]):
+class FtpClient(Microservice[FtpCall]):
     """Does one call after the other; each comes back as an event when it is over."""
 
     handles = frozenset({"FILE_TRANSFER_PROTOCOL"})
@@ -129,18 +129,18 @@ class FtpClient(Service[FtpCall]):
 
     def list(self, target: Address, path: str, *, now_s: float) -> FtpCall:
         """Lists a folder; the result is in `entries`."""
-        return self._add(FtpCall(Job.LIST, target, path), (Operation.LIST_DIRECTORY, _text(path), 0), now_s)
+        return self._add(FtpCall(FtpJob.LIST, target, path), (Operation.LIST_DIRECTORY, _text(path), 0), now_s)
 
     def read(
         self, target: Address, path: str, *, now_s: float, uses_burst: bool = True, sink: Sink | None = None
     ) -> FtpCall:
         """Reads a file; the result is in `data`, or goes to a sink as it comes."""
-        call = FtpCall(Job.READ, target, path, uses_burst=uses_burst, sink=sink)
+        call = FtpCall(FtpJob.READ, target, path, uses_burst=uses_burst, sink=sink)
         return self._add(call, (Operation.OPEN_FILE_READ_ONLY, _text(path), 0), now_s)
 
     def write(self, target: Address, path: str, data: bytes, *, now_s: float) -> FtpCall:
         """Writes a whole file, and compares checksums behind it."""
-        call = FtpCall(Job.WRITE, target, path, data)
+        call = FtpCall(FtpJob.WRITE, target, path, data)
         call._budget += 3 * (len(data) // DATA_BYTES)
         return self._add(call, (Operation.CREATE_FILE, _text(path), 0), now_s)
 
@@ -187,53 +187,53 @@ class FtpClient(Service[FtpCall]):
         if call is None or sender != call.target or not self._is_for_us(message):
             return
         answer = read_payload(message.payload)
-        asked = call._asked
-        if answer is None or asked is None or answer.asked != asked.operation:
+        requested = call._requested
+        if answer is None or requested is None or answer.requested != requested.operation:
             return
-        is_burst = asked.operation == Operation.BURST_READ_FILE
-        if not is_burst and answer.sequence != asked.sequence + 1 & 0xFFFF:
+        is_burst = requested.operation == Operation.BURST_READ_FILE
+        if not is_burst and answer.sequence != requested.sequence + 1 & 0xFFFF:
             return
-        if is_burst and answer.session != asked.session:
+        if is_burst and answer.session != requested.session:
             return
-        call._heard_s = now_s
+        call._received_s = now_s
         if call._is_first and not is_burst:
-            self._round_trip(call.target).answered(now_s - call._asked_s)
+            self._round_trip(call.target).answered(now_s - call._requested_s)
         if is_burst:
-            self._take_burst(call, answer, now_s)
+            self._receive_burst(call, answer, now_s)
         elif answer.operation == Operation.ACKNOWLEDGED:
-            self._take(call, asked, answer, now_s)
+            self._handle_answer(call, requested, answer, now_s)
         else:
-            self._hear_refusal(call, asked, FtpError.read(answer.data), now_s)
+            self._receive_refusal(call, requested, FtpError.read(answer.data), now_s)
 
     def tick(self, now_s: float) -> None:
         """Asks again, or gives up."""
         call = self._active
-        if call is None or call._asked is None:
+        if call is None or call._requested is None:
             return
-        if now_s >= call._heard_s + SILENT_S:
+        if now_s >= call._received_s + SILENT_S:
             self._end(call, FtpError.NO_ANSWER, now_s)
-        elif now_s >= self._ask_again_s(call):
+        elif now_s >= self._retry_s(call):
             self._round_trip(call.target).missed()
             call._budget -= 1
             if call._budget < 0:
                 self._end(call, FtpError.TOO_MANY_LOSSES, now_s)
-            elif call._asked.operation == Operation.BURST_READ_FILE:
-                self._ask_for_file(call, now_s)
+            elif call._requested.operation == Operation.BURST_READ_FILE:
+                self._request_file(call, now_s)
             else:
-                call._is_first, call._asked_s = False, now_s
-                self._emit(call.target, call._asked)
+                call._is_first, call._requested_s = False, now_s
+                self._emit(call.target, call._requested)
 
     def next_tick_s(self) -> float | None:
         """When one of these is due."""
         call = self._active
-        if call is None or call._asked is None:
+        if call is None or call._requested is None:
             return None
-        return min(self._ask_again_s(call), call._heard_s + SILENT_S)
+        return min(self._retry_s(call), call._received_s + SILENT_S)
 
     def _simple(
         self, target: Address, path: str, operation: Operation, data: bytes, now_s: float, offset: int = 0
     ) -> FtpCall:
-        return self._add(FtpCall(Job.SIMPLE, target, path), (operation, data, offset), now_s)
+        return self._add(FtpCall(FtpJob.SIMPLE, target, path), (operation, data, offset), now_s)
 
     def _add(self, call: FtpCall, step: tuple[Operation, bytes, int], now_s: float) -> FtpCall:
         if len(step[1]) > DATA_BYTES:
@@ -246,7 +246,7 @@ class FtpClient(Service[FtpCall]):
     def _begin_next(self, now_s: float) -> None:
         if self._active is None and self._waiting:
             self._active = self._waiting.popleft()
-            self._active._heard_s = now_s
+            self._active._received_s = now_s
             self._next_step(self._active, now_s)
 
     def _next_step(self, call: FtpCall, now_s: float) -> None:
@@ -254,13 +254,13 @@ class FtpClient(Service[FtpCall]):
             self._end(call, FtpError.NONE, now_s)
             return
         operation, data, offset = call._steps.popleft()
-        self._ask(call, operation, now_s, data=data, offset=offset)
+        self._send_request(call, operation, now_s, data=data, offset=offset)
 
-    def _ask(
+    def _send_request(
         self, call: FtpCall, operation: Operation, now_s: float, *, data: bytes = b"", offset: int = 0, size: int = -1
     ) -> None:
         self._sequence = self._sequence + 2 & 0xFFFF
-        call._asked = Payload(
+        call._requested = Payload(
             sequence=self._sequence,
             session=call._session or 0,
             operation=operation,
@@ -268,58 +268,60 @@ class FtpClient(Service[FtpCall]):
             offset=offset,
             data=data,
         )
-        call._asked_s, call._is_first = now_s, True
-        self._emit(call.target, call._asked)
+        call._requested_s, call._is_first = now_s, True
+        self._emit(call.target, call._requested)
 
     def _emit(self, target: Address, payload: Payload) -> None:
         self._send_to(target, "FILE_TRANSFER_PROTOCOL", payload=payload.encode())
 
-    def _ask_again_s(self, call: FtpCall) -> float:
+    def _retry_s(self, call: FtpCall) -> float:
         timeout_s = self._round_trip(call.target).timeout_s
-        if call._asked is not None and call._asked.operation == Operation.BURST_READ_FILE:
-            return max(call._asked_s, call._heard_s) + max(timeout_s, 0.25)
-        return call._asked_s + (timeout_s if call._is_first else min(timeout_s, RESTLESS_S))
+        if call._requested is not None and call._requested.operation == Operation.BURST_READ_FILE:
+            return max(call._requested_s, call._received_s) + max(timeout_s, 0.25)
+        return call._requested_s + (timeout_s if call._is_first else min(timeout_s, RESTLESS_S))
 
-    def _take(self, call: FtpCall, asked: Payload, answer: Payload, now_s: float) -> None:
-        match asked.operation:
+    def _handle_answer(self, call: FtpCall, requested: Payload, answer: Payload, now_s: float) -> None:
+        match requested.operation:
             case Operation.LIST_DIRECTORY:
                 entries, count = read_entries(answer.data)
                 call.entries += entries
                 if count == 0:
                     self._next_step(call, now_s)
                 else:
-                    offset = asked.offset + count
-                    self._ask(call, Operation.LIST_DIRECTORY, now_s, data=_text(call.path), offset=offset)
+                    offset = requested.offset + count
+                    self._send_request(call, Operation.LIST_DIRECTORY, now_s, data=_text(call.path), offset=offset)
             case Operation.OPEN_FILE_READ_ONLY:
                 self._opened(call, answer, now_s)
             case Operation.READ_FILE:
                 self._store(call, answer.offset, answer.data)
-                self._ask_for_file(call, now_s)
+                self._request_file(call, now_s)
             case Operation.CREATE_FILE:
                 call._session = answer.session
                 self._write_next(call, now_s)
             case Operation.WRITE_FILE:
-                call._offset = asked.offset + asked.size
+                call._offset = requested.offset + requested.size
                 self._write_next(call, now_s)
             case Operation.CALCULATE_CRC32:
                 call.checksum = struct.unpack("<I", answer.data[:4].ljust(4, b"\0"))[0]
-                if call.job is Job.WRITE and call.checksum != checksum([bytes(call.data)]):
+                if call.job is FtpJob.WRITE and call.checksum != checksum([bytes(call.data)]):
                     self._end(call, FtpError.DIFFERENT, now_s)
                 else:
                     self._next_step(call, now_s)
             case _:
-                if asked.operation == Operation.TERMINATE_SESSION:
+                if requested.operation == Operation.TERMINATE_SESSION:
                     call._session = None
                 self._next_step(call, now_s)
 
-    def _hear_refusal(self, call: FtpCall, asked: Payload, error: FtpError, now_s: float) -> None:
-        if asked.operation == Operation.LIST_DIRECTORY and error is FtpError.END_OF_FILE:
+    def _receive_refusal(self, call: FtpCall, requested: Payload, error: FtpError, now_s: float) -> None:
+        if requested.operation == Operation.LIST_DIRECTORY and error is FtpError.END_OF_FILE:
             self._next_step(call, now_s)
-        elif asked.operation == Operation.READ_FILE and error is FtpError.END_OF_FILE:
-            self._shorten(call, asked.offset)
-            self._ask_for_file(call, now_s)
-        elif asked.operation == Operation.TERMINATE_SESSION or (
-            asked.operation == Operation.CALCULATE_CRC32 and call.job is Job.WRITE and error is FtpError.UNKNOWN_COMMAND
+        elif requested.operation == Operation.READ_FILE and error is FtpError.END_OF_FILE:
+            self._shorten(call, requested.offset)
+            self._request_file(call, now_s)
+        elif requested.operation == Operation.TERMINATE_SESSION or (
+            requested.operation == Operation.CALCULATE_CRC32
+            and call.job is FtpJob.WRITE
+            and error is FtpError.UNKNOWN_COMMAND
         ):
             self._next_step(call, now_s)  # nothing of it matters to what was wanted
         else:
@@ -341,9 +343,9 @@ class FtpClient(Service[FtpCall]):
         if begin < size:
             call._gaps.append((begin, size))
         call._steps.append((Operation.TERMINATE_SESSION, b"", 0))
-        self._ask_for_file(call, now_s)
+        self._request_file(call, now_s)
 
-    def _ask_for_file(self, call: FtpCall, now_s: float) -> None:
+    def _request_file(self, call: FtpCall, now_s: float) -> None:
         """Asks for the first part that is missing: the rest of the file in a burst, a hole by itself."""
         if not call._gaps:
             self._next_step(call, now_s)
@@ -351,20 +353,20 @@ class FtpClient(Service[FtpCall]):
         begin, end = call._gaps[0]
         is_rest = end == call._expected and end - begin > DATA_BYTES
         operation = Operation.BURST_READ_FILE if call.uses_burst and is_rest else Operation.READ_FILE
-        self._ask(call, operation, now_s, offset=begin, size=min(DATA_BYTES, end - begin))
+        self._send_request(call, operation, now_s, offset=begin, size=min(DATA_BYTES, end - begin))
 
-    def _take_burst(self, call: FtpCall, answer: Payload, now_s: float) -> None:
+    def _receive_burst(self, call: FtpCall, answer: Payload, now_s: float) -> None:
         if answer.operation == Operation.ACKNOWLEDGED:
             has_room = self._store(call, answer.offset, answer.data)
             if answer.is_burst_complete or not call._gaps or not has_room:
-                self._ask_for_file(call, now_s)
+                self._request_file(call, now_s)
             return
         match FtpError.read(answer.data):
             case FtpError.END_OF_FILE:
-                self._ask_for_file(call, now_s)
+                self._request_file(call, now_s)
             case FtpError.UNKNOWN_COMMAND:
                 call.uses_burst = False
-                self._ask_for_file(call, now_s)
+                self._request_file(call, now_s)
             case error:
                 self._end(call, error, now_s)
 
@@ -404,7 +406,7 @@ class FtpClient(Service[FtpCall]):
     def _write_next(self, call: FtpCall, now_s: float) -> None:
         piece = bytes(call.data[call._offset : call._offset + DATA_BYTES])
         if piece:
-            self._ask(call, Operation.WRITE_FILE, now_s, data=piece, offset=call._offset)
+            self._send_request(call, Operation.WRITE_FILE, now_s, data=piece, offset=call._offset)
         else:
             call._steps.append((Operation.TERMINATE_SESSION, b"", 0))
             call._steps.append((Operation.CALCULATE_CRC32, _text(call.path), 0))
@@ -412,8 +414,8 @@ class FtpClient(Service[FtpCall]):
 
     def _end(self, call: FtpCall, result: FtpError, now_s: float) -> None:
         if call._session is not None and result is not FtpError.NONE:
-            self._ask(call, Operation.TERMINATE_SESSION, now_s)  # once; a lost one expires at the other end
-        call._asked = None
+            self._send_request(call, Operation.TERMINATE_SESSION, now_s)  # once; a lost one expires at the other end
+        call._requested = None
         call.result = result
         self._active = None
         self._events.append(call)

@@ -6,13 +6,13 @@ import contextlib
 from pathlib import Path
 from typing import Protocol
 
-from gloc3.mavlink.services.ftp import Entry
+from gloc3.mavlink.services.ftp import FolderEntry
 
 
 class Files(Protocol):
     """Files by path, "/" being the top; every method may raise `OSError`."""
 
-    def entries(self, path: str) -> list[Entry]:
+    def entries(self, path: str) -> list[FolderEntry]:
         """What a folder holds, sorted."""
 
     def size(self, path: str) -> int:
@@ -57,16 +57,16 @@ class FolderFiles:
         self._is_writable = is_writable
         self._most_bytes = most_bytes
 
-    def entries(self, path: str) -> list[Entry]:
+    def entries(self, path: str) -> list[FolderEntry]:
         """What a folder holds; what leads out of it, and what is no file, is left out."""
         found = []
         for child in sorted(self._find(path).iterdir()):
             with contextlib.suppress(OSError):
                 real = self._check(child.resolve(strict=True))
                 if real.is_dir():
-                    found.append(Entry(child.name, True))
+                    found.append(FolderEntry(child.name, True))
                 elif real.is_file():
-                    found.append(Entry(child.name, False, real.stat().st_size))
+                    found.append(FolderEntry(child.name, False, real.stat().st_size))
         return found
 
     def size(self, path: str) -> int:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Final, Never
 
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.service import Service
+from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.ftp import DATA_BYTES, Checksum, FtpError, Operation, Payload, error_data, read_payload
 from gloc3.mavlink.services.ftp_files import Files
 
@@ -85,7 +85,7 @@ def admit_all(_sender: Address) -> bool:
     return True
 
 
-class FtpServer(Service[Never]):
+class FtpServer(Microservice[Never]):
     """Serves files.
 
     Args:
@@ -280,9 +280,9 @@ class FtpServer(Service[Never]):
         return _acknowledge(request)
 
     def _checksum(self, request: Payload, sender: Address, now_s: float) -> Payload | None:
-        path, under_way = _path(request.data), self._checks.get(sender)
-        if under_way is not None and under_way.path == path:
-            under_way.request = request  # asked again while it is being calculated
+        path, running = _path(request.data), self._checks.get(sender)
+        if running is not None and running.path == path:
+            running.request = request  # asked again while it is being calculated
             return None
         self._checks.pop(sender, None)
         self._files.size(path)
@@ -337,7 +337,7 @@ class FtpServer(Service[Never]):
             session=number,
             operation=Operation.ACKNOWLEDGED if data else Operation.REFUSED,
             size=len(data or failure),
-            asked=Operation.BURST_READ_FILE,
+            requested=Operation.BURST_READ_FILE,
             is_burst_complete=is_over,
             offset=burst.offset,
             data=data or failure,
@@ -358,7 +358,7 @@ def _acknowledge(request: Payload, data: bytes = b"", *, session: int | None = N
         session=request.session if session is None else session,
         operation=Operation.ACKNOWLEDGED,
         size=len(data),
-        asked=request.operation,
+        requested=request.operation,
         offset=request.offset,
         data=data,
     )
@@ -374,7 +374,7 @@ def _refuse_with(request: Payload, data: bytes) -> Payload:
         session=request.session,
         operation=Operation.REFUSED,
         size=len(data),
-        asked=request.operation,
+        requested=request.operation,
         offset=request.offset,
         data=data,
     )

@@ -20,7 +20,7 @@ class Sink(Protocol):
             size: of the whole file, in bytes.
         """
 
-    def take(self, data: bytes) -> None:
+    def write(self, data: bytes) -> None:
         """The next bytes of it."""
 
 
@@ -65,5 +65,5 @@ class InOrder:
             self._early_bytes -= len(data)
             piece = data[self.given - offset :] if offset < self.given else data
             if piece:
-                self._sink.take(piece)
+                self._sink.write(piece)
                 self.given += len(piece)

@@ -9,10 +9,10 @@ import msgspec
 
 from gloc3.mavlink.codec import message as make
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.service import Service
+from gloc3.mavlink.service import Microservice
 
 PERIOD_S: Final = 1.0
-GONE_AFTER_S: Final = 4.5
+EXPIRES_AFTER_S: Final = 4.5
 """Four heartbeats missed, and half a one for the way."""
 MOST_PEERS: Final = 64
 AUTOPILOT_LATCH_S: Final = 3.0
@@ -26,7 +26,7 @@ ARMED: Final = 128
 _MAVLINK_VERSION: Final = 3
 
 
-class Heartbeat(Service[Never]):
+class Heartbeat(Microservice[Never]):
     """Sends our heartbeat once a second while it is ticked: it stops when the loop that it vouches for is stuck."""
 
     def __init__(
@@ -80,12 +80,12 @@ class PeerChange(StrEnum):
     """What may happen to somebody else."""
 
     APPEARED = "appeared"
-    GONE = "gone"
+    LOST = "gone"
     RETURNED = "returned"
     RESTARTED = "restarted"
 
 
-class Peer:
+class MavlinkPeer:
     """Somebody else on the link, as its heartbeats tell."""
 
     __slots__ = ("address", "boot_ms", "first_s", "heartbeat", "is_alive", "last_s")
@@ -110,38 +110,38 @@ class PeerEvent(msgspec.Struct, frozen=True):
     """A change of somebody else's presence."""
 
     change: PeerChange
-    peer: Peer
+    peer: MavlinkPeer
 
 
-class Peers(Service[PeerEvent]):
+class MavlinkPeers(Microservice[PeerEvent]):
     """Who else is there: from their heartbeats, with a bound on how many are kept."""
 
     handles = frozenset({"HEARTBEAT", "SYSTEM_TIME"})
 
-    def __init__(self, own: Address, *, gone_after_s: float = GONE_AFTER_S) -> None:
+    def __init__(self, own: Address, *, expires_after_s: float = EXPIRES_AFTER_S) -> None:
         super().__init__(own)
         self.refused = 0
         """Heartbeats of those for whom there was no room."""
-        self._gone_after_s = gone_after_s
-        self._peers: dict[Address, Peer] = {}
+        self._expires_after_s = expires_after_s
+        self._peers: dict[Address, MavlinkPeer] = {}
 
-    def __getitem__(self, address: Address) -> Peer:
+    def __getitem__(self, address: Address) -> MavlinkPeer:
         return self._peers[address]
 
     def __contains__(self, address: Address) -> bool:
         return address in self._peers
 
     @property
-    def alive(self) -> list[Peer]:
+    def alive(self) -> list[MavlinkPeer]:
         """Everybody who is there now, in the order in which they came."""
         return [peer for peer in self._peers.values() if peer.is_alive]
 
     @property
-    def autopilots(self) -> list[Peer]:
+    def autopilots(self) -> list[MavlinkPeer]:
         """The autopilots that are there now."""
         return [peer for peer in self.alive if peer.is_autopilot]
 
-    def autopilot(self, now_s: float) -> Peer | None:
+    def autopilot(self, now_s: float) -> MavlinkPeer | None:
         """The autopilot, once one has been there alone for some seconds; None while there is none, or a choice."""
         found = self.autopilots
         return found[0] if len(found) == 1 and now_s - found[0].first_s >= AUTOPILOT_LATCH_S else None
@@ -158,7 +158,7 @@ class Peers(Service[PeerEvent]):
             if sender == self.own or not self._has_room():
                 self.refused += 1
                 return
-            peer = self._peers[sender] = Peer(sender, message, now_s)
+            peer = self._peers[sender] = MavlinkPeer(sender, message, now_s)
             self._events.append(PeerEvent(PeerChange.APPEARED, peer))
         else:
             peer.heartbeat, peer.last_s = message, now_s
@@ -169,19 +169,21 @@ class Peers(Service[PeerEvent]):
     def tick(self, now_s: float) -> None:
         """Notices who is gone."""
         for peer in self._peers.values():
-            if peer.is_alive and now_s >= peer.last_s + self._gone_after_s:
+            if peer.is_alive and now_s >= peer.last_s + self._expires_after_s:
                 peer.is_alive = False
-                self._events.append(PeerEvent(PeerChange.GONE, peer))
+                self._events.append(PeerEvent(PeerChange.LOST, peer))
 
     def next_tick_s(self) -> float | None:
         """When the next one is gone, if it stays silent."""
-        return min((peer.last_s + self._gone_after_s for peer in self._peers.values() if peer.is_alive), default=None)
+        return min(
+            (peer.last_s + self._expires_after_s for peer in self._peers.values() if peer.is_alive), default=None
+        )
 
     def _has_room(self) -> bool:
         if len(self._peers) < MOST_PEERS:
             return True
-        gone = min((p for p in self._peers.values() if not p.is_alive), key=lambda p: p.last_s, default=None)
-        if gone is None:
+        lost = min((p for p in self._peers.values() if not p.is_alive), key=lambda p: p.last_s, default=None)
+        if lost is None:
             return False
-        del self._peers[gone.address]
+        del self._peers[lost.address]
         return True

@@ -9,9 +9,9 @@ from typing import Final, Never
 
 from gloc3.mavlink import codec
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.service import Service
+from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.command import CommandResult
-from gloc3.mavlink.services.command_server import CommandRequest
+from gloc3.mavlink.services.command_server import MavCommandRequest
 
 GET_MESSAGE_INTERVAL: Final = 510
 SET_MESSAGE_INTERVAL: Final = 511
@@ -28,7 +28,7 @@ LONGEST_US: Final = 2e9
 """What MESSAGE_INTERVAL can tell, rounded down."""
 
 
-class StreamScheduler(Service[Never]):
+class StreamScheduler(Microservice[Never]):
     """The vehicle's side: says which messages are due, and answers who wants them more or less often.
 
     Its owner asks `due` after each tick, and sends those messages.
@@ -75,7 +75,7 @@ class StreamScheduler(Service[Never]):
         """Sets how often a message is sent; 0 stops it."""
         self._set_period(codec.shape(name).id, 1.0 / rate_hz if rate_hz > 0.0 else None, now_s)
 
-    def command(self, request: CommandRequest, now_s: float) -> CommandResult | None:
+    def command(self, request: MavCommandRequest, now_s: float) -> CommandResult | None:
         """Runs a command if it is one about streams, and says its result; None for any other."""
         if request.command not in STREAM_COMMANDS:
             return None

@@ -29,15 +29,15 @@ class Need(Enum):
 class ItemReceiver:
     """Collects `count` items (at least one) in order."""
 
-    __slots__ = ("_asked_s", "_attempts", "_budget", "_heard_s", "_round_trip", "count", "items")
+    __slots__ = ("_attempts", "_budget", "_received_s", "_requested_s", "_round_trip", "count", "items")
 
     def __init__(self, count: int, round_trip: RoundTrip, now_s: float) -> None:
         self.count = count
         self.items: list[PlanItem] = []
         self._round_trip = round_trip
         self._budget = 100 + 3 * count
-        self._heard_s = now_s
-        self._asked_s = now_s
+        self._received_s = now_s
+        self._requested_s = now_s
         self._attempts = 0
 
     @property
@@ -48,32 +48,32 @@ class ItemReceiver:
     @property
     def silent_since_s(self) -> float:
         """When the peer was heard last."""
-        return self._heard_s
+        return self._received_s
 
-    def ask(self, now_s: float) -> int:
+    def next_request(self, now_s: float) -> int:
         """The number of the item that is to be asked for, now."""
         if self._attempts:
             self._budget -= 1
         self._attempts += 1
-        self._asked_s = now_s
+        self._requested_s = now_s
         return len(self.items)
 
-    def take(self, number: int, item: PlanItem, now_s: float) -> bool:
+    def receive(self, number: int, item: PlanItem, now_s: float) -> bool:
         """Takes an item that has come; False if it is not the one that is next."""
-        self._heard_s = now_s
+        self._received_s = now_s
         if number != len(self.items):
             return False
         if self._attempts == 1:
-            self._round_trip.answered(now_s - self._asked_s)
+            self._round_trip.answered(now_s - self._requested_s)
         self.items.append(item)
         self._attempts = 0
         return True
 
     def need(self, now_s: float) -> Need:
         """What is due."""
-        if now_s >= self._heard_s + SILENT_S:
+        if now_s >= self._received_s + SILENT_S:
             return Need.SILENT
-        if now_s < self._ask_again_s():
+        if now_s < self._retry_s():
             return Need.NOTHING
         if self._budget <= 0:
             return Need.EXHAUSTED
@@ -82,9 +82,9 @@ class ItemReceiver:
 
     def next_s(self) -> float:
         """When something is due."""
-        return min(self._ask_again_s(), self._heard_s + SILENT_S)
+        return min(self._retry_s(), self._received_s + SILENT_S)
 
-    def _ask_again_s(self) -> float:
+    def _retry_s(self) -> float:
         """After the first miss it asks at short intervals: on a slow and bad link that is what beats the silence."""
         timeout_s = self._round_trip.timeout_s
-        return self._asked_s + (timeout_s if self._attempts <= 1 else min(timeout_s, RESTLESS_S))
+        return self._requested_s + (timeout_s if self._attempts <= 1 else min(timeout_s, RESTLESS_S))

@@ -7,7 +7,7 @@ from typing import Final, TypeAlias
 
 from gloc3.errors import Refused
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.service import Service
+from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.log_server import MOST_LOGS, PIECE_BYTES, LogEntry
 
 QUIET_S: Final = 0.4
@@ -31,7 +31,7 @@ class LogResult(StrEnum):
 class LogList:
     """A vehicle's logs being listed."""
 
-    __slots__ = ("_asked_s", "_budget", "_count", "_heard_s", "_last", "entries", "result", "target")
+    __slots__ = ("_budget", "_count", "_last", "_received_s", "_requested_s", "entries", "result", "target")
 
     def __init__(self, target: Address, now_s: float) -> None:
         self.target = target
@@ -41,14 +41,14 @@ class LogList:
         """None while it is not over."""
         self._count: int | None = None
         self._last = 0
-        self._asked_s = self._heard_s = now_s
+        self._requested_s = self._received_s = now_s
         self._budget = 50
 
 
 class LogDownload:
     """A log being read."""
 
-    __slots__ = ("_asked_s", "_budget", "_heard_s", "_missing", "data", "entry", "result", "target")
+    __slots__ = ("_budget", "_missing", "_received_s", "_requested_s", "data", "entry", "result", "target")
 
     def __init__(self, target: Address, entry: LogEntry, now_s: float, begun: bytes = b"") -> None:
         self.target = target
@@ -60,7 +60,7 @@ class LogDownload:
         kept = min(len(begun), entry.size) // PIECE_BYTES * PIECE_BYTES if len(begun) < entry.size else entry.size
         self.data[:kept] = begun[:kept]
         self._missing = dict.fromkeys(range(kept, entry.size, PIECE_BYTES))
-        self._asked_s = self._heard_s = now_s
+        self._requested_s = self._received_s = now_s
         self._budget = 100 + entry.size // PIECE_BYTES
 
     @property
@@ -78,7 +78,7 @@ class LogDownload:
 LogEvent: TypeAlias = LogList | LogDownload
 
 
-class LogClient(Service[LogEvent]):
+class LogClient(Microservice[LogEvent]):
     """Lists and reads logs, one request at a time; it comes back as an event when it is over."""
 
     handles = frozenset({"LOG_ENTRY", "LOG_DATA"})
@@ -119,7 +119,7 @@ class LogClient(Service[LogEvent]):
         if not download._missing:
             self._end(download, LogResult.DONE)
         else:
-            self._ask_for_data(download, now_s)
+            self._request_data(download, now_s)
         return download
 
     def erase_all(self, target: Address) -> None:
@@ -138,42 +138,42 @@ class LogClient(Service[LogEvent]):
             return
         if isinstance(active, LogList):
             if message.name == "LOG_ENTRY":
-                self._take_entry(active, message, now_s)
+                self._receive_entry(active, message, now_s)
         elif message.name == "LOG_DATA" and message.id_ == active.entry.number:
-            self._take_piece(active, message, now_s)
+            self._receive_piece(active, message, now_s)
 
     def tick(self, now_s: float) -> None:
         """Asks for what is missing, or gives up."""
         active = self._active
         if active is None:
             return
-        if now_s >= active._heard_s + SILENT_S:
+        if now_s >= active._received_s + SILENT_S:
             self._end(active, LogResult.NO_ANSWER)
         elif now_s >= self._quiet_s(active):
             active._budget -= 1
             if active._budget < 0:
                 self._end(active, LogResult.TOO_MANY_LOSSES)
             elif isinstance(active, LogDownload):
-                self._ask_for_data(active, now_s)
+                self._request_data(active, now_s)
             else:
-                self._ask_for_entries(active, now_s)
+                self._request_entries(active, now_s)
 
     def next_tick_s(self) -> float | None:
         """When one of these is due."""
         active = self._active
-        return None if active is None else min(self._quiet_s(active), active._heard_s + SILENT_S)
+        return None if active is None else min(self._quiet_s(active), active._received_s + SILENT_S)
 
     @staticmethod
     def _quiet_s(active: LogEvent) -> float:
-        return max(active._asked_s, active._heard_s) + QUIET_S
+        return max(active._requested_s, active._received_s) + QUIET_S
 
     def _check_idle(self) -> None:
         if self._active is not None:
             raise Refused("logs are being listed or read")
 
-    def _ask_for_entries(self, listing: LogList, now_s: float) -> None:
+    def _request_entries(self, listing: LogList, now_s: float) -> None:
         """Asks for all, or for what lies between the first and the last that is missing."""
-        listing._asked_s = now_s
+        listing._requested_s = now_s
         start, end = 0, ALL
         if listing._count is not None:
             first_known = listing._last - listing._count + 1  # numbers usually follow each other
@@ -182,25 +182,25 @@ class LogClient(Service[LogEvent]):
                 start, end = max(missing[0], 0), missing[-1]
         self._send_to(listing.target, "LOG_REQUEST_LIST", start=start, end=end)
 
-    def _take_entry(self, listing: LogList, message: MavlinkMessage, now_s: float) -> None:
-        listing._heard_s = now_s
+    def _receive_entry(self, listing: LogList, message: MavlinkMessage, now_s: float) -> None:
+        listing._received_s = now_s
         listing._count, listing._last = min(message.num_logs, MOST_LOGS), message.last_log_num
         if message.num_logs:
             listing.entries[message.id_] = LogEntry(message.id_, message.size, message.time_utc)
         if len(listing.entries) >= listing._count:
             self._end(listing, LogResult.DONE)
 
-    def _ask_for_data(self, download: LogDownload, now_s: float) -> None:
+    def _request_data(self, download: LogDownload, now_s: float) -> None:
         """Asks for the first run of missing pieces."""
-        download._asked_s = now_s
+        download._requested_s = now_s
         first = end = next(iter(download._missing))
         while end in download._missing:
             end += PIECE_BYTES
         count = min(end, download.entry.size) - first
         self._send_to(download.target, "LOG_REQUEST_DATA", id_=download.entry.number, ofs=first, count=count)
 
-    def _take_piece(self, download: LogDownload, message: MavlinkMessage, now_s: float) -> None:
-        download._heard_s = now_s
+    def _receive_piece(self, download: LogDownload, message: MavlinkMessage, now_s: float) -> None:
+        download._received_s = now_s
         offset, size = message.ofs, download.entry.size
         wanted = min(PIECE_BYTES, size - offset)
         if offset not in download._missing or message.count < wanted:
@@ -210,7 +210,7 @@ class LogClient(Service[LogEvent]):
         if not download._missing:
             self._end(download, LogResult.DONE)
         elif offset + PIECE_BYTES not in download._missing:
-            self._ask_for_data(download, now_s)  # the run that was asked for is over
+            self._request_data(download, now_s)  # the run that was asked for is over
 
     def _end(self, active: LogEvent, result: LogResult) -> None:
         if isinstance(active, LogDownload):

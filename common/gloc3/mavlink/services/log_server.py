@@ -8,7 +8,7 @@ from typing import Final, Never, Protocol
 import msgspec
 
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.service import Service
+from gloc3.mavlink.service import Microservice
 
 PIECE_BYTES: Final = 90
 PIECES_PER_S: Final = 400.0
@@ -38,7 +38,7 @@ class Logs(Protocol):
         """Erases all; may raise `OSError`."""
 
 
-class LogServer(Service[Never]):
+class LogServer(Microservice[Never]):
     """Offers logs. One is sent at a time; a new request takes the place of the one before.
 
     Args:

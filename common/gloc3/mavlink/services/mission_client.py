@@ -11,7 +11,7 @@ import msgspec
 
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.round_trip import RESTLESS_S, RoundTrip
-from gloc3.mavlink.service import Service
+from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.item_receiver import SILENT_S, ItemReceiver, Need
 from gloc3.mavlink.services.plan import ALL_TYPES, Plan, PlanItem, PlanResult, PlanType, read_item
 
@@ -38,8 +38,8 @@ class Transfer:
 
     __slots__ = (
         "_budget",
-        "_heard_s",
         "_is_first_try",
+        "_received_s",
         "_receiver",
         "_restarts",
         "_sent",
@@ -71,7 +71,7 @@ class Transfer:
         self._restarts = 0
         self._tried_s: float | None = None
         self._is_first_try = True
-        self._heard_s = 0.0
+        self._received_s = 0.0
 
     @property
     def progress(self) -> float:
@@ -100,7 +100,7 @@ class ItemReached(msgspec.Struct, frozen=True):
 MissionEvent: TypeAlias = Transfer | CurrentItem | ItemReached
 
 
-class MissionClient(Service[MissionEvent]):
+class MissionClient(Microservice[MissionEvent]):
     """Moves plans; a transfer comes back as an event when it is over. What is begun meanwhile waits for its turn."""
 
     handles = frozenset(
@@ -159,7 +159,7 @@ class MissionClient(Service[MissionEvent]):
             self._events.append(ItemReached(sender, message.seq))
             return
         if message.name == "MISSION_CURRENT":
-            self._hear_current(message.seq, sender, now_s)
+            self._receive_current(message.seq, sender, now_s)
             return
         if not self._is_for_us(message):
             return
@@ -174,21 +174,21 @@ class MissionClient(Service[MissionEvent]):
             case "MISSION_REQUEST_INT" | "MISSION_REQUEST":
                 self._give(transfer, message.seq, now_s)
             case "MISSION_COUNT":
-                self._hear_count(transfer, message.count, now_s)
+                self._receive_count(transfer, message.count, now_s)
             case "MISSION_ITEM_INT" | "MISSION_ITEM":
-                self._take(transfer, message, now_s)
+                self._handle(transfer, message, now_s)
             case _:
-                self._hear_acknowledgement(transfer, PlanResult.read(message.type), now_s)
+                self._receive_acknowledgement(transfer, PlanResult.read(message.type), now_s)
 
     def tick(self, now_s: float) -> None:
         """Asks again for what stays away, begins anew, or gives up."""
         transfer = self._active
         if transfer is None:
             return
-        if now_s >= self._last_heard_s(transfer) + SILENT_S:
+        if now_s >= self._last_received_s(transfer) + SILENT_S:
             self._end(transfer, PlanResult.NO_ANSWER, now_s)
         elif self._has_begun(transfer) and now_s >= self._restart_s(transfer):
-            self._begin_anew(transfer, now_s)
+            self._restart(transfer, now_s)
         elif transfer._receiver is not None:
             match transfer._receiver.need(now_s):
                 case Need.REQUEST:
@@ -205,7 +205,7 @@ class MissionClient(Service[MissionEvent]):
         if transfer is None:
             return None
         if not self._has_begun(transfer):
-            return min(self._try_again_s(transfer), self._last_heard_s(transfer) + SILENT_S)
+            return min(self._try_again_s(transfer), self._last_received_s(transfer) + SILENT_S)
         if transfer._receiver is not None:
             return min(transfer._receiver.next_s(), self._restart_s(transfer))
         return self._restart_s(transfer)
@@ -216,13 +216,13 @@ class MissionClient(Service[MissionEvent]):
         return transfer._receiver is not None or transfer._sent >= 0
 
     @staticmethod
-    def _last_heard_s(transfer: Transfer) -> float:
+    def _last_received_s(transfer: Transfer) -> float:
         receiver = transfer._receiver
-        return transfer._heard_s if receiver is None else max(transfer._heard_s, receiver.silent_since_s)
+        return transfer._received_s if receiver is None else max(transfer._received_s, receiver.silent_since_s)
 
     def _restart_s(self, transfer: Transfer) -> float:
         is_at_the_end = transfer._receiver is None and transfer._sent + 1 == len(transfer.items)
-        return self._last_heard_s(transfer) + (RESTART_AT_THE_END_S if is_at_the_end else RESTART_S)
+        return self._last_received_s(transfer) + (RESTART_AT_THE_END_S if is_at_the_end else RESTART_S)
 
     def _try_again_s(self, transfer: Transfer) -> float:
         assert transfer._tried_s is not None
@@ -237,12 +237,12 @@ class MissionClient(Service[MissionEvent]):
     def _begin_next(self, now_s: float) -> None:
         if self._active is None and self._waiting:
             self._active = self._waiting.popleft()
-            self._active._heard_s = now_s
+            self._active._received_s = now_s
             self._downloaded = None
             self._try(self._active, now_s)
 
-    def _begin_anew(self, transfer: Transfer, now_s: float) -> None:
-        transfer._heard_s = self._last_heard_s(transfer)
+    def _restart(self, transfer: Transfer, now_s: float) -> None:
+        transfer._received_s = self._last_received_s(transfer)
         transfer._receiver, transfer._sent = None, -1
         transfer._budget = 100 + 4 * len(transfer.items)
         if self._may_restart(transfer, now_s):
@@ -283,14 +283,14 @@ class MissionClient(Service[MissionEvent]):
             self._give_up(transfer, now_s)
             return
         transfer._budget -= 1
-        transfer._heard_s = now_s
+        transfer._received_s = now_s
         transfer._sent = max(transfer._sent, number)
         self._outgoing.append(transfer.items[number].message(number, transfer.kind, transfer.target))
 
-    def _hear_count(self, transfer: Transfer, count: int, now_s: float) -> None:
+    def _receive_count(self, transfer: Transfer, count: int, now_s: float) -> None:
         if transfer.work is not Work.DOWNLOAD:
             return
-        transfer._heard_s = now_s
+        transfer._received_s = now_s
         receiver = transfer._receiver
         if receiver is not None and (receiver.count == count or not self._may_restart(transfer, now_s)):
             return  # the answer to a question that we repeated
@@ -300,9 +300,9 @@ class MissionClient(Service[MissionEvent]):
         transfer._receiver = ItemReceiver(count, self._round_trip(transfer.target), now_s)
         self._request(transfer, now_s)
 
-    def _take(self, transfer: Transfer, message: MavlinkMessage, now_s: float) -> None:
+    def _handle(self, transfer: Transfer, message: MavlinkMessage, now_s: float) -> None:
         receiver = transfer._receiver
-        if receiver is None or not receiver.take(message.seq, read_item(message), now_s):
+        if receiver is None or not receiver.receive(message.seq, read_item(message), now_s):
             return
         if receiver.is_complete:
             self._finish_download(transfer, tuple(receiver.items), now_s)
@@ -316,7 +316,7 @@ class MissionClient(Service[MissionEvent]):
         if self._active is None:
             self._downloaded = transfer
 
-    def _hear_acknowledgement(self, transfer: Transfer, result: PlanResult, now_s: float) -> None:
+    def _receive_acknowledgement(self, transfer: Transfer, result: PlanResult, now_s: float) -> None:
         is_upload = transfer.work is Work.UPLOAD
         if result is PlanResult.ACCEPTED and (
             transfer.work is Work.DOWNLOAD or (is_upload and transfer._sent + 1 < len(transfer.items))
@@ -324,7 +324,7 @@ class MissionClient(Service[MissionEvent]):
             return  # of an earlier transfer
         self._end(transfer, result, now_s)
 
-    def _hear_current(self, number: int, sender: Address, now_s: float) -> None:
+    def _receive_current(self, number: int, sender: Address, now_s: float) -> None:
         if self.current.get(sender) != number and (sender in self.current or len(self.current) < 256):
             self.current[sender] = number
             self._events.append(CurrentItem(sender, number))
@@ -332,7 +332,7 @@ class MissionClient(Service[MissionEvent]):
         if transfer is not None and transfer.work is Work.SET_CURRENT and transfer.target == sender:
             if transfer.number == number:
                 self._end(transfer, PlanResult.ACCEPTED, now_s)
-            elif now_s >= transfer._heard_s + SETTING_S:
+            elif now_s >= transfer._received_s + SETTING_S:
                 self._end(transfer, PlanResult.DENIED, now_s)
 
     def _end(self, transfer: Transfer, result: PlanResult, now_s: float) -> None:
@@ -343,7 +343,7 @@ class MissionClient(Service[MissionEvent]):
 
     def _request(self, transfer: Transfer, now_s: float) -> None:
         assert transfer._receiver is not None
-        number = transfer._receiver.ask(now_s)
+        number = transfer._receiver.next_request(now_s)
         self._send_to(transfer.target, "MISSION_REQUEST_INT", seq=number, mission_type=transfer.kind)
 
     def _acknowledge(self, transfer: Transfer, result: PlanResult) -> None:

@@ -14,18 +14,18 @@ import msgspec
 from gloc3.mavlink.codec import message as make
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.round_trip import RoundTrip
-from gloc3.mavlink.service import Service
+from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.item_receiver import ItemReceiver, Need
 from gloc3.mavlink.services.mission_transfers import (
-    PATIENCE_S,
-    Answer,
+    TIMEOUT_S,
     Finished,
+    IncomingPlan,
     Pending,
+    PlanAcknowledgement,
     PlanOffered,
+    PlanReader,
     PlanReceived,
-    Reader,
     SetCurrentRequested,
-    Upload,
 )
 from gloc3.mavlink.services.plan import ALL_TYPES, Plan, PlanResult, PlanType, read_item
 
@@ -63,7 +63,7 @@ class MissionDialect(NamedTuple):
     """Requests items by MISSION_REQUEST, as ArduPilot does."""
 
 
-class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
+class MissionServer(Microservice[PlanReceived | PlanOffered | SetCurrentRequested]):
     """Holds a vehicle's plans.
 
     Args:
@@ -113,18 +113,18 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
         self._check = check
         self._serves, self._admits = serves, admits
         self._ids: dict[PlanType, tuple[Plan, int]] = {}
-        self._uploads: dict[PlanType, Upload] = {}
+        self._uploads: dict[PlanType, IncomingPlan] = {}
         self._pending: dict[PlanType, Pending] = {}
         self._finished: dict[PlanType, Finished] = {}
-        self._readers: dict[tuple[Address, PlanType], Reader] = {}
+        self._readers: dict[tuple[Address, PlanType], PlanReader] = {}
         self._round_trips: dict[Address, RoundTrip] = {}
-        self._tell_s: float | None = 0.0 if dialect.tells_current else None
+        self._send_s: float | None = 0.0 if dialect.tells_current else None
 
     def set_current(self, number: int) -> None:
         """Says which item is being done; told at the next tick."""
         self.current = number
-        if self._tell_s is not None:
-            self._tell_s = 0.0
+        if self._send_s is not None:
+            self._send_s = 0.0
 
     def set_plan(self, kind: PlanType, items: Plan) -> None:
         """Replaces a plan from this side."""
@@ -173,8 +173,8 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
         if message.name == "MISSION_SET_CURRENT":
             if message.seq < len(self.plans.get(PlanType.MISSION, ())):
                 self._events.append(SetCurrentRequested(message.seq, sender))
-            elif self._tell_s is not None:
-                self._tell_s = 0.0
+            elif self._send_s is not None:
+                self._send_s = 0.0
             return
         if message.name == "MISSION_CLEAR_ALL" and message.mission_type == ALL_TYPES:
             self._clear(tuple(self.plans), ALL_TYPES, sender, now_s)
@@ -188,13 +188,13 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
             case "MISSION_COUNT":
                 self._begin(kind, message.count, sender, now_s)
             case "MISSION_ITEM_INT" | "MISSION_ITEM":
-                self._take(kind, message, sender, now_s)
+                self._handle(kind, message, sender, now_s)
             case "MISSION_REQUEST_LIST":
                 self._list(kind, sender, now_s)
             case "MISSION_REQUEST_INT" | "MISSION_REQUEST":
                 self._give(kind, message, sender, now_s)
             case "MISSION_ACK":
-                self._hear_acknowledgement(kind, message, sender)
+                self._receive_acknowledgement(kind, message, sender)
             case "MISSION_CLEAR_ALL":
                 self._clear((kind,), kind, sender, now_s)
             case _:
@@ -205,21 +205,21 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
         for kind, upload in list(self._uploads.items()):
             match upload.items.need(now_s):
                 case Need.REQUEST:
-                    self._request(kind, upload.sender, upload.items.ask(now_s))
+                    self._request(kind, upload.sender, upload.items.next_request(now_s))
                 case Need.SILENT | Need.EXHAUSTED:
                     del self._uploads[kind]
                     self._acknowledge(upload.sender, kind, PlanResult.CANCELLED)
         for kind, pending in self._pending.items():
             if pending.last is not None and now_s >= pending.next_s:
-                pending.next_s = now_s + PATIENCE_S
+                pending.next_s = now_s + TIMEOUT_S
                 self._request(kind, pending.offered.sender, pending.last.seq)
         for kind, finished in self._finished.items():
             next_s = finished.next_s
             if next_s is not None and now_s >= next_s:
                 finished.reminders -= 1
                 self._request(kind, finished.sender, finished.last.seq)
-        if self._tell_s is not None and now_s >= self._tell_s:
-            self._tell_s = now_s + CURRENT_PERIOD_S
+        if self._send_s is not None and now_s >= self._send_s:
+            self._send_s = now_s + CURRENT_PERIOD_S
             self._outgoing.append(self.current_message())
 
     def next_tick_s(self) -> float | None:
@@ -227,14 +227,14 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
         times_s = [upload.items.next_s() for upload in self._uploads.values()]
         times_s += [next_s for finished in self._finished.values() if (next_s := finished.next_s) is not None]
         times_s += [pending.next_s for pending in self._pending.values() if pending.last is not None]
-        if self._tell_s is not None:
-            times_s.append(self._tell_s)
+        if self._send_s is not None:
+            times_s.append(self._send_s)
         return min(times_s, default=None)
 
     def _begin(self, kind: PlanType, count: int, sender: Address, now_s: float) -> None:
         active = self._uploads.get(kind)
-        is_taken = (active is not None and active.sender != sender) or self._is_pending_for_another(kind, sender)
-        if is_taken or not self._admits(sender):
+        is_accepted = (active is not None and active.sender != sender) or self._is_pending_for_another(kind, sender)
+        if is_accepted or not self._admits(sender):
             self._acknowledge(sender, kind, PlanResult.DENIED)
             return
         self._stop_reminding(sender)
@@ -244,35 +244,35 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
             self._acknowledge(sender, kind, PlanResult.NO_SPACE)
         elif count == 0:
             self._uploads.pop(kind, None)
-            self._judge(kind, (), sender, Answer(kind), None, now_s)
+            self._judge(kind, (), sender, PlanAcknowledgement(kind), None, now_s)
         elif active is not None and not active.items.items and active.items.count == count:
-            self._request(kind, sender, active.items.ask(now_s))  # our first request was lost
+            self._request(kind, sender, active.items.next_request(now_s))  # our first request was lost
         else:
             receiver = ItemReceiver(count, self._round_trip(sender), now_s)
-            self._uploads[kind] = Upload(sender, receiver)
-            self._request(kind, sender, receiver.ask(now_s))
+            self._uploads[kind] = IncomingPlan(sender, receiver)
+            self._request(kind, sender, receiver.next_request(now_s))
 
-    def _take(self, kind: PlanType, message: MavlinkMessage, sender: Address, now_s: float) -> None:
+    def _handle(self, kind: PlanType, message: MavlinkMessage, sender: Address, now_s: float) -> None:
         upload = self._uploads.get(kind)
         if upload is None or upload.sender != sender:
             finished = self._finished.get(kind)
-            if finished is not None and finished.is_asked_by(message, sender, now_s):
+            if finished is not None and finished.is_requested_by(message, sender, now_s):
                 self._acknowledge(sender, kind, finished.result)
             return
-        if not upload.items.take(message.seq, read_item(message), now_s):
+        if not upload.items.receive(message.seq, read_item(message), now_s):
             return  # one that we have, or one ahead: the next is on its way, or will be asked for
         if upload.items.is_complete:
             del self._uploads[kind]
-            self._judge(kind, tuple(upload.items.items), sender, Answer(kind), message, now_s)
+            self._judge(kind, tuple(upload.items.items), sender, PlanAcknowledgement(kind), message, now_s)
         else:
-            self._request(kind, sender, upload.items.ask(now_s))
+            self._request(kind, sender, upload.items.next_request(now_s))
 
     def _judge(
         self,
         kind: PlanType,
         items: Plan,
         sender: Address,
-        answer: Answer,
+        answer: PlanAcknowledgement,
         last: MavlinkMessage | None,
         now_s: float,
     ) -> None:
@@ -287,7 +287,12 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
             self._end(offered, answer, last, result, now_s)
 
     def _end(
-        self, offered: PlanOffered, answer: Answer, last: MavlinkMessage | None, result: PlanResult, now_s: float
+        self,
+        offered: PlanOffered,
+        answer: PlanAcknowledgement,
+        last: MavlinkMessage | None,
+        result: PlanResult,
+        now_s: float,
     ) -> None:
         kind, sender = offered.kind, offered.sender
         if result is PlanResult.ACCEPTED:
@@ -315,7 +320,7 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
         if any(one.answer.named == named and not one.offered.items for one in pending):
             return  # asked again while it is being decided
         self._stop_reminding(sender)
-        answer = Answer(named)
+        answer = PlanAcknowledgement(named)
         answer.waiting = 1  # so that nothing is said before all have been judged
         for kind in kinds:
             self._judge(kind, (), sender, answer, None, now_s)
@@ -334,7 +339,7 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
             oldest = min(self._readers, key=lambda key: self._readers[key].last_s)
             del self._readers[oldest]
         items = self.plans[kind]
-        self._readers[sender, kind] = Reader(items, now_s)
+        self._readers[sender, kind] = PlanReader(items, now_s)
         self._send_to(sender, "MISSION_COUNT", count=len(items), mission_type=kind, opaque_id=self.plan_id(kind))
 
     def _give(self, kind: PlanType, message: MavlinkMessage, sender: Address, now_s: float) -> None:
@@ -355,7 +360,7 @@ class MissionServer(Service[PlanReceived | PlanOffered | SetCurrentRequested]):
                 return
         self._outgoing.append(item.message(number, kind, sender))
 
-    def _hear_acknowledgement(self, kind: PlanType, message: MavlinkMessage, sender: Address) -> None:
+    def _receive_acknowledgement(self, kind: PlanType, message: MavlinkMessage, sender: Address) -> None:
         self._readers.pop((sender, kind), None)
         upload = self._uploads.get(kind)
         if upload is not None and upload.sender == sender and message.type != PlanResult.ACCEPTED:

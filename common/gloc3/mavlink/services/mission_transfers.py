@@ -15,7 +15,7 @@ REMINDERS: Final = 8
 """How often a silent uploader is asked for its last item once more, in case it has missed the acknowledgement."""
 REMINDER_S: Final = 0.25
 """At least so much lies between two of them."""
-PATIENCE_S: Final = 0.7
+TIMEOUT_S: Final = 0.7
 """Stations wait 1.5 s for what comes behind the last item."""
 
 
@@ -42,7 +42,7 @@ class SetCurrentRequested(msgspec.Struct, frozen=True):
     sender: Address
 
 
-class Upload:
+class IncomingPlan:
     """A plan that is coming in."""
 
     __slots__ = ("items", "sender")
@@ -52,7 +52,7 @@ class Upload:
         self.items = items
 
 
-class Answer:
+class PlanAcknowledgement:
     """The one acknowledgement of an upload, or of clearing one type of plan or all."""
 
     __slots__ = ("named", "result", "waiting")
@@ -70,12 +70,14 @@ class Pending:
 
     __slots__ = ("answer", "last", "next_s", "offered")
 
-    def __init__(self, offered: PlanOffered, answer: Answer, last: MavlinkMessage | None, now_s: float) -> None:
+    def __init__(
+        self, offered: PlanOffered, answer: PlanAcknowledgement, last: MavlinkMessage | None, now_s: float
+    ) -> None:
         self.offered = offered
         self.answer = answer
         self.last = last
         """The message with the last item; None where there is none."""
-        self.next_s = now_s + PATIENCE_S
+        self.next_s = now_s + TIMEOUT_S
         """When its sender is asked for that item once more, so that he goes on waiting."""
 
 
@@ -102,7 +104,7 @@ class Finished:
             return None
         return self.ended_s + max(self.timeout_s, REMINDER_S) * (REMINDERS - self.reminders + 1)
 
-    def is_asked_by(self, message: MavlinkMessage, sender: Address, now_s: float) -> bool:
+    def is_requested_by(self, message: MavlinkMessage, sender: Address, now_s: float) -> bool:
         """Whether an item is this upload's last one once more, and not one of another plan."""
         return (
             sender == self.sender
@@ -112,7 +114,7 @@ class Finished:
         )
 
 
-class Reader:
+class PlanReader:
     """Somebody who reads a plan, with the plan as it was when it began."""
 
     __slots__ = ("items", "last_s", "repeats")

@@ -9,7 +9,7 @@ from typing import Final, TypeAlias
 from gloc3.errors import Refused
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.round_trip import RESTLESS_S, RoundTrip
-from gloc3.mavlink.service import Service, earliest
+from gloc3.mavlink.service import Microservice, earliest
 from gloc3.mavlink.services.parameter import Parameter, ParameterEncoding, ParameterType, parameter, read_parameter
 
 SILENT_S: Final = 6.0
@@ -35,7 +35,7 @@ class ParameterResult(StrEnum):
 class ParameterCall:
     """One parameter being read or set."""
 
-    __slots__ = ("_asked_s", "_began_s", "_different", "_is_first", "name", "result", "target", "value", "wanted")
+    __slots__ = ("_began_s", "_different", "_is_first", "_requested_s", "name", "result", "target", "value", "wanted")
 
     def __init__(self, target: Address, name: str, wanted: Parameter | None, now_s: float) -> None:
         self.target = target
@@ -47,7 +47,7 @@ class ParameterCall:
         self.result: ParameterResult | None = None
         """None while it is not over."""
         self._began_s = now_s
-        self._asked_s = now_s
+        self._requested_s = now_s
         self._is_first = True
         self._different = 0
 
@@ -56,11 +56,11 @@ class ParameterFetch:
     """A vehicle's whole list being fetched."""
 
     __slots__ = (
-        "_asked_s",
         "_budget",
         "_by_index",
-        "_heard_s",
         "_quiet_s",
+        "_received_s",
+        "_requested_s",
         "_waiting",
         "count",
         "parameters",
@@ -77,9 +77,9 @@ class ParameterFetch:
         self.result: ParameterResult | None = None
         """None while it is not over."""
         self._by_index: set[int] = set()
-        self._asked_s: dict[int, float] = {}
+        self._requested_s: dict[int, float] = {}
         self._waiting: deque[int] | None = None
-        self._heard_s = now_s
+        self._received_s = now_s
         self._quiet_s = now_s + QUIET_S
         self._budget = 100
 
@@ -92,7 +92,7 @@ class ParameterFetch:
 ParameterEvent: TypeAlias = ParameterCall | ParameterFetch | Parameter
 
 
-class ParameterClient(Service[ParameterEvent]):
+class ParameterClient(Microservice[ParameterEvent]):
     """Reads and sets parameters.
 
     Calls and fetches come back as events when they are over; a parameter that is told without being asked for, because
@@ -171,48 +171,48 @@ class ParameterClient(Service[ParameterEvent]):
             if call is not None and self._is_for_us(message) and message.error == 1:
                 self._end(call, ParameterResult.NO_SUCH)
             return
-        told = read_parameter(message.param_id, message.param_value, message.param_type, self.encoding)
-        if told is None:
+        reported = read_parameter(message.param_id, message.param_value, message.param_type, self.encoding)
+        if reported is None:
             return
         known = self.known.setdefault(sender, {})
-        before = known.get(told.name)
+        before = known.get(reported.name)
         if before is None and len(known) >= 10_000:
             return
-        known[told.name] = told
+        known[reported.name] = reported
         fetch = self._fetches.get(sender)
         if fetch is not None:
-            self._take(fetch, told, message.param_index, message.param_count, now_s)
+            self._store_parameter(fetch, reported, message.param_index, message.param_count, now_s)
         if call is not None:
-            self._hear(call, told, now_s)
-        elif fetch is None and (before is None or not before.is_same(told)):
-            self._events.append(told)
+            self._receive(call, reported, now_s)
+        elif fetch is None and (before is None or not before.is_same(reported)):
+            self._events.append(reported)
 
     def tick(self, now_s: float) -> None:
         """Asks again for what stays away, or gives up."""
         for call in list(self._calls.values()):
             if now_s >= call._began_s + SILENT_S:
                 self._end(call, ParameterResult.NO_ANSWER)
-            elif now_s >= self._ask_again_s(call):
+            elif now_s >= self._retry_s(call):
                 self._round_trip(call.target).missed()
                 call._is_first = False
-                self._ask(call, now_s)
+                self._send_request(call, now_s)
         for fetch in list(self._fetches.values()):
             self._tick_fetch(fetch, now_s)
 
     def next_tick_s(self) -> float | None:
         """When one of these is due."""
-        calls_s = [min(self._ask_again_s(call), call._began_s + SILENT_S) for call in self._calls.values()]
+        calls_s = [min(self._retry_s(call), call._began_s + SILENT_S) for call in self._calls.values()]
         return earliest(*calls_s, *(self._next_fetch_s(fetch) for fetch in self._fetches.values()))
 
     def _begin(self, call: ParameterCall, now_s: float) -> ParameterCall:
         if (call.target, call.name) in self._calls:
             raise Refused(f"{call.name} is being read or set")
         self._calls[call.target, call.name] = call
-        self._ask(call, now_s)
+        self._send_request(call, now_s)
         return call
 
-    def _ask(self, call: ParameterCall, now_s: float) -> None:
-        call._asked_s = now_s
+    def _send_request(self, call: ParameterCall, now_s: float) -> None:
+        call._requested_s = now_s
         wanted = call.wanted
         if wanted is None:
             self._send_to(call.target, "PARAM_REQUEST_READ", param_id=call.name, param_index=-1)
@@ -220,15 +220,15 @@ class ParameterClient(Service[ParameterEvent]):
             bits = wanted.to_bits(self.encoding)
             self._send_to(call.target, "PARAM_SET", param_id=call.name, param_value=bits, param_type=wanted.type)
 
-    def _ask_again_s(self, call: ParameterCall) -> float:
+    def _retry_s(self, call: ParameterCall) -> float:
         timeout_s = self._round_trip(call.target).timeout_s
-        return call._asked_s + (timeout_s if call._is_first else min(timeout_s, RESTLESS_S))
+        return call._requested_s + (timeout_s if call._is_first else min(timeout_s, RESTLESS_S))
 
-    def _hear(self, call: ParameterCall, told: Parameter, now_s: float) -> None:
-        call.value = told
-        if call.wanted is None or call.wanted.is_same(told):
+    def _receive(self, call: ParameterCall, reported: Parameter, now_s: float) -> None:
+        call.value = reported
+        if call.wanted is None or call.wanted.is_same(reported):
             if call._is_first:
-                self._round_trip(call.target).answered(now_s - call._asked_s)
+                self._round_trip(call.target).answered(now_s - call._requested_s)
             self._end(call, ParameterResult.DONE)
             return
         call._different += 1
@@ -240,8 +240,10 @@ class ParameterClient(Service[ParameterEvent]):
         call.result = result
         self._events.append(call)
 
-    def _take(self, fetch: ParameterFetch, told: Parameter, index: int, count: int, now_s: float) -> None:
-        fetch._heard_s = now_s
+    def _store_parameter(
+        self, fetch: ParameterFetch, reported: Parameter, index: int, count: int, now_s: float
+    ) -> None:
+        fetch._received_s = now_s
         if fetch._waiting is None:
             fetch._quiet_s = now_s + QUIET_S
         if index >= count:
@@ -251,28 +253,30 @@ class ParameterClient(Service[ParameterEvent]):
             fetch._by_index = {known for known in fetch._by_index if known < count}
             fetch._budget = 100 + 3 * count
             fetch._waiting = None
-            fetch._asked_s.clear()
+            fetch._requested_s.clear()
         fetch._by_index.add(index)
-        fetch._asked_s.pop(index, None)
-        fetch.parameters[told.name] = told
+        fetch._requested_s.pop(index, None)
+        fetch.parameters[reported.name] = reported
         if len(fetch._by_index) == count:
             self._end_fetch(fetch, ParameterResult.DONE)
         elif fetch._waiting is not None:
-            self._ask_singly(fetch, now_s)
+            self._request_singly(fetch, now_s)
 
     def _tick_fetch(self, fetch: ParameterFetch, now_s: float) -> None:
-        if now_s >= fetch._heard_s + SILENT_S:
+        if now_s >= fetch._received_s + SILENT_S:
             self._end_fetch(fetch, ParameterResult.NO_ANSWER)
         elif fetch._waiting is None:
             if now_s >= fetch._quiet_s:
                 self._list_is_quiet(fetch, now_s)
         else:
             timeout_s = self._single_timeout_s(fetch)
-            for index in [index for index, asked_s in fetch._asked_s.items() if now_s >= asked_s + timeout_s]:
-                del fetch._asked_s[index]
+            for index in [
+                index for index, requested_s in fetch._requested_s.items() if now_s >= requested_s + timeout_s
+            ]:
+                del fetch._requested_s[index]
                 fetch._waiting.append(index)
         if fetch._waiting is not None and fetch.result is None:
-            self._ask_singly(fetch, now_s)
+            self._request_singly(fetch, now_s)
 
     def _list_is_quiet(self, fetch: ParameterFetch, now_s: float) -> None:
         if fetch.count is None:
@@ -281,9 +285,9 @@ class ParameterClient(Service[ParameterEvent]):
         else:
             fetch._waiting = deque(index for index in range(fetch.count) if index not in fetch._by_index)
 
-    def _ask_singly(self, fetch: ParameterFetch, now_s: float) -> None:
+    def _request_singly(self, fetch: ParameterFetch, now_s: float) -> None:
         waiting = fetch._waiting
-        while waiting and len(fetch._asked_s) < AT_ONCE:
+        while waiting and len(fetch._requested_s) < AT_ONCE:
             index = waiting.popleft()
             if index in fetch._by_index:
                 continue
@@ -291,15 +295,15 @@ class ParameterClient(Service[ParameterEvent]):
             if fetch._budget < 0:
                 self._end_fetch(fetch, ParameterResult.TOO_MANY_LOSSES)
                 return
-            fetch._asked_s[index] = now_s
+            fetch._requested_s[index] = now_s
             self._send_to(fetch.target, "PARAM_REQUEST_READ", param_index=index)
 
     def _next_fetch_s(self, fetch: ParameterFetch) -> float:
-        silent_s = fetch._heard_s + SILENT_S
+        silent_s = fetch._received_s + SILENT_S
         if fetch._waiting is None:
             return min(fetch._quiet_s, silent_s)
-        asked_s = min(fetch._asked_s.values(), default=None)
-        return silent_s if asked_s is None else min(asked_s + self._single_timeout_s(fetch), silent_s)
+        requested_s = min(fetch._requested_s.values(), default=None)
+        return silent_s if requested_s is None else min(requested_s + self._single_timeout_s(fetch), silent_s)
 
     def _single_timeout_s(self, fetch: ParameterFetch) -> float:
         return max(self._round_trip(fetch.target).timeout_s, QUIET_S / 2)

@@ -11,7 +11,7 @@ import msgspec
 
 from gloc3.errors import Refused
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.service import Service
+from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.parameter import (
     LONGEST_NAME,
     Parameter,
@@ -69,7 +69,7 @@ def decide_at_once(_wanted: ParameterWanted) -> bool:
     return False
 
 
-class ParameterServer(Service[ParameterChanged | ParameterWanted]):
+class ParameterServer(Microservice[ParameterChanged | ParameterWanted]):
     """Holds a vehicle's parameters, in the order of their names.
 
     Args:
@@ -128,7 +128,7 @@ class ParameterServer(Service[ParameterChanged | ParameterWanted]):
         if before is None:
             raise Refused(f"there is no parameter {name}")
         self._values[name] = parameter(name, value, before.type)
-        self._tell(name)
+        self._send_value(name)
 
     def conclude(self, wanted: ParameterWanted, error: ParameterError | None) -> None:
         """Ends what was wanted: put in force, or refused; told either way."""
@@ -140,7 +140,7 @@ class ParameterServer(Service[ParameterChanged | ParameterWanted]):
             self._values[name] = wanted.parameter
         else:
             self._refuse(wanted.sender, name, -1, error)
-        self._tell(name)
+        self._send_value(name)
 
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
         """Takes in a request."""
@@ -156,7 +156,7 @@ class ParameterServer(Service[ParameterChanged | ParameterWanted]):
                 index = message.param_index
                 name = self._names[index] if 0 <= index < len(self._names) else message.param_id
                 if name in self._values:
-                    self._tell(name)
+                    self._send_value(name)
                 else:
                     self._refuse(sender, name, index, ParameterError.DOES_NOT_EXIST)
             case _:
@@ -167,7 +167,7 @@ class ParameterServer(Service[ParameterChanged | ParameterWanted]):
         if self._listed is None or now_s < self._next_s:
             return
         for name in self._names[self._listed : self._listed + self._burst]:
-            self._tell(name)
+            self._send_value(name)
         self._listed += self._burst
         self._next_s = now_s + self._burst_s
         if self._listed >= len(self._names):
@@ -202,7 +202,7 @@ class ParameterServer(Service[ParameterChanged | ParameterWanted]):
             self._values[name] = wanted
             if not wanted.is_same(before):
                 self._events.append(ParameterChanged(wanted, before, sender))
-        self._tell(name)
+        self._send_value(name)
 
     def _is_left(self, wanted: ParameterWanted) -> bool:
         """Whether a value waits for the owner; what is asked again meanwhile waits with it."""
@@ -233,13 +233,13 @@ class ParameterServer(Service[ParameterChanged | ParameterWanted]):
         sent = read_parameter(message.param_id, message.param_value, message.param_type, self._encoding)
         return sent.value if sent is not None and sent.type is kind else None
 
-    def _tell(self, name: str) -> None:
-        told = self._values[name]
+    def _send_value(self, name: str) -> None:
+        reported = self._values[name]
         self._send(
             "PARAM_VALUE",
             param_id=name,
-            param_value=told.to_bits(self._encoding),
-            param_type=told.type,
+            param_value=reported.to_bits(self._encoding),
+            param_type=reported.type,
             param_count=len(self._names),
             param_index=self._index[name],
         )

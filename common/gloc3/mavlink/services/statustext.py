@@ -7,7 +7,7 @@ from typing import Final, Never
 import msgspec
 
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.service import Service
+from gloc3.mavlink.service import Microservice
 
 CHUNK_BYTES: Final = 50
 LONGEST_BYTES: Final = 1000
@@ -26,7 +26,7 @@ class StatusText(msgspec.Struct, frozen=True):
     text: str
 
 
-class StatusTextSender(Service[Never]):
+class StatusTextSender(Microservice[Never]):
     """Sends texts of any length (up to a bound)."""
 
     def __init__(self, own: Address) -> None:
@@ -36,7 +36,7 @@ class StatusTextSender(Service[Never]):
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
         """Nothing: it only sends."""
 
-    def say(self, severity: int, text: str) -> None:
+    def send(self, severity: int, text: str) -> None:
         """Sends a text, cut off at 1,000 bytes.
 
         Args:
@@ -54,7 +54,7 @@ class StatusTextSender(Service[Never]):
             self._send("STATUSTEXT", severity=severity, text=chunk, id_=self._id, chunk_seq=number)
 
 
-class StatusTextReceiver(Service[StatusText]):
+class StatusTextReceiver(Microservice[StatusText]):
     """Puts texts together; each comes out as an event."""
 
     handles = frozenset({"STATUSTEXT"})

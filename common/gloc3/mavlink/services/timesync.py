@@ -10,7 +10,7 @@ from typing import Final
 import msgspec
 
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.service import Service
+from gloc3.mavlink.service import Microservice
 
 PERIOD_S: Final = 0.5
 SAMPLES: Final = 20
@@ -35,7 +35,7 @@ class TimeSample(msgspec.Struct, frozen=True):
     """Whether the peer tells an earlier time than it had told when it was asked: one that stands still does not."""
 
 
-class TimeSync(Service[TimeSample]):
+class TimeSync(Microservice[TimeSample]):
     """Asks one peer for its time, and answers everybody who asks for ours.
 
     Args:
@@ -53,28 +53,28 @@ class TimeSync(Service[TimeSample]):
         peer: Address | None = None,
         *,
         period_s: float = PERIOD_S,
-        tell_s: Callable[[float], float | None] = lambda now_s: now_s,
+        send_s: Callable[[float], float | None] = lambda now_s: now_s,
     ) -> None:
         super().__init__(own)
         self._peer = peer
-        self._tell_s = tell_s
+        self._send_s = send_s
         self._period_s = period_s
         self._next_s = 0.0
-        self._asked: deque[int] = deque(maxlen=16)
+        self._requested: deque[int] = deque(maxlen=16)
         self._samples: deque[TimeSample] = deque(maxlen=SAMPLES)
         self._strange: list[TimeSample] = []
-        self._told_s, self._told_at_s = -inf, 0.0
+        self._reported_s, self._reported_at_s = -inf, 0.0
         """The peer's latest time that was told, and when."""
         self.restarts = 0
         """Times that the peer's clock was believed to have begun anew."""
 
-    def ask(self, peer: Address | None) -> None:
+    def request(self, peer: Address | None) -> None:
         """Wants the clock of this one from now on; what is known of another, or of an earlier life of it, is forgotten."""
         self._peer, self._next_s = peer, 0.0
-        self._asked.clear()
+        self._requested.clear()
         self._samples.clear()
         self._strange.clear()
-        self._told_s = -inf
+        self._reported_s = -inf
 
     @property
     def is_converged(self) -> bool:
@@ -94,31 +94,35 @@ class TimeSync(Service[TimeSample]):
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
         """Answers a question, or takes an answer to one of ours."""
         if message.tc1 == 0:
-            told_s = self._tell_s(now_s)
-            if told_s is not None:
-                self._send("TIMESYNC", tc1=max(1, round(told_s * _NS)), ts1=message.ts1)  # 0 would be a question again
-        elif sender == self._peer and message.ts1 in self._asked:  # answers to others name times that we never asked
-            self._asked.remove(message.ts1)
-            asked_s, told_s = message.ts1 / _NS, message.tc1 / _NS
-            is_back = asked_s >= self._told_at_s and told_s < self._told_s - BACK_S
-            if told_s > self._told_s:
-                self._told_s, self._told_at_s = told_s, now_s
-            self._take(TimeSample(told_s - (asked_s + now_s) / 2.0, now_s - asked_s, now_s, is_back))
+            reported_s = self._send_s(now_s)
+            if reported_s is not None:
+                self._send(
+                    "TIMESYNC", tc1=max(1, round(reported_s * _NS)), ts1=message.ts1
+                )  # 0 would be a question again
+        elif (
+            sender == self._peer and message.ts1 in self._requested
+        ):  # answers to others name times that we never asked
+            self._requested.remove(message.ts1)
+            requested_s, reported_s = message.ts1 / _NS, message.tc1 / _NS
+            is_back = requested_s >= self._reported_at_s and reported_s < self._reported_s - BACK_S
+            if reported_s > self._reported_s:
+                self._reported_s, self._reported_at_s = reported_s, now_s
+            self._add_sample(TimeSample(reported_s - (requested_s + now_s) / 2.0, now_s - requested_s, now_s, is_back))
 
     def tick(self, now_s: float) -> None:
         """Asks when it is time."""
         if self._peer is None or now_s < self._next_s:
             return
         self._next_s = now_s + self._period_s
-        asked = max(1, round(now_s * _NS))
-        self._asked.append(asked)
-        self._send("TIMESYNC", tc1=0, ts1=asked)
+        requested = max(1, round(now_s * _NS))
+        self._requested.append(requested)
+        self._send("TIMESYNC", tc1=0, ts1=requested)
 
     def next_tick_s(self) -> float | None:
         """When the next question is due."""
         return None if self._peer is None else self._next_s
 
-    def _take(self, sample: TimeSample) -> None:
+    def _add_sample(self, sample: TimeSample) -> None:
         self._events.append(sample)
         best = self.best
         if best is not None and abs(sample.offset_s - best.offset_s) > JUMP_S + sample.round_trip_s:
@@ -127,7 +131,7 @@ class TimeSync(Service[TimeSample]):
                 return
             if all(strange.is_back for strange in self._strange):
                 self.restarts += 1
-                self._told_s = -inf
+                self._reported_s = -inf
             self._samples.clear()
             self._samples.extend(self._strange)
         else:

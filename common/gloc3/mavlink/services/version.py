@@ -9,17 +9,17 @@ import msgspec
 
 from gloc3.mavlink.codec import message as make
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.service import Service
+from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.command import CommandResult
-from gloc3.mavlink.services.command_server import CommandRequest
+from gloc3.mavlink.services.command_server import MavCommandRequest
 from gloc3.mavlink.services.interval import REQUEST_MESSAGE
 
 AUTOPILOT_VERSION: Final = 148
 REQUEST_AUTOPILOT_CAPABILITIES: Final = 520
-ASK_AGAIN_S: Final = 1.0
+RETRY_S: Final = 1.0
 
 
-class Capability(IntFlag):
+class ProtocolCapability(IntFlag):
     """MAV_PROTOCOL_CAPABILITY."""
 
     MISSION_FLOAT = 1
@@ -53,7 +53,7 @@ def version_number(major: int, minor: int, patch: int, release: int = 255) -> in
 class Version(msgspec.Struct, frozen=True, kw_only=True):
     """What a component says of itself."""
 
-    capabilities: Capability
+    capabilities: ProtocolCapability
     flight_software: int = 0
     """As `version_number` makes it."""
     middleware_software: int = 0
@@ -88,7 +88,7 @@ class Version(msgspec.Struct, frozen=True, kw_only=True):
 def read_version(message: MavlinkMessage) -> Version:
     """What an AUTOPILOT_VERSION says."""
     return Version(
-        capabilities=Capability(message.capabilities),
+        capabilities=ProtocolCapability(message.capabilities),
         flight_software=message.flight_sw_version,
         middleware_software=message.middleware_sw_version,
         os_software=message.os_sw_version,
@@ -99,7 +99,7 @@ def read_version(message: MavlinkMessage) -> Version:
     )
 
 
-class VersionServer(Service[Version]):
+class VersionServer(Microservice[Version]):
     """Tells what we are, when a command asks for it."""
 
     def __init__(self, own: Address, version: Version) -> None:
@@ -109,10 +109,10 @@ class VersionServer(Service[Version]):
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
         """Nothing: it is asked by command."""
 
-    def command(self, request: CommandRequest) -> CommandResult | None:
+    def command(self, request: MavCommandRequest) -> CommandResult | None:
         """Runs a command if it asks for the version, and says its result; None for any other."""
-        asks = request.command == REQUEST_MESSAGE and request.params[0] == AUTOPILOT_VERSION
-        if not asks and request.command != REQUEST_AUTOPILOT_CAPABILITIES:
+        is_request = request.command == REQUEST_MESSAGE and request.params[0] == AUTOPILOT_VERSION
+        if not is_request and request.command != REQUEST_AUTOPILOT_CAPABILITIES:
             return None
         self._outgoing.append(self.version.message())
         return CommandResult.ACCEPTED

@@ -38,7 +38,7 @@ class BaudSearch:
         """The rate that is right, or is being tried."""
         return RATES[self._index]
 
-    def hear(self, data: bytes, now_s: float) -> None:
+    def receive(self, data: bytes, now_s: float) -> None:
         """Takes in what was heard at the present rate, which may be nothing."""
         if self.is_found:
             return
@@ -160,7 +160,7 @@ class SerialEndpoint:
                     if self._search is not None and not self._search.is_found:
                         self._try(port, self._search, data)
                     if data and self.is_connected:
-                        self._loop.call_soon_threadsafe(self._hear, data)
+                        self._loop.call_soon_threadsafe(self._receive, data)
             except (OSError, TypeError) as error:  # unplugged; pyserial answers with a TypeError if that is in mid-read
                 self.problem = _reason(error)
             except RuntimeError:  # the loop is gone
@@ -170,13 +170,13 @@ class SerialEndpoint:
 
     def _try(self, port: serial.Serial, search: BaudSearch, data: bytes) -> None:
         """Tells the search what was heard, and sets the line to what it wants to try next."""
-        search.hear(data, self._loop.time())
+        search.receive(data, self._loop.time())
         if search.rate != self._baud:
             self._baud = port.baudrate = search.rate
             port.reset_input_buffer()
         self.problem = "" if search.is_found else f"no MAVLink heard yet; trying {search.rate} baud"
 
-    def _hear(self, data: bytes) -> None:
+    def _receive(self, data: bytes) -> None:
         if not self._closing.is_set():
             self.bytes_received += len(data)
             self._on_data(data)

@@ -18,7 +18,7 @@ RECONNECT_S: Final = 1.0
 MOST_CLIENTS: Final = 16
 
 
-def _said(error: Exception) -> str:
+def _text(error: Exception) -> str:
     """What is the matter with a connection, in the system's words and without its addresses."""
     number = getattr(error, "errno", None) or 0
     return os.strerror(number).lower() if number > 0 else str(getattr(error, "strerror", None) or error)
@@ -138,7 +138,7 @@ class TcpServerEndpoint(_TcpEndpoint):
     def on_lost(self, connection: _Connection, error: Exception | None) -> None:
         """A client went."""
         if error is not None:
-            self.problem = _said(error)
+            self.problem = _text(error)
         if connection in self._clients:
             self._clients.remove(connection)
 
@@ -197,7 +197,7 @@ class TcpClientEndpoint(_TcpEndpoint):
     def on_lost(self, connection: _Connection, error: Exception | None) -> None:
         """The connection is gone: try again."""
         self._connection = None
-        self._retry("the connection was closed" if error is None else _said(error))
+        self._retry("the connection was closed" if error is None else _text(error))
 
     def _begin(self) -> None:
         self._attempt = self._loop.create_task(self._connect())
@@ -206,7 +206,7 @@ class TcpClientEndpoint(_TcpEndpoint):
         try:
             await self._loop.create_connection(lambda: _Connection(self), self._host, self._port)
         except OSError as error:
-            self._retry(_said(error))
+            self._retry(_text(error))
 
     def _retry(self, reason: str) -> None:
         self.problem = reason

@@ -97,9 +97,9 @@ class UdpServerEndpoint(UdpEndpoint):
 
     def __init__(self, url: str, loop: asyncio.AbstractEventLoop, on_data: Callable[[bytes], None]) -> None:
         super().__init__(url, loop, on_data)
-        self.strangers_refused = 0
+        self.unknown_refused = 0
         """Datagrams of peers for which there was no room."""
-        self._heard_s: dict[SocketAddress, float] = {}
+        self._received_s: dict[SocketAddress, float] = {}
         self._checked_s = 0.0
         self._routes = PeerRoutes()
 
@@ -127,40 +127,40 @@ class UdpServerEndpoint(UdpEndpoint):
     def peers(self) -> list[SocketAddress]:
         """The addresses heard from lately, which are sent to."""
         self._remove_silent(self._loop.time())
-        return list(self._heard_s)
+        return list(self._received_s)
 
     @property
     def is_connected(self) -> bool:
         """Whether a peer has been heard lately."""
         since_s = self._loop.time() - PEER_EXPIRES_S
-        return any(heard_s >= since_s for heard_s in tuple(self._heard_s.values()))
+        return any(received_s >= since_s for received_s in tuple(self._received_s.values()))
 
     def send(self, data: bytes) -> None:
         """Sends one datagram to each peer that it is for."""
-        peers = tuple(self._heard_s)
+        peers = tuple(self._received_s)
         for peer in peers if len(peers) <= 1 else self._routes.peers_for(peers, data):
             self._send_to(data, peer)
         if (now_s := self._loop.time()) > self._checked_s + CHECK_SILENT_S:
             self._remove_silent(now_s)
 
     def _receive(self, data: bytes, sender: SocketAddress) -> None:
-        if sender not in self._heard_s and not self._has_room():
-            self.strangers_refused += 1
+        if sender not in self._received_s and not self._has_room():
+            self.unknown_refused += 1
             return
-        self._heard_s[sender] = self._loop.time()
+        self._received_s[sender] = self._loop.time()
         self._routes.learn(sender, data)
         self.bytes_received += len(data)
         self._on_data(data)
 
     def _has_room(self) -> bool:
-        if len(self._heard_s) >= MOST_PEERS:
+        if len(self._received_s) >= MOST_PEERS:
             self._remove_silent(self._loop.time())
-        return len(self._heard_s) < MOST_PEERS
+        return len(self._received_s) < MOST_PEERS
 
     def _remove_silent(self, now_s: float) -> None:
         self._checked_s = now_s
-        for peer in [peer for peer, heard_s in self._heard_s.items() if heard_s < now_s - PEER_EXPIRES_S]:
-            del self._heard_s[peer]
+        for peer in [peer for peer, received_s in self._received_s.items() if received_s < now_s - PEER_EXPIRES_S]:
+            del self._received_s[peer]
             self._routes.remove(peer)
 
 

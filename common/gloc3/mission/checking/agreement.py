@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from gloc3.errors import Finding
-from gloc3.mission.checking.estimate import Estimate
+from gloc3.mission.checking.estimate import MissionEstimate
 from gloc3.mission.model.model import Mission, answer, where_of
 from gloc3.mission.model.policy import SEVERITY, Policy, resolved
 from gloc3.platform.platform import Platform
@@ -90,7 +90,7 @@ def _finding(mission: Mission, key: str, message: str, hint: str) -> Finding:
     return mission.document.finding((key,), message, hint)
 
 
-def silence_findings(mission: Mission, figures: Estimate, platform: Platform | None) -> Iterator[Finding]:
+def silence_findings(mission: Mission, figures: MissionEstimate, platform: Platform | None) -> Iterator[Finding]:
     """Silences that the autopilot would end, that no policy watches over, or that are too short for what is done in them."""
     document, policies = mission.document, mission.policies
     if document is None:
@@ -100,7 +100,7 @@ def silence_findings(mission: Mission, figures: Estimate, platform: Platform | N
     if policies.on_overdue is not None and not planned:
         hint = "say silence: {expected_s: ...} in the task that is out of contact"
         yield document.finding(("on_overdue",), "no task or action plans a silence", hint, is_warning=True)
-    for target, expected_s, takes_s in _planned(mission, figures):
+    for target, expected_s, duration_s in _planned(mission, figures):
         where = (*where_of(target), "silence", "expected_s")
         if failsafe is not None and Policy(failsafe.action) is not Policy.CONTINUE and failsafe.after_s < expected_s:
             yield document.finding(
@@ -112,8 +112,8 @@ def silence_findings(mission: Mission, figures: Estimate, platform: Platform | N
         if expected_s <= policies.link_loss_after_s:
             message = f"a silence of {expected_s:g} s ends before link_loss_after_s ({policies.link_loss_after_s:g} s)"
             yield document.finding(where, message, "leave it out, or state how long the vehicle is out of contact")
-        if takes_s > expected_s:
-            message = f"about {takes_s:.0f} s are needed, but contact is due after {expected_s:g} s"
+        if duration_s > expected_s:
+            message = f"about {duration_s:.0f} s are needed, but contact is due after {expected_s:g} s"
             yield document.finding(where, message, "state a longer silence", is_warning=True)
     overdue = resolved(answer(policies.on_overdue or policies.on_link_loss), policies.on_failure)
     if planned and SEVERITY[overdue] <= SEVERITY[Policy.CONTINUE]:
@@ -124,7 +124,7 @@ def silence_findings(mission: Mission, figures: Estimate, platform: Platform | N
         yield document.finding((*where_of(target), "silence"), message, hint, at_key=True, is_warning=True)
 
 
-def _planned(mission: Mission, figures: Estimate) -> Iterator[tuple[str, float, float]]:
+def _planned(mission: Mission, figures: MissionEstimate) -> Iterator[tuple[str, float, float]]:
     """Every item that plans a silence: its target, the stated time, and how long it takes itself, in seconds."""
     for name, task in mission.tasks.items():
         if task.options.silence is not None and not task.is_elsewhere:

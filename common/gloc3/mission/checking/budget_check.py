@@ -4,12 +4,12 @@ from collections.abc import Iterator
 
 from gloc3.documents.document import Document, Where
 from gloc3.errors import Finding
-from gloc3.mission.checking.estimate import Estimate, may_vary
+from gloc3.mission.checking.estimate import MissionEstimate, may_vary
 from gloc3.mission.model.model import Mission, Task, answer, where_of
 from gloc3.platform.platform import Platform
 
 
-def budget_findings(mission: Mission, figures: Estimate, platform: Platform | None) -> list[Finding]:
+def budget_findings(mission: Mission, figures: MissionEstimate, platform: Platform | None) -> list[Finding]:
     """Deadlines that cannot be kept, actions without an end, and more energy than the battery has."""
     document = mission.document
     if document is None:
@@ -17,7 +17,7 @@ def budget_findings(mission: Mission, figures: Estimate, platform: Platform | No
     return [*time_findings(mission, figures), *_energy(mission, figures, platform, document)]
 
 
-def time_findings(mission: Mission, figures: Estimate) -> Iterator[Finding]:
+def time_findings(mission: Mission, figures: MissionEstimate) -> Iterator[Finding]:
     """Deadlines that cannot be kept, and actions without an end."""
     document = mission.document
     if document is None:
@@ -36,7 +36,7 @@ def time_findings(mission: Mission, figures: Estimate) -> Iterator[Finding]:
     yield from _late(document, (), mission.deadline_s, figures.duration_s, least.duration_s)
 
 
-def _lasts(figures: Estimate, task: Task) -> float:
+def _lasts(figures: MissionEstimate, task: Task) -> float:
     start_s, end_s = figures.task_span(task)
     return end_s - start_s
 
@@ -53,7 +53,9 @@ def _late(
         yield document.finding((*where, "deadline_s"), message, hint, is_warning=not is_certain)
 
 
-def _energy(mission: Mission, figures: Estimate, platform: Platform | None, document: Document) -> Iterator[Finding]:
+def _energy(
+    mission: Mission, figures: MissionEstimate, platform: Platform | None, document: Document
+) -> Iterator[Finding]:
     power = platform.power if platform is not None else None
     if power is None:
         return

@@ -12,8 +12,8 @@ from gloc3.errors import Finding, InputError, nearest
 from gloc3.messages.frames import GeoPoint, LocalFrame, Vector3
 from gloc3.mission.checking.agreement import agreement_findings, silence_findings
 from gloc3.mission.checking.budget_check import budget_findings, time_findings
-from gloc3.mission.checking.contingency_check import contingency_findings, way_findings
-from gloc3.mission.checking.estimate import Estimate, Figures, estimate, together
+from gloc3.mission.checking.contingency_check import contingency_findings, path_findings
+from gloc3.mission.checking.estimate import MissionEstimate, MissionFigures, estimate, together
 from gloc3.mission.checking.option_check import guard_findings, plan_findings, unkept_findings
 from gloc3.mission.checking.space_check import altitude_findings, flight_findings, space_findings
 from gloc3.mission.checking.turn_check import turn_findings
@@ -23,7 +23,7 @@ from gloc3.mission.model.arguments import SetOff, argument_kinds
 from gloc3.mission.model.legs import Budget
 from gloc3.mission.model.model import Mission, part_of, where_of
 from gloc3.mission.model.structure import PartialOrder, structure_findings
-from gloc3.mission.reading.reader import Reading, Surroundings, inspect_mission
+from gloc3.mission.reading.reader import MissionReferences, Reading, inspect_mission
 from gloc3.platform.limits import Limits
 from gloc3.platform.platform import Capability, Platform
 
@@ -53,9 +53,9 @@ class Circumstances:
     start_ned_m: Vector3 | None = None
     """Where the vehicle is; None for at home, on the ground."""
 
-    def surroundings(self) -> Surroundings:
+    def surroundings(self) -> MissionReferences:
         """What the reader needs of it."""
-        found = Surroundings.of(
+        found = MissionReferences.of(
             self.platform, frames=self.frames, origin=self.origin, home_altitude_m=self.home_altitude_m
         )
         return replace(found, platform=found.platform or self.part)
@@ -71,14 +71,14 @@ class Circumstances:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Report:
+class CheckReport:
     """The outcome of a check."""
 
     file: str
     findings: tuple[Finding, ...]
     """In order of place."""
     mission: Mission | None = None
-    estimate: Estimate | None = None
+    estimate: MissionEstimate | None = None
     order: PartialOrder | None = field(default=None, repr=False)
 
     @property
@@ -111,7 +111,7 @@ class Report:
         }
 
 
-def _rounded(figures: Figures) -> dict[str, Any]:
+def _rounded(figures: MissionFigures) -> dict[str, Any]:
     return {
         "duration_s": round(figures.duration_s, 1),
         "energy_wh": round(figures.energy_wh, 2),
@@ -119,26 +119,26 @@ def _rounded(figures: Figures) -> dict[str, Any]:
     }
 
 
-def check_file(name: str, circumstances: Circumstances) -> Report:
+def check_file(name: str, circumstances: Circumstances) -> CheckReport:
     """Checks a mission file, or an example by its name; never raises for what is in the file."""
     try:
         path = find_mission(name)
         return check_text(load_bytes(path), str(path), circumstances)
     except InputError as error:
-        return Report(file=name, findings=error.findings)
+        return CheckReport(file=name, findings=error.findings)
 
 
-def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Report:
+def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> CheckReport:
     """Checks a mission's content; never raises for what is in it."""
     try:
         reading = inspect_mission(data, file, circumstances.surroundings())
     except InputError as error:
-        return Report(file=file, findings=error.findings)
+        return CheckReport(file=file, findings=error.findings)
     structural = [*structure_findings(reading.tasks), *structure_findings(reading.contingencies)]
     findings = [*reading.findings, *structural]
     mission = reading.mission
     if mission is None or structural:
-        return Report(file=file, findings=tuple(sorted(findings)), mission=None)
+        return CheckReport(file=file, findings=tuple(sorted(findings)), mission=None)
     is_whole = circumstances.known is not None or circumstances.platform is None
     if mission.platforms and circumstances.part is None and is_whole:
         return _check_parts(data, file, circumstances, mission)
@@ -162,7 +162,7 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Re
     for name, ready in mission.contingencies.items():
         if ready.actions:
             findings += _check_contingency(part_of(mission, name), circumstances, budget)
-            findings += way_findings(mission, name, figures, budget, platform)
+            findings += path_findings(mission, name, figures, budget, platform)
     findings += silence_findings(mission, figures, platform)
     if platform is not None:
         findings += agreement_findings(mission, platform)
@@ -172,19 +172,19 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Re
             findings.append(
                 reading.document.finding(("geofence",), problem, "move the vehicle or the fence", at_key=True)
             )
-    return Report(file=file, findings=tuple(sorted(set(findings))), mission=mission, estimate=figures, order=order)
+    return CheckReport(file=file, findings=tuple(sorted(set(findings))), mission=mission, estimate=figures, order=order)
 
 
-def _check_parts(data: bytes | str, file: str, circumstances: Circumstances, mission: Mission) -> Report:
+def _check_parts(data: bytes | str, file: str, circumstances: Circumstances, mission: Mission) -> CheckReport:
     """Checks a mission for several platforms, each part for its own; what is said of a part names its platform."""
     findings: set[Finding] = set()
-    figures: list[Estimate] = []
+    figures: list[MissionEstimate] = []
     for name in mission.platforms:
         known = circumstances.known(name) if circumstances.known is not None else None
         part = check_text(data, file, replace(circumstances, platform=known, part=name))
         findings.update(part.findings)
         figures += [part.estimate] if part.estimate is not None else []
-    return Report(
+    return CheckReport(
         file=file,
         findings=tuple(sorted(findings)),
         mission=mission,
@@ -193,7 +193,7 @@ def _check_parts(data: bytes | str, file: str, circumstances: Circumstances, mis
     )
 
 
-def _space(mission: Mission, figures: Estimate, circumstances: Circumstances) -> list[Finding]:
+def _space(mission: Mission, figures: MissionEstimate, circumstances: Circumstances) -> list[Finding]:
     """What is wrong with the way; and, as warnings, with that on which guards leave out all that they may."""
     limits = circumstances.platform.limits if circumstances.platform is not None else None
     home_ned_m, start_ned_m = circumstances.home_ned_m, circumstances.start_ned_m

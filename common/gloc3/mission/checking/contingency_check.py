@@ -7,7 +7,7 @@ from typing import Final
 from gloc3.documents.document import Document, Where
 from gloc3.errors import Finding, nearest
 from gloc3.messages.frames import Vector3
-from gloc3.mission.checking.estimate import Estimate, estimate, return_energy_wh
+from gloc3.mission.checking.estimate import MissionEstimate, estimate, return_energy_wh
 from gloc3.mission.model.arguments import FollowWaypointsOrder, LandOrder, ReturnHome
 from gloc3.mission.model.fence import TOLERANCE_M
 from gloc3.mission.model.legs import Budget
@@ -62,8 +62,8 @@ def _senseless(document: Document, name: str, task: Task) -> Iterator[Finding]:
             yield document.finding((*place, "on_failure"), message, hint)
 
 
-def way_findings(
-    mission: Mission, name: str, figures: Estimate, budget: Budget, platform: Platform | None
+def path_findings(
+    mission: Mission, name: str, figures: MissionEstimate, budget: Budget, platform: Platform | None
 ) -> Iterator[Finding]:
     """Whether a contingency can be begun wherever the mission may be: warnings, since nobody knows where that will be.
 
@@ -79,7 +79,7 @@ def way_findings(
     """
     document, part = mission.document, part_of(mission, name)
     order = PartialOrder.of(part)
-    first = _first_way(part, order)
+    first = _first_path(part, order)
     legs = [(target, leg) for target, one in figures.actions.items() for leg in one.legs if leg.length_m > 0.0]
     if document is None or first is None or not legs:
         return
@@ -100,10 +100,10 @@ def way_findings(
     if power is None or not isinstance(wanted, Contingency) or wanted.task != name:
         return
     far = max((leg.end for _, leg in legs), key=lambda place: dist(place, begin))
-    takes = estimate(part, order, far, budget, power)
-    follows_wh = return_energy_wh(takes.end_ned_m, budget, power) if wanted.then == "return" else 0.0
+    needed_s = estimate(part, order, far, budget, power)
+    follows_wh = return_energy_wh(needed_s.end_ned_m, budget, power) if wanted.then == "return" else 0.0
     reserve_wh = power.battery_wh * power.reserve
-    if (needed_wh := takes.energy_wh + follows_wh) > reserve_wh:
+    if (needed_wh := needed_s.energy_wh + follows_wh) > reserve_wh:
         message = (
             f"from the farthest place {name} takes {needed_wh:.1f} Wh, more than the reserve of {reserve_wh:.1f} Wh"
         )
@@ -111,7 +111,7 @@ def way_findings(
         yield document.finding(("on_low_battery",), message, hint, is_warning=True)
 
 
-def _first_way(part: Mission, order: PartialOrder) -> tuple[Action, Vector3] | None:
+def _first_path(part: Mission, order: PartialOrder) -> tuple[Action, Vector3] | None:
     """The action that first leads away from where a contingency begins, and its first waypoint in NED."""
     actions = part.actions()
     for target in order.targets:

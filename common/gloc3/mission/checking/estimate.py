@@ -7,7 +7,7 @@ from typing import Final
 
 from gloc3.messages.frames import Vector3
 from gloc3.mission.model.arguments import LandOrder, ReturnHome
-from gloc3.mission.model.legs import Budget, Leg
+from gloc3.mission.model.legs import Budget, FlightLeg
 from gloc3.mission.model.model import ItemFile, Mission, Task
 from gloc3.mission.model.structure import PartialOrder
 from gloc3.platform.limits import Power
@@ -20,7 +20,7 @@ class ActionEstimate:
     start_s: float
     """From the start of the mission."""
     end_s: float
-    legs: tuple[Leg, ...] = ()
+    legs: tuple[FlightLeg, ...] = ()
     energy_wh: float = 0.0
     is_endless: bool = False
     """Whether nothing is known to end it."""
@@ -36,7 +36,7 @@ class ActionEstimate:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Figures:
+class MissionFigures:
     """What a mission takes."""
 
     duration_s: float
@@ -48,7 +48,7 @@ class Figures:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Estimate(Figures):
+class MissionEstimate(MissionFigures):
     """A whole mission's figures, where every guard lets begin what it guards, and every loop is done to its last time."""
 
     actions: Mapping[str, ActionEstimate]
@@ -57,7 +57,7 @@ class Estimate(Figures):
     """Where the vehicle is at the end."""
     return_wh: float
     """Energy to return home and land from the place where that takes most."""
-    least: "Estimate | None" = None
+    least: "MissionEstimate | None" = None
     """Where every guard that may have something skipped does so, and every loop that may end early does so after its
     first time; None where there is none. What guards wait for is not in any figure."""
 
@@ -69,7 +69,7 @@ class Estimate(Figures):
 
 def estimate(
     mission: Mission, order: PartialOrder, start_ned_m: Vector3, budget: Budget, power: Power | None
-) -> Estimate:
+) -> MissionEstimate:
     """The figures of a mission.
 
     Args:
@@ -112,7 +112,7 @@ class _Planner:
         """For the time in which nothing moves it."""
         self._moved_until_s = 0.0
 
-    def run(self, order: PartialOrder) -> Estimate:
+    def run(self, order: PartialOrder) -> MissionEstimate:
         """All actions in their order, and what they take together."""
         budget, power, found = self._budget, self._power, self.found
         for target in order.targets:
@@ -121,7 +121,7 @@ class _Planner:
         _end_companions(self._mission, found)
         _add_devices(self._mission, found)
         energy_wh = self.hover_wh + sum(part.energy_wh for part in found.values())
-        return Estimate(
+        return MissionEstimate(
             actions=found,
             duration_s=max((part.end_s for part in found.values()), default=0.0),
             energy_wh=energy_wh,
@@ -150,7 +150,7 @@ class _Planner:
         if self._is_least and (_may_be_skipped(task.options) or _may_be_skipped(action.options)):
             self.found[target] = ActionEstimate(start_s=start_s, end_s=start_s)
             return
-        legs: tuple[Leg, ...] = ()
+        legs: tuple[FlightLeg, ...] = ()
         end_s = start_s + action.order.time_needed_s(self.here, budget)
         if action.order.moves:
             start_s = max(start_s, self._moved_until_s) if action.options.until is None else start_s
@@ -192,7 +192,7 @@ class _Planner:
         self._moved_until_s += more_s
 
 
-def together(parts: Sequence[Estimate]) -> Estimate | None:
+def together(parts: Sequence[MissionEstimate]) -> MissionEstimate | None:
     """The figures of a mission for several platforms, from those of each one's part; None where there is none.
 
     What one platform waits for another is not in them.
@@ -205,8 +205,8 @@ def together(parts: Sequence[Estimate]) -> Estimate | None:
     return replace(most, least=_together([part.least or part for part in parts]))
 
 
-def _together(parts: Sequence[Estimate]) -> Estimate:
-    return Estimate(
+def _together(parts: Sequence[MissionEstimate]) -> MissionEstimate:
+    return MissionEstimate(
         actions={target: figures for part in parts for target, figures in part.actions.items()},
         duration_s=max(part.duration_s for part in parts),
         energy_wh=sum(part.energy_wh for part in parts),
@@ -216,7 +216,7 @@ def _together(parts: Sequence[Estimate]) -> Estimate:
     )
 
 
-def about(figures: Estimate, usable_wh: float = 0.0) -> str:
+def about(figures: MissionEstimate, usable_wh: float = 0.0) -> str:
     """What a mission takes, in words: `about 35 s, 36 m, 1.8 Wh`, or `about 20 to 35 s, …` where something may be left out.
 
     Args:
@@ -224,10 +224,12 @@ def about(figures: Estimate, usable_wh: float = 0.0) -> str:
         usable_wh: the energy that there is; 0 for none to be told.
     """
     least = figures.least or figures
-    told = [f"{span(least.duration_s, figures.duration_s)} s", f"{span(least.length_m, figures.length_m)} m"]
+    reported = [f"{span(least.duration_s, figures.duration_s)} s", f"{span(least.length_m, figures.length_m)} m"]
     if figures.energy_wh:
-        told.append(span(least.energy_wh, figures.energy_wh, 1) + (f" of {usable_wh:.1f}" if usable_wh else "") + " Wh")
-    return "about " + ", ".join(told)
+        reported.append(
+            span(least.energy_wh, figures.energy_wh, 1) + (f" of {usable_wh:.1f}" if usable_wh else "") + " Wh"
+        )
+    return "about " + ", ".join(reported)
 
 
 def span(least: float, most: float, digits: int = 0) -> str:

@@ -95,14 +95,14 @@ def plan_findings(mission: Mission, platform: Platform | None) -> Iterator[Findi
             message = f"the autopilot of {platform.platform} is given no plans: it has no capability {FLY_PLAN}"
             yield document.finding(where, message, "leave out flown_by")
             continue
-        ways = [action for action in task.actions.values() if action.order.moves]
-        for action in ways:
+        routes = [action for action in task.actions.values() if action.order.moves]
+        for action in routes:
             problem = _plan_problem(action)
             if problem:
                 place = (*where_of(f"{name}.{action.name}"), action.capability)
                 message = f"{name}.{action.name} cannot be flown by the autopilot alone: {problem}"
                 yield document.finding(place, message, "put it into a task of its own", at_key=True)
-        if not ways:
+        if not routes:
             message = f"{name} moves nothing that the autopilot could fly"
             yield document.finding(where, message, "leave out flown_by")
 

@@ -8,12 +8,12 @@ from gloc3.documents.document import Document, Where
 from gloc3.errors import Finding, Gloc3Error
 from gloc3.messages.frames import Vector3
 from gloc3.messages.vehicle import HeightAboveGround
-from gloc3.mission.checking.estimate import Estimate
+from gloc3.mission.checking.estimate import MissionEstimate
 from gloc3.mission.checking.option_check import kept_options
 from gloc3.mission.model.abilities import abilities
 from gloc3.mission.model.arguments import FollowWaypointsOrder, LandOrder, ReturnHome, SetOff
 from gloc3.mission.model.fence import TOLERANCE_M, Fence
-from gloc3.mission.model.legs import Leg
+from gloc3.mission.model.legs import FlightLeg
 from gloc3.mission.model.model import FLY_PLAN, Action, Mission, where_of
 from gloc3.mission.model.structure import PartialOrder
 from gloc3.platform.limits import Limits
@@ -27,13 +27,13 @@ def flight_findings(mission: Mission, order: PartialOrder, *, is_airborne: bool)
     moving = list(_unrolled(mission, [one for one in order.targets if one in actions and actions[one].order.moves]))
     if document is None or not moving:
         return
-    takes_off = any(isinstance(actions[target].order, SetOff) for target in moving)
-    if not takes_off and not is_airborne:
+    is_from_ground = any(isinstance(actions[target].order, SetOff) for target in moving)
+    if not is_from_ground and not is_airborne:
         hint = "begin with take_off"
         yield document.finding(
             ("tasks",), "without take_off it can only be started in the air", hint, at_key=True, is_warning=True
         )
-    in_air = is_airborne or not takes_off
+    in_air = is_airborne or not is_from_ground
     for target in moving:
         kind = actions[target].order
         where = (*where_of(target), actions[target].capability)
@@ -66,7 +66,7 @@ def _unrolled(mission: Mission, targets: list[str]) -> Iterator[str]:
 
 def space_findings(
     mission: Mission,
-    figures: Estimate,
+    figures: MissionEstimate,
     limits: Limits | None,
     *,
     home_ned_m: Vector3 | None,
@@ -108,7 +108,7 @@ def space_findings(
     return found
 
 
-def place_of(where: Where, action: Action, leg: Leg, document: Document) -> Where:
+def place_of(where: Where, action: Action, leg: FlightLeg, document: Document) -> Where:
     """The place in the file of what a leg leads to."""
     for key in ("waypoints_m", "waypoints"):
         if getattr(action.arguments, key, None) is not None and leg.waypoint is not None:
@@ -120,7 +120,7 @@ def place_of(where: Where, action: Action, leg: Leg, document: Document) -> Wher
 
 
 def _fence(
-    leg: Leg, fence: Fence, margin_m: float, document: Document, place: Where, *, is_start_known: bool
+    leg: FlightLeg, fence: Fence, margin_m: float, document: Document, place: Where, *, is_start_known: bool
 ) -> Iterator[Finding]:
     clearance_m = fence.clearance_m(leg.end)
     if clearance_m < margin_m - TOLERANCE_M:
@@ -166,7 +166,7 @@ def altitude_findings(mission: Mission, platform: Platform | None) -> Iterator[F
         where = (*where_of(target), action.capability, "altitude_m")
         ability = known.get(action.ability)
         row = rows.get(ability.performed_by) if ability is not None else None
-        if row is not None and "altitude_m" in kept_options(row) and not _hears_heights(row, topics):
+        if row is not None and "altitude_m" in kept_options(row) and not _has_height_source(row, topics):
             message = f"{row.name} of {platform.platform} keeps no height over the ground: it hears of none"
             yield document.finding(where, message, "say height_m, or bind its input to what a range finder tells")
         least_m = platform.limits.altitude_min_m
@@ -175,11 +175,11 @@ def altitude_findings(mission: Mission, platform: Platform | None) -> Iterator[F
             yield document.finding(where, message, "keep higher")
 
 
-def _hears_heights(row: ComponentRow, topics: set[str]) -> bool:
+def _has_height_source(row: ComponentRow, topics: set[str]) -> bool:
     """Whether a component's inputs bring it heights over the ground; true where its class is not installed here."""
     try:
         inputs = row.load_class().inputs
     except Gloc3Error:
         return True
-    heard = (topic for port, of in inputs.items() if of.message is HeightAboveGround for topic in row.topics(port))
-    return any(topic in topics for topic in heard)
+    received = (topic for port, of in inputs.items() if of.message is HeightAboveGround for topic in row.topics(port))
+    return any(topic in topics for topic in received)

@@ -10,10 +10,10 @@ from msgspec.structs import replace
 from gloc3.documents.document import Document, Where
 from gloc3.errors import Finding
 from gloc3.messages.frames import Vector3, wrap_pi
-from gloc3.mission.checking.estimate import Estimate
+from gloc3.mission.checking.estimate import MissionEstimate
 from gloc3.mission.checking.space_check import name_of, place_of
 from gloc3.mission.model.arguments import FollowWaypointsOrder, Hold, LandOrder, ReturnHome, TakeOff
-from gloc3.mission.model.legs import Leg
+from gloc3.mission.model.legs import FlightLeg
 from gloc3.mission.model.model import GEO, Action, Mission, where_of
 from gloc3.platform.limits import Limits
 
@@ -23,7 +23,7 @@ _SHORT_M: Final = 1.0
 """A leg that is no longer leads nowhere else."""
 
 
-def turn_findings(mission: Mission, figures: Estimate, limits: Limits | None) -> Iterator[Finding]:
+def turn_findings(mission: Mission, figures: MissionEstimate, limits: Limits | None) -> Iterator[Finding]:
     """Legs too short for the turns at their ends, too slow, too steep; places to circle at the fence; and what needs a stop."""
     document = mission.document
     if document is None or limits is None or limits.turn_radius_m <= 0.0:
@@ -33,11 +33,11 @@ def turn_findings(mission: Mission, figures: Estimate, limits: Limits | None) ->
         action = actions[target]
         where = (*where_of(target), action.capability)
         yield from _impossible(action, where, limits, document)
-        ways = [leg for leg in part.legs if dist(leg.start[:2], leg.end[:2]) > _SHORT_M]
+        routes = [leg for leg in part.legs if dist(leg.start[:2], leg.end[:2]) > _SHORT_M]
         if isinstance(action.order, FollowWaypointsOrder):
-            yield from _ways(action, where, ways, limits, document)
+            yield from _legs(action, where, routes, limits, document)
         if not isinstance(action.order, LandOrder):
-            yield from _circles(mission, action, where, ways or part.legs, limits, document)
+            yield from _circles(mission, action, where, routes or part.legs, limits, document)
     if mission.fence is not None and mission.frame != GEO:
         message = "the autopilot, which flies its ways, is given no fence in a local frame: a breach is only noticed"
         yield document.finding(("geofence",), message, "write the mission in frame geo", at_key=True, is_warning=True)
@@ -61,7 +61,9 @@ def _impossible(action: Action, where: Where, limits: Limits, document: Document
         yield document.finding((*where, "heading"), message, "leave heading out")
 
 
-def _ways(action: Action, where: Where, legs: Sequence[Leg], limits: Limits, document: Document) -> Iterator[Finding]:
+def _legs(
+    action: Action, where: Where, legs: Sequence[FlightLeg], limits: Limits, document: Document
+) -> Iterator[Finding]:
     """The first leg that is too short for its turns, and the first that is too steep."""
     order, radius_m = action.order, limits.turn_radius_m
     assert isinstance(order, FollowWaypointsOrder)
@@ -88,7 +90,7 @@ def _ways(action: Action, where: Where, legs: Sequence[Leg], limits: Limits, doc
 
 
 def _circles(
-    mission: Mission, action: Action, where: Where, legs: Sequence[Leg], limits: Limits, document: Document
+    mission: Mission, action: Action, where: Where, legs: Sequence[FlightLeg], limits: Limits, document: Document
 ) -> Iterator[Finding]:
     """Places where it circles, or swings out, too near to the fence."""
     order = action.order
@@ -110,7 +112,7 @@ def _circles(
             return
 
 
-def _turn_rad(one: Leg, other: Leg) -> float:
+def _turn_rad(one: FlightLeg, other: FlightLeg) -> float:
     return abs(wrap_pi(_course_rad(other.start, other.end) - _course_rad(one.start, one.end)))
 
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from gloc3.errors import Finding, NotThere, nearest
+from gloc3.errors import Finding, NotFound, nearest
 
 
 def example_missions() -> dict[str, Path]:
@@ -14,13 +14,13 @@ def find_mission(name: str) -> Path:
     """The file of a mission: a path, or the name of an example.
 
     Raises:
-        NotThere: there is none of that name.
+        NotFound: there is none of that name.
     """
     path, known = Path(name), example_missions()
     if name in known and not path.is_file():
         return known[name]
     if path.is_dir():
-        raise NotThere([Finding(file=name, message="is a folder, not a mission file")])
+        raise NotFound([Finding(file=name, message="is a folder, not a mission file")])
     if path.suffix or path.is_file():
         return path
-    raise NotThere([Finding(file=name, message="no such mission", hint=nearest(name, list(known)))])
+    raise NotFound([Finding(file=name, message="no such mission", hint=nearest(name, list(known)))])

@@ -18,7 +18,7 @@ SILENT_S: Final = 5.0
 """An action under way whose component has reported nothing for so long has failed."""
 
 
-class Phase(StrEnum):
+class AssignmentPhase(StrEnum):
     """How far an assignment is."""
 
     STARTING = "starting"
@@ -31,13 +31,13 @@ class Assignment:
 
     __slots__ = (
         "action_id",
-        "asked_s",
         "capability",
         "claims",
         "component",
-        "heard_s",
         "label",
         "phase",
+        "received_s",
+        "requested_s",
         "run",
         "verb",
     )
@@ -53,23 +53,23 @@ class Assignment:
         self.claims = row.claims
         self.run = run
         """The action of a program; None for a policy's manoeuvre."""
-        self.phase = Phase.STARTING
+        self.phase = AssignmentPhase.STARTING
         self.verb = "start"
         """What was asked last."""
-        self.asked_s: float | None = now_s
+        self.requested_s: float | None = now_s
         """When; None once it is answered."""
-        self.heard_s = now_s
+        self.received_s = now_s
 
     def accept(self) -> None:
         """The component has accepted what it was asked."""
         if self.verb in ("start", "resume"):
-            self.phase = Phase.ACTIVE
+            self.phase = AssignmentPhase.ACTIVE
 
     def due_s(self) -> float | None:
         """When it counts as lost, if nothing more is heard."""
-        if self.asked_s is not None:
-            return self.asked_s + ANSWER_S
-        return self.heard_s + SILENT_S if self.phase is Phase.ACTIVE else None
+        if self.requested_s is not None:
+            return self.requested_s + ANSWER_S
+        return self.received_s + SILENT_S if self.phase is AssignmentPhase.ACTIVE else None
 
 
 class Assignments:
@@ -98,7 +98,9 @@ class Assignments:
         self, label: str, capability: str, row: Capability, order: Arguments, run: ActionRun | None, now_s: float
     ) -> Assignment:
         """Hands an action to its component; its resources must be free."""
-        for other in [o for o in self.by_id.values() if o.component == row.performed_by and o.phase is Phase.PAUSED]:
+        for other in [
+            o for o in self.by_id.values() if o.component == row.performed_by and o.phase is AssignmentPhase.PAUSED
+        ]:
             self.drop(other)
         self.count += 1
         assignment = Assignment(f"{label}#{self.count}", label, capability, row, run, now_s)
@@ -123,27 +125,27 @@ class Assignments:
         self._release(assignment)
         request = self._queued(assignment.action_id)
         if isinstance(request, Start):
-            self._forget(assignment)
+            self._drop(assignment)
             self._starts.remove(request)
             return
-        assignment.phase, assignment.verb, assignment.asked_s = Phase.PAUSED, "pause", now_s
+        assignment.phase, assignment.verb, assignment.requested_s = AssignmentPhase.PAUSED, "pause", now_s
         if request is not None:
             self._starts.remove(request)
-            assignment.asked_s = None
+            assignment.requested_s = None
         else:
             self._stops.append(Pause(action_id=assignment.action_id, component=assignment.component))
 
     def resume(self, assignment: Assignment, now_s: float) -> None:
         """Has the component go on; its resources must be free."""
         self.claims |= dict.fromkeys(assignment.claims, assignment)
-        assignment.phase, assignment.verb, assignment.asked_s = Phase.ACTIVE, "resume", now_s
-        assignment.heard_s = now_s
+        assignment.phase, assignment.verb, assignment.requested_s = AssignmentPhase.ACTIVE, "resume", now_s
+        assignment.received_s = now_s
         self._starts.append(Resume(action_id=assignment.action_id, component=assignment.component))
 
     def drop(self, assignment: Assignment, *, is_over: bool = False) -> None:
         """Ends it; the component is told, unless it has said itself that the action is over."""
         self._release(assignment)
-        self._forget(assignment)
+        self._drop(assignment)
         request = self._queued(assignment.action_id)
         if request is not None:
             self._starts.remove(request)
@@ -154,7 +156,7 @@ class Assignments:
         """Those of a component."""
         return iter([one for one in self.by_id.values() if one.component == component])
 
-    def take(self, *, is_held: bool) -> list[Request]:
+    def collect(self, *, is_held: bool) -> list[Request]:
         """The requests since the last time: what stops, the new owner of motion, what starts.
 
         Args:
@@ -182,7 +184,7 @@ class Assignments:
             if self.claims.get(name) is assignment:
                 del self.claims[name]
 
-    def _forget(self, assignment: Assignment) -> None:
+    def _drop(self, assignment: Assignment) -> None:
         self.by_id.pop(assignment.action_id, None)
         if assignment.run is not None and assignment.run.action_id == assignment.action_id:
             assignment.run.action_id = ""

@@ -6,19 +6,19 @@ from typing import Final
 
 from gloc3.errors import Misuse, Refused, nearest
 from gloc3.messages.envelope import Severity
-from gloc3.mission.executing.assignments import Assignment, Assignments, Phase
-from gloc3.mission.executing.items import MISSION, ActionRun, Item, Program, TaskRun
-from gloc3.mission.executing.requests import Told
+from gloc3.mission.executing.assignments import Assignment, AssignmentPhase, Assignments
+from gloc3.mission.executing.items import MISSION, ActionRun, MissionItem, MissionProgram, TaskRun
+from gloc3.mission.executing.requests import MissionEvent
 from gloc3.mission.executing.snapshot import PlannedSilence, Snapshot
 from gloc3.mission.model.abilities import abilities
 from gloc3.mission.model.conditions import Readings
 from gloc3.mission.model.model import Contingency, Mission, Policies
 from gloc3.mission.model.policy import Policy
-from gloc3.mission.model.states import ActionState, Trigger
+from gloc3.mission.model.states import ActionState, StateTrigger
 from gloc3.platform.platform import Capability, Platform
 
 
-class Condition(StrEnum):
+class PolicyCondition(StrEnum):
     """What can befall the vehicle, whatever it is doing."""
 
     LINK_LOST = "link lost"
@@ -33,10 +33,10 @@ class Condition(StrEnum):
     """Another platform of the mission, whose tasks are waited for."""
 
 
-class Manoeuvre:
+class PolicyManoeuvre:
     """A policy that is being carried out."""
 
-    __slots__ = ("again_s", "assignment", "cause", "contingency", "land_at_s", "policy", "program", "trouble")
+    __slots__ = ("again_s", "assignment", "cause", "contingency", "land_at_s", "policy", "problem", "program")
 
     def __init__(self, policy: Policy, cause: str) -> None:
         self.policy = policy
@@ -48,21 +48,21 @@ class Manoeuvre:
         """The action that is under way for it."""
         self.again_s: float | None = None
         """When its action is tried again."""
-        self.trouble = ""
+        self.problem = ""
         """Why it could not be begun last; told once."""
         self.contingency: Contingency | None = None
         """The task that runs in its place first."""
-        self.program: Program | None = None
+        self.program: MissionProgram | None = None
         """With a contingency: its run."""
 
 
 class OtherPlatform:
     """What is known of another platform of the mission."""
 
-    __slots__ = ("heard_s", "state")
+    __slots__ = ("received_s", "state")
 
-    def __init__(self, heard_s: float) -> None:
-        self.heard_s = heard_s
+    def __init__(self, received_s: float) -> None:
+        self.received_s = received_s
         """When something was told of it last; the start of the mission until then."""
         self.state: ActionState | None = None
         """Of the mission there; None while nothing was told."""
@@ -117,18 +117,18 @@ class Board:
         self.rows: Final[dict[str, Capability]] = dict(abilities(platform))
         hold = platform.capabilities.get("hold")
         self.assignments: Final = Assignments(hold.performed_by if hold is not None else "")
-        self.programs: Final[dict[str, Program]] = {}
+        self.programs: Final[dict[str, MissionProgram]] = {}
         """The loaded mission, and single tasks and actions, by name."""
         self.policies = Policies()
         """Those of the last mission that was started."""
-        self.manoeuvre: Manoeuvre | None = None
+        self.manoeuvre: PolicyManoeuvre | None = None
         self.has_pilot = False
         """A pilot has control, and no operator has said resume since."""
         self.is_taking_back = False
         """An operator has just said resume; the driver is to be told."""
-        self.conditions: Final[dict[Condition, str]] = {}
+        self.conditions: Final[dict[PolicyCondition, str]] = {}
         """Those that hold, with the reason."""
-        self.unanswered: Final[dict[Condition, str]] = {}
+        self.unanswered: Final[dict[PolicyCondition, str]] = {}
         """Those that arose while a pilot had control."""
         self.others: dict[str, OtherPlatform] = {}
         """The other platforms of the mission that is under way."""
@@ -142,12 +142,12 @@ class Board:
         self.blocked_since_s: float | None = None
         """When an obstacle came into the way of the action that moves the vehicle; None where none is."""
         self.air: Final = AirState()
-        self.told: list[Told] = []
+        self.reported: list[MissionEvent] = []
         self.is_changed = False
         """Something that must survive the process has changed."""
 
     @property
-    def mission(self) -> Program | None:
+    def mission(self) -> MissionProgram | None:
         """The loaded mission."""
         return self.programs.get(MISSION)
 
@@ -156,7 +156,7 @@ class Board:
         """Whether the vehicle is in the air."""
         return self.air.is_airborne
 
-    def find(self, target: str) -> Item:
+    def find(self, target: str) -> MissionItem:
         """The item that an operator names: empty for the mission, `TASK`, or `TASK.ACTION`.
 
         Raises:
@@ -183,21 +183,21 @@ class Board:
         return [
             assignment
             for assignment in self.assignments.by_id.values()
-            if assignment.phase is not Phase.PAUSED
+            if assignment.phase is not AssignmentPhase.PAUSED
             and (assignment.component in names or names & {*self.rows[assignment.capability].needs})
         ]
 
-    def program(self, name: str, mission: Mission) -> Program:
+    def program(self, name: str, mission: Mission) -> MissionProgram:
         """A new program, which is on the board from now on."""
         missing = [action.ability for action in mission.actions().values() if action.ability not in self.rows]
         if missing:
             raise Misuse(f"the mission was not checked: no capability {missing[0]!r}")
-        program = Program(name, mission, self.rows)
+        program = MissionProgram(name, mission, self.rows)
         self.programs[name] = program
         self.is_changed = True
         return program
 
-    def move(self, item: Item, trigger: Trigger, now_s: float, reason: str = "") -> None:
+    def move(self, item: MissionItem, trigger: StateTrigger, now_s: float, reason: str = "") -> None:
         """Moves an item along the table and tells of it.
 
         Raises:
@@ -205,22 +205,22 @@ class Board:
         """
         item.move(trigger, now_s, reason)
         self.is_changed = True
-        if trigger is Trigger.START and item.starts == 1 and item.options.silence is not None:
+        if trigger is StateTrigger.START and item.starts == 1 and item.options.silence is not None:
             self._expect_silence(item.target, item.options.silence.expected_s, now_s)
         severity = Severity.WARNING if item.state is ActionState.FAILED else Severity.INFO
-        label = "mission" if isinstance(item, Program) and item.is_mission else item.target
-        if not isinstance(item, Program) or item.is_mission:
-            self.tell(severity, f"{label} {item.state}" + (f": {reason}" if reason else ""))
+        label = "mission" if isinstance(item, MissionProgram) and item.is_mission else item.target
+        if not isinstance(item, MissionProgram) or item.is_mission:
+            self.report(severity, f"{label} {item.state}" + (f": {reason}" if reason else ""))
 
     def _expect_silence(self, target: str, expected_s: float, now_s: float) -> None:
         """A task or action begins that states a silence; of several the one counts that lasts longest."""
         if self.silence is None or self.silence.until_s < now_s + expected_s:
             self.silence = PlannedSilence(target=target, began_s=now_s, until_s=now_s + expected_s)
-            self.tell(Severity.NOTICE, f"from {target} on {expected_s:g} s of silence are planned")
+            self.report(Severity.NOTICE, f"from {target} on {expected_s:g} s of silence are planned")
 
-    def tell(self, severity: Severity, text: str) -> None:
+    def report(self, severity: Severity, text: str) -> None:
         """Notes something for the operators and the log."""
-        self.told.append(Told(severity=severity, text=text))
+        self.reported.append(MissionEvent(severity=severity, text=text))
 
     def assignment(self, run: ActionRun) -> Assignment | None:
         """The component's end of an action."""
@@ -232,7 +232,7 @@ class Board:
         if assignment is not None:
             self.assignments.drop(assignment, is_over=is_over)
 
-    def end(self, item: TaskRun | ActionRun, trigger: Trigger, now_s: float, reason: str = "") -> None:
+    def end(self, item: TaskRun | ActionRun, trigger: StateTrigger, now_s: float, reason: str = "") -> None:
         """Skips or aborts an item and all in it that has not ended."""
         if isinstance(item, TaskRun):
             for run in item.actions.values():
@@ -240,19 +240,19 @@ class Board:
                     self.end(run, trigger, now_s, reason)
         else:
             self.release(item)
-        if item.state is ActionState.FAILED and trigger is Trigger.ABORT:
+        if item.state is ActionState.FAILED and trigger is StateTrigger.ABORT:
             item.is_settled = True  # it stays failed
         elif not item.has_ended:
             self.move(item, trigger, now_s, reason)
 
-    def end_all(self, program: Program, trigger: Trigger, now_s: float, reason: str = "") -> None:
+    def end_all(self, program: MissionProgram, trigger: StateTrigger, now_s: float, reason: str = "") -> None:
         """Skips or aborts all of ours in a program that has not ended, but not the program itself."""
         for task in program.own_tasks:
             self.end(task, trigger, now_s, reason)
 
-    def halt(self, item: Item, by: str, now_s: float, reason: str = "") -> None:
+    def halt(self, item: MissionItem, by: str, now_s: float, reason: str = "") -> None:
         """Pauses a running item and all that runs in it; `by` is the level whose pause it is."""
-        if isinstance(item, Program):
+        if isinstance(item, MissionProgram):
             for task in item.own_tasks:
                 self.halt(task, by, now_s)
         elif isinstance(item, TaskRun):
@@ -266,7 +266,7 @@ class Board:
             if assignment is not None and item.state is ActionState.RUNNING:
                 self.assignments.pause(assignment, now_s)
         if item.state is ActionState.RUNNING:
-            self.move(item, Trigger.PAUSE, now_s, reason)
+            self.move(item, StateTrigger.PAUSE, now_s, reason)
             item.paused_by = by
 
     def snapshot(self, now_s: float) -> Snapshot:

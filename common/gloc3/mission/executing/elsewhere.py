@@ -9,21 +9,21 @@ from typing import Final
 
 from gloc3.messages.envelope import Severity
 from gloc3.mission.executing import reactions
-from gloc3.mission.executing.board import Board, Condition, OtherPlatform
-from gloc3.mission.executing.items import Program
+from gloc3.mission.executing.board import Board, OtherPlatform, PolicyCondition
+from gloc3.mission.executing.items import MissionProgram
 from gloc3.mission.model.policy import Policy
-from gloc3.mission.model.states import ActionState, Trigger
+from gloc3.mission.model.states import ActionState, StateTrigger
 
 GIVEN_UP: Final = (ActionState.FAILED, ActionState.ABORTED)
 """States of a platform's mission in which its tasks that are left never end."""
 
 
-def expect(board: Board, program: Program, now_s: float) -> None:
+def expect(board: Board, program: MissionProgram, now_s: float) -> None:
     """The mission begins, or is taken up again: from now on the others must be heard of."""
     board.others = {name: OtherPlatform(now_s) for name in program.others}
 
 
-def told(board: Board, name: str, state: ActionState, tasks: Mapping[str, ActionState], now_s: float) -> None:
+def reported(board: Board, name: str, state: ActionState, tasks: Mapping[str, ActionState], now_s: float) -> None:
     """Takes what is told of another platform's part of the loaded mission.
 
     Args:
@@ -37,7 +37,7 @@ def told(board: Board, name: str, state: ActionState, tasks: Mapping[str, Action
     if program is None or name not in program.others:
         return
     other = board.others.setdefault(name, OtherPlatform(now_s))
-    other.heard_s, other.state = now_s, state
+    other.received_s, other.state = now_s, state
     has_given_up = state in GIVEN_UP
     for task in program.tasks.values():
         if task.elsewhere != name or task.target not in tasks:
@@ -54,13 +54,13 @@ def watch(board: Board, now_s: float) -> None:
     """Another platform that tasks here wait for is lost, or is back."""
     program = board.mission
     lost = "" if program is None or not program.is_open else _lost(board, program, now_s)
-    if (was := board.conditions.get(Condition.PLATFORM_LOST)) is not None and not lost:
-        del board.conditions[Condition.PLATFORM_LOST]
-        board.unanswered.pop(Condition.PLATFORM_LOST, None)
-        board.tell(Severity.INFO, f"{Condition.PLATFORM_LOST}: over")
+    if (was := board.conditions.get(PolicyCondition.PLATFORM_LOST)) is not None and not lost:
+        del board.conditions[PolicyCondition.PLATFORM_LOST]
+        board.unanswered.pop(PolicyCondition.PLATFORM_LOST, None)
+        board.report(Severity.INFO, f"{PolicyCondition.PLATFORM_LOST}: over")
     elif program is not None and lost and was is None and program.state is ActionState.RUNNING:
-        board.conditions[Condition.PLATFORM_LOST] = lost
-        reactions.meet(board, Condition.PLATFORM_LOST, lost, now_s)
+        board.conditions[PolicyCondition.PLATFORM_LOST] = lost
+        reactions.apply_policy(board, PolicyCondition.PLATFORM_LOST, lost, now_s)
         if Policy(board.policies.on_platform_loss) is Policy.SKIP and not board.has_pilot:
             _leave_out(board, program, lost, now_s)
 
@@ -68,13 +68,13 @@ def watch(board: Board, now_s: float) -> None:
 def due_s(board: Board) -> float:
     """When another platform counts as lost, if nothing more is told of it."""
     program = board.mission
-    if program is None or program.state is not ActionState.RUNNING or Condition.PLATFORM_LOST in board.conditions:
+    if program is None or program.state is not ActionState.RUNNING or PolicyCondition.PLATFORM_LOST in board.conditions:
         return inf
-    heard = [board.others[name].heard_s for name in program.awaited() if name in board.others]
-    return min(heard, default=inf) + board.policies.platform_loss_after_s
+    received = [board.others[name].received_s for name in program.awaited() if name in board.others]
+    return min(received, default=inf) + board.policies.platform_loss_after_s
 
 
-def _lost(board: Board, program: Program, now_s: float) -> str:
+def _lost(board: Board, program: MissionProgram, now_s: float) -> str:
     """Which platform is lost, and why; empty where none is that is waited for."""
     for name in program.awaited():
         other = board.others.get(name)
@@ -82,12 +82,12 @@ def _lost(board: Board, program: Program, now_s: float) -> str:
             continue
         if other.state in GIVEN_UP:
             return f"{name}: its mission is {other.state}"
-        if now_s >= other.heard_s + board.policies.platform_loss_after_s:
+        if now_s >= other.received_s + board.policies.platform_loss_after_s:
             return f"{name}: nothing heard of it for {board.policies.platform_loss_after_s:g} s"
     return ""
 
 
-def _leave_out(board: Board, program: Program, lost: str, now_s: float) -> None:
+def _leave_out(board: Board, program: MissionProgram, lost: str, now_s: float) -> None:
     for task in program.awaited().get(lost.partition(":")[0], ()):
         if not task.has_ended:
-            board.move(task, Trigger.SKIP, now_s, lost)
+            board.move(task, StateTrigger.SKIP, now_s, lost)

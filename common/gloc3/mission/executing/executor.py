@@ -14,16 +14,16 @@ from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3
 from gloc3.mission.executing import elsewhere, flow, manoeuvres, reactions, steering
 from gloc3.mission.executing.assignments import Assignment
-from gloc3.mission.executing.board import Board, Condition
-from gloc3.mission.executing.items import MISSION, ActionRun, Program, TaskRun
-from gloc3.mission.executing.requests import Grant, Persist, Request, TakeBack
+from gloc3.mission.executing.board import Board, PolicyCondition
+from gloc3.mission.executing.items import MISSION, ActionRun, MissionProgram, TaskRun
+from gloc3.mission.executing.requests import Grant, Persist, ReclaimMotion, Request
 from gloc3.mission.executing.snapshot import Snapshot
 from gloc3.mission.executing.steering import BY_OPERATOR
 from gloc3.mission.model.conditions import Readings
 from gloc3.mission.model.messages import ActionStatus
 from gloc3.mission.model.model import Mission
 from gloc3.mission.model.policy import Policy
-from gloc3.mission.model.states import OURS, ActionState, Trigger
+from gloc3.mission.model.states import OURS, ActionState, StateTrigger
 from gloc3.platform.platform import Platform
 
 PROGRESS_STEP: Final = 0.05
@@ -54,12 +54,12 @@ class MissionExecutor:
         Raises:
             Refused: the one before is under way.
         """
-        self.refuse_under_way()
-        self._refuse_taken(mission, [program for name, program in self.board.programs.items() if name != MISSION])
+        self.refuse_running()
+        self._refuse_claimed(mission, [program for name, program in self.board.programs.items() if name != MISSION])
         self.board.program(MISSION, mission)
         self.settle(now_s)
 
-    def refuse_under_way(self) -> None:
+    def refuse_running(self) -> None:
         """Refuses what would take the place of a mission that is under way."""
         loaded = self.board.mission
         if loaded is not None and loaded.is_open:
@@ -71,7 +71,7 @@ class MissionExecutor:
         Raises:
             Refused: it is under way.
         """
-        self.refuse_under_way()
+        self.refuse_running()
         if self.board.programs.pop(MISSION, None) is not None:
             self.board.is_changed = True
         self.settle(now_s)
@@ -88,32 +88,32 @@ class MissionExecutor:
         Raises:
             Refused: it cannot be done now; nothing has changed.
         """
-        commands = [str(t) for t in Trigger if t not in OURS]
+        commands = [str(t) for t in StateTrigger if t not in OURS]
         if verb not in commands:
             raise Refused(f"no command {verb!r}; known: {', '.join(commands)}")
-        board, trigger = self.board, Trigger(verb)
-        if trigger is Trigger.RESUME and not target and board.has_pilot:
+        board, trigger = self.board, StateTrigger(verb)
+        if trigger is StateTrigger.RESUME and not target and board.has_pilot:
             steering.take_back(board, now_s)
             self.settle(now_s)
             return
         item = board.find(target)
-        if isinstance(item, TaskRun) and item.elsewhere and trigger is not Trigger.SKIP:
+        if isinstance(item, TaskRun) and item.elsewhere and trigger is not StateTrigger.SKIP:
             raise Refused(f"{item.target} is {item.elsewhere}'s; it is steered there, and can only be skipped here")
         if trigger not in item.accepted:
             raise Refused(
                 f"{trigger} is not accepted in {item.state}; accepted: {', '.join(item.accepted) or 'nothing'}"
             )
         match trigger:
-            case Trigger.START:
+            case StateTrigger.START:
                 steering.start(board, item, now_s, home_ned_m)
-            case Trigger.PAUSE:
+            case StateTrigger.PAUSE:
                 manoeuvres.dismiss(board, now_s)
                 board.halt(item, item.level, now_s, BY_OPERATOR)
-            case Trigger.RESUME:
+            case StateTrigger.RESUME:
                 steering.resume(board, item, now_s)
-            case Trigger.SKIP | Trigger.ABORT:
+            case StateTrigger.SKIP | StateTrigger.ABORT:
                 steering.end(board, item, trigger, now_s)
-            case Trigger.RETRY:
+            case StateTrigger.RETRY:
                 steering.try_again(board, item, now_s)
         self.settle(now_s)
 
@@ -128,25 +128,27 @@ class MissionExecutor:
         """
         board = self.board
         steering.refuse_while_unfit(board)
-        self._refuse_taken(mission, list(board.programs.values()))
+        self._refuse_claimed(mission, list(board.programs.values()))
         steering.check_readiness(board, mission)
         manoeuvres.dismiss(board, now_s)
         name = next(iter(mission.tasks))
         program = board.program(name, mission)
         if board.mission is None or not board.mission.is_open:
             board.policies = mission.policies
-        board.move(program, Trigger.START, now_s)
+        board.move(program, StateTrigger.START, now_s)
         self.settle(now_s)
         return name
 
     def emergency(self, kind: Literal["hold", "land"], author: str, now_s: float) -> None:
         """The emergency key: goes before any policy and any mission."""
         policy = Policy.HOLD if kind == "hold" else Policy.LAND
-        self.board.tell(Severity.ALERT, f"emergency {kind} by {author}")
+        self.board.report(Severity.ALERT, f"emergency {kind} by {author}")
         if self.board.has_pilot:
-            self.board.tell(Severity.WARNING, "the pilot has control: nothing is done")
+            self.board.report(Severity.WARNING, "the pilot has control: nothing is done")
             return
-        manoeuvres.apply(self.board, policy, f"emergency {kind} by {author}", now_s, Trigger.ABORT, is_ordered=True)
+        manoeuvres.apply(
+            self.board, policy, f"emergency {kind} by {author}", now_s, StateTrigger.ABORT, is_ordered=True
+        )
         self.settle(now_s)
 
     def free_name(self) -> str:
@@ -162,8 +164,8 @@ class MissionExecutor:
         if assignment is None or (verb != assignment.verb and is_accepted):
             return
         if is_accepted:
-            assignment.asked_s = None
-            assignment.heard_s = now_s
+            assignment.requested_s = None
+            assignment.received_s = now_s
             assignment.accept()
         else:
             what = f"{assignment.component} refused to {verb}: {reason}"
@@ -175,13 +177,13 @@ class MissionExecutor:
         assignment = self.board.assignments.by_id.get(status.action_id)
         if assignment is None:
             return
-        assignment.heard_s = now_s
+        assignment.received_s = now_s
         if status.state in (ActionState.RUNNING, ActionState.PAUSED):
-            if assignment.verb == "start" and assignment.asked_s is not None:
-                assignment.asked_s = None
+            if assignment.verb == "start" and assignment.requested_s is not None:
+                assignment.requested_s = None
                 assignment.accept()
             if assignment.run is not None and assignment.run.is_motion:
-                self._see_obstacle(status, now_s)
+                self._receive_obstacle(status, now_s)
             if assignment.run is None or status.progress == assignment.run.progress:
                 return
             self._note_progress(assignment.run, status)
@@ -208,12 +210,12 @@ class MissionExecutor:
             return
         board = self.board
         performed = {name: (component,) for name, row in board.rows.items() if row.performed_by == component}
-        board.missing.add({name: lacks for name, lacks in performed.items() if name not in board.missing}, now_s)
+        board.missing.add({name: missing for name, missing in performed.items() if name not in board.missing}, now_s)
         for assignment in lost:
             flow.lose(self.board, assignment, f"{component}: {reason}", now_s)
         self.settle(now_s)
 
-    def taken_away(self, component: str, provides: tuple[str, ...], reason: str, now_s: float) -> None:
+    def motion_lost(self, component: str, provides: tuple[str, ...], reason: str, now_s: float) -> None:
         """An operator takes a component away by force: the actions that need it fail; see `in_use`."""
         self.component_failed(component, reason, now_s)
         for assignment in self.board.users(component, provides):
@@ -232,7 +234,7 @@ class MissionExecutor:
         """
         board = self.board
         if board.has_pilot:
-            board.tell(Severity.ERROR, f"{component} is lost ({reason}); the pilot has control")
+            board.report(Severity.ERROR, f"{component} is lost ({reason}); the pilot has control")
             return
         reactions.lose_component(board, component, policy, reason, now_s)
         self.settle(now_s)
@@ -257,17 +259,17 @@ class MissionExecutor:
         self._is_pilot_reported = has_control
         if has_control:
             board.has_pilot, board.is_changed = True, True
-            board.tell(Severity.WARNING, f"the pilot has control: {reason}")
-            manoeuvres.forget(board, now_s)
+            board.report(Severity.WARNING, f"the pilot has control: {reason}")
+            manoeuvres.clear(board, now_s)
             for program in board.programs.values():
                 if program.is_mission:
                     board.halt(program, program.level, now_s, f"pilot: {reason}")
                 elif program.is_open:
-                    board.end_all(program, Trigger.ABORT, now_s, "pilot")
-                    board.move(program, Trigger.ABORT, now_s, "pilot")
+                    board.end_all(program, StateTrigger.ABORT, now_s, "pilot")
+                    board.move(program, StateTrigger.ABORT, now_s, "pilot")
         self.settle(now_s)
 
-    def condition(self, condition: Condition, is_on: bool, reason: str, now_s: float) -> None:
+    def condition(self, condition: PolicyCondition, is_on: bool, reason: str, now_s: float) -> None:
         """Whether a condition holds; its policy is carried out once, when it arises."""
         if is_on != (condition in self.board.conditions):
             reactions.set_condition(self.board, condition, is_on, reason, now_s)
@@ -296,7 +298,7 @@ class MissionExecutor:
             tasks: its tasks' states.
             now_s: the time.
         """
-        elsewhere.told(self.board, platform, state, tasks, now_s)
+        elsewhere.reported(self.board, platform, state, tasks, now_s)
         self.settle(now_s)
 
     def tick(self, now_s: float) -> None:
@@ -310,7 +312,7 @@ class MissionExecutor:
         """When `tick` has something to do; None if only facts can bring something."""
         return None if self._due_s == inf else self._due_s
 
-    def take(self, now_s: float) -> list[Request]:
+    def collect(self, now_s: float) -> list[Request]:
         """What the caller has to do since the last time, in this order."""
         board = self.board
         requests: list[Request] = []
@@ -321,16 +323,16 @@ class MissionExecutor:
             self._kept_progress = {run.target: run.progress for run in runs}
         if board.is_taking_back:
             board.is_taking_back = False
-            requests.append(TakeBack())
-        requests += board.assignments.take(is_held=board.is_airborne and not board.has_pilot)
-        requests += board.told
-        board.told = []
+            requests.append(ReclaimMotion())
+        requests += board.assignments.collect(is_held=board.is_airborne and not board.has_pilot)
+        requests += board.reported
+        board.reported = []
         return requests
 
     # what is going on
 
     @property
-    def mission(self) -> Program | None:
+    def mission(self) -> MissionProgram | None:
         """The loaded mission with its state."""
         return self.board.mission
 
@@ -346,7 +348,7 @@ class MissionExecutor:
 
     @property
     def granted(self) -> Grant:
-        """The owner of motion, as of the last `take()`."""
+        """The owner of motion, as of the last `collect()`."""
         return self.board.assignments.granted
 
     def states(self) -> dict[str, ActionState]:
@@ -362,7 +364,7 @@ class MissionExecutor:
         """Resource to the `TASK.ACTION` that holds it."""
         return {name: assignment.label for name, assignment in self.board.assignments.claims.items()}
 
-    def knows(self, action_id: str) -> bool:
+    def has_item(self, action_id: str) -> bool:
         """Whether an action is in the hands of a component by this executor's leave."""
         return action_id in self.board.assignments.by_id
 
@@ -375,14 +377,14 @@ class MissionExecutor:
         """
         return [assignment.label for assignment in self.board.users(component, provides)]
 
-    def _refuse_taken(self, mission: Mission, programs: list[Program]) -> None:
+    def _refuse_claimed(self, mission: Mission, programs: list[MissionProgram]) -> None:
         """Makes room for new tasks: single commands that have ended go."""
         board = self.board
-        for name in [name for name, old in board.programs.items() if name != MISSION and not old.is_open]:
+        for name in [name for name, previous in board.programs.items() if name != MISSION and not previous.is_open]:
             del board.programs[name]
-        taken = {task for program in programs if program.name in board.programs for task in program.tasks}
+        claimed = {task for program in programs if program.name in board.programs for task in program.tasks}
         for task in mission.tasks:
-            if task in taken:
+            if task in claimed:
                 raise Refused(f"a task {task!r} is there already")
 
     def settle(self, now_s: float) -> None:
@@ -395,7 +397,7 @@ class MissionExecutor:
         self._due_s = flow.due_s(self.board)
         self._is_guard_waited_for = flow.is_guard_waited_for(self.board)
 
-    def _see_obstacle(self, status: ActionStatus, now_s: float) -> None:
+    def _receive_obstacle(self, status: ActionStatus, now_s: float) -> None:
         """Notes since when something is in the way; `flow` judges when that is too long."""
         board = self.board
         if status.is_blocked and board.blocked_since_s is None:

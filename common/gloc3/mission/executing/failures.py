@@ -3,11 +3,11 @@
 from gloc3.messages.envelope import Severity
 from gloc3.mission.executing import manoeuvres
 from gloc3.mission.executing.board import Board
-from gloc3.mission.executing.items import ActionRun, Program, TaskRun
+from gloc3.mission.executing.items import ActionRun, MissionProgram, TaskRun
 from gloc3.mission.model.arguments import SetOff
 from gloc3.mission.model.model import attempts
 from gloc3.mission.model.policy import Policy, resolved
-from gloc3.mission.model.states import ActionState, Trigger
+from gloc3.mission.model.states import ActionState, StateTrigger
 
 
 def fail_action(board: Board, run: ActionRun, reason: str, now_s: float, *, is_over: bool = False) -> None:
@@ -23,15 +23,15 @@ def fail_action(board: Board, run: ActionRun, reason: str, now_s: float, *, is_o
     board.release(run, is_over=is_over)
     if isinstance(run.action.order, SetOff) and is_over:
         board.air.is_taking_off = False
-    board.move(run, Trigger.FAIL, now_s, reason)
+    board.move(run, StateTrigger.FAIL, now_s, reason)
     if run.has_attempts_left:
-        board.move(run, Trigger.RETRY, now_s, f"attempt {run.starts + 1} of {attempts(run.options)}")
+        board.move(run, StateTrigger.RETRY, now_s, f"attempt {run.starts + 1} of {attempts(run.options)}")
     elif run.policy is None:
         fail_task(board, run.task, f"{run.action.name} failed: {reason}", now_s)
     elif run.policy is Policy.CONTINUE:
         run.is_settled = True
     elif run.policy is Policy.SKIP:
-        board.move(run, Trigger.SKIP, now_s, reason)
+        board.move(run, StateTrigger.SKIP, now_s, reason)
     else:
         _manoeuvre(board, run.task.program, run.policy, f"{run.target} failed: {reason}", now_s)
 
@@ -42,7 +42,7 @@ def fail_task(board: Board, task: TaskRun, reason: str, now_s: float, *, is_late
         for run in task.actions.values():
             if run.is_open:
                 board.release(run)
-                board.move(run, Trigger.FAIL, now_s, reason)
+                board.move(run, StateTrigger.FAIL, now_s, reason)
     program = task.program
     default = program.mission.policies.on_failure
     policy = task.policy if task.policy is not None else default
@@ -51,19 +51,19 @@ def fail_task(board: Board, task: TaskRun, reason: str, now_s: float, *, is_late
         for run in task.actions.values():
             run.is_settled = run.is_settled or run.state is ActionState.FAILED
         task.blemish = reason
-        board.tell(Severity.WARNING, f"{task.target} goes on: {reason}")
+        board.report(Severity.WARNING, f"{task.target} goes on: {reason}")
         return
     if policy is Policy.SKIP and not has_attempts_left:
-        board.end(task, Trigger.SKIP, now_s, reason)
+        board.end(task, StateTrigger.SKIP, now_s, reason)
         return
     if task.state is ActionState.WAITING:  # another attempt is to begin already: this action is tried again in it
         for run in task.actions.values():
             if run.state is ActionState.FAILED and not run.is_settled:
-                board.move(run, Trigger.RETRY, now_s)
+                board.move(run, StateTrigger.RETRY, now_s)
                 run.starts = 0
         return
     if task.state is not ActionState.FAILED:
-        board.move(task, Trigger.FAIL, now_s, reason)
+        board.move(task, StateTrigger.FAIL, now_s, reason)
     if has_attempts_left:
         retry(board, task, now_s)
     elif policy is Policy.CONTINUE:
@@ -71,17 +71,17 @@ def fail_task(board: Board, task: TaskRun, reason: str, now_s: float, *, is_late
             if run.state is ActionState.FAILED:
                 run.is_settled = True
             elif not run.has_ended:
-                board.end(run, Trigger.SKIP, now_s, reason)
+                board.end(run, StateTrigger.SKIP, now_s, reason)
         task.is_settled = True
     else:
         manoeuvre = Policy.HOLD if policy is Policy.RETRY else policy
         _manoeuvre(board, program, manoeuvre, f"{task.target} failed: {reason}", now_s)
 
 
-def fail_program(board: Board, program: Program, reason: str, now_s: float) -> None:
+def fail_program(board: Board, program: MissionProgram, reason: str, now_s: float) -> None:
     """A mission, or a single task or action, has failed as a whole."""
-    board.end_all(program, Trigger.ABORT, now_s, reason)
-    board.move(program, Trigger.FAIL, now_s, reason)
+    board.end_all(program, StateTrigger.ABORT, now_s, reason)
+    board.move(program, StateTrigger.FAIL, now_s, reason)
     on_failure = program.mission.policies.on_failure
     manoeuvres.apply(board, resolved(Policy.ABORT, on_failure), reason, now_s)
 
@@ -91,11 +91,11 @@ def retry(board: Board, item: TaskRun | ActionRun, now_s: float) -> None:
     if isinstance(item, TaskRun):
         for run in item.actions.values():
             if run.state is ActionState.FAILED and not run.is_settled:
-                board.move(run, Trigger.RETRY, now_s)
+                board.move(run, StateTrigger.RETRY, now_s)
                 run.starts = 0
-        board.move(item, Trigger.RETRY, now_s, f"attempt {item.starts + 1}")
+        board.move(item, StateTrigger.RETRY, now_s, f"attempt {item.starts + 1}")
     else:
-        board.move(item, Trigger.RETRY, now_s)
+        board.move(item, StateTrigger.RETRY, now_s)
         item.starts = 0
         reopen(board, item.task, now_s)
 
@@ -104,8 +104,8 @@ def reopen(board: Board, task: TaskRun, now_s: float) -> None:
     """Has a failed task go on once nothing in it is left that failed."""
     is_clear = all(run.state is not ActionState.FAILED or run.is_settled for run in task.actions.values())
     if task.state is ActionState.FAILED and not task.is_settled and is_clear:
-        board.move(task, Trigger.RETRY, now_s)
+        board.move(task, StateTrigger.RETRY, now_s)
 
 
-def _manoeuvre(board: Board, program: Program, policy: Policy, cause: str, now_s: float) -> None:
+def _manoeuvre(board: Board, program: MissionProgram, policy: Policy, cause: str, now_s: float) -> None:
     manoeuvres.apply(board, resolved(policy, program.mission.policies.on_failure), cause, now_s)

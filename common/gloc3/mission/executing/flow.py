@@ -6,21 +6,21 @@ from typing import Final
 
 from gloc3.messages.envelope import Severity
 from gloc3.mission.executing import elsewhere, manoeuvres, reactions
-from gloc3.mission.executing.assignments import MOTION, Assignment, Phase
-from gloc3.mission.executing.board import Board, Condition
+from gloc3.mission.executing.assignments import MOTION, Assignment, AssignmentPhase
+from gloc3.mission.executing.board import Board, PolicyCondition
 from gloc3.mission.executing.failures import fail_action, fail_program, fail_task
-from gloc3.mission.executing.items import ActionRun, Program, TaskRun
+from gloc3.mission.executing.items import ActionRun, MissionProgram, TaskRun
 from gloc3.mission.model.arguments import LandOrder, SetOff, Wait
-from gloc3.mission.model.states import ActionState, Trigger
+from gloc3.mission.model.states import ActionState, StateTrigger
 
 GRACE_S: Final = 0.5
 """A running action outlives the loss of what it needs for this long: a standby may take over."""
 WAIT_STEP: Final = 0.05
 WAIT_STEP_S: Final = 1.0
 """How far a wait has come is put on disk after so much of it, but not more often than this."""
-PATIENCE_S: Final = 2.0
+TIMEOUT_S: Final = 2.0
 """An action that is to start waits this long for what it needs."""
-GUARD_PATIENCE_S: Final = 2.0
+GUARD_TIMEOUT_S: Final = 2.0
 """So long a guard waits for what is not measured at the moment; then it counts as not met."""
 
 
@@ -44,7 +44,7 @@ def advance(board: Board, now_s: float) -> None:
 
 
 def _silence(assignment: Assignment) -> str:
-    if assignment.asked_s is not None:
+    if assignment.requested_s is not None:
         return f"{assignment.component} does not answer"
     return f"{assignment.component} has gone silent"
 
@@ -60,17 +60,17 @@ def lose(board: Board, assignment: Assignment, reason: str, now_s: float, *, is_
         is_over: whether it knows that the action has ended.
     """
     verb, run = assignment.verb, assignment.run
-    was_asked = assignment.asked_s is not None
+    was_requested = assignment.requested_s is not None
     board.assignments.drop(assignment, is_over=is_over)
     if run is None:
         manoeuvres.ended(board, assignment, ActionState.FAILED, reason, now_s)
-    elif verb == "resume" and was_asked and run.state is ActionState.RUNNING:
+    elif verb == "resume" and was_requested and run.state is ActionState.RUNNING:
         _assign(board, run, now_s)  # it has forgotten the action: once more from where it was
     elif verb != "pause" and run.is_open:
         fail_action(board, run, reason, now_s, is_over=is_over)
 
 
-def _watch(board: Board, program: Program, now_s: float) -> None:
+def _watch(board: Board, program: MissionProgram, now_s: float) -> None:
     """Deadlines, and what running actions need."""
     if now_s >= program.due_s():
         fail_program(board, program, f"deadline of {program.deadline_s:g} s passed", now_s)
@@ -95,9 +95,9 @@ def _watch_obstacle(board: Board, now_s: float) -> None:
     if MOTION not in board.assignments.claims:
         board.blocked_since_s = None
     is_on = now_s >= obstacle_due_s(board)
-    if is_on != (Condition.OBSTACLE in board.conditions):
+    if is_on != (PolicyCondition.OBSTACLE in board.conditions):
         reason = f"in the way for {board.policies.obstacle_after_s:g} s" if is_on else ""
-        reactions.set_condition(board, Condition.OBSTACLE, is_on, reason, now_s)
+        reactions.set_condition(board, PolicyCondition.OBSTACLE, is_on, reason, now_s)
 
 
 def obstacle_due_s(board: Board) -> float:
@@ -109,7 +109,7 @@ def _wait(board: Board, run: ActionRun, duration_s: float, now_s: float) -> None
     """A wait is over, or has come so far that it is worth keeping."""
     if now_s >= run.reaches_s(duration_s):
         run.progress = 1.0
-        board.move(run, Trigger.FINISH, now_s)
+        board.move(run, StateTrigger.FINISH, now_s)
     elif now_s >= _wait_due_s(run, duration_s):
         run.progress = run.ran_s(now_s) / duration_s
         board.is_changed = True
@@ -125,12 +125,12 @@ def lost_at_s(board: Board, run: ActionRun) -> float:
     """When a running action fails for the want of something; never, where a lost pose has a policy of its own."""
     name = run.action.ability
     missing = board.missing.get(name)
-    if missing is None or (missing == ("pose",) and Condition.POSE_LOST in board.conditions):
+    if missing is None or (missing == ("pose",) and PolicyCondition.POSE_LOST in board.conditions):
         return inf
     return board.missing.since_s[name] + GRACE_S
 
 
-def _go_on(board: Board, program: Program, now_s: float) -> bool:
+def _go_on(board: Board, program: MissionProgram, now_s: float) -> bool:
     """One pass over a program; whether anything has changed."""
     if not program.is_open:
         return False
@@ -140,10 +140,10 @@ def _go_on(board: Board, program: Program, now_s: float) -> bool:
             has_moved |= _end_companion(board, run, now_s)
         is_next = program.state is ActionState.RUNNING and task.state is ActionState.WAITING
         if is_next and all(program.tasks[name].has_ended for name in task.options.after):
-            leave = guard_says(board, task, now_s)
-            if leave is Leave.BEGIN:
-                board.move(task, Trigger.START, now_s)
-            has_moved |= leave is not Leave.WAIT
+            leave = guard_decision(board, task, now_s)
+            if leave is GuardDecision.BEGIN:
+                board.move(task, StateTrigger.START, now_s)
+            has_moved |= leave is not GuardDecision.WAIT
         if program.state is ActionState.RUNNING and task.state is ActionState.RUNNING:
             for run in task.actions.values():
                 if task.state is ActionState.RUNNING:  # the guard of one before may have failed it
@@ -153,7 +153,7 @@ def _go_on(board: Board, program: Program, now_s: float) -> bool:
         elif is_to_repeat(board, task):
             has_moved |= begin_repetition(board, task, now_s)
         else:
-            board.move(task, Trigger.FAIL if task.blemish else Trigger.FINISH, now_s, task.blemish)
+            board.move(task, StateTrigger.FAIL if task.blemish else StateTrigger.FINISH, now_s, task.blemish)
             task.is_settled = True
             has_moved = True
         if not program.is_open:
@@ -161,9 +161,9 @@ def _go_on(board: Board, program: Program, now_s: float) -> bool:
     if all(task.has_ended for task in program.own_tasks):
         failed = [task for task in program.own_tasks if task.state is ActionState.FAILED]
         if failed and not program.is_mission:
-            board.move(program, Trigger.FAIL, now_s, failed[0].reason)
+            board.move(program, StateTrigger.FAIL, now_s, failed[0].reason)
         else:
-            board.move(program, Trigger.FINISH, now_s)
+            board.move(program, StateTrigger.FINISH, now_s)
         return True
     return has_moved
 
@@ -174,10 +174,10 @@ def _end_companion(board: Board, run: ActionRun, now_s: float) -> bool:
     if companion is None or not companion.has_ended or run.has_ended or run.state is ActionState.FAILED:
         return False
     if run.state is ActionState.WAITING:
-        board.move(run, Trigger.SKIP, now_s, f"{run.until} had ended before it began")
+        board.move(run, StateTrigger.SKIP, now_s, f"{run.until} had ended before it began")
     else:
         board.release(run)
-        board.move(run, Trigger.FINISH, now_s, f"{run.until} ended")
+        board.move(run, StateTrigger.FINISH, now_s, f"{run.until} ended")
     return True
 
 
@@ -189,9 +189,9 @@ def _start(board: Board, run: ActionRun, now_s: float) -> bool:
         return False
     if board.has_pilot or (run.is_motion and not _may_move(board, run)):
         return False
-    leave = guard_says(board, run, now_s)
-    if leave is not Leave.BEGIN:
-        return leave is Leave.ENDED
+    leave = guard_decision(board, run, now_s)
+    if leave is not GuardDecision.BEGIN:
+        return leave is GuardDecision.ENDED
     holder = board.assignments.holder(run.row)
     if holder is not None:
         run.reason = f"waits for {holder.label}"
@@ -199,13 +199,13 @@ def _start(board: Board, run: ActionRun, now_s: float) -> bool:
     if run.action.ability in board.missing:
         since_s = now_s if since_s is None else since_s
         missing = run.reason = f"waits for {board.missing.words(run.action.ability)}"
-        if now_s < since_s + PATIENCE_S:
+        if now_s < since_s + TIMEOUT_S:
             run.unavailable_since_s = since_s
             return False
-        board.move(run, Trigger.START, now_s)
+        board.move(run, StateTrigger.START, now_s)
         fail_action(board, run, f"{run.action.ability} is not available: it {missing}", now_s)
         return True
-    board.move(run, Trigger.START, now_s)
+    board.move(run, StateTrigger.START, now_s)
     _assign(board, run, now_s)
     return True
 
@@ -228,9 +228,9 @@ def _assign(board: Board, run: ActionRun, now_s: float) -> None:
 
 def go_on_after_pause(board: Board, run: ActionRun, now_s: float) -> None:
     """Resumes a paused action at its component, or there anew where the component no longer has it."""
-    board.move(run, Trigger.RESUME, now_s)
+    board.move(run, StateTrigger.RESUME, now_s)
     assignment = board.assignment(run)
-    if assignment is not None and assignment.phase is Phase.PAUSED:
+    if assignment is not None and assignment.phase is AssignmentPhase.PAUSED:
         board.assignments.resume(assignment, now_s)
     else:
         _assign(board, run, now_s)
@@ -242,7 +242,7 @@ def finish_action(board: Board, run: ActionRun, now_s: float) -> None:
     run.progress = 1.0
     if isinstance(run.action.order, LandOrder):
         board.air.has_landed = True
-    board.move(run, Trigger.FINISH, now_s)
+    board.move(run, StateTrigger.FINISH, now_s)
 
 
 def due_s(board: Board) -> float:
@@ -259,9 +259,9 @@ def due_s(board: Board) -> float:
                 if isinstance(run.action.order, Wait):
                     times.append(_wait_due_s(run, run.action.order.duration_s))
             elif run.state is ActionState.WAITING and run.unavailable_since_s is not None:
-                times.append(run.unavailable_since_s + PATIENCE_S)
+                times.append(run.unavailable_since_s + TIMEOUT_S)
     times += [manoeuvres.lost_at_s(board), elsewhere.due_s(board)]
-    if Condition.OBSTACLE not in board.conditions:
+    if PolicyCondition.OBSTACLE not in board.conditions:
         times.append(obstacle_due_s(board))
     manoeuvre = board.manoeuvre
     if manoeuvre is not None:
@@ -269,7 +269,7 @@ def due_s(board: Board) -> float:
     return min(times, default=inf)
 
 
-class Leave(Enum):
+class GuardDecision(Enum):
     """What a guard says."""
 
     BEGIN = auto()
@@ -278,36 +278,36 @@ class Leave(Enum):
     """The item was skipped, or has failed."""
 
 
-def guard_says(board: Board, item: TaskRun | ActionRun, now_s: float) -> Leave:
+def guard_decision(board: Board, item: TaskRun | ActionRun, now_s: float) -> GuardDecision:
     """Whether an item whose turn it is may begin; where it may not, it is skipped, waits or fails as its guard says."""
     guard = item.options.when
     if guard is None:
-        return Leave.BEGIN
+        return GuardDecision.BEGIN
     holds = guard.holds(board.readings)
     if holds:
         item.rest(now_s)
-        return Leave.BEGIN
+        return GuardDecision.BEGIN
     is_waited_for = item.options.otherwise == "wait" or holds is None
-    if is_waited_for and now_s < item.gives_up_s(GUARD_PATIENCE_S):
-        item.await_leave(now_s, f"waits for {guard}")
-        return Leave.WAIT
+    if is_waited_for and now_s < item.gives_up_s(GUARD_TIMEOUT_S):
+        item.await_permission(now_s, f"waits for {guard}")
+        return GuardDecision.WAIT
     item.rest(now_s)
-    lacking = f"{guard} is not known" if holds is None else f"not {guard}"
+    missing = f"{guard} is not known" if holds is None else f"not {guard}"
     if item.options.otherwise == "skip":
-        board.end(item, Trigger.SKIP, now_s, lacking)
-        return Leave.ENDED
-    board.move(item, Trigger.START, now_s)
-    reason = lacking if item.options.otherwise == "fail" else f"deadline passed: it waited for {guard}"
+        board.end(item, StateTrigger.SKIP, now_s, missing)
+        return GuardDecision.ENDED
+    board.move(item, StateTrigger.START, now_s)
+    reason = missing if item.options.otherwise == "fail" else f"deadline passed: it waited for {guard}"
     if isinstance(item, TaskRun):
         fail_task(board, item, reason, now_s)
     else:
         fail_action(board, item, reason, now_s)
-    return Leave.ENDED
+    return GuardDecision.ENDED
 
 
 def guard_due_s(item: TaskRun | ActionRun) -> float:
     """When an item that waits for its guard gives up; infinite where it does not wait."""
-    return item.gives_up_s(GUARD_PATIENCE_S)
+    return item.gives_up_s(GUARD_TIMEOUT_S)
 
 
 def is_guard_waited_for(board: Board) -> bool:
@@ -333,8 +333,8 @@ def begin_repetition(board: Board, task: TaskRun, now_s: float) -> bool:
     task.repetition += 1
     for run in task.actions.values():
         if run.state is not ActionState.ABORTED:
-            run.move(Trigger.RETRY if run.state is ActionState.FAILED else Trigger.REPEAT, now_s)
-            run.forget()
+            run.move(StateTrigger.RETRY if run.state is ActionState.FAILED else StateTrigger.REPEAT, now_s)
+            run.reset()
     board.is_changed = True
-    board.tell(Severity.INFO, f"{task.target}: {task.repetition} of {task.repeat.times}")
+    board.report(Severity.INFO, f"{task.target}: {task.repetition} of {task.repeat.times}")
     return any(run.state is ActionState.WAITING for run in task.actions.values())

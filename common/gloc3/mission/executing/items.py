@@ -9,7 +9,7 @@ from msgspec import structs
 from gloc3.mission.executing.snapshot import ItemSnapshot, ProgramSnapshot
 from gloc3.mission.model.model import Action, ItemFile, Mission, Task, attempts
 from gloc3.mission.model.policy import Policy
-from gloc3.mission.model.states import OURS, TABLE, ActionState, Trigger, transition
+from gloc3.mission.model.states import OURS, TABLE, ActionState, StateTrigger, transition
 from gloc3.platform.platform import Capability
 
 MISSION: Final = "mission"
@@ -18,7 +18,7 @@ MISSION: Final = "mission"
 _OVER: Final = (ActionState.DONE, ActionState.SKIPPED, ActionState.ABORTED)
 
 
-class Item:
+class MissionItem:
     """What a mission, a task and an action have in common."""
 
     level: str = ""
@@ -55,7 +55,7 @@ class Item:
         return self.state in (ActionState.RUNNING, ActionState.PAUSED)
 
     @property
-    def accepted(self) -> tuple[Trigger, ...]:
+    def accepted(self) -> tuple[StateTrigger, ...]:
         """What an operator may do to it in its state."""
         return tuple(trigger for trigger in TABLE[self.state] if trigger not in OURS)
 
@@ -87,7 +87,7 @@ class Item:
         """How long it has been waiting for its guard, pauses left out."""
         return self._waited_s + (now_s - self._waits_since_s if self._waits_since_s is not None else 0.0)
 
-    def await_leave(self, now_s: float, reason: str) -> None:
+    def await_permission(self, now_s: float, reason: str) -> None:
         """Its turn has come, and its guard does not let it begin yet."""
         self.reason = reason
         if self._waits_since_s is None:
@@ -97,7 +97,7 @@ class Item:
         """It waits for its guard no more, or not now."""
         self._waited_s, self._waits_since_s = self.waited_s(now_s), None
 
-    def patience_s(self, unknown_s: float) -> float:
+    def wait_limit_s(self, unknown_s: float) -> float:
         """How long it waits for its guard at most; `unknown_s` where it waits only for what is not measured."""
         is_waiting = self.options.otherwise == "wait" and self.deadline_s is not None
         return self.deadline_s if is_waiting and self.deadline_s is not None else unknown_s
@@ -106,9 +106,9 @@ class Item:
         """When it has waited for its guard that long; infinite where it does not wait."""
         if self._waits_since_s is None or self.state is not ActionState.WAITING:
             return inf
-        return self._waits_since_s + self.patience_s(unknown_s) - self._waited_s
+        return self._waits_since_s + self.wait_limit_s(unknown_s) - self._waited_s
 
-    def move(self, trigger: Trigger, now_s: float, reason: str = "") -> None:
+    def move(self, trigger: StateTrigger, now_s: float, reason: str = "") -> None:
         """Goes on by the table.
 
         Raises:
@@ -121,7 +121,7 @@ class Item:
             self._waited_s, self._waits_since_s = 0.0, None
         self.state, self.reason = to, reason
         self.paused_by = ""
-        if trigger is Trigger.START:
+        if trigger is StateTrigger.START:
             self.starts += 1
 
     def snapshot(self, now_s: float) -> ItemSnapshot:
@@ -144,7 +144,7 @@ class Item:
         self._since_s = now_s if kept.state is ActionState.RUNNING else None
 
 
-class ActionRun(Item):
+class ActionRun(MissionItem):
     """An action of a program."""
 
     level = "action"
@@ -165,7 +165,7 @@ class ActionRun(Item):
         """Whether it moves the vehicle."""
         return "motion" in self.row.claims
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """It is to be done from its beginning."""
         self.starts, self.progress, self.is_settled, self.unavailable_since_s = 0, 0.0, False, None
 
@@ -179,12 +179,12 @@ class ActionRun(Item):
         self.progress = kept.progress
 
 
-class TaskRun(Item):
+class TaskRun(MissionItem):
     """A task of a program."""
 
     level = "task"
 
-    def __init__(self, program: "Program", task: Task) -> None:
+    def __init__(self, program: "MissionProgram", task: Task) -> None:
         super().__init__(task.name, task.options, task.options.deadline_s)
         self.program: Final = program
         self.elsewhere: Final = (task.options.platform or "") if task.is_elsewhere else ""
@@ -198,10 +198,10 @@ class TaskRun(Item):
         self.repetition = 0
         """The time for which it is being done, from 1; 0 where it is not repeated, or has not begun."""
 
-    def move(self, trigger: Trigger, now_s: float, reason: str = "") -> None:
+    def move(self, trigger: StateTrigger, now_s: float, reason: str = "") -> None:
         """Goes on by the table."""
         super().move(trigger, now_s, reason)
-        if trigger is Trigger.START and self.repeat is not None:
+        if trigger is StateTrigger.START and self.repeat is not None:
             self.repetition = max(self.repetition, 1)
 
     def snapshot(self, now_s: float) -> ItemSnapshot:
@@ -225,7 +225,7 @@ class TaskRun(Item):
         return True
 
 
-class Program(Item):
+class MissionProgram(MissionItem):
     """The loaded mission, or a single task or action that was asked for."""
 
     level = "mission"

@@ -5,15 +5,15 @@ from typing import Final
 
 from gloc3.messages.envelope import Severity
 from gloc3.mission.executing.assignments import Assignment
-from gloc3.mission.executing.board import Board, Manoeuvre
-from gloc3.mission.executing.items import Program
+from gloc3.mission.executing.board import Board, PolicyManoeuvre
+from gloc3.mission.executing.items import MissionProgram
 from gloc3.mission.model.arguments import Arguments, LandOrder, ReturnHome
 from gloc3.mission.model.policy import SEVERITY, Policy
-from gloc3.mission.model.states import ENDED, ActionState, Trigger
+from gloc3.mission.model.states import ENDED, ActionState, StateTrigger
 
 AGAIN_S: Final = 1.0
 """A landing that cannot be begun is tried again after this time, for as long as it takes."""
-PATIENCE_S: Final = 2.0
+TIMEOUT_S: Final = 2.0
 """A return outlives the loss of what it needs for this long; then it becomes a landing here."""
 
 _CAPABILITY: Final[dict[Policy, tuple[str, Arguments]]] = {
@@ -23,7 +23,13 @@ _CAPABILITY: Final[dict[Policy, tuple[str, Arguments]]] = {
 
 
 def apply(
-    board: Board, policy: Policy, cause: str, now_s: float, trigger: Trigger = Trigger.FAIL, *, is_ordered: bool = False
+    board: Board,
+    policy: Policy,
+    cause: str,
+    now_s: float,
+    trigger: StateTrigger = StateTrigger.FAIL,
+    *,
+    is_ordered: bool = False,
 ) -> None:
     """Carries out `hold`, `return` or `land`, unless a more severe policy is being carried out already.
 
@@ -45,22 +51,22 @@ def apply(
             if program.is_mission:
                 board.halt(program, "mission", now_s, reason)
             elif _is_stopped_by_hold(program):
-                end_program(board, program, Trigger.ABORT, now_s, reason)
+                end_program(board, program, StateTrigger.ABORT, now_s, reason)
     else:
         for program in board.programs.values():
-            end_program(board, program, trigger if program.is_mission else Trigger.ABORT, now_s, reason)
+            end_program(board, program, trigger if program.is_mission else StateTrigger.ABORT, now_s, reason)
     if not board.is_airborne:
         return
-    board.manoeuvre = Manoeuvre(policy, cause)
+    board.manoeuvre = PolicyManoeuvre(policy, cause)
     board.is_changed = True
-    board.tell(Severity.WARNING, f"policy {policy}: {cause}")
+    board.report(Severity.WARNING, f"policy {policy}: {cause}")
     if policy is Policy.HOLD:
         board.manoeuvre.land_at_s = None if is_ordered else now_s + board.policies.hold_s
     else:
         board.manoeuvre.again_s = now_s
 
 
-def take_up(board: Board, policy: Policy, cause: str, land_at_s: float | None, now_s: float) -> None:
+def continue_policy(board: Board, policy: Policy, cause: str, land_at_s: float | None, now_s: float) -> None:
     """Carries on with what was being carried out before a restart; a hold lasts no longer for it.
 
     Args:
@@ -77,7 +83,7 @@ def take_up(board: Board, policy: Policy, cause: str, land_at_s: float | None, n
         board.manoeuvre.land_at_s = None if land_at_s is None else min(land_at_s, limit_s)
 
 
-def _is_stopped_by_hold(program: Program) -> bool:
+def _is_stopped_by_hold(program: MissionProgram) -> bool:
     """Whether a single command moves the vehicle, or has failed."""
     return any(
         (run.is_motion and not run.has_ended) or (run.state is ActionState.FAILED and not run.is_settled)
@@ -85,10 +91,10 @@ def _is_stopped_by_hold(program: Program) -> bool:
     )
 
 
-def end_program(board: Board, program: Program, trigger: Trigger, now_s: float, reason: str) -> None:
+def end_program(board: Board, program: MissionProgram, trigger: StateTrigger, now_s: float, reason: str) -> None:
     """Ends a program with all that is in it, if it is under way."""
     if program.is_open:
-        board.end_all(program, Trigger.ABORT, now_s, reason)
+        board.end_all(program, StateTrigger.ABORT, now_s, reason)
         board.move(program, trigger, now_s, reason)
 
 
@@ -96,7 +102,7 @@ def stop(board: Board, now_s: float) -> None:
     """Ends the policy that is being carried out, or the contingency."""
     if board.manoeuvre is not None:
         if board.manoeuvre.program is not None:
-            end_program(board, board.manoeuvre.program, Trigger.ABORT, now_s, "something else is done")
+            end_program(board, board.manoeuvre.program, StateTrigger.ABORT, now_s, "something else is done")
         if board.manoeuvre.assignment is not None:
             board.assignments.drop(board.manoeuvre.assignment)
         board.manoeuvre = None
@@ -110,7 +116,7 @@ def dismiss(board: Board, now_s: float) -> None:
         stop(board, now_s)
 
 
-def forget(board: Board, now_s: float) -> None:
+def clear(board: Board, now_s: float) -> None:
     """Ends whatever policy is being carried out, because a pilot has control."""
     stop(board, now_s)
 
@@ -121,7 +127,7 @@ def advance(board: Board, now_s: float) -> None:
     if manoeuvre is None or manoeuvre.program is not None:
         return
     if not board.is_airborne and manoeuvre.assignment is None:
-        board.tell(Severity.INFO, f"policy {manoeuvre.policy} ended: the vehicle is on the ground")
+        board.report(Severity.INFO, f"policy {manoeuvre.policy} ended: the vehicle is on the ground")
         stop(board, now_s)
     elif manoeuvre.land_at_s is not None and now_s >= manoeuvre.land_at_s:
         cause = f"{manoeuvre.cause}; nobody acted for {board.policies.hold_s:g} s"
@@ -130,15 +136,15 @@ def advance(board: Board, now_s: float) -> None:
     elif manoeuvre.assignment is not None and now_s >= lost_at_s(board):
         board.assignments.drop(manoeuvre.assignment)
         manoeuvre.assignment = None
-        lacking = board.missing.words("return_home")
-        _fall_back(board, manoeuvre, f"return_home is no longer available ({lacking})", now_s)
+        missing = board.missing.words("return_home")
+        _fall_back(board, manoeuvre, f"return_home is no longer available ({missing})", now_s)
     elif manoeuvre.again_s is not None and now_s >= manoeuvre.again_s and manoeuvre.assignment is None:
         manoeuvre.again_s = None
         name, order = _CAPABILITY[manoeuvre.policy]
         row = board.rows.get(name)
         if row is None or name in board.missing:
-            lacking = board.missing.words(name) or "the platform cannot do it"
-            _fall_back(board, manoeuvre, f"{name} is not available ({lacking})", now_s)
+            missing = board.missing.words(name) or "the platform cannot do it"
+            _fall_back(board, manoeuvre, f"{name} is not available ({missing})", now_s)
             return
         board.is_changed = True
         manoeuvre.assignment = board.assignments.start(f"policy.{name}", name, row, order, None, now_s)
@@ -149,7 +155,7 @@ def lost_at_s(board: Board) -> float:
     manoeuvre = board.manoeuvre
     if manoeuvre is None or manoeuvre.assignment is None or manoeuvre.policy is not Policy.RETURN:
         return inf
-    return board.missing.since_s.get("return_home", inf) + PATIENCE_S
+    return board.missing.since_s.get("return_home", inf) + TIMEOUT_S
 
 
 def ended(board: Board, assignment: Assignment, state: ActionState, reason: str, now_s: float) -> None:
@@ -162,22 +168,22 @@ def ended(board: Board, assignment: Assignment, state: ActionState, reason: str,
     if state is not ActionState.DONE:
         _fall_back(board, manoeuvre, f"{assignment.label} {state}: {reason}", now_s)
     elif manoeuvre.policy is Policy.RETURN:
-        board.tell(Severity.INFO, "policy return: at home, landing")
+        board.report(Severity.INFO, "policy return: at home, landing")
         manoeuvre.policy, manoeuvre.again_s = Policy.LAND, now_s
     else:
         board.air.has_landed = True
-        board.tell(Severity.INFO, "policy land: landed")
+        board.report(Severity.INFO, "policy land: landed")
         board.manoeuvre = None
 
 
-def _fall_back(board: Board, manoeuvre: Manoeuvre, reason: str, now_s: float) -> None:
+def _fall_back(board: Board, manoeuvre: PolicyManoeuvre, reason: str, now_s: float) -> None:
     """From return to landing here; from landing to landing again."""
     if manoeuvre.policy is Policy.RETURN:
-        board.tell(Severity.ERROR, f"{reason}; landing here")
+        board.report(Severity.ERROR, f"{reason}; landing here")
         manoeuvre.policy, manoeuvre.again_s = Policy.LAND, now_s
         advance(board, now_s)
     else:
-        if reason != manoeuvre.trouble:
-            manoeuvre.trouble = reason
-            board.tell(Severity.ERROR, f"{reason}; trying again")
+        if reason != manoeuvre.problem:
+            manoeuvre.problem = reason
+            board.report(Severity.ERROR, f"{reason}; trying again")
         manoeuvre.again_s = now_s + AGAIN_S

@@ -9,12 +9,12 @@ from typing import Final
 
 from gloc3.messages.envelope import Severity
 from gloc3.mission.executing import manoeuvres
-from gloc3.mission.executing.board import Board, Condition, Manoeuvre
-from gloc3.mission.executing.items import Program
+from gloc3.mission.executing.board import Board, PolicyCondition, PolicyManoeuvre
+from gloc3.mission.executing.items import MissionProgram
 from gloc3.mission.executing.snapshot import PlannedSilence
 from gloc3.mission.model.model import Contingency, answer, part_of
 from gloc3.mission.model.policy import MANOEUVRES, SEVERITY, Policy, resolved
-from gloc3.mission.model.states import ActionState, Trigger
+from gloc3.mission.model.states import ActionState, StateTrigger
 
 CONTINGENCY: Final = "contingency"
 """The name of the program that is a contingency under way."""
@@ -22,30 +22,30 @@ KEEP_SILENCE_S: Final = 30.0
 """While a silence is planned it is kept on disk so often how far it has come, for restarts of the computer."""
 
 
-def set_condition(board: Board, condition: Condition, is_on: bool, reason: str, now_s: float) -> None:
+def set_condition(board: Board, condition: PolicyCondition, is_on: bool, reason: str, now_s: float) -> None:
     """Notes whether a condition holds; its policy is carried out once, when it arises."""
     if is_on == (condition in board.conditions):
         return
     if is_on:
         board.conditions[condition] = reason
-        meet(board, condition, reason, now_s)
+        apply_policy(board, condition, reason, now_s)
     else:
         del board.conditions[condition]
         board.unanswered.pop(condition, None)
-        board.tell(Severity.INFO, f"{condition}: over")
+        board.report(Severity.INFO, f"{condition}: over")
 
 
-def meet(board: Board, condition: Condition, reason: str, now_s: float) -> None:
+def apply_policy(board: Board, condition: PolicyCondition, reason: str, now_s: float) -> None:
     """Answers a condition that has just arisen with the governing policies."""
     if board.has_pilot:
         board.unanswered[condition] = reason
-        board.tell(Severity.WARNING, f"{condition}: {reason}; the pilot has control")
+        board.report(Severity.WARNING, f"{condition}: {reason}; the pilot has control")
         return
     wanted = _wanted(board, condition)
     if isinstance(wanted, Contingency) and begin_contingency(board, wanted, str(condition), now_s):
         return
     policy = resolved(answer(wanted), board.policies.on_failure)
-    board.tell(Severity.WARNING, f"{condition}{': ' + reason if reason else ''}; policy: {policy}")
+    board.report(Severity.WARNING, f"{condition}{': ' + reason if reason else ''}; policy: {policy}")
     if policy in MANOEUVRES:
         manoeuvres.apply(board, policy, str(condition), now_s)
 
@@ -54,32 +54,32 @@ def lose_component(board: Board, component: str, policy: Policy, reason: str, no
     """A component's function is lost for good, and its row says what is to be done; the mission may say more."""
     cause, wanted = f"{component} is lost ({reason})", board.policies.on_component_fault
     if isinstance(wanted, Contingency) and resolved(policy, board.policies.on_failure) is not Policy.LAND:
-        board.tell(Severity.ERROR, f"{cause}; contingency: {wanted.task}")
+        board.report(Severity.ERROR, f"{cause}; contingency: {wanted.task}")
         if begin_contingency(board, wanted, cause, now_s):
             return
     on_failure = board.policies.on_failure
     both = resolved(policy, on_failure), resolved(answer(wanted), on_failure)
     worst = max(both, key=lambda one: SEVERITY[one])
-    board.tell(Severity.ERROR, f"{cause}; policy: {worst}")
+    board.report(Severity.ERROR, f"{cause}; policy: {worst}")
     manoeuvres.apply(board, worst, cause, now_s)
 
 
-def _wanted(board: Board, condition: Condition) -> str | Contingency:
+def _wanted(board: Board, condition: PolicyCondition) -> str | Contingency:
     policies = board.policies
     match condition:
-        case Condition.LINK_LOST:
+        case PolicyCondition.LINK_LOST:
             return policies.on_link_loss
-        case Condition.OVERDUE:
+        case PolicyCondition.OVERDUE:
             return policies.on_overdue or policies.on_link_loss
-        case Condition.LOW_BATTERY:
+        case PolicyCondition.LOW_BATTERY:
             return policies.on_low_battery
-        case Condition.POSE_LOST:
+        case PolicyCondition.POSE_LOST:
             return policies.on_pose_lost
-        case Condition.OBSTACLE:
+        case PolicyCondition.OBSTACLE:
             return policies.on_obstacle
-        case Condition.PLATFORM_LOST:
+        case PolicyCondition.PLATFORM_LOST:
             return policies.on_platform_loss
-        case Condition.FENCE_BREACHED:
+        case PolicyCondition.FENCE_BREACHED:
             return Policy.ABORT
 
 
@@ -102,17 +102,17 @@ def begin_contingency(board: Board, wanted: Contingency, cause: str, now_s: floa
         if program.is_mission:
             board.halt(program, "mission", now_s, reason)
         else:
-            manoeuvres.end_program(board, program, Trigger.ABORT, now_s, reason)
+            manoeuvres.end_program(board, program, StateTrigger.ABORT, now_s, reason)
     program = board.program(CONTINGENCY, part_of(mission.mission, wanted.task))
     board.manoeuvre = contingency_manoeuvre(program, wanted, cause)
-    board.tell(Severity.WARNING, f"contingency {wanted.task}: {cause}")
-    board.move(program, Trigger.START, now_s)
+    board.report(Severity.WARNING, f"contingency {wanted.task}: {cause}")
+    board.move(program, StateTrigger.START, now_s)
     return True
 
 
-def contingency_manoeuvre(program: Program, wanted: Contingency, cause: str) -> Manoeuvre:
+def contingency_manoeuvre(program: MissionProgram, wanted: Contingency, cause: str) -> PolicyManoeuvre:
     """The contingency as what is being carried out."""
-    manoeuvre = Manoeuvre(answer(wanted), cause)
+    manoeuvre = PolicyManoeuvre(answer(wanted), cause)
     manoeuvre.contingency, manoeuvre.program = wanted, program
     return manoeuvre
 
@@ -132,7 +132,7 @@ def end_contingency(board: Board, now_s: float) -> bool:
     wanted, is_done = manoeuvre.contingency, manoeuvre.program.state is ActionState.DONE
     board.manoeuvre, board.is_changed = None, True
     cause = f"{manoeuvre.cause}, after {wanted.task}"
-    board.tell(Severity.INFO, f"contingency {wanted.task} {manoeuvre.program.state}; then {wanted.then}")
+    board.report(Severity.INFO, f"contingency {wanted.task} {manoeuvre.program.state}; then {wanted.then}")
     mission = board.mission
     if wanted.then == "resume" and is_done and mission is not None and mission.state is ActionState.PAUSED:
         return True
@@ -152,15 +152,15 @@ def watch_link(board: Board, silent_s: float, now_s: float) -> None:
     if planned is not None and now_s - board.kept_s >= KEEP_SILENCE_S:
         board.is_changed = True
     if planned is None:
-        set_condition(board, Condition.LINK_LOST, is_silent, f"nothing heard for {after_s:g} s", now_s)
+        set_condition(board, PolicyCondition.LINK_LOST, is_silent, f"nothing heard for {after_s:g} s", now_s)
     elif not is_silent:
-        set_condition(board, Condition.OVERDUE, False, "", now_s)
-        set_condition(board, Condition.LINK_LOST, False, "", now_s)
+        set_condition(board, PolicyCondition.OVERDUE, False, "", now_s)
+        set_condition(board, PolicyCondition.LINK_LOST, False, "", now_s)
         if now_s >= planned.until_s or not _is_silence_going_on(board, planned):
             _end_silence(board)
     elif now_s >= planned.until_s:
         reason = f"contact was due {planned.until_s - planned.began_s:g} s after {planned.target} began"
-        set_condition(board, Condition.OVERDUE, True, reason, now_s)
+        set_condition(board, PolicyCondition.OVERDUE, True, reason, now_s)
 
 
 def _end_silence(board: Board) -> None:
@@ -168,7 +168,7 @@ def _end_silence(board: Board) -> None:
     if board.silence is not None:
         board.silence = None
         board.is_changed = True
-        board.tell(Severity.INFO, "the planned silence is over")
+        board.report(Severity.INFO, "the planned silence is over")
 
 
 def restored_silence(kept: PlannedSilence | None, now_s: float) -> PlannedSilence | None:

@@ -55,11 +55,11 @@ class Cancel(ToComponent, frozen=True, kw_only=True):
     """`action.cancel`."""
 
 
-class TakeBack(Request, frozen=True, kw_only=True):
+class ReclaimMotion(Request, frozen=True, kw_only=True):
     """An operator gave leave to go on after a pilot had control: tell the driver."""
 
 
-class Told(Request, frozen=True, kw_only=True):
+class MissionEvent(Request, frozen=True, kw_only=True):
     """Something that the operators and the log should read."""
 
     severity: Severity

@@ -7,13 +7,13 @@ from gloc3.messages.envelope import Severity
 from gloc3.mission.executing import elsewhere, flow, manoeuvres
 from gloc3.mission.executing.board import Board
 from gloc3.mission.executing.executor import MissionExecutor
-from gloc3.mission.executing.items import ActionRun, Program
+from gloc3.mission.executing.items import ActionRun, MissionProgram
 from gloc3.mission.executing.reactions import CONTINGENCY, contingency_manoeuvre, restored_silence
 from gloc3.mission.executing.snapshot import ProgramSnapshot, Snapshot
 from gloc3.mission.model.arguments import LandOrder, SetOff
 from gloc3.mission.model.model import Mission, part_of
 from gloc3.mission.model.policy import Policy
-from gloc3.mission.model.states import ActionState, Trigger
+from gloc3.mission.model.states import ActionState, StateTrigger
 from gloc3.platform.platform import Platform
 
 _RESTART = "restart"
@@ -45,12 +45,12 @@ def restore(
                 mission_read = part_of(mission_read, next(name for name in kept.items if "." not in name))
             program = board.program(kept.name, mission_read)
         except InputError as error:
-            board.tell(Severity.ERROR, f"after the restart {kept.name} cannot be read: {error.findings[0]}")
+            board.report(Severity.ERROR, f"after the restart {kept.name} cannot be read: {error.findings[0]}")
             continue
         _bring_back(program, kept, now_s)
         for run in program.actions():
             if run.is_open and isinstance(run.action.order, SetOff if is_airborne else LandOrder):
-                board.move(run, Trigger.FINISH, now_s, _RESTART)
+                board.move(run, StateTrigger.FINISH, now_s, _RESTART)
         if program.is_mission:
             board.policies = program.mission.policies
             elsewhere.expect(board, program, now_s)
@@ -58,17 +58,17 @@ def restore(
             assert snapshot.contingency is not None
             board.manoeuvre = contingency_manoeuvre(program, snapshot.contingency, snapshot.cause)
         elif program.is_open:
-            board.end_all(program, Trigger.ABORT, now_s, _RESTART)
-            board.move(program, Trigger.ABORT, now_s, _RESTART)
+            board.end_all(program, StateTrigger.ABORT, now_s, _RESTART)
+            board.move(program, StateTrigger.ABORT, now_s, _RESTART)
     board.silence = restored_silence(snapshot.silence, now_s)
     mission = board.mission
     if snapshot.has_pilot:
         executor.pilot(True, f"he had it before the {_RESTART}", now_s)
     elif board.manoeuvre is not None and board.manoeuvre.program is not None:
-        _take_up(executor, board.manoeuvre.program, now_s)
+        _continue_policy(executor, board.manoeuvre.program, now_s)
     elif snapshot.policy is not None and is_airborne:
         cause = snapshot.cause.removesuffix(f", {_RESTART}")
-        manoeuvres.take_up(board, snapshot.policy, f"{cause}, {_RESTART}", snapshot.land_at_s, now_s)
+        manoeuvres.continue_policy(board, snapshot.policy, f"{cause}, {_RESTART}", snapshot.land_at_s, now_s)
     elif mission is not None and mission.is_open:
         _go_on(executor, mission, is_airborne, now_s)
     elif mission is None and is_airborne and any(kept.own.state is ActionState.RUNNING for kept in snapshot.programs):
@@ -83,30 +83,30 @@ def _goes_on(board: Board, snapshot: Snapshot, is_airborne: bool) -> bool:
     return is_wanted and is_airborne and Policy(board.policies.on_restart) is Policy.CONTINUE
 
 
-def _take_up(executor: MissionExecutor, contingency: Program, now_s: float) -> None:
-    executor.board.tell(Severity.WARNING, "restart in flight: the contingency goes on")
+def _continue_policy(executor: MissionExecutor, contingency: MissionProgram, now_s: float) -> None:
+    executor.board.report(Severity.WARNING, "restart in flight: the contingency goes on")
     for run in contingency.actions():
         if run.paused_by == _RESTART and run.state is ActionState.PAUSED:
             flow.go_on_after_pause(executor.board, run, now_s)
 
 
-def _bring_back(program: Program, kept: ProgramSnapshot, now_s: float) -> None:
+def _bring_back(program: MissionProgram, kept: ProgramSnapshot, now_s: float) -> None:
     """The states as they were; what was running is paused, since no component has it any more."""
     program.restore(kept.own, now_s)
     for item in program.items():
         if item.target in kept.items:
             item.restore(kept.items[item.target], now_s)
         if isinstance(item, ActionRun) and item.state is ActionState.RUNNING:
-            item.move(Trigger.PAUSE, now_s, _RESTART)
+            item.move(StateTrigger.PAUSE, now_s, _RESTART)
             item.paused_by = _RESTART
 
 
-def _go_on(executor: MissionExecutor, mission: Program, is_airborne: bool, now_s: float) -> None:
+def _go_on(executor: MissionExecutor, mission: MissionProgram, is_airborne: bool, now_s: float) -> None:
     board = executor.board
     interrupted = [run for run in mission.actions() if run.paused_by == _RESTART]
     policy = Policy(board.policies.on_restart)
     if policy is Policy.CONTINUE and is_airborne and mission.state is ActionState.RUNNING:
-        board.tell(Severity.WARNING, "restart in flight: the mission goes on")
+        board.report(Severity.WARNING, "restart in flight: the mission goes on")
         for run in interrupted:
             if run.state is ActionState.PAUSED:
                 flow.go_on_after_pause(board, run, now_s)

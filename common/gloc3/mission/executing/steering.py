@@ -6,30 +6,30 @@ from gloc3.messages.frames import Vector3
 from gloc3.mission.checking.checker import home_problem
 from gloc3.mission.executing import elsewhere, manoeuvres, reactions
 from gloc3.mission.executing.assignments import MOTION
-from gloc3.mission.executing.board import Board, Condition
+from gloc3.mission.executing.board import Board, PolicyCondition
 from gloc3.mission.executing.failures import reopen, retry
 from gloc3.mission.executing.flow import go_on_after_pause
-from gloc3.mission.executing.items import ActionRun, Item, Program, TaskRun
+from gloc3.mission.executing.items import ActionRun, MissionItem, MissionProgram, TaskRun
 from gloc3.mission.model.arguments import SetOff, TakeOff
 from gloc3.mission.model.model import Mission
 from gloc3.mission.model.policy import MANOEUVRES, Policy, resolved
-from gloc3.mission.model.states import ActionState, Trigger
+from gloc3.mission.model.states import ActionState, StateTrigger
 from gloc3.mission.model.structure import PartialOrder
 
 BY_OPERATOR = "by an operator"
 
 
-def start(board: Board, item: Item, now_s: float, home_ned_m: Vector3 | None) -> None:
+def start(board: Board, item: MissionItem, now_s: float, home_ned_m: Vector3 | None) -> None:
     """Starts the mission, where the vehicle stands inside its fence.
 
     Raises:
         Refused: it cannot be started now; nothing has changed.
     """
-    if not isinstance(item, Program):
+    if not isinstance(item, MissionProgram):
         raise Refused(f"{item.target} starts when what it comes after has ended; start the mission")
     refuse_while_unfit(board)
     for condition, reason in board.conditions.items():
-        if condition is not Condition.LINK_LOST:
+        if condition is not PolicyCondition.LINK_LOST:
             raise Refused(f"{condition}" + (f": {reason}" if reason else ""))
     check_readiness(board, item.mission)
     if home_ned_m is not None and (problem := home_problem(item.mission, home_ned_m)):
@@ -37,7 +37,7 @@ def start(board: Board, item: Item, now_s: float, home_ned_m: Vector3 | None) ->
     manoeuvres.dismiss(board, now_s)
     board.policies = item.mission.policies
     elsewhere.expect(board, item, now_s)
-    board.move(item, Trigger.START, now_s, BY_OPERATOR)
+    board.move(item, StateTrigger.START, now_s, BY_OPERATOR)
 
 
 def refuse_while_unfit(board: Board) -> None:
@@ -68,8 +68,8 @@ def check_readiness(board: Board, mission: Mission) -> None:
     actions = mission.actions()
     for action in actions.values():
         if action.ability in board.missing:
-            lacking = board.missing.words(action.ability)
-            raise Refused(f"{action.ability} is not available: it lacks {lacking}")
+            missing = board.missing.words(action.ability)
+            raise Refused(f"{action.ability} is not available: it lacks {missing}")
         row = board.rows[action.ability]
         holder = board.assignments.holder(row)
         if holder is not None:
@@ -97,10 +97,10 @@ def take_back(board: Board, now_s: float) -> None:
         go_on(board, mission, now_s)
     for condition, reason in unanswered.items():
         if condition in board.conditions:
-            reactions.meet(board, condition, reason, now_s)
+            reactions.apply_policy(board, condition, reason, now_s)
 
 
-def resume(board: Board, item: Item, now_s: float) -> None:
+def resume(board: Board, item: MissionItem, now_s: float) -> None:
     """Has an item that is paused go on.
 
     Raises:
@@ -122,7 +122,7 @@ def resume(board: Board, item: Item, now_s: float) -> None:
     go_on(board, item, now_s)
 
 
-def try_again(board: Board, item: Item, now_s: float) -> None:
+def try_again(board: Board, item: MissionItem, now_s: float) -> None:
     """Has a task or action that has failed be tried again.
 
     Raises:
@@ -136,7 +136,7 @@ def try_again(board: Board, item: Item, now_s: float) -> None:
     retry(board, item, now_s)
 
 
-def _parents(item: Item) -> list[Item]:
+def _parents(item: MissionItem) -> list[MissionItem]:
     match item:
         case ActionRun():
             return [item.task.program, item.task]
@@ -145,31 +145,31 @@ def _parents(item: Item) -> list[Item]:
     return []
 
 
-def end(board: Board, item: Item, trigger: Trigger, now_s: float) -> None:
+def end(board: Board, item: MissionItem, trigger: StateTrigger, now_s: float) -> None:
     """Skips or aborts; an abort is followed by the mission's `on_failure`."""
     manoeuvres.dismiss(board, now_s)
-    if isinstance(item, Program):
+    if isinstance(item, MissionProgram):
         was_open = item.is_open
         board.end_all(item, trigger, now_s, BY_OPERATOR)
         board.move(item, trigger, now_s, BY_OPERATOR)
-        if trigger is Trigger.ABORT and was_open:
+        if trigger is StateTrigger.ABORT and was_open:
             _follow_abort(board, item, now_s, is_whole=True)
         return
     assert isinstance(item, TaskRun | ActionRun)
     program = item.program if isinstance(item, TaskRun) else item.task.program
     board.end(item, trigger, now_s, BY_OPERATOR)
-    if trigger is Trigger.ABORT and program.is_open:
+    if trigger is StateTrigger.ABORT and program.is_open:
         _follow_abort(board, program, now_s, is_whole=False)
     elif isinstance(item, ActionRun):
         reopen(board, item.task, now_s)
 
 
-def _follow_abort(board: Board, program: Program, now_s: float, *, is_whole: bool) -> None:
+def _follow_abort(board: Board, program: MissionProgram, now_s: float, *, is_whole: bool) -> None:
     on_failure = program.mission.policies.on_failure
     if board.has_pilot or not (is_whole or on_failure in MANOEUVRES):
         return
     policy = resolved(Policy.ABORT, on_failure)
-    manoeuvres.apply(board, policy, f"abort {BY_OPERATOR}", now_s, Trigger.ABORT)
+    manoeuvres.apply(board, policy, f"abort {BY_OPERATOR}", now_s, StateTrigger.ABORT)
 
 
 def resume_mission(board: Board, now_s: float) -> None:
@@ -179,20 +179,26 @@ def resume_mission(board: Board, now_s: float) -> None:
     try:
         check_resumable(board, mission)
     except Refused as refusal:
-        board.tell(Severity.WARNING, f"the mission does not go on: {refusal}")
+        board.report(Severity.WARNING, f"the mission does not go on: {refusal}")
         manoeuvres.apply(board, Policy.HOLD, str(refusal), now_s)
         return
     go_on(board, mission, now_s)
 
 
-def _paused_in(item: Item) -> list[ActionRun]:
+def _paused_in(item: MissionItem) -> list[ActionRun]:
     """The actions that a resume of the item would resume."""
-    runs = item.actions() if isinstance(item, Program) else item.actions.values() if isinstance(item, TaskRun) else ()
+    runs = (
+        item.actions()
+        if isinstance(item, MissionProgram)
+        else item.actions.values()
+        if isinstance(item, TaskRun)
+        else ()
+    )
     found = [run for run in runs if run.state is ActionState.PAUSED and run.paused_by == item.paused_by]
     return [item] if isinstance(item, ActionRun) else found
 
 
-def check_resumable(board: Board, item: Item) -> None:
+def check_resumable(board: Board, item: MissionItem) -> None:
     """Whether all that a resume would resume can go on now.
 
     Raises:
@@ -205,27 +211,27 @@ def check_resumable(board: Board, item: Item) -> None:
         if run.is_motion and not board.is_airborne and not isinstance(run.action.order, SetOff):
             raise Refused(f"the vehicle is on the ground, and {run.target} was paused in the air; abort it")
         if run.action.ability in board.missing:
-            lacking = board.missing.words(run.action.ability)
-            raise Refused(f"{run.action.ability} is not available: it lacks {lacking}")
+            missing = board.missing.words(run.action.ability)
+            raise Refused(f"{run.action.ability} is not available: it lacks {missing}")
 
 
-def go_on(board: Board, item: Item, now_s: float) -> None:
+def go_on(board: Board, item: MissionItem, now_s: float) -> None:
     """Resumes an item, what was paused with it, and tries again what has failed in it."""
     by = item.paused_by
     runs = _paused_in(item)
-    if isinstance(item, Program):
-        board.move(item, Trigger.RESUME, now_s)
+    if isinstance(item, MissionProgram):
+        board.move(item, StateTrigger.RESUME, now_s)
         for task in item.own_tasks:
             if task.state is ActionState.PAUSED and task.paused_by == by:
-                board.move(task, Trigger.RESUME, now_s)
+                board.move(task, StateTrigger.RESUME, now_s)
             elif task.state is ActionState.FAILED and not task.is_settled:
                 retry(board, task, now_s)
     elif isinstance(item, TaskRun):
-        board.move(item, Trigger.RESUME, now_s)
+        board.move(item, StateTrigger.RESUME, now_s)
     for run in runs:
         go_on_after_pause(board, run, now_s)
-    if isinstance(item, Program | TaskRun):
-        waiting = item.actions() if isinstance(item, Program) else iter(item.actions.values())
+    if isinstance(item, MissionProgram | TaskRun):
+        waiting = item.actions() if isinstance(item, MissionProgram) else iter(item.actions.values())
         for run in waiting:
             if run.state is ActionState.FAILED and not run.is_settled:
                 retry(board, run, now_s)

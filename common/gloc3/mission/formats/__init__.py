@@ -9,7 +9,7 @@ from gloc3.errors import Finding, InputError
 from gloc3.messages.frames import LocalFrame
 from gloc3.mission.examples import find_mission
 from gloc3.mission.formats.from_mission import from_mission
-from gloc3.mission.formats.items import Plan
+from gloc3.mission.formats.items import ForeignPlan
 from gloc3.mission.formats.on_earth import on_earth
 from gloc3.mission.formats.plan import read_plan, write_plan
 from gloc3.mission.formats.plan_source import MAX_BYTES
@@ -24,7 +24,7 @@ WPL_SUFFIXES: Final = (".waypoints", ".txt", ".wpl", ".mission")
 MISSION_SUFFIXES: Final = (".yaml", ".yml")
 
 __all__ = [
-    "Plan",
+    "ForeignPlan",
     "exported",
     "from_mission",
     "load_plan",
@@ -38,7 +38,7 @@ __all__ = [
 ]
 
 
-def load_plan(path: Path) -> Plan:
+def load_plan(path: Path) -> ForeignPlan:
     """Reads a plan, or a file of waypoints, by its suffix.
 
     Raises:
@@ -117,7 +117,7 @@ def exported(
     return write_wpl(plan), [*warnings, *lost_in_waypoints(plan, file)]
 
 
-def lost_in_waypoints(plan: Plan, file: str) -> list[Finding]:
+def lost_in_waypoints(plan: ForeignPlan, file: str) -> list[Finding]:
     """What of a plan a file of waypoints cannot carry."""
     if not (plan.fence or plan.rally):
         return []

@@ -4,7 +4,7 @@ from typing import Final
 
 from gloc3.errors import Finding, InputError
 from gloc3.messages.frames import GeoPoint
-from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
+from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
 from gloc3.mission.model.arguments import (
     Arguments,
     Dive,
@@ -31,7 +31,7 @@ _EARTH: Final = GeoPoint(0.0, 0.0, 0.0)
 _NO_PARAMS: Final = (0.0, 0.0, 0.0, None)
 
 
-def from_mission(mission: Mission, file: str) -> tuple[Plan, list[Finding]]:
+def from_mission(mission: Mission, file: str) -> tuple[ForeignPlan, list[Finding]]:
     """The plan that flies the same way as a mission.
 
     Args:
@@ -55,10 +55,10 @@ class _Converter:
         self._findings: list[Finding] = []
         self._items: list[MavItem] = []
         self._speed_m_s: float | None = None
-        self._looks = False
+        self._polls = False
         self._returned = False
 
-    def plan(self) -> tuple[Plan, list[Finding]]:
+    def plan(self) -> tuple[ForeignPlan, list[Finding]]:
         mission = self._mission
         if mission.frame != GEO:
             self._refuse(
@@ -83,7 +83,7 @@ class _Converter:
         fence = self._fence()
         if any(not finding.is_warning for finding in self._findings):
             raise InputError(sorted(self._findings))
-        return Plan(entries=tuple(Entry(items=(item,)) for item in self._items), fence=fence), self._findings
+        return ForeignPlan(entries=tuple(PlanEntry(items=(item,)) for item in self._items), fence=fence), self._findings
 
     def _note(self, target: str, message: str, hint: str, *, is_warning: bool) -> None:
         document = self._mission.document
@@ -115,10 +115,10 @@ class _Converter:
                 return
             case Pattern():
                 self._action(target, arguments.way(GeoPlacement(_EARTH, self._mission.height_above)))
-            case FollowWaypoints() | GoTo() if lacking := [
+            case FollowWaypoints() | GoTo() if missing := [
                 option.unkept for _, option in given_options(arguments) if not option.is_in_plans
             ]:
-                self._refuse(target, f"{target} cannot be expressed in a plan", f"a plan {lacking[0]}")
+                self._refuse(target, f"{target} cannot be expressed in a plan", f"a plan {missing[0]}")
             case FollowWaypoints(waypoints=waypoints) if waypoints is not None:
                 self._fly(target, waypoints, arguments.speed_m_s, arguments.heading, rest_s(arguments))
             case GoTo(position=position) if position is not None:
@@ -155,16 +155,16 @@ class _Converter:
             self._speed_m_s = speed_m_s
         frame = _FRAMES[self._mission.height_above]
         yaw_deg: float | None = None
-        looks = isinstance(heading, LookAt)
+        views = isinstance(heading, LookAt)
         if isinstance(heading, LookAt):
             self._add(195, 0.0, 0.0, 0.0, 0.0, at=heading.look_at, frame=frame)
-        elif self._looks:
+        elif self._polls:
             self._add(197)
         if heading == "hold":
             self._note(target, "heading: hold becomes along", "give it in degrees", is_warning=True)
         elif isinstance(heading, float | int):
             yaw_deg = float(heading)
-        self._looks = looks
+        self._polls = views
         for waypoint in waypoints:
             self._add(16, rest_s, 0.0, 0.0, yaw_deg, at=waypoint, frame=frame)
 
@@ -178,7 +178,7 @@ class _Converter:
 
 
 def fence_areas(geofence: GeofenceFile) -> tuple[FenceArea, ...]:
-    """The areas of a fence in frame geo, as they are uploaded to an autopilot (see `Plan.fence_items`)."""
+    """The areas of a fence in frame geo, as they are uploaded to an autopilot (see `ForeignPlan.fence_items`)."""
     areas = [_area(geofence, is_inclusion=True), *(_area(one, is_inclusion=False) for one in geofence.keep_out)]
     return tuple(area for area in areas if area is not None)
 

@@ -28,7 +28,7 @@ class MavItem(msgspec.Struct, frozen=True, kw_only=True):
     is_current: bool = False
 
 
-class Entry(msgspec.Struct, frozen=True, kw_only=True):
+class PlanEntry(msgspec.Struct, frozen=True, kw_only=True):
     """What a file lists as one thing: a simple item, or a complex one with the items that it stands for."""
 
     items: tuple[MavItem, ...]
@@ -46,10 +46,10 @@ class FenceArea(msgspec.Struct, frozen=True, kw_only=True):
     radius_m: float = 0.0
 
 
-class Plan(msgspec.Struct, frozen=True, kw_only=True):
+class ForeignPlan(msgspec.Struct, frozen=True, kw_only=True):
     """A mission file of another program."""
 
-    entries: tuple[Entry, ...]
+    entries: tuple[PlanEntry, ...]
     fence: tuple[FenceArea, ...] = ()
     rally: tuple[tuple[float, float, float], ...] = ()
     """Latitude, longitude and altitude."""

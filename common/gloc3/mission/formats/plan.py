@@ -6,8 +6,8 @@ from typing import Any, Final
 
 from gloc3.documents.document import Where
 from gloc3.errors import InputError
-from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
-from gloc3.mission.formats.plan_source import SAVE_AGAIN, Source, is_number, is_whole, number, rows, whole
+from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
+from gloc3.mission.formats.plan_source import SAVE_AGAIN, PlanSource, is_number, is_whole, number, rows, whole
 
 EXPANDABLE: Final = {"survey": (3, 4, 5), "CorridorScan": (2, 3)}
 """Complex items that store the items that they stand for, with the versions that are known."""
@@ -15,22 +15,22 @@ EXPANDABLE: Final = {"survey": (3, 4, 5), "CorridorScan": (2, 3)}
 _OWN_KEYS: Final = ("items", "plannedHomePosition", "cruiseSpeed", "hoverSpeed", "firmwareType", "vehicleType")
 
 
-def read_plan(data: bytes | str, file: str) -> Plan:
+def read_plan(data: bytes | str, file: str) -> ForeignPlan:
     """Reads a `.plan` file.
 
     Raises:
         InputError: it is none, or of a version or with items that cannot be read; each with a reason.
     """
-    return _Reader(Source(data, file)).plan()
+    return _Reader(PlanSource(data, file)).plan()
 
 
 class _Reader:
     """Reads one file, and collects what is wrong in it."""
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: PlanSource) -> None:
         self._source = source
 
-    def plan(self) -> Plan:
+    def plan(self) -> ForeignPlan:
         value = self._source.value
         if not isinstance(value, dict) or value.get("fileType") != "Plan":
             self._source.refuse(
@@ -54,7 +54,7 @@ class _Reader:
         home = self._source.numbers(
             mission.get("plannedHomePosition"), 3, ("mission", "plannedHomePosition"), is_optional=True
         )
-        plan = Plan(
+        plan = ForeignPlan(
             entries=tuple(entry for entry in entries if entry is not None),
             fence=fence,
             rally=rally,
@@ -69,20 +69,20 @@ class _Reader:
             raise InputError(sorted(self._source.findings))
         return plan
 
-    def _entry(self, item: Any, where: Where) -> Entry | None:
+    def _entry(self, item: Any, where: Where) -> PlanEntry | None:
         number = int(where[-1]) + 1
         if not isinstance(item, dict):
             self._source.find(where, f"item {number} is no mapping", SAVE_AGAIN)
             return None
         if item.get("type") == "SimpleItem":
             simple = self._item(item, where)
-            return Entry(items=(simple,), raw=item) if simple is not None else None
+            return PlanEntry(items=(simple,), raw=item) if simple is not None else None
         if item.get("type") != "ComplexItem":
             self._source.find(where, f"item {number} is of the unknown type {item.get('type')!r}", SAVE_AGAIN)
             return None
         return self._complex(item, where, number)
 
-    def _complex(self, item: dict[str, Any], where: Where, number: int) -> Entry | None:
+    def _complex(self, item: dict[str, Any], where: Where, number: int) -> PlanEntry | None:
         kind, version = item.get("complexItemType"), item.get("version")
         versions = EXPANDABLE.get(kind) if isinstance(kind, str) else None
         if versions is None:
@@ -103,7 +103,7 @@ class _Reader:
             return None
         inner = (*where, "TransectStyleComplexItem", "Items")
         items = [self._item(one, (*inner, index)) for index, one in enumerate(stored)]
-        return Entry(items=tuple(one for one in items if one is not None), raw=item)
+        return PlanEntry(items=tuple(one for one in items if one is not None), raw=item)
 
     def _item(self, item: Any, where: Where) -> MavItem | None:
         if not isinstance(item, dict):
@@ -191,7 +191,7 @@ def _listed(versions: Sequence[int]) -> str:
     return " and ".join(str(version) for version in versions)
 
 
-def write_plan(plan: Plan) -> str:
+def write_plan(plan: ForeignPlan) -> str:
     """The `.plan` file; what was read from one stands in it again as it was."""
     raw = plan.raw or {}
     mission: dict[str, Any] = {

@@ -11,7 +11,7 @@ MAX_BYTES: Final = 5_000_000
 SAVE_AGAIN: Final = "open it in a current QGroundControl and save it again"
 
 
-class Source:
+class PlanSource:
     """One file, with what is found wrong in it."""
 
     def __init__(self, data: bytes | str, file: str) -> None:

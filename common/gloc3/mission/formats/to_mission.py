@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from gloc3.documents.document import dump
 from gloc3.errors import Finding, InputError
-from gloc3.mission.formats.items import MULTIROTORS, FenceArea, MavItem, Plan
+from gloc3.mission.formats.items import MULTIROTORS, FenceArea, ForeignPlan, MavItem
 from gloc3.mission.model.placement import HeightAbove
 
 DEFAULT_SPEED_M_S: Final = 5.0
@@ -43,7 +43,9 @@ LEFT_OUT: Final = {
 """Commands that do not move the vehicle: a mission without them is flown the same way."""
 
 
-def to_mission(plan: Plan, name: str, file: str, speed_limit_m_s: float | None = None) -> tuple[str, list[Finding]]:
+def to_mission(
+    plan: ForeignPlan, name: str, file: str, speed_limit_m_s: float | None = None
+) -> tuple[str, list[Finding]]:
     """The text of a mission that flies the same way as a plan.
 
     Args:
@@ -64,7 +66,7 @@ def to_mission(plan: Plan, name: str, file: str, speed_limit_m_s: float | None =
 class _Converter:
     """Goes through the items in their order."""
 
-    def __init__(self, plan: Plan, name: str, file: str, speed_limit_m_s: float | None) -> None:
+    def __init__(self, plan: ForeignPlan, name: str, file: str, speed_limit_m_s: float | None) -> None:
         self._plan, self._name, self._file = plan, name, file
         self._limit_m_s = speed_limit_m_s
         self._findings: list[Finding] = []
@@ -72,7 +74,7 @@ class _Converter:
         self._waypoints: list[list[float]] = []
         self._heading: Any = "along"
         self._flown_heading: Any = "along"
-        self._look_at: dict[str, Any] | None = None
+        self._begin_region_of_interest: dict[str, Any] | None = None
         self._height_above: HeightAbove | None = None
         is_hovering = plan.vehicle_type is None or plan.vehicle_type in MULTIROTORS
         speed_m_s = plan.hover_speed_m_s if is_hovering else plan.cruise_speed_m_s
@@ -148,7 +150,7 @@ class _Converter:
         position = self._position(item, number)
         if position is None:
             return
-        heading = self._look_at or self._heading_of(item)
+        heading = self._begin_region_of_interest or self._heading_of(item)
         if heading != self._flown_heading:
             self._end_flight()
         self._flown_heading = heading
@@ -211,13 +213,13 @@ class _Converter:
             self._end_flight()
             self._speed_m_s = speed_m_s
 
-    def _look(self, item: MavItem, number: int) -> None:
+    def _convert_region_of_interest(self, item: MavItem, number: int) -> None:
         position = self._position(item, number)
-        self._look_at = {"look_at": position} if position is not None else None
+        self._begin_region_of_interest = {"look_at": position} if position is not None else None
 
-    def _look_away(self, item: MavItem, number: int) -> None:
+    def _end_region_of_interest(self, item: MavItem, number: int) -> None:
         del item, number
-        self._look_at = None
+        self._begin_region_of_interest = None
 
     def _geofence(self) -> dict[str, Any]:
         """The fence as written in a mission."""
@@ -255,9 +257,9 @@ _HANDLERS: Final[dict[int, Handler]] = {
     22: _Converter._take_off,
     93: _Converter._delay,
     178: _Converter._speed,
-    195: _Converter._look,
-    197: _Converter._look_away,
-    201: _Converter._look,
+    195: _Converter._convert_region_of_interest,
+    197: _Converter._end_region_of_interest,
+    201: _Converter._convert_region_of_interest,
 }
 """By MAV_CMD: waypoint, loiter for a time, return, land, take-off, delay, speed, region of interest."""
 CONVERTED: Final = frozenset(_HANDLERS)

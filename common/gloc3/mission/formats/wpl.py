@@ -5,7 +5,7 @@ from typing import Final
 
 from gloc3.cli.counting import counted
 from gloc3.errors import Finding, InputError
-from gloc3.mission.formats.items import Entry, MavItem, Plan
+from gloc3.mission.formats.items import ForeignPlan, MavItem, PlanEntry
 
 HEADER: Final = "QGC WPL 110"
 MAX_BYTES: Final = 5_000_000
@@ -13,7 +13,7 @@ _COLUMNS: Final = 12
 _NOT_A_NUMBER: Final = float("nan")
 
 
-def read_wpl(data: bytes | str, file: str) -> Plan:
+def read_wpl(data: bytes | str, file: str) -> ForeignPlan:
     """Reads a file of waypoints; fences and rally points do not stand in such files.
 
     Raises:
@@ -45,10 +45,10 @@ def read_wpl(data: bytes | str, file: str) -> Plan:
                 break
     if findings:
         raise InputError(findings)
-    return Plan(entries=tuple(Entry(items=(item,)) for item in items))
+    return ForeignPlan(entries=tuple(PlanEntry(items=(item,)) for item in items))
 
 
-def write_wpl(plan: Plan) -> str:
+def write_wpl(plan: ForeignPlan) -> str:
     """The file of waypoints of a plan's items; a fence, rally points and speeds have no place in it."""
     lines = [HEADER]
     for index, item in enumerate(plan.items):

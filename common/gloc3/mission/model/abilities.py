@@ -15,9 +15,9 @@ from gloc3.platform.platform import Capability, Platform
 
 WAIT: Final[Mapping[str, Capability]] = {"wait": Capability(arguments="wait", performed_by="")}
 """What the executor does itself."""
-_WAYS_OFF: Final = ("take_off", "dive", "drive_off")
+_DEPARTURES: Final = ("take_off", "dive", "drive_off")
 """Kinds of setting off; the first that a platform has, and that leads to its survey height, is how it departs."""
-ARMING: Final = frozenset((*_WAYS_OFF, "depart"))
+ARMING: Final = frozenset((*_DEPARTURES, "depart"))
 """Kinds of actions that arm the vehicle where it is not."""
 
 
@@ -29,21 +29,21 @@ def abilities(platform: Platform) -> Mapping[str, Capability]:
     for name, kind in argument_kinds().items():
         if issubclass(kind, Pattern) and "follow_waypoints" in by_kind:
             found[name] = _as(declared, by_kind["follow_waypoints"], name)
-        elif issubclass(kind, Depart) and (way := way_off(platform)) in by_kind:
+        elif issubclass(kind, Depart) and (way := departure(platform)) in by_kind:
             found[name] = _as(declared, by_kind[way], name)
     if {"return_home", "land"} <= by_kind.keys():
         found[ARRIVE] = _as(declared, by_kind["land"], ARRIVE)
     return found | declared
 
 
-def way_off(platform: Platform) -> str:
+def departure(platform: Platform) -> str:
     """The kind of setting off by which a platform departs; empty where it has none."""
     kinds = {row.arguments for row in platform.capabilities.values()}
     height_m = platform.limits.survey_height_m
     if height_m is not None and height_m <= 0.0:
         fitting = ("dive", "drive_off") if height_m < 0.0 else ("drive_off", "dive")
         return next((kind for kind in fitting if kind in kinds), "")
-    return next((kind for kind in _WAYS_OFF if kind in kinds), "")
+    return next((kind for kind in _DEPARTURES if kind in kinds), "")
 
 
 def _as(declared: Mapping[str, Capability], name: str, kind: str) -> Capability:

@@ -17,7 +17,7 @@ from msgspec.structs import replace
 from gloc3.errors import Gloc3Error, Misuse, Refused
 from gloc3.installed import installed_points
 from gloc3.messages.frames import Vector3
-from gloc3.mission.model.legs import Budget, Leg, climb, fly
+from gloc3.mission.model.legs import Budget, FlightLeg, climb, fly
 from gloc3.mission.model.placement import Placement, written_for
 from gloc3.mission.model.waypoint_options import KeptWallDistance, WaypointOptions, rest_s, with_options
 from gloc3.platform.limits import Limits
@@ -97,7 +97,7 @@ class Arguments(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         del placement
         return self
 
-    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[FlightLeg, ...]:
         """The way that the vehicle makes, of an order; none for actions that do not move it."""
         del start_ned_m, budget
         return ()
@@ -154,19 +154,22 @@ class TakeOff(SetOff, frozen=True, kw_only=True):
     height_m: Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)]
     """Height above the place where the vehicle stands."""
 
-    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[FlightLeg, ...]:
         """Straight up, and the seconds that arming takes."""
         north, east, _ = start_ned_m
         top = (north, east, budget.home_ned_m[2] - self.height_m)
-        return (Leg(start=start_ned_m, end=start_ned_m, duration_s=budget.arming_s), climb(start_ned_m, top, budget))
+        return (
+            FlightLeg(start=start_ned_m, end=start_ned_m, duration_s=budget.arming_s),
+            climb(start_ned_m, top, budget),
+        )
 
 
 class DriveOff(SetOff, frozen=True, kw_only=True):
     """Arm (where that is allowed), on the ground or on the water, and wait to be led."""
 
-    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[FlightLeg, ...]:
         """The seconds that arming takes."""
-        return (Leg(start=start_ned_m, end=start_ned_m, duration_s=budget.arming_s),)
+        return (FlightLeg(start=start_ned_m, end=start_ned_m, duration_s=budget.arming_s),)
 
 
 class Dive(SetOff, frozen=True, kw_only=True):
@@ -177,11 +180,14 @@ class Dive(SetOff, frozen=True, kw_only=True):
     depth_m: Annotated[float, msgspec.Meta(gt=0.0, le=11_000.0)]
     """Depth below the place where the vehicle floats."""
 
-    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[FlightLeg, ...]:
         """The seconds that arming takes, then straight down."""
         north, east, _ = start_ned_m
         deep = (north, east, budget.home_ned_m[2] + self.depth_m)
-        return (Leg(start=start_ned_m, end=start_ned_m, duration_s=budget.arming_s), climb(start_ned_m, deep, budget))
+        return (
+            FlightLeg(start=start_ned_m, end=start_ned_m, duration_s=budget.arming_s),
+            climb(start_ned_m, deep, budget),
+        )
 
 
 class LandOrder(Arguments, frozen=True, kw_only=True):
@@ -192,7 +198,7 @@ class LandOrder(Arguments, frozen=True, kw_only=True):
     at_ned_m: Vector3 | None = None
     """The place to land at, whose height is ignored; None for right here."""
 
-    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[FlightLeg, ...]:
         """To above the place, then down to the height of home."""
         at = self.at_ned_m or start_ned_m
         above = (at[0], at[1], start_ned_m[2])
@@ -229,10 +235,10 @@ class Hold(Arguments, frozen=True, kw_only=True):
         """Without a duration it is."""
         return self.duration_s is None
 
-    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[FlightLeg, ...]:
         """Staying where it is."""
         del budget
-        return (Leg(start=start_ned_m, end=start_ned_m, duration_s=self.duration_s or 0.0),)
+        return (FlightLeg(start=start_ned_m, end=start_ned_m, duration_s=self.duration_s or 0.0),)
 
 
 LONGEST_BY_HAND_S: Final = 1800.0
@@ -255,11 +261,11 @@ class Teleoperate(Arguments, frozen=True, kw_only=True):
     yaw_rate_deg_s: Annotated[float, msgspec.Meta(gt=0.0, le=90.0)] = 20.0
     """No faster turning than that."""
 
-    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[FlightLeg, ...]:
         """Where it goes is not known before: it is counted as staying where it is."""
         del budget
         duration_s = COUNTED_BY_HAND_S if self.duration_s is None else self.duration_s
-        return (Leg(start=start_ned_m, end=start_ned_m, duration_s=duration_s),)
+        return (FlightLeg(start=start_ned_m, end=start_ned_m, duration_s=duration_s),)
 
 
 class ReturnHome(Arguments, frozen=True, kw_only=True):
@@ -272,7 +278,7 @@ class ReturnHome(Arguments, frozen=True, kw_only=True):
     speed_m_s: Speed | None = None
     """None for the platform's limit."""
 
-    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[FlightLeg, ...]:
         """Up or down to the height, then straight home."""
         north, east, down = start_ned_m
         home = budget.home_ned_m
@@ -297,7 +303,7 @@ class FollowWaypointsOrder(WaypointOptions, Arguments, frozen=True, kw_only=True
         """How long the vehicle stays at each waypoint."""
         return rest_s(self)
 
-    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[Leg, ...]:
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[FlightLeg, ...]:
         """Straight from waypoint to waypoint."""
         return fly(start_ned_m, self.waypoints_ned_m, self.speed_m_s, self.rest_s, budget)
 
@@ -402,11 +408,11 @@ class Wait(Arguments, frozen=True, kw_only=True):
         return self.duration_s
 
 
-def _down(start_ned_m: Vector3, budget: Budget) -> Leg:
+def _down(start_ned_m: Vector3, budget: Budget) -> FlightLeg:
     """Straight down to the height of home, at the landing speed."""
     end = (start_ned_m[0], start_ned_m[1], budget.home_ned_m[2])
     duration_s = abs(end[2] - start_ned_m[2]) / budget.landing_m_s + budget.disarming_s
-    return Leg(start=start_ned_m, end=end, duration_s=duration_s)
+    return FlightLeg(start=start_ned_m, end=end, duration_s=duration_s)
 
 
 @cache

@@ -119,8 +119,8 @@ class Condition(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         wanted, quantity = getattr(self, name), QUANTITIES[name]
         scale = 100.0 if quantity.unit == "%" else 1.0
         ends = (("above", wanted.above), ("below", wanted.below))
-        told = [f"{word} {scale * value:g} {quantity.unit}" for word, value in ends if value is not None]
-        return f"{quantity.words} {' and '.join(told)}"
+        reported = [f"{word} {scale * value:g} {quantity.unit}" for word, value in ends if value is not None]
+        return f"{quantity.words} {' and '.join(reported)}"
 
 
 def _joined(found: Iterator[bool | None], *, decisive: bool) -> bool | None:

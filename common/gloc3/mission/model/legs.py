@@ -16,7 +16,7 @@ DISARMING_S: Final = 3.0
 _ENOUGH_M: Final = 1e-6
 
 
-class Leg(msgspec.Struct, frozen=True, kw_only=True):
+class FlightLeg(msgspec.Struct, frozen=True, kw_only=True):
     """A straight piece of a flight, or a stay where both ends are one."""
 
     start: Vector3
@@ -65,27 +65,27 @@ class Budget(msgspec.Struct, frozen=True, kw_only=True):
         )
 
 
-def climb(start_ned_m: Vector3, end_ned_m: Vector3, budget: Budget) -> Leg:
+def climb(start_ned_m: Vector3, end_ned_m: Vector3, budget: Budget) -> FlightLeg:
     """A piece straight up or down."""
-    return Leg(start=start_ned_m, end=end_ned_m, duration_s=abs(end_ned_m[2] - start_ned_m[2]) / budget.climb_m_s)
+    return FlightLeg(start=start_ned_m, end=end_ned_m, duration_s=abs(end_ned_m[2] - start_ned_m[2]) / budget.climb_m_s)
 
 
 def fly(
-    start_ned_m: Vector3, way_ned_m: Iterable[Vector3], speed_m_s: float, rest_s: float, budget: Budget
-) -> tuple[Leg, ...]:
+    start_ned_m: Vector3, path_ned_m: Iterable[Vector3], speed_m_s: float, rest_s: float, budget: Budget
+) -> tuple[FlightLeg, ...]:
     """The pieces of a way: each at the speed asked for, no faster than the platform climbs, begun from rest.
 
     `rest_s` is the time that the vehicle stays at each waypoint.
     """
-    legs: list[Leg] = []
+    legs: list[FlightLeg] = []
     here = start_ned_m
-    for index, point in enumerate(way_ned_m):
+    for index, point in enumerate(path_ned_m):
         length_m = dist(here, point)
         if length_m > _ENOUGH_M:
             speeding_up_s = speed_m_s / budget.acceleration_m_s2
             duration_s = max(length_m / speed_m_s, abs(point[2] - here[2]) / budget.climb_m_s) + speeding_up_s
-            legs.append(Leg(start=here, end=point, duration_s=duration_s, waypoint=index))
+            legs.append(FlightLeg(start=here, end=point, duration_s=duration_s, waypoint=index))
         if rest_s > 0.0:
-            legs.append(Leg(start=point, end=point, duration_s=rest_s, waypoint=index))
+            legs.append(FlightLeg(start=point, end=point, duration_s=rest_s, waypoint=index))
         here = point
     return tuple(legs)

@@ -107,7 +107,7 @@ class Pattern(Arguments, frozen=True, kw_only=True):
         """
         raise NotImplementedError
 
-    def _way(
+    def _path(
         self, ground: "_Ground", places: Iterable[tuple[float, float, float]], heading: Heading
     ) -> FollowWaypoints:
         """A way through places `(north, east, height)`, all heights in the mission's own count."""
@@ -163,8 +163,8 @@ class Survey(Pattern, frozen=True, kw_only=True):
     def filled(self, limits: Limits | None) -> Arguments:
         """With the room that the platform needs to turn, too."""
         turn_m = 2.0 * limits.turn_radius_m if limits is not None and limits.turn_radius_m else None
-        is_told = self.turn_m is not None or turn_m is None
-        return super(Survey, self if is_told else msgspec.structs.replace(self, turn_m=turn_m)).filled(limits)
+        is_reported = self.turn_m is not None or turn_m is None
+        return super(Survey, self if is_reported else msgspec.structs.replace(self, turn_m=turn_m)).filled(limits)
 
     def way(self, placement: Placement) -> FollowWaypoints:
         """The lines, each by its two ends."""
@@ -181,7 +181,7 @@ class Survey(Pattern, frozen=True, kw_only=True):
         if not places:
             raise Refused("no line fits into the area: its margin or spacing is too large")
         height_m = self._height_m(placement)
-        way = self._way(ground, [(*place, height_m) for place in places], self.heading)
+        way = self._path(ground, [(*place, height_m) for place in places], self.heading)
         return with_options(way, self)
 
 
@@ -262,7 +262,7 @@ class FollowWall(Pattern, frozen=True, kw_only=True):
             shares = _steps(high_m - low_m, spacing_m or 1.0)
             heights = [low_m + share * (high_m - low_m) for share in shares]
             places = _to_and_fro([((*first, height_m), (*last, height_m)) for height_m in heights])
-        way = self._way(ground, places, degrees(atan2(-away[1], -away[0])))
+        way = self._path(ground, places, degrees(atan2(-away[1], -away[0])))
         measured: WallDistance | None = self.standoff_m if self.is_measured else None
         return msgspec.structs.replace(way, wall_distance_m=measured)
 

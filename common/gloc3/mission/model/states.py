@@ -24,7 +24,7 @@ class ActionState(StrEnum):
     """Ended for good before its time."""
 
 
-class Trigger(StrEnum):
+class StateTrigger(StrEnum):
     """What moves an action, a task or a mission: commands of operators and policies, and how it ends."""
 
     START = "start"
@@ -39,9 +39,9 @@ class Trigger(StrEnum):
     FAIL = "fail"
 
 
-_S, _T = ActionState, Trigger
+_S, _T = ActionState, StateTrigger
 
-TABLE: Final[Mapping[ActionState, Mapping[Trigger, ActionState]]] = {
+TABLE: Final[Mapping[ActionState, Mapping[StateTrigger, ActionState]]] = {
     _S.WAITING: {
         _T.START: _S.RUNNING,
         _T.SKIP: _S.SKIPPED,
@@ -82,12 +82,12 @@ ENDED: Final = (_S.DONE, _S.FAILED, _S.SKIPPED, _S.ABORTED)
 """The states in which nothing is going on."""
 
 
-def allowed(state: ActionState) -> tuple[Trigger, ...]:
+def allowed(state: ActionState) -> tuple[StateTrigger, ...]:
     """The triggers that have a row in `state`, in the order of the table."""
     return tuple(TABLE[state])
 
 
-def transition(state: ActionState, trigger: Trigger) -> ActionState:
+def transition(state: ActionState, trigger: StateTrigger) -> ActionState:
     """Looks up where `trigger` leads from `state`.
 
     Raises:
@@ -95,7 +95,7 @@ def transition(state: ActionState, trigger: Trigger) -> ActionState:
     """
     to = TABLE[state].get(trigger)
     if to is None:
-        accepted = ", ".join(one for one in allowed(state) if one is not Trigger.REPEAT) or "nothing"
+        accepted = ", ".join(one for one in allowed(state) if one is not StateTrigger.REPEAT) or "nothing"
         raise Refused(f"{trigger} is not accepted in {state}; accepted: {accepted}")
     return to
 

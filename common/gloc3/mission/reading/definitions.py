@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from gloc3.documents import schema
 from gloc3.documents.document import Document, Where
-from gloc3.documents.yaml_nodes import MAX_NODES, Node
+from gloc3.documents.yaml_nodes import MAX_NODES, YamlNode
 from gloc3.errors import Finding, InputError, nearest
 from gloc3.mission.model.model import DefinitionFile, ParameterFile
 from gloc3.mission.model.patterns import ARRIVE
@@ -34,7 +34,7 @@ class _Definition:
     """One entry of a `define`."""
 
     name: str
-    node: Node
+    node: YamlNode
     file: str
     place: tuple[int, int]
     parameters: dict[str, ParameterFile] = field(default_factory=dict)
@@ -131,12 +131,12 @@ def _read_definition(one: _Definition, source: Document, findings: list[Finding]
 
 def _used(
     where: Where,
-    task: Node,
+    task: YamlNode,
     definitions: Mapping[str, _Definition],
     document: Document,
     findings: list[Finding],
     room: list[int],
-) -> Node:
+) -> YamlNode:
     """The task that a use of a definition stands for; the use itself where it cannot be made."""
     use = task.children["use"].value
     one = definitions.get(use) if isinstance(use, str) else None
@@ -151,7 +151,7 @@ def _used(
     values = _values(where, task, one, document, findings)
     if values is None or not one.is_usable:
         return task
-    made = Node({}, task.line, task.column)
+    made = YamlNode({}, task.line, task.column)
     for key, child in task.children.items():
         if key not in _USE_KEYS:
             made.put(key, child, task.key_places[str(key)])
@@ -168,12 +168,12 @@ def _used(
     return made
 
 
-def _arrivals(task: Node) -> Node:
+def _arrivals(task: YamlNode) -> YamlNode:
     """The task with each `arrive` as the two actions that it stands for: a return home, and the end of the motion there."""
     actions = task.children.get("actions")
     if actions is None or not any(ARRIVE in action.children for action in actions.children.values()):
         return task
-    found = Node({}, actions.line, actions.column, actions.file, actions.note)
+    found = YamlNode({}, actions.line, actions.column, actions.file, actions.note)
     for name, action in actions.children.items():
         place = actions.key_places[str(name)]
         given = action.children.get(ARRIVE)
@@ -201,18 +201,18 @@ def _arrivals(task: Node) -> Node:
     return made
 
 
-def _like(node: Node) -> Node:
-    return Node({}, node.line, node.column, node.file, node.note)
+def _like(node: YamlNode) -> YamlNode:
+    return YamlNode({}, node.line, node.column, node.file, node.note)
 
 
-def _put(node: Node, value: Any) -> Node:
+def _put(node: YamlNode, value: Any) -> YamlNode:
     """A value that stands where another is written."""
-    return Node(value, node.line, node.column, node.file, node.note)
+    return YamlNode(value, node.line, node.column, node.file, node.note)
 
 
 def _values(
-    where: Where, task: Node, one: _Definition, document: Document, findings: list[Finding]
-) -> dict[str, Node] | None:
+    where: Where, task: YamlNode, one: _Definition, document: Document, findings: list[Finding]
+) -> dict[str, YamlNode] | None:
     """What each parameter stands for; None where one is missing or does not fit."""
     given = task.children.get("with")
     rows = given.children if given is not None and isinstance(given.value, dict) else {}
@@ -224,7 +224,7 @@ def _values(
             message = f"{one.name!r} has no parameter {name!r} (it is defined at {one.at})"
             hint = nearest(str(name), list(one.parameters))
             findings.append(document.finding((*where, "with", name), message, hint, at_key=True))
-    values: dict[str, Node] = {}
+    values: dict[str, YamlNode] = {}
     for name, parameter in one.parameters.items():
         row = rows.get(name)
         if row is None:
@@ -275,7 +275,7 @@ def _parameter(value: Any) -> str | None:
     return None if match is None else match[1] or match[2]
 
 
-def _clone(node: Node, values: Mapping[str, Node], file: str, note: str, room: list[int]) -> Node:
+def _clone(node: YamlNode, values: Mapping[str, YamlNode], file: str, note: str, room: list[int]) -> YamlNode:
     """A copy with the parameters replaced, each value with the place that it comes from."""
     name = _parameter(node.value)
     if name is not None and name in values:
@@ -283,7 +283,7 @@ def _clone(node: Node, values: Mapping[str, Node], file: str, note: str, room: l
         # a default stands in the definition; what was given stands in the mission, and says so itself
         return put if put.note else _clone(put, {}, file, note, room)
     room[0] -= 1
-    made = Node(node.value, node.line, node.column, node.file or file, note)
+    made = YamlNode(node.value, node.line, node.column, node.file or file, note)
     if isinstance(node.value, dict | list):
         made.value = {} if isinstance(node.value, dict) else []
         made.key_places = dict(node.key_places)
@@ -294,20 +294,20 @@ def _clone(node: Node, values: Mapping[str, Node], file: str, note: str, room: l
     return made
 
 
-def _noted(node: Node, note: str) -> Node:
+def _noted(node: YamlNode, note: str) -> YamlNode:
     """A copy that says what it was given for."""
-    made = Node(node.value, node.line, node.column, node.file, note)
+    made = YamlNode(node.value, node.line, node.column, node.file, note)
     made.key_places = node.key_places
     made.children = {key: _noted(child, note) for key, child in node.children.items()}
     return made
 
 
-def _copy(node: Node) -> Node:
+def _copy(node: YamlNode) -> YamlNode:
     """The same with a mapping of its own."""
-    made = Node(dict(node.value) if isinstance(node.value, dict) else node.value, node.line, node.column, node.file)
+    made = YamlNode(dict(node.value) if isinstance(node.value, dict) else node.value, node.line, node.column, node.file)
     made.children, made.key_places = dict(node.children), dict(node.key_places)
     return made
 
 
-def _at(node: Node, file: str, message: str, hint: str) -> Finding:
+def _at(node: YamlNode, file: str, message: str, hint: str) -> Finding:
     return Finding(file=node.file or file, line=node.line, column=node.column, message=message, hint=hint)

@@ -49,8 +49,8 @@ def _add_action(definitions: dict[str, Schema], rows: Mapping[str, Capability]) 
         arguments = _arguments(kind, row.options, definitions)
         definitions[f"capability {name}"] = arguments
         shown = {"description": arguments["description"]}
-        takes = ref(f"capability {name}")
-        action["properties"][name] = shown | (takes if arguments["required"] or kind.one_of else or_null(takes))
+        needed = ref(f"capability {name}")
+        action["properties"][name] = shown | (needed if arguments["required"] or kind.one_of else or_null(needed))
     action["oneOf"] = [{"required": [name], "errorMessage": _MISSING} for name in sorted(rows)]
     definitions["Action"] = action
 

@@ -6,7 +6,7 @@ from typing import Any, Final, TypeVar
 
 from gloc3.documents import schema
 from gloc3.documents.document import Document, Where, load_bytes, parse
-from gloc3.documents.yaml_nodes import Node
+from gloc3.documents.yaml_nodes import YamlNode
 from gloc3.errors import Finding, InputError, Refused, nearest
 from gloc3.messages.frames import GeoPoint, LocalFrame
 from gloc3.mission.model.abilities import abilities
@@ -43,7 +43,7 @@ _EARTH: Final = GeoPoint(0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Surroundings:
+class MissionReferences:
     """What a mission file refers to without saying it."""
 
     platform: str | None = None
@@ -67,7 +67,7 @@ class Surroundings:
         frames: Mapping[str, LocalFrame] | None = None,
         origin: GeoPoint | None = None,
         home_altitude_m: float | None = None,
-    ) -> "Surroundings":
+    ) -> "MissionReferences":
         """Those of a platform (if it is known), with the frames of a world beside its own."""
         capabilities = None
         if platform is not None:
@@ -95,20 +95,20 @@ class Reading:
     contingencies: Tasks
 
 
-def read_mission(data: bytes | str, file: str, surroundings: Surroundings | None = None) -> Mission:
+def read_mission(data: bytes | str, file: str, surroundings: MissionReferences | None = None) -> Mission:
     """Reads a mission; does not check it against a platform (see `checker`).
 
     Raises:
         InputError: with everything that is wrong in the file by itself.
     """
-    reading = inspect_mission(data, file, surroundings or Surroundings())
+    reading = inspect_mission(data, file, surroundings or MissionReferences())
     findings = [*reading.findings, *structure_findings(reading.tasks), *structure_findings(reading.contingencies)]
     if reading.mission is None or any(not finding.is_warning for finding in findings):
         raise InputError(sorted(findings))
     return reading.mission
 
 
-def load_mission(name: str, surroundings: Surroundings | None = None) -> Mission:
+def load_mission(name: str, surroundings: MissionReferences | None = None) -> Mission:
     """Reads a mission from a file, or an example by its name.
 
     Raises:
@@ -121,7 +121,7 @@ def load_mission(name: str, surroundings: Surroundings | None = None) -> Mission
     return read_mission(bundled(text, path), str(path), surroundings)
 
 
-def inspect_mission(data: bytes | str, file: str, surroundings: Surroundings) -> Reading:
+def inspect_mission(data: bytes | str, file: str, surroundings: MissionReferences) -> Reading:
     """Reads as much of a mission as can be read.
 
     Raises:
@@ -162,7 +162,7 @@ def inspect_mission(data: bytes | str, file: str, surroundings: Surroundings) ->
 
 
 def _tasks(
-    document: Document, surroundings: Surroundings, placement: Placement | None, findings: list[Finding]
+    document: Document, surroundings: MissionReferences, placement: Placement | None, findings: list[Finding]
 ) -> Tasks:
     """The tasks of a document, each with its actions as far as they can be used."""
     found = Tasks(document=document, read={}, skeleton={}, actions={})
@@ -207,14 +207,14 @@ def _may_be_planned(order: Arguments, capabilities: Container[str] | None) -> bo
     return isinstance(order, FollowWaypointsOrder) and capabilities is not None and FLY_PLAN in capabilities
 
 
-def _entries(node: Node, key: str) -> Iterator[tuple[str, Node]]:
+def _entries(node: YamlNode, key: str) -> Iterator[tuple[str, YamlNode]]:
     """The entries of a mapping inside a mapping, as far as they are there and have usable names."""
     inner = node.children.get(key)
     if inner is not None and isinstance(inner.value, dict):
         yield from ((str(name), child) for name, child in inner.children.items() if "." not in str(name))
 
 
-def _placement(document: Document, surroundings: Surroundings, findings: list[Finding]) -> Placement | None:
+def _placement(document: Document, surroundings: MissionReferences, findings: list[Finding]) -> Placement | None:
     frame = document.value.get("frame")
     if not isinstance(frame, str):
         return None
@@ -263,10 +263,10 @@ def _first_position(value: Any) -> GeoPoint:
 
 def _action(
     name: str,
-    node: Node,
+    node: YamlNode,
     where: Where,
     document: Document,
-    surroundings: Surroundings,
+    surroundings: MissionReferences,
     placement: Placement | None,
     findings: list[Finding],
 ) -> Action | ActionFile:
@@ -282,7 +282,7 @@ def _action(
         return options
     given = node.children[capability]
     if given.value is None:
-        given = Node({}, given.line, given.column)
+        given = YamlNode({}, given.line, given.column)
     arguments: Arguments | None = schema.check(given, kind, document.file, findings, capability)
     if arguments is None or placement is None:
         return options
@@ -297,9 +297,9 @@ def _action(
     return Action(name=name, capability=capability, arguments=arguments, filled=filled, order=order, options=options)
 
 
-def _options(node: Node, kind: type[Item], file: str, findings: list[Finding], name: str) -> Item:
+def _options(node: YamlNode, kind: type[Item], file: str, findings: list[Finding], name: str) -> Item:
     """What a task or action takes beside its content; the defaults where that does not fit."""
-    own = Node({}, node.line, node.column)
+    own = YamlNode({}, node.line, node.column)
     own.key_places = node.key_places
     for key, child in node.children.items():
         if key in kind.__struct_fields__:
@@ -308,7 +308,7 @@ def _options(node: Node, kind: type[Item], file: str, findings: list[Finding], n
 
 
 def _capability(
-    node: Node, where: Where, document: Document, surroundings: Surroundings, findings: list[Finding]
+    node: YamlNode, where: Where, document: Document, surroundings: MissionReferences, findings: list[Finding]
 ) -> str | None:
     """The one key of an action that names what is to be done."""
     known = sorted(argument_kinds() if surroundings.capabilities is None else surroundings.capabilities)

@@ -9,9 +9,9 @@ from typing import Annotated, Final
 from cyclopts import App, Parameter
 
 from gloc3.cli.counting import counted
-from gloc3.errors import Finding, InputError, NotThere
+from gloc3.errors import Finding, InputError, NotFound
 from gloc3.installed import installed_points
-from gloc3.mission.checking.checker import Circumstances, Report, check_text
+from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text
 from gloc3.mission.checking.estimate import about
 from gloc3.mission.examples import find_mission
 from gloc3.mission.formats import (
@@ -26,7 +26,7 @@ from gloc3.mission.formats import (
     write_plan,
     write_wpl,
 )
-from gloc3.mission.reading.reader import Surroundings, load_mission
+from gloc3.mission.reading.reader import MissionReferences, load_mission
 from gloc3.mission.showing.picture import picture
 from gloc3.mission.showing.show import drawing, mermaid
 from gloc3.platform.platform import Platform
@@ -87,10 +87,10 @@ def check(
         return _fail(error, WRONG_USE)
     try:
         report = _report(path, on[0] if len(on) == 1 else None, on)
-    except NotThere as error:
+    except NotFound as error:
         return _fail(error, WRONG_USE)
     except InputError as error:
-        report = Report(file=mission, findings=error.findings)
+        report = CheckReport(file=mission, findings=error.findings)
     if json_output:
         _print(json.dumps(report.as_dict(), indent=2))
     else:
@@ -125,7 +125,7 @@ def show(
         report = _report(path, on)
         found = report.flyable()
     except InputError as error:
-        return _fail(error, WRONG_USE if isinstance(error, NotThere) else FAILED)
+        return _fail(error, WRONG_USE if isinstance(error, NotFound) else FAILED)
     if svg is not None:
         return _write(svg, picture(report))
     _print(mermaid(found) if mermaid_output else drawing(report, Circumstances(platform=on).capabilities(), on), end="")
@@ -190,7 +190,7 @@ def new(template: str | None = None, /, *, platform: str = "pelican_rtk", file: 
     beside = path.with_name(f"{on.platform}.mission.schema.json")
     text = mission_from(template, on, beside.name)
     if path.exists():
-        _complain(f"{path} is there already; --file names another, or move it away")
+        _report_problem(f"{path} is there already; --file names another, or move it away")
         return WRONG_USE
     if (code := _write(path, text)) != OK or (code := _write(beside, as_text(mission_schema(on)))) != OK:
         return code
@@ -232,7 +232,7 @@ def convert(source: Mission, target: Path, /, *, platform: OnPlatform = None) ->
     """
     known = (*MISSION_SUFFIXES, *PLAN_SUFFIXES, *WPL_SUFFIXES)
     if target.suffix not in known:
-        _complain(f"{target}: unknown kind of file {target.suffix!r} (known: {', '.join(known)})")
+        _report_problem(f"{target}: unknown kind of file {target.suffix!r} (known: {', '.join(known)})")
         return WRONG_USE
     try:
         path, on = find_mission(source), _platform(platform)
@@ -241,17 +241,17 @@ def convert(source: Mission, target: Path, /, *, platform: OnPlatform = None) ->
     try:
         text, warnings = _converted(path, target.suffix, on)
     except InputError as error:
-        return _fail(error, WRONG_USE if isinstance(error, NotThere) else FAILED)
+        return _fail(error, WRONG_USE if isinstance(error, NotFound) else FAILED)
     code = _write(target, text)
     for warning in warnings if code == OK else ():
-        _complain(str(warning))
+        _report_problem(str(warning))
     return code
 
 
 def _converted(source: Path, suffix: str, platform: Platform | None) -> tuple[str, list[Finding]]:
     if source.suffix not in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
         frames = platform.local_frames() if platform is not None else None
-        return exported(load_mission(str(source), Surroundings.of(platform)), suffix, str(source), frames)
+        return exported(load_mission(str(source), MissionReferences.of(platform)), suffix, str(source), frames)
     plan = load_plan(source)
     if suffix in MISSION_SUFFIXES:
         limit_m_s = platform.limits.speed_m_s if platform is not None else None
@@ -265,7 +265,7 @@ def _write(file: Path, text: str) -> int:
     try:
         file.write_text(text, encoding="utf-8")
     except OSError as error:
-        _complain(f"{file}: cannot be written: {(error.strerror or str(error)).lower()}")
+        _report_problem(f"{file}: cannot be written: {(error.strerror or str(error)).lower()}")
         return WRONG_USE
     return OK
 
@@ -274,12 +274,12 @@ def _platform(name: str | None) -> Platform | None:
     return load_platform(name) if name is not None else None
 
 
-def _report(path: Path, platform: Platform | None, known: Sequence[Platform] = ()) -> Report:
+def _report(path: Path, platform: Platform | None, known: Sequence[Platform] = ()) -> CheckReport:
     if path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
         file, text, warnings = mission_text(str(path), platform.limits.speed_m_s if platform is not None else None)
         report = check_text(text, f"{file} (converted)", Circumstances(platform=platform))
         findings = (*warnings, *report.findings)
-        return Report(
+        return CheckReport(
             file=file, findings=findings, mission=report.mission, estimate=report.estimate, order=report.order
         )
     found = {one.platform: one for one in known}
@@ -287,7 +287,7 @@ def _report(path: Path, platform: Platform | None, known: Sequence[Platform] = (
     return check_text(text, file, Circumstances(platform=platform, known=found.get if found else None))
 
 
-def _verdict(report: Report) -> str:
+def _verdict(report: CheckReport) -> str:
     numbers = f": {about(report.estimate)}" if report.estimate is not None else ""
     errors = sum(not finding.is_warning for finding in report.findings)
     warnings = len(report.findings) - errors
@@ -297,7 +297,7 @@ def _verdict(report: Report) -> str:
 
 
 def _fail(error: InputError, code: int = FAILED) -> int:
-    _complain(str(error))
+    _report_problem(str(error))
     return code
 
 
@@ -305,5 +305,5 @@ def _print(text: str, end: str = "\n") -> None:
     sys.stdout.write(text + end)
 
 
-def _complain(text: str) -> None:
+def _report_problem(text: str) -> None:
     sys.stderr.write(text + "\n")

@@ -6,8 +6,8 @@ from math import dist
 from typing import Final
 
 from gloc3.messages.frames import Vector3
-from gloc3.mission.checking.checker import Report
-from gloc3.mission.checking.estimate import Estimate, about
+from gloc3.mission.checking.checker import CheckReport
+from gloc3.mission.checking.estimate import MissionEstimate, about
 from gloc3.mission.model.arguments import FollowWaypointsOrder
 from gloc3.mission.model.fence import Area, Fence
 from gloc3.mission.model.model import Mission
@@ -25,7 +25,7 @@ _READY: Final = 'fill="none" stroke="#555555" stroke-width="1.6" stroke-dasharra
 _NUMBERED_MAX: Final = 40
 
 
-def picture(report: Report) -> str:
+def picture(report: CheckReport) -> str:
     """The picture of a checked mission.
 
     Args:
@@ -53,15 +53,15 @@ def _rows(mission: Mission) -> list[tuple[str, str]]:
     return [(task.name, name) for task in mission.tasks.values() for name in ("", *task.actions)]
 
 
-def _plan(mission: Mission, figures: Estimate, colours: dict[str, str]) -> Iterator[str]:
+def _plan(mission: Mission, figures: MissionEstimate, colours: dict[str, str]) -> Iterator[str]:
     """The way seen from above, north up, with the fence, home and the waypoints."""
-    ways = {
-        target: _way(part.legs[0].start, [leg.end for leg in part.legs])
+    routes = {
+        target: _path(part.legs[0].start, [leg.end for leg in part.legs])
         for target, part in figures.actions.items()
         if part.legs
     }
     fence, ready = list(_fence_points(mission.fence)), list(_ready(mission))
-    known = [*ways.values(), *(way for _, way in ready)]
+    known = [*routes.values(), *(way for _, way in ready)]
     places = [*(point for way in known for point in way), *fence, (0.0, 0.0, 0.0)]
     north, east = [place[0] for place in places], [place[1] for place in places]
     span = max(max(north) - min(north), max(east) - min(east), 1.0)
@@ -80,7 +80,7 @@ def _plan(mission: Mission, figures: Estimate, colours: dict[str, str]) -> Itera
             x, y = at(area.center_ne_m)
             yield f'<circle cx="{x}" cy="{y}" r="{area.radius_m * scale:.1f}" {style}/>'
     number = 0
-    for target, way in ways.items():
+    for target, way in routes.items():
         colour = colours[target.partition(".")[0]]
         points = " ".join(f"{x},{y}" for x, y in map(at, way))
         yield f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="1.6"><title>{escape(target)}</title></polyline>'
@@ -114,7 +114,7 @@ def _ready(mission: Mission) -> Iterator[tuple[str, list[Vector3]]]:
 
 
 def _order(
-    mission: Mission, figures: Estimate, rows: Sequence[tuple[str, str]], colours: dict[str, str]
+    mission: Mission, figures: MissionEstimate, rows: Sequence[tuple[str, str]], colours: dict[str, str]
 ) -> Iterator[str]:
     """A row for each task and action, its bar from start to end, and a line from what it comes after."""
     room, total_s = WIDTH - _BARS_LEFT - _LEFT, max(figures.duration_s, 1e-3)
@@ -134,13 +134,13 @@ def _order(
             yield _link(x_of(end_s), last, x_of(start_s), y)
         for action in task.actions.values():
             part, y = figures.actions.get(f"{task.name}.{action.name}"), line[task.name, action.name]
-            told = "; ".join([summary(action), *terms(action.options)])
-            yield _text(_ORDER_LEFT + 12, y, action.name, "", told)
+            reported = "; ".join([summary(action), *terms(action.options)])
+            yield _text(_ORDER_LEFT + 12, y, action.name, "", reported)
             if part is None:
                 continue
             x, width = x_of(part.start_s), max(2.0, x_of(part.end_s) - x_of(part.start_s))
             style = f'fill="{colours[task.name]}" opacity="{0.45 if action.options.until else 0.85}"'
-            yield f'<rect x="{x}" y="{y - 10}" width="{width:.1f}" height="12" rx="2" {style}><title>{escape(told)}</title></rect>'
+            yield f'<rect x="{x}" y="{y - 10}" width="{width:.1f}" height="12" rx="2" {style}><title>{escape(reported)}</title></rect>'
             for name in action.options.after:
                 before = figures.actions.get(f"{task.name}.{name}")
                 if before is not None:
@@ -152,7 +152,7 @@ def _link(x0: float, y0: float, x1: float, y1: float) -> str:
     return f'<path d="M{x0},{y0 - 4} V{y1 - 4} H{x1}" fill="none" stroke="#888888" stroke-width="0.8"/>'
 
 
-def _way(start: Vector3, ends: Sequence[Vector3]) -> list[Vector3]:
+def _path(start: Vector3, ends: Sequence[Vector3]) -> list[Vector3]:
     way = [start]
     way += [end for index, end in enumerate(ends) if dist(end[:2], (ends[index - 1] if index else start)[:2]) > 1e-3]
     return way

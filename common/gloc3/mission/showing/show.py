@@ -7,7 +7,7 @@ from typing import Final
 import msgspec
 
 from gloc3.messages.units import split_unit
-from gloc3.mission.checking.checker import Report
+from gloc3.mission.checking.checker import CheckReport
 from gloc3.mission.checking.estimate import about
 from gloc3.mission.model.arguments import Arguments
 from gloc3.mission.model.model import Action, ItemFile, Mission, Policies, Task, TaskOptions
@@ -20,7 +20,7 @@ _LISTS: Final = {"area": "corners", "wall": "ends", "to": "places"}
 _LEFT: Final = WIDTH - _BAR - 1
 
 
-def drawing(report: Report, capabilities: Mapping[str, Capability], platform: Platform | None = None) -> str:
+def drawing(report: CheckReport, capabilities: Mapping[str, Capability], platform: Platform | None = None) -> str:
     """The partial order of a checked mission, 80 columns wide.
 
     One thing under the other comes after it; what hangs on the line by `├─` may run at the same time. The bars tell
@@ -44,14 +44,14 @@ def drawing(report: Report, capabilities: Mapping[str, Capability], platform: Pl
 
 
 def _tasks(
-    tasks: Mapping[str, Task], report: Report, capabilities: Mapping[str, Capability], total_s: float
+    tasks: Mapping[str, Task], report: CheckReport, capabilities: Mapping[str, Capability], total_s: float
 ) -> Iterator[str]:
     for name, mark, below in _layered({name: task.options.after for name, task in tasks.items()}, "●", "│"):
         yield from _item(mark, below, name, "", _relations(tasks[name].options), "")
         yield from _actions(tasks[name], below, report, capabilities, total_s)
 
 
-def _head(mission: Mission, report: Report, platform: Platform | None) -> Iterator[str]:
+def _head(mission: Mission, report: CheckReport, platform: Platform | None) -> Iterator[str]:
     policies = mission.policies
     yield _cut(f"{mission.name}   (frame {mission.frame})", WIDTH)
     figures = report.estimate
@@ -63,16 +63,16 @@ def _head(mission: Mission, report: Report, platform: Platform | None) -> Iterat
 
 def answers(policies: Policies) -> list[str]:
     """What the mission does when something befalls the vehicle, in words."""
-    told = [f"on failure {policies.on_failure}", f"link loss {policies.on_link_loss}"]
-    told += [f"overdue {policies.on_overdue}"] if policies.on_overdue is not None else []
-    told += [f"low battery {policies.on_low_battery}", f"pose lost {policies.on_pose_lost}"]
-    told += [f"obstacle {policies.on_obstacle}"] if policies.on_obstacle != "continue" else []
-    told += [f"component fault {policies.on_component_fault}"] if policies.on_component_fault != "continue" else []
-    return told
+    reported = [f"on failure {policies.on_failure}", f"link loss {policies.on_link_loss}"]
+    reported += [f"overdue {policies.on_overdue}"] if policies.on_overdue is not None else []
+    reported += [f"low battery {policies.on_low_battery}", f"pose lost {policies.on_pose_lost}"]
+    reported += [f"obstacle {policies.on_obstacle}"] if policies.on_obstacle != "continue" else []
+    reported += [f"component fault {policies.on_component_fault}"] if policies.on_component_fault != "continue" else []
+    return reported
 
 
 def _actions(
-    task: Task, prefix: str, report: Report, capabilities: Mapping[str, Capability], total_s: float
+    task: Task, prefix: str, report: CheckReport, capabilities: Mapping[str, Capability], total_s: float
 ) -> Iterator[str]:
     order = {name: action.options.after for name, action in task.actions.items()}
     for name, mark, below in _layered(order, "○", "│"):
@@ -97,8 +97,8 @@ def _item(mark: str, below: str, name: str, what: str, relations: list[str], bar
     yield f"{_cut(text, _LEFT):<{_LEFT}} {bar}"
     if relations:
         begin = f"{below}   "
-        told = f"({'; '.join(relations)})"
-        yield from (begin + line for line in wrap(told, WIDTH - len(begin), break_on_hyphens=False))
+        reported = f"({'; '.join(relations)})"
+        yield from (begin + line for line in wrap(reported, WIDTH - len(begin), break_on_hyphens=False))
 
 
 def _relations(options: ItemFile) -> list[str]:
@@ -183,11 +183,11 @@ def mermaid(mission: Mission) -> str:
     """The partial order as a Mermaid flowchart: tasks as boxes of actions, `until` as dotted arrows."""
     lines = ["flowchart LR"]
     for task in (*mission.tasks.values(), *mission.contingencies.values()):
-        told = "".join(f"<br/>{term}" for term in terms(task.options))
-        told += "<br/>when something befalls it" if task.name in mission.contingencies else ""
+        reported = "".join(f"<br/>{term}" for term in terms(task.options))
+        reported += "<br/>when something befalls it" if task.name in mission.contingencies else ""
         lines.append(
-            f'    subgraph {_id(task.name)}["{task.name}{told}"]'
-            if told
+            f'    subgraph {_id(task.name)}["{task.name}{reported}"]'
+            if reported
             else f"    subgraph {_id(task.name)}[{task.name}]"
         )
         lines += [

@@ -46,8 +46,8 @@ class ComponentMenu(ModalScreen[str | None]):
         ]
         for entry in self._functions:
             doc = entry.doc.strip().partition("\n")[0]
-            name, told = Span(f"{entry.name + '…':<16}", Tone.BUSY), Span(cut(doc, DOC_WIDTH), Tone.DIM)
-            rows.append(Row((name, told), entry.name))
+            name, reported = Span(f"{entry.name + '…':<16}", Tone.BUSY), Span(cut(doc, DOC_WIDTH), Tone.DIM)
+            rows.append(Row((name, reported), entry.name))
         menu.styles.height = min(len(rows), 12)
         menu.show_rows(rows)
         menu.focus()

@@ -19,7 +19,7 @@ def _nothing() -> None:
     """What follows where nothing does."""
 
 
-class MissionFiles:
+class MissionFileDialogue:
     """Asks the operator, and has the desk do it."""
 
     def __init__(self, app: App[Any], missions: MissionDesk, vehicle: Callable[[], str | None]) -> None:
@@ -37,14 +37,14 @@ class MissionFiles:
     def choose(self, then: Callable[[str], None]) -> None:
         """Lets a file be chosen; what is not saved is asked about first."""
 
-        def ask() -> None:
+        def request() -> None:
             draft = self._missions.draft
             last = (draft.path or draft.made_of) if draft is not None else ""
             folder = Path(last).parent if last else Path.cwd()
             dialogue = OpenMission(self._missions.recent, folder.absolute())
             self._app.push_screen(dialogue, lambda file: then(file) if file is not None else None)
 
-        self.when_saved(ask)
+        self.when_saved(request)
 
     def when_saved(self, then: Then) -> None:
         """Goes on when nothing can be lost any more."""

@@ -10,7 +10,7 @@ from textual.containers import Vertical
 from textual.screen import ModalScreen
 from textual.widgets import Input
 
-from gloc3_groundstation.missions.files import Entry, Group, listing, matching, start_entries
+from gloc3_groundstation.missions.files import FileGroup, MissionEntry, listing, matching, start_entries
 from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, cut, spread
 from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel, Row
 
@@ -47,7 +47,7 @@ class OpenMission(ModalScreen[str | None]):
         super().__init__()
         self._start = start_entries(recent)
         self._listing = listing(folder)
-        self._entries: dict[str, Entry] = {}
+        self._entries: dict[str, MissionEntry] = {}
 
     def compose(self) -> ComposeResult:
         """What is typed, and the list."""
@@ -123,7 +123,7 @@ class OpenMission(ModalScreen[str | None]):
         for key, entry in self._entries.items():
             if entry.group is not group:
                 group = entry.group
-                title = f"folder {self._listing.folder}" if group is Group.FOLDER else str(group)
+                title = f"folder {self._listing.folder}" if group is FileGroup.FOLDER else str(group)
                 rows += [Row(EMPTY)] if rows else []
                 rows.append(Row((Span(cut(f" {title}", files.width), Tone.DIM),)))
             rows.append(Row(_line(entry, files.width), key))
@@ -136,11 +136,11 @@ class OpenMission(ModalScreen[str | None]):
         self.query_one("#said", Panel).show([(Span(problem, Tone.WARN),)])
 
 
-def _line(entry: Entry, width: int) -> Line:
+def _line(entry: MissionEntry, width: int) -> Line:
     if entry.is_folder:
         name = "..  the folder above" if entry.name == ".." else f"{entry.name}/"
         return (Span("   "), Span(cut(name, width - 4), Tone.BUSY))
-    where = str(Path(entry.path).parent) if entry.group is Group.RECENT else ""
+    where = str(Path(entry.path).parent) if entry.group is FileGroup.RECENT else ""
     size = f"  {max(1, round(entry.size / 1000))} kB" if entry.size else ""
     right = f"{entry.kind}{size} "
     left = Span(f"   {cut(entry.name, width - len(right) - 6)}")

@@ -22,13 +22,13 @@ UNSAVED_QUESTION: Final = "{} has changes that are not saved. They are put besid
 def choices(*keys: tuple[str, str], hint: str = "") -> Static:
     """The keys of a dialogue with what they do, one a line; above them a hint, where there is one."""
     width = max(len(key) for key, _ in keys) + 2
-    said = Content.styled(hint, "$quiet") if hint else Content()
+    text = Content.styled(hint, "$quiet") if hint else Content()
     for key, what in keys:
-        said += Content.assemble("\n" if said else "", (f"{key:<{width}}", "bold $primary"), what)
-    return Static(said, classes="choices", markup=False)
+        text += Content.assemble("\n" if text else "", (f"{key:<{width}}", "bold $primary"), what)
+    return Static(text, classes="choices", markup=False)
 
 
-class Question(ModalScreen[bool]):
+class YesNoQuestion(ModalScreen[bool]):
     """Yes or no; anything but yes is no."""
 
     BINDINGS = [Binding("y", "answer(True)", "Yes"), Binding("n,escape", "answer(False)", "No")]
@@ -96,7 +96,7 @@ class EmergencyQuestion(ModalScreen[tuple[EmergencyVerb, str] | None]):
         self.dismiss(None)
 
 
-class AskFor(ModalScreen[str | None]):
+class TextQuestion(ModalScreen[str | None]):
     """A line of text; none where it was left."""
 
     BINDINGS = [Binding("escape", "leave", "Leave")]

@@ -61,13 +61,13 @@ class SaveMission(ModalScreen[bool]):
 
     def on_resize(self) -> None:
         """Breaks the lines anew."""
-        self.call_after_refresh(self._tell)
+        self.call_after_refresh(self._show_result)
 
     @on(Input.Changed, "#name")
     def typed(self) -> None:
         """Tells of another file."""
         self._warned_of = ""
-        self._tell()
+        self._show_result()
 
     @on(Input.Submitted, "#name")
     def write(self) -> None:
@@ -77,12 +77,12 @@ class SaveMission(ModalScreen[bool]):
             return
         if self._objection(path) and self._warned_of != str(path):
             self._warned_of = str(path)
-            self._tell()
+            self._show_result()
             return
         problem = self._write(path)
         if problem:
-            said = self.query_one("#said", Panel)
-            said.show(_said(f"It was not written: {problem}", Tone.BAD, said.width))
+            text = self.query_one("#said", Panel)
+            text.show(_text(f"It was not written: {problem}", Tone.BAD, text.width))
         else:
             self.dismiss(True)
 
@@ -101,28 +101,28 @@ class SaveMission(ModalScreen[bool]):
             return str(refusal)
         return ""
 
-    def _tell(self) -> None:
-        said = self.query_one("#said", Panel)
+    def _show_result(self) -> None:
+        text = self.query_one("#said", Panel)
         path = self._path()
         if path is None:
-            said.show([(Span("a name is needed", Tone.DIM),)])
+            text.show([(Span("a name is needed", Tone.DIM),)])
             return
         refusal = self._refusal(path)
         if refusal:
-            said.show(_said(refusal, Tone.BAD, said.width))
+            text.show(_text(refusal, Tone.BAD, text.width))
             return
         lines: list[Line] = [(Span(f"written as: {KINDS[path.suffix]}", Tone.DIM),)]
         lost = self._lost(path)
         if lost:
             lines += [EMPTY, (Span("This kind of file cannot carry all of it:", Tone.WARN),)]
             for one in lost:
-                lines += _said(f"- {one}", Tone.TEXT, said.width)
+                lines += _text(f"- {one}", Tone.TEXT, text.width)
         objection = self._objection(path)
         if objection:
             again = ": enter again overwrites it" if self._warned_of == str(path) else ""
-            lines += [EMPTY, *_said(f"{objection}{again}", Tone.WARN, said.width)]
-        said.show(lines)
+            lines += [EMPTY, *_text(f"{objection}{again}", Tone.WARN, text.width)]
+        text.show(lines)
 
 
-def _said(text: str, tone: Tone, width: int) -> list[Line]:
+def _text(text: str, tone: Tone, width: int) -> list[Line]:
     return [(Span(row, tone),) for row in wrapped(text, max(20, width))]

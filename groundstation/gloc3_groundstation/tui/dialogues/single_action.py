@@ -13,8 +13,8 @@ from textual.widgets import Input, Label
 
 from gloc3.errors import Gloc3Error
 from gloc3_groundstation.desk.mission_desk import MissionDesk
-from gloc3_groundstation.missions.forms import Field, Form, FormError, arguments_of
-from gloc3_groundstation.tui.dialogues.questions import START_QUESTION, Question
+from gloc3_groundstation.missions.forms import CapabilityForm, FormError, FormField, arguments_of
+from gloc3_groundstation.tui.dialogues.questions import START_QUESTION, YesNoQuestion
 from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, cut, spread, wrapped
 from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel, Row
 
@@ -40,8 +40,8 @@ class SingleAction(ModalScreen[None]):
         super().__init__()
         self._missions = missions
         self._platform = platform
-        self._form: Form | None = None
-        self._is_asking = False
+        self._form: CapabilityForm | None = None
+        self._is_requesting = False
 
     def compose(self) -> ComposeResult:
         """The capabilities, the form, and the reply."""
@@ -74,9 +74,9 @@ class SingleAction(ModalScreen[None]):
             else None
         )
         hint = self.query_one("#hint", Panel)
-        told = [text for text in (field.hint, field.doc) if text] if field is not None else []
+        reported = [text for text in (field.hint, field.doc) if text] if field is not None else []
         width = max(30, hint.width)
-        hint.show([(Span(row, Tone.DIM),) for text in told for row in wrapped(text, width)][:2])
+        hint.show([(Span(row, Tone.DIM),) for text in reported for row in wrapped(text, width)][:2])
 
     @on(Input.Submitted)
     def enter(self, event: Input.Submitted) -> None:
@@ -105,14 +105,14 @@ class SingleAction(ModalScreen[None]):
     def action_send(self) -> None:
         """Sends what was typed, if it is fit to be sent."""
         form = self._form
-        if form is None or self._is_asking:
+        if form is None or self._is_requesting:
             return
         row = self._missions.capabilities(self._platform)[form.capability]
         typed = {one.id.removeprefix("field_"): one.value for one in self.query(Input) if one.id}
         try:
             arguments = arguments_of(form, row, typed)
         except FormError as error:
-            self._say(str(error), Tone.BAD)
+            self._show_reply(str(error), Tone.BAD)
             for field in self.query(f"#field_{error.field}").results(Input) if error.field else ():
                 field.focus()
             return
@@ -124,26 +124,26 @@ class SingleAction(ModalScreen[None]):
             if answer:
                 self._begin(form.capability, arguments)
 
-        self.app.push_screen(Question(START_QUESTION.format(form.capability, self._platform), "do it"), answered)
+        self.app.push_screen(YesNoQuestion(START_QUESTION.format(form.capability, self._platform), "do it"), answered)
 
     def _begin(self, capability: str, arguments: dict[str, Any]) -> None:
-        self._is_asking = True
-        self._say(f"asking {self._platform}…", Tone.DIM)
-        self.run_worker(self._ask(capability, arguments), exit_on_error=True)
+        self._is_requesting = True
+        self._show_reply(f"asking {self._platform}…", Tone.DIM)
+        self.run_worker(self._request(capability, arguments), exit_on_error=True)
 
-    async def _ask(self, capability: str, arguments: dict[str, Any]) -> None:
+    async def _request(self, capability: str, arguments: dict[str, Any]) -> None:
         try:
             name = await self._missions.request(self._platform, capability, arguments)
         except Gloc3Error as error:
-            self._say(f"refused: {error}", Tone.BAD)
+            self._show_reply(f"refused: {error}", Tone.BAD)
         else:
-            self._say(f"accepted: it runs as {name or capability}; esc leads back to its state", Tone.GOOD)
+            self._show_reply(f"accepted: it runs as {name or capability}; esc leads back to its state", Tone.GOOD)
         finally:
-            self._is_asking = False
+            self._is_requesting = False
 
     # --- what is shown ---
 
-    def _show_form(self, form: Form | None) -> None:
+    def _show_form(self, form: CapabilityForm | None) -> None:
         self._form = form
         sheet, box, capabilities = self.query_one(".sheet"), self.query_one("#form"), self.query_one(ListPanel)
         capabilities.display, box.display = form is None, form is not None
@@ -151,7 +151,7 @@ class SingleAction(ModalScreen[None]):
         if form is None:
             sheet.border_title = f"single action for {self._platform}"
             sheet.border_subtitle = "enter chooses   esc closes"
-            self._say("", Tone.DIM)
+            self._show_reply("", Tone.DIM)
             self.query_one("#hint", Panel).show([])
             self.call_after_refresh(self._list)
             capabilities.focus()
@@ -161,7 +161,7 @@ class SingleAction(ModalScreen[None]):
         sheet.border_subtitle = "enter: next, and sends   ^s sends   esc: back"
         box.mount(*(_field(field) for field in form.fields))
         claimed = self._claimed(form.claims)
-        self._say(
+        self._show_reply(
             claimed or ("" if form.fields else "it takes no arguments: ^s sends"), Tone.WARN if claimed else Tone.DIM
         )
         if form.fields:
@@ -194,17 +194,17 @@ class SingleAction(ModalScreen[None]):
         held = [f"{name} is claimed by {claims[name]}" for name in needed if name in claims]
         return f"{'; '.join(held)}: pause or abort it first" if held else ""
 
-    def _say(self, text: str, tone: Tone) -> None:
+    def _show_reply(self, text: str, tone: Tone) -> None:
         reply = self.query_one("#reply", Panel)
         width = max(30, reply.width or 60)
         reply.show([(Span(row, tone),) for row in wrapped(text, width)], "reply")
 
 
-def _label(field: Field) -> str:
+def _label(field: FormField) -> str:
     return f"{field.label} [{field.unit}]" if field.unit else field.label
 
 
-def _field(field: Field) -> Horizontal:
+def _field(field: FormField) -> Horizontal:
     typed = Input(
         field.default, placeholder="" if field.is_required else "may stay empty", id=f"field_{field.name}", compact=True
     )

@@ -19,20 +19,20 @@ from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages.command_interface import Verb
 from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.desk.gamepad import Gamepad, GamepadState
-from gloc3_groundstation.desk.teleoperation import FullSpeed, HandControl, Sticks
+from gloc3_groundstation.desk.teleoperation import FullSpeed, HandControl, StickDemand
 from gloc3_groundstation.tui.dialogues.questions import choices
-from gloc3_groundstation.tui.view import View
-from gloc3_groundstation.tui.views.teleoperation import Helm, helm_lines
+from gloc3_groundstation.tui.view import StationView
+from gloc3_groundstation.tui.views.teleoperation import TeleoperationView, helm_lines
 from gloc3_groundstation.tui.widgets.panel import Panel
 
 KEPT_S: Final = 0.6
 """Keyboards repeat a key after half a second at the latest, as they are set by default, and then often."""
 PAD_KEPT_S: Final = 0.3
-LOOK_S: Final = 0.1
+POLL_S: Final = 0.1
 STEP: Final = 0.25
 
 
-class Teleoperate(ModalScreen[None]):
+class TeleoperateDialogue(ModalScreen[None]):
     """Steers the vehicle in view."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -49,7 +49,9 @@ class Teleoperate(ModalScreen[None]):
         Binding("escape", "leave", "Leave"),
     ]
 
-    def __init__(self, desk: Desk, platform: str, capability: str, moment: Callable[[], View], gamepad: str) -> None:
+    def __init__(
+        self, desk: Desk, platform: str, capability: str, moment: Callable[[], StationView], gamepad: str
+    ) -> None:
         """A dialogue.
 
         Args:
@@ -71,7 +73,7 @@ class Teleoperate(ModalScreen[None]):
         self._is_pad_held = False
         self._begun = ""
         """The vehicle's name for what was begun; empty before."""
-        self._is_asking = self._has_left = False
+        self._is_requesting = self._has_left = False
         self._problem = ""
 
     def compose(self) -> ComposeResult:
@@ -97,8 +99,8 @@ class Teleoperate(ModalScreen[None]):
             except Refused as refusal:
                 self._problem = str(refusal)
         self.query_one(Vertical).border_title = f"{self._platform} by hand"
-        self.set_interval(LOOK_S, self._look)
-        self.call_after_refresh(self._look)
+        self.set_interval(POLL_S, self._poll)
+        self.call_after_refresh(self._poll)
 
     def on_unmount(self) -> None:
         """However it is closed: lets go, and lets the gamepad be."""
@@ -113,9 +115,9 @@ class Teleoperate(ModalScreen[None]):
         """Asks the vehicle for it; then this is the dead-man's key."""
         assert self._hand is not None
         if self._begun:
-            self._hand.keep(KEPT_S)
-        elif not self._is_asking:
-            self._is_asking, self._problem = True, ""
+            self._hand.hold_key(KEPT_S)
+        elif not self._is_requesting:
+            self._is_requesting, self._problem = True, ""
             self.app.run_worker(self._begin(), exit_on_error=True)
 
     def action_push(self, way: str, steps: int) -> None:
@@ -124,12 +126,12 @@ class Teleoperate(ModalScreen[None]):
         sticks = self._hand.sticks
         self._hand.move(sticks._replace(**{way: getattr(sticks, way) + steps * STEP}))
         if self._hand.is_kept:
-            self._hand.keep(KEPT_S)
+            self._hand.hold_key(KEPT_S)
 
     def action_rest(self) -> None:
         """All sticks to the middle."""
         assert self._hand is not None
-        self._hand.move(Sticks())
+        self._hand.move(StickDemand())
 
     def action_leave(self) -> None:
         """Lets go and ends the action."""
@@ -148,7 +150,7 @@ class Teleoperate(ModalScreen[None]):
         except Gloc3Error as error:
             self._problem = str(error)
         finally:
-            self._is_asking = False
+            self._is_requesting = False
         if self._has_left and self._begun:
             await missions.steer(self._platform, Verb.ABORT, self._begun)
 
@@ -164,28 +166,28 @@ class Teleoperate(ModalScreen[None]):
             self._hand.move(state.sticks)
             self._keep_for_pad()
         elif was_held:
-            self._hand.move(Sticks())
+            self._hand.move(StickDemand())
             self._hand.release()
 
     def _keep_for_pad(self) -> None:
         if self._begun and self._is_pad_held and self._hand is not None:
-            self._hand.keep(PAD_KEPT_S)
+            self._hand.hold_key(PAD_KEPT_S)
 
     # --- what is shown ---
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         hand = self._hand
         if hand is None or not self.is_mounted:
             return
         self._keep_for_pad()
         view = self._moment()
         platform = view.fleet.get(self._platform)
-        self._see_the_end(platform.mission.value.tasks.get(self._begun) if platform and platform.mission else None)
-        helm = Helm(bool(self._begun), hand.is_kept, hand.sticks, self._full, hand.session, self._problem)
+        self._end_session(platform.mission.value.tasks.get(self._begun) if platform and platform.mission else None)
+        helm = TeleoperationView(bool(self._begun), hand.is_kept, hand.sticks, self._full, hand.session, self._problem)
         round_trip_s = self._desk.station.round_trip_s(self._platform)
         self.query_one("#helm", Panel).show(helm_lines(platform, helm, round_trip_s, view.now_s))
 
-    def _see_the_end(self, state: str | None) -> None:
+    def _end_session(self, state: str | None) -> None:
         """The vehicle has ended it: by a policy, by its pilot, by the emergency key."""
         if self._begun and state in ("aborted", "failed", "done", "skipped"):
             assert self._hand is not None

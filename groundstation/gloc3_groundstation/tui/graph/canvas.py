@@ -26,7 +26,7 @@ WIRES: Final = {
 """The directions in which a wire leaves a cell, to the character."""
 
 
-class Canvas:
+class GraphCanvas:
     """Grows to what is drawn on it."""
 
     def __init__(self) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
-from gloc3_groundstation.tui.graph.canvas import Canvas
+from gloc3_groundstation.tui.graph.canvas import GraphCanvas
 from gloc3_groundstation.tui.graph.order import Before, layered, reduced
 from gloc3_groundstation.tui.widgets.lines import Tone
 
@@ -15,7 +15,7 @@ PORT: Final = 1
 Heights = Mapping[str, int]
 
 
-class Place(NamedTuple):
+class BoxPosition(NamedTuple):
     """Where a box stands."""
 
     x: int
@@ -38,7 +38,7 @@ def channel_tracks(wires: list[tuple[int, int]]) -> dict[int, int]:
     for start, (low, high) in sorted(spans.items(), key=lambda item: item[1]):
         if low == high:
             continue
-        free = (n for n, taken in enumerate(tracks) if all(high < other[0] or low > other[1] for other in taken))
+        free = (n for n, used in enumerate(tracks) if all(high < other[0] or low > other[1] for other in used))
         track = next(free, len(tracks))
         if track == len(tracks):
             tracks.append([])
@@ -73,17 +73,17 @@ class Layout:
         """The width that boxes may have so that all of it fits `room` columns."""
         return (room - sum(self.gaps)) // max(1, len(self.layers))
 
-    def places(self, width: int, x: int, y: int) -> dict[str, Place]:
+    def places(self, width: int, x: int, y: int) -> dict[str, BoxPosition]:
         """The upper left corner of each box, the first layer at `x`, everything below `y`."""
         found, left = {}, x
         for index, layer in enumerate(self.layers):
             for name in layer:
                 if name in self._heights:
-                    found[name] = Place(left, y + self._tops[name], index)
+                    found[name] = BoxPosition(left, y + self._tops[name], index)
             left += width + (self.gaps[index] if index < len(self.gaps) else 0)
         return found
 
-    def draw_wires(self, canvas: Canvas, width: int, x: int, y: int, tone_of: Callable[[str], Tone]) -> None:
+    def draw_wires(self, canvas: GraphCanvas, width: int, x: int, y: int, tone_of: Callable[[str], Tone]) -> None:
         """Draws the wires, to be called after the boxes were drawn.
 
         Args:

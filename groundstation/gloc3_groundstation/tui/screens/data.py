@@ -7,9 +7,9 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
 
 from gloc3_groundstation.mapping.tracks import Track
-from gloc3_groundstation.tui.dialogues.teleoperate import Teleoperate
+from gloc3_groundstation.tui.dialogues.teleoperate import TeleoperateDialogue
 from gloc3_groundstation.tui.screen import StationScreen
-from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.flight_data import (
     CHARTS,
     WINDOWS_S,
@@ -62,7 +62,7 @@ class FlightDataScreen(StationScreen):
             yield CanvasPanel(id="attitude", can_focus=False)
             yield CanvasPanel(id="charts")
 
-    def look(self, view: View) -> None:
+    def show_view(self, view: StationView) -> None:
         """Draws it."""
         if (by_hand := self._steered_by(view)) != self._by_hand:
             self._by_hand = by_hand
@@ -83,19 +83,21 @@ class FlightDataScreen(StationScreen):
         """Stops the charts, or lets them go on."""
         if self.view is not None:
             self._frozen_s = None if self._frozen_s is not None else self.view.now_s
-        self.look_again()
+        self.show_again()
 
     def action_by_hand(self) -> None:
         """Steers the vehicle in view by hand."""
         platform = self.view.platform if self.view is not None else None
         if platform is not None and self._by_hand:
-            self.app.push_screen(Teleoperate(self.desk, platform.name, self._by_hand, self.moment, self.desk.gamepad))
+            self.app.push_screen(
+                TeleoperateDialogue(self.desk, platform.name, self._by_hand, self.moment, self.desk.gamepad)
+            )
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Offers to steer by hand where the vehicle has that capability."""
         return bool(self._by_hand) if action == "by_hand" else super().check_action(action, parameters)
 
-    def _steered_by(self, view: View) -> str:
+    def _steered_by(self, view: StationView) -> str:
         if view.platform is None or not view.platform.has_companion:
             return ""
         rows = self.desk.missions.capabilities(view.platform.name)
@@ -104,27 +106,27 @@ class FlightDataScreen(StationScreen):
     def action_live(self) -> None:
         """Shows now again."""
         self._frozen_s = None
-        self.look_again()
+        self.show_again()
 
     def action_window(self, step: int) -> None:
         """Shows more or less time."""
         self._window = max(0, min(len(WINDOWS_S) - 1, self._window + step))
-        self.look_again()
+        self.show_again()
 
     def action_back(self, steps: int) -> None:
         """Goes back in time, or forth; at the end the charts go on by themselves."""
         if self.view is not None:
             end_s = self._end_s(self.view) - steps * STEP * WINDOWS_S[self._window]
             self._frozen_s = None if end_s >= self.view.now_s else max(end_s, self.view.started_s)
-        self.look_again()
+        self.show_again()
 
     def action_scroll_charts(self, charts: int) -> None:
         """Shows the charts below, or above."""
         self._first += charts
-        self.look_again()
+        self.show_again()
 
-    def _end_s(self, view: View) -> float:
+    def _end_s(self, view: StationView) -> float:
         return view.now_s if self._frozen_s is None else self._frozen_s
 
-    def _track(self, view: View) -> Track | None:
+    def _track(self, view: StationView) -> Track | None:
         return view.tracks.get(view.platform.name) if view.platform is not None else None

@@ -10,9 +10,9 @@ from textual.binding import Binding
 from textual.widgets import Input
 
 from gloc3_groundstation.store.event_search import EVERYTHING, STATION, EventFilter
-from gloc3_groundstation.tui.dialogues.questions import AskFor
+from gloc3_groundstation.tui.dialogues.questions import TextQuestion
 from gloc3_groundstation.tui.screen import StationScreen
-from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.events import (
     SEVERITIES,
     event_detail,
@@ -62,7 +62,7 @@ class EventsScreen(StationScreen):
         self.query_one("#search").display = False
         self._is_waiting = False
 
-    def look(self, view: View) -> None:
+    def show_view(self, view: StationView) -> None:
         """Fills the window of the list, and goes on searching."""
         events, desk = self.query_one(LongList), self.desk.events
         desk.search.step()
@@ -85,15 +85,15 @@ class EventsScreen(StationScreen):
     def _go_on(self) -> None:
         self._is_waiting = False
         if self.is_current:
-            self.look_again()
+            self.show_again()
 
     # --- the filter ---
 
-    def look_for(self, **changes: Any) -> None:
+    def search(self, **changes: Any) -> None:
         """Changes the filter."""
         desk = self.desk.events
-        desk.look_for(replace(desk.search.wanted, **changes))
-        self.look_again()
+        desk.search_for(replace(desk.search.wanted, **changes))
+        self.show_again()
 
     def action_type(self) -> None:
         """Begins to type what is searched for."""
@@ -104,7 +104,7 @@ class EventsScreen(StationScreen):
     @on(Input.Changed, "#search")
     def search_as_typed(self, event: Input.Changed) -> None:
         """Searches for what has been typed so far."""
-        self.look_for(text=event.value)
+        self.search(text=event.value)
 
     @on(Input.Submitted, "#search")
     def typed(self) -> None:
@@ -115,11 +115,11 @@ class EventsScreen(StationScreen):
     def action_severity(self, step: int) -> None:
         """Shows what is at least so bad."""
         now = SEVERITIES.index(self._wanted.severity) if self._wanted.severity in SEVERITIES else 0
-        self.look_for(severity=SEVERITIES[(now + step) % len(SEVERITIES)])
+        self.search(severity=SEVERITIES[(now + step) % len(SEVERITIES)])
 
     def action_platform(self) -> None:
         """Shows the next vehicle's events."""
-        self.look_for(
+        self.search(
             platform=_next(["", *sorted(filter(None, self.desk.events.store.platforms))], self._wanted.platform)
         )
 
@@ -127,22 +127,22 @@ class EventsScreen(StationScreen):
         """Shows the events of the component under the cursor."""
         number = self.query_one(LongList).number
         if self._wanted.component or number < 0:
-            self.look_for(component="")
+            self.search(component="")
         else:
-            self.look_for(component=self.desk.events.store.events([number])[0].source or STATION)
+            self.search(component=self.desk.events.store.events([number])[0].source or STATION)
 
     def action_clear(self) -> None:
         """Shows everything."""
         self.query_one("#search", Input).value = ""
         self.typed()
-        self.desk.events.look_for(EVERYTHING)
+        self.desk.events.search_for(EVERYTHING)
         self.query_one(LongList).follow()
-        self.look_again()
+        self.show_again()
 
     @on(LongList.Scrolled)
     def scrolled(self) -> None:
         """Shows other rows."""
-        self.look_again()
+        self.show_again()
 
     # --- export ---
 
@@ -156,7 +156,7 @@ class EventsScreen(StationScreen):
 
         count = len(self.desk.events.search)
         self.app.push_screen(
-            AskFor(f"Write {count:,} events to which file?", "events.csv", "ends in .csv or .jsonl"), named
+            TextQuestion(f"Write {count:,} events to which file?", "events.csv", "ends in .csv or .jsonl"), named
         )
 
     @property

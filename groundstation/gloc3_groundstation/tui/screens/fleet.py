@@ -7,10 +7,10 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 
 from gloc3.messages.command_interface import ControlVerb
-from gloc3_groundstation.desk.fleet_desk import Order
-from gloc3_groundstation.tui.dialogues.questions import AskFor
+from gloc3_groundstation.desk.fleet_desk import FleetOrder
+from gloc3_groundstation.tui.dialogues.questions import TextQuestion
 from gloc3_groundstation.tui.screen import StationScreen
-from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.fleet import (
     control_lines,
     fleet_header,
@@ -25,15 +25,15 @@ from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel, Row
 from gloc3_groundstation.tui.widgets.vehicle_rows import VehicleRows
 
 QUESTIONS = {
-    Order.HOLD: "Hold: {}?\nEach stops and keeps its place; missions are paused.",
-    Order.PAUSE: "Pause the missions of {}?",
-    Order.RESUME: "Resume the missions of {}?\nEach goes on where it was paused.",
-    Order.LAND: "Land now, where they are: {}?",
-    Order.START: "Start: {}?\nThe mission at hand is streamed first where it is not there yet. They arm and take off.",
+    FleetOrder.HOLD: "Hold: {}?\nEach stops and keeps its place; missions are paused.",
+    FleetOrder.PAUSE: "Pause the missions of {}?",
+    FleetOrder.RESUME: "Resume the missions of {}?\nEach goes on where it was paused.",
+    FleetOrder.LAND: "Land now, where they are: {}?",
+    FleetOrder.START: "Start: {}?\nThe mission at hand is streamed first where it is not there yet. They arm and take off.",
 }
-ASKED_OF_ONE = (Order.LAND, Order.START)
+SINGLE_VEHICLE_ORDERS = (FleetOrder.LAND, FleetOrder.START)
 """Orders to the vehicle in view that are asked about too; those to marked ones always are."""
-TAKE_OVER_QUESTION = "Take control of {} over from station {}?\nIt does not ask its operator; it is recorded."
+OVERRIDE_QUESTION = "Take control of {} over from station {}?\nIt does not ask its operator; it is recorded."
 CLOSE_QUESTION = "Close {}?\n{} cannot be reached by it any more, and flies by its mission's on_link_loss."
 
 
@@ -82,7 +82,7 @@ class FleetScreen(StationScreen):
         self._offered: object = None
         self._kept = VehicleRows()
 
-    def look(self, view: View) -> None:
+    def show_view(self, view: StationView) -> None:
         """Fills the panels."""
         vehicles, control, links = self.query_one("#vehicles", ListPanel), self.panel("control"), self._links
         marked = self._selection(is_marked_only=True)
@@ -130,27 +130,27 @@ class FleetScreen(StationScreen):
         if event.key and is_there and self.view is not None and self.view.platform is not None:
             self._seen = event.key
             if event.key != self.view.platform.name:
-                self.look_at_vehicle(event.key)
+                self.show_vehicle(event.key)
 
     # --- orders ---
 
     def action_mark(self) -> None:
         """Marks the vehicle under the cursor, or takes its mark away."""
         self._marked ^= {self.query_one("#vehicles", ListPanel).chosen}
-        self.look_again()
+        self.show_again()
 
     def action_mark_all(self) -> None:
         """Marks all vehicles, or none."""
         everyone = set(self.desk.station.fleet.platforms)
         self._marked = set() if everyone <= self._marked else everyone
-        self.look_again()
+        self.show_again()
 
     def action_order(self, name: str) -> None:
         """Orders; asks first, naming the vehicles, where they were marked or the order can hurt."""
-        order, names = Order(name), self._selection()
+        order, names = FleetOrder(name), self._selection()
         work = partial(self.desk.fleet.order, names, order)
-        if names and (self._selection(is_marked_only=True) or order in ASKED_OF_ONE):
-            self.ask(QUESTIONS[order].format(", ".join(names)), order, lambda: self.do(work()))
+        if names and (self._selection(is_marked_only=True) or order in SINGLE_VEHICLE_ORDERS):
+            self.confirm(QUESTIONS[order].format(", ".join(names)), order, lambda: self.do(work()))
         elif names:
             self.do(work())
 
@@ -164,8 +164,8 @@ class FleetScreen(StationScreen):
             self.do(work(platform.name, verb))
             return
         holder = platform.control.value.holder if platform.control is not None else "?"
-        question = TAKE_OVER_QUESTION.format(platform.name, holder)
-        self.ask(question, "take over", lambda: self.do(work(platform.name, verb)))
+        question = OVERRIDE_QUESTION.format(platform.name, holder)
+        self.confirm(question, "take over", lambda: self.do(work(platform.name, verb)))
 
     def _selection(self, *, is_marked_only: bool = False) -> list[str]:
         """The marked vehicles; without any, the one in view."""
@@ -184,7 +184,7 @@ class FleetScreen(StationScreen):
                 self.do(self.desk.fleet.add_link(url))
 
         hint = "udpin://0.0.0.0:14551, tcpout://HOST:5760, serial:///dev/ttyUSB0:57600"
-        self.app.push_screen(AskFor("Open which link?", "", hint), named)
+        self.app.push_screen(TextQuestion("Open which link?", "", hint), named)
 
     def action_remove_link(self) -> None:
         """Closes the link under the cursor; asks first if vehicles are behind it."""
@@ -196,7 +196,7 @@ class FleetScreen(StationScreen):
             self.do(self.desk.fleet.remove_link(url))
             return
         question = CLOSE_QUESTION.format(url, ", ".join(behind))
-        self.ask(question, "close it", lambda: self.do(self.desk.fleet.remove_link(url)))
+        self.confirm(question, "close it", lambda: self.do(self.desk.fleet.remove_link(url)))
 
     @property
     def _links(self) -> ListPanel:

@@ -13,8 +13,8 @@ from gloc3_groundstation.desk.component_desk import arguments
 from gloc3_groundstation.station.snapshots import ComponentSnapshot, PlatformSnapshot
 from gloc3_groundstation.tui.dialogues.component_dialogues import FORCE_QUESTION, ComponentMenu, FunctionForm
 from gloc3_groundstation.tui.keys import MISSION_KEYS
-from gloc3_groundstation.tui.screen import Command, StationScreen
-from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.screen import PaletteCommand, StationScreen
+from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.chain import chain_lines, wiring_lines
 from gloc3_groundstation.tui.views.components import (
     answer_lines,
@@ -63,7 +63,7 @@ class HealthScreen(StationScreen):
         yield ListPanel(id="components", classes="plain")
         yield Panel(id="component")
 
-    def look(self, view: View) -> None:
+    def show_view(self, view: StationView) -> None:
         """Fills the panels."""
         components, component, chain = self.query_one(ListPanel), self.panel("component"), self.panel("chain")
         platform, desk, name = view.platform, self.desk.components, components.chosen
@@ -85,24 +85,24 @@ class HealthScreen(StationScreen):
             lines += wiring_lines(wiring, name, component.width)
         component.show(lines, name)
 
-    def commands(self) -> Iterable[Command]:
+    def commands(self) -> Iterable[PaletteCommand]:
         """The commands of the component under the cursor, by name."""
         found = self._chosen()
         if found is None:
             return
         platform, component = found
         for command, effect in self.desk.components.commands(component).items():
-            yield Command(
+            yield PaletteCommand(
                 f"{component.name}: {command}", effect, partial(self._command, platform.name, component.name, command)
             )
         for entry in self.desk.components.functions(platform.name, component):
             run = partial(self._fill_in, platform.name, component.name, entry)
-            yield Command(f"{component.name}: {entry.name}…", entry.doc.partition("\n")[0], run)
+            yield PaletteCommand(f"{component.name}: {entry.name}…", entry.doc.partition("\n")[0], run)
 
     @on(ListPanel.Moved, "#components")
-    def tell(self) -> None:
+    def show_detail(self) -> None:
         """Tells the component under the cursor."""
-        self.look_again()
+        self.show_again()
 
     @on(ListPanel.Chosen, "#components")
     def action_ask(self) -> None:
@@ -134,8 +134,10 @@ class HealthScreen(StationScreen):
         answer = await desk.command(platform, component, command)
         if answer.can_be_forced:
             question = FORCE_QUESTION.format(command, component, answer.text)
-            self.ask(question, "force it", lambda: self.do(desk.command(platform, component, command, is_forced=True)))
-        self.look_again()
+            self.confirm(
+                question, "force it", lambda: self.do(desk.command(platform, component, command, is_forced=True))
+            )
+        self.show_again()
 
     def _fill_in(self, platform: str, component: str, entry: FunctionEntry) -> None:
         """Asks for a function's arguments, and sends it."""

@@ -10,12 +10,12 @@ from textual.containers import Horizontal, Vertical
 from gloc3.messages.watch import Want
 from gloc3_groundstation.mapping.ground import Ground
 from gloc3_groundstation.mapping.mission_texts import MissionTexts
-from gloc3_groundstation.mapping.progress import Progress
+from gloc3_groundstation.mapping.progress import PathProgress
 from gloc3_groundstation.mapping.projection import Projection
 from gloc3_groundstation.mapping.requested import Requested, requested
 from gloc3_groundstation.tui.keys import MISSION_KEYS
 from gloc3_groundstation.tui.screen import StationScreen
-from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.mission.map import (
     Chart,
     extent,
@@ -71,7 +71,7 @@ class MapScreen(StationScreen):
     _pointed: tuple[int, int] | None = None
     _fitted: tuple[object, ...] | None = None
     """The vehicle, how many things there were, and the size of the map when everything was fitted last."""
-    _progress: tuple[tuple[object, ...], Progress] | None = None
+    _progress: tuple[tuple[object, ...], PathProgress] | None = None
     _texts: MissionTexts | None = None
 
     def body(self) -> ComposeResult:
@@ -87,9 +87,9 @@ class MapScreen(StationScreen):
 
     def on_screen_suspend(self) -> None:
         """Asks for no obstacles any more."""
-        self.desk.station.watcher.look_away(VIEWER)
+        self.desk.station.monitor.unwatch(VIEWER)
 
-    def look(self, view: View) -> None:
+    def show_view(self, view: StationView) -> None:
         """Asks for the obstacles, and draws it."""
         self._want_obstacles(view)
         panel, profile = self.query_one("#map", CanvasPanel), self.query_one("#profile", CanvasPanel)
@@ -113,64 +113,64 @@ class MapScreen(StationScreen):
     def action_follow(self) -> None:
         """Keeps the vehicle in view on the map, or no longer."""
         self._is_following, self._is_fitting = not self._is_following, False
-        self.look_again()
+        self.show_again()
 
     def action_fit(self) -> None:
         """Shows everything."""
         self._is_fitting, self._is_following = True, False
         self._fitted = None
-        self.look_again()
+        self.show_again()
 
     def action_zoom(self, steps: int) -> None:
         """Comes nearer, or goes away."""
         self._is_fitting = False
         self._projection = self._projection.zoomed(steps)
-        self.look_again()
+        self.show_again()
 
     def action_pan(self, right: int, up: int) -> None:
         """Moves the map."""
         self._is_fitting = self._is_following = False
         self._pointed = None
         self._projection = self._projection.moved(STEP * right, STEP * up)
-        self.look_again()
+        self.show_again()
 
     def action_turn(self) -> None:
         """Turns the map."""
         self._projection = self._projection._replace(up_deg=(self._projection.up_deg + 270.0) % 360.0)
         self._fitted = None
-        self.look_again()
+        self.show_again()
 
     def action_profile(self) -> None:
         """The next kind of profile."""
         self._profile = (self._profile_kind + 1) % 3
-        self.look_again()
+        self.show_again()
 
     @on(CanvasPanel.Pointed, "#map")
     def point(self, event: CanvasPanel.Pointed) -> None:
         """The mouse is the cursor until the map is moved by key."""
         self._pointed = event.column, event.row
         if self.view is not None:
-            self.look(self.view)
+            self.show_view(self.view)
 
     # --- what is seen ---
 
-    def _want_obstacles(self, view: View) -> None:
+    def _want_obstacles(self, view: StationView) -> None:
         """Looks at what a scanner of the vehicle in view has hit, if it has one."""
-        watcher, platform = self.desk.station.watcher, view.platform
+        monitor, platform = self.desk.station.monitor, view.platform
         if platform is None or not platform.has_companion:
-            watcher.look_away(VIEWER)
+            monitor.unwatch(VIEWER)
             return
-        watcher.look_away(VIEWER, except_from=platform.name)
-        watcher.list_topics(platform.name)
-        if any(entry.name == OBSTACLES.topic for entry in watcher.watches.entries(platform.name)):
-            watcher.look(VIEWER, platform.name, [OBSTACLES], for_s=EYES_S)
+        monitor.unwatch(VIEWER, except_from=platform.name)
+        monitor.list_topics(platform.name)
+        if any(entry.name == OBSTACLES.topic for entry in monitor.watches.entries(platform.name)):
+            monitor.watch(VIEWER, platform.name, [OBSTACLES], for_s=EYES_S)
 
-    def _chart(self, view: View, width: int, height: int) -> Chart:
+    def _chart(self, view: StationView, width: int, height: int) -> Chart:
         if self._texts is None:
             self._texts = MissionTexts(self.desk.station)
         ground = Ground(view.platform)
         text, is_loaded = self._texts.text_of(view.platform, view.plan)
-        if view.platform is not None and self._texts.lacks(view.platform, view.now_s):
+        if view.platform is not None and self._texts.missing(view.platform, view.now_s):
             self.do(self._texts.fetch(view.platform))
         request = requested(text, ground.site) if text else None
         projection = self._projection.sized(width * CELL[0], height * CELL[1])
@@ -217,7 +217,7 @@ class MapScreen(StationScreen):
             lines = time_lines(chart.view.tracks, platform.name, tone, chart.view.now_s, width, height)
             panel.show(lines, "height m, over time")
 
-    def _followed(self, chart: Chart, request: Requested) -> Progress | None:
+    def _followed(self, chart: Chart, request: Requested) -> PathProgress | None:
         """How far the vehicle in view has come since its mission was started."""
         platform = chart.view.platform
         track = chart.view.tracks.get(platform.name) if platform is not None else None
@@ -225,7 +225,7 @@ class MapScreen(StationScreen):
             return None
         key = platform.name, request.path_ned_m, track.started_s
         if self._progress is None or self._progress[0] != key:
-            self._progress = key, Progress(request.path_ned_m)
+            self._progress = key, PathProgress(request.path_ned_m)
             self._progress[1].until_s = track.started_s
         progress = self._progress[1]
         points = track.trail.points
@@ -242,4 +242,4 @@ class MapScreen(StationScreen):
         """Where on the path the action begins that is flown now."""
         mission = chart.view.platform.mission if chart.view.platform is not None else None
         running = mission.value.tasks if mission is not None else {}
-        return next((way.starts_m for way in request.ways if running.get(way.target) == "running"), 0.0)
+        return next((way.starts_m for way in request.paths if running.get(way.target) == "running"), 0.0)

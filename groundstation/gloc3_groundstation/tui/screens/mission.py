@@ -13,11 +13,11 @@ from gloc3.messages.summaries import MissionSummary
 from gloc3.mission.model.states import ActionState
 from gloc3_groundstation.missions.outline import Outline
 from gloc3_groundstation.missions.verbs import legal_verbs
-from gloc3_groundstation.tui.dialogues.mission_files import MissionFiles
-from gloc3_groundstation.tui.dialogues.questions import ABORT_QUESTION, Question
+from gloc3_groundstation.tui.dialogues.mission_files import MissionFileDialogue
+from gloc3_groundstation.tui.dialogues.questions import ABORT_QUESTION, YesNoQuestion
 from gloc3_groundstation.tui.dialogues.single_action import SingleAction
 from gloc3_groundstation.tui.screen import StationScreen
-from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.chrome import Key
 from gloc3_groundstation.tui.views.mission.detail import (
     detail_lines,
@@ -91,13 +91,13 @@ class MissionScreen(StationScreen):
         yield Panel(id="detail", can_focus=False)
         yield MissionText(id="text")
 
-    def look(self, view: View) -> None:
+    def show_view(self, view: StationView) -> None:
         """Fills what is shown."""
         missions, draft = self.desk.missions, self.desk.missions.draft
         name = view.platform.name if view.platform is not None else None
-        told, outline = self._mission(view)
-        is_loaded = told is not None
-        is_at_hand = missions.is_at_hand(told)
+        reported, outline = self._mission(view)
+        is_loaded = reported is not None
+        is_at_hand = missions.is_at_hand(reported)
         if not self._is_text:
             line = position_line(
                 draft, view.platform, view.now_s, self.size.width, is_loaded=is_loaded, is_at_hand=is_at_hand
@@ -110,12 +110,12 @@ class MissionScreen(StationScreen):
         self.panel("position").show([line])
         if self._is_text and draft is not None:
             text = self.query_one(MissionText)
-            text.look(draft, is_checking=self._is_checking, is_wide=self.has_class("-wide"))
+            text.show_mission(draft, is_checking=self._is_checking, is_wide=self.has_class("-wide"))
         else:
-            self._look_at_graph(view, told, outline)
+            self._show_graph_cursor(view, reported, outline)
         if not missions.is_checked_for(name) and not self._is_checking:
             self._check()
-        if view.platform is not None and missions.lacks_order(view.platform):
+        if view.platform is not None and missions.lacks_instruction(view.platform):
             self.do(missions.learn(view.platform.name))
         possible = (
             self._verbs(),
@@ -165,14 +165,14 @@ class MissionScreen(StationScreen):
     def _target(self) -> str:
         return self.query_one(GraphPanel).chosen if self._is_there else ""
 
-    def _mission(self, view: View) -> tuple[MissionSummary | None, Outline | None]:
+    def _mission(self, view: StationView) -> tuple[MissionSummary | None, Outline | None]:
         """The states and the order that are shown: those of the vehicle's mission, or no states and that at hand."""
         missions = self.desk.missions
         held = view.platform.mission.value if view.platform is not None and view.platform.mission is not None else None
         draft = missions.draft
-        is_under_way = held is not None and held.state in (ActionState.RUNNING, ActionState.PAUSED)
+        is_running = held is not None and held.state in (ActionState.RUNNING, ActionState.PAUSED)
         has_commands = held is not None and bool(held.tasks)
-        is_wanted = self._shown == "loaded" if self._shown else is_under_way
+        is_wanted = self._shown == "loaded" if self._shown else is_running
         if held is not None and has_commands and (is_wanted or draft is None or missions.is_at_hand(held)):
             return held, missions.outline(held)
         return None, draft.outline if draft is not None else None
@@ -190,8 +190,8 @@ class MissionScreen(StationScreen):
     def _legal(self, target: str) -> frozenset[Verb]:
         if self.view is None or self._is_text:
             return frozenset()
-        told, _ = self._mission(self.view)
-        return legal_verbs(told, target)
+        reported, _ = self._mission(self.view)
+        return legal_verbs(reported, target)
 
     def _steered(self, verb: Verb) -> str | None:
         """What a key acts on: what the cursor is on, else the mission if that is to be paused or resumed."""
@@ -201,27 +201,27 @@ class MissionScreen(StationScreen):
 
     # --- graph ---
 
-    def _look_at_graph(self, view: View, told: MissionSummary | None, outline: Outline | None) -> None:
+    def _show_graph_cursor(self, view: StationView, reported: MissionSummary | None, outline: Outline | None) -> None:
         graph, detail = self.query_one(GraphPanel), self.panel("detail")
         self.set_class(outline is None, "-nothing")
         timed = view.platform.mission if view.platform is not None else None
-        is_stale = told is not None and timed is not None and timed.is_stale(view.now_s)
+        is_stale = reported is not None and timed is not None and timed.is_stale(view.now_s)
         if outline is None:
             self._drawn = None
             graph.show_lines(nothing_lines(self.desk.missions.draft, view.platform, self.desk.missions.recent))
             return
-        drawn = (outline, told, graph.width, is_stale)
+        drawn = (outline, reported, graph.width, is_stale)
         if drawn != self._drawn:
             self._drawn = drawn
-            graph.show_graph(mission_graph(outline, told, graph.width, is_stale=is_stale))
-        lines = detail_lines(outline, told, graph.chosen, detail.width - 1)
+            graph.show_graph(mission_graph(outline, reported, graph.width, is_stale=is_stale))
+        lines = detail_lines(outline, reported, graph.chosen, detail.width - 1)
         detail.show(lines, detail_title(outline, graph.chosen))
         detail.styles.height = max(3, min(len(lines) + 1, self.query_one("#body").size.height // 2))
 
     @on(GraphPanel.Moved)
-    def tell(self) -> None:
+    def show_detail(self) -> None:
         """Tells what is under the cursor."""
-        self.look_again()
+        self.show_again()
 
     def action_steer(self, verb: str) -> None:
         """Does something to what the cursor is on; before an abort the operator is asked."""
@@ -239,14 +239,14 @@ class MissionScreen(StationScreen):
             steer()
             return
         question = ITEM_ABORT_QUESTION.format(target, name) if target else ABORT_QUESTION.format(name)
-        self.app.push_screen(Question(question, "abort"), lambda answer: steer() if answer else None)
+        self.app.push_screen(YesNoQuestion(question, "abort"), lambda answer: steer() if answer else None)
 
     def action_other(self) -> None:
         """Shows the other mission."""
         if self.view is not None:
-            told, _ = self._mission(self.view)
-            self._shown = "at hand" if told is not None else "loaded"
-            self.look_again()
+            reported, _ = self._mission(self.view)
+            self._shown = "at hand" if reported is not None else "loaded"
+            self.show_again()
 
     def action_single(self) -> None:
         """Asks for a single action."""
@@ -263,7 +263,7 @@ class MissionScreen(StationScreen):
             return
         self._is_text = True
         self.add_class("-text")
-        self.look_again()
+        self.show_again()
         text = self.query_one(MissionText)
         text.editor.focus()
         if draft.errors:
@@ -277,7 +277,7 @@ class MissionScreen(StationScreen):
         if self.desk.missions.has_unsaved:
             self._shown = "at hand"
         self.query_one(GraphPanel).focus()
-        self.look_again()
+        self.show_again()
         self.refresh_bindings()
 
     def action_finding(self, step: int) -> None:
@@ -295,7 +295,7 @@ class MissionScreen(StationScreen):
         if self._timer is not None:
             self._timer.stop()
         self._timer = self.set_timer(CHECKED_AFTER_S, self._check)
-        self.look_again()
+        self.show_again()
 
     def _check(self) -> None:
         """Checks the mission at hand, on a thread: a long one takes a while."""
@@ -303,7 +303,7 @@ class MissionScreen(StationScreen):
 
         async def check() -> None:
             self._is_checking = not await self.desk.missions.check(self._vehicle())
-            self.look_again()
+            self.show_again()
 
         self.run_worker(check(), exclusive=True, group="check", exit_on_error=True)
 
@@ -318,26 +318,26 @@ class MissionScreen(StationScreen):
 
         def begin() -> None:
             self.desk.missions.begin(self._vehicle())
-            self.query_one(MissionText).forget()
+            self.query_one(MissionText).invalidate()
             self.action_text()
 
         self._files.when_saved(begin)
 
     def action_save(self) -> None:
         """Saves where it came from."""
-        self._files.save(self.look_again)
+        self._files.save(self.show_again)
 
     def action_save_as(self) -> None:
         """Saves under another name, or exports."""
-        self._files.save_as(self.look_again)
+        self._files.save_as(self.show_again)
 
     async def open(self, file: str) -> None:
         """Opens a file; one with errors is shown as text, at the first of them."""
         missions = self.desk.missions
         if not await missions.open(file, self._vehicle()) or missions.draft is None:
-            self.look_again()
+            self.show_again()
             return
-        self.query_one(MissionText).forget()
+        self.query_one(MissionText).invalidate()
         self._shown, self._is_checking = "at hand", False
         if missions.draft.errors:
             self.action_text()
@@ -345,8 +345,8 @@ class MissionScreen(StationScreen):
             self.action_graph()
 
     @property
-    def _files(self) -> MissionFiles:
-        return MissionFiles(self.app, self.desk.missions, self._vehicle)
+    def _files(self) -> MissionFileDialogue:
+        return MissionFileDialogue(self.app, self.desk.missions, self._vehicle)
 
     def _vehicle(self) -> str | None:
         return self.view.platform.name if self.view is not None and self.view.platform is not None else None

@@ -8,7 +8,7 @@ from textual.containers import Grid
 
 from gloc3_groundstation.tui.keys import MISSION_KEYS
 from gloc3_groundstation.tui.screen import StationScreen
-from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.events import event_lines
 from gloc3_groundstation.tui.views.mission.lines import mission_lines, mission_title
 from gloc3_groundstation.tui.views.overview import (
@@ -49,9 +49,9 @@ class OverviewScreen(StationScreen):
             yield Panel(id="alerts")
             yield Panel(id="events", follows_end=True)
 
-    def look(self, view: View) -> None:
+    def show_view(self, view: StationView) -> None:
         """Fills the panels."""
-        vehicles, facts, mission = self.query_one(ListPanel), self.panel("facts"), self.panel("mission")
+        vehicles, snapshot, mission = self.query_one(ListPanel), self.panel("facts"), self.panel("mission")
         alerts, events = self.panel("alerts"), self.panel("events")
         self.panel("vehicles_header").show([vehicle_header(vehicles.width)] if view.fleet.platforms else [()])
         rows = self._kept.rows(vehicles, view, partial(vehicle_line, view, width=vehicles.width), view.alerts)
@@ -60,7 +60,7 @@ class OverviewScreen(StationScreen):
             self._seen = view.platform.name
             vehicles.point_at(self._seen)
         vehicles.styles.height = max(1 if rows else 4, min(len(rows), self.size.height // 3))
-        facts.show(detail_lines(view), detail_title(view))
+        snapshot.show(detail_lines(view), detail_title(view))
         lines = mission_lines(view.platform, view.plan, view.now_s, mission.width - 1)
         mission.show(lines, mission_title(view.platform, view.now_s))
         alerts.show(alert_lines(view, alerts.width), alerts_title(view))
@@ -69,4 +69,4 @@ class OverviewScreen(StationScreen):
     @on(ListPanel.Chosen, "#vehicles")
     def look_at(self, event: ListPanel.Chosen) -> None:
         """Brings a vehicle into view."""
-        self.look_at_vehicle(event.key)
+        self.show_vehicle(event.key)

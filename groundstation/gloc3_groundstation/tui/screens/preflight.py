@@ -8,9 +8,9 @@ from textual.binding import Binding
 from gloc3.messages.preflight import red
 from gloc3_groundstation.desk.desk import Move
 from gloc3_groundstation.desk.preflight_desk import CheckList
-from gloc3_groundstation.tui.dialogues.questions import AskFor
+from gloc3_groundstation.tui.dialogues.questions import TextQuestion
 from gloc3_groundstation.tui.screen import StationScreen
-from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.overview import waiting_lines
 from gloc3_groundstation.tui.views.preflight import no_list_lines, preflight_headline, preflight_rows, preflight_title
 from gloc3_groundstation.tui.widgets.lines import cut
@@ -46,10 +46,10 @@ class PreflightScreen(StationScreen):
         yield Panel(id="headline", classes="plain line", can_focus=False)
         yield ListPanel(id="checks")
 
-    _mood: object = None
+    _style_class: object = None
     """What the keys depended on when they were shown last."""
 
-    def look(self, view: View) -> None:
+    def show_view(self, view: StationView) -> None:
         """Fills the list, and has it made when it is old."""
         panel, headline = self.query_one("#checks", ListPanel), self.panel("headline")
         checks = self._list(view)
@@ -65,9 +65,9 @@ class PreflightScreen(StationScreen):
             rows = [Row(line) for line in no_list_lines(view.platform, checks.problem, panel.width - 1)]
         panel.show_rows(rows, preflight_title(checks))
         bad = red(checks.checks)
-        mood = bool(bad), can_start
-        if mood != self._mood:
-            self._mood = mood
+        style_class = bool(bad), can_start
+        if style_class != self._style_class:
+            self._style_class = style_class
             self.refresh_bindings()
             if bad:
                 panel.point_at(bad[0].title)
@@ -87,7 +87,7 @@ class PreflightScreen(StationScreen):
         """Makes the list anew."""
         if self.view is not None and self.view.platform is not None and self.view.platform.has_companion:
             self.do(self.desk.preflight.refresh(self.view.platform.name))
-            self.look_again()
+            self.show_again()
 
     def action_override(self) -> None:
         """Asks for the reason, then starts."""
@@ -104,7 +104,7 @@ class PreflightScreen(StationScreen):
             if reason:
                 self.do(self.desk.start(name, override=reason))
 
-        self.app.push_screen(AskFor(OVERRIDE_QUESTION.format(name, "\n".join(lines))), typed)
+        self.app.push_screen(TextQuestion(OVERRIDE_QUESTION.format(name, "\n".join(lines))), typed)
 
-    def _list(self, view: View) -> CheckList | None:
+    def _list(self, view: StationView) -> CheckList | None:
         return self.desk.preflight.list_of(view.platform) if view.platform is not None else None

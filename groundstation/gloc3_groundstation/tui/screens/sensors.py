@@ -14,7 +14,7 @@ from gloc3_groundstation.station import pictures, wording
 from gloc3_groundstation.station.preview_size import RATE_HZ
 from gloc3_groundstation.station.watches import Sight
 from gloc3_groundstation.tui.screen import StationScreen
-from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.sensors import (
     POINTS,
     STALE_S,
@@ -84,9 +84,9 @@ class SensorsScreen(StationScreen):
 
     def on_screen_suspend(self) -> None:
         """Looks at nothing any more."""
-        self.desk.station.watcher.look_away(VIEWER)
+        self.desk.station.monitor.unwatch(VIEWER)
 
-    def look(self, view: View) -> None:
+    def show_view(self, view: StationView) -> None:
         """Says what is looked at, and shows what came."""
         topics = self.query_one("#topics", ListPanel)
         self.panel("topics_header").show([topics_header(topics.width)])
@@ -95,10 +95,10 @@ class SensorsScreen(StationScreen):
             topics.show_rows([Row(line) for line in text_lines("no vehicle is heard", topics.width)])
             return
         if not platform.has_companion:
-            self.desk.station.watcher.look_away(VIEWER)
+            self.desk.station.monitor.unwatch(VIEWER)
             topics.show_rows([Row(line) for line in text_lines(wording.bare(platform), topics.width)])
             return
-        watches = self.desk.station.watcher.watches
+        watches = self.desk.station.monitor.watches
         entries, name = watches.entries(platform.name), platform.name
         rows = topic_rows(entries, watches.activity(name), self._filter, topics.width)
         first, *more = no_topics_lines(entries, self._filter, watches.problem(name), topics.width)
@@ -110,16 +110,16 @@ class SensorsScreen(StationScreen):
         self._show_sight(watches.sight(name, self._topic, view.now_s), name, view.now_s)
 
     def _want(self, platform: str, now_s: float) -> None:
-        watcher = self.desk.station.watcher
-        watcher.look_away(VIEWER, except_from=platform)
-        is_image = any(e.name == self._topic and e.type == "Image" for e in watcher.watches.entries(platform))
+        monitor = self.desk.station.monitor
+        monitor.unwatch(VIEWER, except_from=platform)
+        is_image = any(e.name == self._topic and e.type == "Image" for e in monitor.watches.entries(platform))
         wants = []
         if self._topic and now_s - self._since_s >= REST_S:
             room = self.query_one(PicturePanel).room
-            width, height = watcher.watches.preview_size(platform, self._topic, room)
+            width, height = monitor.watches.preview_size(platform, self._topic, room)
             rate_hz = min(self.rate_hz, RATE_HZ) if is_image else self.rate_hz
             wants.append(Want(self._topic, rate_hz, width, height))
-        watcher.look(VIEWER, platform, wants, is_listing=True, for_s=EYES_S)
+        monitor.watch(VIEWER, platform, wants, is_listing=True, for_s=EYES_S)
         if is_image and not pictures.is_loaded() and not self._is_loading:
             self._is_loading = True
             self.do(asyncio.to_thread(pictures.load))
@@ -131,8 +131,8 @@ class SensorsScreen(StationScreen):
         wanted_hz = min(self.rate_hz, RATE_HZ) if is_image else self.rate_hz
         panel.show([sight_line(sight, wanted_hz, now_s, panel.width)])
         self.set_class(is_image or hasattr(message, POINTS), "-picture")
-        is_old = now_s - sight.heard_s > max(STALE_S, 3.0 / wanted_hz)
-        rows = field_rows(message, fields.width, is_old) if message is not None else []
+        is_stale = now_s - sight.received_s > max(STALE_S, 3.0 / wanted_hz)
+        rows = field_rows(message, fields.width, is_stale) if message is not None else []
         fields.show_rows([Row(line, path) for path, line in rows], sight.topic)
         width, height = plot.room[0], plot.room[1] // 2
         if isinstance(message, Preview):
@@ -142,7 +142,7 @@ class SensorsScreen(StationScreen):
         if hasattr(message, POINTS):
             plot.show(scan_lines(getattr(message, POINTS), width, height), "from above")
             return
-        series = self.desk.station.watcher.watches.series(platform, sight.topic, fields.chosen)
+        series = self.desk.station.monitor.watches.series(platform, sight.topic, fields.chosen)
         plot.show(plot_lines(series, width, height) if series else [], _plot_title(fields.chosen, series))
 
     def _show_picture(self, preview: Preview, plot: PicturePanel) -> None:
@@ -172,7 +172,7 @@ class SensorsScreen(StationScreen):
     def search_as_typed(self, event: Input.Changed) -> None:
         """Searches for what has been typed so far."""
         self._filter = event.value.strip()
-        self.look_again()
+        self.show_again()
 
     @on(Input.Submitted, "#topic_search")
     def typed(self) -> None:
@@ -188,17 +188,17 @@ class SensorsScreen(StationScreen):
     def action_rate(self, step: int) -> None:
         """Asks for more or fewer samples."""
         self._rate = max(0, min(len(RATES_HZ) - 1, self._rate + step))
-        self.look_again()
+        self.show_again()
 
     def action_full(self) -> None:
         """Gives the topic under the cursor the whole width."""
         self.toggle_class("-full")
-        self.call_after_refresh(self.look_again)
+        self.call_after_refresh(self.show_again)
 
     @on(ListPanel.Moved)
-    def tell(self) -> None:
+    def show_detail(self) -> None:
         """Tells the topic, or plots the field, under the cursor."""
-        self.look_again()
+        self.show_again()
 
 
 def _plot_title(field: str, series: list[Any]) -> str:

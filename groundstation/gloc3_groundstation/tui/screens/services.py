@@ -9,9 +9,9 @@ from textual.binding import Binding, BindingType
 from textual.events import ScreenResume
 from textual.widgets import ContentSwitcher, Input
 
-from gloc3_groundstation.desk.service_jobs import Service
+from gloc3_groundstation.desk.service_jobs import ServiceKind
 from gloc3_groundstation.desk.services_desk import reached
-from gloc3_groundstation.tui.screen import Command, Offer, StationScreen, offers
+from gloc3_groundstation.tui.screen import Offer, PaletteCommand, StationScreen, offers
 from gloc3_groundstation.tui.services.calibration import CalibrationPane
 from gloc3_groundstation.tui.services.files import FilesPane
 from gloc3_groundstation.tui.services.logs import LogsPane
@@ -19,7 +19,7 @@ from gloc3_groundstation.tui.services.pane import ServicePane
 from gloc3_groundstation.tui.services.parameters import ParametersPane
 from gloc3_groundstation.tui.services.plans import PlansPane
 from gloc3_groundstation.tui.services.rates import RatesPane
-from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.services.frame import job_lines, services_line, unreachable_lines
 from gloc3_groundstation.tui.widgets.panel import Panel
 
@@ -57,19 +57,19 @@ class ServicesScreen(StationScreen):
         Binding("escape", "back", "Cancel", show=False, tooltip="what is under way, else leaves search or comparison"),
     ]
 
-    _mood: object = None
+    _style_class: object = None
     """What the keys depended on when they were shown last."""
 
     def body(self) -> ComposeResult:
         """The line of services, the panes, and what is under way."""
         yield Panel(id="services", classes="plain line", can_focus=False)
         yield Panel(id="unreachable", classes="plain", can_focus=False)
-        with ContentSwitcher(initial=ServicePane.name_of(Service.PARAMETERS), id="service_panes"):
+        with ContentSwitcher(initial=ServicePane.name_of(ServiceKind.PARAMETERS), id="service_panes"):
             for pane in PANES:
                 yield pane()
         yield Panel(id="job", classes="plain", can_focus=False)
 
-    def look(self, view: View) -> None:
+    def show_view(self, view: StationView) -> None:
         """Fills the pane that is shown."""
         pane = self.pane
         name = view.platform.name if view.platform is not None else ""
@@ -78,7 +78,7 @@ class ServicesScreen(StationScreen):
             each.vehicle = vehicle
         services, job = self.panel("services"), self.panel("job")
         running = vehicle.jobs.running if vehicle is not None else {}
-        title = vehicle.facts.title if vehicle is not None else ""
+        title = vehicle.snapshot.title if vehicle is not None else ""
         services.show([services_line(pane.service, running, title, services.width)])
         unreachable = self.panel("unreachable")
         unreachable.display = vehicle is None
@@ -88,9 +88,9 @@ class ServicesScreen(StationScreen):
             job.show([])
             return
         pane.fill(vehicle)
-        mood = pane.mood(vehicle)
-        if mood != self._mood:
-            self._mood = mood
+        style_class = pane.style_class(vehicle)
+        if style_class != self._style_class:
+            self._style_class = style_class
             self.refresh_bindings()
         if self.focused is None and self.is_current:
             pane.list.focus()
@@ -98,12 +98,12 @@ class ServicesScreen(StationScreen):
         job.styles.height = len(lines)
         job.show(lines)
 
-    def commands(self) -> Iterable[Command]:
+    def commands(self) -> Iterable[PaletteCommand]:
         """The keys of the pane that is shown, then those of the others."""
         yield from self.pane.commands()
         for offer in self.offers(self.row.title):
             if offer.part and offer.part != self.pane.service:
-                yield Command(offer.title, offer.help, partial(self.take_up, offer))
+                yield PaletteCommand(offer.title, offer.help, partial(self.show_vehicle_on_screen, offer))
 
     @classmethod
     def offers(cls, title: str) -> Iterable[Offer]:
@@ -112,12 +112,12 @@ class ServicesScreen(StationScreen):
         for pane in PANES:
             yield from offers(pane.service, pane.BINDINGS, pane.service)
 
-    async def take_up(self, offer: Offer) -> None:
+    async def show_vehicle_on_screen(self, offer: Offer) -> None:
         """Does what was offered, in the pane that it belongs to."""
         if not offer.part:
-            await super().take_up(offer)
+            await super().show_vehicle_on_screen(offer)
             return
-        self._turn_to(Service(offer.part))
+        self._turn_to(ServiceKind(offer.part))
         await self.pane.run_action(offer.action)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
@@ -133,12 +133,12 @@ class ServicesScreen(StationScreen):
 
     def action_service(self, step: int) -> None:
         """Looks at the next service."""
-        order = list(Service)
+        order = list(ServiceKind)
         self._turn_to(order[(order.index(self.pane.service) + step) % len(order)])
 
-    def _turn_to(self, service: Service) -> None:
+    def _turn_to(self, service: ServiceKind) -> None:
         self.query_one(ContentSwitcher).current = ServicePane.name_of(service)
-        self.look_again()
+        self.show_again()
         self.pane.list.focus()
 
     def action_back(self) -> None:
@@ -149,7 +149,7 @@ class ServicesScreen(StationScreen):
             pane.leave()
         elif pane.vehicle is None or not pane.vehicle.jobs.cancel(pane.service):
             pane.leave()
-        self.look_again()
+        self.show_again()
 
     def on_screen_resume(self, event: ScreenResume) -> None:
         """Shows what happened meanwhile, with the keys of the pane that is shown."""

@@ -4,8 +4,8 @@ from typing import ClassVar
 
 from textual.binding import Binding, BindingType
 
-from gloc3_groundstation.desk.service_jobs import Service
-from gloc3_groundstation.desk.vehicle_desk import CalibrationKind, Phase, VehicleDesk
+from gloc3_groundstation.desk.service_jobs import ServiceKind
+from gloc3_groundstation.desk.vehicle_desk import CalibrationKind, CalibrationPhase, VehicleDesk
 from gloc3_groundstation.tui.services.pane import ServicePane
 from gloc3_groundstation.tui.views.services.calibration import calibration_lines, kind_line
 from gloc3_groundstation.tui.widgets.lines import Span, Tone
@@ -15,7 +15,7 @@ from gloc3_groundstation.tui.widgets.panel import Row
 class CalibrationPane(ServicePane):
     """See the module."""
 
-    service = Service.CALIBRATION
+    service = ServiceKind.CALIBRATION
     detail_lines = 1
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("b", "begin", "Begin", tooltip="calibrates what is under the cursor; enter does the same"),
@@ -27,9 +27,9 @@ class CalibrationPane(ServicePane):
         state = vehicle.calibration
         rows = [Row(kind_line(kind, state), kind.value) for kind in CalibrationKind]
         self.show((Span(" sensor          state            what you do", Tone.DIM),), rows, "calibration")
-        self.tell(lambda width: calibration_lines(state, width), state.kind.value if state is not None else "")
+        self.show_detail(lambda width: calibration_lines(state, width), state.kind.value if state is not None else "")
 
-    def mood(self, vehicle: VehicleDesk) -> object:
+    def style_class(self, vehicle: VehicleDesk) -> object:
         """One key is there only while the vehicle waits for it."""
         return vehicle.calibration.phase if vehicle.calibration is not None else None
 
@@ -42,7 +42,7 @@ class CalibrationPane(ServicePane):
         """Offers to measure only where the vehicle waits for that."""
         if action == "measure":
             state = self.vehicle.calibration if self.vehicle is not None else None
-            return state is not None and state.phase is Phase.WAITING
+            return state is not None and state.phase is CalibrationPhase.WAITING
         return super().check_action(action, parameters)
 
     def action_begin(self) -> None:

@@ -4,7 +4,7 @@ from typing import ClassVar
 
 from textual.binding import Binding, BindingType
 
-from gloc3_groundstation.desk.service_jobs import Service
+from gloc3_groundstation.desk.service_jobs import ServiceKind
 from gloc3_groundstation.desk.vehicle_desk import VehicleDesk
 from gloc3_groundstation.services.files import Folder
 from gloc3_groundstation.tui.services.pane import ServicePane
@@ -18,7 +18,7 @@ ABOVE = ".."
 class FilesPane(ServicePane):
     """See the module."""
 
-    service = Service.FILES
+    service = ServiceKind.FILES
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("f", "fetch", "List", tooltip="lists the folder again"),
         Binding("backspace", "above", "Above", tooltip="the folder above"),
@@ -79,7 +79,7 @@ class FilesPane(ServicePane):
         vehicle = self.vehicle
         if vehicle is not None and vehicle.listing is not None:
             folder = vehicle.listing.path
-            self.ask_for_file(f"upload to {folder}", lambda file: vehicle.upload_file(file, folder))
+            self.choose_file(f"upload to {folder}", lambda file: vehicle.upload_file(file, folder))
 
     def action_new(self) -> None:
         """Makes a folder."""
@@ -90,7 +90,7 @@ class FilesPane(ServicePane):
             def check(text: str) -> str:
                 return "" if text.strip() else "type a name"
 
-            self.ask(
+            self.prompt(
                 f"new folder in {path or '/'}", lambda text: vehicle.make_folder(f"{path}/{text.strip()}"), check=check
             )
 

@@ -4,7 +4,7 @@ from typing import ClassVar
 
 from textual.binding import Binding, BindingType
 
-from gloc3_groundstation.desk.service_jobs import Service
+from gloc3_groundstation.desk.service_jobs import ServiceKind
 from gloc3_groundstation.desk.vehicle_desk import VehicleDesk
 from gloc3_groundstation.tui.services.pane import ServicePane
 from gloc3_groundstation.tui.views.services.frame import hint_lines
@@ -15,7 +15,7 @@ from gloc3_groundstation.tui.widgets.panel import Row
 class LogsPane(ServicePane):
     """See the module."""
 
-    service = Service.LOGS
+    service = ServiceKind.LOGS
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("f", "fetch", "List", tooltip="asks the vehicle which logs it has"),
         Binding("d", "download", "Download", tooltip="the log under the cursor; enter does the same"),

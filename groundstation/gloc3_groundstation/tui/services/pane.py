@@ -9,11 +9,11 @@ from textual import on
 from textual.app import ComposeResult
 from textual.containers import Container
 
-from gloc3_groundstation.desk.service_jobs import Service
+from gloc3_groundstation.desk.service_jobs import ServiceKind
 from gloc3_groundstation.desk.vehicle_desk import VehicleDesk
-from gloc3_groundstation.tui.dialogues.questions import Question
-from gloc3_groundstation.tui.screen import Command
-from gloc3_groundstation.tui.widgets.entry import Entry
+from gloc3_groundstation.tui.dialogues.questions import YesNoQuestion
+from gloc3_groundstation.tui.screen import PaletteCommand
+from gloc3_groundstation.tui.widgets.entry import TextEntry
 from gloc3_groundstation.tui.widgets.lines import Line
 from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel, Row
 
@@ -25,7 +25,7 @@ class ServicePane(Container):
     actions, which ask the vehicle's desk.
     """
 
-    service: ClassVar[Service]
+    service: ClassVar[ServiceKind]
     detail_lines: ClassVar[int] = 0
     """Lines below the list, where the row under the cursor is told in full; 0 for none."""
 
@@ -36,7 +36,7 @@ class ServicePane(Container):
         self._made: tuple[tuple[object, ...], Sequence[Row]] = ((), ())
 
     @staticmethod
-    def name_of(service: Service) -> str:
+    def name_of(service: ServiceKind) -> str:
         """The id of a service's pane."""
         return service.name.lower()
 
@@ -51,7 +51,7 @@ class ServicePane(Container):
         """Shows what is at hand."""
         raise NotImplementedError
 
-    def mood(self, vehicle: VehicleDesk) -> object:
+    def style_class(self, vehicle: VehicleDesk) -> object:
         """What its keys depend on; where it is another, they are shown anew."""
         del vehicle
         return None
@@ -63,12 +63,12 @@ class ServicePane(Container):
         """Escape was pressed with nothing under way; tells whether the pane had something to leave."""
         return False
 
-    def commands(self) -> Sequence[Command]:
+    def commands(self) -> Sequence[PaletteCommand]:
         """What the command palette offers: the pane's keys."""
         found = []
         for binding in (one for _, one in self._bindings if one.description):
             title = f"{self.service}: {binding.description}"
-            found.append(Command(title, binding.tooltip, partial(self.run_action, binding.action)))
+            found.append(PaletteCommand(title, binding.tooltip, partial(self.run_action, binding.action)))
         return found
 
     # --- what a pane may call ---
@@ -95,12 +95,12 @@ class ServicePane(Container):
         if is_other and self.list.chosen:
             self.list.point_at(self.list.chosen)
 
-    def tell(self, lines: Callable[[int], Sequence[Line]], title: str = "") -> None:
+    def show_detail(self, lines: Callable[[int], Sequence[Line]], title: str = "") -> None:
         """Fills the detail; what is told is made for its width."""
         detail = self.query_one(f"#{self.id}_detail", Panel)
         detail.show(lines(max(20, detail.width)), title)
 
-    def ask(
+    def prompt(
         self,
         title: str,
         work: Callable[[str], object],
@@ -115,11 +115,11 @@ class ServicePane(Container):
         def answered(text: str | None) -> None:
             if text is not None:
                 work(text)
-                self.look_again()
+                self.show_again()
 
-        self.app.push_screen(Entry(title, lines, value=value, hint=hint, check=check), answered)
+        self.app.push_screen(TextEntry(title, lines, value=value, hint=hint, check=check), answered)
 
-    def ask_for_file(self, title: str, work: Callable[[Path], object], value: str = "") -> None:
+    def choose_file(self, title: str, work: Callable[[Path], object], value: str = "") -> None:
         """Asks for the name of a file here; names begin in the folder for downloads."""
         vehicle = self.vehicle
         if vehicle is None:
@@ -129,7 +129,7 @@ class ServicePane(Container):
             return "" if text.strip() else "type the name of a file"
 
         hint = f"a file; names begin in {vehicle.folder.absolute()}"
-        self.ask(title, lambda text: work(vehicle.path(text)), value=value, hint=hint, check=check)
+        self.prompt(title, lambda text: work(vehicle.path(text)), value=value, hint=hint, check=check)
 
     def confirm(self, question: str, yes: str, work: Callable[[], object]) -> None:
         """Asks before what can hurt."""
@@ -137,9 +137,9 @@ class ServicePane(Container):
         def answered(answer: bool | None) -> None:
             if answer:
                 work()
-                self.look_again()
+                self.show_again()
 
-        self.app.push_screen(Question(question, yes), answered)
+        self.app.push_screen(YesNoQuestion(question, yes), answered)
 
     def confirm_if_armed(self, question: str, yes: str, work: Callable[[], object]) -> None:
         """Asks while the vehicle is armed; on the ground it is done at once."""
@@ -147,9 +147,9 @@ class ServicePane(Container):
             self.confirm(f"{self.vehicle.name} is ARMED. {question}", yes, work)
         else:
             work()
-            self.look_again()
+            self.show_again()
 
-    def look_again(self) -> None:
+    def show_again(self) -> None:
         """Shows at once what a key has changed."""
         self.refresh_bindings()
         if self.vehicle is not None and self.is_attached:
@@ -157,7 +157,7 @@ class ServicePane(Container):
 
     @on(ListPanel.Moved)
     def _moved(self) -> None:
-        self.look_again()
+        self.show_again()
 
     @on(ListPanel.Chosen)
     def _chosen(self, event: ListPanel.Chosen) -> None:

@@ -9,7 +9,7 @@ from textual.widgets import Input
 
 from gloc3.cli.counting import counted
 from gloc3_groundstation.desk.parameter_desk import judge
-from gloc3_groundstation.desk.service_jobs import Service
+from gloc3_groundstation.desk.service_jobs import ServiceKind
 from gloc3_groundstation.desk.vehicle_desk import Firmware, VehicleDesk
 from gloc3_groundstation.services.parameter_table import ParameterRow, ParameterTable
 from gloc3_groundstation.tui.services.pane import ServicePane
@@ -32,7 +32,7 @@ from gloc3_groundstation.tui.widgets.panel import Row
 class ParametersPane(ServicePane):
     """See the module."""
 
-    service = Service.PARAMETERS
+    service = ServiceKind.PARAMETERS
     detail_lines = 7
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("f", "fetch", "Fetch", tooltip="lists all parameters of the vehicle"),
@@ -83,9 +83,9 @@ class ParametersPane(ServicePane):
             rows = [Row(line) for line in hint_lines(*hints)]
         self.show(parameters_header(width), rows, parameters_title(table, len(found), self._text, self._only))
         row = table.rows.get(self.list.chosen)
-        self.tell(lambda wide: parameter_lines(row, wide), row.group if row is not None else "")
+        self.show_detail(lambda wide: parameter_lines(row, wide), row.group if row is not None else "")
 
-    def mood(self, vehicle: VehicleDesk) -> object:
+    def style_class(self, vehicle: VehicleDesk) -> object:
         """The comparison has keys of its own."""
         return vehicle.parameters.diff is None
 
@@ -97,7 +97,7 @@ class ParametersPane(ServicePane):
             self.action_edit()
         else:
             self.vehicle.parameters.leave_out(key)
-            self.look_again()
+            self.show_again()
 
     def leave(self) -> bool:
         """Leaves the comparison, then what was looked for."""
@@ -110,7 +110,7 @@ class ParametersPane(ServicePane):
         else:
             return False
         self.list.focus()
-        self.look_again()
+        self.show_again()
         return True
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
@@ -138,7 +138,7 @@ class ParametersPane(ServicePane):
         """Shows all, those changed, or those not as the firmware brings them."""
         order = list(Only)
         self._only = order[(order.index(self._only) + 1) % len(order)]
-        self.look_again()
+        self.show_again()
 
     def action_edit(self) -> None:
         """Asks for a value, with all that is known of the parameter."""
@@ -159,12 +159,12 @@ class ParametersPane(ServicePane):
                 lambda: vehicle.parameters.set(name, judged.value, force=judged.is_forced),
             )
 
-        self.ask(f"set {name}", write, lines=lambda width: parameter_lines(row, width), value=row.text, check=check)
+        self.prompt(f"set {name}", write, lines=lambda width: parameter_lines(row, width), value=row.text, check=check)
 
     def action_open(self) -> None:
         """Compares with a file."""
         if self.vehicle is not None:
-            self.ask_for_file("load parameters from a file", self.vehicle.parameters.compare)
+            self.choose_file("load parameters from a file", self.vehicle.parameters.compare)
 
     def action_write(self) -> None:
         """Writes what differs."""
@@ -178,8 +178,8 @@ class ParametersPane(ServicePane):
         """Saves all."""
         vehicle = self.vehicle
         if vehicle is not None:
-            suffix = ".parm" if vehicle.facts.firmware is Firmware.ARDUPILOT else ".params"
-            self.ask_for_file("save all parameters as", vehicle.parameters.save, f"{vehicle.name}{suffix}")
+            suffix = ".parm" if vehicle.snapshot.firmware is Firmware.ARDUPILOT else ".params"
+            self.choose_file("save all parameters as", vehicle.parameters.save, f"{vehicle.name}{suffix}")
 
     def action_describe(self) -> None:
         """Takes the description of the parameters."""
@@ -187,7 +187,7 @@ class ParametersPane(ServicePane):
         if vehicle is None:
             return
         hint = "parameters.json or apm.pdef.xml; empty: from the vehicle (PX4)"
-        self.ask(
+        self.prompt(
             "describe the parameters",
             lambda text: vehicle.parameters.describe(vehicle.path(text) if text.strip() else None),
             hint=hint,
@@ -196,7 +196,7 @@ class ParametersPane(ServicePane):
     @on(Input.Changed, "#parameters_search")
     def _typed(self, event: Input.Changed) -> None:
         self._text = event.value.strip()
-        self.look_again()
+        self.show_again()
 
     @on(Input.Submitted, "#parameters_search")
     def _submitted(self) -> None:
@@ -224,4 +224,4 @@ class ParametersPane(ServicePane):
         rows = rows or [Row(line) for line in hint_lines("The vehicle has all values of this file. esc goes back.")]
         self.show(diff_header(width), rows, diff_title(diff, left_out))
         chosen = next((row for row in found if row.name == self.list.chosen), None)
-        self.tell(lambda wide: diff_detail(diff, chosen, wide), "the file")
+        self.show_detail(lambda wide: diff_detail(diff, chosen, wide), "the file")

@@ -4,7 +4,7 @@ from typing import ClassVar
 
 from textual.binding import Binding, BindingType
 
-from gloc3_groundstation.desk.service_jobs import Service
+from gloc3_groundstation.desk.service_jobs import ServiceKind
 from gloc3_groundstation.desk.vehicle_desk import VehicleDesk
 from gloc3_groundstation.tui.services.pane import ServicePane
 from gloc3_groundstation.tui.views.services.frame import hint_lines
@@ -15,7 +15,7 @@ from gloc3_groundstation.tui.widgets.panel import Row
 class PlansPane(ServicePane):
     """See the module."""
 
-    service = Service.PLANS
+    service = ServiceKind.PLANS
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("f", "fetch", "Download", tooltip="mission, fence and rally points of the vehicle"),
         Binding("o", "open", "Open file", tooltip="a .plan or a file of waypoints"),
@@ -37,7 +37,7 @@ class PlansPane(ServicePane):
         hints = hint_lines("f downloads the plan of the vehicle.", "o opens a .plan or a file of waypoints.")
         self.show(plans_header(width), rows or [Row(line) for line in hints], plans_title(vehicle.plans))
 
-    def mood(self, vehicle: VehicleDesk) -> object:
+    def style_class(self, vehicle: VehicleDesk) -> object:
         """Some keys need a file at hand."""
         return vehicle.plans.file is None
 
@@ -55,7 +55,7 @@ class PlansPane(ServicePane):
     def action_open(self) -> None:
         """Opens a file."""
         if self.vehicle is not None:
-            self.ask_for_file("open a plan", self.vehicle.plans.open)
+            self.choose_file("open a plan", self.vehicle.plans.open)
 
     def action_upload(self) -> None:
         """Uploads the file at hand."""
@@ -71,7 +71,7 @@ class PlansPane(ServicePane):
     def action_save(self) -> None:
         """Saves the vehicle's plan."""
         if self.vehicle is not None:
-            self.ask_for_file("save the vehicle's plan as", self.vehicle.plans.save, f"{self.vehicle.name}.plan")
+            self.choose_file("save the vehicle's plan as", self.vehicle.plans.save, f"{self.vehicle.name}.plan")
 
     def action_clear(self) -> None:
         """Clears, after a question: what is only on the vehicle is gone then."""

@@ -7,7 +7,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.widgets import Input
 
-from gloc3_groundstation.desk.service_jobs import Service
+from gloc3_groundstation.desk.service_jobs import ServiceKind
 from gloc3_groundstation.desk.vehicle_desk import VehicleDesk
 from gloc3_groundstation.services.rates import RateRow, RateTable
 from gloc3_groundstation.tui.services.pane import ServicePane
@@ -15,14 +15,14 @@ from gloc3_groundstation.tui.views.services.frame import hint_lines
 from gloc3_groundstation.tui.views.services.lists import rate_line, rates_header, rates_title
 from gloc3_groundstation.tui.widgets.panel import Row
 
-LOOK_EVERY_S = 1.0
+POLL_PERIOD_S = 1.0
 FASTEST_HZ = 1000.0
 
 
 class RatesPane(ServicePane):
     """See the module."""
 
-    service = Service.RATES
+    service = ServiceKind.RATES
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("e", "set", "Rate", tooltip="asks for the message under the cursor at a rate; enter does the same"),
         Binding("n", "name", "By name", tooltip="asks for a message that does not come yet"),
@@ -34,7 +34,7 @@ class RatesPane(ServicePane):
         super().__init__()
         self._text = ""
         self._is_busiest = False
-        self._looked: tuple[float, VehicleDesk | None] = (float("-inf"), None)
+        self._polled: tuple[float, VehicleDesk | None] = (float("-inf"), None)
         self._table = RateTable()
 
     def compose(self) -> ComposeResult:
@@ -44,8 +44,8 @@ class RatesPane(ServicePane):
 
     def fill(self, vehicle: VehicleDesk) -> None:
         """The table, measured anew once a second."""
-        if vehicle.now_s >= self._looked[0] + LOOK_EVERY_S or vehicle is not self._looked[1]:
-            self._looked, self._table = (vehicle.now_s, vehicle), vehicle.rates
+        if vehicle.now_s >= self._polled[0] + POLL_PERIOD_S or vehicle is not self._polled[1]:
+            self._polled, self._table = (vehicle.now_s, vehicle), vehicle.rates
         width, found = self.list.width, self._table.find(self._text)
 
         def make() -> list[Row]:
@@ -58,7 +58,7 @@ class RatesPane(ServicePane):
 
     def choose(self, key: str) -> None:
         """Asks for a rate."""
-        self._ask(key.partition(" ")[0])
+        self._request(key.partition(" ")[0])
 
     def leave(self) -> bool:
         """Leaves what was looked for."""
@@ -67,7 +67,7 @@ class RatesPane(ServicePane):
         self.query_one(Input).value = self._text = ""
         self.query_one(Input).display = False
         self.list.focus()
-        self.look_again()
+        self.show_again()
         return True
 
     def action_set(self) -> None:
@@ -81,7 +81,9 @@ class RatesPane(ServicePane):
         def check(text: str) -> str:
             return "" if text.strip() else "type the name of a message, as ATTITUDE, or its number"
 
-        self.ask("which message?", lambda text: self._ask(text.strip().upper()), hint="as ATTITUDE, or 30", check=check)
+        self.prompt(
+            "which message?", lambda text: self._request(text.strip().upper()), hint="as ATTITUDE, or 30", check=check
+        )
 
     def action_search(self) -> None:
         """Looks for some while typing."""
@@ -92,9 +94,9 @@ class RatesPane(ServicePane):
     def action_busiest(self) -> None:
         """Sorts by cost, or by name."""
         self._is_busiest = not self._is_busiest
-        self.look_again()
+        self.show_again()
 
-    def _ask(self, name: str) -> None:
+    def _request(self, name: str) -> None:
         vehicle = self.vehicle
         if vehicle is None:
             return
@@ -103,12 +105,12 @@ class RatesPane(ServicePane):
             vehicle.request_rate(name, _rate(text))
 
         hint = "in Hz; 0: not at all; empty: as often as the vehicle does by itself"
-        self.ask(f"{name}: how often?", work, hint=hint, check=_wrong)
+        self.prompt(f"{name}: how often?", work, hint=hint, check=_wrong)
 
     @on(Input.Changed, "#rates_search")
     def _typed(self, event: Input.Changed) -> None:
         self._text = event.value.strip()
-        self.look_again()
+        self.show_again()
 
     @on(Input.Submitted, "#rates_search")
     def _sought(self) -> None:

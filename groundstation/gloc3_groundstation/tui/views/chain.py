@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from gloc3.messages.summaries import Health
-from gloc3_groundstation.station.data_chain import Stage, Wiring, stages
+from gloc3_groundstation.station.data_chain import ChainStage, Wiring, stages
 from gloc3_groundstation.station.snapshots import ComponentSnapshot, PlatformSnapshot
 from gloc3_groundstation.tui.views.components import HEALTH_TONES
 from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, cut
@@ -47,7 +47,7 @@ def chain_lines(platform: PlatformSnapshot | None, wiring: Wiring | None, now_s:
         spans.append(Span(f"{stage.kind} ", Tone.STRONG if not stage.stops else Tone.BAD))
         spans += _signs(stage, signs)
     drawn = tuple(Span(span.text, Tone.STALE) for span in spans) if is_stale else tuple(spans)
-    return [drawn, _said(chain, wiring, components, width, is_stale=is_stale)]
+    return [drawn, _text(chain, wiring, components, width, is_stale=is_stale)]
 
 
 def wiring_lines(wiring: Wiring | None, name: str, width: int) -> list[Line]:
@@ -55,10 +55,10 @@ def wiring_lines(wiring: Wiring | None, name: str, width: int) -> list[Line]:
     if wiring is None:
         return []
     lines: list[Line] = []
-    for title, known in (("takes", wiring.takes(name)), ("gives", wiring.gives(name))):
-        said = "; ".join(_topic(topic, others, title) for topic, others in known.items())
-        if said:
-            lines.append((Span(f" {title} ", Tone.DIM), Span(cut(said, width - 8), Tone.DIM)))
+    for title, known in (("takes", wiring.inputs(name)), ("gives", wiring.gives(name))):
+        text = "; ".join(_topic(topic, others, title) for topic, others in known.items())
+        if text:
+            lines.append((Span(f" {title} ", Tone.DIM), Span(cut(text, width - 8), Tone.DIM)))
     return lines
 
 
@@ -68,7 +68,7 @@ def _topic(topic: str, others: Sequence[str], title: str) -> str:
     return f"{topic} {'from' if title == 'takes' else 'to'} {', '.join(others)}"
 
 
-def _signs(stage: Stage, most: int) -> list[Span]:
+def _signs(stage: ChainStage, most: int) -> list[Span]:
     if len(stage.components) > most:
         well = sum(component.is_well for component in stage.components)
         return [Span(f"{well}/{len(stage.components)}", Tone.GOOD if well == len(stage.components) else Tone.WARN)]
@@ -81,8 +81,8 @@ def _tone(component: ComponentSnapshot) -> Tone:
     return Tone.GOOD if component.is_well else HEALTH_TONES[component.health]
 
 
-def _said(
-    chain: Sequence[Stage],
+def _text(
+    chain: Sequence[ChainStage],
     wiring: Wiring | None,
     components: Sequence[ComponentSnapshot],
     width: int,
@@ -93,20 +93,20 @@ def _said(
     stopped = next((stage for stage in chain if stage.stops), None)
     if stopped is not None:
         who = ", ".join(f"{each.name} is {each.health}" for each in stopped.stops)
-        said, tone = f"the data stops at {stopped.kind}: {who}{_lacks(starved)}", Tone.BAD
+        text, tone = f"the data stops at {stopped.kind}: {who}{_missing(starved)}", Tone.BAD
     elif starved:
-        said, tone = f"what is required works{_lacks(starved)}", Tone.WARN
+        text, tone = f"what is required works{_missing(starved)}", Tone.WARN
     elif all(component.is_well or component.health is None for component in components):
-        said, tone = "the data flows from end to end", Tone.GOOD
+        text, tone = "the data flows from end to end", Tone.GOOD
     else:
-        unwell = ", ".join(each.name for each in components if not each.is_well and each.health is not None)
-        said, tone = f"the data flows; not required, and not well: {unwell}", Tone.WARN
+        unhealthy = ", ".join(each.name for each in components if not each.is_well and each.health is not None)
+        text, tone = f"the data flows; not required, and not well: {unhealthy}", Tone.WARN
     if is_stale:
-        return (Span(cut(f" as last heard, {said}", width - 1), Tone.STALE),)
-    return (Span(cut(f" {said}", width - 1), tone),)
+        return (Span(cut(f" as last heard, {text}", width - 1), Tone.STALE),)
+    return (Span(cut(f" {text}", width - 1), tone),)
 
 
-def _lacks(starved: Mapping[str, str]) -> str:
+def _missing(starved: Mapping[str, str]) -> str:
     if not starved:
         return ""
     by_topic: dict[str, list[str]] = {}

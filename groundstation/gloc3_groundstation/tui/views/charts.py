@@ -7,8 +7,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gloc3_groundstation.mapping.history import Series
-from gloc3_groundstation.tui.widgets.canvas import Canvas, Dots
+from gloc3_groundstation.mapping.history import HistorySeries
+from gloc3_groundstation.tui.widgets.canvas import CellCanvas, Dots
 from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, column, cut, spread, text_of
 
 Floating = NDArray[np.floating[Any]]
@@ -25,7 +25,7 @@ class Curve(NamedTuple):
     """One series of a chart."""
 
     name: str
-    series: Series
+    series: HistorySeries
     tone: Tone
     is_dotted: bool = False
 
@@ -38,7 +38,7 @@ class Scale(NamedTuple):
     decimals: int
 
 
-class Window(NamedTuple):
+class ChartWindow(NamedTuple):
     """The time that a chart shows, on the station's clock."""
 
     from_s: float
@@ -50,7 +50,7 @@ class Window(NamedTuple):
         return self.to_s - self.from_s
 
 
-def window_at(now_s: float, length_s: float, columns: int) -> Window:
+def window_at(now_s: float, length_s: float, columns: int) -> ChartWindow:
     """The window that ends now, moved on by whole columns so that what is drawn stays as it is in between.
 
     It ends a little later than now: new values come into it at its right edge, and it moves twice a second at most.
@@ -58,10 +58,10 @@ def window_at(now_s: float, length_s: float, columns: int) -> Window:
     column_s = length_s / max(1, columns)
     step_s = column_s * ceil(CALM_S / column_s)
     to_s = ceil(now_s / step_s) * step_s
-    return Window(to_s - length_s, to_s)
+    return ChartWindow(to_s - length_s, to_s)
 
 
-def scale_of(curves: Sequence[Curve], window: Window, least: float) -> Scale:
+def scale_of(curves: Sequence[Curve], window: ChartWindow, least: float) -> Scale:
     """Edges in round steps, at least so far apart, around all values in the window."""
     lows, highs = [], []
     for curve in curves:
@@ -86,7 +86,7 @@ def round_scale(low: float, high: float, least: float) -> Scale:
 
 
 def chart_lines(
-    title: Line, curves: Sequence[Curve], window: Window, scale: Scale, width: int, height: int, wrap: float = 0.0
+    title: Line, curves: Sequence[Curve], window: ChartWindow, scale: Scale, width: int, height: int, wrap: float = 0.0
 ) -> list[Line]:
     """A chart in so many lines, the title being the first.
 
@@ -99,7 +99,7 @@ def chart_lines(
         height: lines, with the title.
         wrap: a step by more than half of this is a way round, such as from 359 to 0 degrees, and not drawn.
     """
-    canvas = Canvas(width - AXIS, height - 1)
+    canvas = CellCanvas(width - AXIS, height - 1)
     across, down = canvas.size
     span = scale.high - scale.low
     for curve in curves:
@@ -140,7 +140,7 @@ def chart_title(name: str, unit: str, values: Sequence[tuple[str, str, Tone]], w
     return spread(head, (*spans, Span(" ")), width)
 
 
-def time_axis(window: Window, now_s: float, width: int) -> Line:
+def time_axis(window: ChartWindow, now_s: float, width: int) -> Line:
     """The times below a stack of charts: how long ago."""
     room = width - AXIS
     late_s = max(0.0, now_s - window.to_s)

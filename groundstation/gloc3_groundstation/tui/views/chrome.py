@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 from gloc3.messages.envelope import Severity
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.alerts import BATTERY_CRITICAL_PERCENT, BATTERY_LOW_PERCENT, answer
-from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, cut, fitted, joined, spread, text_of
 
 BATTERY_RANK: Final = 3
@@ -34,7 +34,7 @@ class Tab(NamedTuple):
     is_shown: bool
 
 
-def title_line(view: View, width: int) -> Line:
+def title_line(view: StationView, width: int) -> Line:
     """The vehicle in view: mode, armed, battery, link and control; the alerts of all vehicles; the time."""
     clock: Line = (Span(f"  {wording.clock(view.now_s - view.started_s)} ", Tone.DIM),)
     alerts = _alerts(view)
@@ -72,7 +72,7 @@ def battery(percent: int) -> tuple[str, Tone]:
     return f"bat {percent} %", tone if percent > BATTERY_CRITICAL_PERCENT else Tone.ALARM
 
 
-def link(view: View) -> Span:
+def link(view: StationView) -> Span:
     """`link ok`, `link 12 % lost`, or for how long nothing has come."""
     platform = view.platform
     if platform is None:
@@ -82,21 +82,21 @@ def link(view: View) -> Span:
         return Span(f"silent as planned, due {planned.due_text}", Tone.WARN)
     if planned is not None and platform.is_overdue(view.now_s):
         return Span(f"OVERDUE {wording.duration(view.now_s - planned.due_s)}", Tone.ALARM)
-    if not platform.is_met:
+    if not platform.is_known:
         return Span("by sound alone", Tone.WARN)
     if platform.is_quiet_link(view.now_s):
         return Span(f"SILENT {wording.duration(platform.age_s(view.now_s))}", Tone.ALARM)
-    if platform.link.loss >= wording.LOSS_WORTH_TELLING:
+    if platform.link.loss >= wording.REPORTED_LOSS:
         return Span(f"link {platform.link.loss * 100.0:.0f} % lost", Tone.WARN)
     return Span("link ok", Tone.GOOD)
 
 
-def control(view: View) -> Span:
+def control(view: StationView) -> Span:
     """Who is in control of the vehicle in view, in a word or two."""
     holder = view.platform.control.value.holder if view.platform is not None and view.platform.control else None
-    asks = view.platform.control.value.requested_by if view.platform is not None and view.platform.control else ""
-    if asks and view.is_in_control:
-        return Span(f"{asks} asks for control", Tone.WARN)
+    requester = view.platform.control.value.requested_by if view.platform is not None and view.platform.control else ""
+    if requester and view.is_in_control:
+        return Span(f"{requester} asks for control", Tone.WARN)
     if view.is_in_control:
         return Span("in control", Tone.TEXT)
     if view.platform is not None and not view.platform.has_companion:
@@ -142,7 +142,7 @@ def tab_at(tabs: Sequence[Tab], width: int, column: int) -> Tab | None:
     return None
 
 
-def alert_line(view: View, width: int) -> Line:
+def alert_line(view: StationView, width: int) -> Line:
     """Why the operator was refused just now, else the worst alert that nobody has acknowledged; empty without either."""
     refusal = answer(view.fleet, view.now_s)
     if refusal is not None:
@@ -153,11 +153,11 @@ def alert_line(view: View, width: int) -> Line:
         return EMPTY
     alert, others = pending[0], f"  +{len(pending) - 1} more" if len(pending) > 1 else ""
     who = f"{alert.platform}: " if alert.platform else ""
-    over = f", over since {wording.clock(alert.last_s - view.started_s)}" if alert.has_gone else ""
-    said = f" {alert.severity.name.lower()}{over}: {who}{' '.join(alert.text.split())}"
+    over = f", over since {wording.clock(alert.last_s - view.started_s)}" if alert.is_cleared else ""
+    text = f" {alert.severity.name.lower()}{over}: {who}{' '.join(alert.text.split())}"
     tails = (f"{others}   x acknowledges ", f"{others} ")  # the key stands in the last line too
-    tail = next((tail for tail in tails if len(said) + len(tail) + 2 <= width), tails[-1])
-    return spread((Span(cut(said, width - len(tail) - 2), tone_of(alert.severity)),), (Span(tail, Tone.DIM),), width)
+    tail = next((tail for tail in tails if len(text) + len(tail) + 2 <= width), tails[-1])
+    return spread((Span(cut(text, width - len(tail) - 2), tone_of(alert.severity)),), (Span(tail, Tone.DIM),), width)
 
 
 def keys_line(keys: Sequence[Key], width: int) -> Line:
@@ -189,7 +189,7 @@ def too_small_lines(width: int, height: int, needed: tuple[int, int], *, is_web:
     ]
 
 
-def _alerts(view: View) -> Line:
+def _alerts(view: StationView) -> Line:
     pending, worst = view.alerts.pending, view.alerts.worst
     if worst is None:
         return (Span(f"{len(view.alerts.all)} known" if view.alerts.all else "", Tone.DIM),)

@@ -4,11 +4,11 @@ from typing import Final
 
 from gloc3.messages.status_fields import STATUS_FIELDS, StatusField
 from gloc3.messages.summaries import Health
-from gloc3_groundstation.desk.component_desk import Answer
+from gloc3_groundstation.desk.component_desk import ComponentReply
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.snapshots import ComponentSnapshot, PlatformSnapshot
 from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, wrapped
-from gloc3_groundstation.tui.widgets.tables import Column, Table, table_of
+from gloc3_groundstation.tui.widgets.tables import Column, FittedTable, table_of
 
 HEALTH_TONES: Final = {
     Health.WORKING: Tone.GOOD,
@@ -41,11 +41,11 @@ def components_title(platform: PlatformSnapshot | None, now_s: float) -> str:
         return "components"
     if all(component.is_stale for component in components):
         return "components, as last heard"
-    unwell = [component.name for component in components if not component.is_well]
-    if not unwell:
+    unhealthy = [component.name for component in components if not component.is_well]
+    if not unhealthy:
         return f"components: all {len(components)} well"
-    others = f" +{len(unwell) - 1}" if len(unwell) > 1 else ""
-    return f"components: {unwell[0]}{others} not well"
+    others = f" +{len(unhealthy) - 1}" if len(unhealthy) > 1 else ""
+    return f"components: {unhealthy[0]}{others} not well"
 
 
 def components_header(width: int) -> Line:
@@ -94,17 +94,17 @@ def component_lines(platform: PlatformSnapshot | None, name: str, now_s: float, 
     return lines
 
 
-def answer_lines(answer: Answer | None, now_s: float, width: int) -> list[Line]:
+def answer_lines(answer: ComponentReply | None, now_s: float, width: int) -> list[Line]:
     """What became of what was asked of a component last."""
     if answer is None:
         return []
-    rows = wrapped(f"{answer.asked}: {answer.text}", width - 18)
-    ago = f" {wording.duration(now_s - answer.heard_s)} ago"
+    rows = wrapped(f"{answer.requested}: {answer.text}", width - 18)
+    ago = f" {wording.duration(now_s - answer.received_s)} ago"
     tone = Tone.GOOD if answer.is_accepted else Tone.BAD
     return [(Span(f"{ago if n == 0 else '':<16}", Tone.DIM), Span(row, tone)) for n, row in enumerate(rows)]
 
 
-def _line(table: Table, component: ComponentSnapshot, kind: str) -> Line:
+def _line(table: FittedTable, component: ComponentSnapshot, kind: str) -> Line:
     if component.health is None:
         state, tone = "not heard", Tone.STALE
     else:

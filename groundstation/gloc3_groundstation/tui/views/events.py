@@ -72,7 +72,7 @@ def event_rows(events: Sequence[FleetEvent], start_s: float, width: int) -> list
         rows.append(
             table.line(
                 [
-                    Span(wording.clock(event.heard_s - start_s), Tone.DIM),
+                    Span(wording.clock(event.received_s - start_s), Tone.DIM),
                     Span(event.severity.name.lower(), tone if is_loud else Tone.DIM),
                     Span(event.platform, Tone.DIM),
                     Span(event.source or STATION, Tone.DIM),
@@ -87,20 +87,20 @@ def no_events_line(wanted: EventFilter, search: Search) -> Line:
     """Why nothing is shown."""
     if not search.is_done:
         return (Span(" Looking…", Tone.DIM),)
-    said = "Nothing has happened yet." if wanted.is_everything else "No event fits; esc shows all."
-    return (Span(f" {said}", Tone.DIM),)
+    text = "Nothing has happened yet." if wanted.is_everything else "No event fits; esc shows all."
+    return (Span(f" {text}", Tone.DIM),)
 
 
 def event_detail(event: FleetEvent | None, start_s: float, now_s: float, width: int) -> list[Line]:
     """One event in full."""
     if event is None:
         return []
-    ago = wording.duration(now_s - event.heard_s)
+    ago = wording.duration(now_s - event.received_s)
     parts = [
         Span(f" {event.severity.name.lower()}", tone_of(event.severity)),
         Span(event.platform or "no vehicle", Tone.DIM),
         Span(event.source or STATION, Tone.DIM),
-        Span(f"{wording.clock(event.heard_s - start_s)}, {ago} ago", Tone.DIM),
+        Span(f"{wording.clock(event.received_s - start_s)}, {ago} ago", Tone.DIM),
     ]
     return [joined(parts), *((Span(f"   {row}"),) for row in wrapped(event.text, width - 5))]
 
@@ -110,7 +110,7 @@ def _choice(name: str, value: str, is_set: bool) -> Span:
 
 
 def _lines(event: FleetEvent, has_many: bool, start_s: float, width: int) -> list[Line]:
-    clock = f" {wording.clock(event.heard_s - start_s)}  "
+    clock = f" {wording.clock(event.received_s - start_s)}  "
     who = f"{event.platform}: " if event.platform and (has_many or not event.source) else ""
     who += f"{event.source}: " if event.source else ""
     grade = f"{event.severity.name.lower()}: " if event.severity <= Severity.WARNING else ""

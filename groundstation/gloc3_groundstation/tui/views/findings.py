@@ -22,7 +22,7 @@ def findings_title(draft: Draft | None, *, is_checking: bool) -> str:
         return ""
     if is_checking:
         return "being checked…"
-    warnings = len(draft.told) - draft.errors
+    warnings = len(draft.requested) - draft.errors
     also = f", {warnings} warning{'s' if warnings > 1 else ''}" if warnings else ""
     if draft.is_fixed:
         return f"this cannot be read as a mission{also}"
@@ -35,11 +35,11 @@ def finding_rows(draft: Draft | None, width: int) -> list[FindingRow]:
     """The findings, whose first line has the place `line:column`."""
     if draft is None:
         return []
-    if not draft.told:
+    if not draft.requested:
         text = "nothing is wrong with it" if draft.platform else "nothing is wrong with the file itself"
         return [FindingRow((Span(f" {text}", Tone.GOOD),), -1)]
     rows: list[FindingRow] = []
-    for index, finding in enumerate(draft.told):
+    for index, finding in enumerate(draft.requested):
         rows += _rows(finding, index, width)
     return rows
 
@@ -47,8 +47,8 @@ def finding_rows(draft: Draft | None, width: int) -> list[FindingRow]:
 def _rows(finding: Finding, index: int, width: int) -> list[FindingRow]:
     place = f"{finding.line}:{finding.column}" if finding.line else "file"
     sign, tone = ("▲", Tone.WARN) if finding.is_warning else ("✗", Tone.BAD)
-    said = finding.message + (f" ({finding.hint})" if finding.hint else "")
-    texts = wrapped(" ".join(said.split()), max(16, width - PLACE - 4))
+    text = finding.message + (f" ({finding.hint})" if finding.hint else "")
+    texts = wrapped(" ".join(text.split()), max(16, width - PLACE - 4))
     first = FindingRow((Span(f" {sign} ", tone), Span(f"{place:<{PLACE}}", tone), Span(texts[0])), index)
     rest = [FindingRow((Span(" " * (PLACE + 3)), Span(text)), -1) for text in texts[1:]]
     return [first, *rest]

@@ -9,7 +9,7 @@ from gloc3.messages.command_interface import ControlVerb
 from gloc3_groundstation.links.link_snapshot import LinkSnapshot
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
-from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.overview import link_span, mission_cells, vehicle_cells, worst_span
 from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, cut
 from gloc3_groundstation.tui.widgets.tables import Column, table_of
@@ -42,7 +42,7 @@ def fleet_header(width: int) -> Line:
     return table_of(COLUMNS, width).header()
 
 
-def fleet_line(view: View, platform: PlatformSnapshot, marked: Container[str], width: int) -> Line:
+def fleet_line(view: StationView, platform: PlatformSnapshot, marked: Container[str], width: int) -> Line:
     """One vehicle; `●` where it is marked."""
     is_in_view = view.platform is not None and platform.name == view.platform.name
     mark = ("►" if is_in_view else " ") + (" ●" if platform.name in marked else "  ")
@@ -60,7 +60,7 @@ def fleet_line(view: View, platform: PlatformSnapshot, marked: Container[str], w
     )
 
 
-def fleet_title(view: View, marked: Sequence[str]) -> str:
+def fleet_title(view: StationView, marked: Sequence[str]) -> str:
     """How many vehicles there are, and whom orders go to."""
     count = counted(len(view.fleet.platforms), "vehicle")
     if marked:
@@ -68,19 +68,19 @@ def fleet_title(view: View, marked: Sequence[str]) -> str:
     return f"{count}: orders go to {view.platform.name}" if view.platform is not None else count
 
 
-def control_lines(view: View, possible: Container[ControlVerb]) -> list[Line]:
+def control_lines(view: StationView, possible: Container[ControlVerb]) -> list[Line]:
     """Who controls the vehicle in view, who asks for it, and what can be done about it."""
     platform = view.platform
     if platform is None:
         return []
     if platform.control is None:
         return [(Span(" It is not known who is in control.", Tone.STALE),)]
-    asks = platform.control.value.requested_by
+    requester = platform.control.value.requested_by
     stale = Tone.STALE if platform.control.is_stale(view.now_s) else None
     held = f" {wording.holder(platform, view.station)}"
     spans = [Span(held, stale or (Tone.GOOD if view.is_in_control else Tone.WARN))]
-    if asks:
-        whose = "this station has asked for it" if asks == view.station else f"station {asks} asks for it"
+    if requester:
+        whose = "this station has asked for it" if requester == view.station else f"station {requester} asks for it"
         spans.append(Span(f"; {whose}", stale or Tone.WARN))
     keys = [
         (key, label)
@@ -112,9 +112,9 @@ def link_lines(link: LinkSnapshot, width: int) -> list[Line]:
 def link_line(link: LinkSnapshot, width: int) -> Line:
     """One link."""
     is_lost = bool(link.problem) and not link.is_connected
-    behind = ", ".join((*link.platforms, *link.heard)) or ("nobody is heard" if link.is_connected else "nobody yet")
-    tone = Tone.WARN if link.refusals else Tone.TEXT if link.platforms or link.heard else Tone.DIM
-    if remark := link.remark():
+    behind = ", ".join((*link.platforms, *link.received)) or ("nobody is heard" if link.is_connected else "nobody yet")
+    tone = Tone.WARN if link.refusals else Tone.TEXT if link.platforms or link.received else Tone.DIM
+    if remark := link.note():
         behind = f"{remark}; {behind}" if link.refusals else f"{behind}; {remark}"
     problem = link.problem.removeprefix(f"{link.url.partition('://')[2]}: ")
     return table_of(LINK_COLUMNS, width).line(
@@ -138,7 +138,7 @@ def rate(bytes_s: float) -> str:
     return f"{bytes_s:.0f}"
 
 
-def _control(view: View, platform: PlatformSnapshot) -> Span:
+def _control(view: StationView, platform: PlatformSnapshot) -> Span:
     if platform.control is None:
         return Span("?", Tone.STALE)
     state = platform.control.value

@@ -4,14 +4,14 @@ from collections.abc import Sequence
 from math import isnan, sqrt
 from typing import Final, NamedTuple
 
-from gloc3_groundstation.mapping.history import Series
-from gloc3_groundstation.mapping.tracks import Channel, Track
-from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.mapping.history import HistorySeries
+from gloc3_groundstation.mapping.tracks import Track, TrackChannel
+from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.charts import (
     AXIS,
+    ChartWindow,
     Curve,
     Scale,
-    Window,
     chart_lines,
     chart_title,
     duration,
@@ -29,7 +29,7 @@ CHART_LINES: Final = 5
 MOST_LINES: Final = 12
 TWO_COLUMNS: Final = 130
 """From this width on charts stand side by side."""
-OLD_S: Final = 2.5
+STALE_S: Final = 2.5
 SURE: Final = 2.0
 """Standard deviations of an uncertainty that is told."""
 
@@ -39,28 +39,28 @@ class ChartRow(NamedTuple):
 
     name: str
     unit: str
-    channel: Channel
+    channel: TrackChannel
     decimals: int
     least: float
     """The axis covers at least so much."""
-    wanted: Channel | None = None
+    wanted: TrackChannel | None = None
     """What it should be."""
-    second: tuple[str, Channel] | None = None
+    second: tuple[str, TrackChannel] | None = None
     """Another channel in the same chart, with its name."""
     wrap: float = 0.0
 
 
 CHARTS: Final = (
-    ChartRow("height", "m", Channel.HEIGHT, 2, 1.0, Channel.WANTED_HEIGHT),
-    ChartRow("speed", "m/s", Channel.SPEED, 2, 1.0, Channel.WANTED_SPEED),
-    ChartRow("heading", "°", Channel.HEADING, 0, 20.0, Channel.WANTED_HEADING, wrap=360.0),
-    ChartRow("climb", "m/s", Channel.CLIMB, 2, 0.5, Channel.WANTED_CLIMB),
-    ChartRow("x", "m", Channel.X, 2, 1.0, Channel.WANTED_X),
-    ChartRow("y", "m", Channel.Y, 2, 1.0, Channel.WANTED_Y),
-    ChartRow("roll", "°", Channel.ROLL, 1, 10.0, second=("pitch", Channel.PITCH)),
-    ChartRow("battery", "V", Channel.BATTERY_V, 2, 1.0),
-    ChartRow("current", "A", Channel.BATTERY_A, 1, 5.0),
-    ChartRow("battery", "%", Channel.BATTERY_PERCENT, 0, 10.0),
+    ChartRow("height", "m", TrackChannel.HEIGHT, 2, 1.0, TrackChannel.WANTED_HEIGHT),
+    ChartRow("speed", "m/s", TrackChannel.SPEED, 2, 1.0, TrackChannel.WANTED_SPEED),
+    ChartRow("heading", "°", TrackChannel.HEADING, 0, 20.0, TrackChannel.WANTED_HEADING, wrap=360.0),
+    ChartRow("climb", "m/s", TrackChannel.CLIMB, 2, 0.5, TrackChannel.WANTED_CLIMB),
+    ChartRow("x", "m", TrackChannel.X, 2, 1.0, TrackChannel.WANTED_X),
+    ChartRow("y", "m", TrackChannel.Y, 2, 1.0, TrackChannel.WANTED_Y),
+    ChartRow("roll", "°", TrackChannel.ROLL, 1, 10.0, second=("pitch", TrackChannel.PITCH)),
+    ChartRow("battery", "V", TrackChannel.BATTERY_V, 2, 1.0),
+    ChartRow("current", "A", TrackChannel.BATTERY_A, 1, 5.0),
+    ChartRow("battery", "%", TrackChannel.BATTERY_PERCENT, 0, 10.0),
 )
 
 
@@ -90,14 +90,14 @@ def charts(
     each = (width - 3 * (columns - 1)) // columns
     rows = CHARTS[first : first + shown_charts(width, height)]
     lines_each = -(-len(rows) // columns)
-    is_old = end_s >= now_s and silent_s(track, now_s) > 0.0
+    is_stale = end_s >= now_s and silent_s(track, now_s) > 0.0
     size = max(3, min(MOST_LINES, (height - 1) // max(1, lines_each)))
     window = window_at(end_s, window_s, each - AXIS)
     stacks = []
     for column in range(columns):
         stack: list[Line] = []
         for row in rows[column * lines_each : (column + 1) * lines_each]:
-            stack += chart(row, track, window, each, size, is_old=is_old)
+            stack += chart(row, track, window, each, size, is_stale=is_stale)
         stacks.append([*stack, time_axis(window, now_s if end_s < now_s else window.to_s, each)] if stack else [])
     if columns == 1:
         return stacks[0]
@@ -110,10 +110,12 @@ def charts(
 def silent_s(track: Track, now_s: float) -> float:
     """For how long nothing new has come, where what is shown of now is too old for that; else 0."""
     age_s = 0.0 if track.latest_s is None else now_s - track.latest_s
-    return age_s if age_s >= OLD_S else 0.0
+    return age_s if age_s >= STALE_S else 0.0
 
 
-def chart(row: ChartRow, track: Track, window: Window, width: int, height: int, *, is_old: bool = False) -> list[Line]:
+def chart(
+    row: ChartRow, track: Track, window: ChartWindow, width: int, height: int, *, is_stale: bool = False
+) -> list[Line]:
     """One chart: dotted what should be, as a line what is; its newest values are marked where they are old."""
     points = 2 * (width - AXIS)
     curves: list[Curve] = []
@@ -122,15 +124,15 @@ def chart(row: ChartRow, track: Track, window: Window, width: int, height: int, 
     if row.wanted is not None:
         wanted = Curve("wanted", track.series(row.wanted, *window, points), Tone.TEXT, is_dotted=True)
         curves.append(wanted)
-        values.append(("wanted", _told(wanted.series.last, row.decimals), Tone.TEXT))
+        values.append(("wanted", _reported(wanted.series.last, row.decimals), Tone.TEXT))
     if row.second is not None:
         name, channel = row.second
         second = Curve(name, track.series(channel, *window, points), Tone.SECOND)
         curves.append(second)
-        values.append((name, _told(second.series.last, row.decimals), Tone.SECOND))
+        values.append((name, _reported(second.series.last, row.decimals), Tone.SECOND))
     own = Curve("", track.series(row.channel, *window, points), Tone.FIRST)
     curves.append(own)
-    values.insert(0, ("" if row.second is None else row.name, _told(own.series.last, row.decimals), Tone.FIRST))
+    values.insert(0, ("" if row.second is None else row.name, _reported(own.series.last, row.decimals), Tone.FIRST))
     scale = scale_of(curves, window, row.least)
     if about is not None:
         near = [curve._replace(series=_around(curve.series, about, row.wrap)) for curve in curves]
@@ -139,13 +141,13 @@ def chart(row: ChartRow, track: Track, window: Window, width: int, height: int, 
             curves = near
         else:  # all round: from north to north
             scale = Scale(0.0, row.wrap, 0)
-    if is_old:
+    if is_stale:
         values = [(f"was {label}".rstrip(), value, Tone.STALE) for label, value, _ in values]
     title = chart_title(row.name, row.unit, values, width)
     return chart_lines(title, curves, window, scale, width, height, row.wrap)
 
 
-def _around(series: Series, about: float, wrap: float) -> Series:
+def _around(series: HistorySeries, about: float, wrap: float) -> HistorySeries:
     """Directions as near to one of them as they are, so that they do not jump at north."""
     half = wrap / 2.0
     lows, highs = ((values - about + half) % wrap + about - half for values in (series.lows, series.highs))
@@ -154,68 +156,71 @@ def _around(series: Series, about: float, wrap: float) -> Series:
 
 def charts_title(track: Track | None, end_s: float, now_s: float, window_s: float, *, is_frozen: bool) -> str:
     """How much time is shown, whether it stands still, and for how long nothing has come."""
-    span, old_s = duration(window_s), silent_s(track, now_s) if track is not None else 0.0
+    span, stale_s = duration(window_s), silent_s(track, now_s) if track is not None else 0.0
     if is_frozen:
         return f"{span}, FROZEN {duration(max(0.0, now_s - end_s))} ago"
-    return f"last {span}" + (f", nothing new for {duration(old_s)}" if old_s else "")
+    return f"last {span}" + (f", nothing new for {duration(stale_s)}" if stale_s else "")
 
 
-def attitude_lines(view: View, track: Track | None, width: int, height: int) -> list[Line]:
+def attitude_lines(view: StationView, track: Track | None, width: int, height: int) -> list[Line]:
     """The horizon, and the values of now."""
     if track is None or track.latest_s is None:
         return [(Span(" nothing is known yet", Tone.STALE),)]
-    latest, is_old = track.latest, view.now_s - track.latest_s >= OLD_S
-    values = {channel: float(latest[channel]) for channel in Channel}
-    facts = _facts(view, values)
+    latest, is_stale = track.latest, view.now_s - track.latest_s >= STALE_S
+    values = {channel: float(latest[channel]) for channel in TrackChannel}
+    snapshot = _figures(view, values)
     lines: list[Line] = []
-    room = height - len(facts) - 1
-    if not isnan(values[Channel.ROLL]) and room >= 3:
+    room = height - len(snapshot) - 1
+    if not isnan(values[TrackChannel.ROLL]) and room >= 3:
         size = min(room, 11 if width < 40 else 15)
         size -= 1 - size % 2
-        lines += horizon_lines(values[Channel.ROLL], values[Channel.PITCH], width, size, is_stale=is_old)
+        lines += horizon_lines(values[TrackChannel.ROLL], values[TrackChannel.PITCH], width, size, is_stale=is_stale)
         lines.append(())
-    for name, spans in facts:
-        toned = tuple(Span(span.text, Tone.STALE) for span in spans) if is_old else spans
+    for name, spans in snapshot:
+        toned = tuple(Span(span.text, Tone.STALE) for span in spans) if is_stale else spans
         lines.append((Span(f" {name:<8}", Tone.DIM), *toned))
     return lines
 
 
-def attitude_title(view: View, track: Track | None) -> str:
+def attitude_title(view: StationView, track: Track | None) -> str:
     """The vehicle, and how old its values are where they are old."""
     name = view.platform.name if view.platform is not None else "flight data"
-    if track is None or track.latest_s is None or view.now_s - track.latest_s < OLD_S:
+    if track is None or track.latest_s is None or view.now_s - track.latest_s < STALE_S:
         return name
     return f"{name}, {duration(view.now_s - track.latest_s)} ago"
 
 
-def _facts(view: View, values: dict[Channel, float]) -> Sequence[tuple[str, Line]]:
-    def told(channel: Channel, decimals: int, unit: str) -> Span:
-        return Span(_told(values[channel], decimals) + unit, Tone.STRONG)
+def _figures(view: StationView, values: dict[TrackChannel, float]) -> Sequence[tuple[str, Line]]:
+    def reported(channel: TrackChannel, decimals: int, unit: str) -> Span:
+        return Span(_reported(values[channel], decimals) + unit, Tone.STRONG)
 
-    def wanted(channel: Channel, decimals: int) -> Span:
+    def wanted(channel: TrackChannel, decimals: int) -> Span:
         value = values[channel]
-        return Span("" if isnan(value) else f"  wanted {_told(value, decimals)}", Tone.DIM)
+        return Span("" if isnan(value) else f"  wanted {_reported(value, decimals)}", Tone.DIM)
 
     motion = view.platform.motion.value if view.platform is not None and view.platform.motion is not None else None
     covariance = motion.covariance_cm2 if motion is not None else None
-    facts: list[tuple[str, Line]] = [
-        ("roll", (told(Channel.ROLL, 1, "°"), Span("  pitch ", Tone.DIM), told(Channel.PITCH, 1, "°"))),
-        ("heading", (told(Channel.HEADING, 0, "°"), wanted(Channel.WANTED_HEADING, 0))),
-        ("height", (told(Channel.HEIGHT, 2, " m"), wanted(Channel.WANTED_HEIGHT, 2))),
-        ("climb", (told(Channel.CLIMB, 2, " m/s"),)),
-        ("speed", (told(Channel.SPEED, 2, " m/s"), wanted(Channel.WANTED_SPEED, 2))),
-        ("x, y", (told(Channel.X, 2, ""), Span("  "), told(Channel.Y, 2, " m"))),
+    snapshot: list[tuple[str, Line]] = [
+        (
+            "roll",
+            (reported(TrackChannel.ROLL, 1, "°"), Span("  pitch ", Tone.DIM), reported(TrackChannel.PITCH, 1, "°")),
+        ),
+        ("heading", (reported(TrackChannel.HEADING, 0, "°"), wanted(TrackChannel.WANTED_HEADING, 0))),
+        ("height", (reported(TrackChannel.HEIGHT, 2, " m"), wanted(TrackChannel.WANTED_HEIGHT, 2))),
+        ("climb", (reported(TrackChannel.CLIMB, 2, " m/s"),)),
+        ("speed", (reported(TrackChannel.SPEED, 2, " m/s"), wanted(TrackChannel.WANTED_SPEED, 2))),
+        ("x, y", (reported(TrackChannel.X, 2, ""), Span("  "), reported(TrackChannel.Y, 2, " m"))),
     ]
     if motion is not None and covariance is not None:
         across_m = SURE * sqrt(max(covariance[0], covariance[2])) / 100.0
         up_m = SURE * motion.height_std_cm / 100.0
-        facts.append(("± x, y", (Span(f"{across_m:.2f} m"), Span(f"  height {up_m:.2f} m", Tone.DIM))))
-    level = told(Channel.BATTERY_PERCENT, 0, " %")
-    voltage, current = values[Channel.BATTERY_V], values[Channel.BATTERY_A]
-    supply = "" if isnan(voltage) else f"  {voltage:.2f} V  {_told(current, 1)} A"
-    facts.append(("battery", (level, Span(supply, Tone.DIM))))
-    return facts
+        snapshot.append(("± x, y", (Span(f"{across_m:.2f} m"), Span(f"  height {up_m:.2f} m", Tone.DIM))))
+    level = reported(TrackChannel.BATTERY_PERCENT, 0, " %")
+    voltage, current = values[TrackChannel.BATTERY_V], values[TrackChannel.BATTERY_A]
+    supply = "" if isnan(voltage) else f"  {voltage:.2f} V  {_reported(current, 1)} A"
+    snapshot.append(("battery", (level, Span(supply, Tone.DIM))))
+    return snapshot
 
 
-def _told(value: float | None, decimals: int) -> str:
+def _reported(value: float | None, decimals: int) -> str:
     return "?" if value is None or isnan(value) else f"{round(value, decimals) + 0.0:.{decimals}f}"

@@ -43,6 +43,6 @@ def help_lines(text: str, keys: Sequence[HelpKey], screens: Sequence[tuple[str, 
     return lines
 
 
-def _entry(key: str, said: str, width: int) -> list[Line]:
-    rows = wrapped(said, width - 12)
+def _entry(key: str, text: str, width: int) -> list[Line]:
+    rows = wrapped(text, width - 12)
     return [(Span(f"  {key if n == 0 else '':<10}", Tone.KEY), Span(row)) for n, row in enumerate(rows)]

@@ -5,7 +5,7 @@ from typing import Final
 from gloc3.messages.hosts import HostLine, HostState, HostSummary, HostWords
 from gloc3_groundstation.station.snapshots import STALE_AFTER_S, PlatformSnapshot
 from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone
-from gloc3_groundstation.tui.widgets.tables import Column, Table, table_of
+from gloc3_groundstation.tui.widgets.tables import Column, FittedTable, table_of
 
 COLUMNS: Final = (
     Column("host", 10, grows=1, most=20),
@@ -36,13 +36,15 @@ def host_lines(platform: PlatformSnapshot | None, now_s: float, width: int) -> l
     return [
         table.header(),
         *(
-            _line(table, line, words[index] if index < len(words) else HostWords(f"host {index + 1}"), now_s - heard_s)
-            for index, (line, heard_s) in sorted(platform.hosts.items())
+            _line(
+                table, line, words[index] if index < len(words) else HostWords(f"host {index + 1}"), now_s - received_s
+            )
+            for index, (line, received_s) in sorted(platform.hosts.items())
         ),
     ]
 
 
-def _line(table: Table, line: HostLine, words: HostWords, age_s: float) -> Line:
+def _line(table: FittedTable, line: HostLine, words: HostWords, age_s: float) -> Line:
     state = STATES[line.state] if line.state < len(STATES) else HostState.EXPECTED
     is_stale = age_s >= STALE_AFTER_S[HostSummary]
     rest = Tone.STALE if is_stale else None

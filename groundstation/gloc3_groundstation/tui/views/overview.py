@@ -7,7 +7,7 @@ from gloc3.messages.summaries import Health, VehicleSummary
 from gloc3.mission.model.states import ActionState
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.snapshots import PlatformSnapshot, Timed
-from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.chain import SIGNS
 from gloc3_groundstation.tui.views.chrome import battery, tone_of
 from gloc3_groundstation.tui.views.components import HEALTH_TONES
@@ -42,7 +42,7 @@ def vehicle_header(width: int) -> Line:
     return table_of(COLUMNS, width).header()
 
 
-def vehicle_line(view: View, platform: PlatformSnapshot, width: int) -> Line:
+def vehicle_line(view: StationView, platform: PlatformSnapshot, width: int) -> Line:
     """One vehicle."""
     is_in_view = view.platform is not None and platform.name == view.platform.name
     now_s = view.now_s
@@ -59,32 +59,32 @@ def vehicle_line(view: View, platform: PlatformSnapshot, width: int) -> Line:
     return table_of(COLUMNS, width).line(cells)
 
 
-def waiting_lines(view: View) -> list[Line]:
+def waiting_lines(view: StationView) -> list[Line]:
     """What is waited for, and what to do about it."""
     hint = "Is gloc3 onboard running, and does its link lead here?"
     return [EMPTY, (Span(f" Waiting for a platform on {view.waiting_for}."),), (Span(f" {hint}", Tone.DIM),)]
 
 
-def detail_lines(view: View) -> list[Line]:
+def detail_lines(view: StationView) -> list[Line]:
     """What is worth knowing of the vehicle in view, a fact a line."""
     platform = view.platform
     if platform is None:
         return []
     now_s = view.now_s
-    facts: list[tuple[str, Span]] = [
+    snapshot: list[tuple[str, Span]] = [
         ("control", _control(view, platform)),
         ("link", link_detail(view, platform)),
-        *_silence_facts(platform, now_s),
+        *_silence_figures(platform, now_s),
         ("health", worst_span(platform, now_s)),
     ]
     timed = platform.vehicle
     if timed is None:
-        facts.append(("vehicle", Span("nothing is known of it yet", Tone.STALE)))
+        snapshot.append(("vehicle", Span("nothing is known of it yet", Tone.STALE)))
     else:
         vehicle = timed.value
         stale = Tone.STALE if timed.is_stale(now_s) else None
         motion = f"{vehicle.speed_m_s:.1f} m/s, heading {vehicle.heading_deg % 360:03d}°"
-        facts += [
+        snapshot += [
             (
                 "position",
                 Span(wording.position(vehicle), stale or (Tone.TEXT if vehicle.is_pose_valid else Tone.BAD)),
@@ -94,15 +94,15 @@ def detail_lines(view: View) -> list[Line]:
             ("battery", _battery_bar(vehicle.battery_percent, stale)),
         ]
         if not vehicle.is_autopilot_connected:
-            facts.insert(0, ("autopilot", Span("NOT CONNECTED", stale or Tone.BAD)))
+            snapshot.insert(0, ("autopilot", Span("NOT CONNECTED", stale or Tone.BAD)))
         if vehicle.has_pilot_control:
-            facts.insert(0, ("pilot", Span("HAS CONTROL", stale or Tone.BAD)))
+            snapshot.insert(0, ("pilot", Span("HAS CONTROL", stale or Tone.BAD)))
         if vehicle.frame:
-            facts.append(("frame", Span(vehicle.frame, stale or Tone.TEXT)))
-    return [(Span(f" {name:<10}", Tone.DIM), span) for name, span in facts]
+            snapshot.append(("frame", Span(vehicle.frame, stale or Tone.TEXT)))
+    return [(Span(f" {name:<10}", Tone.DIM), span) for name, span in snapshot]
 
 
-def detail_title(view: View) -> str:
+def detail_title(view: StationView) -> str:
     """Which vehicle is in view, and how old its state is where that is no longer to be trusted."""
     platform = view.platform
     if platform is None:
@@ -113,7 +113,7 @@ def detail_title(view: View) -> str:
     return f"{platform.name}, {wording.duration(timed.age_s(view.now_s))} ago"
 
 
-def alert_lines(view: View, width: int) -> list[Line]:
+def alert_lines(view: StationView, width: int) -> list[Line]:
     """The alerts of all vehicles, those first that nobody has acknowledged."""
     lines: list[Line] = []
     for alert in view.alerts.listed:
@@ -121,18 +121,18 @@ def alert_lines(view: View, width: int) -> list[Line]:
         sign = "✓" if alert.is_acknowledged else "▲"
         who = f"{alert.platform}: " if alert.platform and len(view.fleet.platforms) > 1 else ""
         times = f" ({alert.count} times)" if alert.count > 1 else ""
-        times += f" (over since {wording.clock(alert.last_s - view.started_s)})" if alert.has_gone else ""
+        times += f" (over since {wording.clock(alert.last_s - view.started_s)})" if alert.is_cleared else ""
         head = f" {sign} {wording.clock(alert.since_s - view.started_s)}  "
         name = alert.severity.name.lower()
         rest = Tone.DIM if alert.is_acknowledged else Tone.TEXT
-        said = f"{who}{alert.text}{times}"
+        text = f"{who}{alert.text}{times}"
         if width < NARROW_ALERTS:  # the severity stands before the text, which goes on below it
-            first, *more = wrapped(f"{name}: {said}", width - len(head))
+            first, *more = wrapped(f"{name}: {text}", width - len(head))
             lines.append((Span(head, Tone.DIM), Span(name, tone), Span(first[len(name) :], rest)))
             blank = len(head)
         else:
             blank = len(head) + SEVERITY + 2
-            first, *more = wrapped(said, width - blank)
+            first, *more = wrapped(text, width - blank)
             lines.append(
                 (Span(head, Tone.DIM), Span(name, tone), Span(" " * (SEVERITY + 2 - len(name))), Span(first, rest))
             )
@@ -142,7 +142,7 @@ def alert_lines(view: View, width: int) -> list[Line]:
     return lines
 
 
-def alerts_title(view: View) -> str:
+def alerts_title(view: StationView) -> str:
     """How many are to be acknowledged."""
     pending = len(view.alerts.pending)
     if pending:
@@ -156,50 +156,50 @@ def link_span(platform: PlatformSnapshot, now_s: float) -> Span:
         return Span(f"due {platform.silence.due_text.removesuffix(' UTC')}", Tone.WARN)
     if platform.is_overdue(now_s):
         return Span("OVERDUE", Tone.BAD)
-    if not platform.is_met:
+    if not platform.is_known:
         return Span("by sound", Tone.WARN)
     if platform.is_quiet_link(now_s):
         return Span(f"silent {wording.roughly(platform.age_s(now_s))}", Tone.BAD)
-    if platform.link.loss >= wording.LOSS_WORTH_TELLING:
+    if platform.link.loss >= wording.REPORTED_LOSS:
         return Span(f"{platform.link.loss * 100.0:.0f} % lost", Tone.WARN)
     return Span("ok", Tone.GOOD)
 
 
-def link_detail(view: View, platform: PlatformSnapshot) -> Span:
+def link_detail(view: StationView, platform: PlatformSnapshot) -> Span:
     """`98 % arrives, 320 ms there and back`, or for how long it has been silent."""
     planned = platform.silence
     if planned is not None and platform.is_silent_as_planned(view.now_s):
         return Span(f"silent as planned ({planned.target})", Tone.WARN)
     if planned is not None and platform.is_overdue(view.now_s):
         return Span(f"OVERDUE by {wording.duration(view.now_s - planned.due_s)}", Tone.BAD)
-    if not platform.is_met:
+    if not platform.is_known:
         return Span("nothing is heard but by sound", Tone.WARN)
     if platform.is_quiet_link(view.now_s):
         return Span(f"silent for {wording.duration(platform.age_s(view.now_s))}", Tone.BAD)
     loss, trip_s = platform.link.loss, view.round_trip_s
     is_slow = trip_s is not None and trip_s >= SLOW_TRIP_S
     trip = f", {trip_s * 1000.0:.0f} ms round" if trip_s is not None else ""
-    tone = Tone.WARN if loss >= wording.LOSS_WORTH_TELLING or is_slow else Tone.TEXT
+    tone = Tone.WARN if loss >= wording.REPORTED_LOSS or is_slow else Tone.TEXT
     return Span(f"{(1.0 - loss) * 100.0:.0f} % arrives{trip}", tone)
 
 
-def _silence_facts(platform: PlatformSnapshot, now_s: float) -> list[tuple[str, Span]]:
+def _silence_figures(platform: PlatformSnapshot, now_s: float) -> list[tuple[str, Span]]:
     """When contact is due, and what came by sound meanwhile."""
-    facts = []
+    snapshot = []
     planned = platform.silence
     if planned is not None and platform.is_quiet_link(now_s):
         left_s = planned.due_s - now_s
         when = f", in {wording.roughly(left_s)}" if left_s > 0.0 else ""
-        facts.append(("due", Span(f"{planned.due_text}{when}", Tone.WARN if left_s > 0.0 else Tone.BAD)))
-    told = wording.told_by_sound(platform) if platform.is_quiet_link(now_s) else []
-    if platform.acoustic is not None and told:
-        place, doing, *more = told
-        facts += [
+        snapshot.append(("due", Span(f"{planned.due_text}{when}", Tone.WARN if left_s > 0.0 else Tone.BAD)))
+    reported = wording.received_by_sound(platform) if platform.is_quiet_link(now_s) else []
+    if platform.acoustic is not None and reported:
+        place, doing, *more = reported
+        snapshot += [
             ("by sound", Span(place, Tone.TEXT)),
             ("", Span(f"{wording.roughly(platform.acoustic.age_s(now_s))} ago: {doing}", Tone.TEXT)),
             *([("", Span(", ".join(more), Tone.TEXT))] if more else []),
         ]
-    return facts
+    return snapshot
 
 
 def worst_span(platform: PlatformSnapshot, now_s: float, *, is_brief: bool = False) -> Span:
@@ -214,13 +214,13 @@ def worst_span(platform: PlatformSnapshot, now_s: float, *, is_brief: bool = Fal
     if all(component.is_stale for component in components):
         return Span("as last heard", Tone.STALE)
     order = list(Health)
-    unwell = [component for component in components if not component.is_well and component.health is not None]
-    if not unwell:
+    unhealthy = [component for component in components if not component.is_well and component.health is not None]
+    if not unhealthy:
         return Span(f"all {len(components)} well", Tone.GOOD)
-    worst = max(unwell, key=lambda component: order.index(component.health or Health.WORKING))
-    said = f"{SIGNS[worst.health]} {worst.name}" if is_brief else f"{worst.name} {worst.health}"
-    more = f" +{len(unwell) - 1}" if len(unwell) > 1 else ""
-    return Span(f"{said}{more}", HEALTH_TONES[worst.health or Health.WORKING])
+    worst = max(unhealthy, key=lambda component: order.index(component.health or Health.WORKING))
+    text = f"{SIGNS[worst.health]} {worst.name}" if is_brief else f"{worst.name} {worst.health}"
+    more = f" +{len(unhealthy) - 1}" if len(unhealthy) > 1 else ""
+    return Span(f"{text}{more}", HEALTH_TONES[worst.health or Health.WORKING])
 
 
 def vehicle_cells(platform: PlatformSnapshot, now_s: float) -> Sequence[Span]:
@@ -263,7 +263,7 @@ def _position(platform: PlatformSnapshot, now_s: float) -> Span:
     return _aged((span,), platform.vehicle, now_s)[0]
 
 
-def _alerts(view: View, platform: PlatformSnapshot) -> Span:
+def _alerts(view: StationView, platform: PlatformSnapshot) -> Span:
     alerts = [alert for alert in view.alerts.all.values() if alert.platform == platform.name]
     pending = [alert for alert in alerts if not alert.is_acknowledged]
     if pending:
@@ -272,14 +272,14 @@ def _alerts(view: View, platform: PlatformSnapshot) -> Span:
     return Span(f"✓ {len(alerts)}" if alerts else "none", Tone.DIM)
 
 
-def _control(view: View, platform: PlatformSnapshot) -> Span:
-    asks, held = "", wording.holder(platform, view.station)
+def _control(view: StationView, platform: PlatformSnapshot) -> Span:
+    requester, held = "", wording.holder(platform, view.station)
     if platform.control is not None:
-        asks = platform.control.value.requested_by
-    text = f"{'here' if view.is_in_control else 'elsewhere'}; station {asks} asks" if asks else held
+        requester = platform.control.value.requested_by
+    text = f"{'here' if view.is_in_control else 'elsewhere'}; station {requester} asks" if requester else held
     if platform.is_quiet_link(view.now_s):
         return Span(text, Tone.STALE)
-    return Span(text, Tone.TEXT if view.is_in_control and not asks else Tone.WARN)
+    return Span(text, Tone.TEXT if view.is_in_control and not requester else Tone.WARN)
 
 
 def _source(vehicle: VehicleSummary, stale: Tone | None) -> Span:

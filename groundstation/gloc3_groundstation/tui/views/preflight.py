@@ -38,8 +38,8 @@ def preflight_title(checks: CheckList) -> str:
     """How it stands, and how old that is."""
     if checks.age_s is None:
         return "checks"
-    asking = ", being made anew…" if checks.is_asking else ""
-    return f"checks: {summary(checks.checks)}, {duration(checks.age_s)} ago{asking}"
+    requesting = ", being made anew…" if checks.is_requesting else ""
+    return f"checks: {summary(checks.checks)}, {duration(checks.age_s)} ago{requesting}"
 
 
 def preflight_headline(

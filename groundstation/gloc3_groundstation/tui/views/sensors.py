@@ -8,9 +8,9 @@ import numpy as np
 
 from gloc3.messages.watch import Preview, TopicActivity, TopicEntry
 from gloc3_groundstation.station import wording
-from gloc3_groundstation.station.message_fields import Field, fields_of
+from gloc3_groundstation.station.message_fields import FieldValue, fields_of
 from gloc3_groundstation.station.watches import Sight
-from gloc3_groundstation.tui.widgets.canvas import Canvas
+from gloc3_groundstation.tui.widgets.canvas import CellCanvas
 from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, column, cut, spread, wrapped
 from gloc3_groundstation.tui.widgets.tables import Column, table_of
 
@@ -82,20 +82,20 @@ def sight_line(sight: Sight, wanted_hz: float, now_s: float, width: int) -> Line
         return (Span(cut(f" {sight.problem}", width), Tone.WARN),)
     if sight.envelope is None:
         return (Span(" nothing has come yet", Tone.DIM),)
-    age_s = now_s - sight.heard_s
-    is_old = age_s > max(STALE_S, 3.0 / wanted_hz)
+    age_s = now_s - sight.received_s
+    is_stale = age_s > max(STALE_S, 3.0 / wanted_hz)
     speaks = f" speaks {sight.source_rate_hz:.1f} Hz, seen {sight.rate_hz:.1f} of {wanted_hz:g} Hz"
     age = f"{wording.duration(age_s)} ago" if age_s >= 1.0 else "now"
     return spread(
-        (Span(speaks, Tone.STALE if is_old else Tone.DIM),),
-        (Span(f"{age} ", Tone.STALE if is_old else Tone.DIM),),
+        (Span(speaks, Tone.STALE if is_stale else Tone.DIM),),
+        (Span(f"{age} ", Tone.STALE if is_stale else Tone.DIM),),
         width,
     )
 
 
-def field_rows(message: Any, width: int, is_old: bool = False) -> list[tuple[str, Line]]:
+def field_rows(message: Any, width: int, is_stale: bool = False) -> list[tuple[str, Line]]:
     """A message field by field, each with its path."""
-    return [(field.path, _field_line(field, width, is_old)) for field in fields_of(message)]
+    return [(field.path, _field_line(field, width, is_stale)) for field in fields_of(message)]
 
 
 def preview_line(preview: Preview) -> str:
@@ -131,7 +131,7 @@ def scan_lines(points_ne_m: Sequence[tuple[float, float]], width: int, height: i
     """What a scanner has hit, seen from above: north is up, the same scale both ways."""
     if not points_ne_m or height < 2:
         return [(Span(" nothing was hit", Tone.DIM),)]
-    canvas = Canvas(max(1, width), height - 1)
+    canvas = CellCanvas(max(1, width), height - 1)
     across_dots, down_dots = canvas.size
     north = [point[0] for point in points_ne_m]
     east = [point[1] for point in points_ne_m]
@@ -149,7 +149,7 @@ def _strip(points: Sequence[tuple[float, float]], name: str, width: int, rows: i
         return [(Span(f" {name}: no number", Tone.DIM),)] * rows
     low, high = min(value for _, value in points), max(value for _, value in points)
     label = max(len(_number(low)), len(_number(high))) + len(name) + 2
-    canvas = Canvas(max(1, width - label - 1), rows)
+    canvas = CellCanvas(max(1, width - label - 1), rows)
     across, down = canvas.size
     first_s, last_s = points[0][0], points[-1][0]
     span_s, span = max(1e-9, last_s - first_s), max(1e-12, high - low)
@@ -172,16 +172,16 @@ def _strip(points: Sequence[tuple[float, float]], name: str, width: int, rows: i
     ]
 
 
-def _field_line(field: Field, width: int, is_old: bool) -> Line:
+def _field_line(field: FieldValue, width: int, is_stale: bool) -> Line:
     label = NARROW_LABEL if width < NARROW else LABEL
     name = column(f" {'  ' * field.depth}{field.label.replace('_', ' ')}", label)
     if field.is_group:
         return (Span(name, Tone.DIM),)
-    tone = Tone.STALE if is_old else Tone.TEXT
+    tone = Tone.STALE if is_stale else Tone.TEXT
     return (Span(name, Tone.DIM), Span(cut(f" {_value(field)}", width - label), tone))
 
 
-def _value(field: Field) -> str:
+def _value(field: FieldValue) -> str:
     value = field.value
     if value is None:
         return "–"

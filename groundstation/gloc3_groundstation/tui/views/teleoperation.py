@@ -4,11 +4,11 @@ from math import inf
 from typing import Final, NamedTuple
 
 from gloc3.messages.teleoperation import EXPIRES_S, TeleoperationState
-from gloc3_groundstation.desk.teleoperation import FullSpeed, Sticks
+from gloc3_groundstation.desk.teleoperation import FullSpeed, StickDemand
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, wrapped
 
-TOLD_S: Final = 1.0
+REPORTED_S: Final = 1.0
 """What the vehicle told longer ago says nothing of now: it tells five times a second."""
 
 WIDTH: Final = 58
@@ -16,42 +16,42 @@ WIDTH: Final = 58
 NOTHING: Final = f"{'–':>10}"
 
 
-class Helm(NamedTuple):
+class TeleoperationView(NamedTuple):
     """The station's side."""
 
     is_begun: bool
     is_kept: bool
     """The dead-man's key is."""
-    sticks: Sticks
+    sticks: StickDemand
     full: FullSpeed
     session: int
     problem: str = ""
 
 
-def state_line(platform: PlatformSnapshot | None, helm: Helm, now_s: float) -> Line:
+def state_line(platform: PlatformSnapshot | None, helm: TeleoperationView, now_s: float) -> Line:
     """One word that tells everything: whether the vehicle follows now."""
-    told = _told(platform, now_s)
+    reported = _reported(platform, now_s)
     if not helm.is_begun:
         return (Span("NOT BEGUN", Tone.STRONG), Span("  enter asks the vehicle to be steered by hand", Tone.DIM))
-    if told is None:
+    if reported is None:
         return (Span("NOT HEARD", Tone.ALARM), Span(f"  it rests {EXPIRES_S:g} s after the last demand", Tone.DIM))
-    is_ours = told.session == helm.session
-    if told.is_live and is_ours:
-        note = "let go" if not helm.is_kept else told.reason
-        return (Span("LIVE", Tone.GOOD), Span(f"  {note}" if note else "", Tone.WARN if told.reason else Tone.DIM))
+    is_ours = reported.session == helm.session
+    if reported.is_live and is_ours:
+        note = "let go" if not helm.is_kept else reported.reason
+        return (Span("LIVE", Tone.GOOD), Span(f"  {note}" if note else "", Tone.WARN if reported.reason else Tone.DIM))
     if helm.is_kept:
-        who = "" if is_ours or told.session == 0 else ": it follows another session"
-        return (Span("NOT FOLLOWED", Tone.ALARM), Span(f"  {told.reason or 'it does not follow'}{who}", Tone.WARN))
+        who = "" if is_ours or reported.session == 0 else ": it follows another session"
+        return (Span("NOT FOLLOWED", Tone.ALARM), Span(f"  {reported.reason or 'it does not follow'}{who}", Tone.WARN))
     return (Span("AT REST", Tone.WARN), Span("  hold enter to go", Tone.DIM))
 
 
 def helm_lines(
-    platform: PlatformSnapshot | None, helm: Helm, round_trip_s: float | None, now_s: float
+    platform: PlatformSnapshot | None, helm: TeleoperationView, round_trip_s: float | None, now_s: float
 ) -> tuple[Line, ...]:
     """State, link, the four ways, depth and heading."""
-    told = _told(platform, now_s)
-    wanted = (*told.velocity_cm_s, told.yaw_rate_cdeg_s) if told is not None else None
-    measured = (*told.measured_cm_s, told.measured_yaw_rate_cdeg_s) if told is not None else None
+    reported = _reported(platform, now_s)
+    wanted = (*reported.velocity_cm_s, reported.yaw_rate_cdeg_s) if reported is not None else None
+    measured = (*reported.measured_cm_s, reported.measured_yaw_rate_cdeg_s) if reported is not None else None
     full = (helm.full.across_m_s, helm.full.across_m_s, helm.full.up_m_s, helm.full.turn_deg_s)
     rows: list[Line] = [
         state_line(platform, helm, now_s),
@@ -61,8 +61,8 @@ def helm_lines(
     ]
     for index, (name, unit) in enumerate((("surge", "m/s"), ("sway", "m/s"), ("heave", "m/s"), ("turn", "°/s"))):
         stick = helm.sticks[index]
-        asked = f"{stick * full[index]:>+10.2f}" if helm.is_begun and helm.is_kept else NOTHING
-        line = f"{name:<8}{stick * 100.0:>+7.0f}%{asked}"
+        requested = f"{stick * full[index]:>+10.2f}" if helm.is_begun and helm.is_kept else NOTHING
+        line = f"{name:<8}{stick * 100.0:>+7.0f}%{requested}"
         line += f"{_number(wanted, index)}{_number(measured, index)}  {unit}"
         rows.append((Span(line, Tone.TEXT if stick else Tone.DIM),))
     rows += [EMPTY, _place_line(platform, now_s)]
@@ -70,9 +70,9 @@ def helm_lines(
     return tuple(rows)
 
 
-def _told(platform: PlatformSnapshot | None, now_s: float) -> TeleoperationState | None:
-    told = platform.teleoperation if platform is not None else None
-    return told.value if told is not None and told.age_s(now_s) < TOLD_S else None
+def _reported(platform: PlatformSnapshot | None, now_s: float) -> TeleoperationState | None:
+    reported = platform.teleoperation if platform is not None else None
+    return reported.value if reported is not None and reported.age_s(now_s) < REPORTED_S else None
 
 
 def _number(values: tuple[int, ...] | None, index: int) -> str:
@@ -84,7 +84,7 @@ def _link_line(platform: PlatformSnapshot | None, round_trip_s: float | None, no
     text = "never heard" if age_s == inf else f"heard {age_s:.1f} s ago"
     if round_trip_s is not None:
         text += f", there and back {round_trip_s * 1000.0:.0f} ms"
-    return (Span(f"link: {text}", Tone.BAD if age_s > TOLD_S else Tone.DIM),)
+    return (Span(f"link: {text}", Tone.BAD if age_s > REPORTED_S else Tone.DIM),)
 
 
 def _place_line(platform: PlatformSnapshot | None, now_s: float) -> Line:

@@ -29,7 +29,7 @@ _FILLED: Final = tuple(_NUMBERS[tone] for tone in (Tone.CHOSEN, Tone.ALARM))
 """These would be seen where nothing is drawn, too."""
 
 
-class Canvas:
+class CellCanvas:
     """So many cells, empty at first."""
 
     def __init__(self, width: int, height: int) -> None:

@@ -36,9 +36,9 @@ class CanvasPanel(Panel):
         if title is not None and title != self.border_title:
             self.border_title = title
         regions = []
-        for y, (old, new) in enumerate(zip(before, lines, strict=True)):
-            if old != new:
-                begin, end = changed_columns(old, new)
+        for y, (previous, new) in enumerate(zip(before, lines, strict=True)):
+            if previous != new:
+                begin, end = changed_columns(previous, new)
                 regions.append(Region(begin, y, end - begin, 1))
         self._lines = list(lines)
         if regions:

@@ -12,7 +12,7 @@ from gloc3_groundstation.tui.widgets.lines import Line
 from gloc3_groundstation.tui.widgets.panel import Panel
 
 
-class Entry(ModalScreen[str | None]):
+class TextEntry(ModalScreen[str | None]):
     """Closes with the text, or None."""
 
     BINDINGS = [Binding("escape", "leave", "Leave")]

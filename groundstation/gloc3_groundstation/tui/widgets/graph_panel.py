@@ -9,7 +9,7 @@ from textual.geometry import Region, Size
 from textual.message import Message
 from textual.strip import Strip
 
-from gloc3_groundstation.tui.views.mission.graph import Graph, Spot
+from gloc3_groundstation.tui.views.mission.graph import Graph, GraphSpot
 from gloc3_groundstation.tui.widgets.lines import Line
 from gloc3_groundstation.tui.widgets.panel import Panel
 
@@ -104,7 +104,7 @@ class GraphPanel(Panel):
             strip = self._marked(strip, spot)
         return strip.crop(left, left + self.size.width)
 
-    def _marked(self, strip: Strip, spot: Spot) -> Strip:
+    def _marked(self, strip: Strip, spot: GraphSpot) -> Strip:
         cursor = self.get_component_rich_style("list--cursor", partial=True)
         mark = Style(bgcolor=cursor.bgcolor, reverse=cursor.reverse)
         start, end = spot.x, spot.x + spot.width
@@ -118,7 +118,7 @@ class GraphPanel(Panel):
         )
         return Strip.join([parts[0], middle, *parts[2:]])
 
-    def _spot(self) -> Spot | None:
+    def _spot(self) -> GraphSpot | None:
         return self._graph.spot(self._target)
 
     def _point(self, target: str) -> None:

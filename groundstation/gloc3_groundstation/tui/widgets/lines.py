@@ -120,11 +120,11 @@ def fitted(parts: Sequence[tuple[int, Span]], width: int, gap: str = "   ") -> L
 
 def changed_columns(before: Line, after: Line) -> tuple[int, int]:
     """The columns from the first to behind the last in which two lines differ; each character has one column."""
-    old = [(letter, span.tone) for span in before for letter in span.text]
+    previous = [(letter, span.tone) for span in before for letter in span.text]
     new = [(letter, span.tone) for span in after for letter in span.text]
-    shortest, longest = sorted((len(old), len(new)))
-    begin = next((column for column in range(shortest) if old[column] != new[column]), shortest)
-    if len(old) != len(new):
+    shortest, longest = sorted((len(previous), len(new)))
+    begin = next((column for column in range(shortest) if previous[column] != new[column]), shortest)
+    if len(previous) != len(new):
         return begin, longest
-    end = next((column for column in range(longest, begin, -1) if old[column - 1] != new[column - 1]), begin)
+    end = next((column for column in range(longest, begin, -1) if previous[column - 1] != new[column - 1]), begin)
     return begin, end

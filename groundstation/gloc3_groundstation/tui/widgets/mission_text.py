@@ -28,11 +28,11 @@ class MissionText(Container):
         """Where the text is edited."""
         return self.query_one(MissionEditor)
 
-    def forget(self) -> None:
+    def invalidate(self) -> None:
         """The next look brings another text."""
         self._is_filled = False
 
-    def look(self, draft: Draft, *, is_checking: bool, is_wide: bool) -> None:
+    def show_mission(self, draft: Draft, *, is_checking: bool, is_wide: bool) -> None:
         """Shows a mission; its text is put into the editor once."""
         self._draft = draft
         editor, findings = self.editor, self.query_one("#findings", ListPanel)
@@ -41,7 +41,7 @@ class MissionText(Container):
             self._is_filled = True
             editor.load_text(draft.text)
         marks: dict[int, str] = {}
-        for finding in draft.told:
+        for finding in draft.requested:
             if finding.line and marks.get(finding.line - 1) != ERROR:
                 marks[finding.line - 1] = WARNING if finding.is_warning else ERROR
         editor.mark(marks)
@@ -53,18 +53,18 @@ class MissionText(Container):
 
     def point_at(self, number: int) -> None:
         """Puts both cursors on a finding."""
-        if self._draft is not None and number < len(self._draft.told):
-            finding = self._draft.told[number]
+        if self._draft is not None and number < len(self._draft.requested):
+            finding = self._draft.requested[number]
             self.editor.point_at(finding.line, finding.column)
             self.query_one("#findings", ListPanel).point_at(str(number))
 
     def go_on(self, step: int) -> None:
         """Goes to the next finding (1), or the one before (-1), from where the editor's cursor is."""
-        if self._draft is None or not self._draft.told:
+        if self._draft is None or not self._draft.requested:
             return
         row, column = self.editor.cursor_location
         here = (row + 1, column + 1)
-        places = [(finding.line, finding.column) for finding in self._draft.told]
+        places = [(finding.line, finding.column) for finding in self._draft.requested]
         numbers = sorted(range(len(places)), key=lambda number: places[number])
         if step > 0:
             self.point_at(next((n for n in numbers if places[n] > here), numbers[0]))

@@ -67,8 +67,8 @@ class Panel(ScrollView, can_focus=True):
         top, width = self.scroll_offset.y, self.size.width
         changed = [
             Region(0, y - top, width, 1)
-            for y, (old, new) in enumerate(zip(before, self._lines, strict=True))
-            if old != new and 0 <= y - top < self.size.height
+            for y, (previous, new) in enumerate(zip(before, self._lines, strict=True))
+            if previous != new and 0 <= y - top < self.size.height
         ]
         if changed:
             self.refresh(*changed)
@@ -93,16 +93,16 @@ class Panel(ScrollView, can_focus=True):
 
     def notify_style_update(self) -> None:
         """Forgets what was drawn in other colours."""
-        self._forget()
+        self._clear_strips()
         super().notify_style_update()
 
     def on_resize(self) -> None:
         """Forgets what was drawn at another width; stays at the end where it was there."""
-        self._forget()
+        self._clear_strips()
         if self._follows_end:
             self.scroll_to(y=len(self._lines), animate=False, immediate=True, force=True)
 
-    def _forget(self) -> None:
+    def _clear_strips(self) -> None:
         self._strips.clear()
         self._styles.clear()
         self._full_styles.clear()
@@ -181,7 +181,7 @@ class ListPanel(Panel):
             self._point(keys.index(self._key))
         self.show([row.line for row in self._rows], title)
 
-    def sees(self, index: int) -> bool:
+    def shows(self, index: int) -> bool:
         """Whether the row of an index is, or may soon be, in sight; the line of another need not be made."""
         top, height = self.scroll_offset.y, max(1, self.size.height)
         return top - height <= index < top + 2 * height or index == self._index

@@ -7,7 +7,7 @@ from rich.segment import Segment
 from rich.style import Style
 from textual.strip import Strip
 
-from gloc3_groundstation.station.pictures import Picture
+from gloc3_groundstation.station.pictures import GreyImage
 from gloc3_groundstation.tui.widgets.panel import Panel
 
 HALF: Final = "▀"
@@ -22,7 +22,7 @@ class PicturePanel(Panel):
 
     def __init__(self, *, id: str, classes: str | None = None) -> None:  # noqa: A002 - Textual's name
         super().__init__(id=id, classes=classes)
-        self._picture: Picture | None = None
+        self._picture: GreyImage | None = None
         self._rows: list[Strip] = []
 
     @property
@@ -32,11 +32,11 @@ class PicturePanel(Panel):
         return max(1, region.width), max(1, 2 * region.height)
 
     @property
-    def picture(self) -> Picture | None:
+    def picture(self) -> GreyImage | None:
         """What it shows."""
         return self._picture
 
-    def show_picture(self, picture: Picture | None, title: str | None = None) -> None:
+    def show_picture(self, picture: GreyImage | None, title: str | None = None) -> None:
         """Shows a picture, or the lines again."""
         if title is not None and title != self.border_title:
             self.border_title = title
@@ -61,7 +61,7 @@ class PicturePanel(Panel):
         super().notify_style_update()
 
     @staticmethod
-    def _grey(picture: Picture) -> list[Strip]:
+    def _grey(picture: GreyImage) -> list[Strip]:
         width, height, data = picture
         rows = []
         for top in range(0, height, 2):
@@ -81,7 +81,7 @@ class PicturePanel(Panel):
         return rows
 
     @staticmethod
-    def _inked(picture: Picture) -> list[Strip]:
+    def _inked(picture: GreyImage) -> list[Strip]:
         width, height, data = picture
         rows = []
         for top in range(0, height, 2):

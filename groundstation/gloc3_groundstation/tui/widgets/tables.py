@@ -26,7 +26,7 @@ class Column(NamedTuple):
     """Characters that it has at most, so that what belongs together stays together on wide terminals."""
 
 
-class Table:
+class FittedTable:
     """The columns that fit a width."""
 
     def __init__(self, columns: Sequence[Column], width: int, indent: int = 1) -> None:
@@ -76,6 +76,6 @@ class Table:
 
 
 @lru_cache(maxsize=64)
-def table_of(columns: tuple[Column, ...], width: int) -> Table:
+def table_of(columns: tuple[Column, ...], width: int) -> FittedTable:
     """A table for a width, laid out once for all its lines."""
-    return Table(columns, width)
+    return FittedTable(columns, width)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Final
 
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
-from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.widgets.lines import EMPTY, Line
 from gloc3_groundstation.tui.widgets.panel import ListPanel, Row
 
@@ -19,7 +19,7 @@ class VehicleRows:
         self._made: dict[str, tuple[tuple[object, ...], Line]] = {}
 
     def rows(
-        self, panel: ListPanel, view: View, make: Callable[[PlatformSnapshot], Line], of: object = None
+        self, panel: ListPanel, view: StationView, make: Callable[[PlatformSnapshot], Line], of: object = None
     ) -> list[Row]:
         """A row for each vehicle; empty for one that is out of sight.
 
@@ -32,7 +32,7 @@ class VehicleRows:
         rows, before, self._made = [], self._made, {}
         for index, platform in enumerate(view.fleet):
             line = EMPTY
-            if panel.sees(index):
+            if panel.shows(index):
                 made_of = (platform, platform is view.platform, of, panel.width, view.now_s // OLDER_EVERY_S)
                 kept = before.get(platform.name)
                 line = kept[1] if kept is not None and kept[0] == made_of else make(platform)

@@ -4,7 +4,7 @@ from math import asin, atan2, sqrt
 from typing import Final, NamedTuple
 
 from gloc3.messages.frames import GRAVITY_M_S2, Vector3, from_euler
-from gloc3_onboard.algorithms.fusion.inertial import State
+from gloc3_onboard.algorithms.fusion.inertial import InertialState
 
 STILL_S: Final = 0.5
 _STILL_RAD_S: Final = 0.1
@@ -14,17 +14,17 @@ _STARTED_M_S2: Final = 0.12
 _SHARE: Final = 0.1
 
 
-class Start(NamedTuple):
+class StartPose(NamedTuple):
     """Where the body is believed to be before anything was measured, by its declaration or by the autopilot."""
 
-    state: State
+    state: InertialState
     position_std_m: float
     heading_std_rad: float
     is_moving: bool
     """In flight the attitude and velocity of `state` are taken; at rest only position and heading."""
 
 
-class RestWatch:
+class RestMonitor:
     """Tells from when on the body no longer stands still where it was aligned; that it moves once is for good."""
 
     def __init__(self) -> None:
@@ -52,13 +52,13 @@ class RestWatch:
             self.is_standing = False
 
 
-class Standing:
+class RestAlignment:
     """Averages the inertial unit while nothing moves."""
 
     def __init__(self) -> None:
-        self._forget(0.0)
+        self._restart(0.0)
 
-    def _forget(self, t_s: float) -> None:
+    def _restart(self, t_s: float) -> None:
         self._begin_s = t_s
         self._count = 0
         self._force = self._rate = (0.0, 0.0, 0.0)
@@ -67,7 +67,7 @@ class Standing:
         """Takes a sample in; true when enough were taken at rest."""
         size = sqrt(sum(value * value for value in force))
         if sum(value * value for value in rate) > _STILL_RAD_S**2 or abs(size - GRAVITY_M_S2) > _STILL_M_S2:
-            self._forget(t_s)
+            self._restart(t_s)
             return False
         if not self._count:
             self._begin_s = t_s
@@ -84,7 +84,7 @@ class Standing:
         x, y, z = self._force
         return (x / self._count, y / self._count, z / self._count)
 
-    def state(self, start: State, t_s: float) -> tuple[State, Vector3]:
+    def state(self, start: InertialState, t_s: float) -> tuple[InertialState, Vector3]:
         """The state at rest, with the position and heading of `start`; and the gyroscopes' bias."""
         fx, fy, fz = self._force
         pitch = asin(max(-1.0, min(1.0, fx / sqrt(fx * fx + fy * fy + fz * fz))))
@@ -93,4 +93,4 @@ class Standing:
         heading = atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
         p, q, r = self._rate
         bias = (p / self._count, q / self._count, r / self._count)
-        return State(t_s, start.position_ned_m, (0.0, 0.0, 0.0), from_euler(roll, pitch, heading)), bias
+        return InertialState(t_s, start.position_ned_m, (0.0, 0.0, 0.0), from_euler(roll, pitch, heading)), bias

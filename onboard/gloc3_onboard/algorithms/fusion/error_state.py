@@ -33,21 +33,21 @@ def skew(vector: Vector3) -> Matrix:
     return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
 
 
-def past_pose(age_s: float, ned_from_frd: Matrix, velocity_change_m_s: Vector3, way_m: Vector3) -> Matrix:
+def past_pose(age_s: float, ned_from_frd: Matrix, velocity_change_m_s: Vector3, distance_m: Vector3) -> Matrix:
     """How the error of a pose that is `age_s` old follows from the error now, shape (6, 16).
 
     Args:
         age_s: how long ago.
         ned_from_frd: the attitude in the meantime, (3, 3).
         velocity_change_m_s: integral of the specific force since then, in NED.
-        way_m: integral of that integral.
+        distance_m: integral of that integral.
     """
     jacobian = np.zeros((CLONE, SIZE))
     jacobian[0, 0] = jacobian[1, 1] = jacobian[2, 2] = 1.0
     jacobian[3, 6] = jacobian[4, 7] = jacobian[5, 8] = 1.0
     if age_s > 1e-6:
         jacobian[0, 3] = jacobian[1, 4] = jacobian[2, 5] = -age_s
-        (x, y, z), (u, v, w) = way_m, velocity_change_m_s
+        (x, y, z), (u, v, w) = distance_m, velocity_change_m_s
         jacobian[0:3, ROTATION] = skew((x - age_s * u, y - age_s * v, z - age_s * w))
         jacobian[0:3, ACCELEROMETER] = (-0.5 * age_s * age_s) * ned_from_frd
         jacobian[3:6, GYROSCOPE] = age_s * ned_from_frd
@@ -78,7 +78,7 @@ class ErrorState:
         self.covariance = np.diag(deviations**2)
         self.clones = []
 
-    def doubt(self, part: slice, std: float) -> None:
+    def inflate(self, part: slice, std: float) -> None:
         """Adds an error of its own to each row of a part."""
         rows = range(self.size)[part]
         self.covariance[rows, rows] += std * std
@@ -134,10 +134,10 @@ class ErrorState:
             noise: covariance of what is added to it, (6, 6).
         """
         self.drop(name)
-        old, n = self.covariance, self.size
+        previous, n = self.covariance, self.size
         whole = np.empty((n + CLONE, n + CLONE))
-        whole[:n, :n] = old
-        rows = jacobian @ old[:SIZE, :]
+        whole[:n, :n] = previous
+        rows = jacobian @ previous[:SIZE, :]
         whole[n:, :n] = rows
         whole[:n, n:] = rows.T
         whole[n:, n:] = rows[:, :SIZE] @ jacobian.T + noise
@@ -164,8 +164,8 @@ class ErrorState:
 
     def test(self, residual: Matrix, rows: Matrix, noise: Matrix) -> float:
         """Normalised innovation squared of a residual (m,) with its Jacobian (m, size) and covariance (m, m)."""
-        _, solved, trouble = self._solve(rows @ self.covariance @ rows.T + noise, residual)
-        return float(residual @ solved) if trouble == 0 else inf
+        _, solved, problem = self._solve(rows @ self.covariance @ rows.T + noise, residual)
+        return float(residual @ solved) if problem == 0 else inf
 
     def update(self, residual: Matrix, rows: Matrix, noise: Matrix) -> Matrix:
         """Takes a measurement in; gives the error that was found, shape (size,)."""

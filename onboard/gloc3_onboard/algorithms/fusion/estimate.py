@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gloc3.messages.frames import GRAVITY_M_S2, Quaternion, Vector3, multiply, normalize, rotate_back
-from gloc3_onboard.algorithms.fusion.alignment import Start
+from gloc3_onboard.algorithms.fusion.alignment import StartPose
 from gloc3_onboard.algorithms.fusion.error_state import (
     ACCELEROMETER,
     CLONE,
@@ -25,7 +25,7 @@ from gloc3_onboard.algorithms.fusion.error_state import (
     Matrix,
     past_pose,
 )
-from gloc3_onboard.algorithms.fusion.inertial import Inertial, State
+from gloc3_onboard.algorithms.fusion.inertial import Inertial, InertialState
 from gloc3_onboard.algorithms.fusion.measurements import Measured, matrix_of
 from gloc3_onboard.algorithms.fusion.settings import FusionSettings
 
@@ -37,7 +37,7 @@ _BLIND: Final = (0.12, 1.0)
 """Noise densities of rate and acceleration where nothing is known of them: rad/s/√Hz, m/s²/√Hz."""
 _BLIND_PAST_S: Final = 0.15
 """So far back the past can be told by the motion that is supposed."""
-_TURN_TOLD: Final = 0.03
+_TURN_REPORTED: Final = 0.03
 """The density of the rate where the autopilot tells it, now and then."""
 _TILT_STD_RAD, _VELOCITY_STD_M_S, _GYRO_BIAS_STD, _FORCE_BIAS_STD = 0.008, 0.02, 5e-4, 0.05
 
@@ -45,13 +45,13 @@ _TILT_STD_RAD, _VELOCITY_STD_M_S, _GYRO_BIAS_STD, _FORCE_BIAS_STD = 0.008, 0.02,
 class Past(NamedTuple):
     """A pose of the past, and how its error follows from the error now."""
 
-    state: State
+    state: InertialState
     jacobian: Matrix
     noise: Matrix | None = None
     """Variances (6,) of what has moved the pose since, unknown to anybody: where the inertial unit is missed."""
 
 
-class Estimate:
+class PoseEstimate:
     """State, biases, floor and covariance; and the poses of the past that are remembered as clones."""
 
     def __init__(self, settings: FusionSettings) -> None:
@@ -74,7 +74,7 @@ class Estimate:
         )
         self._predicted_s = 0.0
         self._force_s: Vector3 = (0.0, 0.0, 0.0)
-        self._way_m = 0.0
+        self._distance_m = 0.0
         self.sound_s = float("-inf")
         """What is believed of the time before is no good: nothing can be counted from there."""
         self._is_blind = False
@@ -85,7 +85,7 @@ class Estimate:
         """The time that it stands for."""
         return self.inertial.now.t_s
 
-    def begin(self, start: Start, state: State, gyroscope_bias: Vector3) -> None:
+    def begin(self, start: StartPose, state: InertialState, gyroscope_bias: Vector3) -> None:
         """Begins at a state."""
         self.inertial.gyroscope_bias_rad_s = gyroscope_bias
         self.inertial.accelerometer_bias_m_s2 = (0.0, 0.0, 0.0)
@@ -103,7 +103,7 @@ class Estimate:
         self._offset = (0.0, 0.0, 0.0)
         self._predicted_s = state.t_s
         self._force_s = (0.0, 0.0, 0.0)
-        self._way_m = 0.0
+        self._distance_m = 0.0
 
     # --- time ---
 
@@ -119,7 +119,7 @@ class Estimate:
         x, y, z = self._force_s
         self._force_s = (x + fn * duration_s, y + fe * duration_s, z + fd * duration_s)
         vn, ve, _ = self.inertial.now.velocity_ned_m_s
-        self._way_m += sqrt(vn * vn + ve * ve) * duration_s
+        self._distance_m += sqrt(vn * vn + ve * ve) * duration_s
         if self._settings.blend_s > 0.0:
             x, y, z = self._offset
             left = max(0.0, 1.0 - duration_s / self._settings.blend_s)
@@ -135,7 +135,7 @@ class Estimate:
         p, q, r = self.inertial.gyroscope_bias_rad_s
         if rate_frd_rad_s is not None:
             p, q, r = p + rate_frd_rad_s[0], q + rate_frd_rad_s[1], r + rate_frd_rad_s[2]
-        turn = _BLIND[0] if rate_frd_rad_s is None else _TURN_TOLD
+        turn = _BLIND[0] if rate_frd_rad_s is None else _TURN_REPORTED
         if turn != self._blind_turn:
             self.predict()
             self._blind_turn = turn
@@ -145,7 +145,7 @@ class Estimate:
     def jolt(self, std_m_s: float) -> None:
         """The velocity has changed by something that nobody has measured."""
         self.predict()
-        self.errors.doubt(VELOCITY, std_m_s)
+        self.errors.inflate(VELOCITY, std_m_s)
 
     def predict(self) -> None:
         """Brings the covariance to the present, where the state always is.
@@ -156,7 +156,7 @@ class Estimate:
         duration_s = self.t_s - self._predicted_s
         if duration_s <= 0.0:
             return
-        floor_m2 = self._settings.floor_walk**2 * self._way_m
+        floor_m2 = self._settings.floor_walk**2 * self._distance_m
         if self._is_blind:  # what is supposed of the motion follows from no attitude and no bias
             noise, attitude, mean = (self._blind_turn, _BLIND[1], *self._noise[2:]), _NOTHING, _NONE
         else:
@@ -166,7 +166,7 @@ class Estimate:
         self.errors.predict(duration_s, attitude, mean, noise, floor_m2)
         self._predicted_s = self.t_s
         self._force_s = (0.0, 0.0, 0.0)
-        self._way_m = 0.0
+        self._distance_m = 0.0
 
     def past(self, t_s: float) -> Past:
         """The pose of a moment that the inertial solution knows."""
@@ -196,7 +196,7 @@ class Estimate:
         self.clones.pop(name, None)
         self.clones[name] = (past.state.position_ned_m, past.state.ned_from_frd)
 
-    def forget(self, name: str) -> None:
+    def drop(self, name: str) -> None:
         """Drops a clone, if there is one."""
         if name in self.clones:
             self.errors.drop(name)
@@ -211,7 +211,7 @@ class Estimate:
             rows[:, first : first + CLONE] = measured.by_reference
         return rows
 
-    def take(self, residual: Matrix, rows: Matrix, noise: Matrix) -> None:
+    def correct(self, residual: Matrix, rows: Matrix, noise: Matrix) -> None:
         """Corrects everything by a measurement."""
         error = self.errors.update(residual, rows, noise).tolist()
         moved = (error[0], error[1], error[2])
@@ -244,7 +244,7 @@ class Estimate:
         self.predict()
         rows = np.zeros((3, self.errors.size))
         rows[:, VELOCITY] = np.eye(3)
-        self.take(-np.array(self.inertial.now.velocity_ned_m_s), rows, _AT_REST)
+        self.correct(-np.array(self.inertial.now.velocity_ned_m_s), rows, _AT_REST)
 
     def measure_floor(self, height_m: float, down_m: float, variance_m2: float) -> None:
         """The floor is where it was measured just now."""
@@ -259,7 +259,7 @@ class Estimate:
         self.errors.loosen(POSITION.start, covariance)
         self._blend(by_m)
 
-    def doubt_place(self, apart_m: Vector3) -> None:
+    def inflate_position(self, apart_m: Vector3) -> None:
         """All places, those of the clones too, may be off together by so much along each axis."""
         for axis, size in enumerate(apart_m):
             shift = np.zeros(self.errors.size)
@@ -273,7 +273,7 @@ class Estimate:
         self.inertial.correct(_NONE, _NONE, (north, east, 0.0))
         self.errors.loosen(ROTATION.start, np.full(2, std_rad**2))
 
-    def doubt_motion(self) -> None:
+    def inflate_motion(self) -> None:
         """Velocity, attitude and biases may be off: the sources agree on another motion."""
         self.sound_s = self.t_s
         self.errors.loosen(VELOCITY.start, np.array((0.25, 0.25, 0.25, 2e-3, 2e-3, 2e-3)))

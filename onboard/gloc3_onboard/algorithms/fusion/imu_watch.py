@@ -45,7 +45,7 @@ class ImuWatch:
         self._blind_until_s = float("-inf")
         self._blind_s = _BLIND_S[0]
 
-    def take(self, rate: Vector3, force: Vector3, t_s: float, now_s: float, trust: Trust) -> Mean | None:
+    def add_sample(self, rate: Vector3, force: Vector3, t_s: float, now_s: float, trust: Trust) -> Mean | None:
         """The means since the last sample; None for a sample that says nothing.
 
         Args:
@@ -60,7 +60,7 @@ class ImuWatch:
             trust.refuse("its time is none")
             return None
         if self._last is not None and self._same < _RUN:
-            self._feel(force, min(max(t_s - self._last_s, 0.0), _JOLT_S))
+            self._measure_forces(force, min(max(t_s - self._last_s, 0.0), _JOLT_S))
         if self._is_beyond_measure(rate, force):
             trust.refuse("its numbers are beyond all measure")
             self._good = 0
@@ -84,17 +84,17 @@ class ImuWatch:
             return Mean(rate, force, is_believed, jolt_m_s)
         return Mean(_middle(before[0], rate), _middle(before[1], force), is_believed, jolt_m_s)
 
-    def doubt(self, now_s: float, reason: str, trust: Trust) -> None:
+    def distrust(self, now_s: float, reason: str, trust: Trust) -> None:
         """Does not believe it for some seconds."""
         self._blind_until_s = now_s + self._blind_s
         self._blind_s = min(2.0 * self._blind_s, _BLIND_S[1])
         trust.turn_down(reason)
 
-    def is_doubted(self, now_s: float) -> bool:
+    def is_distrusted(self, now_s: float) -> bool:
         """Whether it is not believed now."""
         return now_s < self._blind_until_s
 
-    def _feel(self, force: Vector3, gap_s: float) -> None:
+    def _measure_forces(self, force: Vector3, gap_s: float) -> None:
         """Notes a change that a sample now and then does not follow."""
         assert self._last is not None
         (x, y, z), (u, v, w) = force, self._last[1]

@@ -20,7 +20,7 @@ KEPT_S: Final = 1.5
 _TRIM: Final = 400
 
 
-class State(NamedTuple):
+class InertialState(NamedTuple):
     """Where the body is at a moment, and how it moves."""
 
     t_s: float
@@ -53,9 +53,9 @@ class Inertial:
     def __init__(self) -> None:
         self.gyroscope_bias_rad_s: Vector3 = (0.0, 0.0, 0.0)
         self.accelerometer_bias_m_s2: Vector3 = (0.0, 0.0, 0.0)
-        self.place(State(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), IDENTITY))
+        self.place(InertialState(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), IDENTITY))
 
-    def place(self, state: State) -> None:
+    def place(self, state: InertialState) -> None:
         """Begins at a state, without a past."""
         self.now = state
         self.rate_frd_rad_s: Vector3 = (0.0, 0.0, 0.0)
@@ -67,7 +67,7 @@ class Inertial:
         self._turn: Quaternion = IDENTITY
         """Product of the corrections of the attitude."""
         self._times: list[float] = [state.t_s]
-        self._states: list[State] = [state]
+        self._states: list[InertialState] = [state]
 
     def move(self, rate_frd_rad_s: Vector3, force_frd_m_s2: Vector3, t_s: float) -> None:
         """Moves on to `t_s` with the mean rate (rad/s) and specific force (m/s²) of the time until then."""
@@ -103,7 +103,7 @@ class Inertial:
         self.force_ned_m_s2 = (fn, fe, fd)
         ad = fd + GRAVITY_M_S2
         half = 0.5 * dt
-        self.now = State(
+        self.now = InertialState(
             t_s,
             (px + (vx + half * fn) * dt, py + (vy + half * fe) * dt, pz + (vz + half * ad) * dt),
             (vx + fn * dt, vy + fe * dt, vz + ad * dt),
@@ -116,7 +116,7 @@ class Inertial:
         (sx, sy, sz), (ux, uy, uz) = self._shift, self._slope
         self._times.append(t_s)
         self._states.append(
-            State(
+            InertialState(
                 t_s,
                 (px - sx - ux * t_s, py - sy - uy * t_s, pz - sz - uz * t_s),
                 (vx - ux, vy - uy, vz - uz),
@@ -127,12 +127,12 @@ class Inertial:
             keep = bisect_right(self._times, t_s - KEPT_S)
             del self._times[:keep], self._states[:keep]
 
-    def knows(self, t_s: float) -> bool:
+    def covers(self, t_s: float) -> bool:
         """Whether a moment is in the past that is kept."""
         return self._times[0] - 1e-6 <= t_s <= self.now.t_s + 1e-6 and t_s >= self.now.t_s - KEPT_S
 
-    def at(self, t_s: float) -> State:
-        """What is believed now about a moment of the past that it `knows`."""
+    def at(self, t_s: float) -> InertialState:
+        """What is believed now about a moment of the past that it `covers`."""
         times, states = self._times, self._states
         index = bisect_right(times, t_s)
         if index >= len(times):
@@ -146,7 +146,7 @@ class Inertial:
         mixed = _between(before.ned_from_frd, after.ned_from_frd, share)
         # The way between two states bends with the change of the velocity.
         bend = 0.5 * share * (share - 1.0) * dt
-        return State(
+        return InertialState(
             t_s,
             (
                 ax + (bx - ax) * share + bend * (bp - ap) + sx + ux * t_s,
@@ -162,7 +162,7 @@ class Inertial:
         t_s, (px, py, pz), (vx, vy, vz), attitude = self.now
         (dx, dy, dz), (ex, ey, ez) = position_m, velocity_m_s
         turn = from_rotation_vector(rotation_ned_rad)
-        self.now = State(
+        self.now = InertialState(
             t_s, (px + dx, py + dy, pz + dz), (vx + ex, vy + ey, vz + ez), normalize(multiply(turn, attitude))
         )
         (sx, sy, sz), (ux, uy, uz) = self._shift, self._slope

@@ -4,11 +4,11 @@ from collections.abc import Callable, Sequence
 from math import hypot, sqrt
 from typing import Final
 
-from gloc3_onboard.algorithms.fusion.estimate import Estimate
+from gloc3_onboard.algorithms.fusion.estimate import PoseEstimate
 from gloc3_onboard.algorithms.fusion.odometers import Odometers
 from gloc3_onboard.algorithms.fusion.settings import FusionSettings
 from gloc3_onboard.algorithms.fusion.trust import DISAGREES, SOUND, Trust
-from gloc3_onboard.algorithms.fusion.vote import Elsewhere, Verdict, Vote
+from gloc3_onboard.algorithms.fusion.vote import OtherAgreement, Vote, VoteResult
 
 VOTE_S: Final = 0.25
 _STUCK_S: Final = 0.7
@@ -28,7 +28,7 @@ _ARGUED_S: Final = 3.0
 """Where sources contradict each other for longer, the vehicle had better hold."""
 
 
-class Jury:
+class SourceVoting:
     """Keeps what is known of every source, and takes the vote.
 
     Args:
@@ -40,50 +40,55 @@ class Jury:
 
     def __init__(
         self,
-        estimate: Estimate,
+        estimate: PoseEstimate,
         odometers: Odometers,
         settings: FusionSettings,
-        doubt_imu: Callable[[float, str], None],
+        distrust_imu: Callable[[float, str], None],
     ) -> None:
         self.trust: Final[dict[str, Trust]] = {}
         self.vote: Final = Vote(settings.window_s, settings.odometer_scale_std)
         self.held_s = float("-inf")
         """When a source last held the position."""
-        self.conflict: Verdict | None = None
+        self.conflict: VoteResult | None = None
         """Two that contradict each other, with nobody to tell who is right."""
         self.conflict_s = float("-inf")
         """Since when."""
         self.is_standing = False
         """The body has not moved since it was aligned."""
-        self._estimate, self._odometers, self._settings, self._doubt_imu = estimate, odometers, settings, doubt_imu
+        self._estimate, self._odometers, self._settings, self._distrust_imu = (
+            estimate,
+            odometers,
+            settings,
+            distrust_imu,
+        )
         self._voted_s = float("-inf")
-        self._doubted_s = float("-inf")
+        self._distrusted_s = float("-inf")
         """When the estimate's motion was last doubted."""
 
-    def heard(self, source: str, now_s: float) -> Trust:
+    def received(self, source: str, now_s: float) -> Trust:
         """The record of a source that has just said something."""
         trust = self.trust.get(source)
         if trust is None:
             trust = self.trust[source] = Trust(source, self._settings.probation_s)
-        trust.heard_s = now_s
+        trust.received_s = now_s
         return trust
 
     def hold(self, t_s: float) -> None:
         """A source has held the position at a time."""
         self.held_s = max(self.held_s, t_s)
 
-    def look_for_silence(self, now_s: float) -> None:
+    def check_silence(self, now_s: float) -> None:
         """Who says nothing any more is not used."""
         for trust in self.trust.values():
-            if now_s - trust.heard_s > self._settings.silent_s:
+            if now_s - trust.received_s > self._settings.silent_s:
                 trust.step_back("nothing comes from it")
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Takes the vote, some times a second."""
         now_s = self._estimate.t_s
         if now_s - self._voted_s >= VOTE_S - 1e-6:
             self._voted_s = now_s
-            self._take_vote(now_s)
+            self._vote(now_s)
 
     # --- what it has found ---
 
@@ -102,12 +107,12 @@ class Jury:
         north, east, down = self._estimate.position_std_m
         return quality * max(0.0, 1.0 - (max(north, east, down) / self._settings.std_limit_m) ** 2)
 
-    def troubles(self) -> str:
+    def problems(self) -> str:
         """What is wrong with whom, in words."""
-        told = [f"{name}: {trust.reason}" for name, trust in self.trust.items() if trust.reason]
+        reported = [f"{name}: {trust.reason}" for name, trust in self.trust.items() if trust.reason]
         if self.conflict is not None:
-            told.append(f"{' and '.join(self.conflict.against)} contradict each other")
-        return "; ".join(told) or "no source"
+            reported.append(f"{' and '.join(self.conflict.against)} contradict each other")
+        return "; ".join(reported) or "no source"
 
     @property
     def is_disputed(self) -> bool:
@@ -116,10 +121,10 @@ class Jury:
 
     # --- the vote ---
 
-    def _take_vote(self, now_s: float) -> None:
+    def _vote(self, now_s: float) -> None:
         voters = {name: self.trust[name].may_vote for name in sorted(self.vote.records)}
         position = self._estimate.inertial.now.position_ned_m
-        verdict = self.vote.look(voters, position, self._estimate.heading_std_rad, now_s)
+        verdict = self.vote.update(voters, position, self._estimate.heading_std_rad, now_s)
         if verdict.voted_out:
             self._vote_out(verdict)
         is_settled = verdict.is_unanimous or bool(verdict.voted_out)
@@ -131,10 +136,10 @@ class Jury:
             trust = self.trust[name]
             if trust.is_voted_out and self.vote.agrees(name, [other for other in used if other != name], now_s):
                 trust.is_voted_out = False  # its gate and the probation are left
-        self._look_for_one_alone(now_s)
-        self._look_whether_stuck(now_s)
+        self._check_single_source(now_s)
+        self._check_stuck(now_s)
 
-    def _follow_conflict(self, conflict: Verdict | None, now_s: float) -> None:
+    def _follow_conflict(self, conflict: VoteResult | None, now_s: float) -> None:
         """While nobody can tell who is right, the pose may go off as fast as the two go apart, and stays so.
 
         Meanwhile that is only told: the filter would give all of it to the one that tells positions, were that the liar. It
@@ -151,63 +156,63 @@ class Jury:
                 share = VOTE_S / (0.5 * self._settings.window_s)
                 estimate.disputed_m = (x + dx * share, y + dy * share, z + dz * share)
         elif self.conflict is not None and all(self.trust[name].is_used for name in self.conflict.against):
-            estimate.doubt_place(estimate.disputed_m)
+            estimate.inflate_position(estimate.disputed_m)
             estimate.disputed_m = (0.0, 0.0, 0.0)
         elif self.conflict is None and all(self.trust[name].is_used for name in self.vote.records):
             estimate.disputed_m = (0.0, 0.0, 0.0)
         self.conflict = conflict
 
-    def _vote_out(self, verdict: Verdict) -> None:
+    def _vote_out(self, verdict: VoteResult) -> None:
         """Takes the word of the others: what the culprit has moved may be off, and whom it made look bad is let in."""
         apart = hypot(*verdict.apart_m)
         others = " and ".join(verdict.against)
         culprit = self.trust[verdict.voted_out]
         if culprit.is_used:
             pulled = self.vote.record(verdict.voted_out).pulled_m
-            self._estimate.doubt_place(verdict.apart_m if pulled is None else pulled)
+            self._estimate.inflate_position(verdict.apart_m if pulled is None else pulled)
         culprit.turn_down(f"voted out: {apart:.2f} m from {others}", is_voted_out=True)
-        self._odometers.forget(verdict.voted_out)
+        self._odometers.reset(verdict.voted_out)
         for name in verdict.against:
             if not self.trust[name].is_used:
-                self._odometers.forget(name)
+                self._odometers.reset(name)
                 self.trust[name].let_in()
 
-    def _look_whether_stuck(self, now_s: float) -> None:
+    def _check_stuck(self, now_s: float) -> None:
         """When odometers that agree do not pass any more, the estimate is wrong: its biases, or the inertial unit itself."""
         going_on = [name for name in self.vote.records if self.trust[name].may_vote and not self._is_silent(name)]
-        if going_on and now_s - self.held_s > self._settings.coast_s and now_s - self._doubted_s >= _LOST_S:
+        if going_on and now_s - self.held_s > self._settings.coast_s and now_s - self._distrusted_s >= _LOST_S:
             # The pose is lost. Whoever goes on and agrees with himself may find it again, after his probation.
-            self._doubted_s = now_s
-            self._estimate.doubt_motion()
+            self._distrusted_s = now_s
+            self._estimate.inflate_motion()
             return
         if len(going_on) < 2 or self.conflict is not None:
             return
         found = self._elsewhere(going_on, now_s)
         if found is not None:
-            if now_s - self._doubted_s < _AGAIN_S:
-                self._doubt_imu(now_s, f"it contradicts {' and '.join(found.names)}")
+            if now_s - self._distrusted_s < _AGAIN_S:
+                self._distrust_imu(now_s, f"it contradicts {' and '.join(found.names)}")
             self._estimate.move_over(found.by_m, found.covariance)
-            self.doubt(found.names, now_s)
+            self.distrust(found.names, now_s)
         elif now_s - self.held_s >= _STUCK_S:
-            self.doubt(going_on, now_s)
+            self.distrust(going_on, now_s)
 
-    def doubt(self, names: Sequence[str], now_s: float) -> None:
+    def distrust(self, names: Sequence[str], now_s: float) -> None:
         """The estimate's motion is wrong, and these sources know better."""
-        self._doubted_s = now_s
-        self._estimate.doubt_motion()
+        self._distrusted_s = now_s
+        self._estimate.inflate_motion()
         if any(self.vote.records[name].is_of_places for name in names):
-            self._estimate.doubt_place((_OFF_M, _OFF_M, _OFF_M))
+            self._estimate.inflate_position((_OFF_M, _OFF_M, _OFF_M))
         for name in names:  # what a source tells that does agree, from where it began, keeps the heading
             if self._is_off(self.trust[name]):
-                self._odometers.forget(name)
+                self._odometers.reset(name)
                 self.trust[name].let_in()
 
-    def _elsewhere(self, names: list[str], now_s: float) -> Elsewhere | None:
+    def _elsewhere(self, names: list[str], now_s: float) -> OtherAgreement | None:
         """What sources say together against the estimate, two of them at least not being heard."""
         off = {name for name in names if self._is_off(self.trust[name])}
         for length_s in _ELSEWHERE_S if len(off) > 1 else ():
             begin_s = now_s - length_s
-            found = self.vote.elsewhere(names, begin_s, now_s) if begin_s > self._doubted_s else None
+            found = self.vote.elsewhere(names, begin_s, now_s) if begin_s > self._distrusted_s else None
             if found is not None and len(off.intersection(found.names)) > 1:
                 return found
         return None
@@ -216,7 +221,7 @@ class Jury:
     def _is_off(trust: Trust) -> bool:
         return trust.innovation > SOUND or not trust.is_used
 
-    def _look_for_one_alone(self, now_s: float) -> None:
+    def _check_single_source(self, now_s: float) -> None:
         """Who is off by more than he claims for some time, where two others at least are not, is not used."""
         limit_s = now_s - self._settings.silent_s
         used = [trust for trust in (self.trust[name] for name in self.vote.records) if trust.is_used]
@@ -230,9 +235,9 @@ class Jury:
             return
         pulled = self.vote.record(worst.name).pulled_m
         if pulled is not None:
-            self._estimate.doubt_place(pulled)
+            self._estimate.inflate_position(pulled)
         worst.turn_down(f"it alone is {sqrt(worst.innovation):.1f} times as far off as it claims", is_alone=True)
-        self._odometers.forget(worst.name)
+        self._odometers.reset(worst.name)
 
     def _is_silent(self, source: str) -> bool:
         return self._estimate.t_s - self.trust[source].valid_s > self._settings.silent_s

@@ -60,7 +60,7 @@ def relative(
     reference: tuple[Vector3, Quaternion],
     axes: Quaternion,
     pose: tuple[Vector3, Quaternion],
-    told: tuple[Vector3, Quaternion],
+    reported: tuple[Vector3, Quaternion],
     covariance: Matrix,
     *,
     is_level: bool,
@@ -71,7 +71,7 @@ def relative(
         reference: believed position and attitude of the reference.
         axes: `ned_from_reference`: the reference's attitude, made level if the odometer's axes are.
         pose: believed position and attitude at the end.
-        told: position in the reference's axes, and attitude on them.
+        reported: position in the reference's axes, and attitude on them.
         covariance: (6, 6): position in the axes of the reference, rotation vector in the body's.
         is_level: the axes turn with the reference's heading only.
     """
@@ -80,9 +80,10 @@ def relative(
     way = (px - cx, py - cy, pz - cz)
     expected = rotate_back(axes, way)
     turned = multiply(conjugate(axes), attitude)
-    rotation = to_rotation_vector(multiply(conjugate(turned), told[1]))
+    rotation = to_rotation_vector(multiply(conjugate(turned), reported[1]))
     residual = np.array(
-        (told[0][0] - expected[0], told[0][1] - expected[1], told[0][2] - expected[2], *rotation), dtype=np.float64
+        (reported[0][0] - expected[0], reported[0][1] - expected[1], reported[0][2] - expected[2], *rotation),
+        dtype=np.float64,
     )
     back, body = matrix_of(conjugate(axes)), matrix_of(conjugate(attitude))
     by_pose, by_reference = np.zeros((6, 6)), np.zeros((6, 6))
@@ -96,7 +97,7 @@ def relative(
     else:
         by_reference[:3, 3:] = back @ skew(way)
         by_reference[3:, 3:] = -body
-    return _told(Measured(residual, by_pose, by_reference, covariance))
+    return _reported(Measured(residual, by_pose, by_reference, covariance))
 
 
 def place(
@@ -109,18 +110,18 @@ def place(
     by_pose[0, 0] = by_pose[1, 1] = by_pose[2, 2] = 1.0
     if lever_frd_m != (0.0, 0.0, 0.0):
         by_pose[:, 3:] = -skew(lever)
-    return _told(Measured(residual, by_pose, None, covariance))
+    return _reported(Measured(residual, by_pose, None, covariance))
 
 
-def level_of(ned_from_frd: Quaternion, told: Quaternion, std_rad: float) -> Measured:
+def level_of(ned_from_frd: Quaternion, reported: Quaternion, std_rad: float) -> Measured:
     """Where down is, by another attitude whose heading does not count."""
-    north, east, _ = rotate(ned_from_frd, rotate_back(told, (0.0, 0.0, 1.0)))
+    north, east, _ = rotate(ned_from_frd, rotate_back(reported, (0.0, 0.0, 1.0)))
     by_pose = np.zeros((2, 6))
     by_pose[0, 3] = by_pose[1, 4] = 1.0
     return Measured(np.array((east, -north)), by_pose, None, np.eye(2) * std_rad**2)
 
 
-class HeightTold(NamedTuple):
+class HeightMeasurement(NamedTuple):
     """What a range to the floor says."""
 
     vertical_m: float
@@ -129,15 +130,15 @@ class HeightTold(NamedTuple):
     """(1, 6): how the believed height over a floor that is known less this follows from the error of the pose."""
 
 
-def height_over(range_m: float, ned_from_frd: Quaternion, *, is_slant: bool) -> HeightTold:
+def height_over(range_m: float, ned_from_frd: Quaternion, *, is_slant: bool) -> HeightMeasurement:
     """A range to the floor, measured along the body's down axis where it is slant, else vertically."""
     by_pose = np.zeros((1, 6))
     by_pose[0, 2] = -1.0
     if not is_slant:
-        return HeightTold(range_m, by_pose)
+        return HeightMeasurement(range_m, by_pose)
     north, east, down = rotate(ned_from_frd, (0.0, 0.0, 1.0))
     by_pose[0, 3], by_pose[0, 4] = -range_m * east, range_m * north
-    return HeightTold(range_m * down, by_pose)
+    return HeightMeasurement(range_m * down, by_pose)
 
 
 def covariance_of(numbers: list[float], rows: int, floor: Matrix) -> Matrix | None:
@@ -155,11 +156,11 @@ def covariance_of(numbers: list[float], rows: int, floor: Matrix) -> Matrix | No
     covariance.reshape(-1)[:: rows + 1] = np.maximum(diagonal, floor)
     from scipy.linalg.lapack import dpotrf  # loaded only by vehicles that fuse
 
-    _, trouble = dpotrf(covariance)
-    return np.diag(covariance.diagonal()) if trouble else covariance
+    _, problem = dpotrf(covariance)
+    return np.diag(covariance.diagonal()) if problem else covariance
 
 
-def _told(measured: Measured) -> Measured | None:
+def _reported(measured: Measured) -> Measured | None:
     """Without the directions that are not told."""
     noise = measured.noise
     known = [value < UNKNOWN_FROM for value in noise.diagonal().tolist()]
@@ -174,13 +175,13 @@ def _told(measured: Measured) -> Measured | None:
         by_reference = None if measured.by_reference is None else measured.by_reference[kept]
         return Measured(measured.residual[kept], measured.by_pose[kept], by_reference, noise[np.ix_(kept, kept)])
     values, vectors = np.linalg.eigh(noise)
-    is_told = values < UNKNOWN_FROM
-    if not is_told.any():
+    is_reported = values < UNKNOWN_FROM
+    if not is_reported.any():
         return None
-    view = vectors[:, is_told].T
+    view = vectors[:, is_reported].T
     return Measured(
         view @ measured.residual,
         view @ measured.by_pose,
         None if measured.by_reference is None else view @ measured.by_reference,
-        np.diag(values[is_told]),
+        np.diag(values[is_reported]),
     )

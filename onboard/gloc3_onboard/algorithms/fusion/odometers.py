@@ -18,7 +18,7 @@ from gloc3.messages.frames import (
 )
 from gloc3.messages.perception import Odometry
 from gloc3_onboard.algorithms.fusion.error_state import CLONE, Matrix
-from gloc3_onboard.algorithms.fusion.estimate import Estimate, Past
+from gloc3_onboard.algorithms.fusion.estimate import Past, PoseEstimate
 from gloc3_onboard.algorithms.fusion.measurements import UNKNOWN_FROM, Measured, covariance_of, matrix_of, relative
 
 _LEAST: Final = np.array((2.5e-7, 2.5e-7, 2.5e-7, 1e-8, 1e-8, 1e-8))
@@ -29,7 +29,7 @@ _WANDER_S: Final = 0.6
 are after 0.5 to 1.3 s."""
 
 
-class Report:
+class OdometerReport:
     """One report, checked: what it tells, and from when on."""
 
     __slots__ = ("attitude", "covariance", "drift", "is_level", "position", "reference_t_s", "shared", "source", "t_s")
@@ -46,7 +46,7 @@ class Report:
         self.drift = message.drift
 
 
-def read(message: Odometry, t_s: float) -> Report | str:
+def read(message: Odometry, t_s: float) -> OdometerReport | str:
     """The report of a message; or why it cannot be used."""
     numbers = (t_s, message.reference_t_s, *message.position_m, *message.reference_from_frd)
     if not all(map(isfinite, numbers)) or max(map(abs, message.position_m)) > _FARTHEST_M:
@@ -56,18 +56,18 @@ def read(message: Odometry, t_s: float) -> Report | str:
     if message.reference_t_s > t_s:
         return "its reference is in its future"
     covariance = covariance_of(message.covariance, 6, _LEAST)
-    return "its covariance is none" if covariance is None else Report(message, t_s, covariance)
+    return "its covariance is none" if covariance is None else OdometerReport(message, t_s, covariance)
 
 
 class Reference:
     """What the reports of one odometer are told from: the clone of a pose."""
 
-    __slots__ = ("base", "granted", "reference_t_s", "told_s")
+    __slots__ = ("base", "granted", "reference_t_s", "reported_s")
 
-    def __init__(self, reference_t_s: float, told_s: float, base: tuple[Vector3, Quaternion] | None) -> None:
+    def __init__(self, reference_t_s: float, reported_s: float, base: tuple[Vector3, Quaternion] | None) -> None:
         self.reference_t_s = reference_t_s
         """The odometer's own reference."""
-        self.told_s = told_s
+        self.reported_s = reported_s
         """The time of the last report."""
         self.base = base
         """Where the pose is the one of an earlier report, not of its reference: what that report told."""
@@ -84,8 +84,8 @@ class Reference:
         """
         more = np.maximum(drift * common - self.granted, 0.0)
         self.granted += more
-        wandered = min(t_s - self.told_s, _WANDER_S) / _WANDER_S
-        self.told_s = t_s
+        wandered = min(t_s - self.reported_s, _WANDER_S) / _WANDER_S
+        self.reported_s = t_s
         return np.where(common < 0.1 * UNKNOWN_FROM, more + common * wandered, 0.0)
 
 
@@ -97,7 +97,7 @@ class Odometers:
     time, and later ones are told from that report on.
     """
 
-    def __init__(self, estimate: Estimate) -> None:
+    def __init__(self, estimate: PoseEstimate) -> None:
         self._estimate = estimate
         self._references: dict[str, Reference] = {}
 
@@ -105,12 +105,12 @@ class Odometers:
         """Forgets all references."""
         self._references.clear()
 
-    def forget(self, source: str) -> None:
+    def reset(self, source: str) -> None:
         """The next report of a source begins anew."""
         self._references.pop(source, None)
-        self._estimate.forget(source)
+        self._estimate.drop(source)
 
-    def rebase(self, report: Report) -> None:
+    def rebase(self, report: OdometerReport) -> None:
         """Counts the later reports of a source from this one on."""
         estimate = self._estimate
         estimate.remember(report.source, report.t_s)
@@ -120,7 +120,7 @@ class Odometers:
         more = reference.grant(report.covariance.diagonal(), 1.0, report.t_s)
         self._loosen(report.source, more, from_yaw(0.0), report.attitude)
 
-    def measure(self, report: Report, past: Past) -> Measured | None:
+    def measure(self, report: OdometerReport, past: Past) -> Measured | None:
         """What a report says of the error; None if it only begins, or is blind.
 
         Args:
@@ -134,16 +134,16 @@ class Odometers:
                 return None
             reference = begun
         position, attitude = self._estimate.clones[report.source]
-        told, covariance, is_level = (report.position, report.attitude), report.covariance, report.is_level
+        reported, covariance, is_level = (report.position, report.attitude), report.covariance, report.is_level
         if reference.base is not None:
-            told, covariance, is_level = _since(reference.base, report)
+            reported, covariance, is_level = _since(reference.base, report)
         axes = from_yaw(yaw_of(attitude)) if is_level else attitude
         state = past.state
         measured = relative(
             (position, attitude),
             axes,
             (state.position_ned_m, state.ned_from_frd),
-            told,
+            reported,
             covariance * (1.0 - report.shared),
             is_level=is_level,
         )
@@ -153,8 +153,8 @@ class Odometers:
         self._loosen(report.source, more, axes, state.ned_from_frd)
         return measured
 
-    def _begin(self, report: Report) -> Reference | None:
-        if not self._estimate.inertial.knows(report.reference_t_s) or report.reference_t_s < self._estimate.sound_s:
+    def _begin(self, report: OdometerReport) -> Reference | None:
+        if not self._estimate.inertial.covers(report.reference_t_s) or report.reference_t_s < self._estimate.sound_s:
             self.rebase(report)
             return None
         self._estimate.remember(report.source, report.reference_t_s)
@@ -171,18 +171,20 @@ class Odometers:
         errors.loosen(first + 3, (body * more[3:]) @ body.T)
 
 
-def _since(base: tuple[Vector3, Quaternion], report: Report) -> tuple[tuple[Vector3, Quaternion], Matrix, bool]:
+def _since(base: tuple[Vector3, Quaternion], report: OdometerReport) -> tuple[tuple[Vector3, Quaternion], Matrix, bool]:
     """What two reports from one reference say of the motion between them, in the body's axes at the first."""
     (bx, by, bz), attitude = base
     x, y, z = report.position
     back = conjugate(attitude)
-    told = (rotate_back(attitude, (x - bx, y - by, z - bz)), normalize(multiply(back, report.attitude)))
+    reported = (rotate_back(attitude, (x - bx, y - by, z - bz)), normalize(multiply(back, report.attitude)))
     turn = np.eye(6)
     turn[:3, :3] = matrix_of(back)
-    return told, turn @ report.covariance @ turn.T, False
+    return reported, turn @ report.covariance @ turn.T, False
 
 
-def way_of(before: Report, report: Report, ned_from_frd: Quaternion) -> tuple[float, Vector3, bool] | None:
+def source_of(
+    before: OdometerReport, report: OdometerReport, ned_from_frd: Quaternion
+) -> tuple[float, Vector3, bool] | None:
     """How far a source says that the body came since its report before: since when, the way in NED, by a new reference.
 
     The axes of the reference are found from the believed attitude now, so nothing that the source told before counts.

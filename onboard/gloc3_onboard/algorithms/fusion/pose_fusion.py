@@ -9,17 +9,17 @@ import numpy as np
 from gloc3.messages.frames import Vector3, from_yaw
 from gloc3.messages.perception import FusionState, Odometry, PositionFix, SourceState
 from gloc3.messages.vehicle import AutopilotPose, HeightAboveGround, Pose
-from gloc3_onboard.algorithms.fusion.alignment import RestWatch, Standing, Start
+from gloc3_onboard.algorithms.fusion.alignment import RestAlignment, RestMonitor, StartPose
 from gloc3_onboard.algorithms.fusion.error_state import FLOOR, SIZE, VELOCITY, Matrix
-from gloc3_onboard.algorithms.fusion.estimate import Estimate, Past
+from gloc3_onboard.algorithms.fusion.estimate import Past, PoseEstimate
 from gloc3_onboard.algorithms.fusion.imu_watch import ImuWatch
-from gloc3_onboard.algorithms.fusion.inertial import State
-from gloc3_onboard.algorithms.fusion.jury import Jury
+from gloc3_onboard.algorithms.fusion.inertial import InertialState
+from gloc3_onboard.algorithms.fusion.jury import SourceVoting
 from gloc3_onboard.algorithms.fusion.measurements import Measured, covariance_of, height_over, level_of, place
 from gloc3_onboard.algorithms.fusion.odometers import Odometers, read
 from gloc3_onboard.algorithms.fusion.settings import FusionSettings
 from gloc3_onboard.algorithms.fusion.trust import Trust
-from gloc3_onboard.algorithms.fusion.ways import Ways
+from gloc3_onboard.algorithms.fusion.ways import SourceReports
 
 IMU, HEIGHT, AUTOPILOT = "imu", "height", "autopilot"
 _IMU_LOST_S: Final = 0.1
@@ -40,7 +40,7 @@ vehicle would have fallen if the autopilot were."""
 _WAITING: Final = 64
 _LEAST_FIX: Final = np.array((1e-6, 1e-6, 1e-6))
 
-Heard = Odometry | PositionFix | HeightAboveGround | AutopilotPose
+Measurement = Odometry | PositionFix | HeightAboveGround | AutopilotPose
 """What may have to wait for the inertial unit."""
 
 
@@ -53,16 +53,16 @@ class PoseFusion:
 
     def __init__(self, settings: FusionSettings | None = None) -> None:
         self.settings: Final = settings or FusionSettings()
-        self.estimate: Final = Estimate(self.settings)
+        self.estimate: Final = PoseEstimate(self.settings)
         self.is_aligned = False
         self.on_innovation: Callable[[str, float, int], None] | None = None
         """Told each innovation: source, normalised square, degrees of freedom; for those who measure consistency."""
         self._odometers: Final = Odometers(self.estimate)
-        self._jury: Final = Jury(self.estimate, self._odometers, self.settings, self._doubt_imu)
-        self._standing: Final = Standing()
-        self._rest: Final = RestWatch()
+        self._voting: Final = SourceVoting(self.estimate, self._odometers, self.settings, self._distrust_imu)
+        self._standing: Final = RestAlignment()
+        self._remainder: Final = RestMonitor()
         self._stood_s = float("-inf")
-        self._start: Start | None = None
+        self._start: StartPose | None = None
         self._now_s = float("-inf")
         self._imu: Final = ImuWatch()
         self._restlessness = 0.0
@@ -70,19 +70,19 @@ class PoseFusion:
         self._rate: tuple[float, Vector3] = (float("-inf"), (0.0, 0.0, 0.0))
         """As the autopilot has told it last, and when."""
         self._askew = 0
-        self._waiting: list[tuple[float, Heard]] = []
-        self._ways: Final = Ways(self.estimate.inertial, self._jury.vote)
+        self._waiting: list[tuple[float, Measurement]] = []
+        self._source_reports: Final = SourceReports(self.estimate.inertial, self._voting.vote)
         self._height_misses = 0
         settings = self.settings
         if settings.start_ned_m is not None and settings.start_heading_deg is not None:
             heading = from_yaw(np.radians(settings.start_heading_deg))
-            self.align_by(State(0.0, settings.start_ned_m, (0.0, 0.0, 0.0), heading))
+            self.align_by(InertialState(0.0, settings.start_ned_m, (0.0, 0.0, 0.0), heading))
 
     # --- the start ---
 
     def align_by(
         self,
-        state: State,
+        state: InertialState,
         *,
         position_std_m: float | None = None,
         heading_std_rad: float | None = None,
@@ -91,7 +91,7 @@ class PoseFusion:
         """Says where the body is before anything was measured; once aligned, that is no longer asked for."""
         if not self.is_aligned:
             heading_std = float(np.radians(self.settings.start_heading_std_deg))
-            self._start = Start(
+            self._start = StartPose(
                 state,
                 self.settings.start_std_m if position_std_m is None else position_std_m,
                 heading_std if heading_std_rad is None else heading_std_rad,
@@ -111,22 +111,22 @@ class PoseFusion:
         state, bias = start.state._replace(t_s=t_s), (0.0, 0.0, 0.0)
         if not start.is_moving:
             state, bias = self._standing.state(start.state, t_s)
-            self._rest.begin(self._standing.force)
+            self._remainder.begin(self._standing.force)
         self.estimate.begin(start, state, bias)
         self._odometers.clear()
-        self._ways.clear()
-        self._jury.hold(t_s)
+        self._source_reports.clear()
+        self._voting.hold(t_s)
         self.is_aligned = True
 
     # --- what comes in ---
 
     def imu(self, rate_frd_rad_s: Vector3, force_frd_m_s2: Vector3, t_s: float) -> None:
         """A sample of the inertial unit, felt at `t_s`."""
-        trust = self._jury.heard(IMU, self._now_s)
-        mean = self._imu.take(rate_frd_rad_s, force_frd_m_s2, t_s, self._now_s, trust)
+        trust = self._voting.received(IMU, self._now_s)
+        mean = self._imu.add_sample(rate_frd_rad_s, force_frd_m_s2, t_s, self._now_s, trust)
         if mean is None:
             return
-        self._now_s = trust.heard_s = max(self._now_s, t_s)
+        self._now_s = trust.received_s = max(self._now_s, t_s)
         if not self.is_aligned:
             self._align(rate_frd_rad_s, force_frd_m_s2, t_s)
             return
@@ -138,14 +138,14 @@ class PoseFusion:
                 self.estimate.jolt(mean.jolt_m_s)
         else:
             self._coast(t_s)
-        self._rest.add(self.estimate.inertial.rate_frd_rad_s, force_frd_m_s2)
-        if self._rest.is_standing and t_s - self._stood_s >= _STAND_S:
+        self._remainder.add(self.estimate.inertial.rate_frd_rad_s, force_frd_m_s2)
+        if self._remainder.is_standing and t_s - self._stood_s >= _STAND_S:
             self._stood_s = t_s
             self.estimate.stand()
-            self._jury.hold(t_s)
-        self._jury.is_standing = self._rest.is_standing
+            self._voting.hold(t_s)
+        self._voting.is_standing = self._remainder.is_standing
         self._restlessness += 0.02 * (hypot(*self.estimate.inertial.rate_frd_rad_s) - self._restlessness)
-        self._take_waiting()
+        self._use_waiting()
 
     def odometry(self, message: Odometry, t_s: float) -> None:
         """A report of an odometer, valid at `t_s`."""
@@ -165,7 +165,7 @@ class PoseFusion:
         The rates are taken, and where down is. Not the heading, nor position and velocity: an autopilot that flies by
         our pose has them from here.
         """
-        imu = self._jury.trust.get(IMU)
+        imu = self._voting.trust.get(IMU)
         if (
             not self.is_aligned
             or imu is None
@@ -174,26 +174,26 @@ class PoseFusion:
             return
         self._rate = (t_s, message.rate_frd_rad_s)
         if imu.is_used:
-            if AUTOPILOT in self._jury.trust:
-                self._jury.heard(AUTOPILOT, self._now_s).step_back("the inertial unit is believed")
-            if self.estimate.inertial.knows(t_s):
+            if AUTOPILOT in self._voting.trust:
+                self._voting.received(AUTOPILOT, self._now_s).step_back("the inertial unit is believed")
+            if self.estimate.inertial.covers(t_s):
                 level = level_of(self.estimate.inertial.at(t_s).ned_from_frd, message.ned_from_frd, _TILT_STD_RAD)
                 self._askew = self._askew + 1 if hypot(*level.residual) > _ASKEW[0] else 0
             if self._askew < _ASKEW[1]:
                 return
-            self._doubt_imu(self._now_s, "the autopilot says that down is elsewhere")
-            self._jury.doubt((), self.estimate.t_s)
+            self._distrust_imu(self._now_s, "the autopilot says that down is elsewhere")
+            self._voting.distrust((), self.estimate.t_s)
         self._arrive(AUTOPILOT, message, t_s)
 
     def _coast(self, t_s: float) -> None:
         """Moves on without the inertial unit, with the autopilot's rate where it is told."""
-        told_s, rate = self._rate
-        trust = self._jury.trust.get(AUTOPILOT)
-        is_told = t_s - told_s < _RATE_YOUNG_S and trust is not None and trust.is_used
-        self.estimate.coast(t_s, rate if is_told else None)
+        reported_s, rate = self._rate
+        trust = self._voting.trust.get(AUTOPILOT)
+        is_reported = t_s - reported_s < _RATE_YOUNG_S and trust is not None and trust.is_used
+        self.estimate.coast(t_s, rate if is_reported else None)
 
-    def _arrive(self, source: str, message: Heard, t_s: float) -> None:
-        trust = self._jury.heard(source, self._now_s)
+    def _arrive(self, source: str, message: Measurement, t_s: float) -> None:
+        trust = self._voting.received(source, self._now_s)
         if not isfinite(t_s):
             trust.refuse("its time is not finite")
         elif not isinstance(message, AutopilotPose) and not message.is_valid:
@@ -202,30 +202,30 @@ class PoseFusion:
             if t_s > self.estimate.t_s + 1e-6:
                 self._wait(source, message, t_s)
             else:
-                self._take(message, t_s)
+                self._apply(message, t_s)
         elif isinstance(message, PositionFix):
             self._start_at(message)
 
-    def _wait(self, source: str, message: Heard, t_s: float) -> None:
+    def _wait(self, source: str, message: Measurement, t_s: float) -> None:
         """The inertial unit has not come so far yet."""
         if t_s > self.estimate.t_s + 0.2 or len(self._waiting) >= _WAITING:
-            self._jury.heard(source, self._now_s).refuse("it is of the future")
+            self._voting.received(source, self._now_s).refuse("it is of the future")
             return
         self._waiting.append((t_s, message))
 
-    def _take_waiting(self) -> None:
+    def _use_waiting(self) -> None:
         if self._waiting:
             now_s = self.estimate.t_s + 1e-6
             due = [entry for entry in self._waiting if entry[0] <= now_s]
             if due:
                 self._waiting = [entry for entry in self._waiting if entry[0] > now_s]
                 for t_s, message in sorted(due, key=lambda entry: entry[0]):
-                    self._take(message, t_s)
+                    self._apply(message, t_s)
 
-    def _take(self, message: Heard, t_s: float) -> None:
-        trust = self._jury.trust[_source_of(message)]
+    def _apply(self, message: Measurement, t_s: float) -> None:
+        trust = self._voting.trust[_source_of(message)]
         age_s = self.estimate.t_s - t_s
-        if age_s > self.settings.latest_s or not self.estimate.inertial.knows(t_s):
+        if age_s > self.settings.latest_s or not self.estimate.inertial.covers(t_s):
             trust.refuse(f"late by {age_s:.2f} s")
             return
         if t_s <= trust.valid_s:
@@ -237,11 +237,11 @@ class PoseFusion:
         self.estimate.predict()
         match message:
             case Odometry():
-                self._take_odometry(trust, message, t_s)
+                self._use_odometry(trust, message, t_s)
             case PositionFix():
-                self._take_fix(trust, message, t_s)
+                self._use_fix(trust, message, t_s)
             case HeightAboveGround():
-                self._take_height(trust, message, t_s)
+                self._use_height(trust, message, t_s)
             case AutopilotPose():
                 past = self.estimate.past(t_s)
                 level = level_of(past.state.ned_from_frd, message.ned_from_frd, _TILT_STD_RAD)
@@ -252,7 +252,7 @@ class PoseFusion:
 
     # --- odometers ---
 
-    def _take_odometry(self, trust: Trust, message: Odometry, t_s: float) -> None:
+    def _use_odometry(self, trust: Trust, message: Odometry, t_s: float) -> None:
         report = read(message, t_s)
         if isinstance(report, str):
             trust.refuse(report)
@@ -261,18 +261,18 @@ class PoseFusion:
         numbers = (*message.position_m, *message.reference_from_frd)
         if trust.is_frozen(numbers, past.state.position_ned_m, self._restlessness > 5e-3):
             trust.turn_down("frozen: the same motion again and again")
-            self._jury.vote.record(report.source).forget()
+            self._voting.vote.record(report.source).reset()
         measured = self._odometers.measure(report, past)
         if measured is None:
-            self._ways.book_motion(report, past.state)
+            self._source_reports.book_motion(report, past.state)
             return
         rows = self.estimate.rows(measured, past, report.source)
         if self._judge(trust, measured, rows, past):
-            self._jury.hold(t_s)
+            self._voting.hold(t_s)
         elif trust.is_out_of_step:
             self._odometers.rebase(report)
         if not trust.has_slipped:
-            self._ways.book_motion(report, self.estimate.inertial.at(t_s))
+            self._source_reports.book_motion(report, self.estimate.inertial.at(t_s))
 
     def _judge(self, trust: Trust, measured: Measured, rows: Matrix, past: Past) -> bool:
         """Gates a measurement and takes it in."""
@@ -283,12 +283,12 @@ class PoseFusion:
         if self.on_innovation is not None:
             self.on_innovation(trust.name, innovation, measured.degrees)
         was_coarse = trust.is_coarse
-        is_taken = isfinite(innovation) and trust.judge(innovation, measured.degrees, t_s)
+        is_accepted = isfinite(innovation) and trust.judge(innovation, measured.degrees, t_s)
         if was_coarse and trust.is_used:  # what it told while it was plainly wrong is forgotten
-            self._jury.vote.record(trust.name).forget()
-        if not is_taken:
+            self._voting.vote.record(trust.name).reset()
+        if not is_accepted:
             return False
-        self.estimate.take(measured.residual, rows, noise)
+        self.estimate.correct(measured.residual, rows, noise)
         return True
 
     # --- fixes and heights ---
@@ -304,7 +304,7 @@ class PoseFusion:
             std_m = float(np.sqrt(covariance.max())) + hypot(*message.lever_frd_m)
             self._start = start._replace(state=start.state._replace(position_ned_m=position), position_std_m=std_m)
 
-    def _take_fix(self, trust: Trust, message: PositionFix, t_s: float) -> None:
+    def _use_fix(self, trust: Trust, message: PositionFix, t_s: float) -> None:
         covariance = covariance_of(message.covariance, 3, _LEAST_FIX)
         if covariance is None or not all(map(isfinite, (*message.position_ned_m, *message.lever_frd_m))):
             trust.refuse("its numbers are not finite")
@@ -313,77 +313,79 @@ class PoseFusion:
         state = past.state
         if trust.is_frozen(message.position_ned_m, state.position_ned_m, self._restlessness > 5e-3):
             trust.turn_down("frozen: the same position again and again")
-            self._jury.vote.record(message.source).forget()
+            self._voting.vote.record(message.source).reset()
         pose = (state.position_ned_m, state.ned_from_frd)
         measured = place(pose, message.position_ned_m, message.lever_frd_m, covariance)
         was = self.estimate.inertial.now.position_ned_m
         if measured is not None and self._judge(trust, measured, self.estimate.rows(measured, past), past):
-            self._jury.hold(t_s)
-            self._jury.vote.record(message.source).pull(_minus(self.estimate.inertial.now.position_ned_m, was), t_s)
+            self._voting.hold(t_s)
+            self._voting.vote.record(message.source).pull(_minus(self.estimate.inertial.now.position_ned_m, was), t_s)
         if not trust.has_slipped:
-            self._ways.book_place(message.source, message.position_ned_m, covariance, self.estimate.inertial.at(t_s))
+            self._source_reports.book_place(
+                message.source, message.position_ned_m, covariance, self.estimate.inertial.at(t_s)
+            )
 
-    def _take_height(self, trust: Trust, message: HeightAboveGround, t_s: float) -> None:
+    def _use_height(self, trust: Trust, message: HeightAboveGround, t_s: float) -> None:
         if not isfinite(message.height_m) or not 0.0 <= message.height_m < 1e3:
             trust.refuse("its number is no height")
             return
         estimate, variance = self.estimate, self.settings.height_std_m**2
         past = estimate.past(t_s)
         down = past.state.position_ned_m[2]
-        told = height_over(message.height_m, past.state.ned_from_frd, is_slant=self.settings.is_height_slant)
-        is_new_floor = self._height_misses >= _NEW_FLOOR and not self._jury.is_disputed
+        reported = height_over(message.height_m, past.state.ned_from_frd, is_slant=self.settings.is_height_slant)
+        is_new_floor = self._height_misses >= _NEW_FLOOR and not self._voting.is_disputed
         if estimate.floor_down_m is None or is_new_floor:
-            estimate.measure_floor(told.vertical_m, down, variance)
+            estimate.measure_floor(reported.vertical_m, down, variance)
             self._height_misses = 0
             trust.let_in()
             return
         rows = np.zeros((1, estimate.errors.size))
-        rows[:, :SIZE] = told.by_pose @ past.jacobian
+        rows[:, :SIZE] = reported.by_pose @ past.jacobian
         rows[0, FLOOR] += 1.0
-        residual = np.array((told.vertical_m - (estimate.floor_down_m - down),))
-        measured = Measured(residual, told.by_pose, None, np.array(((variance,),)))
-        is_taken = self._judge(trust, measured, rows, past)
-        self._height_misses = 0 if is_taken or trust.is_used else self._height_misses + 1
+        residual = np.array((reported.vertical_m - (estimate.floor_down_m - down),))
+        measured = Measured(residual, reported.by_pose, None, np.array(((variance,),)))
+        is_accepted = self._judge(trust, measured, rows, past)
+        self._height_misses = 0 if is_accepted or trust.is_used else self._height_misses + 1
 
     # --- time passes ---
 
     def tick(self, now_s: float) -> None:
         """Looks for what does not come, goes on without it, and takes the vote; some times a second."""
         self._now_s = max(self._now_s, now_s)
-        self._jury.look_for_silence(now_s)
+        self._voting.check_silence(now_s)
         if not self.is_aligned:
             return
         if now_s - self.estimate.t_s > _IMU_LOST_S:
-            self._jury.heard(IMU, self._jury.trust[IMU].heard_s).step_back("nothing comes from it")
+            self._voting.received(IMU, self._voting.trust[IMU].received_s).step_back("nothing comes from it")
             while self.estimate.t_s < now_s - 1e-6:
                 self._coast(min(self.estimate.t_s + _COAST_STEP_S, now_s))
-            self._take_waiting()
-        self._jury.look()
+            self._use_waiting()
+        self._voting.update()
 
-    def _doubt_imu(self, now_s: float, reason: str) -> None:
-        if not self._imu.is_doubted(now_s):
-            self._imu.doubt(now_s, reason, self._jury.trust[IMU])
+    def _distrust_imu(self, now_s: float, reason: str) -> None:
+        if not self._imu.is_distrusted(now_s):
+            self._imu.distrust(now_s, reason, self._voting.trust[IMU])
 
     # --- what it says ---
 
     @property
     def witnesses(self) -> list[str]:
         """The sources that hold the position now."""
-        return self._jury.witnesses
+        return self._voting.witnesses
 
     def why_not_valid(self) -> str:
         """Why the pose cannot be flown by; empty where it can."""
         if not self.is_aligned:
             return "not aligned yet" if self._start is not None else "the start is not known yet"
-        lost_s = self.estimate.t_s - self._jury.held_s
+        lost_s = self.estimate.t_s - self._voting.held_s
         if lost_s > self.settings.coast_s:
-            return f"nothing has held the position for {lost_s:.1f} s: {self._jury.troubles()}"
-        disputed_s = self.estimate.t_s - self._jury.conflict_s
-        if self._jury.conflict is not None and disputed_s > self.settings.dispute_s:
-            return f"{' and '.join(self._jury.conflict.against)} have contradicted each other for {disputed_s:.0f} s"
+            return f"nothing has held the position for {lost_s:.1f} s: {self._voting.problems()}"
+        disputed_s = self.estimate.t_s - self._voting.conflict_s
+        if self._voting.conflict is not None and disputed_s > self.settings.dispute_s:
+            return f"{' and '.join(self._voting.conflict.against)} have contradicted each other for {disputed_s:.0f} s"
         std_m = max(self.estimate.position_std_m)
         if not std_m <= self.settings.std_limit_m:
-            return f"uncertain by {std_m:.2f} m: {self._jury.troubles()}"
+            return f"uncertain by {std_m:.2f} m: {self._voting.problems()}"
         return ""
 
     def pose(self) -> Pose:
@@ -399,9 +401,9 @@ class PoseFusion:
             position_std_m=self.estimate.position_std_m if self.is_aligned else (0.0, 0.0, 0.0),
             is_valid=not is_lost,
             reason=reason,
-            quality=0.0 if is_lost else self._jury.quality,
+            quality=0.0 if is_lost else self._voting.quality,
             reset_counter=self.estimate.reset_counter,
-            sources=[name for name, trust in self._jury.trust.items() if trust.is_used] if self.is_aligned else [],
+            sources=[name for name, trust in self._voting.trust.items() if trust.is_used] if self.is_aligned else [],
         )
 
     def velocity_std_m_s(self) -> Vector3:
@@ -411,7 +413,7 @@ class PoseFusion:
 
     def state(self) -> FusionState:
         """What the pose rests on."""
-        sources: list[SourceState] = [trust.state() for trust in self._jury.trust.values()]
+        sources: list[SourceState] = [trust.state() for trust in self._voting.trust.values()]
         inertial = self.estimate.inertial
         return FusionState(
             sources=sources,
@@ -420,7 +422,7 @@ class PoseFusion:
         )
 
 
-def _source_of(message: Heard) -> str:
+def _source_of(message: Measurement) -> str:
     match message:
         case HeightAboveGround():
             return HEIGHT

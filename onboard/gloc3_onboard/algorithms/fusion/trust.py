@@ -41,7 +41,7 @@ class Trust:
         self.accepted = self.rejected = 0
         self.valid_s = float("-inf")
         """Time of validity of the last measurement."""
-        self.heard_s = float("-inf")
+        self.received_s = float("-inf")
         """Arrival of the last message of any kind."""
         self.used_s = float("-inf")
         """Time of the last measurement that was taken in."""

@@ -33,7 +33,7 @@ _CONFIRM: Final = 2
 """Votes in a row with the same outcome, before it counts."""
 
 
-class Verdict(NamedTuple):
+class VoteResult(NamedTuple):
     """The outcome of a vote."""
 
     voted_out: str = ""
@@ -48,7 +48,7 @@ class Verdict(NamedTuple):
         return not self.against
 
 
-class Elsewhere(NamedTuple):
+class OtherAgreement(NamedTuple):
     """Sources that agree with each other, and not with what is believed."""
 
     names: tuple[str, ...]
@@ -103,7 +103,7 @@ class Record:
         north, east, down = zip(*(moved for t_s, moved in self._pulls if t_s >= since_s), strict=True)
         return (sum(north), sum(east), sum(down))
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Begins anew."""
         self._times.clear()
         self._sums.clear()
@@ -134,8 +134,8 @@ class Vote:
     def __init__(self, window_s: float, scale_std: float) -> None:
         self.records: dict[str, Record] = {}
         self._window_s, self._scale_std = window_s, scale_std
-        self._way_s: list[float] = []
-        self._way_m: list[float] = []
+        self._latency_s: list[float] = []
+        self._distance_m: list[float] = []
         """The length of the way flown until each of these times."""
         self._at: Vector3 | None = None
         self._heading_std_rad = 0.0
@@ -148,7 +148,7 @@ class Vote:
             record = self.records[source] = Record()
         return record
 
-    def look(self, voters: Mapping[str, bool], position: Vector3, heading_std_rad: float, now_s: float) -> Verdict:
+    def update(self, voters: Mapping[str, bool], position: Vector3, heading_std_rad: float, now_s: float) -> VoteResult:
         """Takes the vote.
 
         Args:
@@ -162,18 +162,18 @@ class Vote:
         found = self._verdict([name for name, may in voters.items() if may], now_s)
         key = found.voted_out or "/".join(found.against)
         self._last = (key, self._last[1] + 1 if key == self._last[0] else 1)
-        return found if self._last[1] >= _CONFIRM else Verdict()
+        return found if self._last[1] >= _CONFIRM else VoteResult()
 
-    def agrees(self, source: str, others: list[str], now_s: float, way_m: float = 1.0) -> bool:
+    def agrees(self, source: str, others: list[str], now_s: float, distance_m: float = 1.0) -> bool:
         """Whether a source that was voted out has been at one with the others over a whole window and a way."""
         begin_s = now_s - self._window_s
-        if self._length(begin_s) < way_m or not self._known(source, begin_s, now_s):
+        if self._length(begin_s) < distance_m or not self._known(source, begin_s, now_s):
             return False
         judges = [other for other in others if self._known(other, begin_s, now_s)]
         begins = [now_s - share * self._window_s for share in _WINDOWS]
         return bool(judges) and not any(self._apart(source, other, since_s) for other in judges for since_s in begins)
 
-    def elsewhere(self, names: list[str], begin_s: float, now_s: float) -> Elsewhere | None:
+    def elsewhere(self, names: list[str], begin_s: float, now_s: float) -> OtherAgreement | None:
         """What two sources or more say together against the estimate, and no more others against them.
 
         Args:
@@ -182,18 +182,18 @@ class Vote:
             now_s: the time.
         """
         able = [name for name in names if self._known(name, begin_s, now_s)]
-        told = {name: self._excess(name, begin_s) for name in able}
-        group = [name for name, (by_m, spread) in told.items() if self._is_told(by_m, spread, begin_s)]
+        reported = {name: self._excess(name, begin_s) for name in able}
+        group = [name for name, (by_m, spread) in reported.items() if self._is_reported(by_m, spread, begin_s)]
         if len(group) < 2 or any(self._apart(a, b, begin_s) for a, b in combinations(group, 2)):
             return None
-        weights = {name: np.linalg.inv(told[name][1]) for name in group}
+        weights = {name: np.linalg.inv(reported[name][1]) for name in group}
         covariance = np.linalg.inv(sum(weights.values(), _NOTHING))
-        by_m = covariance @ sum((weights[name] @ told[name][0] for name in group), np.zeros(3))
-        against = [name for name in able if name not in group and self._denies(told[name], by_m, covariance)]
+        by_m = covariance @ sum((weights[name] @ reported[name][0] for name in group), np.zeros(3))
+        against = [name for name in able if name not in group and self._denies(reported[name], by_m, covariance)]
         if len(against) >= len(group):
             return None
         north, east, down = by_m.tolist()
-        return Elsewhere(tuple(group), (north, east, down), covariance)
+        return OtherAgreement(tuple(group), (north, east, down), covariance)
 
     def _excess(self, name: str, begin_s: float) -> tuple[Matrix, Matrix]:
         """What a source tells of the way since a time beyond what is believed, and its covariance."""
@@ -201,7 +201,7 @@ class Vote:
         by_m, spread = record.over(begin_s)
         return np.array(by_m), spread + np.eye(3) * self._tolerance(begin_s, is_turned=not record.is_of_places)
 
-    def _is_told(self, by_m: Matrix, spread: Matrix, begin_s: float) -> bool:
+    def _is_reported(self, by_m: Matrix, spread: Matrix, begin_s: float) -> bool:
         """Whether a difference is more than its covariance explains, also along the directions that are known."""
         if by_m @ np.linalg.solve(spread, by_m) <= CHI2_999[3]:
             return False
@@ -210,9 +210,9 @@ class Vote:
         return float(known @ known) > CHI2_999[3] * self._tolerance(begin_s, is_turned=False)
 
     @staticmethod
-    def _denies(told: tuple[Matrix, Matrix], by_m: Matrix, covariance: Matrix) -> bool:
-        apart = told[0] - by_m
-        return float(apart @ np.linalg.solve(told[1] + covariance, apart)) > CHI2_999[3]
+    def _denies(reported: tuple[Matrix, Matrix], by_m: Matrix, covariance: Matrix) -> bool:
+        apart = reported[0] - by_m
+        return float(apart @ np.linalg.solve(reported[1] + covariance, apart)) > CHI2_999[3]
 
     def _tolerance(self, begin_s: float, *, is_turned: bool) -> float:
         """What any two ways since a time may differ by, m2: an error of scale, and of the heading that turns one of them."""
@@ -222,15 +222,15 @@ class Vote:
     def _travel(self, position: Vector3, now_s: float) -> None:
         step = 0.0 if self._at is None else dist(position, self._at)
         self._at = position
-        self._way_s.append(now_s)
-        self._way_m.append((self._way_m[-1] if self._way_m else 0.0) + step)
-        if len(self._way_s) > _KEPT:
-            del self._way_s[: _KEPT // 2], self._way_m[: _KEPT // 2]
+        self._latency_s.append(now_s)
+        self._distance_m.append((self._distance_m[-1] if self._distance_m else 0.0) + step)
+        if len(self._latency_s) > _KEPT:
+            del self._latency_s[: _KEPT // 2], self._distance_m[: _KEPT // 2]
 
     def _length(self, begin_s: float) -> float:
         """Of the way since a time."""
-        first = min(bisect_left(self._way_s, begin_s), len(self._way_m) - 1)
-        return self._way_m[-1] - self._way_m[first]
+        first = min(bisect_left(self._latency_s, begin_s), len(self._distance_m) - 1)
+        return self._distance_m[-1] - self._distance_m[first]
 
     def _known(self, source: str, begin_s: float, now_s: float) -> bool:
         record = self.records.get(source)
@@ -263,16 +263,16 @@ class Vote:
                 if apart is not None:
                     yield a, b, apart
 
-    def _verdict(self, names: list[str], now_s: float) -> Verdict:
+    def _verdict(self, names: list[str], now_s: float) -> VoteResult:
         against: dict[str, dict[str, Vector3]] = {}
         for a, b, (x, y, z) in self._differences(names, now_s):
             against.setdefault(a, {})[b] = (x, y, z)
             against.setdefault(b, {})[a] = (-x, -y, -z)
         if not against:
-            return Verdict()
+            return VoteResult()
         worst = max(against, key=lambda name: len(against[name]))
         others = against[worst]
         if len(others) >= 2 and all(len(against[name]) < len(others) for name in others):
-            return Verdict(worst, tuple(others), next(iter(others.values())))
+            return VoteResult(worst, tuple(others), next(iter(others.values())))
         other = next(iter(others))
-        return Verdict("", (worst, other), others[other])
+        return VoteResult("", (worst, other), others[other])

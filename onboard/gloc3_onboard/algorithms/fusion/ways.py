@@ -2,17 +2,17 @@
 
 from gloc3.messages.frames import Vector3, conjugate, multiply
 from gloc3_onboard.algorithms.fusion.error_state import Matrix
-from gloc3_onboard.algorithms.fusion.inertial import Inertial, State
-from gloc3_onboard.algorithms.fusion.odometers import Report, way_of
+from gloc3_onboard.algorithms.fusion.inertial import Inertial, InertialState
+from gloc3_onboard.algorithms.fusion.odometers import OdometerReport, source_of
 from gloc3_onboard.algorithms.fusion.vote import Vote
 
 
-class Ways:
+class SourceReports:
     """Books the reports of all sources for the vote."""
 
     def __init__(self, inertial: Inertial, vote: Vote) -> None:
         self._inertial, self._vote = inertial, vote
-        self._reports: dict[str, Report] = {}
+        self._reports: dict[str, OdometerReport] = {}
         self._places: dict[str, tuple[float, Vector3]] = {}
 
     def clear(self) -> None:
@@ -20,23 +20,23 @@ class Ways:
         self._reports.clear()
         self._places.clear()
 
-    def book_motion(self, report: Report, state: State) -> None:
+    def book_motion(self, report: OdometerReport, state: InertialState) -> None:
         """An odometer's report, with the believed state at its time."""
         before = self._reports.get(report.source)
         self._reports[report.source] = report
         record = self._vote.record(report.source)
         if before is None:
             return
-        told = way_of(before, report, state.ned_from_frd)
-        if told is None or not self._inertial.knows(told[0]):
-            record.forget()
+        reported = source_of(before, report, state.ned_from_frd)
+        if reported is None or not self._inertial.covers(reported[0]):
+            record.reset()
             return
-        since_s, way, is_new = told
+        since_s, way, is_new = reported
         axes = multiply(state.ned_from_frd, conjugate(report.attitude))
         excess = _minus(way, self._believed(since_s, state))
         record.add(report.t_s, excess, report.covariance[:3, :3], axes, is_new_reference=is_new)
 
-    def book_place(self, source: str, position_ned_m: Vector3, covariance: Matrix, state: State) -> None:
+    def book_place(self, source: str, position_ned_m: Vector3, covariance: Matrix, state: InertialState) -> None:
         """A position from outside, with the believed state at its time."""
         before = self._places.get(source)
         self._places[source] = (state.t_s, position_ned_m)
@@ -44,13 +44,13 @@ class Ways:
         record.is_of_places = True
         if before is None:
             return
-        if not self._inertial.knows(before[0]):
-            record.forget()
+        if not self._inertial.covers(before[0]):
+            record.reset()
             return
         way = _minus(position_ned_m, before[1])
         record.add(state.t_s, _minus(way, self._believed(before[0], state)), covariance)
 
-    def _believed(self, since_s: float, state: State) -> Vector3:
+    def _believed(self, since_s: float, state: InertialState) -> Vector3:
         return _minus(state.position_ned_m, self._inertial.at(since_s).position_ned_m)
 
 

@@ -27,7 +27,7 @@ FORESIGHT_S: Final = (0.3, 0.6, 0.9, 1.2, 1.5)
 """What moves is kept away from where it will be then as from where it is."""
 
 
-class _Look(NamedTuple):
+class _PastScan(NamedTuple):
     """One scan of before."""
 
     t_s: float
@@ -41,10 +41,10 @@ class Movers:
     """Remembers some scans, and says where what moves in the newest will soon be."""
 
     def __init__(self) -> None:
-        self._looks: deque[_Look] = deque()
+        self._polls: deque[_PastScan] = deque()
         self._resets = 0
 
-    def see(self, points_ne_m: Sequence[tuple[float, float]], at: Vector3, t_s: float, resets: int = 0) -> Points:
+    def add_scan(self, points_ne_m: Sequence[tuple[float, float]], at: Vector3, t_s: float, resets: int = 0) -> Points:
         """Takes a new scan in.
 
         Args:
@@ -57,34 +57,34 @@ class Movers:
             Places where something will be in the next moments: north and east, in metres.
         """
         points, here = np.array(points_ne_m, np.float64).reshape(-1, 2), np.array(at[:2])
-        looks = self._looks
-        if resets != self._resets or (looks and t_s <= looks[-1].t_s):
-            looks.clear()
+        views = self._polls
+        if resets != self._resets or (views and t_s <= views[-1].t_s):
+            views.clear()
         self._resets = resets
-        while looks and t_s - looks[0].t_s > OLDEST_S:
-            looks.popleft()
-        while len(looks) > 1 and t_s - looks[1].t_s >= AGE_S:
-            looks.popleft()
+        while views and t_s - views[0].t_s > OLDEST_S:
+            views.popleft()
+        while len(views) > 1 and t_s - views[1].t_s >= AGE_S:
+            views.popleft()
         soon: Points = []
-        if looks and t_s - looks[0].t_s >= AGE_S and len(looks[0].points_ne_m):
-            soon = _soon(points, looks[0], t_s - looks[0].t_s)
-        looks.append(_Look(t_s, here, points, _ranges_m(points - here)))
+        if views and t_s - views[0].t_s >= AGE_S and len(views[0].points_ne_m):
+            soon = _soon(points, views[0], t_s - views[0].t_s)
+        views.append(_PastScan(t_s, here, points, _ranges_m(points - here)))
         return soon
 
 
-def _soon(points: Array, before: _Look, duration_s: float) -> Points:
+def _soon(points: Array, before: _PastScan, duration_s: float) -> Points:
     """Where the points will be that have come to places which an earlier scan saw through."""
     offset = points - before.at_ne_m
     came = points[np.hypot(*offset.T) < before.ranges_m[_bins(offset)] - THROUGH_M]
-    ways = came[:, None] - before.points_ne_m[None]
-    gaps = np.hypot(ways[:, :, 0], ways[:, :, 1])
+    routes = came[:, None] - before.points_ne_m[None]
+    gaps = np.hypot(routes[:, :, 0], routes[:, :, 1])
     nearest = gaps.argmin(axis=1)
     rows = np.arange(len(came))
     gap = gaps[rows, nearest]
     speed = (gap - NOISE_M) / duration_s
     is_moving = speed > MOVING_M_S
     share = np.minimum(speed, FASTEST_M_S)[is_moving] / gap[is_moving]
-    velocity = ways[rows, nearest][is_moving] * share[:, None]
+    velocity = routes[rows, nearest][is_moving] * share[:, None]
     places = np.vstack([came[is_moving] + later_s * velocity for later_s in FORESIGHT_S])
     return [(north, east) for north, east in places.tolist()]
 

@@ -106,10 +106,10 @@ class ObstacleField:
     def refuge(self, at: Vector3) -> Vector3:
         """The nearest place around that is far enough from everything, or else the one that is farthest from it."""
         angles = np.arange(REFUGES) * (2.0 * math.pi / REFUGES)
-        ways = np.vstack([step_m * np.column_stack((np.cos(angles), np.sin(angles))) for step_m in REFUGE_STEPS_M])
-        clearance = np.array([self.clearance_m((at[0] + n, at[1] + e, at[2])) for n, e in ways.tolist()])
-        worth = np.minimum(clearance, self.keep_m) - 0.1 * np.hypot(*ways.T)
-        north, east = ways[int(np.argmax(worth))].tolist()
+        routes = np.vstack([step_m * np.column_stack((np.cos(angles), np.sin(angles))) for step_m in REFUGE_STEPS_M])
+        clearance = np.array([self.clearance_m((at[0] + n, at[1] + e, at[2])) for n, e in routes.tolist()])
+        worth = np.minimum(clearance, self.keep_m) - 0.1 * np.hypot(*routes.T)
+        north, east = routes[int(np.argmax(worth))].tolist()
         return (at[0] + north, at[1] + east, at[2])
 
     def free_m(self, at: Vector3, headings_rad: Sequence[float]) -> list[float]:

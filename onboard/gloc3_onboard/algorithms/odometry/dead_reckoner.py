@@ -31,7 +31,7 @@ class Errors(msgspec.Struct, frozen=True, kw_only=True):
     """How the velocity changes by itself, in one second's root."""
     adrift_m_s: float = 0.3
     """Of a velocity that nothing measures: the current, and what the vehicle does of what it is asked."""
-    forget_s: float = 5.0
+    memory_s: float = 5.0
     """So fast the last measured velocity gives way to the one that is asked for, where nothing measures it."""
 
 
@@ -64,19 +64,19 @@ class DeadReckoner:
         self.covariance[:, :2] = 0.0
         self.covariance[_N, _N] = self.covariance[_E, _E] = std_m**2
 
-    def doubt_velocity(self) -> None:
+    def inflate_velocity(self) -> None:
         """Forgets what is known of the velocity: what has measured it was wrong."""
         self.covariance[_VN : _VE + 1, :] = 0.0
         self.covariance[:, _VN : _VE + 1] = 0.0
         self.covariance[_VN, _VN] = self.covariance[_VE, _VE] = _UNKNOWN_M_S**2
 
-    def predict(self, dt_s: float, *, is_measured: bool, asked_m_s: tuple[float, float] = (0.0, 0.0)) -> None:
+    def predict(self, dt_s: float, *, is_measured: bool, commanded_m_s: tuple[float, float] = (0.0, 0.0)) -> None:
         """Goes on by a time.
 
         Args:
             dt_s: the time.
             is_measured: whether velocities are measured meanwhile.
-            asked_m_s: the velocity that the vehicle is asked for, north and east; it counts where nothing measures it.
+            commanded_m_s: the velocity that the vehicle is asked for, north and east; it counts where nothing measures it.
         """
         errors = self.errors
         step = np.eye(6)
@@ -86,9 +86,9 @@ class DeadReckoner:
             noise[_VN] = noise[_VE] = errors.acceleration_m_s2**2 * dt_s
         else:
             # The belief follows what is asked; its error, the current above all, stays what it is.
-            change = 1.0 - exp(-dt_s / errors.forget_s)
-            self.x[_VN] += change * (asked_m_s[0] - self.x[_VN])
-            self.x[_VE] += change * (asked_m_s[1] - self.x[_VE])
+            change = 1.0 - exp(-dt_s / errors.memory_s)
+            self.x[_VN] += change * (commanded_m_s[0] - self.x[_VN])
+            self.x[_VE] += change * (commanded_m_s[1] - self.x[_VE])
             for axis in (_VN, _VE):
                 noise[axis] = change * max(0.0, errors.adrift_m_s**2 - self.covariance[axis, axis])
         noise[_TURN] = errors.heading_walk_rad**2 * dt_s
@@ -100,7 +100,7 @@ class DeadReckoner:
         """The vehicle has turned by an angle: a part of the heading's error is another one now."""
         self.covariance[_TURN, _TURN] += 2.0 * self.errors.deviation_rad**2 * min(1.0, abs(angle_rad) / pi)
 
-    def take_velocity(
+    def use_velocity(
         self, forward_m_s: float, right_m_s: float, yaw_rad: float, std_m_s: float, side_std_m_s: float | None = None
     ) -> float:
         """Takes in a velocity in the level plane of the body, by the DVL or by wheels.
@@ -128,8 +128,8 @@ class DeadReckoner:
         side = std_m_s if side_std_m_s is None else side_std_m_s
         return self._update(np.array([forward_m_s, right_m_s]) - expected, h, (std_m_s**2, side**2))
 
-    def take_fix(self, north_m: float, east_m: float, std_m: float) -> float:
-        """Takes in a place, by satellites; returns as `take_velocity` does."""
+    def use_fix(self, north_m: float, east_m: float, std_m: float) -> float:
+        """Takes in a place, by satellites; returns as `use_velocity` does."""
         h = np.zeros((2, 6))
         h[0, _N] = h[1, _E] = 1.0
         return self._update(np.array([north_m, east_m]) - self.x[:2], h, (std_m**2, std_m**2))

@@ -7,7 +7,7 @@ CONTRADICTIONS: Final = 3
 AGREEMENTS: Final = 20
 """So many velocities in a row that fit what satellites say have the wheels believed again."""
 AT_REST_M_S: Final = 0.02
-ASKED_M_S: Final = 0.2
+COMMANDED_M_S: Final = 0.2
 STANDS_S: Final = 2.0
 """For so long the wheels may stand although at least that speed is asked for, with no satellites to tell whether they do."""
 
@@ -16,7 +16,7 @@ class VelocityTrust:
     """Told of each velocity and of each fix."""
 
     def __init__(self) -> None:
-        self._is_doubted = False
+        self._is_distrusted = False
         self._agreements = 0
         self._contradictions = 0
         self._stands_since_s: float | None = None
@@ -26,28 +26,32 @@ class VelocityTrust:
         self._contradictions = 0 if fits else self._contradictions + 1
         if self._contradictions < CONTRADICTIONS:
             return False
-        self._is_doubted, self._agreements, self._contradictions = True, 0, 0
+        self._is_distrusted, self._agreements, self._contradictions = True, 0, 0
         return True
 
-    def why_not(self, speed_m_s: float, asked_m_s: float, off_m_s: float, t_s: float, *, has_satellites: bool) -> str:
+    def why_not(
+        self, speed_m_s: float, commanded_m_s: float, off_m_s: float, t_s: float, *, has_satellites: bool
+    ) -> str:
         """Why a velocity is not believed; empty where it is.
 
         Args:
             speed_m_s: what the wheels tell.
-            asked_m_s: what is asked of the vehicle.
+            commanded_m_s: what is asked of the vehicle.
             off_m_s: how far the velocity is from the one that is known without the wheels, while they are doubted.
             t_s: its time.
             has_satellites: whether these are seen.
         """
-        if self._is_doubted and has_satellites:
-            self._agreements = self._agreements + 1 if off_m_s < 0.1 + 0.1 * speed_m_s and speed_m_s > ASKED_M_S else 0
-            self._is_doubted = self._agreements < AGREEMENTS
-        if self._is_doubted:
+        if self._is_distrusted and has_satellites:
+            self._agreements = (
+                self._agreements + 1 if off_m_s < 0.1 + 0.1 * speed_m_s and speed_m_s > COMMANDED_M_S else 0
+            )
+            self._is_distrusted = self._agreements < AGREEMENTS
+        if self._is_distrusted:
             return "the wheels contradict the satellites"
         since_s = self._stands_since_s
-        is_said = since_s is not None and t_s - since_s > STANDS_S
-        if has_satellites or speed_m_s > AT_REST_M_S or (asked_m_s < ASKED_M_S and not is_said):
+        is_reported = since_s is not None and t_s - since_s > STANDS_S
+        if has_satellites or speed_m_s > AT_REST_M_S or (commanded_m_s < COMMANDED_M_S and not is_reported):
             self._stands_since_s = None
             return ""
         self._stands_since_s = t_s if since_s is None else since_s
-        return "the wheels stand although motion is asked for" if is_said else ""
+        return "the wheels stand although motion is asked for" if is_reported else ""

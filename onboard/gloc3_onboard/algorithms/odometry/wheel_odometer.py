@@ -31,7 +31,7 @@ class Wheelbase(msgspec.Struct, frozen=True, kw_only=True):
     """With more slip than this the wheels tell nothing."""
 
 
-class Moved(NamedTuple):
+class WheelStep(NamedTuple):
     """One step."""
 
     ahead_m: float
@@ -69,14 +69,14 @@ class WheelOdometer:
         """The next ways are the first."""
         self._last = None
 
-    def update(self, left_m: float, right_m: float, seconds: float, felt_rad: float | None) -> Moved | None:
+    def update(self, left_m: float, right_m: float, seconds: float, measured_rad: float | None) -> WheelStep | None:
         """The step since the ways that came before; None for the first, and where they do not go on.
 
         Args:
             left_m: way of the left rim since the encoders began to count.
             right_m: of the right one.
             seconds: since the ways before.
-            felt_rad: how far the body has turned to the right meanwhile, by its gyroscopes; None where that is not known.
+            measured_rad: how far the body has turned to the right meanwhile, by its gyroscopes; None where that is not known.
         """
         before, self._last = self._last, (left_m, right_m) if isfinite(left_m + right_m) else None
         if before is None or self._last is None or seconds <= 0.0:
@@ -87,12 +87,12 @@ class WheelOdometer:
         base = self._base
         ahead, arm_m = 0.5 * (left + right), base.track_m * base.turn_factor
         turn = (left - right) / arm_m
-        slip_m = 0.0 if felt_rad is None else 0.5 * arm_m * abs(turn - felt_rad)
+        slip_m = 0.0 if measured_rad is None else 0.5 * arm_m * abs(turn - measured_rad)
         slip_m_s = slip_m / seconds
         noise_m = base.noise_m_s * seconds
-        turned = abs(turn if felt_rad is None else felt_rad)
+        turned = abs(turn if measured_rad is None else measured_rad)
         ahead_std = hypot(noise_m, base.slip_share * ahead, slip_m)
-        return Moved(
+        return WheelStep(
             ahead_m=ahead,
             turn_rad=turn,
             ahead_std_m=ahead_std,

@@ -13,7 +13,7 @@ SMOOTHING_S: Final = 0.4
 """Time constant of the mean over what the range finder tells."""
 
 
-class FloorKeeper:
+class FloorClearance:
     """Says how far to move the way down so that it keeps its height over the floor; tell it what is below the vehicle.
 
     The way is laid level, and moved as the floor under the vehicle is: one that rises faster than the vehicle climbs is come
@@ -25,17 +25,17 @@ class FloorKeeper:
         climb_m_s: how fast the way is moved up or down, at most.
     """
 
-    def __init__(self, altitude_m: float, way_down_m: float, climb_m_s: float) -> None:
+    def __init__(self, altitude_m: float, drop_m: float, climb_m_s: float) -> None:
         self.blind_s = 0.0
         """For so long no floor has been seen."""
         self.left_s = 0.0
         """So long the way is still moved, if the floor stays as it is."""
-        self._altitude_m, self._way_down_m, self._climb_m_s = altitude_m, way_down_m, climb_m_s
+        self._altitude_m, self._drop_m, self._climb_m_s = altitude_m, drop_m, climb_m_s
         self._shift_m = 0.0
         self._floor_down_m: float | None = None
         self._height_m = inf
 
-    def see(self, range_m: float | None, ned_from_frd: Quaternion, at: Vector3, duration_s: float) -> None:
+    def update(self, range_m: float | None, ned_from_frd: Quaternion, at: Vector3, duration_s: float) -> None:
         """Takes in what is below, and moves the way.
 
         Args:
@@ -54,7 +54,7 @@ class FloorKeeper:
             before_m = floor_m if self._floor_down_m is None else self._floor_down_m
             self._floor_down_m = before_m + min(1.0, duration_s / SMOOTHING_S) * (floor_m - before_m)
         if self._floor_down_m is not None:
-            change_m = self._floor_down_m - self._altitude_m - self._way_down_m - self._shift_m
+            change_m = self._floor_down_m - self._altitude_m - self._drop_m - self._shift_m
             most_m = self._climb_m_s * duration_s
             self._shift_m += min(max(change_m, -most_m), most_m)
             self.left_s = max(0.0, abs(change_m) - most_m) / self._climb_m_s

@@ -5,7 +5,7 @@ from typing import Final
 
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.vehicle import DriverState, Pose
-from gloc3_onboard.algorithms.paths.path_follower import PathFollower, Target
+from gloc3_onboard.algorithms.paths.path_follower import PathFollower, PathTarget
 
 GAP_S: Final = 0.5
 """After so long without leading, the vehicle is brought back to where it left the way."""
@@ -14,11 +14,11 @@ DRIVER_S: Final = 0.5
 """What the driver said longer ago does not count."""
 CALM_S: Final = 0.3
 """A vehicle that has been slow for so long has come to rest."""
-PATIENCE_S: Final = 5.0
+TIMEOUT_S: Final = 5.0
 """So long its rest is waited for; in gusts it may never quite come."""
 
 
-class Leader:
+class PathReference:
     """Moves the point of a `PathFollower` on only while the autopilot follows the stream of setpoints.
 
     Args:
@@ -43,11 +43,11 @@ class Leader:
         if self._at_end_s is None or self._away_m > within_m:
             return False
         is_calm = self._calm_since_s is not None and self._last_s - self._calm_since_s >= CALM_S
-        return is_calm or self._last_s - self._at_end_s > PATIENCE_S
+        return is_calm or self._last_s - self._at_end_s > TIMEOUT_S
 
     def advance(
         self, pose: Pose, driver: Envelope[DriverState] | None, now_s: float, *, is_waiting: bool = False
-    ) -> Target:
+    ) -> PathTarget:
         """Where the vehicle shall be now; called in every cycle in which it is known where it is.
 
         Args:
@@ -66,7 +66,9 @@ class Leader:
             self._at_end_s = now_s
         return target
 
-    def _advance(self, pose: Pose, driver: Envelope[DriverState] | None, now_s: float, *, is_waiting: bool) -> Target:
+    def _advance(
+        self, pose: Pose, driver: Envelope[DriverState] | None, now_s: float, *, is_waiting: bool
+    ) -> PathTarget:
         duration_s, self._last_s = now_s - self._last_s, now_s
         is_followed = driver is not None and driver.payload.is_guided and now_s - driver.t_s <= DRIVER_S
         if duration_s > GAP_S or not is_followed:
@@ -85,16 +87,16 @@ class Leader:
             return self.follower.advance(0.0, pose.position_ned_m)
         return self.follower.advance(min(duration_s, STEP_S), pose.position_ned_m)
 
-    def problem(self, patience_s: float, follow_s: float = 30.0) -> str:
+    def problem(self, timeout_s: float, follow_s: float = 30.0) -> str:
         """Why it gets no further; empty where it does.
 
         Args:
-            patience_s: longest wait for the vehicle to come to where it is led.
+            timeout_s: longest wait for the vehicle to come to where it is led.
             follow_s: longest wait for the autopilot to follow.
         """
         if self._left_alone_s > follow_s:
             return "the autopilot does not follow our setpoints" + (f": {self._refusal}" if self._refusal else "")
-        is_late = self._at_end_s is not None and self._last_s - self._at_end_s > patience_s
-        if is_late or self.follower.waited_s > patience_s:
+        is_late = self._at_end_s is not None and self._last_s - self._at_end_s > timeout_s
+        if is_late or self.follower.waited_s > timeout_s:
             return f"the vehicle does not come to waypoint {self.follower.waypoint + 1}"
         return ""

@@ -41,7 +41,7 @@ AMONG_HZ: Final = 0.7
 """Where an obstacle is as near as it may be the point is no faster than the first; with each metre more by the second."""
 AHEAD_S: Final = 0.4
 """Where the vehicle will be so much later is kept clear of obstacles, too."""
-IN_THE_WAY: Final = "an obstacle is in the way"
+FENCE_AHEAD: Final = "an obstacle is in the way"
 _AT_REST: Final = (0.0, 0.0, 0.0)
 
 
@@ -68,7 +68,7 @@ class Limited(NamedTuple):
 
 
 class SetpointLimiter:
-    """Limits a stream of setpoints; `see` tells it where the vehicle is before each."""
+    """Limits a stream of setpoints; `set_vehicle` tells it where the vehicle is before each."""
 
     def __init__(self, limits: MotionLimits) -> None:
         self._at: Vector3 | None = None
@@ -118,7 +118,7 @@ class SetpointLimiter:
         self._target = None
         self._last_s = now_s
 
-    def see(self, position_ned_m: Vector3, velocity_ned_m_s: Vector3, now_s: float, resets: int = 0) -> None:
+    def set_vehicle(self, position_ned_m: Vector3, velocity_ned_m_s: Vector3, now_s: float, resets: int = 0) -> None:
         """Says where the vehicle is.
 
         A stream that has paused begins anew there. When the estimate has jumped, the point jumps with it, so that for
@@ -159,7 +159,7 @@ class SetpointLimiter:
         if not reason and math.dist(self._at, target) > SEEN_M:
             is_blocked = self._is_blocked(target)
             reason = (
-                IN_THE_WAY if is_blocked else "it asks for more than the platform may do, or the fence is on the way"
+                FENCE_AHEAD if is_blocked else "it asks for more than the platform may do, or the fence is on the way"
             )
         if reason or (feed_forward is not None and not self._agree(feed_forward, self._velocity)):
             feed_forward = self._velocity
@@ -167,16 +167,16 @@ class SetpointLimiter:
 
     def _limit_velocity(self, wanted: Setpoint, duration_s: float) -> Limited:
         """Without a position the point is the vehicle itself."""
-        asked = wanted.velocity_ned_m_s or _AT_REST
+        requested = wanted.velocity_ned_m_s or _AT_REST
         self._at, self._target = self._vehicle_ned_m, None
-        north, east, down = self._slowed(asked)
+        north, east, down = self._slowed(requested)
         if duration_s > 0.0:
             braking, height_m = APPROACH_SHARE * self._limits.acceleration_m_s2, -self._at[2]
             climb_m_s = _speed_to_stop(max(0.0, self.highest_m - height_m), braking, duration_s)
             descent_m_s = _speed_to_stop(max(0.0, height_m - self._lowest_m), braking, duration_s)
             down = min(max(down, -climb_m_s), descent_m_s)
         self._velocity = self._next((north, east, down), duration_s)
-        is_clamped = math.dist(self._velocity, asked) > SEEN_M
+        is_clamped = math.dist(self._velocity, requested) > SEEN_M
         reason = "it asks for more than the platform may do, or the fence is on the way" if is_clamped else ""
         return Limited(_with(wanted, None, self._velocity), is_clamped, reason)
 
@@ -230,15 +230,15 @@ class SetpointLimiter:
             east += (missing_m + TOLERANCE_M) * slope_e / slope
         return (self._at[0], self._at[1], down)
 
-    def _motion_of(self, target: Vector3, told: Vector3 | None, duration_s: float) -> Vector3:
+    def _motion_of(self, target: Vector3, reported: Vector3 | None, duration_s: float) -> Vector3:
         """How a target moves: as it says, if that is what it does. One that has just leapt does not move."""
         before, self._target = self._target, target
         if before is None or duration_s <= 0.0:
             return _AT_REST
         seen = _plus(_AT_REST, _minus(target, before), 1.0 / duration_s)
         usual = (self._limits.speed_m_s, self._limits.climb_m_s)  # it may well be faster than what is followed now
-        if told is not None and self._agree(told, seen, usual):
-            return told
+        if reported is not None and self._agree(reported, seen, usual):
+            return reported
         return seen if self._is_slow(seen, usual) else _AT_REST
 
     # --- obstacles ---
@@ -257,10 +257,10 @@ class SetpointLimiter:
         self._among_m_s = AMONG_M_S + AMONG_HZ * max(0.0, nearest_m - field.keep_m)
         if field.clearance_m(target) >= field.keep_m:
             return target, reason
-        return self._kept_inside(field.pushed_out(target, at)), IN_THE_WAY
+        return self._kept_inside(field.pushed_out(target, at)), FENCE_AHEAD
 
     @property
-    def _in_the_way(self) -> ObstacleField | None:
+    def _blocked(self) -> ObstacleField | None:
         """What may stop it; who gets out of the way of something is not stopped by what is not there yet."""
         return self.obstacles.present if self.obstacles is not None and self._flees else self.obstacles
 
@@ -270,29 +270,29 @@ class SetpointLimiter:
             return place
         return self._pushed_in(self._flat, place)
 
-    def _around(self, wish: Vector3, distance_m: float) -> Vector3:
+    def _around(self, wanted: Vector3, distance_m: float) -> Vector3:
         """The wanted velocity, turned aside where something is in the way."""
         assert self._at is not None
-        field, across = self._in_the_way, math.hypot(wish[0], wish[1])
+        field, across = self._blocked, math.hypot(wanted[0], wanted[1])
         if field is None or field.is_empty or across < TOLERANCE_M:
-            return wish
-        wanted_rad = math.atan2(wish[1], wish[0])
+            return wanted
+        wanted_rad = math.atan2(wanted[1], wanted[0])
         heading, free_m = self._detour.heading(field, self._at, wanted_rad, distance_m, self._last_s)
         free_m = min(free_m, *field.free_m(self._ahead_ned_m, (heading,)))
         # So fast that reacting and braking together take the way that is free.
         braking = min(GENTLE_M_S2, APPROACH_SHARE * self._limits.acceleration_m_s2)
         lost = braking * REACTION_S
         speed = min(across, math.sqrt(lost * lost + 2.0 * braking * free_m) - lost)
-        return (speed * math.cos(heading), speed * math.sin(heading), wish[2])
+        return (speed * math.cos(heading), speed * math.sin(heading), wanted[2])
 
-    def _is_clear(self, stop: Vector3, way_m: float) -> bool:
+    def _is_clear(self, stop: Vector3, distance_m: float) -> bool:
         """Whether the way to a stop comes no nearer to an obstacle than it may, or than it is now."""
         assert self._at is not None
-        field = self._in_the_way
+        field = self._blocked
         if field is None or field.is_empty:
             return True
         now_m, least_m = field.clearance_m(self._at), field.keep_m - SLACK_M
-        if now_m - least_m >= way_m:
+        if now_m - least_m >= distance_m:
             return True
         return field.leg_clearance_m(self._at, stop) >= min(now_m, least_m) - ROUNDING_M
 
@@ -321,17 +321,17 @@ class SetpointLimiter:
         behind = _plus(way, moving, -duration_s)
         distance_m = math.hypot(*behind)
         closing_m_s = _speed_to_stop(distance_m, APPROACH_SHARE * self._limits.acceleration_m_s2, duration_s)
-        wish = self._slowed(_plus(moving, behind, closing_m_s / max(distance_m, TOLERANCE_M)))
-        self._velocity = self._next(self._around(wish, distance_m), duration_s)
+        wanted = self._slowed(_plus(moving, behind, closing_m_s / max(distance_m, TOLERANCE_M)))
+        self._velocity = self._next(self._around(wanted, distance_m), duration_s)
         self._at = _plus(at, self._velocity, duration_s)
 
-    def _next(self, wish: Vector3, duration_s: float) -> Vector3:
+    def _next(self, wanted: Vector3, duration_s: float) -> Vector3:
         """The velocity for the next step: as near to the wish as acceleration and fence allow."""
         assert self._at is not None
         most = self._limits.acceleration_m_s2 * duration_s
         now = self._velocity
-        change = math.dist(wish, now)
-        turned = wish if change <= most else _plus(now, _minus(wish, now), most / change)
+        change = math.dist(wanted, now)
+        turned = wanted if change <= most else _plus(now, _minus(wanted, now), most / change)
         if self._may_go(turned, duration_s):
             return turned
         speed = math.hypot(*now)
@@ -369,10 +369,10 @@ class SetpointLimiter:
 
     # --- speeds ---
 
-    def _agree(self, told: Vector3, seen: Vector3, most: tuple[float, float] | None = None) -> bool:
+    def _agree(self, reported: Vector3, seen: Vector3, most: tuple[float, float] | None = None) -> bool:
         """Whether a velocity that is told fits what is seen from one setpoint to the next."""
         near_m_s = 0.05 + 0.5 * self._limits.acceleration_m_s2 * LONGEST_STEP_S
-        return math.dist(told, seen) <= near_m_s and self._is_slow(told, most)
+        return math.dist(reported, seen) <= near_m_s and self._is_slow(reported, most)
 
     def _is_slow(self, velocity: Vector3, most: tuple[float, float] | None = None) -> bool:
         """Whether it is within speeds, across and up or down; within those of now if none are given."""

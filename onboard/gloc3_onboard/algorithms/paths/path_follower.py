@@ -28,7 +28,7 @@ LEAD_S: Final = 0.35
 waits at twice as much."""
 
 
-class Leg(NamedTuple):
+class PathLeg(NamedTuple):
     """One straight piece of the way."""
 
     start: Vector3
@@ -44,7 +44,7 @@ class Leg(NamedTuple):
     """Whether the point waits at its end until the vehicle has come near."""
 
 
-class Target(NamedTuple):
+class PathTarget(NamedTuple):
     """Where the vehicle shall be now."""
 
     position_ned_m: Vector3
@@ -153,7 +153,7 @@ class PathFollower:
         rest = list(enumerate(self._waypoints))[next_waypoint:]
         self._lay(position_ned_m, [(next_waypoint, here), *rest])
 
-    def advance(self, duration_s: float, position_ned_m: Vector3) -> Target:
+    def advance(self, duration_s: float, position_ned_m: Vector3) -> PathTarget:
         """Moves the point on and says where it is."""
         here = self._here().position_ned_m
         behind_m = math.dist(here, position_ned_m)
@@ -197,7 +197,7 @@ class PathFollower:
                     self._now_m_s = 0.0
                     return
 
-    def _speed(self, leg: Leg, left_m: float, duration_s: float, behind_m: float) -> float:
+    def _speed(self, leg: PathLeg, left_m: float, duration_s: float, behind_m: float) -> float:
         """For the next step: near to the wanted one, and such that the end's can still be kept."""
         lead_m = LEAD_M + LEAD_S * leg.speed_m_s + self.slack_m
         wanted = leg.speed_m_s * min(max(2.0 - behind_m / lead_m, 0.0), 1.0)
@@ -212,13 +212,13 @@ class PathFollower:
             to_end = min(to_end, max(STOPPING_HZ * left_m, CRAWL_M_S))
         return min(speed, to_end)
 
-    def _here(self) -> Target:
+    def _here(self) -> PathTarget:
         if self._index >= len(self._legs):
-            return Target(self._waypoints[-1], (0.0, 0.0, 0.0), self._bearing(len(self._legs) - 1))
+            return PathTarget(self._waypoints[-1], (0.0, 0.0, 0.0), self._bearing(len(self._legs) - 1))
         leg, way, speed = self._legs[self._index], self._on_leg_m, self._now_m_s
         n, e, d = leg.along
         position = (leg.start[0] + n * way, leg.start[1] + e * way, leg.start[2] + d * way)
-        return Target(position, (n * speed, e * speed, d * speed), self._bearing(self._index - self._is_staying))
+        return PathTarget(position, (n * speed, e * speed, d * speed), self._bearing(self._index - self._is_staying))
 
     def _bearing(self, index: int) -> float | None:
         if index < 0:
@@ -262,7 +262,7 @@ def _legs_of(
     acceleration_m_s2: float,
     *,
     stops: bool,
-) -> list[Leg]:
+) -> list[PathLeg]:
     """The legs, without those of no length; from the last to the first, since each must be able to end as it shall."""
     pieces: list[tuple[Vector3, Vector3, float, int]] = []
     at = start
@@ -272,7 +272,7 @@ def _legs_of(
             along = ((place[0] - at[0]) / length_m, (place[1] - at[1]) / length_m, (place[2] - at[2]) / length_m)
             pieces.append((at, along, length_m, waypoint))
             at = place
-    legs: list[Leg] = []
+    legs: list[PathLeg] = []
     next_speed, next_along = 0.0, None
     for begin, along, length_m, waypoint in reversed(pieces):
         speed = min(speed_m_s, climb_m_s / abs(along[2])) if along[2] else speed_m_s
@@ -281,7 +281,7 @@ def _legs_of(
             turn = math.dist(along, next_along)
             in_corner = CORNER_S * acceleration_m_s2 / turn if turn > SAME_M else math.inf
             end_speed, is_checked = min(speed, next_speed, in_corner), turn > SHARP
-        legs.append(Leg(begin, along, length_m, speed, end_speed, waypoint, is_checked))
+        legs.append(PathLeg(begin, along, length_m, speed, end_speed, waypoint, is_checked))
         # No faster into this leg than one can be slow enough again at its end.
         next_speed = min(speed, math.sqrt(end_speed**2 + 2.0 * BRAKING_SHARE * acceleration_m_s2 * length_m))
         next_along = along

@@ -22,7 +22,7 @@ MOST_M: Final = 1.5
 SPEED_M_S: Final = 0.4
 
 
-class Wall(NamedTuple):
+class WallAhead(NamedTuple):
     """The wall ahead."""
 
     distance_m: float
@@ -31,7 +31,7 @@ class Wall(NamedTuple):
     """Unit vector from the vehicle to it."""
 
 
-def wall_ahead(points_ne_m: Sequence[tuple[float, float]], at: Vector3, heading_rad: float) -> Wall | None:
+def wall_ahead(points_ne_m: Sequence[tuple[float, float]], at: Vector3, heading_rad: float) -> WallAhead | None:
     """The wall that a vehicle looks at, from what its scanner has hit; None where there is none that is straight."""
     offset = np.array(points_ne_m, np.float64).reshape(-1, 2) - at[:2]
     distance = np.hypot(*offset.T)
@@ -50,10 +50,10 @@ def wall_ahead(points_ne_m: Sequence[tuple[float, float]], at: Vector3, heading_
         return None
     square_m = float(axes[1] @ middle)
     north, east = (axes[1] * math.copysign(1.0, square_m)).tolist()
-    return Wall(abs(square_m), (north, east))
+    return WallAhead(abs(square_m), (north, east))
 
 
-class WallKeeper:
+class WallDistance:
     """Says how far to move the way so that it keeps its distance from the wall; tell it where the vehicle is."""
 
     def __init__(self, distance_m: float) -> None:
@@ -70,7 +70,7 @@ class WallKeeper:
         """A place on the way, moved."""
         return (place[0] + self._shift[0], place[1] + self._shift[1], place[2])
 
-    def see(self, wall: Wall | None, vehicle: Vector3, target: Vector3, duration_s: float) -> None:
+    def update(self, wall: WallAhead | None, vehicle: Vector3, target: Vector3, duration_s: float) -> None:
         """Takes in what wall is ahead.
 
         Args:

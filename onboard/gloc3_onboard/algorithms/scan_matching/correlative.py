@@ -22,14 +22,14 @@ BEST: Final = 4
 """So many candidates are handed back."""
 
 
-class Window(NamedTuple):
+class SearchWindow(NamedTuple):
     """How far around a guess to look."""
 
     distance_m: float
     heading_rad: float
 
 
-def candidates(points: Array, feet: Array, guess: Planar, window: Window) -> list[Planar]:
+def candidates(points: Array, feet: Array, guess: Planar, window: SearchWindow) -> list[Planar]:
     """Likely places of a scan in a map, the best first.
 
     Args:

@@ -8,11 +8,11 @@ import numpy as np
 from gloc3.component.settings import Bounds, Settings
 from gloc3.messages.frames import wrap_pi
 from gloc3.messages.perception import UNKNOWN_VARIANCE, LaserScan
-from gloc3_onboard.algorithms.scan_matching.correlative import Window
+from gloc3_onboard.algorithms.scan_matching.correlative import SearchWindow
 from gloc3_onboard.algorithms.scan_matching.lines import lines_of
 from gloc3_onboard.algorithms.scan_matching.local_map import LocalMap
 from gloc3_onboard.algorithms.scan_matching.planar import Array, Planar
-from gloc3_onboard.algorithms.scan_matching.point_to_line import NEAR_M, Alignment, align, search
+from gloc3_onboard.algorithms.scan_matching.point_to_line import NEAR_M, ScanAlignment, align, search
 from gloc3_onboard.algorithms.scan_matching.scan_points import (
     FEWEST_BEAMS,
     Mount,
@@ -24,14 +24,14 @@ from gloc3_onboard.algorithms.scan_matching.scan_points import (
 
 LEVEL: Final = Tilt()
 AT_BODY: Final = Mount()
-PATIENCE: Final = 5
+MOST_FAILURES: Final = 5
 """After so many bad scans in a row what was before is given up."""
 LONGEST_S: Final = 2.0
 """A velocity is not believed for longer."""
-TOLD_M: Final = 0.1
-TOLD_SHARE: Final = 0.15
-TOLD_RAD: Final = 0.1
-TOLD_TURN_SHARE: Final = 0.5
+REPORTED_M: Final = 0.1
+REPORTED_SHARE: Final = 0.15
+REPORTED_RAD: Final = 0.1
+REPORTED_TURN_SHARE: Final = 0.5
 """A motion that is told may be wrong by so much, and by this part of it."""
 FIRST_M_S: Final = 1.0
 FIRST_RAD_S: Final = 0.5
@@ -50,7 +50,7 @@ LEVEL_M: Final = 0.03
 """A climb that is less is none; one that goes on over many references counts from its begin."""
 NEW_LEVEL_M: Final = 0.2
 """After such a climb the map begins anew."""
-_NO_DOUBT: Final = np.zeros((3, 3))
+_FULL_TRUST: Final = np.zeros((3, 3))
 _FLOOR: Final = np.diag((0.001**2, 0.001**2, 0.0002**2))
 """No fit is better than this: walls are not quite straight, nor is the clock of the scanner."""
 
@@ -109,9 +109,9 @@ class LaserOdometer:
         self._pose, self._t_s = Planar(), 0.0
         self._ranges = b""
         self._map = LocalMap(self._settings.reach_m)
-        self._key_pose, self._key_t_s, self._key_covariance = Planar(), 0.0, _NO_DOUBT
+        self._key_pose, self._key_t_s, self._key_covariance = Planar(), 0.0, _FULL_TRUST
         self._velocity: Planar | None = None
-        self._told: Planar | None = Planar()
+        self._reported: Planar | None = Planar()
         self._heading_rad: float | None = None
         self._travelled_m = 0.0
         self._height_m: float | None = None
@@ -141,7 +141,7 @@ class LaserOdometer:
         Returns:
             The motion since the reference.
         """
-        self._told = self._told @ guess if self._told is not None and guess is not None else None
+        self._reported = self._reported @ guess if self._reported is not None and guess is not None else None
         fault = fault_of(scan) or self._fault_in_time(scan, t_s)
         if fault:
             return self._nothing(t_s, fault)
@@ -164,7 +164,7 @@ class LaserOdometer:
         if not self._has_begun:
             return ""
         if t_s <= self._t_s:
-            if self._bad >= PATIENCE:
+            if self._bad >= MOST_FAILURES:
                 self._has_begun = False
                 return ""
             return "the scan is not newer than the one before"
@@ -172,7 +172,7 @@ class LaserOdometer:
 
     def _expected(self, duration_s: float, heading_rad: float | None) -> "Expected":
         """The motion since the last good scan, and how wrong that may be."""
-        settings, told, velocity = self._settings, self._told, self._velocity
+        settings, reported, velocity = self._settings, self._reported, self._velocity
         half_square = 0.5 * duration_s * duration_s
         distance_m = settings.acceleration_m_s2 * half_square
         turn_rad = settings.turn_acceleration_rad_s2 * half_square
@@ -182,15 +182,17 @@ class LaserOdometer:
         else:
             distance_m += FIRST_M_S * duration_s
             turn_rad += FIRST_RAD_S * duration_s
-        if told is not None and distance_m > TOLD_M:  # over a short time nobody knows better than the last motion
-            motion = told
-            distance_m = TOLD_M + TOLD_SHARE * motion.distance_m
-            turn_rad = TOLD_RAD + TOLD_TURN_SHARE * abs(motion.yaw_rad)
+        if (
+            reported is not None and distance_m > REPORTED_M
+        ):  # over a short time nobody knows better than the last motion
+            motion = reported
+            distance_m = REPORTED_M + REPORTED_SHARE * motion.distance_m
+            turn_rad = REPORTED_RAD + REPORTED_TURN_SHARE * abs(motion.yaw_rad)
         # After a scan that did not fit, a heading that has leapt is not believed any longer.
         if heading_rad is not None and self._heading_rad is not None and self._bad < 1:
             motion = Planar(motion.x_m, motion.y_m, wrap_pi(heading_rad - self._heading_rad))
-            turn_rad = TOLD_RAD
-        return Expected(motion, Window(min(distance_m, settings.search_m), min(turn_rad, settings.search_rad)))
+            turn_rad = REPORTED_RAD
+        return Expected(motion, SearchWindow(min(distance_m, settings.search_m), min(turn_rad, settings.search_rad)))
 
     def _skew(self, scan_s: float, t_s: float, expected: Planar, heading_rad: float | None) -> Planar:
         """The motion during a scan: as the last one was, which is smoother than what wheels tell."""
@@ -204,7 +206,7 @@ class LaserOdometer:
 
     # --- what is found ---
 
-    def _fit(self, points: Array, expected: "Expected") -> Alignment:
+    def _fit(self, points: Array, expected: "Expected") -> ScanAlignment:
         """Near the expected place if that is well known, else, or if it does not fit there, all around it."""
         guess, window = self._pose @ expected.motion, expected.window
         assert window is not None
@@ -212,12 +214,12 @@ class LaserOdometer:
         near = align(points, self._map, guess, window.distance_m + NEAR_M) if is_sure else None
         if near is not None and near.share >= self._settings.good_share:
             return near
-        wide = Window(max(window.distance_m, SURE_M), max(window.heading_rad, SURE_RAD))
+        wide = SearchWindow(max(window.distance_m, SURE_M), max(window.heading_rad, SURE_RAD))
         found = search(points, self._map, guess, wide)
         return near if near is not None and near.share >= found.share - BETTER else found
 
     def _adopt(
-        self, points: ScanPoints, found: Alignment, t_s: float, heading_rad: float | None, height_m: float | None
+        self, points: ScanPoints, found: ScanAlignment, t_s: float, heading_rad: float | None, height_m: float | None
     ) -> LaserMotion:
         information = found.information._replace(sigma_m=CAUTION * found.information.sigma_m)
         covariance = information.covariance(UNKNOWN_VARIANCE) + _FLOOR
@@ -245,13 +247,13 @@ class LaserOdometer:
         is_far |= is_degenerate and t_s - self._key_t_s > DARK_S
         if is_far or has_climbed or found.share < settings.key_share:
             is_new = is_degenerate or has_climbed
-            self._take_in(points, t_s, covariance, is_new=is_new)
+            self._add_scan(points, t_s, covariance, is_new=is_new)
             if height_m is not None:
                 self._height_m = height_m - max(-LEVEL_M, min(climb_m, LEVEL_M))
                 self._map_height_m = height_m if is_new or self._map_height_m is None else self._map_height_m
         return report
 
-    def _take_in(self, points: ScanPoints, t_s: float, covariance: Array, *, is_new: bool) -> None:
+    def _add_scan(self, points: ScanPoints, t_s: float, covariance: Array, *, is_new: bool) -> None:
         """Makes the present place the reference, and its scan part of the map; or the begin of a new one.
 
         Along a direction that is not known, a scan cannot be put where it belongs in the map.
@@ -260,14 +262,14 @@ class LaserOdometer:
             self._map = LocalMap(self._settings.reach_m)
         self._map.add(lines_of(points), self._pose, self._travelled_m)
         self._key_pose, self._key_t_s = self._pose, t_s
-        self._key_covariance = _NO_DOUBT if is_new else covariance
+        self._key_covariance = _FULL_TRUST if is_new else covariance
 
     def _lose(
         self, points: ScanPoints, expected: "Expected", share: float, t_s: float, heading_rad: float | None
     ) -> LaserMotion:
         """The scan does not fit; after some of them what was before is given up."""
         reason = f"only {100.0 * share:.0f} % of the scan fits into the map"
-        if self._bad < PATIENCE:
+        if self._bad < MOST_FAILURES:
             return self._nothing(t_s, reason)
         return self._begin(points, self._pose @ expected.motion, t_s, heading_rad, f"{reason}: it begins anew")
 
@@ -278,17 +280,17 @@ class LaserOdometer:
     ) -> LaserMotion:
         self._has_begun, self._velocity, self._travelled_m = True, None, 0.0
         self._settle(pose, t_s, heading_rad)
-        self._take_in(points, t_s, _NO_DOUBT, is_new=True)
+        self._add_scan(points, t_s, _FULL_TRUST, is_new=True)
         return self._nothing(t_s, reason)
 
     def _settle(self, pose: Planar, t_s: float, heading_rad: float | None) -> None:
         self._pose, self._t_s, self._heading_rad = pose, t_s, heading_rad
-        self._told, self._bad = Planar(), -1
+        self._reported, self._bad = Planar(), -1
 
     def _nothing(self, t_s: float, reason: str) -> LaserMotion:
         """No motion; the pose is what somebody told, or that of the last good scan."""
         self._bad += 1
-        pose = self._pose @ (self._told or Planar())
+        pose = self._pose @ (self._reported or Planar())
         return LaserMotion(
             t_s=t_s,
             reference_t_s=self._key_t_s,
@@ -305,7 +307,7 @@ class Expected(NamedTuple):
     """The motion that is expected since the last good scan."""
 
     motion: Planar
-    window: Window | None
+    window: SearchWindow | None
     """How wrong that may be; None before the first scan."""
 
 

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gloc3.messages.frames import wrap_pi
-from gloc3_onboard.algorithms.scan_matching.correlative import Window, candidates
+from gloc3_onboard.algorithms.scan_matching.correlative import SearchWindow, candidates
 from gloc3_onboard.algorithms.scan_matching.local_map import LocalMap
 from gloc3_onboard.algorithms.scan_matching.planar import Array, Planar
 
@@ -133,7 +133,7 @@ FINEST_M: Final = 0.005
 """No scanner is taken for better than this."""
 
 
-class Alignment(NamedTuple):
+class ScanAlignment(NamedTuple):
     """Where a scan fits into a map."""
 
     pose: Planar
@@ -148,14 +148,14 @@ class Alignment(NamedTuple):
         """Whether another place might fit better."""
         return self.share < CLEAR or self.information.is_degenerate
 
-    def without_hearsay(self, guess: Planar) -> Planar:
+    def without_prediction(self, guess: Planar) -> Planar:
         """The pose, but as guessed along what the walls do not tell."""
         north, east, turn = self.pose.x_m - guess.x_m, self.pose.y_m - guess.y_m, self.pose.yaw_rad - guess.yaw_rad
         north, east, turn = self.information.known_part(np.array((north, east, wrap_pi(turn)))).tolist()
         return Planar(guess.x_m + north, guess.y_m + east, wrap_pi(guess.yaw_rad + turn))
 
 
-def align(points: Array, walls: LocalMap, guess: Planar, within_m: float, steps: int = STEPS) -> Alignment:
+def align(points: Array, walls: LocalMap, guess: Planar, within_m: float, steps: int = STEPS) -> ScanAlignment:
     """Fits points to a map.
 
     Args:
@@ -166,14 +166,14 @@ def align(points: Array, walls: LocalMap, guess: Planar, within_m: float, steps:
         steps: no more than so many.
     """
     pose, reach_m = guess, within_m
-    found = Alignment(pose, NOTHING, 0.0, 0.0)
+    found = ScanAlignment(pose, NOTHING, 0.0, 0.0)
     for _ in range(steps):
         turned = points @ pose.rotation().T
         here = np.array((pose.x_m, pose.y_m))
         near = walls.neighbours(turned + here, reach_m)
         is_near = near.distance_m < np.inf
         if np.count_nonzero(is_near) < SOLVED:
-            return Alignment(pose, NOTHING, 0.0, 0.0)
+            return ScanAlignment(pose, NOTHING, 0.0, 0.0)
         turned, n = turned[is_near], near.normals[is_near]
         off = np.einsum("ij,ij->i", n, turned + here - near.feet_m[is_near])
         size = np.abs(off)
@@ -183,14 +183,14 @@ def align(points: Array, walls: LocalMap, guess: Planar, within_m: float, steps:
         known = information_of(jacobian, swings, weights, near.angle_std_rad[is_near], sigma)
         north, east, turn = known.solve(-jacobian.T @ (weights * off)).tolist()
         pose = Planar(pose.x_m + north, pose.y_m + east, wrap_pi(pose.yaw_rad + turn))
-        found = Alignment(pose, known, float(np.count_nonzero(size < FIT_M)) / len(points), sigma)
+        found = ScanAlignment(pose, known, float(np.count_nonzero(size < FIT_M)) / len(points), sigma)
         if reach_m <= NEAR_M and abs(north) + abs(east) < STILL_M and abs(turn) < STILL_RAD:
             break
         reach_m = max(0.6 * reach_m, NEAR_M)
     return found
 
 
-def search(points: Array, walls: LocalMap, guess: Planar, window: Window) -> Alignment:
+def search(points: Array, walls: LocalMap, guess: Planar, window: SearchWindow) -> ScanAlignment:
     """Fits points to a map from a guess that may be far off.
 
     Args:
@@ -210,7 +210,7 @@ def search(points: Array, walls: LocalMap, guess: Planar, window: Window) -> Ali
     if not found.information.is_degenerate:
         return found
     # Along what the walls do not tell, a search finds something at random, unless much more of the scan fits there.
-    expected = align(points, walls, found.without_hearsay(guess), NEAR_M)
+    expected = align(points, walls, found.without_prediction(guess), NEAR_M)
     return found if found.share > expected.share + CLEARLY else expected
 
 

@@ -11,7 +11,7 @@ Picture = NDArray[np.uint8]
 
 _RIM_PX: Final = 4
 """So much around a spot counts towards its centre: its skirt tells more than its saturated middle."""
-_LOOKED_AT: Final = 32
+_MOST_SPOTS: Final = 32
 """So many of the largest patches are looked at; noise makes thousands."""
 _MOST: Final = 8
 """More spots than this are not looked at one by one: the brightest are."""
@@ -53,7 +53,7 @@ class SpotFinder:
         _, _, stats, _ = self._cv2.connectedComponentsWithStats(bright, connectivity=8)
         stats += (left, top, 0, 0, 0)
         areas = stats[1:, self._cv2.CC_STAT_AREA]
-        largest = 1 + np.argsort(-areas, kind="stable")[:_LOOKED_AT]
+        largest = 1 + np.argsort(-areas, kind="stable")[:_MOST_SPOTS]
         found = [self._spot(picture, row) for row in stats[largest]]
         spots = sorted((spot for spot in found if spot is not None), key=lambda spot: -spot.weight)
         return spots[:_MOST]

@@ -29,12 +29,12 @@ class GridCorners:
         self._least = least
         self._margin = margin_px // _HALF
 
-    def find(self, picture: Picture, taken: Pixels) -> Pixels:
+    def find(self, picture: Picture, used: Pixels) -> Pixels:
         """Corners in the cells that hold none yet, strongest first.
 
         Args:
             picture: evened out.
-            taken: the points that are there already, (n, 2).
+            used: the points that are there already, (n, 2).
         """
         cv2, cell = self._cv2, self._cell
         small = cv2.resize(picture, None, fx=1.0 / _HALF, fy=1.0 / _HALF, interpolation=cv2.INTER_AREA)
@@ -46,8 +46,8 @@ class GridCorners:
         flat = tiles.reshape(rows * columns, cell * cell)
         best = flat.argmax(axis=1)
         value = flat[np.arange(len(flat)), best]
-        if len(taken):
-            at = (taken / (_HALF * cell)).astype(np.intp)
+        if len(used):
+            at = (used / (_HALF * cell)).astype(np.intp)
             is_inside = (at[:, 0] < columns) & (at[:, 1] < rows) & (at >= 0).all(axis=1)
             value[at[is_inside, 1] * columns + at[is_inside, 0]] = 0.0
         chosen = np.flatnonzero(np.sqrt(value) * 255.0 > self._least)

@@ -7,7 +7,7 @@ import numpy as np
 from gloc3.evaluation.trajectory import quaternions_from_matrices
 from gloc3.messages.perception import Features, Odometry
 from gloc3_onboard.algorithms.vision.features import FeatureSet
-from gloc3_onboard.algorithms.vision.stereo_motion import Motion
+from gloc3_onboard.algorithms.vision.stereo_motion import KeyFrameMotion
 
 SHARED: Final = 0.95
 DRIFT: Final = 3.0
@@ -40,7 +40,7 @@ def features_of(message: Features, t_s: float) -> FeatureSet | None:
     return FeatureSet(t_s=t_s, ids=ids, pixels=pixels, right_pixels=right)
 
 
-def odometry_of(motion: Motion, source: str) -> Odometry:
+def odometry_of(motion: KeyFrameMotion, source: str) -> Odometry:
     """The message for a motion."""
     x, y, z = motion.position_m.tolist()
     qw, qx, qy, qz = quaternions_from_matrices(motion.rotation[None])[0].tolist()

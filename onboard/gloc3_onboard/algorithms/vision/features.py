@@ -68,11 +68,11 @@ class FeatureMatcher:
         self._points = PointTracker(GridCorners(self._options.cell_px), self._patches, self._options.levels)
         self._stereo = StereoMatcher(rig, self._options.nearest_m, self._patches)
         self._raw: tuple[Picture, Picture] | None = None
-        self.forget()
+        self.reset()
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Begins anew: what comes next has no points in common with what was."""
-        self._points.forget()
+        self._points.reset()
         self._offset_ids: Ids = self._points.ids
         self._offset_px: Pixels = NO_PIXELS
         self._t_s = -np.inf
@@ -91,7 +91,7 @@ class FeatureMatcher:
         if reason:
             return _nothing(t_s, reason)
         if t_s - self._t_s > _GAP_S:
-            self.forget()
+            self.reset()
         left, right = self._light.even(left), self._light.even(right)
         points = self._points
         if points.has_anchor:
@@ -102,7 +102,7 @@ class FeatureMatcher:
         right_px = self._stereo.match(left, points.pixels, points.contrast, right, points.pixels + offsets)
         is_matched = np.isfinite(right_px[:, 0])
         if points.has_anchor and is_matched.sum() < _MATCHED_SHARE * np.isfinite(offsets[:, 0]).sum():
-            reason = points.undo(self._stereo.complaint() or "the right picture does not show what the left one does")
+            reason = points.undo(self._stereo.problem() or "the right picture does not show what the left one does")
             if reason:
                 return _nothing(t_s, reason)
             right_px = NO_PIXELS
@@ -113,7 +113,7 @@ class FeatureMatcher:
         self._t_s = t_s
         self._is_poor = int(np.isfinite(right_px[:, 0]).sum()) < _FEW
         if self._is_poor:
-            return _nothing(t_s, self._stereo.complaint() or "too little to see that both pictures show")
+            return _nothing(t_s, self._stereo.problem() or "too little to see that both pictures show")
         return FeatureSet(t_s=t_s, ids=points.ids, pixels=points.pixels, right_pixels=right_px)
 
     def _problem(self, left: Picture, right: Picture, t_s: float) -> str:
@@ -123,7 +123,7 @@ class FeatureMatcher:
             self._turned_back += 1
             if self._turned_back < TURNED_BACK_AFTER:
                 return "the time does not grow"
-            self.forget()
+            self.reset()
         self._turned_back = 0
         for name, picture, camera in (("left", left, self._rig.left), ("right", right, self._rig.right)):
             found = problem(picture, camera)
@@ -131,8 +131,8 @@ class FeatureMatcher:
                 return f"{name}: {found}"
         before, self._raw = self._raw, (left, right)
         if before is not None and not self._options.may_repeat:
-            for name, old, new in (("left", before[0], left), ("right", before[1], right)):
-                if np.array_equal(old, new):
+            for name, previous, new in (("left", before[0], left), ("right", before[1], right)):
+                if np.array_equal(previous, new):
                     return f"{name}: the same picture again"
         return ""
 
@@ -147,7 +147,7 @@ class FeatureMatcher:
     def _anchor(self, left: Picture, right: Picture, right_px: Pixels) -> Pixels:
         """Takes this picture as the anchor, keeps the points that both pictures show, and adds others."""
         is_kept = np.isfinite(right_px[:, 0])
-        self._points.keep(is_kept)
+        self._points.select(is_kept)
         new_px = self._points.candidates(left)
         contrast = self._patches.contrast(left, new_px)
         new_right = self._stereo.match(left, new_px, contrast, right, self._stereo.search(left, new_px, right))

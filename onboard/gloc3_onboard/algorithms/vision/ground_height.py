@@ -52,7 +52,7 @@ class GroundHeight:
         is_denied = self._denied_s > coast_s or self._denied_s > self._fitting_s
         return is_denied or math.sqrt(self._variance) > _LOST_SHARE * self._mean_m
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Knows nothing."""
         self._mean_m, self._variance = math.nan, math.inf
 
@@ -74,9 +74,9 @@ class GroundHeight:
             Whether it fits one of them; else it changes nothing.
         """
         candidates = [(height_m + relief_m) / ratio for relief_m in reliefs_m]
-        taken_m = min(candidates, key=lambda candidate: abs(candidate - self._mean_m))
+        used_m = min(candidates, key=lambda candidate: abs(candidate - self._mean_m))
         noise = (self._noise_m / ratio) ** 2
-        away_m = taken_m - self._mean_m
+        away_m = used_m - self._mean_m
         gate_m = _GATE * math.sqrt(self._variance + noise) + _GATE_SHARE * self._mean_m
         if abs(away_m) > gate_m:
             self._denied_s += period_s

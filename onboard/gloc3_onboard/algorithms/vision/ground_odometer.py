@@ -13,8 +13,8 @@ from gloc3.messages.frames import Quaternion, Vector3
 from gloc3.messages.perception import Odometry, no_motion
 from gloc3_onboard.algorithms.vision import ground_plane
 from gloc3_onboard.algorithms.vision.ground_height import GroundHeight
-from gloc3_onboard.algorithms.vision.ground_plane import Noise, PlaneMotion, Prior
-from gloc3_onboard.algorithms.vision.ground_report import SOURCE, Held, ratio_std, report
+from gloc3_onboard.algorithms.vision.ground_plane import PlaneMotion, PlaneNoise, Prior
+from gloc3_onboard.algorithms.vision.ground_report import SOURCE, BodyAttitude, ratio_std, report
 from gloc3_onboard.algorithms.vision.ground_tracks import GroundTracks
 from gloc3_onboard.algorithms.vision.picture import Picture, problem
 
@@ -77,14 +77,14 @@ class GroundSettings(NamedTuple):
     """How long it goes on over a floor that the height sensor does not hit, before it believes the new height."""
     key_frame_s: float = 4.0
     """Longest life of a key frame while the vehicle moves."""
-    is_climb_told: bool = True
+    is_climb_reported: bool = True
     """Whether the motion along the vertical is told, which rests on the heights and on the attitude."""
 
 
 class _Key(NamedTuple):
     """A key frame: how it was held, and its points."""
 
-    held: Held
+    held: BodyAttitude
     pixels: Array
     flat: Array
     relief_m: Array
@@ -110,7 +110,7 @@ class GroundOdometer:
         self._tracks = GroundTracks(camera.width, camera.height)
         self._height = GroundHeight(settings.height_noise_m, settings.height_scale_std)
         focal_px = min(camera.focal_px)
-        self._noise = Noise(settings.pixel_std / focal_px, _LARGEST_NOISE_PX / focal_px)
+        self._noise = PlaneNoise(settings.pixel_std / focal_px, _LARGEST_NOISE_PX / focal_px)
         self._frd_from_rdf = matrix(camera.frd_from_rdf)
         self._key: _Key | None = None
         self._slope: Array = np.zeros(2)
@@ -135,12 +135,12 @@ class GroundOdometer:
         Returns:
             The motion since the key frame; invalid, with a reason, where it cannot be told.
         """
-        reason = self._trouble(picture, t_s, ned_from_frd)
+        reason = self._problem(picture, t_s, ned_from_frd)
         if reason:
             return self._invalid(t_s, reason)
         period_s, self._last_s = min(t_s - self._last_s, self.settings.gap_s), t_s
         self._last_picture = picture = picture.copy() if picture.flags.writeable else picture
-        held = Held.of(t_s, ned_from_frd)
+        held = BodyAttitude.of(t_s, ned_from_frd)
         silent_s = t_s - self._moved_s
         if self._key is None:
             return self._begin(picture, held, height_m, "the first picture")
@@ -152,7 +152,7 @@ class GroundOdometer:
         """What is told at a time when there is no picture that can be used."""
         return self._invalid(t_s, reason)
 
-    def _trouble(self, picture: Picture, t_s: float, ned_from_frd: Quaternion) -> str:
+    def _problem(self, picture: Picture, t_s: float, ned_from_frd: Quaternion) -> str:
         """Why a picture cannot be used at all; empty where it can."""
         reason = problem(picture, self.camera)
         if reason:
@@ -172,7 +172,7 @@ class GroundOdometer:
             return "the picture is the last one again"
         return ""
 
-    def _begin(self, picture: Picture, held: Held, height_m: float, reason: str) -> Odometry:
+    def _begin(self, picture: Picture, held: BodyAttitude, height_m: float, reason: str) -> Odometry:
         """Begins anew at a picture, if it shows enough and the height is known."""
         vertical_m = self._vertical_m(height_m, held)
         silent_s = held.t_s - self._moved_s
@@ -196,14 +196,14 @@ class GroundOdometer:
         self._moved_s, self._lost = held.t_s, 0
         return self._invalid(held.t_s, f"begins anew: {reason}")
 
-    def _remembered(self, key: _Key, flat: Array, held: Held) -> Array:
+    def _remembered(self, key: _Key, flat: Array, held: BodyAttitude) -> Array:
         """How far new points stand above the floor, if nothing has moved but the vehicle, as it did before."""
         ahead = (self._place + self._velocity * (held.t_s - self._moved_s)) / self._height.mean_m
         turn = _about_down(held.yaw_rad - key.held.yaw_rad)
         before = flat @ turn[:2, :2].T + ahead[:2]
         return _nearest(before, key.flat, key.relief_m)
 
-    def _move(self, key: _Key, picture: Picture, held: Held, height_m: float, period_s: float) -> Odometry:
+    def _move(self, key: _Key, picture: Picture, held: BodyAttitude, height_m: float, period_s: float) -> Odometry:
         ahead_s = held.t_s - self._moved_s
         expected_m = self._place + self._velocity * ahead_s
         depth = 1.0 - key.relief_m / self._height.mean_m
@@ -217,10 +217,10 @@ class GroundOdometer:
             return self._lose(picture, held, height_m, f"only {is_found.sum()} points were found again")
         before, now, depth = key.flat[is_found], now[is_found], depth[is_found]
         motion = self._fit(before, now, depth, prior, expected_m / self._height.mean_m)
-        reason = self._doubt(motion, expected_m, ahead_s)
+        reason = self._distrust(motion, expected_m, ahead_s)
         if reason:
             return self._lose(picture, held, height_m, reason)
-        is_floor_hit = self._take_height(motion, before, now, height_m, held, period_s)
+        is_floor_hit = self._use_height(motion, before, now, height_m, held, period_s)
         if not is_floor_hit and self._height.is_lost(self.settings.coast_s):
             return self._begin(picture, held, height_m, "the height does not fit what is seen")
         place = motion.translation * self._height.mean_m
@@ -234,7 +234,7 @@ class GroundOdometer:
             held,
             lever,
             self.settings.level_std_rad,
-            is_climb_told=self.settings.is_climb_told,
+            is_climb_reported=self.settings.is_climb_reported,
         )
         if self._is_worn(motion, len(key.pixels), held.t_s - key.held.t_s):
             self._renew(key, motion, picture, held, pixels[is_found], before, now, key.relief_m[is_found])
@@ -250,7 +250,7 @@ class GroundOdometer:
         other = ground_plane.fit(before, now, depth, prior, begun, self._noise)
         return other if other.is_inlier.sum() > motion.is_inlier.sum() else motion
 
-    def _doubt(self, motion: PlaneMotion, expected_m: Array, ahead_s: float) -> str:
+    def _distrust(self, motion: PlaneMotion, expected_m: Array, ahead_s: float) -> str:
         """Why a motion is not believed; empty where it is."""
         count, share = int(motion.is_inlier.sum()), float(motion.is_inlier.mean())
         if not np.isfinite(motion.translation).all() or not np.isfinite(motion.covariance).all():
@@ -266,14 +266,14 @@ class GroundOdometer:
             return f"a jump of {away_m:.2f} m"
         return ""
 
-    def _lose(self, picture: Picture, held: Held, height_m: float, reason: str) -> Odometry:
+    def _lose(self, picture: Picture, held: BodyAttitude, height_m: float, reason: str) -> Odometry:
         self._lost += 1
         if self._lost >= _LOST_AFTER:
             return self._begin(picture, held, height_m, reason)
         return self._invalid(held.t_s, reason)
 
-    def _take_height(
-        self, motion: PlaneMotion, before: Array, now: Array, height_m: float, held: Held, period_s: float
+    def _use_height(
+        self, motion: PlaneMotion, before: Array, now: Array, height_m: float, held: BodyAttitude, period_s: float
     ) -> bool:
         """Whether the height is that of the floor, or of something on it that is known."""
         vertical_m = self._vertical_m(height_m, held)
@@ -306,7 +306,7 @@ class GroundOdometer:
         key: _Key,
         motion: PlaneMotion,
         picture: Picture,
-        held: Held,
+        held: BodyAttitude,
         pixels: Array,
         before: Array,
         now: Array,
@@ -337,7 +337,7 @@ class GroundOdometer:
     def _invalid(self, t_s: float, reason: str) -> Odometry:
         return no_motion(SOURCE, t_s if self._key is None else self._key.held.t_s, reason, is_level=True)
 
-    def _vertical_m(self, height_m: float, held: Held) -> float:
+    def _vertical_m(self, height_m: float, held: BodyAttitude) -> float:
         """Vertical distance of the camera to what a range finder hits; not-a-number where nothing is known."""
         if not 0.0 < height_m < _HIGHEST_M:
             return math.nan
@@ -350,13 +350,13 @@ class GroundOdometer:
     def _turn_std(self) -> Array:
         return np.array([self.settings.tilt_std_rad, self.settings.tilt_std_rad, self.settings.yaw_std_rad])
 
-    def _flat(self, pixels: Array, held: Held) -> Array:
+    def _flat(self, pixels: Array, held: BodyAttitude) -> Array:
         """Flat directions in level axes of pixels."""
         seen = unproject(self.camera, pixels)
         level = np.column_stack((seen, np.ones(len(seen)))) @ self._level_from_rdf(held).T
         return np.asarray(level[:, :2] / np.where(level[:, 2:] > 0.1, level[:, 2:], np.nan))
 
-    def _pixels(self, key: _Key, depth: Array, translation: Array, prior: Prior, held: Held) -> Array:
+    def _pixels(self, key: _Key, depth: Array, translation: Array, prior: Prior, held: BodyAttitude) -> Array:
         """Where the points of the key frame are expected."""
         points = ground_plane.on_plane(key.flat, depth, prior.slope)
         flat = ground_plane.appear(points, translation, prior.turn)
@@ -364,7 +364,7 @@ class GroundOdometer:
         pixels = project(self.camera, level @ self._level_from_rdf(held))
         return np.where(np.isfinite(pixels), pixels, key.pixels)
 
-    def _level_from_rdf(self, held: Held) -> Array:
+    def _level_from_rdf(self, held: BodyAttitude) -> Array:
         return matrix(held.level_from_frd) @ self._frd_from_rdf
 
 

@@ -40,7 +40,7 @@ class Prior(NamedTuple):
     slope_std: float
 
 
-class Noise(NamedTuple):
+class PlaneNoise(NamedTuple):
     """What a coordinate's standard deviation can be, in flat units."""
 
     least: float
@@ -90,7 +90,7 @@ def appear(points: Array, translation: Array, turn: Array) -> Array:
     return np.asarray(seen[:, :2] / down[:, None])
 
 
-def fit(before: Array, now: Array, depth: Array, prior: Prior, translation: Array, noise: Noise) -> PlaneMotion:
+def fit(before: Array, now: Array, depth: Array, prior: Prior, translation: Array, noise: PlaneNoise) -> PlaneMotion:
     """Fits the motion to points seen twice.
 
     Args:

@@ -25,7 +25,7 @@ _GOOD_POINTS: Final = 60
 """So many points that move together are as good as it gets."""
 
 
-class Held(NamedTuple):
+class BodyAttitude(NamedTuple):
     """How the body was held at a time."""
 
     t_s: float
@@ -34,10 +34,10 @@ class Held(NamedTuple):
     yaw_rad: float
 
     @staticmethod
-    def of(t_s: float, ned_from_frd: Quaternion) -> "Held":
+    def of(t_s: float, ned_from_frd: Quaternion) -> "BodyAttitude":
         """Takes an attitude apart."""
         yaw_rad = yaw_of(ned_from_frd)
-        return Held(t_s, normalize(multiply(conjugate(from_yaw(yaw_rad)), ned_from_frd)), yaw_rad)
+        return BodyAttitude(t_s, normalize(multiply(conjugate(from_yaw(yaw_rad)), ned_from_frd)), yaw_rad)
 
 
 def ratio_std(motion: PlaneMotion) -> float:
@@ -50,12 +50,12 @@ def ratio_std(motion: PlaneMotion) -> float:
 def report(
     motion: PlaneMotion,
     height: GroundHeight,
-    key: Held,
-    now: Held,
+    key: BodyAttitude,
+    now: BodyAttitude,
     lever_frd_m: Array,
     level_std_rad: float,
     *,
-    is_climb_told: bool = True,
+    is_climb_reported: bool = True,
 ) -> Odometry:
     """The motion of the body's origin since the key frame.
 
@@ -66,7 +66,7 @@ def report(
     swung = matrix(reference_from_frd) @ lever_frd_m - matrix(key.level_from_frd) @ lever_frd_m
     place = motion.translation * height.mean_m - swung
     covariance = _covariance(motion, height, key, now, level_std_rad)
-    if not is_climb_told:
+    if not is_climb_reported:
         covariance[2, :] = covariance[:, 2] = 0.0
         covariance[2, 2] = UNKNOWN_VARIANCE
     return Odometry(
@@ -82,7 +82,9 @@ def report(
     )
 
 
-def _covariance(motion: PlaneMotion, height: GroundHeight, key: Held, now: Held, level_std_rad: float) -> Array:
+def _covariance(
+    motion: PlaneMotion, height: GroundHeight, key: BodyAttitude, now: BodyAttitude, level_std_rad: float
+) -> Array:
     """(6, 6): position in the reference's level axes, rotation in the body's, of which roll and pitch are not told."""
     covariance = np.zeros((6, 6))
     scale = height.std_m / height.mean_m

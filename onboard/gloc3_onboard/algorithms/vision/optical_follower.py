@@ -41,7 +41,7 @@ class FollowerSettings(NamedTuple):
     range_m: float = 10.0
     """How far the vehicle usually is; it matters only where the height does not tell."""
     range_std_m: float = 10.0
-    is_range_told: bool = True
+    is_range_reported: bool = True
     """Whether the lamp is placed along the line of sight, by its height; else only the direction is told."""
     most_m_s2: float = 6.0
     """How fast the vehicle's motion may change."""
@@ -83,7 +83,7 @@ class OpticalFollower:
         Returns:
             The place of the lamp; invalid, with a reason, where it is not seen or could be either of two lights.
         """
-        reason = self._trouble(picture, t_s)
+        reason = self._problem(picture, t_s)
         if reason:
             return self._nowhere(reason)
         self._last_s = t_s
@@ -91,7 +91,7 @@ class OpticalFollower:
         spots = self._finder.find(picture)
         most_px_s2 = self.settings.most_m_s2 * max(self.camera.focal_px) / max(self._range_m, 0.5)
         silent_s = self._track.silent_s(t_s)
-        spot, reason = self._track.take(spots, t_s, most_px_s2)
+        spot, reason = self._track.update(spots, t_s, most_px_s2)
         if spot is None:
             is_long = math.isfinite(silent_s) and silent_s > 0.5
             return self._nowhere(f"{reason} (lost for {silent_s:.1f} s)" if is_long else reason)
@@ -101,7 +101,7 @@ class OpticalFollower:
         """What is told when there is no picture that can be used."""
         return self._nowhere(reason)
 
-    def _trouble(self, picture: Picture, t_s: float) -> str:
+    def _problem(self, picture: Picture, t_s: float) -> str:
         """Why a picture cannot be used at all; empty where it can."""
         if picture.ndim != 2 or picture.dtype != np.uint8:
             return "not a picture of grey bytes"
@@ -133,7 +133,7 @@ class OpticalFollower:
         self._range_m = range_m
         spot_std_px = self.settings.spot_std_px + _OF_LENGTH * max(0, spot.longer_px - 1)
         across_m = range_m * math.hypot(spot_std_px / min(self.camera.focal_px), self.settings.pointing_std_rad)
-        along_m2 = range_std_m**2 if self.settings.is_range_told else UNKNOWN_VARIANCE
+        along_m2 = range_std_m**2 if self.settings.is_range_reported else UNKNOWN_VARIANCE
         covariance = across_m**2 * np.eye(3) + (along_m2 - across_m**2) * np.outer(ray, ray)
         if along_m2 < across_m**2:
             covariance = across_m**2 * np.eye(3)
@@ -151,11 +151,11 @@ class OpticalFollower:
         usual = self.settings.range_std_m**-2
         if not (math.isfinite(down_m) and math.isfinite(down_std_m)) or down_std_m <= 0.0:
             return self.settings.range_m, self.settings.range_std_m
-        told = (slope / down_std_m) ** 2
+        reported = (slope / down_std_m) ** 2
         mean_m = (usual * self.settings.range_m + slope * (down_m - float(self._eye[2])) / down_std_m**2) / (
-            usual + told
+            usual + reported
         )
-        return mean_m, 1.0 / math.sqrt(usual + told)
+        return mean_m, 1.0 / math.sqrt(usual + reported)
 
     def _nowhere(self, reason: str) -> PositionFix:
         return PositionFix(
@@ -171,7 +171,7 @@ class OpticalFollower:
 
 CONFIRMED_AFTER: Final = 3
 """Pictures in a row with one spot that moves steadily, until it is the lamp."""
-DOUBTED_AFTER_S: Final = 0.5
+SUSPECT_AFTER_S: Final = 0.5
 """After so long out of sight, what is where it could be has to be seen as often again."""
 FORGOTTEN_AFTER_S: Final = 2.0
 """After so long out of sight, nothing is expected any more."""
@@ -198,11 +198,11 @@ class SpotTrack:
         """For how long it was not seen."""
         return t_s - self._seen_s
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Expects nothing."""
         self._place, self._count, self._velocity = None, 0, (0.0, 0.0)
 
-    def take(self, spots: list[Spot], t_s: float, most_px_s2: float) -> tuple[Spot | None, str]:
+    def update(self, spots: list[Spot], t_s: float, most_px_s2: float) -> tuple[Spot | None, str]:
         """Finds the lamp among the spots of a new picture.
 
         Args:
@@ -215,7 +215,7 @@ class SpotTrack:
         """
         ahead_s = t_s - self._seen_s
         if self._place is not None and ahead_s > FORGOTTEN_AFTER_S:
-            self.forget()
+            self.reset()
         if self._place is None:
             return self._first(spots, t_s)
         x, y = (self._place[i] + self._velocity[i] * ahead_s for i in (0, 1))
@@ -225,10 +225,10 @@ class SpotTrack:
             return None, "two lights"
         if not near:
             if not self.is_confirmed:
-                self.forget()
+                self.reset()
             return None, "a light, but not where the vehicle's could be" if spots else "no light in sight"
-        if ahead_s > DOUBTED_AFTER_S and self.is_confirmed:
-            self.forget()
+        if ahead_s > SUSPECT_AFTER_S and self.is_confirmed:
+            self.reset()
             return self._first(near, t_s)
         self._follow(near[0], ahead_s, t_s)
         return (near[0], "") if self.is_confirmed else (None, "a light appears")
@@ -240,9 +240,9 @@ class SpotTrack:
         return None, "a light appears"
 
     def _follow(self, spot: Spot, ahead_s: float, t_s: float) -> None:
-        old, place = self._place or (spot.column, spot.row), (spot.column, spot.row)
+        previous, place = self._place or (spot.column, spot.row), (spot.column, spot.row)
         gain = 1.0 if self._count == 1 else _VELOCITY_GAIN
-        vx, vy = ((place[i] - old[i]) / ahead_s for i in (0, 1))
+        vx, vy = ((place[i] - previous[i]) / ahead_s for i in (0, 1))
         self._velocity = (
             self._velocity[0] + gain * (vx - self._velocity[0]),
             self._velocity[1] + gain * (vy - self._velocity[1]),

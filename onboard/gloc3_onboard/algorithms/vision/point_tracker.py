@@ -14,7 +14,7 @@ Ids = NDArray[np.int32]
 NO_PIXELS: Final[Pixels] = np.zeros((0, 2), np.float32)
 
 _FEW: Final = 8
-_PATIENCE: Final = 3
+_MOST_MISSES: Final = 3
 """Bad pictures in a row after which points are looked for anew."""
 _BACK_MAX_PX: Final = 1.0
 """Farthest from where it began that a point may be when it is followed there and back."""
@@ -42,9 +42,9 @@ class PointTracker:
         self._patches = patches
         self._levels = levels
         self._next_id = 0
-        self.forget()
+        self.reset()
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Begins anew: what comes next has no points in common with what was."""
         self.ids: Ids = np.zeros(0, np.int32)
         """Growing numbers, (n,)."""
@@ -75,33 +75,33 @@ class PointTracker:
         start, contrast = self._anchor_px, self.contrast
         found, is_good = self._patches.find(self._anchor, start, contrast, picture, headed_for, _NEAR_LEVELS)
         if is_good.sum() < _NEAR_SHARE * len(found):
-            found, is_good = self._look_far(picture)
+            found, is_good = self._search_wide(picture)
         count = int(is_good.sum())
         if count < max(_FEW, self._least_share * len(found)):
-            return self._complain(f"only {count} of {len(found)} points are seen again")
+            return self._report_fault(f"only {count} of {len(found)} points are seen again")
         self._before = (self.ids, self.pixels, self.contrast, self._anchor_px, self._speed_px_s)
         self._speed_px_s = ((found - self.pixels) / np.float32(after_s)).astype(np.float32)
         self.pixels = found
-        self.keep(is_good)
+        self.select(is_good)
         return ""
 
     def undo(self, reason: str) -> str:
         """Takes the last `follow` back, because the picture has turned out to be a bad one; says why, as that does."""
         self.ids, self.pixels, self.contrast, self._anchor_px, self._speed_px_s = self._before
-        return self._complain(reason)
+        return self._report_fault(reason)
 
     def accept(self) -> None:
         """The last picture was a good one."""
         self._bad = 0
 
-    def _complain(self, reason: str) -> str:
+    def _report_fault(self, reason: str) -> str:
         self._bad += 1
-        if self._bad < _PATIENCE:
+        if self._bad < _MOST_MISSES:
             return reason
-        self.forget()
+        self.reset()
         return ""
 
-    def _look_far(self, picture: Picture) -> tuple[Pixels, NDArray[np.bool_]]:
+    def _search_wide(self, picture: Picture) -> tuple[Pixels, NDArray[np.bool_]]:
         """Finds points that are not where they were headed for: there and back, because much looks alike from afar."""
         assert self._anchor is not None
         start, contrast, find = self._anchor_px, self.contrast, self._patches.find
@@ -109,7 +109,7 @@ class PointTracker:
         back, is_back = find(picture, found, contrast, self._anchor, start - self.pixels + found, self._levels)
         return found, is_good & is_back & (np.abs(back - start).max(axis=1, initial=0.0) < _BACK_MAX_PX)
 
-    def keep(self, which: NDArray[np.bool_]) -> None:
+    def select(self, which: NDArray[np.bool_]) -> None:
         """Forgets all other points."""
         self.ids, self.pixels, self._anchor_px = self.ids[which], self.pixels[which], self._anchor_px[which]
         self.contrast, self._speed_px_s = self.contrast[which], self._speed_px_s[which]

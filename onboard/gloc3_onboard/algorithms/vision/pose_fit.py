@@ -41,7 +41,7 @@ class Points:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Noise:
+class PoseFitNoise:
     """Standard deviations of the measurements, in units of rays."""
 
     ray: float
@@ -66,7 +66,9 @@ class PoseFit:
     has_converged: bool
 
 
-def fit_pose(points: Points, baseline_m: float, noise: Noise, position_m: Array, rotation: Array) -> PoseFit | None:
+def fit_pose(
+    points: Points, baseline_m: float, noise: PoseFitNoise, position_m: Array, rotation: Array
+) -> PoseFit | None:
     """Fits a pose to points, from a first guess; None where the normal equations have no solution."""
     prior, variance = points.inverse_m, points.inverse_variance
     ray3 = np.column_stack([points.rays, np.ones(len(points.rays))])

@@ -39,7 +39,7 @@ class StereoMatcher:
         self._steps = np.arange(0.0, most_px + _COARSE, _COARSE) / rig.focal_px
         self._off_px: Any = np.zeros(0)
 
-    def complaint(self) -> str:
+    def problem(self) -> str:
         """What the last matches say against the calibration; empty if nothing."""
         if len(self._off_px) < _FEW:
             return ""

@@ -10,7 +10,7 @@ from gloc3.camera.geometry import Array
 from gloc3.camera.opencv import load_opencv
 from gloc3.messages.perception import UNKNOWN_VARIANCE
 from gloc3_onboard.algorithms.vision.features import TURNED_BACK_AFTER, FeatureSet
-from gloc3_onboard.algorithms.vision.pose_fit import Noise, Points, PoseFit, fit_pose
+from gloc3_onboard.algorithms.vision.pose_fit import Points, PoseFit, PoseFitNoise, fit_pose
 from gloc3_onboard.algorithms.vision.stereo_rig import StereoRig
 
 _LEAST_POINTS: Final = 12
@@ -49,7 +49,7 @@ class MotionOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Motion:
+class KeyFrameMotion:
     """The body since a key frame."""
 
     t_s: float
@@ -88,12 +88,12 @@ class StereoMotion:
         self._cv2 = load_opencv()
         self._rig = rig
         self._options = options or MotionOptions()
-        self._noise = Noise(
+        self._noise = PoseFitNoise(
             ray=self._options.ray_px / rig.focal_px, disparity=self._options.disparity_px / rig.focal_px
         )
-        self.forget()
+        self.reset()
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Begins anew."""
         self._key: _Key | None = None
         self._position: Array = np.zeros(3)
@@ -105,7 +105,7 @@ class StereoMotion:
         self._good_s = -np.inf
         self._turned_back = 0
 
-    def update(self, features: FeatureSet) -> Motion:
+    def update(self, features: FeatureSet) -> KeyFrameMotion:
         """The motion since the key frame."""
         t_s = features.t_s
         if features.reason or not np.isfinite(t_s):
@@ -114,7 +114,7 @@ class StereoMotion:
             self._turned_back += 1
             if self._turned_back < TURNED_BACK_AFTER:
                 return self._lost(t_s, "the time does not grow")
-            self.forget()
+            self.reset()
         self._turned_back = 0
         left, right = self._rig.left_rays(features.pixels), self._rig.right_rays(features.right_pixels)
         seen = np.column_stack([left, left[:, 0] - right[:, 0]])
@@ -131,10 +131,10 @@ class StereoMotion:
             seen=seen[of_now],
         )
         fit = self._fit(points, t_s)
-        reason = self._doubt(fit, points, t_s)
+        reason = self._distrust(fit, points, t_s)
         if fit is None or reason:
             return self._lost(t_s, reason)
-        self._take(fit, t_s)
+        self._apply_fit(fit, t_s)
         count = int(fit.is_inlier.sum())
         motion = self._motion(fit, t_s, count)
         key.inverse_m[of_key[fit.is_inlier]] = fit.inverse_m[fit.is_inlier]
@@ -148,12 +148,12 @@ class StereoMotion:
         least = (0.4 * self._noise.disparity / self._rig.baseline_m) ** 2
         return np.maximum(variance, least)
 
-    def _begin(self, features: FeatureSet, seen: Array) -> Motion:
+    def _begin(self, features: FeatureSet, seen: Array) -> KeyFrameMotion:
         """The first key frame, or one after a gap."""
         is_placed = _all_finite(seen)
         if int(is_placed.sum()) < _LEAST_POINTS:
             return self._lost(features.t_s, f"{int(is_placed.sum())} points are seen by both cameras")
-        self.forget()
+        self.reset()
         self._set_key(features, seen, is_placed)
         self._last_s = self._good_s = features.t_s
         return self._lost(features.t_s, BEGUN)
@@ -232,7 +232,7 @@ class StereoMotion:
         rotation: Array = cv2.Rodrigues(turn)[0].T
         return -(rotation @ shift.ravel()), rotation
 
-    def _doubt(self, fit: PoseFit | None, points: Points, t_s: float) -> str:
+    def _distrust(self, fit: PoseFit | None, points: Points, t_s: float) -> str:
         if fit is None:
             return "the points do not tell a motion"
         count, share = int(fit.is_inlier.sum()), float(fit.is_inlier.mean())
@@ -269,14 +269,14 @@ class StereoMotion:
             return False
         return float(np.linalg.norm(rival.position_m - self._predicted(t_s)[0])) < jump_m
 
-    def _take(self, fit: PoseFit, t_s: float) -> None:
+    def _apply_fit(self, fit: PoseFit, t_s: float) -> None:
         after_s = t_s - self._last_s
         self._speed_m_s = (fit.position_m - self._position) / after_s
         self._turn, self._turn_s = self._rotation.T @ fit.rotation, after_s
         self._position, self._rotation = fit.position_m, fit.rotation
         self._last_s = self._good_s = t_s
 
-    def _motion(self, fit: PoseFit, t_s: float, count: int) -> Motion:
+    def _motion(self, fit: PoseFit, t_s: float, count: int) -> KeyFrameMotion:
         key = self._key
         assert key is not None
         turn = self._rig.frd_from_rectified
@@ -292,7 +292,7 @@ class StereoMotion:
         scale = _SHARED + float(np.median(fit.squares)) * _OWN
         covariance = change @ (fit.covariance * scale) @ change.T
         share = float(fit.is_inlier.mean())
-        return Motion(
+        return KeyFrameMotion(
             t_s=t_s,
             reference_t_s=key.t_s,
             position_m=position,
@@ -303,8 +303,8 @@ class StereoMotion:
             is_valid=True,
         )
 
-    def _lost(self, t_s: float, reason: str) -> Motion:
-        return Motion(
+    def _lost(self, t_s: float, reason: str) -> KeyFrameMotion:
+        return KeyFrameMotion(
             t_s=t_s,
             reference_t_s=self._key.t_s if self._key is not None else t_s,
             position_m=np.zeros(3),

@@ -3,7 +3,7 @@
 from gloc3.camera.model import CameraModel
 from gloc3_onboard.algorithms.vision.features import FeatureMatcher, MatcherOptions
 from gloc3_onboard.algorithms.vision.picture import Picture
-from gloc3_onboard.algorithms.vision.stereo_motion import Motion, MotionOptions, StereoMotion
+from gloc3_onboard.algorithms.vision.stereo_motion import KeyFrameMotion, MotionOptions, StereoMotion
 from gloc3_onboard.algorithms.vision.stereo_rig import StereoRig
 
 
@@ -31,7 +31,7 @@ class StereoOdometer:
         self._matcher = FeatureMatcher(rig, matching)
         self._motion = StereoMotion(rig, motion)
 
-    def update(self, left: Picture, right: Picture, t_s: float) -> Motion:
+    def update(self, left: Picture, right: Picture, t_s: float) -> KeyFrameMotion:
         """The motion of the body since the key frame.
 
         Args:

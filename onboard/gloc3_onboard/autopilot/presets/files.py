@@ -20,7 +20,7 @@ SAME: Final = 1e-6
 ParameterName = Annotated[str, msgspec.Meta(pattern=rf"^[A-Z][A-Z0-9_]{{0,{LONGEST_NAME - 1}}}$")]
 
 
-class Wanted(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class PresetValue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One parameter of a preset."""
 
     value: float
@@ -33,12 +33,12 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     preset: str
     style: Style
     vehicle: VehicleClass
-    parameters: dict[ParameterName, Wanted]
+    parameters: dict[ParameterName, PresetValue]
     restart: tuple[str, ...] = ()
     """Parameters that count only after a restart of the autopilot."""
 
 
-class Change(NamedTuple):
+class PresetChange(NamedTuple):
     """What a preset means for one parameter of a vehicle."""
 
     name: str
@@ -67,7 +67,7 @@ def is_same(one: float, other: float) -> bool:
     return math.isclose(one, other, rel_tol=SAME, abs_tol=1e-9)
 
 
-def diff(preset: Preset, now: Mapping[str, float], problems: Mapping[str, str]) -> list[Change]:
+def diff(preset: Preset, now: Mapping[str, float], problems: Mapping[str, str]) -> list[PresetChange]:
     """What the preset means for a vehicle, in the order of the file.
 
     Args:
@@ -76,7 +76,7 @@ def diff(preset: Preset, now: Mapping[str, float], problems: Mapping[str, str]) 
         problems: why others could not be read.
     """
     return [
-        Change(name, now.get(name), row.value, row.why, problems.get(name, ""))
+        PresetChange(name, now.get(name), row.value, row.why, problems.get(name, ""))
         for name, row in preset.parameters.items()
     ]
 

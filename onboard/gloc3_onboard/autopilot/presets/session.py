@@ -6,18 +6,18 @@ from enum import StrEnum
 from typing import Final, Never
 
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.service import Service, earliest
-from gloc3.mavlink.services.heartbeat import ARMED, Peers
+from gloc3.mavlink.service import Microservice, earliest
+from gloc3.mavlink.services.heartbeat import ARMED, MavlinkPeers
 from gloc3.mavlink.services.parameter import ParameterEncoding
 from gloc3.mavlink.services.parameter_client import ParameterCall, ParameterClient, ParameterResult
 from gloc3.messages.vehicle import Style
 from gloc3_onboard.autopilot.families import style_of
-from gloc3_onboard.autopilot.presets.files import Change, Preset, diff
+from gloc3_onboard.autopilot.presets.files import Preset, PresetChange, diff
 
 AT_ONCE: Final = 4
 
 
-class Stage(StrEnum):
+class PresetStage(StrEnum):
     """What it is at."""
 
     LISTENING = "waiting for the autopilot"
@@ -29,7 +29,7 @@ class Stage(StrEnum):
     FAILED = "failed"
 
 
-class PresetSession(Service[Never]):
+class PresetSession(Microservice[Never]):
     """One preset and one autopilot.
 
     Args:
@@ -39,12 +39,12 @@ class PresetSession(Service[Never]):
 
     def __init__(self, own: Address, preset: Preset) -> None:
         super().__init__(own)
-        self.stage = Stage.LISTENING
+        self.stage = PresetStage.LISTENING
         self.problem = ""
         """Why it failed."""
         self.target: Address | None = None
         self._preset = preset
-        self._peers = Peers(own)
+        self._peers = MavlinkPeers(own)
         self._parameters = ParameterClient(own)
         self.handles = self._peers.handles | self._parameters.handles  # type: ignore[misc] # of two services
         self._waiting: deque[str] = deque()
@@ -54,18 +54,18 @@ class PresetSession(Service[Never]):
         self._refused: list[str] = []
 
     @property
-    def changes(self) -> list[Change]:
+    def changes(self) -> list[PresetChange]:
         """What the preset means for this vehicle, as far as it has been read."""
         return diff(self._preset, self._now, self._problems)
 
     def apply(self, now_s: float) -> None:
         """Sets what differs, after it has been read and shown."""
-        if self.stage is not Stage.READ:
+        if self.stage is not PresetStage.READ:
             return
         if self._is_armed:
             self._fail("the vehicle is armed; parameters are changed on the ground only")
             return
-        self.stage = Stage.SETTING
+        self.stage = PresetStage.SETTING
         self._waiting = deque(change.name for change in self.changes if change.is_needed)
         self._go_on(now_s)
 
@@ -74,7 +74,7 @@ class PresetSession(Service[Never]):
         if message.name in self._peers.handles:
             self._peers.receive(message, sender, now_s)
             self._peers.events()
-            if self.stage is Stage.LISTENING:
+            if self.stage is PresetStage.LISTENING:
                 self._adopt(now_s)
         elif sender == self.target:
             self._parameters.receive(message, sender, now_s)
@@ -99,24 +99,24 @@ class PresetSession(Service[Never]):
         return self.target is not None and bool(self._peers[self.target].heartbeat.base_mode & ARMED)
 
     def _fail(self, problem: str) -> None:
-        self.stage, self.problem = Stage.FAILED, problem
+        self.stage, self.problem = PresetStage.FAILED, problem
 
     def _adopt(self, now_s: float) -> None:
         for peer in self._peers.autopilots:
             style = style_of(peer.heartbeat)
             if style is None:
                 continue
-            if (style.style, style.facts.vehicle) != (self._preset.style, self._preset.vehicle):
-                found, meant = f"{style.style}, of a {style.facts.vehicle}", self._preset
+            if (style.style, style.class_properties.vehicle) != (self._preset.style, self._preset.vehicle):
+                found, meant = f"{style.style}, of a {style.class_properties.vehicle}", self._preset
                 self._fail(f"the autopilot is {found}; the preset is for {meant.style}, of a {meant.vehicle}")
                 return
             self.target = peer.address
             encoding = ParameterEncoding.BYTEWISE if style.style is Style.PX4 else ParameterEncoding.CAST
             self._parameters.encoding = encoding
-            self._read(Stage.READING, self._preset.parameters, now_s)
+            self._read(PresetStage.READING, self._preset.parameters, now_s)
             return
 
-    def _read(self, stage: Stage, names: Iterable[str], now_s: float) -> None:
+    def _read(self, stage: PresetStage, names: Iterable[str], now_s: float) -> None:
         self.stage = stage
         self._waiting = deque(names)
         self._now.clear()
@@ -126,7 +126,7 @@ class PresetSession(Service[Never]):
         assert self.target is not None
         while self._waiting and len(self._calls) < AT_ONCE:
             name = self._waiting.popleft()
-            if self.stage is Stage.SETTING:
+            if self.stage is PresetStage.SETTING:
                 value = self._preset.parameters[name].value
                 self._calls[name] = self._parameters.set(self.target, name, value, now_s=now_s)
             else:
@@ -143,24 +143,24 @@ class PresetSession(Service[Never]):
             del self._calls[event.name]
             if event.result is ParameterResult.DONE and event.value is not None:
                 self._now[event.name] = event.value.value
-            elif self.stage is Stage.SETTING:
+            elif self.stage is PresetStage.SETTING:
                 self._refused.append(f"{event.name}: {event.result}")
             else:
                 self._problems[event.name] = str(event.result)
-        if is_moved and self.stage in (Stage.READING, Stage.SETTING, Stage.VERIFYING):
+        if is_moved and self.stage in (PresetStage.READING, PresetStage.SETTING, PresetStage.VERIFYING):
             self._go_on(now_s)
 
     def _end_stage(self, now_s: float) -> None:
         match self.stage:
-            case Stage.READING:
-                self.stage = Stage.READ
-            case Stage.SETTING:
+            case PresetStage.READING:
+                self.stage = PresetStage.READ
+            case PresetStage.SETTING:
                 self._read(
-                    Stage.VERIFYING, [one for one in self._preset.parameters if one not in self._problems], now_s
+                    PresetStage.VERIFYING, [one for one in self._preset.parameters if one not in self._problems], now_s
                 )
-            case Stage.VERIFYING:
+            case PresetStage.VERIFYING:
                 left = [change.name for change in self.changes if change.is_needed]
                 if self._refused or left:
                     self._fail("; ".join(self._refused) or f"the vehicle has other values: {', '.join(left)}")
                 else:
-                    self.stage = Stage.DONE
+                    self.stage = PresetStage.DONE

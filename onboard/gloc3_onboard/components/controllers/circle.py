@@ -30,7 +30,7 @@ class CircleController(Holding, Controller[CircleSettings]):
 
     def __init__(self) -> None:
         self._settings = CircleSettings()
-        self._asked: tuple[str, float] = ("", -math.inf)
+        self._requested: tuple[str, float] = ("", -math.inf)
         """Under which id, and when."""
 
     def initialize(self, settings: CircleSettings) -> None:
@@ -46,15 +46,15 @@ class CircleController(Holding, Controller[CircleSettings]):
         owner, state = self.owner(inbox.latest(self.grant)), inbox.latest(self.autopilot)
         results: list[Result] = []
         if owner and state is not None and inbox.is_fresh(self.autopilot, now_s, AUTOPILOT_SILENT_S):
-            results += self._ask(owner, state.payload, now_s)
-        self.tell(now_s)
+            results += self._request(owner, state.payload, now_s)
+        self.report_progress(now_s)
         return [*results, *self.action_reports(now_s)]
 
-    def _ask(self, owner: str, autopilot: AutopilotState, now_s: float) -> list[Manoeuvre]:
-        asked, asked_s = self._asked
-        is_asked = asked == owner and now_s - asked_s < self._settings.repeat_s
+    def _request(self, owner: str, autopilot: AutopilotState, now_s: float) -> list[Manoeuvre]:
+        requested, requested_s = self._requested
+        is_requested = requested == owner and now_s - requested_s < self._settings.repeat_s
         is_flying = autopilot.is_armed and autopilot.landed is not LandedState.ON_GROUND
-        if is_asked or not is_flying or autopilot.mode is FlightMode.HOLD:
+        if is_requested or not is_flying or autopilot.mode is FlightMode.HOLD:
             return []
-        self._asked = (owner, now_s)
+        self._requested = (owner, now_s)
         return [Manoeuvre(action_id=owner, kind=ManoeuvreKind.HOLD)]

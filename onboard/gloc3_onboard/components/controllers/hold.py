@@ -56,7 +56,7 @@ class HoldController(Holding, Controller[HoldSettings]):
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Streams the place to keep while motion is this controller's."""
         held = self._keep(now_s, inbox)
-        self.tell(now_s)
+        self.report_progress(now_s)
         return [*held, *self.action_reports(now_s)]
 
     def _keep(self, now_s: float, inbox: Inbox) -> list[Setpoint]:
@@ -68,7 +68,7 @@ class HoldController(Holding, Controller[HoldSettings]):
             return []
         before, self._seen = self._seen, latest
         if self._place_ned_m is None or before is None or latest.t_s - before.t_s > GAP_S:
-            self._take_place(latest.payload)
+            self._choose_position(latest.payload)
         elif latest.payload.reset_counter != before.payload.reset_counter:
             self._move_place(before, latest)
         self._brake(min(now_s - self._moved_s, STEP_S))
@@ -81,7 +81,7 @@ class HoldController(Holding, Controller[HoldSettings]):
         )
         return [setpoint]
 
-    def _take_place(self, pose: Pose) -> None:
+    def _choose_position(self, pose: Pose) -> None:
         """Begins where the vehicle is, as fast as it is."""
         self._place_ned_m, self._velocity_ned_m_s = pose.position_ned_m, pose.velocity_ned_m_s
         self._yaw_rad = yaw_of(pose.ned_from_frd)
@@ -93,16 +93,16 @@ class HoldController(Holding, Controller[HoldSettings]):
         share = max(0.0, 1.0 - self._settings.braking_m_s2 * duration_s / speed) if speed > 0.0 else 0.0
         (n, e, d), (vn, ve, vd) = self._place_ned_m, self._velocity_ned_m_s
         self._velocity_ned_m_s = (vn * share, ve * share, vd * share)
-        way_s = 0.5 * (1.0 + share) * duration_s
-        self._place_ned_m = (n + vn * way_s, e + ve * way_s, d + vd * way_s)
+        elapsed_s = 0.5 * (1.0 + share) * duration_s
+        self._place_ned_m = (n + vn * elapsed_s, e + ve * elapsed_s, d + vd * elapsed_s)
 
     def _move_place(self, before: Envelope[Pose], after: Envelope[Pose]) -> None:
         """The estimate has jumped, the vehicle has not: the place to keep jumps with it."""
         assert self._place_ned_m is not None
         duration_s = after.t_s - before.t_s
         n, e, d = (
-            kept + new - old - speed * duration_s
-            for kept, new, old, speed in zip(
+            kept + new - previous - speed * duration_s
+            for kept, new, previous, speed in zip(
                 self._place_ned_m,
                 after.payload.position_ned_m,
                 before.payload.position_ned_m,

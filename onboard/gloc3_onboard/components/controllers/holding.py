@@ -40,7 +40,7 @@ class Holding(ActionPerformer):
         self._last_action = self.action_id or self._last_action
         return owner if owner and owner in (HOLD_ACTION, self._last_action) else ""
 
-    def tell(self, now_s: float) -> None:
+    def report_progress(self, now_s: float) -> None:
         """Says how far the action is; it ends with its time."""
         if self.is_running and self._duration_s is not None:
             left_s = self._until_s - now_s

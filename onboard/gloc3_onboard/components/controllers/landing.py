@@ -15,7 +15,7 @@ from gloc3.messages.standard_topics import AUTOPILOT_SILENT_S
 from gloc3.messages.vehicle import AutopilotState, DriverState, Manoeuvre, ManoeuvreKind, ManoeuvreState, Pose, Setpoint
 from gloc3.mission.model.arguments import LandOrder
 from gloc3.mission.model.states import ActionState
-from gloc3_onboard.algorithms.paths.leader import Leader
+from gloc3_onboard.algorithms.paths.leader import PathReference
 from gloc3_onboard.algorithms.paths.path_follower import PathFollower
 
 ACCEPTANCE_M: Final = 0.25
@@ -54,10 +54,10 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
     def __init__(self) -> None:
         self._settings = LandingSettings()
         self._pose: Pose | None = None
-        self._leader: Leader | None = None
+        self._reference: PathReference | None = None
         self._yaw_rad = 0.0
         self._since_s = 0.0
-        self._asked_s = -math.inf
+        self._requested_s = -math.inf
 
     def initialize(self, settings: LandingSettings) -> None:
         """Adopts the settings."""
@@ -69,8 +69,8 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
 
     def begin_action(self, capability: str, arguments: LandOrder, now_s: float) -> None:
         """Lays the way to the place, if one is given. Landing here works without a pose."""
-        self._leader = None
-        self._since_s, self._asked_s = now_s, -math.inf
+        self._reference = None
+        self._since_s, self._requested_s = now_s, -math.inf
         if arguments.at_ned_m is None:
             return
         if not self._settings.may_approach:
@@ -82,7 +82,7 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
         place = (north, east, pose.position_ned_m[2])
         follower = PathFollower(pose.position_ned_m, [place], self._settings.speed_m_s, acceleration_m_s2=1.0)
         self._yaw_rad = yaw_of(pose.ned_from_frd)
-        self._leader = Leader(follower, now_s)
+        self._reference = PathReference(follower, now_s)
 
     def pause_action(self, now_s: float) -> None:
         """The time that is left stands still."""
@@ -91,7 +91,7 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
     def resume_action(self, now_s: float) -> None:
         """Asks for the manoeuvre again."""
         self._since_s += now_s
-        self._asked_s = -math.inf
+        self._requested_s = -math.inf
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Flies to the place, then lands."""
@@ -107,24 +107,24 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
             elif now_s - self._since_s > self._settings.timeout_s:
                 reason = f"not landed after {self._settings.timeout_s:g} s"
                 self.advance(now_s, 0.0, ActionState.FAILED, reason)
-            elif self._leader is not None:
-                results += self._approach(self._leader, driver, now_s)
+            elif self._reference is not None:
+                results += self._approach(self._reference, driver, now_s)
             else:
                 results += self._descend(driver, now_s)
         return [*results, *self.action_reports(now_s)]
 
-    def _approach(self, leader: Leader, driver: Envelope[DriverState] | None, now_s: float) -> list[Result]:
+    def _approach(self, reference: PathReference, driver: Envelope[DriverState] | None, now_s: float) -> list[Result]:
         if self._pose is None:
             return []
         action_id = self.action_id
-        target = leader.advance(self._pose, driver, now_s)
-        problem = leader.problem(self._settings.settle_s)
+        target = reference.advance(self._pose, driver, now_s)
+        problem = reference.problem(self._settings.settle_s)
         if problem:
             self.advance(now_s, 0.0, ActionState.FAILED, f"the landing place is not reached: {problem}")
             return []
-        if leader.is_there(ACCEPTANCE_M):
-            self._leader = None
-        self.advance(now_s, 0.3 * leader.follower.progress)
+        if reference.is_there(ACCEPTANCE_M):
+            self._reference = None
+        self.advance(now_s, 0.3 * reference.follower.progress)
         setpoint = Setpoint(
             action_id=action_id,
             position_ned_m=target.position_ned_m,
@@ -141,7 +141,7 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
             self.advance(now_s, 0.5)
         elif driver is not None and is_ours and driver.payload.manoeuvre_state is ManoeuvreState.FAILED:
             self.advance(now_s, 0.3, reason=driver.payload.manoeuvre_reason)
-        if is_flown or now_s - self._asked_s < self._settings.repeat_s:
+        if is_flown or now_s - self._requested_s < self._settings.repeat_s:
             return []
-        self._asked_s = now_s
+        self._requested_s = now_s
         return [Manoeuvre(action_id=self.action_id, kind=ManoeuvreKind.LAND)]

@@ -78,7 +78,7 @@ class Limiter(Controller[LimiterSettings]):
         grant = inbox.latest(self.grant)
         owner = grant.payload.action_id if grant is not None else ""
         for scan in inbox.new(self.obstacles):
-            self._look_around(scan, inbox.latest(self.pose))
+            self._check_obstacles(scan, inbox.latest(self.pose))
         results: list[Result] = []
         for manoeuvre in inbox.new(self.manoeuvre_wanted):
             if owner and manoeuvre.payload.action_id == owner:
@@ -92,12 +92,12 @@ class Limiter(Controller[LimiterSettings]):
         self.foreign, self.stale, self.not_finite = gate.foreign, gate.stale, gate.not_finite
         return results
 
-    def _look_around(self, scan: Envelope[ObstacleScan], pose: Envelope[Pose] | None) -> None:
+    def _check_obstacles(self, scan: Envelope[ObstacleScan], pose: Envelope[Pose] | None) -> None:
         if self._limiter is None or pose is None or not scan.payload.is_valid or scan.t_s <= self._seen_s:
             return
         self._seen_s = scan.t_s
         at, points = pose.payload.position_ned_m, scan.payload.points_ne_m
-        soon = self._movers.see(points, at, scan.t_s, pose.payload.reset_counter)
+        soon = self._movers.add_scan(points, at, scan.t_s, pose.payload.reset_counter)
         self._limiter.obstacles = ObstacleField(points, at, self._settings.keep_m, soon)
 
     def _limit(self, wanted: Envelope[Setpoint], pose: Envelope[Pose] | None, now_s: float) -> list[Result]:
@@ -108,7 +108,7 @@ class Limiter(Controller[LimiterSettings]):
             self.reason = "there is no valid pose to keep the fence with"
             return []
         place = pose.payload
-        self._limiter.see(place.position_ned_m, place.velocity_ned_m_s, pose.t_s, place.reset_counter)
+        self._limiter.set_vehicle(place.position_ned_m, place.velocity_ned_m_s, pose.t_s, place.reset_counter)
         if now_s - self._seen_s > self._settings.obstacles_limit_s:
             self._limiter.obstacles = None
         settings = self._settings

@@ -15,7 +15,7 @@ from gloc3.messages.vehicle import DriverState, Pose, Setpoint
 from gloc3.mission.model.arguments import FollowWaypointsOrder, HeadingOrder, ReturnHome
 from gloc3.mission.model.states import ActionState
 from gloc3.mission.model.waypoint_options import refuse_unkept
-from gloc3_onboard.components.controllers.way_performer import WayPerformer
+from gloc3_onboard.components.controllers.way_performer import WaypointPerformer
 
 DRIVER_S: Final = 0.5
 """What the driver said longer ago does not count."""
@@ -65,7 +65,7 @@ class LineOfSightSettings(Settings, frozen=True):
     """A pose older than this is lost."""
 
 
-class LineOfSightController(WayPerformer, Controller[LineOfSightSettings]):
+class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
     """Streams a velocity whose direction is to be the heading: along the way, and against what sets it off.
 
     It follows the waypoints as `WaypointsController` does, and takes the same orders, but leads no point: in a current
@@ -81,9 +81,9 @@ class LineOfSightController(WayPerformer, Controller[LineOfSightSettings]):
         self.cross_track_m = self.crab_m = self.left_m = self.drift_m_s = 0.0
         self._settings = LineOfSightSettings()
         self._guide = LineOfSight()
-        self._forget(0.0)
+        self._reset(0.0)
 
-    def _forget(self, now_s: float) -> None:
+    def _reset(self, now_s: float) -> None:
         self._start_ned_m: Vector3 = (0.0, 0.0, 0.0)
         self._last_s = now_s
         self._now_m_s = self._alone_s = self._length_m = 0.0
@@ -111,7 +111,7 @@ class LineOfSightController(WayPerformer, Controller[LineOfSightSettings]):
             raise Refused(f"a vehicle that steers by its heading has none to spare: heading {order.heading.mode}")
         self._order = order
         self._guide = LineOfSight(self._settings.integral)
-        self._forget(now_s)
+        self._reset(now_s)
         passed = self.passed(order, pose.position_ned_m)
         start = order.waypoints_ned_m[passed - 1] if passed else pose.position_ned_m
         while not order.rest_s and passed < len(order.waypoints_ned_m) - 1:
@@ -121,7 +121,7 @@ class LineOfSightController(WayPerformer, Controller[LineOfSightSettings]):
             start, passed = here, passed + 1
         self._head_for(passed, start, now_s)
 
-    def way_home(self, arguments: ReturnHome, home_ned_m: Vector3, here_ned_m: Vector3) -> FollowWaypointsOrder:
+    def path_home(self, arguments: ReturnHome, home_ned_m: Vector3, here_ned_m: Vector3) -> FollowWaypointsOrder:
         """Straight home, nose first."""
         north, east, home_down = home_ned_m
         down = here_ned_m[2] if arguments.height_m is None else home_down - arguments.height_m
@@ -144,24 +144,24 @@ class LineOfSightController(WayPerformer, Controller[LineOfSightSettings]):
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Steers on."""
-        self.see(inbox, now_s, self._settings.pose_limit_s)
+        self.update_pose(inbox, now_s, self._settings.pose_limit_s)
         results: list[Result] = []
         duration_s, self._last_s = now_s - self._last_s, now_s
         if not self.is_running or self._order is None:
             self._nearer_s = now_s
         elif self._pose is not None and self._pose.is_valid:
-            is_led = self._is_led(inbox.latest(self.driver), duration_s, now_s)
-            results.append(self._steer(self._order, self._pose, now_s, min(duration_s, 0.1) if is_led else 0.0))
+            is_guided = self._is_guided(inbox.latest(self.driver), duration_s, now_s)
+            results.append(self._steer(self._order, self._pose, now_s, min(duration_s, 0.1) if is_guided else 0.0))
         return [*results, *self.action_reports(now_s)]
 
-    def _is_led(self, driver: Envelope[DriverState] | None, duration_s: float, now_s: float) -> bool:
+    def _is_guided(self, driver: Envelope[DriverState] | None, duration_s: float, now_s: float) -> bool:
         """Whether the autopilot follows; and for how long it has not."""
-        is_led = driver is not None and driver.payload.is_guided and now_s - driver.t_s <= DRIVER_S
-        self._alone_s = 0.0 if is_led else self._alone_s + min(duration_s, DRIVER_S)
-        self._refusal = "" if is_led or driver is None else driver.payload.refusal
-        if not is_led:
+        is_guided = driver is not None and driver.payload.is_guided and now_s - driver.t_s <= DRIVER_S
+        self._alone_s = 0.0 if is_guided else self._alone_s + min(duration_s, DRIVER_S)
+        self._refusal = "" if is_guided or driver is None else driver.payload.refusal
+        if not is_guided:
             self._nearer_s, self._now_m_s = now_s, 0.0
-        return is_led
+        return is_guided
 
     def _head_for(self, waypoint: int, start: Vector3, now_s: float) -> None:
         """Makes another waypoint the next."""
@@ -176,7 +176,7 @@ class LineOfSightController(WayPerformer, Controller[LineOfSightSettings]):
     def _steer(self, order: FollowWaypointsOrder, pose: Pose, now_s: float, duration_s: float) -> Setpoint:
         settings, place = self._settings, order.waypoints_ned_m[self.waypoint]
         ahead_m = max(settings.lookahead_m, settings.lookahead_s * self._now_m_s)
-        guidance = self._guide.look(pose.position_ned_m, ahead_m, duration_s)
+        guidance = self._guide.update(pose.position_ned_m, ahead_m, duration_s)
         self.cross_track_m, self.crab_m, self.left_m = guidance.cross_track_m, self._guide.crab_m, guidance.left_m
         away_m = math.dist(place[:2], pose.position_ned_m[:2])
         if away_m < self._nearest_m - 0.5 or self._resting_since_s is not None:
@@ -195,7 +195,7 @@ class LineOfSightController(WayPerformer, Controller[LineOfSightSettings]):
             self._misses += 1
             self._head_for(self.waypoint, pose.position_ned_m, now_s)
         if self._resting_since_s is not None:
-            return self._rest(order, pose, place, now_s, is_last=is_last)
+            return self._remainder(order, pose, place, now_s, is_last=is_last)
         self.advance(now_s, self._progress(order), achieved=self.waypoint)
         wanted = slowed_m_s(
             order.speed_m_s, guidance.left_m, self._end_m_s(order), BRAKING_SHARE * settings.acceleration_m_s2
@@ -218,7 +218,7 @@ class LineOfSightController(WayPerformer, Controller[LineOfSightSettings]):
             self.drift_m_s += min(1.0, duration_s / self._settings.drift_s) * (aside_m_s - self.drift_m_s)
         return wrap_pi(heading_rad)
 
-    def _rest(
+    def _remainder(
         self, order: FollowWaypointsOrder, pose: Pose, place: Vector3, now_s: float, *, is_last: bool
     ) -> Setpoint:
         """At a waypoint where it stops."""

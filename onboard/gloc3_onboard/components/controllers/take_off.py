@@ -74,7 +74,7 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         """Height to reach above the place where it stood; negative for a dive."""
         self._ground_down_m = 0.0
         self._since_s = 0.0
-        self._asked_s: float | None = None
+        self._requested_s: float | None = None
         self._has_flown = False
         self._top: tuple[Vector3, float] | None = None
         """Where the vehicle is kept at the end: position and heading."""
@@ -112,7 +112,7 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
             case _:
                 self._kind, self._target_m = ManoeuvreKind.SET_OFF, 0.0
         self._since_s = now_s
-        self._asked_s, self._top, self._has_flown = None, None, False
+        self._requested_s, self._top, self._has_flown = None, None, False
 
     def pause_action(self, now_s: float) -> None:
         """The time that is left stands still."""
@@ -121,7 +121,7 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
     def resume_action(self, now_s: float) -> None:
         """Asks again, or climbs on from where it hangs."""
         self._since_s += now_s
-        self._asked_s, self._top = None, None
+        self._requested_s, self._top = None, None
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Asks once, watches, and takes over at the top."""
@@ -152,9 +152,9 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         if state is ManoeuvreState.FAILED:
             return self._fail(now_s, reason)
         self.advance(now_s, self._progress)
-        if self._asked_s is not None:
+        if self._requested_s is not None:
             return []
-        self._asked_s = now_s
+        self._requested_s = now_s
         height_m, may_arm = max(self._target_m, 0.0), self._settings.arm
         return [Manoeuvre(action_id=self.action_id, kind=self._kind, height_m=height_m, may_arm=may_arm)]
 
@@ -164,9 +164,9 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
 
     def _manoeuvre(self, driver: Envelope[DriverState] | None) -> tuple[ManoeuvreState | None, str]:
         """What has become of the manoeuvre; running until the driver can have heard of it."""
-        if self._asked_s is None:
+        if self._requested_s is None:
             return None, ""
-        if driver is None or driver.payload.manoeuvre_id != self.action_id or driver.t_s < self._asked_s + REPORT_S:
+        if driver is None or driver.payload.manoeuvre_id != self.action_id or driver.t_s < self._requested_s + REPORT_S:
             return ManoeuvreState.RUNNING, ""
         return driver.payload.manoeuvre_state, driver.payload.manoeuvre_reason
 

@@ -66,7 +66,7 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
         self._last: VelocityDemand | None = None
         """The demand that was taken last."""
         self._is_live = False
-        self._told_s = -math.inf
+        self._last_report_s = -math.inf
         self.taken = self.expired = 0
         """Demands that were followed, and how often they ended."""
 
@@ -89,7 +89,7 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
     def resume_action(self, now_s: float) -> None:
         """Takes the place anew."""
         self._seen_s = self._began_s = now_s
-        self._place_ned_m, self._is_live, self._told_s = None, False, -math.inf
+        self._place_ned_m, self._is_live, self._last_report_s = None, False, -math.inf
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Moves the place on while the action runs."""
@@ -142,7 +142,7 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
         latest = inbox.latest(self.motion_demand)
         is_live = latest is not None and latest.t_s >= self._began_s and now_s - latest.t_s <= EXPIRES_S
         if is_live != self._is_live:
-            self._is_live, self._told_s = is_live, -math.inf
+            self._is_live, self._last_report_s = is_live, -math.inf
             self.expired += not is_live
         if latest is None or limits is None or not is_live:
             return _STILL, 0.0
@@ -182,7 +182,7 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
             east + (before[1] + after[1]) * half_s,
             down + (before[2] + after[2]) * half_s,
         )
-        self._place_ned_m, self._velocity_ned_m_s = _led(place, at.position_ned_m, settings.lead_m), after
+        self._place_ned_m, self._velocity_ned_m_s = _limited(place, at.position_ned_m, settings.lead_m), after
 
     def _why(self, last: VelocityDemand | None) -> str:
         """Why it does not do what is asked for."""
@@ -195,9 +195,9 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
 
     def _report(self, velocity: Vector3, yaw_rate: float, at: Pose, now_s: float) -> list[Result]:
         """What the stations are told, five times a second and when demands begin or end."""
-        if now_s - self._told_s < REPORT_S - 1e-6:
+        if now_s - self._last_report_s < REPORT_S - 1e-6:
             return []
-        self._told_s = now_s
+        self._last_report_s = now_s
         last = self._last
         north, east, down = at.velocity_ned_m_s
         measured = turned((north, east, -down), -yaw_of(at.ned_from_frd))
@@ -232,7 +232,7 @@ def _next(before: float, wanted: float, most: float) -> float:
     return before + min(max(wanted - before, -most), most)
 
 
-def _led(place: Vector3, here: Vector3, lead_m: float) -> Vector3:
+def _limited(place: Vector3, here: Vector3, lead_m: float) -> Vector3:
     """The place, no farther away than allowed on the map, nor in height: what lags on its way keeps its height."""
     north, east, down = (there - at for there, at in zip(place, here, strict=True))
     across = math.hypot(north, east)

@@ -12,7 +12,7 @@ from gloc3.mission.model.arguments import FollowWaypointsOrder, ReturnHome
 from gloc3_onboard.algorithms.paths.path_follower import next_ahead
 
 
-class WayPerformer(ActionPerformer):
+class WaypointPerformer(ActionPerformer):
     """Mix this into a controller that follows waypoints, and returns home, with setpoints."""
 
     performs: ClassVar = {
@@ -34,7 +34,7 @@ class WayPerformer(ActionPerformer):
     _home_ned_m: Vector3 | None = None
     _order: FollowWaypointsOrder | None = None
 
-    def see(self, inbox: Inbox, now_s: float, pose_limit_s: float) -> None:
+    def update_pose(self, inbox: Inbox, now_s: float, pose_limit_s: float) -> None:
         """Takes in where the vehicle and its home are; a pose older than the limit is lost."""
         latest = inbox.latest(self.pose)
         is_fresh = inbox.is_fresh(self.pose, now_s, pose_limit_s)
@@ -56,13 +56,13 @@ class WayPerformer(ActionPerformer):
         elif self._home_ned_m is None:
             raise Refused("home is not known")
         else:
-            order = self.way_home(arguments, self._home_ned_m, pose.position_ned_m)
+            order = self.path_home(arguments, self._home_ned_m, pose.position_ned_m)
         if not order.waypoints_ned_m:
             raise Refused("there is no waypoint")
         return pose, order
 
     @abstractmethod
-    def way_home(self, arguments: ReturnHome, home_ned_m: Vector3, here_ned_m: Vector3) -> FollowWaypointsOrder:
+    def path_home(self, arguments: ReturnHome, home_ned_m: Vector3, here_ned_m: Vector3) -> FollowWaypointsOrder:
         """The way from where the vehicle is to home."""
 
     def passed(self, order: FollowWaypointsOrder, here_ned_m: Vector3) -> int:

@@ -17,11 +17,11 @@ from gloc3.mission.model.arguments import FollowWaypointsOrder, HeadingOrder, Re
 from gloc3.mission.model.states import ActionState
 from gloc3.mission.model.waypoint_options import refuse_unkept
 from gloc3_onboard.algorithms.mapping.obstacle_field import ObstacleField
-from gloc3_onboard.algorithms.paths.floor_keeper import FloorKeeper
-from gloc3_onboard.algorithms.paths.leader import Leader
-from gloc3_onboard.algorithms.paths.path_follower import PathFollower, Target
-from gloc3_onboard.algorithms.paths.wall_keeper import WallKeeper, wall_ahead
-from gloc3_onboard.components.controllers.way_performer import WayPerformer
+from gloc3_onboard.algorithms.paths.floor_keeper import FloorClearance
+from gloc3_onboard.algorithms.paths.leader import PathReference
+from gloc3_onboard.algorithms.paths.path_follower import PathFollower, PathTarget
+from gloc3_onboard.algorithms.paths.wall_keeper import WallDistance, wall_ahead
+from gloc3_onboard.components.controllers.way_performer import WaypointPerformer
 
 DETOUR_M = 2.0
 """So much farther ahead the point that is followed may be while the vehicle goes around something."""
@@ -70,7 +70,7 @@ class WaypointsSettings(Settings, frozen=True):
     """What the range finder told longer ago does not count."""
 
 
-class WaypointsController(WayPerformer, Controller[WaypointsSettings]):
+class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
     """Streams setpoints along the waypoints of an action; without a valid pose it streams nothing."""
 
     settings_type = WaypointsSettings
@@ -85,14 +85,14 @@ class WaypointsController(WayPerformer, Controller[WaypointsSettings]):
         self.waypoint = 0
         self.cross_track_m = 0.0
         self._settings = WaypointsSettings()
-        self._leader: Leader | None = None
-        self._wall: WallKeeper | None = None
-        self._floor: FloorKeeper | None = None
+        self._reference: PathReference | None = None
+        self._wall: WallDistance | None = None
+        self._floor: FloorClearance | None = None
         self._range_m: float | None = None
         """What the range finder that looks down tells; None for no echo."""
         self._points: list[tuple[float, float]] | None = None
         """What stands around; None where nobody looks."""
-        self._is_in_the_way, self._hindered_s = False, 0.0
+        self._is_blocking, self._hindered_s = False, 0.0
         self._passed = 0
         """Waypoints that an earlier attempt had passed."""
         self._yaw_rad = 0.0
@@ -105,7 +105,7 @@ class WaypointsController(WayPerformer, Controller[WaypointsSettings]):
     def stop(self) -> None:
         """Forgets the action under way."""
         self.drop_action()
-        self._leader = None
+        self._reference = None
 
     def begin_action(self, capability: str, arguments: FollowWaypointsOrder | ReturnHome, now_s: float) -> None:
         """Lays the way from where the vehicle is, through the waypoints that no earlier attempt has passed."""
@@ -118,10 +118,10 @@ class WaypointsController(WayPerformer, Controller[WaypointsSettings]):
         if order.altitude_m is not None:
             # Its heights are the floor's: the way is laid level, where the vehicle is if the floor is seen from there.
             down_m = order.waypoints_ned_m[0][2] if self._range_m is None else pose.position_ned_m[2]
-            self._floor = FloorKeeper(order.altitude_m, down_m, self._settings.climb_m_s)
+            self._floor = FloorClearance(order.altitude_m, down_m, self._settings.climb_m_s)
             order = replace(order, waypoints_ned_m=tuple((n, e, down_m) for n, e, _ in order.waypoints_ned_m))
         self._order = order
-        self._is_in_the_way, self._hindered_s = False, 0.0
+        self._is_blocking, self._hindered_s = False, 0.0
         self._passed = self.passed(order, pose.position_ned_m)
         self._yaw_rad = yaw_of(pose.ned_from_frd)
         self._last_s = now_s
@@ -134,10 +134,10 @@ class WaypointsController(WayPerformer, Controller[WaypointsSettings]):
             climb_m_s=self._settings.climb_m_s,
             acceptance_m=order.acceptance_m,
         )
-        self._leader = Leader(follower, now_s, self._settings.at_rest_m_s)
-        self._wall = None if order.wall_distance_m is None else WallKeeper(order.wall_distance_m)
+        self._reference = PathReference(follower, now_s, self._settings.at_rest_m_s)
+        self._wall = None if order.wall_distance_m is None else WallDistance(order.wall_distance_m)
 
-    def way_home(self, arguments: ReturnHome, home_ned_m: Vector3, here_ned_m: Vector3) -> FollowWaypointsOrder:
+    def path_home(self, arguments: ReturnHome, home_ned_m: Vector3, here_ned_m: Vector3) -> FollowWaypointsOrder:
         """To the height, then straight home, with the heading that there is."""
         home, (north, east, down) = home_ned_m, here_ned_m
         height_down = down if arguments.height_m is None else home[2] - arguments.height_m
@@ -149,55 +149,57 @@ class WaypointsController(WayPerformer, Controller[WaypointsSettings]):
 
     def end_action(self, now_s: float) -> None:
         """Forgets the way."""
-        self._leader = None
+        self._reference = None
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Moves the target on and asks for it."""
-        self.see(inbox, now_s, self._settings.pose_limit_s)
+        self.update_pose(inbox, now_s, self._settings.pose_limit_s)
         scan = inbox.latest(self.obstacles)
         is_seen = scan is not None and inbox.is_fresh(self.obstacles, now_s, self._settings.obstacles_limit_s)
         self._points = scan.payload.points_ne_m if scan is not None and is_seen and scan.payload.is_valid else None
         height = inbox.latest(self.height)
-        is_heard = height is not None and inbox.is_fresh(self.height, now_s, self._settings.range_limit_s)
-        self._range_m = height.payload.height_m if height is not None and is_heard and height.payload.is_valid else None
+        is_in_contact = height is not None and inbox.is_fresh(self.height, now_s, self._settings.range_limit_s)
+        self._range_m = (
+            height.payload.height_m if height is not None and is_in_contact and height.payload.is_valid else None
+        )
         results: list[Result] = []
-        if self.is_running and self._leader is not None and self._order is not None:
+        if self.is_running and self._reference is not None and self._order is not None:
             if self._pose is not None and self._pose.is_valid:
                 driver = inbox.latest(self.driver)
-                results.append(self._follow(self._leader, self._order, self._pose, driver, now_s))
+                results.append(self._follow(self._reference, self._order, self._pose, driver, now_s))
             self._last_s = now_s
         return [*results, *self.action_reports(now_s)]
 
     def _follow(
         self,
-        leader: Leader,
+        reference: PathReference,
         order: FollowWaypointsOrder,
         pose: Pose,
         driver: Envelope[DriverState] | None,
         now_s: float,
     ) -> Setpoint:
-        action_id, follower = self.action_id, leader.follower
-        target = self._target(leader, pose, driver, now_s)
+        action_id, follower = self.action_id, reference.follower
+        target = self._target(reference, pose, driver, now_s)
         self.travelled_m, self.waypoint = follower.travelled_m, self._passed + follower.waypoint
         self.cross_track_m = math.dist(target.position_ned_m, pose.position_ned_m)
         count = len(order.waypoints_ned_m)
         progress = (self._passed + follower.progress * (count - self._passed)) / count
-        self._hindered_s += (now_s - self._last_s) * self._is_in_the_way
+        self._hindered_s += (now_s - self._last_s) * self._is_blocking
         settle_s = self._settings.settle_s + min(self._hindered_s, self._settings.detour_s)
         left_s = 0.0 if self._floor is None else self._floor.left_s
-        problem = leader.problem(settle_s + left_s, self._settings.follow_s)
+        problem = reference.problem(settle_s + left_s, self._settings.follow_s)
         if self._wall is not None and self._wall.blind_s > self._settings.wall_s:
             problem = "it does not see the wall that it is to keep the distance from"
         if self._floor is not None and self._floor.blind_s > self._settings.floor_s:
             problem = "it does not see the floor that it is to keep the height over"
         self._turn(order.heading, target.bearing_rad, pose, now_s - self._last_s)
         if problem:
-            why = ", an obstacle is in the way" if self._is_in_the_way else ""
+            why = ", an obstacle is in the way" if self._is_blocking else ""
             self.advance(now_s, progress, ActionState.FAILED, f"{problem} ({self.cross_track_m:.2f} m away{why})")
         else:
-            is_there = leader.is_there(order.acceptance_m) and left_s < SETTLED_S
+            is_there = reference.is_there(order.acceptance_m) and left_s < SETTLED_S
             state = ActionState.DONE if is_there else ActionState.RUNNING
-            self.advance(now_s, progress, state, achieved=int(progress * count + 1e-6), is_blocked=self._is_in_the_way)
+            self.advance(now_s, progress, state, achieved=int(progress * count + 1e-6), is_blocked=self._is_blocking)
         return Setpoint(
             action_id=action_id,
             position_ned_m=target.position_ned_m,
@@ -205,27 +207,29 @@ class WaypointsController(WayPerformer, Controller[WaypointsSettings]):
             yaw_rad=self._yaw_rad,
         )
 
-    def _target(self, leader: Leader, pose: Pose, driver: Envelope[DriverState] | None, now_s: float) -> Target:
+    def _target(
+        self, reference: PathReference, pose: Pose, driver: Envelope[DriverState] | None, now_s: float
+    ) -> PathTarget:
         """Where the vehicle shall be now: on its way, or as far from wall and floor as is wanted."""
         at, wall, floor, points = pose.position_ned_m, self._wall, self._floor, self._points or []
         duration_s = min(now_s - self._last_s, 0.1)
         if floor is not None:
-            floor.see(self._range_m, pose.ned_from_frd, at, duration_s)
+            floor.update(self._range_m, pose.ned_from_frd, at, duration_s)
             pose = replace(pose, position_ned_m=floor.unmoved(at))
         if wall is not None:
             pose = replace(pose, position_ned_m=wall.unmoved(pose.position_ned_m))
-        target = leader.advance(pose, driver, now_s, is_waiting=floor is not None and floor.is_too_near)
+        target = reference.advance(pose, driver, now_s, is_waiting=floor is not None and floor.is_too_near)
         if wall is not None:
             seen = wall_ahead(points, at, yaw_of(pose.ned_from_frd))
-            wall.see(seen, at, target.position_ned_m, duration_s)
+            wall.update(seen, at, target.position_ned_m, duration_s)
             target = target._replace(position_ned_m=wall.moved(target.position_ned_m))
         if floor is not None:
             target = target._replace(position_ned_m=floor.moved(target.position_ned_m))
-        self._is_in_the_way = self._is_blocked(at, target, points)
-        leader.follower.slack_m = self._settings.comes_within_m + (DETOUR_M if self._is_in_the_way else 0.0)
+        self._is_blocking = self._is_blocked(at, target, points)
+        reference.follower.slack_m = self._settings.comes_within_m + (DETOUR_M if self._is_blocking else 0.0)
         return target
 
-    def _is_blocked(self, at: Vector3, target: Target, points: list[tuple[float, float]]) -> bool:
+    def _is_blocked(self, at: Vector3, target: PathTarget, points: list[tuple[float, float]]) -> bool:
         """Whether something is too near to the way to the target, or to what comes next."""
         if not points:
             return False

@@ -40,7 +40,7 @@ SURRENDER_S: Final = 10.0
 """A stop that was refused, and is not repeated within this time, is forgotten."""
 
 
-class Step(NamedTuple):
+class ManoeuvreStep(NamedTuple):
     """Write: the command of a manoeuvre's step."""
 
     command: AutopilotCommand
@@ -93,7 +93,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         self._stream.stop()
         self._is_quiet = False
         self._owner = ""
-        self._asked: tuple[FlightMode, float] | None = None
+        self._requested: tuple[FlightMode, float] | None = None
         """The mode that was commanded for the stream, and when."""
         self._ticket = 0
         self._refusal = ""
@@ -128,7 +128,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         self._is_quiet = False
         self._watch.step_in(self._now_s)
         self._machine.repeat(self._now_s)
-        self._asked = None
+        self._requested = None
 
     def stop(self) -> None:
         """Refused in flight unless the autopilot has confirmed a mode of its own."""
@@ -151,7 +151,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         match write:
             case AutopilotSetpoint():
                 self._control.send_setpoint(write)
-            case Step(command=command):
+            case ManoeuvreStep(command=command):
                 self._machine.ticket = self._command(command)
             case SetMode():
                 self._ticket = self._command(write)
@@ -180,8 +180,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         self._now_s = now_s
         self._observe(now_s, inbox)
         is_idle = self._watch.has_control or now_s - self._surrendered_s < SURRENDER_S
-        writes: list[Any] = self._let_go() if is_idle else [*self._manoeuvre(now_s, inbox)]
-        send = self._stream.take(
+        writes: list[Any] = self._release_control() if is_idle else [*self._manoeuvre(now_s, inbox)]
+        send = self._stream.next_setpoint(
             inbox.new(self.setpoint),
             self._owner,
             now_s,
@@ -197,9 +197,9 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         if not is_idle:
             writes += self._mode(now_s)
         if inbox.new(self.emergency):
-            writes = [*self._let_go(), ForcedDisarm()]
+            writes = [*self._release_control(), ForcedDisarm()]
         for write in writes:
-            self._note(write.command if isinstance(write, Step) else write, now_s)
+            self._note(write.command if isinstance(write, ManoeuvreStep) else write, now_s)
         return [*(Actuation(write) for write in writes), *self._report(now_s)]
 
     def _observe(self, now_s: float, inbox: Inbox) -> None:
@@ -212,8 +212,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         for state in inbox.new(self.autopilot):
             pose = self._stream.pose
             may_settle = self._machine.may_settle(self._climbed_m, pose.position_ned_m if pose is not None else None)
-            self._watch.lands_into = self._control.manners.lands_into
-            self._watch.see(state.payload, now_s, is_shadow=self._is_quiet, may_settle=may_settle)
+            self._watch.lands_into = self._control.behaviour.lands_into
+            self._watch.update(state.payload, now_s, is_shadow=self._is_quiet, may_settle=may_settle)
             self._autopilot = state.payload
         self._is_autopilot_known = inbox.is_fresh(self.autopilot, now_s, AUTOPILOT_SILENT_S)
         for take_over in inbox.new(self.take_over):
@@ -221,7 +221,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
                 self._watch.yield_back()
         grant = inbox.latest(self.grant)
         self._owner = grant.payload.action_id if grant is not None else ""
-        self._stream.see(inbox.latest(self.pose), inbox.latest(self.autopilot_pose), is_guided=self._is_guided)
+        self._stream.set_vehicle(inbox.latest(self.pose), inbox.latest(self.autopilot_pose), is_guided=self._is_guided)
 
     def _note(self, write: Any, now_s: float) -> None:
         """Tells the watch what is ours."""
@@ -237,7 +237,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
                 pose = self._stream.pose
                 self._climbs_from_down_m = None if pose is None else pose.position_ned_m[2]
 
-    def _look_at_rest(self, now_s: float) -> None:
+    def _check_rest(self, now_s: float) -> None:
         """For how long the vehicle has stood still, as far as is known."""
         pose = self._stream.young_pose(now_s)
         if pose is not None:
@@ -266,28 +266,28 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
     def _is_guided(self) -> bool:
         return self._autopilot is not None and self._autopilot.mode is FlightMode.GUIDED
 
-    def _let_go(self) -> list[Any]:
+    def _release_control(self) -> list[Any]:
         self._stream.stop()
-        self._asked = None
+        self._requested = None
         self._machine.abandon(self._watch.reason or "the driver was told to stop")
         had_control, self._had_control = self._had_control, not self._watch.has_control
         return [Abandon()] if had_control and self._watch.has_control else []
 
-    def _manoeuvre(self, now_s: float, inbox: Inbox) -> list[Step]:
+    def _manoeuvre(self, now_s: float, inbox: Inbox) -> list[ManoeuvreStep]:
         self._had_control = True
         for envelope in inbox.new(self.manoeuvre):
             if not self._owner or envelope.payload.action_id != self._owner:
                 self._stream.gate.foreign += 1
                 continue
             self._stream.stop()
-            self._asked = None
-            self._machine.begin(envelope.payload, now_s, self._control.manners)
+            self._requested = None
+            self._machine.begin(envelope.payload, now_s, self._control.behaviour)
         if self._machine.action_id != self._owner:
             self._machine.abandon("motion was given to somebody else")
         answer = self._control.answer(self._machine.ticket) if self._machine.ticket else None
         state = self._autopilot if self._is_autopilot_known else None
-        self._look_at_rest(now_s)
-        return [Step(command) for command in self._machine.advance(now_s, state, answer, self._rested_s)]
+        self._check_rest(now_s)
+        return [ManoeuvreStep(command) for command in self._machine.advance(now_s, state, answer, self._rested_s)]
 
     # --- setpoints ---
 
@@ -297,7 +297,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         state = self._autopilot
         if state is None or not state.is_connected or not state.is_armed:
             return False
-        if self._machine.is_under_way and not self._machine.is_climbing:
+        if self._machine.is_running and not self._machine.is_climbing:
             return False
         return state.landed in (LandedState.IN_AIR, LandedState.TAKING_OFF, LandedState.LANDING)
 
@@ -305,26 +305,26 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         """Commands guided for a stream, hold where there is none; repeats until the autopilot has it."""
         wanted, state = self._wanted_mode(now_s), self._autopilot
         if wanted is None or state is None or state.mode is wanted:
-            self._asked, self._refusal = None, ""
+            self._requested, self._refusal = None, ""
             return []
         answer = self._control.answer(self._ticket) if self._ticket else None
         self._refusal = "" if answer is None or answer.is_accepted else answer.reason
-        if self._asked is not None:
-            mode, asked_s = self._asked
+        if self._requested is not None:
+            mode, requested_s = self._requested
             is_obeyed = not self._is_autopilot_known and answer is not None and answer.is_accepted
-            if mode is wanted and (is_obeyed or now_s - asked_s < self._settings.repeat_s):
+            if mode is wanted and (is_obeyed or now_s - requested_s < self._settings.repeat_s):
                 return []  # unseen, a pilot may have chosen another mode since: what was obeyed is not repeated
-        self._asked = (wanted, now_s)
+        self._requested = (wanted, now_s)
         return [SetMode(wanted)]
 
     def _wanted_mode(self, now_s: float) -> FlightMode | None:
         state, since_s = self._autopilot, self._stream.since_s
-        if state is None or not state.is_connected or self._machine.is_under_way:
+        if state is None or not state.is_connected or self._machine.is_running:
             return None
         if since_s is not None:
-            return FlightMode.GUIDED if now_s - since_s >= self._control.manners.stream_before_guided_s else None
-        is_led_by_us = state.mode in (FlightMode.GUIDED, FlightMode.MISSION)
-        return FlightMode.HOLD if is_led_by_us and self._is_airborne else None
+            return FlightMode.GUIDED if now_s - since_s >= self._control.behaviour.stream_before_guided_s else None
+        is_guided_by_us = state.mode in (FlightMode.GUIDED, FlightMode.MISSION)
+        return FlightMode.HOLD if is_guided_by_us and self._is_airborne else None
 
     # --- report ---
 

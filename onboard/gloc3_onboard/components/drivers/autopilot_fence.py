@@ -8,7 +8,7 @@ from gloc3.component.ports import Actuation, Inbox, Input, Output, Result
 from gloc3.component.settings import NoSettings
 from gloc3.messages.vehicle import FenceProgress, FenceState, GeoFence
 from gloc3.mission.formats.items import FenceArea
-from gloc3_onboard.sensors.devices import Answer
+from gloc3_onboard.sensors.devices import CommandAnswer
 
 REPORT_PERIOD_S = 1.0
 RETRY_S = 5.0
@@ -20,7 +20,7 @@ class FenceControl(Protocol):
     def command_fence(self, areas: Sequence[FenceArea]) -> int:
         """Uploads areas in place of those before, and reads them back; without areas it clears the fence."""
 
-    def answer(self, ticket: int) -> Answer | None:
+    def answer(self, ticket: int) -> CommandAnswer | None:
         """The answer to a command; None while there is none."""
 
 
@@ -38,9 +38,9 @@ class AutopilotFence(ActuatorDriver[NoSettings]):
 
     def __init__(self, device: FenceControl) -> None:
         self._control = device
-        self._forget()
+        self._clear()
 
-    def _forget(self) -> None:
+    def _clear(self) -> None:
         self._wanted: GeoFence | None = None
         self._ticket: int | None = None
         self._sent_s = float("-inf")
@@ -49,7 +49,7 @@ class AutopilotFence(ActuatorDriver[NoSettings]):
 
     def start(self) -> None:
         """Waits for a fence."""
-        self._forget()
+        self._clear()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Sends what has changed, and follows what became of it."""
@@ -80,7 +80,7 @@ class AutopilotFence(ActuatorDriver[NoSettings]):
         ]
         return Actuation(SendFence(tuple(areas)))
 
-    def _follow(self, answer: Answer | None) -> None:
+    def _follow(self, answer: CommandAnswer | None) -> None:
         if answer is not None:
             self._set(FenceProgress.CONFIRMED if answer.is_accepted else FenceProgress.FAILED, answer.reason)
 
@@ -90,8 +90,8 @@ class AutopilotFence(ActuatorDriver[NoSettings]):
 
     def _report(self, now_s: float) -> list[FenceState]:
         if self._reported is not None:
-            state, told_s = self._reported
-            if state == self._state and now_s - told_s < REPORT_PERIOD_S - 1e-9:
+            state, reported_s = self._reported
+            if state == self._state and now_s - reported_s < REPORT_PERIOD_S - 1e-9:
                 return []
         self._reported = (self._state, now_s)
         return [self._state]

@@ -17,7 +17,7 @@ from gloc3.mission.model.arguments import RecordImages
 from gloc3.mission.model.states import ActionState
 
 
-class Picture(NamedTuple):
+class RecordedPicture(NamedTuple):
     """A picture to write."""
 
     file: str
@@ -33,7 +33,7 @@ class PictureStore(Protocol):
     def highest(self, camera: str) -> int:
         """The greatest number of a camera's picture that is there already; 0 for none."""
 
-    def write(self, picture: Picture) -> None:
+    def write(self, picture: RecordedPicture) -> None:
         """Writes a picture with its pose; raises `OSError` where that fails."""
 
 
@@ -93,7 +93,7 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[NoSettings]):
         for envelope in inbox.new(self.image):
             if not envelope.payload.is_valid:
                 continue
-            self._know(envelope.payload.camera)
+            self._add_calibration(envelope.payload.camera)
             order = self._order
             if self.is_running and order is not None and order.camera == envelope.payload.camera:
                 self._came_s = now_s
@@ -102,7 +102,7 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[NoSettings]):
             self.advance(now_s, self._progress(self._order), reason=f"no picture of {self._order.camera} comes")
         return [*results, *self.action_reports(now_s)]
 
-    def _know(self, camera: str) -> None:
+    def _add_calibration(self, camera: str) -> None:
         """Goes on with the numbers of pictures that an earlier life has written; none is ever overwritten."""
         if camera not in self._numbers:
             self._numbers[camera] = self._store.highest(camera)
@@ -129,7 +129,7 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[NoSettings]):
         progress = self._progress(order)
         state = ActionState.DONE if is_done else ActionState.RUNNING
         self.advance(now_s, progress, state, achieved=self._in_action if order.count else None)
-        picture = Picture(file, envelope.t_s, envelope.payload, position, ned_from_frd)
+        picture = RecordedPicture(file, envelope.t_s, envelope.payload, position, ned_from_frd)
         recorded = ImageRecorded(
             action_id=action_id,
             camera=order.camera,
@@ -167,7 +167,7 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[NoSettings]):
             return t_s - self._last_s >= order.every_s - 1e-6
         return math.dist(position, self._last_ned_m) >= (order.every_m or 0.0)
 
-    def actuate(self, write: Picture) -> None:
+    def actuate(self, write: RecordedPicture) -> None:
         """Writes a picture."""
         self._store.write(write)
 

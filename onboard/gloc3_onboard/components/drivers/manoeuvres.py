@@ -7,9 +7,9 @@ from typing import Annotated, Final, NamedTuple
 from gloc3.component.settings import Bounds, Settings
 from gloc3.messages.frames import Vector3
 from gloc3.messages.vehicle import AutopilotState, FlightMode, LandedState, Manoeuvre, ManoeuvreKind, ManoeuvreState
-from gloc3_onboard.sensors.devices import Answer, Manners
+from gloc3_onboard.sensors.devices import AutopilotBehaviour, CommandAnswer
 
-COPTER: Final = Manners()
+COPTER: Final = AutopilotBehaviour()
 SETTLING_M: Final = 1.0
 """So far below the height asked for the autopilot may end its climb by itself (PX4: NAV_MC_ALT_RAD, 0.8 m)."""
 ENDING_M: Final = 3.0
@@ -85,68 +85,68 @@ class ManoeuvreMachine:
         """Of the command under way; set by the driver when it is written."""
         self._settings = settings
         self._steps: list[ManoeuvreStep] = []
-        self._manners = Manners()
+        self._behaviour = AutopilotBehaviour()
         self._since_s = 0.0
-        self._is_asked = False
+        self._is_requested = False
         self._has_armed = False
         self._height_m = 0.0
         self._end_ned_m: Vector3 | None = None
 
     @property
-    def is_under_way(self) -> bool:
+    def is_running(self) -> bool:
         """Whether the autopilot is flying, or about to fly, a manoeuvre of ours."""
         return self.state is ManoeuvreState.RUNNING
 
     @property
     def is_climbing(self) -> bool:
         """Whether a take-off has left its last step behind; the owner's setpoints may end it from now on."""
-        return self.is_under_way and self.kind is ManoeuvreKind.TAKE_OFF and not self._steps
+        return self.is_running and self.kind is ManoeuvreKind.TAKE_OFF and not self._steps
 
     @property
     def is_taking_over(self) -> bool:
         """Whether a mode for which the owner's setpoints end is asked for, and not confirmed yet."""
-        return self.is_under_way and bool(self._steps) and isinstance(self._steps[0], SetMode)
+        return self.is_running and bool(self._steps) and isinstance(self._steps[0], SetMode)
 
-    def begin(self, manoeuvre: Manoeuvre, now_s: float, manners: Manners = COPTER) -> None:
+    def begin(self, manoeuvre: Manoeuvre, now_s: float, behaviour: AutopilotBehaviour = COPTER) -> None:
         """Takes a manoeuvre up, in place of the one before.
 
         Args:
             manoeuvre: what is asked for.
             now_s: the time.
-            manners: of the autopilot that shall fly it.
+            behaviour: of the autopilot that shall fly it.
         """
         self.action_id, self.kind = manoeuvre.action_id, manoeuvre.kind
         self.state, self.reason, self.ticket = ManoeuvreState.RUNNING, "", 0
-        self._since_s, self._is_asked, self._has_armed = now_s, False, False
-        self._height_m, self._manners, self._end_ned_m = manoeuvre.height_m, manners, manoeuvre.end_ned_m
+        self._since_s, self._is_requested, self._has_armed = now_s, False, False
+        self._height_m, self._behaviour, self._end_ned_m = manoeuvre.height_m, behaviour, manoeuvre.end_ned_m
         match manoeuvre.kind:
             case ManoeuvreKind.TAKE_OFF | ManoeuvreKind.SET_OFF:
-                self._steps = [SetMode(manners.arm_in_mode)] if manners.arm_in_mode else []
+                self._steps = [SetMode(behaviour.arm_in_mode)] if behaviour.arm_in_mode else []
                 self._steps += [Arm()] if manoeuvre.may_arm else []
                 self._steps += [Climb(manoeuvre.height_m)] if manoeuvre.kind is ManoeuvreKind.TAKE_OFF else []
-                self._refuse_what_it_cannot(manners)
+                self._refuse_what_it_cannot(behaviour)
             case ManoeuvreKind.LAND:
-                self._steps = [SetMode(manners.land_mode)]
-                self._steps += [] if manners.disarms_itself else [Settle(), Disarm()]
+                self._steps = [SetMode(behaviour.land_mode)]
+                self._steps += [] if behaviour.disarms_itself else [Settle(), Disarm()]
             case ManoeuvreKind.HOLD:
                 self._steps = [SetMode(FlightMode.HOLD)]
             case ManoeuvreKind.PLAN:
                 self._steps = [SetMode(FlightMode.MISSION)]
                 self._steps += [Arm()] if manoeuvre.may_arm else []
 
-    def _refuse_what_it_cannot(self, manners: Manners) -> None:
-        if self.kind is ManoeuvreKind.SET_OFF and manners.climbs:
+    def _refuse_what_it_cannot(self, behaviour: AutopilotBehaviour) -> None:
+        if self.kind is ManoeuvreKind.SET_OFF and behaviour.climbs:
             self._end(
-                ManoeuvreState.FAILED, f"a {manners.vehicle} does not set off without climbing: ask for a take-off"
+                ManoeuvreState.FAILED, f"a {behaviour.vehicle} does not set off without climbing: ask for a take-off"
             )
-        elif self.kind is ManoeuvreKind.TAKE_OFF and not manners.climbs:
+        elif self.kind is ManoeuvreKind.TAKE_OFF and not behaviour.climbs:
             self._end(
-                ManoeuvreState.FAILED, f"a {manners.vehicle} does not take off: its missions begin with drive_off"
+                ManoeuvreState.FAILED, f"a {behaviour.vehicle} does not take off: its missions begin with drive_off"
             )
 
     def abandon(self, reason: str) -> None:
         """Ends a manoeuvre that is under way, because somebody else moves the vehicle now."""
-        if self.is_under_way:
+        if self.is_running:
             self._end(ManoeuvreState.FAILED, reason)
 
     def finish(self) -> None:
@@ -156,7 +156,7 @@ class ManoeuvreMachine:
 
     def repeat(self, now_s: float) -> None:
         """Asks for the step under way again: what was asked so far was withheld."""
-        self._is_asked, self._since_s = False, now_s
+        self._is_requested, self._since_s = False, now_s
 
     def may_settle(self, climbed_m: float | None, position_ned_m: Vector3 | None = None) -> bool:
         """Whether the autopilot may go over to hold by itself, having climbed so far, being there (None: not known)."""
@@ -165,7 +165,7 @@ class ManoeuvreMachine:
         return self.kind is ManoeuvreKind.TAKE_OFF and (climbed_m is None or climbed_m >= self._height_m - SETTLING_M)
 
     def advance(
-        self, now_s: float, autopilot: AutopilotState | None, answer: Answer | None, rested_s: float = 0.0
+        self, now_s: float, autopilot: AutopilotState | None, answer: CommandAnswer | None, rested_s: float = 0.0
     ) -> Sequence[AutopilotCommand]:
         """Looks at what has become of the step under way; returns what to command next.
 
@@ -178,14 +178,14 @@ class ManoeuvreMachine:
             answer: to the command under way.
             rested_s: for how long the vehicle has stood still.
         """
-        if not self.is_under_way:
+        if not self.is_running:
             return ()
         if autopilot is None:
             return self._advance_unseen(now_s, answer)
         while self._steps and self._is_reached(self._steps[0], autopilot, answer, now_s, rested_s):
-            self._has_armed |= isinstance(self._steps[0], Arm) and self._is_asked
+            self._has_armed |= isinstance(self._steps[0], Arm) and self._is_requested
             self._steps.pop(0)
-            self._since_s, self._is_asked, self.ticket, answer = now_s, False, 0, None
+            self._since_s, self._is_requested, self.ticket, answer = now_s, False, 0, None
         if not self._steps:
             if self._is_over(autopilot):
                 self._end(ManoeuvreState.DONE, "")
@@ -197,12 +197,12 @@ class ManoeuvreMachine:
             return ()
         if now_s - self._since_s > self._settings.step_timeout_s:
             return self._fail(f"the autopilot did not {step.words} in time", autopilot)
-        if self._is_asked:
+        if self._is_requested:
             return ()
-        self._is_asked = True
+        self._is_requested = True
         return (step,)
 
-    def _advance_unseen(self, now_s: float, answer: Answer | None) -> Sequence[AutopilotCommand]:
+    def _advance_unseen(self, now_s: float, answer: CommandAnswer | None) -> Sequence[AutopilotCommand]:
         step = self._steps[0] if self._steps else None
         if not isinstance(step, SetMode) or self.kind not in (ManoeuvreKind.LAND, ManoeuvreKind.HOLD):
             return ()
@@ -212,13 +212,18 @@ class ManoeuvreMachine:
             self._end(ManoeuvreState.FAILED, answer.reason)
         elif now_s - self._since_s > self._settings.step_timeout_s:
             self._end(ManoeuvreState.FAILED, f"the autopilot did not {step.words} in time")
-        elif not self._is_asked:
-            self._is_asked = True
+        elif not self._is_requested:
+            self._is_requested = True
             return (step,)
         return ()
 
     def _is_reached(
-        self, step: ManoeuvreStep, autopilot: AutopilotState, answer: Answer | None, now_s: float, rested_s: float
+        self,
+        step: ManoeuvreStep,
+        autopilot: AutopilotState,
+        answer: CommandAnswer | None,
+        now_s: float,
+        rested_s: float,
     ) -> bool:
         match step:
             case SetMode(mode=mode):
@@ -226,7 +231,7 @@ class ManoeuvreMachine:
             case Arm():
                 return autopilot.is_armed
             case Settle():
-                rest_s = self._manners.at_rest_s
+                rest_s = self._behaviour.at_rest_s
                 rests = rested_s >= rest_s and now_s - self._since_s >= rest_s
                 return rests or self._has_landed_into(autopilot) or not autopilot.is_armed
             case Disarm():
@@ -236,7 +241,7 @@ class ManoeuvreMachine:
                 return is_up or (answer is not None and answer.is_accepted)
 
     def _has_landed_into(self, autopilot: AutopilotState) -> bool:
-        return self.kind is ManoeuvreKind.LAND and autopilot.mode_name in self._manners.lands_into
+        return self.kind is ManoeuvreKind.LAND and autopilot.mode_name in self._behaviour.lands_into
 
     def _is_over(self, autopilot: AutopilotState) -> bool:
         if self.kind is ManoeuvreKind.LAND:

@@ -39,7 +39,7 @@ class PilotWatch:
         """Modes that we have commanded and not seen yet, oldest first, with the time until which they may come."""
         self._arm_until_s = self._disarm_until_s = float("-inf")
         self._seen: AutopilotState | None = None
-        self._looked_s = float("-inf")
+        self._polled_s = float("-inf")
 
     # --- what we do ---
 
@@ -78,7 +78,7 @@ class PilotWatch:
 
     # --- what we see ---
 
-    def see(self, state: AutopilotState, now_s: float, *, is_shadow: bool = False, may_settle: bool = False) -> None:
+    def update(self, state: AutopilotState, now_s: float, *, is_shadow: bool = False, may_settle: bool = False) -> None:
         """Takes the autopilot's state in.
 
         Args:
@@ -88,9 +88,9 @@ class PilotWatch:
             may_settle: our take-off is high enough, or our plan near enough to its end, for the autopilot to go over to
                 hold by itself.
         """
-        if now_s - self._looked_s > BLIND_S:
+        if now_s - self._polled_s > BLIND_S:
             self._seen = None
-        self._looked_s = now_s
+        self._polled_s = now_s
         if not state.is_connected:
             return
         before, self._seen = self._seen, state

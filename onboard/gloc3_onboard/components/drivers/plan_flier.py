@@ -15,9 +15,9 @@ from gloc3.mission.model.arguments import FollowWaypointsOrder
 from gloc3.mission.model.states import ActionState
 from gloc3.mission.model.waypoint_options import IN_PLANS, refuse_unkept
 from gloc3_onboard.algorithms.paths.path_follower import next_ahead
-from gloc3_onboard.sensors.devices import Answer, Way
+from gloc3_onboard.sensors.devices import CommandAnswer, GeoPath
 
-ON_THE_WAY_M = 1.0
+PROGRESS_M = 1.0
 """So far from a leg a vehicle that its autopilot leads may be."""
 PAIRED_S = 0.2
 """Two estimates that are valid at most so far apart tell how their frames lie to each other."""
@@ -42,21 +42,21 @@ S = TypeVar("S", bound=PlanSettings)
 class PlanControl(Protocol):
     """How an autopilot is given a plan. Nothing blocks."""
 
-    def command_plan(self, way: Way) -> int:
+    def command_plan(self, way: GeoPath) -> int:
         """Uploads the plan of a way and reads it back."""
 
     @property
     def places_reached(self) -> int:
         """Places that the autopilot has passed of the way that it was given last."""
 
-    def answer(self, ticket: int) -> Answer | None:
+    def answer(self, ticket: int) -> CommandAnswer | None:
         """The answer to a command; None while there is none."""
 
 
 class SendPlan(NamedTuple):
     """Write: the way whose plan is to be uploaded."""
 
-    way: Way
+    way: GeoPath
 
 
 class PlanFlier(ActionPerformer, Generic[S]):
@@ -85,7 +85,7 @@ class PlanFlier(ActionPerformer, Generic[S]):
         self._ticket: int | None = None
         self._is_sent = self._is_held = False
         self._since_s = 0.0
-        self._asked_s = -math.inf
+        self._requested_s = -math.inf
         self._near_since_s: float | None = None
 
     def initialize(self, settings: S) -> None:
@@ -105,7 +105,7 @@ class PlanFlier(ActionPerformer, Generic[S]):
         self._order = arguments
         self.waypoint = min(int(self.earlier_progress * count + 1e-6), count - 1)
         if self.waypoint and not arguments.rest_s and self._pose is not None:  # it has flown on meanwhile
-            within_m = max(arguments.acceptance_m, ON_THE_WAY_M)
+            within_m = max(arguments.acceptance_m, PROGRESS_M)
             places = arguments.waypoints_ned_m
             self.waypoint = next_ahead(self._pose.position_ned_m, places, self.waypoint, within_m)
         self._restart(now_s)
@@ -114,11 +114,11 @@ class PlanFlier(ActionPerformer, Generic[S]):
         """Uploads what is left."""
         self._restart(now_s)
 
-    def way(self, order: FollowWaypointsOrder, places: tuple[GeoPoint, ...]) -> Way:
+    def way(self, order: FollowWaypointsOrder, places: tuple[GeoPoint, ...]) -> GeoPath:
         """What the autopilot is to fly, through the places of an order that are left."""
         heading = order.heading
         heading_deg = math.degrees(heading.heading_rad) if heading.mode == "fixed" else None
-        return Way(places, order.speed_m_s, order.acceptance_m, order.rest_s, heading_deg)
+        return GeoPath(places, order.speed_m_s, order.acceptance_m, order.rest_s, heading_deg)
 
     def manoeuvre(self, order: FollowWaypointsOrder) -> Manoeuvre:
         """What the autopilot driver is asked for, once the plan is there."""
@@ -126,7 +126,7 @@ class PlanFlier(ActionPerformer, Generic[S]):
 
     def _restart(self, now_s: float) -> None:
         self._passed, self._ticket, self._is_sent, self._is_held = self.waypoint, None, False, False
-        self._since_s, self._asked_s, self._near_since_s = now_s, -math.inf, None
+        self._since_s, self._requested_s, self._near_since_s = now_s, -math.inf, None
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Uploads, starts, and follows the plan."""
@@ -154,10 +154,10 @@ class PlanFlier(ActionPerformer, Generic[S]):
         elif not self._is_sent:
             places = self._places(order, inbox.latest(self.pose), inbox.latest(self.autopilot_pose))
             if places is None:
-                self._tell(now_s, "it is not known yet where the autopilot's frame lies on Earth")
+                self._report(now_s, "it is not known yet where the autopilot's frame lies on Earth")
                 return []
             self._is_sent = True
-            self._tell(now_s)
+            self._report(now_s)
             return [Actuation(SendPlan(self.way(order, places)))]
         return []
 
@@ -187,13 +187,13 @@ class PlanFlier(ActionPerformer, Generic[S]):
         count = len(order.waypoints_ned_m)
         self.waypoint = max(self.waypoint, min(self._passed + self._control.places_reached, count))
         is_ours = driver is not None and driver.manoeuvre_id == self.action_id
-        state = driver.manoeuvre_state if driver is not None and is_ours and self._asked_s > -math.inf else None
+        state = driver.manoeuvre_state if driver is not None and is_ours and self._requested_s > -math.inf else None
         if state is ManoeuvreState.DONE and self.waypoint >= count - 1:
             self.waypoint = count
         if self.waypoint >= count or self._rests_at_the_end(order, now_s):
             self.advance(now_s, 1.0, ActionState.DONE, achieved=count)
             return []
-        self._tell(now_s)
+        self._report(now_s)
         if state is ManoeuvreState.RUNNING:
             self._since_s = now_s
             return []
@@ -204,9 +204,9 @@ class PlanFlier(ActionPerformer, Generic[S]):
             why = driver.manoeuvre_reason if driver is not None and is_ours else ""
             self._fail(f"the autopilot does not fly the plan{': ' + why if why else ''}", now_s)
             return []
-        if now_s - self._asked_s < self._settings.repeat_s:
+        if now_s - self._requested_s < self._settings.repeat_s:
             return []
-        self._asked_s = now_s
+        self._requested_s = now_s
         return [self.manoeuvre(order)]
 
     def _rests_at_the_end(self, order: FollowWaypointsOrder, now_s: float) -> bool:
@@ -219,7 +219,7 @@ class PlanFlier(ActionPerformer, Generic[S]):
             self._near_since_s = now_s
         return self._near_since_s is not None and now_s - self._near_since_s > order.rest_s + self._settings.settle_s
 
-    def _tell(self, now_s: float, reason: str = "") -> None:
+    def _report(self, now_s: float, reason: str = "") -> None:
         assert self._order is not None
         progress = self.waypoint / len(self._order.waypoints_ned_m)
         self.advance(now_s, progress, reason=reason, achieved=self.waypoint)

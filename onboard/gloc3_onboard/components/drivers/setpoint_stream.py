@@ -47,7 +47,7 @@ class SetpointStream:
             self._limiter = SetpointLimiter(limits)
         self._limiter.limits = limits
 
-    def see(self, pose: Envelope[Pose] | None, own: Envelope[AutopilotPose] | None, *, is_guided: bool) -> None:
+    def set_vehicle(self, pose: Envelope[Pose] | None, own: Envelope[AutopilotPose] | None, *, is_guided: bool) -> None:
         """Says where the vehicle is, in our frame and in the autopilot's own.
 
         Until the autopilot follows, the stream stays where the vehicle is: there is no step when it begins to.
@@ -59,7 +59,7 @@ class SetpointStream:
         if self._limiter is not None:
             if not is_guided:
                 self._limiter.restart(place, velocity, pose.t_s)
-            self._limiter.see(place, velocity, pose.t_s, pose.payload.reset_counter)
+            self._limiter.set_vehicle(place, velocity, pose.t_s, pose.payload.reset_counter)
         if own is not None and abs(gap_s := own.t_s - pose.t_s) <= PAIRED_S:
             theirs = own.payload.position_ned_m
             self._offset_ned_m = (
@@ -68,7 +68,7 @@ class SetpointStream:
                 place[2] + velocity[2] * gap_s - theirs[2],
             )
 
-    def take(
+    def next_setpoint(
         self, envelopes: Sequence[Envelope[Setpoint]], owner: str, now_s: float, *, may_fly: bool, is_guided: bool
     ) -> AutopilotSetpoint | None:
         """Looks at what has come in; returns what is to be sent."""

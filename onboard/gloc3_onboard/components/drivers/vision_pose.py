@@ -12,7 +12,7 @@ from gloc3.component.settings import Bounds, Settings
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import GeoPoint, TangentPlane
 from gloc3.messages.vehicle import AutopilotPose, AutopilotState, Pose
-from gloc3_onboard.sensors.devices import Answer
+from gloc3_onboard.sensors.devices import CommandAnswer
 
 ORIGIN_PERIOD_S: Final = 1.0
 HOME_S: Final = 8.0
@@ -36,7 +36,7 @@ class PoseInput(Protocol):
     def command_source_set(self, number: int) -> int:
         """Has the estimator fly by the set of sources 1, 2 or 3 (ArduPilot)."""
 
-    def answer(self, ticket: int) -> Answer | None:
+    def answer(self, ticket: int) -> CommandAnswer | None:
         """The answer to a command; None while there is none."""
 
 
@@ -111,10 +111,10 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         """Why the autopilot did not take it."""
         self._device = device
         self._settings = VisionPoseSettings()
-        self._forget()
+        self._reset()
 
-    def _forget(self) -> None:
-        self._sent_s = self._told_s = float("-inf")
+    def _reset(self) -> None:
+        self._sent_s = self._reported_s = float("-inf")
         self._homed_s: float | None = None
         """Since when the autopilot has been waited for to say where its home is."""
         self._since_s: float | None = None
@@ -131,7 +131,7 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
 
     def start(self) -> None:
         """Begins with the next pose."""
-        self._forget()
+        self._reset()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Sends what is new."""
@@ -139,7 +139,7 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         for envelope in inbox.new(self.pose):
             pose, t_s = envelope.payload, envelope.t_s
             self.reason = self._why_not(pose, t_s)
-            self._is_needed = self._look_whether_needed(pose, t_s)
+            self._is_needed = self._check_need(pose, t_s)
             pose = _from_their_origin(pose, inbox.latest(self.autopilot_pose))
             if self.reason:
                 self.withheld += 1
@@ -148,15 +148,15 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
                 self.sent += 1
                 results.append(Actuation(SendPose(pose, t_s)))
             origin_geo = envelope.payload.origin_geo
-            if origin_geo is not None and self._must_tell(origin_geo, inbox, now_s):
-                self._told_s = now_s
+            if origin_geo is not None and self._must_send(origin_geo, inbox, now_s):
+                self._reported_s = now_s
                 results.append(Actuation(SendOrigin(origin_geo)))
         latest = inbox.latest(self.pose)
         if latest is not None:
             results += self._home(latest.payload, inbox, now_s)
         return [*results, *self._sources(now_s)]
 
-    def _look_whether_needed(self, pose: Pose, t_s: float) -> bool:
+    def _check_need(self, pose: Pose, t_s: float) -> bool:
         """Whether the autopilot lacks what the pose rests on."""
         source = self._settings.in_place_of
         if not source or source not in pose.sources:
@@ -168,8 +168,8 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
     def _home(self, pose: Pose, inbox: Inbox, now_s: float) -> list[Actuation]:
         """Where it stands is home, for an autopilot that has our origin, and has no home by itself after a while."""
         state = inbox.latest(self.autopilot)
-        told = None if state is None else state.payload
-        is_homeless = told is not None and told.is_connected and not told.is_armed and not told.has_home
+        reported = None if state is None else state.payload
+        is_homeless = reported is not None and reported.is_connected and not reported.is_armed and not reported.has_home
         if not is_homeless or self._homed_s is None:
             self._homed_s = now_s
         if now_s - self._homed_s < HOME_S or pose.origin_geo is None or not pose.is_valid:
@@ -213,12 +213,12 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
             return f"its quality is {pose.quality:.2f} only"
         return "" if t_s > self._sent_s else "its time does not go on"
 
-    def _must_tell(self, origin_geo: tuple[float, float, float], inbox: Inbox, now_s: float) -> bool:
+    def _must_send(self, origin_geo: tuple[float, float, float], inbox: Inbox, now_s: float) -> bool:
         """Whether the autopilot is heard, and has no origin or another one."""
-        told = inbox.latest(self.autopilot_pose)
-        if told is None or now_s - self._told_s < ORIGIN_PERIOD_S:
+        reported = inbox.latest(self.autopilot_pose)
+        if reported is None or now_s - self._reported_s < ORIGIN_PERIOD_S:
             return False
-        has = told.payload.origin_geo
+        has = reported.payload.origin_geo
         return has is None or not (_is_same_place(has, origin_geo) and abs(has[2] - origin_geo[2]) < _SAME_M)
 
     def actuate(self, write: Any) -> None:
@@ -242,9 +242,9 @@ def _is_same_place(one: tuple[float, float, float], other: tuple[float, float, f
     return abs(one[0] - other[0]) < _SAME_DEG and abs(one[1] - other[1]) < _SAME_DEG
 
 
-def _from_their_origin(pose: Pose, told: Envelope[AutopilotPose] | None) -> Pose:
+def _from_their_origin(pose: Pose, reported: Envelope[AutopilotPose] | None) -> Pose:
     """The pose told from the origin that the autopilot has, where that is another place: one with satellites keeps its own."""
-    theirs = None if told is None else told.payload.origin_geo
+    theirs = None if reported is None else reported.payload.origin_geo
     if theirs is None or pose.origin_geo is None or _is_same_place(theirs, pose.origin_geo):
         return pose
     north, east, _ = TangentPlane(GeoPoint(*pose.origin_geo)).ned_from_geo(*theirs)

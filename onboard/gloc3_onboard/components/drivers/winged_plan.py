@@ -15,7 +15,7 @@ from gloc3.messages.vehicle import AutopilotState, Home, LandedState, Manoeuvre
 from gloc3.mission.model.arguments import FollowWaypointsOrder, ReturnHome, TakeOff
 from gloc3.mission.model.waypoint_options import refuse_unkept
 from gloc3_onboard.components.drivers.plan_flier import PlanControl, PlanFlier, PlanSettings
-from gloc3_onboard.sensors.devices import Way
+from gloc3_onboard.sensors.devices import GeoPath
 
 WIDEST_M: Final = 255.0
 """Plane keeps the radius of a waypoint in a byte."""
@@ -68,9 +68,9 @@ class WingedPlan(PlanFlier[WingedPlanSettings], ActuatorDriver[WingedPlanSetting
             raise Refused("there is no valid pose")
         match arguments:
             case TakeOff():
-                order = self._way_up(arguments, self._pose.position_ned_m)
+                order = self._climb_path(arguments, self._pose.position_ned_m)
             case ReturnHome():
-                order = self._way_home(arguments, self._pose.position_ned_m)
+                order = self._path_home(arguments, self._pose.position_ned_m)
             case _:
                 order = arguments
         refuse_unkept(order, self.keeps, "what flies on wings")
@@ -80,7 +80,7 @@ class WingedPlan(PlanFlier[WingedPlanSettings], ActuatorDriver[WingedPlanSetting
         within_m = min(max(order.acceptance_m, self._settings.comes_within_m), WIDEST_M)
         super().begin_action(capability, replace(order, acceptance_m=within_m), now_s)
 
-    def _way_up(self, arguments: TakeOff, place: Vector3) -> FollowWaypointsOrder:
+    def _climb_path(self, arguments: TakeOff, place: Vector3) -> FollowWaypointsOrder:
         autopilot, least_m = self._autopilot, self._settings.take_off_min_m
         if autopilot is None or not autopilot.is_connected:
             raise Refused("the autopilot does not answer")
@@ -96,7 +96,7 @@ class WingedPlan(PlanFlier[WingedPlanSettings], ActuatorDriver[WingedPlanSetting
         top = (place[0], place[1], place[2] - arguments.height_m)
         return FollowWaypointsOrder(waypoints_ned_m=(top,), speed_m_s=self._settings.cruise_m_s)
 
-    def _way_home(self, arguments: ReturnHome, place: Vector3) -> FollowWaypointsOrder:
+    def _path_home(self, arguments: ReturnHome, place: Vector3) -> FollowWaypointsOrder:
         if self._home_ned_m is None:
             raise Refused("home is not known")
         north, east, ground = self._home_ned_m
@@ -117,10 +117,10 @@ class WingedPlan(PlanFlier[WingedPlanSettings], ActuatorDriver[WingedPlanSetting
         state = self._autopilot
         return state is not None and (not state.is_armed or state.landed in ON_THE_GROUND)
 
-    def way(self, order: FollowWaypointsOrder, places: tuple[GeoPoint, ...]) -> Way:
+    def way(self, order: FollowWaypointsOrder, places: tuple[GeoPoint, ...]) -> GeoPath:
         """On wings; a take-off that was paused in the air is a way like any other."""
-        takes_off = self._climbs and self._is_on_the_ground
-        return super().way(order, places)._replace(heading_deg=None, is_winged=True, takes_off=takes_off)
+        is_from_ground = self._climbs and self._is_on_the_ground
+        return super().way(order, places)._replace(heading_deg=None, is_winged=True, is_from_ground=is_from_ground)
 
     def manoeuvre(self, order: FollowWaypointsOrder) -> Manoeuvre:
         """It may be armed to take off only."""

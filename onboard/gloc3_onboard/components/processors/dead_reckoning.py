@@ -25,7 +25,7 @@ from gloc3_onboard.algorithms.odometry.velocity_trust import VelocityTrust
 
 _FIX_GAP_S: Final = 1.0
 """Errors of fixes are alike for long: no more than one in this time is taken in."""
-_ASKED_S: Final = 1.0
+_REQUESTED_S: Final = 1.0
 """A setpoint that is older asks for nothing."""
 _TO_PLACE: Final = 0.4
 """Speed at which a vehicle goes to a place that it is asked to, per metre…"""
@@ -103,9 +103,9 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         self.reset_counter = 0
         self.reason = ""
         self._settings = DeadReckoningSettings()
-        self._forget()
+        self._reset()
 
-    def _forget(self) -> None:
+    def _reset(self) -> None:
         settings = self._settings
         self._filter = DeadReckoner(
             Errors(
@@ -131,35 +131,35 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         self._misfits = 0
         self._unlocked = ""
         self._attitude = IDENTITY
-        self._asked: Setpoint | None = None
+        self._requested: Setpoint | None = None
 
     def initialize(self, settings: DeadReckoningSettings) -> None:
         """Adopts the settings."""
         self._settings = settings
-        self._forget()
+        self._reset()
 
     def start(self) -> None:
         """Begins without a past: where it is must be told anew."""
-        self._forget()
+        self._reset()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Takes in what is new in the order of time; one pose for each of the autopilot's."""
         results: list[Result] = []
-        asked = inbox.latest(self.setpoint)
-        self._asked = asked.payload if asked is not None and now_s - asked.t_s < _ASKED_S else None
+        requested = inbox.latest(self.setpoint)
+        self._requested = requested.payload if requested is not None and now_s - requested.t_s < _REQUESTED_S else None
         poses = [(envelope.t_s, 2, envelope.payload) for envelope in inbox.new(self.autopilot_pose)]
         bottoms = [(envelope.t_s, 0, envelope.payload) for envelope in inbox.new(self.dvl)]
         steps = [(envelope.t_s, 0, envelope.payload) for envelope in inbox.new(self.odometry)]
         fixes = [(envelope.t_s, 1, envelope.payload) for envelope in inbox.new(self.satellites)]
-        for t_s, _, news in sorted([*poses, *bottoms, *steps, *fixes], key=lambda item: (item[0], item[1])):
-            if isinstance(news, AutopilotPose):
-                results.append(self.pose.report(self._place(news, t_s), t_s=t_s))
-            elif isinstance(news, BottomVelocity):
-                self._measure(news, t_s)
-            elif isinstance(news, Odometry):
-                self._follow(news, t_s)
-            elif isinstance(news, SatelliteFix):
-                self._fix(news, t_s)
+        for t_s, _, reports in sorted([*poses, *bottoms, *steps, *fixes], key=lambda item: (item[0], item[1])):
+            if isinstance(reports, AutopilotPose):
+                results.append(self.pose.report(self._place(reports, t_s), t_s=t_s))
+            elif isinstance(reports, BottomVelocity):
+                self._measure(reports, t_s)
+            elif isinstance(reports, Odometry):
+                self._follow(reports, t_s)
+            elif isinstance(reports, SatelliteFix):
+                self._fix(reports, t_s)
         return results
 
     # --- what comes ---
@@ -172,20 +172,23 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         if dt_s <= 0.0:
             return
         is_measured = self._lock_s is not None and t_s - self._lock_s < self._settings.unlocked_s
-        self._filter.predict(min(dt_s, 5.0), is_measured=is_measured, asked_m_s=self._asked_m_s())
+        self._filter.predict(min(dt_s, 5.0), is_measured=is_measured, commanded_m_s=self._requested_m_s())
         self.travelled_m += hypot(*self._filter.velocity_m_s) * dt_s
         self._now_s = t_s
 
-    def _asked_m_s(self) -> tuple[float, float]:
+    def _requested_m_s(self) -> tuple[float, float]:
         """The velocity that the vehicle is asked for: what is fed forward, and what leads to the place asked for."""
-        asked = self._asked
-        if asked is None:
+        requested = self._requested
+        if requested is None:
             return (0.0, 0.0)
-        vn, ve, _ = asked.velocity_ned_m_s or (0.0, 0.0, 0.0)
-        if asked.position_ned_m is None:
+        vn, ve, _ = requested.velocity_ned_m_s or (0.0, 0.0, 0.0)
+        if requested.position_ned_m is None:
             return vn, ve
         north, east = self._filter.position_m
-        off_n, off_e = _TO_PLACE * (asked.position_ned_m[0] - north), _TO_PLACE * (asked.position_ned_m[1] - east)
+        off_n, off_e = (
+            _TO_PLACE * (requested.position_ned_m[0] - north),
+            _TO_PLACE * (requested.position_ned_m[1] - east),
+        )
         size = hypot(off_n, off_e)
         share = _TO_PLACE_MAX_M_S / size if size > _TO_PLACE_MAX_M_S else 1.0
         return vn + share * off_n, ve + share * off_e
@@ -195,7 +198,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
             self._unlocked = self._unlocked or bottom.reason
             return
         std_m_s = max(bottom.std_m_s, 1e-3)
-        self._take("dvl", bottom.velocity_frd_m_s, (std_m_s, std_m_s), t_s)
+        self._add_velocity("dvl", bottom.velocity_frd_m_s, (std_m_s, std_m_s), t_s)
 
     def _follow(self, step: Odometry, t_s: float) -> None:
         """A step of an odometer is a velocity: that of its chord, in the axes that the body has at its end."""
@@ -208,7 +211,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         speed_m_s, believed_m_s = hypot(ahead, right) / seconds, hypot(vn, ve)
         reason = self._trust.why_not(
             speed_m_s,
-            hypot(*self._asked_m_s()),
+            hypot(*self._requested_m_s()),
             abs(speed_m_s - believed_m_s),
             t_s,
             has_satellites=t_s - self._seen_s < _AIDED_S,
@@ -217,13 +220,13 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
             self._unlocked, self._lock_s = reason, None
             return
         stds = (max(sqrt(step.covariance[0]) / seconds, 1e-3), max(sqrt(step.covariance[7]) / seconds, 1e-3))
-        self._take(step.source, (ahead / seconds, right / seconds, down / seconds), stds, t_s)
+        self._add_velocity(step.source, (ahead / seconds, right / seconds, down / seconds), stds, t_s)
 
-    def _take(self, source: str, velocity_frd_m_s: Vector3, stds_m_s: tuple[float, float], t_s: float) -> None:
+    def _add_velocity(self, source: str, velocity_frd_m_s: Vector3, stds_m_s: tuple[float, float], t_s: float) -> None:
         self._advance(t_s)
         yaw = yaw_of(self._attitude)
         level = rotate(from_yaw(-yaw), rotate(self._attitude, velocity_frd_m_s))
-        if self._filter.take_velocity(level[0], level[1], yaw, *stds_m_s) <= 1.0:
+        if self._filter.use_velocity(level[0], level[1], yaw, *stds_m_s) <= 1.0:
             self._source, self._lock_s, self._unlocked = source, t_s, ""
         else:
             self._unlocked = "its velocity does not fit"
@@ -245,16 +248,16 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         late_s = 0.0 if self._now_s is None else min(max(0.0, self._now_s - t_s), _LATE_S)
         vn, ve = self._filter.velocity_m_s
         before = self._filter.position_m
-        fits = self._filter.take_fix(north + vn * late_s, east + ve * late_s, std) <= 1.0
-        is_doubted = self._settings.autopilot_std_m_s > 0.0 and self._trust.fix(fits=fits)
-        if is_doubted:
-            self._filter.doubt_velocity()
+        fits = self._filter.use_fix(north + vn * late_s, east + ve * late_s, std) <= 1.0
+        is_distrusted = self._settings.autopilot_std_m_s > 0.0 and self._trust.fix(fits=fits)
+        if is_distrusted:
+            self._filter.inflate_velocity()
             self._lock_s = None
         if fits:
             self._misfits = 0
         else:
             self._misfits += 1
-            if self._misfits < _STUCK and not is_doubted:
+            if self._misfits < _STUCK and not is_distrusted:
                 return
             self._misfits = 0
             self._filter.begin(north, east, std)
@@ -279,8 +282,8 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         self._advance(t_s)
         is_unlocked = self._lock_s is None or t_s - self._lock_s > self._settings.unlocked_s
         has_satellites = t_s - self._seen_s < _AIDED_S
-        is_led = is_unlocked and has_satellites and self._settings.autopilot_std_m_s > 0.0 and is_finite
-        if is_led:
+        is_guided = is_unlocked and has_satellites and self._settings.autopilot_std_m_s > 0.0 and is_finite
+        if is_guided:
             self._lean_on(given)
         settings, reckoner = self._settings, self._filter
         north, east = reckoner.position_m
@@ -289,13 +292,13 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         self.std_m = max(std_n, std_e)
         self.adrift_s = 0.0 if self._lock_s is None else max(0.0, t_s - self._lock_s)
         self.heading_error_deg = reckoner.heading_error_rad * 57.29578
-        is_adrift = is_unlocked and not is_led
+        is_adrift = is_unlocked and not is_guided
         self.reason = self._why_not(is_finite)
         is_valid = not self.reason
         if is_valid and is_adrift:
             self.reason = f"adrift: {self._unlocked or 'no velocity over ground'}"
         has_depth = is_finite and not settings.is_level
-        sources = [] if is_adrift else ["autopilot"] if is_led else [self._source]
+        sources = [] if is_adrift else ["autopilot"] if is_guided else [self._source]
         sources += ["heading"] if settings.is_level else ["heading", "depth"]
         sources += ["satellites"] if has_satellites else []
         return Pose(
@@ -316,7 +319,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         """Takes the autopilot's own velocity, where nothing better is there: it has it from the satellites."""
         yaw, std_m_s = yaw_of(self._attitude), self._settings.autopilot_std_m_s
         ahead, right, _ = rotate(from_yaw(-yaw), given.velocity_ned_m_s)
-        self._filter.take_velocity(ahead, right, yaw, std_m_s)
+        self._filter.use_velocity(ahead, right, yaw, std_m_s)
 
     def _why_not(self, is_finite: bool) -> str:
         if not is_finite:

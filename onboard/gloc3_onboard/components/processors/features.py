@@ -10,7 +10,7 @@ from gloc3.messages.envelope import Envelope
 from gloc3.messages.perception import Features
 from gloc3.messages.vehicle import Image
 from gloc3_onboard.sensors.checks.frame_check import complaint
-from gloc3_onboard.sensors.checks.silence import Silence
+from gloc3_onboard.sensors.checks.silence import InputSilence
 from gloc3_onboard.sensors.devices import Rig, calibrated
 
 LONELY_S: Final = 0.2
@@ -68,7 +68,7 @@ class FeatureProcessor(DataProcessor[FeatureSettings]):
         self._pixels_of, self._message_of = pixels_of, message_of
         self._matcher = FeatureMatcher(rig, options)
         self._lefts, self._rights = {}, {}
-        self._silence = Silence()
+        self._silence = InputSilence()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Features of the newest pair; what came too fast is skipped, not queued."""
@@ -80,23 +80,23 @@ class FeatureProcessor(DataProcessor[FeatureSettings]):
             t_s = both[-1]
             self.pairs += 1
             self.skipped += len(both) - 1
-            found = self._look(self._lefts[t_s].payload, self._rights[t_s].payload, t_s)
-            self._forget_until(t_s)
-            return [self._told(found, t_s)]
+            found = self._check_pictures(self._lefts[t_s].payload, self._rights[t_s].payload, t_s)
+            self._ignore_until(t_s)
+            return [self._reported(found, t_s)]
         waiting = sorted(self._lefts.keys() | self._rights.keys())
         if waiting and waiting[-1] - waiting[0] > LONELY_S:
             name = self._settings.right if waiting[0] in self._lefts else self._settings.left
-            self._forget_until(waiting[0])
-            return [self._told(self._nothing(f"there is no picture of {name} at the same time"), waiting[0])]
-        if not self._silence.is_to_be_told(now_s):
+            self._ignore_until(waiting[0])
+            return [self._reported(self._nothing(f"there is no picture of {name} at the same time"), waiting[0])]
+        if not self._silence.is_due(now_s):
             return []
-        return [self._told(self._nothing("no pair of pictures comes"), now_s)]
+        return [self._reported(self._nothing("no pair of pictures comes"), now_s)]
 
-    def _forget_until(self, t_s: float) -> None:
+    def _ignore_until(self, t_s: float) -> None:
         self._lefts = {at_s: envelope for at_s, envelope in self._lefts.items() if at_s > t_s}
         self._rights = {at_s: envelope for at_s, envelope in self._rights.items() if at_s > t_s}
 
-    def _look(self, left: Image, right: Image, t_s: float) -> Features:
+    def _check_pictures(self, left: Image, right: Image, t_s: float) -> Features:
         for image in (left, right):
             reason = complaint(image)
             if reason:
@@ -107,7 +107,7 @@ class FeatureProcessor(DataProcessor[FeatureSettings]):
     def _nothing(self, reason: str) -> Features:
         return Features(camera=self._settings.left, ids=b"", pixels=b"", is_valid=False, reason=reason)
 
-    def _told(self, found: Features, t_s: float) -> Result:
+    def _reported(self, found: Features, t_s: float) -> Result:
         self.reason, self.points = found.reason, len(found.ids) // 4
         self.refused += not found.is_valid
         return self.features.report(found, t_s=t_s)

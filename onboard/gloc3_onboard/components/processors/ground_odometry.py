@@ -12,7 +12,7 @@ from gloc3.messages.perception import Odometry
 from gloc3.messages.vehicle import AutopilotPose, HeightAboveGround, Image
 from gloc3_onboard.sensors.checks.frame_check import complaint
 from gloc3_onboard.sensors.checks.recent import RecentAttitudes, RecentHeights
-from gloc3_onboard.sensors.checks.silence import Silence
+from gloc3_onboard.sensors.checks.silence import InputSilence
 from gloc3_onboard.sensors.devices import Rig, calibrated
 
 ATTITUDE_GAP_S: Final = 0.15
@@ -82,26 +82,26 @@ class GroundOdometryProcessor(DataProcessor[GroundOdometrySettings]):
             yaw_std_rad=given.yaw_std_rad,
             level_std_rad=given.level_std_rad,
             slope_std=given.slope_std,
-            is_climb_told=given.is_climb_told,
+            is_climb_reported=given.is_climb_told,
         )
         self._pixels_of = pixels_of
         self._odometer = GroundOdometer(calibrated(self._rig, given.camera), settings)
         self._attitudes, self._heights = RecentAttitudes(ATTITUDE_GAP_S), RecentHeights(HEIGHT_GAP_S)
-        self._silence = Silence()
+        self._silence = InputSilence()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """One report for each picture, and one a second where none comes."""
-        self._attitudes.hear(inbox.new(self.autopilot_pose))
-        self._heights.hear(inbox.new(self.height))
+        self._attitudes.add(inbox.new(self.autopilot_pose))
+        self._heights.add(inbox.new(self.height))
         results: list[Result] = []
         for envelope in inbox.new(self.image):
             self._silence.end(now_s)
-            results.append(self.odometry.report(self._told(self._look(envelope)), t_s=envelope.t_s))
-        if self._silence.is_to_be_told(now_s):
-            results.append(self._told(self._odometer.without_picture(now_s, "no picture comes")))
+            results.append(self.odometry.report(self._reported(self._track(envelope)), t_s=envelope.t_s))
+        if self._silence.is_due(now_s):
+            results.append(self._reported(self._odometer.without_picture(now_s, "no picture comes")))
         return results
 
-    def _look(self, envelope: Envelope[Image]) -> Odometry:
+    def _track(self, envelope: Envelope[Image]) -> Odometry:
         image, t_s = envelope.payload, envelope.t_s
         self.pictures += 1
         reason = complaint(image)
@@ -112,7 +112,7 @@ class GroundOdometryProcessor(DataProcessor[GroundOdometrySettings]):
             return self._odometer.without_picture(t_s, "there is no attitude of the time of the picture")
         return self._odometer.update(self._pixels_of(image), t_s, attitude, self._heights.at(t_s))
 
-    def _told(self, found: Odometry) -> Odometry:
+    def _reported(self, found: Odometry) -> Odometry:
         self.reason = found.reason
         self.refused += not found.is_valid
         return found

@@ -15,7 +15,7 @@ from gloc3.messages.vehicle import AutopilotPose, HeightAboveGround
 from gloc3_onboard.algorithms.scan_matching.laser_odometer import LaserMotion, LaserOdometer, LaserOdometerSettings
 from gloc3_onboard.algorithms.scan_matching.scan_points import Mount, Tilt
 from gloc3_onboard.sensors.checks.recent import RecentAttitudes, RecentHeights
-from gloc3_onboard.sensors.checks.silence import Silence
+from gloc3_onboard.sensors.checks.silence import InputSilence
 
 SOURCE: Final = "laser"
 ATTITUDE_GAP_S: Final = 0.15
@@ -80,21 +80,21 @@ class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
         )
         self._odometer = LaserOdometer(settings, Mount(given.mount_frd_m, math.radians(given.mount_yaw_deg)))
         self._attitudes, self._heights = RecentAttitudes(ATTITUDE_GAP_S), RecentHeights(HEIGHT_GAP_S)
-        self._silence = Silence()
+        self._silence = InputSilence()
         self._down_m = self._floor_down_m = math.nan
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """One report for each scan, and one a second where none comes."""
-        self._attitudes.hear(inbox.new(self.autopilot_pose))
-        self._heights.hear(inbox.new(self.height))
+        self._attitudes.add(inbox.new(self.autopilot_pose))
+        self._heights.add(inbox.new(self.height))
         if (pose := inbox.latest(self.autopilot_pose)) is not None:
             self._down_m = pose.payload.position_ned_m[2]
         results: list[Result] = []
         for envelope in inbox.new(self.laser):
             self._silence.end(now_s)
-            results.append(self.odometry.report(self._told(self._match(envelope)), t_s=envelope.t_s))
-        if self._silence.is_to_be_told(now_s):
-            results.append(self._told(no_motion(SOURCE, now_s, "no scan comes", is_level=True)))
+            results.append(self.odometry.report(self._reported(self._match(envelope)), t_s=envelope.t_s))
+        if self._silence.is_due(now_s):
+            results.append(self._reported(no_motion(SOURCE, now_s, "no scan comes", is_level=True)))
         return results
 
     def _match(self, envelope: Envelope[LaserScan]) -> Odometry:
@@ -118,7 +118,7 @@ class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
         height_m = self._floor_down_m - self._down_m
         return height_m if math.isfinite(height_m) else None
 
-    def _told(self, found: Odometry) -> Odometry:
+    def _reported(self, found: Odometry) -> Odometry:
         self.reason = found.reason
         self.refused += not found.is_valid
         return found
@@ -127,9 +127,9 @@ class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
 def odometry_of(found: LaserMotion, roll_rad: float, pitch_rad: float) -> Odometry:
     """The odometer's motion as a message; height, roll and pitch are not told by it, though roll and pitch are known."""
     rows = [[UNKNOWN_VARIANCE if row == column else 0.0 for column in range(6)] for row in range(6)]
-    told = (0, 1, 5)
-    for row, values in zip(told, found.covariance.tolist(), strict=True):
-        for column, value in zip(told, values, strict=True):
+    reported = (0, 1, 5)
+    for row, values in zip(reported, found.covariance.tolist(), strict=True):
+        for column, value in zip(reported, values, strict=True):
             rows[row][column] = value
     return Odometry(
         source=SOURCE,

@@ -13,7 +13,7 @@ from gloc3.messages.perception import PositionFix
 from gloc3.messages.vehicle import HeightAboveGround, Image, Pose
 from gloc3_onboard.sensors.checks.frame_check import complaint
 from gloc3_onboard.sensors.checks.recent import RecentHeights
-from gloc3_onboard.sensors.checks.silence import Silence
+from gloc3_onboard.sensors.checks.silence import InputSilence
 from gloc3_onboard.sensors.devices import Rig, calibrated
 
 GAP_S: Final = 0.3
@@ -85,26 +85,26 @@ class OpticalFollowerProcessor(DataProcessor[OpticalFollowerSettings]):
             threshold_grey=given.threshold_grey,
             spot_std_px=given.spot_std_px,
             pointing_std_rad=math.radians(given.pointing_std_deg),
-            is_range_told=given.is_range_told,
+            is_range_reported=given.is_range_told,
         )
         self._pixels_of = pixels_of
         self._follower = OpticalFollower(calibrated(self._rig, given.camera), settings)
         self._heights = RecentHeights(GAP_S)
-        self._silence = Silence()
+        self._silence = InputSilence()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """One report for each picture, and one a second where none comes."""
-        self._heights.hear(inbox.new(self.height))
+        self._heights.add(inbox.new(self.height))
         results: list[Result] = []
         for envelope in inbox.new(self.image):
             self._silence.end(now_s)
-            fix = self._look(envelope, inbox.latest(self.pose))
-            results.append(self.position_fix.report(self._told(fix), t_s=envelope.t_s))
-        if self._silence.is_to_be_told(now_s):
-            results.append(self._told(self._follower.without_picture("no picture comes")))
+            fix = self._track(envelope, inbox.latest(self.pose))
+            results.append(self.position_fix.report(self._reported(fix), t_s=envelope.t_s))
+        if self._silence.is_due(now_s):
+            results.append(self._reported(self._follower.without_picture("no picture comes")))
         return results
 
-    def _look(self, envelope: Envelope[Image], pose: Envelope[Pose] | None) -> PositionFix:
+    def _track(self, envelope: Envelope[Image], pose: Envelope[Pose] | None) -> PositionFix:
         image = envelope.payload
         self.pictures += 1
         reason = complaint(image)
@@ -117,19 +117,19 @@ class OpticalFollowerProcessor(DataProcessor[OpticalFollowerSettings]):
         """How far the lamp is below the frame's origin, and how well that is known."""
         settings = self._settings
         is_posed = pose is not None and pose.payload.is_valid and abs(t_s - pose.t_s) <= GAP_S
-        told = pose.payload if pose is not None and is_posed else None
+        reported = pose.payload if pose is not None and is_posed else None
         arm = tuple(a - b for a, b in zip(settings.lever_frd_m, settings.sensor_frd_m, strict=True))
-        lever_down = rotate(told.ned_from_frd, (arm[0], arm[1], arm[2]))[2] if told is not None else arm[2]
-        cosine = rotate(told.ned_from_frd, (0.0, 0.0, 1.0))[2] if told is not None else 1.0
+        lever_down = rotate(reported.ned_from_frd, (arm[0], arm[1], arm[2]))[2] if reported is not None else arm[2]
+        cosine = rotate(reported.ned_from_frd, (0.0, 0.0, 1.0))[2] if reported is not None else 1.0
         by_height_m = -settings.floor_height_m - self._heights.at(t_s) * cosine + lever_down
-        if told is None:
+        if reported is None:
             return by_height_m, settings.height_std_m
-        by_pose_m = told.position_ned_m[2] + rotate(told.ned_from_frd, settings.lever_frd_m)[2]
+        by_pose_m = reported.position_ned_m[2] + rotate(reported.ned_from_frd, settings.lever_frd_m)[2]
         if abs(by_height_m - by_pose_m) <= settings.step_m:
             return by_height_m, settings.height_std_m
-        return by_pose_m, max(told.position_std_m[2], settings.height_std_m)
+        return by_pose_m, max(reported.position_std_m[2], settings.height_std_m)
 
-    def _told(self, fix: PositionFix) -> PositionFix:
+    def _reported(self, fix: PositionFix) -> PositionFix:
         self.reason = fix.reason
         self.lost += not fix.is_valid
         return fix

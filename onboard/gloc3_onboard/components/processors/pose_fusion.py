@@ -81,7 +81,7 @@ class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
         self._jumps = 0
         """What is added to the fusion's own count, to go on from the primary's."""
         self._begun_s: float | None = None
-        self._told_s = float("-inf")
+        self._reported_s = float("-inf")
 
     # --- the local command interface ---
 
@@ -98,7 +98,7 @@ class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
         self._is_quiet = False
         self._followed = self._shown = self._begun_s = None
         self._jumps = 0
-        self._told_s = float("-inf")
+        self._reported_s = float("-inf")
 
     def goquiet(self) -> None:
         """Follows the pose that another one says from now on."""
@@ -128,8 +128,8 @@ class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
         for sample in inbox.new(self.imu):
             if sample.payload.is_valid:
                 fusion.imu(sample.payload.rate_frd_rad_s, sample.payload.specific_force_frd_m_s2, sample.t_s)
-        for told in inbox.new(self.autopilot_pose):
-            fusion.attitude(told.payload, told.t_s)
+        for reported in inbox.new(self.autopilot_pose):
+            fusion.attitude(reported.payload, reported.t_s)
         for report in inbox.new(self.odometry):
             fusion.odometry(report.payload, report.t_s)
         for fix in inbox.new(self.position_fix):
@@ -155,28 +155,28 @@ class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
         return True
 
     def _begin_at(self, fusion: "PoseFusion", inbox: Inbox, now_s: float, *, is_flying: bool) -> None:
-        from gloc3_onboard.algorithms.fusion.inertial import State
+        from gloc3_onboard.algorithms.fusion.inertial import InertialState
 
-        told = inbox.latest(self.autopilot_pose)
+        reported = inbox.latest(self.autopilot_pose)
         settings = self._settings
         if is_flying:
             primary = self._followed
             if primary is not None and primary.payload.is_valid and now_s - primary.t_s < YOUNG_S:
                 given: Pose | AutopilotPose = primary.payload
-            elif told is not None and now_s - told.t_s < YOUNG_S:
-                given = told.payload
+            elif reported is not None and now_s - reported.t_s < YOUNG_S:
+                given = reported.payload
             else:
                 return
-            state = State(now_s, given.position_ned_m, given.velocity_ned_m_s, given.ned_from_frd)
+            state = InertialState(now_s, given.position_ned_m, given.velocity_ned_m_s, given.ned_from_frd)
             std_m, std_rad = _IN_FLIGHT_STD
             fusion.align_by(state, position_std_m=std_m, heading_std_rad=std_rad, is_moving=True)
-        elif told is not None and (settings.start_ned_m is None or settings.start_heading_deg is None):
+        elif reported is not None and (settings.start_ned_m is None or settings.start_heading_deg is None):
             fusion.align_by(
-                State(
+                InertialState(
                     now_s,
-                    settings.start_ned_m or told.payload.position_ned_m,
+                    settings.start_ned_m or reported.payload.position_ned_m,
                     (0.0, 0.0, 0.0),
-                    told.payload.ned_from_frd,
+                    reported.payload.ned_from_frd,
                 ),
                 position_std_m=None if settings.start_ned_m is not None else _IN_FLIGHT_STD[0],
                 heading_std_rad=_IN_FLIGHT_STD[1],
@@ -191,7 +191,7 @@ class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
         t_s = fusion.estimate.t_s if fusion.is_aligned else now_s
         self._shown = (t_s, pose)
         results: list[Result] = [self.pose.report(pose, t_s=t_s)]
-        if now_s - self._told_s >= STATE_PERIOD_S - 1e-6:
-            self._told_s = now_s
+        if now_s - self._reported_s >= STATE_PERIOD_S - 1e-6:
+            self._reported_s = now_s
             results.append(fusion.state())
         return results

@@ -8,7 +8,7 @@ from gloc3.component.ports import Inbox, Input, Keep, Output, Result
 from gloc3.component.settings import Bounds, Settings
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.perception import Features, Odometry, no_motion
-from gloc3_onboard.sensors.checks.silence import Silence
+from gloc3_onboard.sensors.checks.silence import InputSilence
 from gloc3_onboard.sensors.devices import Rig, calibrated
 
 SOURCE: Final = "stereo"
@@ -67,7 +67,7 @@ class StereoOdometryProcessor(DataProcessor[StereoOdometrySettings]):
         )
         self._features_of, self._odometry_of = features_of, odometry_of
         self._motion = StereoMotion(rig, options)
-        self._silence = Silence()
+        self._silence = InputSilence()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """One report for each set of features, and one a second where none come."""
@@ -75,12 +75,12 @@ class StereoOdometryProcessor(DataProcessor[StereoOdometrySettings]):
         for envelope in inbox.new(self.features):
             self._silence.end(now_s)
             self.sets += 1
-            results.append(self.odometry.report(self._told(self._look(envelope)), t_s=envelope.t_s))
-        if self._silence.is_to_be_told(now_s):
-            results.append(self._told(no_motion(SOURCE, now_s, "no features come")))
+            results.append(self.odometry.report(self._reported(self._track(envelope)), t_s=envelope.t_s))
+        if self._silence.is_due(now_s):
+            results.append(self._reported(no_motion(SOURCE, now_s, "no features come")))
         return results
 
-    def _look(self, envelope: Envelope[Features]) -> Odometry:
+    def _track(self, envelope: Envelope[Features]) -> Odometry:
         given = envelope.payload
         if not given.is_valid:
             return no_motion(SOURCE, envelope.t_s, given.reason or "the features are not valid")
@@ -91,7 +91,7 @@ class StereoOdometryProcessor(DataProcessor[StereoOdometrySettings]):
         self.points = motion.points
         return self._odometry_of(motion, SOURCE)
 
-    def _told(self, found: Odometry) -> Odometry:
+    def _reported(self, found: Odometry) -> Odometry:
         self.reason = found.reason
         self.refused += not found.is_valid
         return found

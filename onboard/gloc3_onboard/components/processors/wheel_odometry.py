@@ -12,10 +12,10 @@ from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import from_yaw, wrap_pi, yaw_of
 from gloc3.messages.perception import UNKNOWN_VARIANCE, Odometry, WheelDistances, no_motion
 from gloc3.messages.vehicle import AutopilotPose
-from gloc3_onboard.algorithms.odometry.wheel_odometer import Moved, Wheelbase, WheelOdometer
+from gloc3_onboard.algorithms.odometry.wheel_odometer import Wheelbase, WheelOdometer, WheelStep
 
 SOURCE: Final = "wheels"
-_FELT_S: Final = 0.2
+_MEASURED_S: Final = 0.2
 """The autopilot's heading is carried on to the time of a reading for no longer than this."""
 _GAP_S: Final = 1.0
 """Readings that are farther apart are no step: what happened between them is not known."""
@@ -60,9 +60,9 @@ class WheelOdometryProcessor(DataProcessor[WheelOdometrySettings]):
         self.slip_m_s = self.travelled_m = 0.0
         self.reason = ""
         self._settings = WheelOdometrySettings()
-        self._forget()
+        self._reset()
 
-    def _forget(self) -> None:
+    def _reset(self) -> None:
         settings = self._settings
         base = Wheelbase(
             track_m=settings.track_m,
@@ -78,11 +78,11 @@ class WheelOdometryProcessor(DataProcessor[WheelOdometrySettings]):
     def initialize(self, settings: WheelOdometrySettings) -> None:
         """Adopts the settings."""
         self._settings = settings
-        self._forget()
+        self._reset()
 
     def start(self) -> None:
         """Begins with the next reading."""
-        self._forget()
+        self._reset()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Takes readings and attitudes in the order of time."""
@@ -96,20 +96,20 @@ class WheelOdometryProcessor(DataProcessor[WheelOdometrySettings]):
         return results
 
     def _step(self, wheels: WheelDistances, t_s: float) -> list[Result]:
-        settings, ways = self._settings, wheels.distances_m
+        settings, routes = self._settings, wheels.distances_m
         before_s, before_rad = self._last_s, self._last_yaw_rad
-        if not wheels.is_valid or max(settings.left, settings.right) >= len(ways):
-            self.reason = wheels.reason or f"{len(ways)} wheels are told of"
+        if not wheels.is_valid or max(settings.left, settings.right) >= len(routes):
+            self.reason = wheels.reason or f"{len(routes)} wheels are told of"
             self._last_s = None
             self._odometer.begin()
             return [self.odometry.report(no_motion(SOURCE, t_s, self.reason), t_s=t_s)]
         self._last_s, self._last_yaw_rad = t_s, self._yaw_rad(t_s)
-        felt = self._last_yaw_rad
-        turned = None if felt is None or before_rad is None else wrap_pi(felt - before_rad)
+        measured = self._last_yaw_rad
+        turned = None if measured is None or before_rad is None else wrap_pi(measured - before_rad)
         if before_s is None or not 0.0 < t_s - before_s <= _GAP_S:
             self._odometer.begin()
         seconds = 0.0 if before_s is None else t_s - before_s
-        moved = self._odometer.update(ways[settings.left], ways[settings.right], seconds, turned)
+        moved = self._odometer.update(routes[settings.left], routes[settings.right], seconds, turned)
         if moved is None or before_s is None:
             return []
         self.slip_m_s, self.reason = moved.slip_m_s, moved.reason
@@ -118,14 +118,14 @@ class WheelOdometryProcessor(DataProcessor[WheelOdometrySettings]):
 
     def _yaw_rad(self, t_s: float) -> float | None:
         """The heading at a time, by the last attitude and the rate of turning; None where that is too old."""
-        told = self._attitude
-        if told is None or not abs(t_s - told.t_s) <= _FELT_S:
+        reported = self._attitude
+        if reported is None or not abs(t_s - reported.t_s) <= _MEASURED_S:
             return None
-        yaw = yaw_of(told.payload.ned_from_frd) + told.payload.rate_frd_rad_s[2] * (t_s - told.t_s)
+        yaw = yaw_of(reported.payload.ned_from_frd) + reported.payload.rate_frd_rad_s[2] * (t_s - reported.t_s)
         return yaw if isfinite(yaw) else None
 
 
-def _report(moved: Moved, reference_t_s: float, slip_max_m_s: float) -> Odometry:
+def _report(moved: WheelStep, reference_t_s: float, slip_max_m_s: float) -> Odometry:
     ahead_m, right_m = moved.place_m
     up_std_m = 0.002 + _UP_SHARE * abs(moved.ahead_m)
     variances = (

@@ -35,15 +35,15 @@ class AutopilotSetupSampler(SensorSampler[NoSettings]):
     def __init__(self, device: AutopilotInspection) -> None:
         self._device = device
         self._until_stop = ExitStack()
-        self._forget()
+        self._clear()
 
-    def _forget(self) -> None:
+    def _clear(self) -> None:
         self._last: AutopilotSetup | None = None
         self._reported_s = float("-inf")
 
     def start(self) -> None:
         """Reports at once."""
-        self._forget()
+        self._clear()
         self._until_stop.callback(self._device.on_setup(self.request_cycle))
 
     def stop(self) -> None:
@@ -52,8 +52,8 @@ class AutopilotSetupSampler(SensorSampler[NoSettings]):
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reads the setup; says it when it is new or due."""
-        for asked in inbox.new(self.read_setup):
-            self._device.read_setup(asked.payload.number)
+        for requested in inbox.new(self.read_setup):
+            self._device.read_setup(requested.payload.number)
         setup = self._device.setup()
         if setup == self._last and now_s - self._reported_s < REPORT_PERIOD_S - 1e-9:
             return []

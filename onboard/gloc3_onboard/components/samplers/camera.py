@@ -7,7 +7,7 @@ from gloc3.component.component import SensorSampler
 from gloc3.component.ports import Inbox, Output, Result
 from gloc3.messages.vehicle import Image
 from gloc3_onboard.sensors.checks.frame_check import FrameChecks, FrameSettings, no_frame
-from gloc3_onboard.sensors.checks.timeline import Timeline
+from gloc3_onboard.sensors.checks.timeline import StampMonitor
 from gloc3_onboard.sensors.devices import Camera, Rig, opened
 
 
@@ -34,7 +34,7 @@ class CameraSampler(SensorSampler[FrameSettings]):
     def start(self) -> None:
         """Opens the camera."""
         self._checks = FrameChecks(self._rig, may_repeat=self._settings.may_repeat)
-        self._timeline = Timeline("picture", self._settings.silent_s)
+        self._timeline = StampMonitor("picture", self._settings.silent_s)
         self._until_stop.callback(opened(self._device, self.request_cycle))
 
     def stop(self) -> None:
@@ -44,7 +44,7 @@ class CameraSampler(SensorSampler[FrameSettings]):
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports a frame that has not been reported yet."""
         stamped = self._device.frame()
-        arrival = self._timeline.take(stamped.t_s, now_s) if stamped is not None else None
+        arrival = self._timeline.judge(stamped.t_s, now_s) if stamped is not None else None
         if stamped is None or arrival is None:
             reason = self._timeline.silence(now_s)
             return [self.image.report(no_frame(self._camera, reason), t_s=now_s)] if reason else []

@@ -9,7 +9,7 @@ from gloc3.component.component import SensorSampler
 from gloc3.component.ports import Inbox, Output, Result
 from gloc3.component.settings import Bounds, Settings
 from gloc3.messages.perception import BottomVelocity
-from gloc3_onboard.sensors.checks.timeline import Timeline
+from gloc3_onboard.sensors.checks.timeline import StampMonitor
 from gloc3_onboard.sensors.devices import Dvl, opened
 
 
@@ -45,7 +45,7 @@ class DvlSampler(SensorSampler[DvlSettings]):
 
     def start(self) -> None:
         """Opens the device."""
-        self._timeline = Timeline("velocity", self._settings.silent_s)
+        self._timeline = StampMonitor("velocity", self._settings.silent_s)
         self._until_stop.callback(opened(self._device, self.request_cycle))
 
     def stop(self) -> None:
@@ -55,7 +55,7 @@ class DvlSampler(SensorSampler[DvlSettings]):
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports a velocity that has not been reported yet."""
         stamped = self._device.bottom_velocity()
-        arrival = self._timeline.take(stamped.t_s, now_s) if stamped is not None else None
+        arrival = self._timeline.judge(stamped.t_s, now_s) if stamped is not None else None
         if stamped is None or arrival is None:
             reason = self._timeline.silence(now_s)
             return [self.dvl.report(BottomVelocity(is_valid=False, reason=reason), t_s=now_s)] if reason else []

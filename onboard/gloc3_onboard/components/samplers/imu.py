@@ -11,7 +11,7 @@ from gloc3.component.component import SensorSampler
 from gloc3.component.ports import Inbox, Output, Result
 from gloc3.component.settings import Bounds, Settings
 from gloc3.messages.perception import ImuSample
-from gloc3_onboard.sensors.checks.timeline import Timeline
+from gloc3_onboard.sensors.checks.timeline import StampMonitor
 from gloc3_onboard.sensors.devices import Imu, opened
 
 MOST_RATE_RAD_S: Final = 70.0
@@ -48,7 +48,7 @@ class ImuSampler(SensorSampler[ImuSettings]):
         self._restart()
 
     def _restart(self) -> None:
-        self._timeline = Timeline("sample", self._settings.silent_s)
+        self._timeline = StampMonitor("sample", self._settings.silent_s)
         self._check = ImuCheck(may_repeat=self._settings.may_repeat)
         self._last_s = float("-inf")
 
@@ -71,7 +71,7 @@ class ImuSampler(SensorSampler[ImuSettings]):
         results: list[Result] = []
         for t_s, sample in found:
             self._last_s = t_s
-            arrival = self._timeline.take(t_s, now_s)
+            arrival = self._timeline.judge(t_s, now_s)
             if arrival is not None:
                 self.samples += 1
                 self.reason = arrival.problem or self._check.problem(sample)

@@ -11,7 +11,7 @@ from gloc3.component.ports import Inbox, Output, Result
 from gloc3.component.settings import Bounds, Settings
 from gloc3.messages.perception import LaserScan
 from gloc3_onboard.sensors.checks.scan_check import checked_scan
-from gloc3_onboard.sensors.checks.timeline import Timeline
+from gloc3_onboard.sensors.checks.timeline import StampMonitor
 from gloc3_onboard.sensors.devices import Laser, opened
 
 
@@ -46,7 +46,7 @@ class LaserSampler(SensorSampler[LaserSettings]):
 
     def start(self) -> None:
         """Opens the scanner."""
-        self._timeline = Timeline("scan", self._settings.silent_s)
+        self._timeline = StampMonitor("scan", self._settings.silent_s)
         self._until_stop.callback(opened(self._device, self.request_cycle))
 
     def stop(self) -> None:
@@ -56,7 +56,7 @@ class LaserSampler(SensorSampler[LaserSettings]):
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports a turn that has not been reported yet."""
         stamped = self._device.scan()
-        arrival = self._timeline.take(stamped.t_s, now_s) if stamped is not None else None
+        arrival = self._timeline.judge(stamped.t_s, now_s) if stamped is not None else None
         if stamped is None or arrival is None:
             reason = self._timeline.silence(now_s)
             none = msgspec.structs.replace(self._none, is_valid=False, reason=reason)

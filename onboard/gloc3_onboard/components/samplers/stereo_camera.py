@@ -7,7 +7,7 @@ from gloc3.component.component import SensorSampler
 from gloc3.component.ports import Inbox, Output, Result
 from gloc3.messages.vehicle import Image
 from gloc3_onboard.sensors.checks.frame_check import FrameChecks, FrameSettings, no_frame
-from gloc3_onboard.sensors.checks.timeline import Timeline
+from gloc3_onboard.sensors.checks.timeline import StampMonitor
 from gloc3_onboard.sensors.devices import Rig, StereoCamera, opened
 
 
@@ -35,7 +35,7 @@ class StereoCameraSampler(SensorSampler[FrameSettings]):
     def start(self) -> None:
         """Opens the cameras."""
         self._checks = FrameChecks(self._rig, may_repeat=self._settings.may_repeat)
-        self._timeline = Timeline("pair of pictures", self._settings.silent_s)
+        self._timeline = StampMonitor("pair of pictures", self._settings.silent_s)
         self._until_stop.callback(opened(self._device, self.request_cycle))
 
     def stop(self) -> None:
@@ -45,7 +45,7 @@ class StereoCameraSampler(SensorSampler[FrameSettings]):
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports a pair that has not been reported yet."""
         pair = self._device.pair()
-        arrival = self._timeline.take(pair.t_s, now_s) if pair is not None else None
+        arrival = self._timeline.judge(pair.t_s, now_s) if pair is not None else None
         if pair is None or arrival is None:
             reason = self._timeline.silence(now_s)
             if not reason:

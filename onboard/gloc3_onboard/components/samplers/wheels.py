@@ -9,7 +9,7 @@ from gloc3.component.component import SensorSampler
 from gloc3.component.ports import Inbox, Output, Result
 from gloc3.component.settings import Bounds, Settings
 from gloc3.messages.perception import WheelDistances
-from gloc3_onboard.sensors.checks.timeline import Timeline
+from gloc3_onboard.sensors.checks.timeline import StampMonitor
 from gloc3_onboard.sensors.devices import Wheels
 
 
@@ -40,7 +40,7 @@ class WheelsSampler(SensorSampler[WheelsSettings]):
 
     def start(self) -> None:
         """Takes what comes from now on."""
-        self._timeline = Timeline("wheel distance", self._settings.silent_s)
+        self._timeline = StampMonitor("wheel distance", self._settings.silent_s)
         self._until_stop.callback(self._device.on_wheels(self.request_cycle))
 
     def stop(self) -> None:
@@ -50,7 +50,7 @@ class WheelsSampler(SensorSampler[WheelsSettings]):
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports a reading that has not been reported yet."""
         stamped = self._device.wheels()
-        arrival = self._timeline.take(stamped.t_s, now_s) if stamped is not None else None
+        arrival = self._timeline.judge(stamped.t_s, now_s) if stamped is not None else None
         if stamped is None or arrival is None:
             silence = self._timeline.silence(now_s)
             self.reason = silence or self.reason

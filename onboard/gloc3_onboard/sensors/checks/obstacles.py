@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gloc3.messages.perception import LaserScan
-from gloc3.messages.vehicle import NOT_LOOKED_M, OBSTACLE_SECTORS, ObstacleScan
+from gloc3.messages.vehicle import NOT_MEASURED_M, OBSTACLE_SECTORS, ObstacleScan
 from gloc3_onboard.algorithms.scan_matching.planar import Array, Planar
 from gloc3_onboard.algorithms.scan_matching.scan_points import Mount, Tilt, points_of, ranges_of
 
@@ -39,10 +39,10 @@ def obstacles_of(
     order = order[np.unique(bins[order], return_index=True)[1]]
     c, s = cos(pose.yaw_rad), sin(pose.yaw_rad)
     axes = np.array(((c, s), (-s, c)))
-    told = (points[order] @ axes + (pose.x_m, pose.y_m)).tolist()
-    near = sorted(zip(distance[order].tolist(), told, strict=True))
+    reported = (points[order] @ axes + (pose.x_m, pose.y_m)).tolist()
+    near = sorted(zip(distance[order].tolist(), reported, strict=True))
     return ObstacleScan(
-        points_ne_m=[(north, east) for north, east in told],
+        points_ne_m=[(north, east) for north, east in reported],
         height_m=height_m,
         sectors_m=_sectors(scan, mount, bearing, distance),
         range_max_m=scan.range_max_m,
@@ -52,9 +52,9 @@ def obstacles_of(
 
 def _sectors(scan: LaserScan, mount: Mount, bearing: Array, distance: Array) -> list[float]:
     ranges = ranges_of(scan)
-    looked = np.flatnonzero(ranges > max(scan.range_min_m, 0.0))
-    sectors = np.full(OBSTACLE_SECTORS, NOT_LOOKED_M)
-    angles = np.asarray(mount.yaw_rad - scan.angle_min_rad - scan.angle_step_rad * looked, np.float64)
+    checked = np.flatnonzero(ranges > max(scan.range_min_m, 0.0))
+    sectors = np.full(OBSTACLE_SECTORS, NOT_MEASURED_M)
+    angles = np.asarray(mount.yaw_rad - scan.angle_min_rad - scan.angle_step_rad * checked, np.float64)
     sectors[_sector(angles)] = scan.range_max_m
     if len(distance):
         nearest = np.full(OBSTACLE_SECTORS, np.inf)

@@ -27,7 +27,7 @@ class RecentHeights:
             self._times.append(t_s)
             self._values.append(height_m)
 
-    def hear(self, heights: Iterable[Envelope[HeightAboveGround]]) -> None:
+    def add(self, heights: Iterable[Envelope[HeightAboveGround]]) -> None:
         """Adds those that are valid."""
         for height in heights:
             if height.payload.is_valid:
@@ -59,7 +59,7 @@ class RecentAttitudes:
             self._times.append(t_s)
             self._values.append((ned_from_frd, rate_frd_rad_s))
 
-    def hear(self, poses: Iterable[Envelope[AutopilotPose]]) -> None:
+    def add(self, poses: Iterable[Envelope[AutopilotPose]]) -> None:
         """Adds the attitudes of an autopilot's poses."""
         for pose in poses:
             self.put(pose.t_s, pose.payload.ned_from_frd, pose.payload.rate_frd_rad_s)

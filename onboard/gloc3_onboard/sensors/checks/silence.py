@@ -6,7 +6,7 @@ SILENT_S: Final = 1.0
 """Without anything for so long a processor says that nothing comes."""
 
 
-class Silence:
+class InputSilence:
     """Follows one input of a processor: silence is to be told once in each period of it."""
 
     def __init__(self) -> None:
@@ -16,7 +16,7 @@ class Silence:
         """Something has come."""
         self._since_s = now_s
 
-    def is_to_be_told(self, now_s: float) -> bool:
+    def is_due(self, now_s: float) -> bool:
         """Whether nothing has come for a period, or for another one."""
         if self._since_s is None:
             self._since_s = now_s

@@ -17,7 +17,7 @@ class Arrival(NamedTuple):
     """Why its stamp cannot be believed; empty where it can."""
 
 
-class Timeline:
+class StampMonitor:
     """Follows the stamps of one device.
 
     Args:
@@ -31,9 +31,9 @@ class Timeline:
         self._seen_s: float | None = None
         self._in_order = 0
         self._came_s: float | None = None
-        self._told_s = float("-inf")
+        self._reported_s = float("-inf")
 
-    def take(self, t_s: float, now_s: float) -> Arrival | None:
+    def judge(self, t_s: float, now_s: float) -> Arrival | None:
         """Judges a stamp; None for one that was seen last, too."""
         previous_s, self._seen_s = self._seen_s, t_s
         if t_s == previous_s:
@@ -54,7 +54,7 @@ class Timeline:
         """Why nothing comes, once in each period of silence; else an empty text."""
         if self._came_s is None:
             self._came_s = now_s
-        if now_s - max(self._came_s, self._told_s) < self._silent_s - 1e-9:
+        if now_s - max(self._came_s, self._reported_s) < self._silent_s - 1e-9:
             return ""
-        self._told_s = now_s
+        self._reported_s = now_s
         return f"no {self._what} for {now_s - self._came_s:.1f} s"

@@ -26,7 +26,7 @@ class AutopilotImu:
     def close(self) -> None:
         """They go on; nobody listens."""
 
-    def on_news(self, ready: Callable[[], None]) -> Unwatch:
+    def on_new_data(self, ready: Callable[[], None]) -> Unwatch:
         """Has `ready` called when a sample has come."""
         return self._sensors.imu_bell.listen(ready)
 
@@ -48,7 +48,7 @@ class ObstacleDistance:
     def close(self) -> None:
         """They go on; nobody listens."""
 
-    def on_news(self, ready: Callable[[], None]) -> Unwatch:
+    def on_new_data(self, ready: Callable[[], None]) -> Unwatch:
         """Has `ready` called when a scan has come."""
         return self._sensors.obstacles_bell.listen(ready)
 
@@ -70,7 +70,7 @@ class DistanceSensors:
     def close(self) -> None:
         """They go on; nobody listens."""
 
-    def on_news(self, ready: Callable[[], None]) -> Unwatch:
+    def on_new_data(self, ready: Callable[[], None]) -> Unwatch:
         """Has `ready` called when one has told its range."""
         return self._sensors.ranges_bell.listen(ready)
 

@@ -184,11 +184,11 @@ class ReplayCamera(Replay[Image]):
 
     _frame: StampedImage | None = None
 
-    def take(self, t_s: float, item: Image) -> None:
+    def play(self, t_s: float, item: Image) -> None:
         """Keeps a frame."""
         self._frame = StampedImage(t_s, item)
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Keeps nothing."""
         self._frame = None
 

@@ -17,7 +17,7 @@ PD6_STD_M_S: Final = 0.005
 """Taken as the noise of a device that does not claim any."""
 
 
-class Report(NamedTuple):
+class DopplerReport(NamedTuple):
     """A velocity, and the device's own time where it tells one."""
 
     stamp_us: int | None
@@ -30,7 +30,7 @@ class Decoder(Protocol):
     damaged: int
     """Lines that could not be read."""
 
-    def receive(self, data: bytes) -> list[Report]:
+    def receive(self, data: bytes) -> list[DopplerReport]:
         """What is complete now."""
 
 
@@ -38,13 +38,13 @@ class _Lines:
     """Cuts a stream into lines."""
 
     def __init__(self) -> None:
-        self._rest = b""
+        self._remainder = b""
 
     def cut(self, data: bytes) -> list[bytes]:
         """The lines that are complete now, without their ends."""
-        *lines, self._rest = (self._rest + data).split(b"\n")
-        if len(self._rest) > LINE_MAX:
-            self._rest = b""
+        *lines, self._remainder = (self._remainder + data).split(b"\n")
+        if len(self._remainder) > LINE_MAX:
+            self._remainder = b""
         return [line.strip() for line in lines if line.strip()]
 
 
@@ -56,24 +56,24 @@ class A50Decoder:
         self._lines = _Lines()
         self._yaw_deg = yaw_deg
 
-    def receive(self, data: bytes) -> list[Report]:
+    def receive(self, data: bytes) -> list[DopplerReport]:
         """The velocities that are complete now; reports of other types are passed over."""
-        found: list[Report] = []
+        found: list[DopplerReport] = []
         for line in self._lines.cut(data):
             try:
-                said = msgspec.json.decode(line)
-                if isinstance(said, dict) and said.get("type") == "velocity":
-                    found.append(self._report(said))
+                text = msgspec.json.decode(line)
+                if isinstance(text, dict) and text.get("type") == "velocity":
+                    found.append(self._report(text))
             except (msgspec.DecodeError, KeyError, TypeError, ValueError, OverflowError, RecursionError):
                 self.damaged += 1
         return found
 
-    def _report(self, said: dict[str, Any]) -> Report:
-        velocity = float(said["vx"]), float(said["vy"]), float(said["vz"])
-        std_m_s, altitude_m = float(said.get("fom", PD6_STD_M_S)), float(said.get("altitude", 0.0))
-        is_valid = said["velocity_valid"] is True and all(map(isfinite, (*velocity, std_m_s))) and std_m_s >= 0.0
-        stamp_us = said.get("time_of_validity")
-        return Report(
+    def _report(self, text: dict[str, Any]) -> DopplerReport:
+        velocity = float(text["vx"]), float(text["vy"]), float(text["vz"])
+        std_m_s, altitude_m = float(text.get("fom", PD6_STD_M_S)), float(text.get("altitude", 0.0))
+        is_valid = text["velocity_valid"] is True and all(map(isfinite, (*velocity, std_m_s))) and std_m_s >= 0.0
+        stamp_us = text.get("time_of_validity")
+        return DopplerReport(
             _stamp(stamp_us) if stamp_us else None,
             BottomVelocity(
                 velocity_frd_m_s=_turned(velocity, self._yaw_deg) if is_valid else (0.0, 0.0, 0.0),
@@ -94,9 +94,9 @@ class Pd6Decoder:
         self._yaw_deg = yaw_deg
         self._altitude_m = 0.0
 
-    def receive(self, data: bytes) -> list[Report]:
+    def receive(self, data: bytes) -> list[DopplerReport]:
         """The velocities that are complete now."""
-        found: list[Report] = []
+        found: list[DopplerReport] = []
         for line in self._lines.cut(data):
             name, *fields = (part.strip() for part in line.decode("ascii", "replace").split(","))
             try:
@@ -108,12 +108,12 @@ class Pd6Decoder:
                 self.damaged += 1
         return found
 
-    def _report(self, fields: list[str]) -> Report:
+    def _report(self, fields: list[str]) -> DopplerReport:
         starboard, forward, up = (1e-3 * float(text) for text in fields[:3])
         if fields[3] not in ("A", "V"):
             raise ValueError(fields[3])
         is_valid = fields[3] == "A" and all(map(isfinite, (starboard, forward, up)))
-        return Report(
+        return DopplerReport(
             None,
             BottomVelocity(
                 velocity_frd_m_s=_turned((forward, starboard, -up), self._yaw_deg) if is_valid else (0.0, 0.0, 0.0),
@@ -133,9 +133,9 @@ def _stamp(stamp_us: Any) -> int:
     return found
 
 
-def _distance(told_m: float) -> float:
+def _distance(reported_m: float) -> float:
     """The distance to the floor; 0 for none."""
-    return told_m if isfinite(told_m) and told_m > 0.0 else 0.0
+    return reported_m if isfinite(reported_m) and reported_m > 0.0 else 0.0
 
 
 def _turned(velocity: tuple[float, float, float], yaw_deg: float) -> tuple[float, float, float]:

@@ -80,11 +80,11 @@ class ReplayDvl(Replay[BottomVelocity]):
 
     _bottom: StampedBottomVelocity | None = None
 
-    def take(self, t_s: float, item: BottomVelocity) -> None:
+    def play(self, t_s: float, item: BottomVelocity) -> None:
         """Keeps a velocity."""
         self._bottom = StampedBottomVelocity(t_s, item)
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Keeps nothing."""
         self._bottom = None
 

@@ -15,11 +15,11 @@ class ReplayHeight(Replay[HeightAboveGround]):
 
     _height: StampedHeight | None = None
 
-    def take(self, t_s: float, item: HeightAboveGround) -> None:
+    def play(self, t_s: float, item: HeightAboveGround) -> None:
         """Keeps a height."""
         self._height = StampedHeight(t_s, item)
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Keeps nothing."""
         self._height = None
 

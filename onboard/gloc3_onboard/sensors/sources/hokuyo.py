@@ -17,11 +17,11 @@ from gloc3_onboard.sensors.source_url import BAUD as BAUD_OPTION
 from gloc3_onboard.sensors.source_url import SERIAL_GROUP, SourceUrl
 from gloc3_onboard.sensors.sources.laser import MOUNT, mounted_scan
 from gloc3_onboard.sensors.sources.scip import (
-    ASK,
+    IDENTIFY,
     LASER_ON,
     STAMP_MS,
     STOP,
-    Parameters,
+    ScannerParameters,
     ScipError,
     ScipReader,
     measure,
@@ -61,7 +61,7 @@ class HokuyoLaser(ThreadedSource[StampedScan]):
         line = self._line()
         try:
             reader = ScipReader()
-            parameters = self._ask(line, reader)
+            parameters = self._identify(line, reader)
             line.write(LASER_ON)
             line.write(measure(parameters))
             yield self._turns(line, reader, parameters)
@@ -73,17 +73,17 @@ class HokuyoLaser(ThreadedSource[StampedScan]):
     def _line(self) -> Line:
         return open_line(self.name, self._url, self._address, BAUD, WAIT_S)
 
-    def _ask(self, line: Line, reader: ScipReader) -> Parameters:
+    def _identify(self, line: Line, reader: ScipReader) -> ScannerParameters:
         """Ends what it may be doing, and asks what it is."""
         line.write(STOP)
-        line.write(ASK)
+        line.write(IDENTIFY)
         for _ in range(ANSWER_TRIES):
             for reply in reader.receive(line.read()):
                 if reply[0] == b"PP" and len(reply) > 2:
                     return parameters_of(reply)
         raise Gloc3Error(f"{self.name}: {self._url.place} does not answer as a Hokuyo scanner does (SCIP 2)")
 
-    def _turns(self, line: Line, reader: ScipReader, parameters: Parameters) -> Iterator[StampedScan | None]:
+    def _turns(self, line: Line, reader: ScipReader, parameters: ScannerParameters) -> Iterator[StampedScan | None]:
         clock, lap_ms, before_ms = BootClock(), 0, 0
         while True:
             replies = reader.receive(line.read())
@@ -101,7 +101,7 @@ class HokuyoLaser(ThreadedSource[StampedScan]):
                     yield StampedScan(t_s, mounted_scan(scan_of(self.name, turn.ranges_mm, parameters), self._url))
 
 
-def scan_of(name: str, ranges_mm: object, parameters: Parameters) -> LaserScan:
+def scan_of(name: str, ranges_mm: object, parameters: ScannerParameters) -> LaserScan:
     """A turn as a scan; what is nearer than the scanner can tell is one of its error codes, and no reading."""
     step_rad = math.tau / parameters.steps_a_turn
     ranges_m = np.asarray(ranges_mm, np.float32) * np.float32(1e-3)

@@ -28,11 +28,11 @@ class ReplayImu(Replay[ImuSample]):
         super().__init__(loop, time, index)
         self._samples: deque[StampedImu] = deque(maxlen=KEPT)
 
-    def take(self, t_s: float, item: ImuSample) -> None:
+    def play(self, t_s: float, item: ImuSample) -> None:
         """Keeps a sample."""
         self._samples.append(StampedImu(t_s, item))
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Keeps nothing."""
         self._samples.clear()
 

@@ -35,11 +35,11 @@ class ReplayLaser(Replay[LaserScan]):
 
     _scan: StampedScan | None = None
 
-    def take(self, t_s: float, item: LaserScan) -> None:
+    def play(self, t_s: float, item: LaserScan) -> None:
         """Keeps a turn."""
         self._scan = StampedScan(t_s, item)
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Keeps nothing."""
         self._scan = None
 

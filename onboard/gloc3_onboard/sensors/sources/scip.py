@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 from gloc3.errors import Gloc3Error
 
 STOP: Final = b"QT\n"
-ASK: Final = b"PP\n"
+IDENTIFY: Final = b"PP\n"
 LASER_ON: Final = b"BM\n"
 BLOCK: Final = 64
 """Characters of data in a line, before its checksum."""
@@ -24,7 +24,7 @@ class ScipError(Gloc3Error):
     """A reply that cannot be read."""
 
 
-class Parameters(NamedTuple):
+class ScannerParameters(NamedTuple):
     """What a scanner says of itself."""
 
     model: str
@@ -38,7 +38,7 @@ class Parameters(NamedTuple):
     turns_a_minute: int
 
 
-class Turn(NamedTuple):
+class ScipScan(NamedTuple):
     """One turn."""
 
     stamp_ms: int
@@ -50,7 +50,7 @@ class ScipReader:
     """Cuts replies out of a stream: lines, ended by an empty one."""
 
     def __init__(self) -> None:
-        self._rest = b""
+        self._remainder = b""
 
     def receive(self, data: bytes) -> list[list[bytes]]:
         """Takes bytes in, gives the replies that are complete.
@@ -58,14 +58,14 @@ class ScipReader:
         Raises:
             ScipError: there is no end to a reply.
         """
-        self._rest += data
-        *whole, self._rest = self._rest.split(b"\n\n")
-        if len(self._rest) > MOST_BYTES:
+        self._remainder += data
+        *whole, self._remainder = self._remainder.split(b"\n\n")
+        if len(self._remainder) > MOST_BYTES:
             raise ScipError(FAILED)
         return [reply.lstrip(b"\n").split(b"\n") for reply in whole]
 
 
-def measure(parameters: Parameters) -> bytes:
+def measure(parameters: ScannerParameters) -> bytes:
     """The command for distances of all steps, turn after turn until `STOP`."""
     return f"MD{parameters.first:04d}{parameters.last:04d}01000\n".encode()
 
@@ -82,8 +82,8 @@ def checked(line: bytes) -> bytes:
     return body
 
 
-def parameters_of(reply: Sequence[bytes]) -> Parameters:
-    """The answer to `ASK`: `PP`, a status, and lines `KEY:VALUE;` with a checksum.
+def parameters_of(reply: Sequence[bytes]) -> ScannerParameters:
+    """The answer to `IDENTIFY`: `PP`, a status, and lines `KEY:VALUE;` with a checksum.
 
     Raises:
         ScipError: it is none.
@@ -98,18 +98,18 @@ def parameters_of(reply: Sequence[bytes]) -> Parameters:
     return _parameters(values)
 
 
-def _parameters(values: Mapping[str, str]) -> Parameters:
+def _parameters(values: Mapping[str, str]) -> ScannerParameters:
     try:
         numbers = [int(values[key]) for key in ("DMIN", "DMAX", "ARES", "AMIN", "AMAX", "AFRT", "SCAN")]
     except (KeyError, ValueError) as error:
         raise ScipError(f"it does not tell its parameters: {error}") from error
-    found = Parameters(values.get("MODL", "").strip(), *numbers)
+    found = ScannerParameters(values.get("MODL", "").strip(), *numbers)
     if not (0 <= found.first < found.last < 10_000 and 0 < found.steps_a_turn < 100_000 and found.turns_a_minute > 0):
         raise ScipError("its parameters cannot be")
     return found
 
 
-def turn_of(reply: Sequence[bytes], count: int) -> Turn:
+def turn_of(reply: Sequence[bytes], count: int) -> ScipScan:
     """A turn: the command's echo, `99` with a checksum, a stamp of four characters, then blocks of data.
 
     Args:
@@ -135,4 +135,4 @@ def turn_of(reply: Sequence[bytes], count: int) -> Turn:
     stamp = 0
     for byte in checked(reply[2]):
         stamp = stamp << 6 | (byte - 0x30) & 0x3F
-    return Turn(stamp, ranges)
+    return ScipScan(stamp, ranges)

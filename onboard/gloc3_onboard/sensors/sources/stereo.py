@@ -56,9 +56,9 @@ class PairedCameras:
         self._left.close()
         self._right.close()
 
-    def on_news(self, ready: Callable[[], None]) -> Unwatch:
+    def on_new_data(self, ready: Callable[[], None]) -> Unwatch:
         """Has `ready` called when either has a frame."""
-        unwatch = (self._left.on_news(ready), self._right.on_news(ready))
+        unwatch = (self._left.on_new_data(ready), self._right.on_new_data(ready))
 
         def both() -> None:
             for one in unwatch:
@@ -104,9 +104,9 @@ class SideBySide:
         """Closes it."""
         self._camera.close()
 
-    def on_news(self, ready: Callable[[], None]) -> Unwatch:
+    def on_new_data(self, ready: Callable[[], None]) -> Unwatch:
         """Has `ready` called when it has a frame."""
-        return self._camera.on_news(ready)
+        return self._camera.on_new_data(ready)
 
     def pair(self) -> StampedPair | None:
         """The halves of the latest frame; None before the first."""
@@ -142,11 +142,11 @@ class ReplayStereoCamera(Replay[tuple[Image, Image]]):
 
     _pair: StampedPair | None = None
 
-    def take(self, t_s: float, item: tuple[Image, Image]) -> None:
+    def play(self, t_s: float, item: tuple[Image, Image]) -> None:
         """Keeps a pair."""
         self._pair = StampedPair(t_s, *item)
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Keeps nothing."""
         self._pair = None
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Final
 
-from gloc3.camera.frame_stream import FrameError, FrameReader, GreyFrame, ScanFrame, encode_wish
+from gloc3.camera.frame_stream import FrameError, FrameReader, GreyFrame, ScanFrame, encode_stream_request
 from gloc3.messages.perception import LaserScan
 from gloc3.messages.vehicle import Image
 from gloc3_onboard.sensors.devices import Bell, StampedImage, StampedPair, StampedScan, Unwatch
@@ -33,30 +33,30 @@ class StreamSource:
         wish: the sensors of the other end that are wanted.
     """
 
-    def __init__(self, name: str, address: tuple[str, int], t_s_of: MapTime, wish: tuple[str, ...]) -> None:
+    def __init__(self, name: str, address: tuple[str, int], t_s_of: MapTime, request: tuple[str, ...]) -> None:
         self._name, self._address, self._t_s_of = name, address, t_s_of
-        self._wish = encode_wish(*wish)
+        self._request = encode_stream_request(*request)
         self._bell = Bell()
         self._stop = threading.Event()
 
     def open(self) -> None:
         """Begins to take data."""
         self._stop = threading.Event()
-        self.forget()
+        self.clear()
         threading.Thread(target=self._read, args=(self._stop,), name=self._name, daemon=True).start()
 
     def close(self) -> None:
         """Ends taking data."""
         self._stop.set()
 
-    def on_news(self, ready: Callable[[], None]) -> Unwatch:
+    def on_new_data(self, ready: Callable[[], None]) -> Unwatch:
         """Has `ready` called when something has come."""
         return self._bell.listen(ready)
 
     def _read(self, stop: threading.Event) -> None:
         while not stop.is_set():
             with suppress(OSError, FrameError), socket.create_connection(self._address, CONNECT_S) as stream:
-                stream.sendall(self._wish)
+                stream.sendall(self._request)
                 reader = FrameReader()
                 while not stop.is_set():
                     data = stream.recv(1 << 20)
@@ -64,15 +64,15 @@ class StreamSource:
                         break
                     for record in reader.receive(data):
                         t_s = self._t_s_of(record.boot_us * 1e-6)
-                        if t_s is not None and self._take(t_s, record):
+                        if t_s is not None and self._accept(t_s, record):
                             self._bell.ring()
             stop.wait(RETRY_S)
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Keeps nothing of an earlier opening."""
         raise NotImplementedError
 
-    def _take(self, t_s: float, record: GreyFrame | ScanFrame) -> bool:
+    def _accept(self, t_s: float, record: GreyFrame | ScanFrame) -> bool:
         """Keeps a record; returns whether that is news."""
         raise NotImplementedError
 
@@ -96,11 +96,11 @@ class StreamCamera(StreamSource):
         """The latest frame; None before the first."""
         return self._frame
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Keeps nothing."""
         self._frame = None
 
-    def _take(self, t_s: float, record: GreyFrame | ScanFrame) -> bool:
+    def _accept(self, t_s: float, record: GreyFrame | ScanFrame) -> bool:
         if not isinstance(record, GreyFrame) or self._part not in ("", record.camera):
             return False
         self._frame = StampedImage(t_s, _image(record, self._name))
@@ -126,11 +126,11 @@ class StreamStereoCamera(StreamSource):
         """The latest two frames; None before the first."""
         return self._pair
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Keeps nothing."""
         self._pair = None
 
-    def _take(self, t_s: float, record: GreyFrame | ScanFrame) -> bool:
+    def _accept(self, t_s: float, record: GreyFrame | ScanFrame) -> bool:
         if not isinstance(record, GreyFrame) or record.camera not in self._names:
             return False
         self._sides[record.camera] = record
@@ -153,11 +153,11 @@ class StreamLaser(StreamSource):
         """The latest turn; None before the first."""
         return self._scan
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Keeps nothing."""
         self._scan = None
 
-    def _take(self, t_s: float, record: GreyFrame | ScanFrame) -> bool:
+    def _accept(self, t_s: float, record: GreyFrame | ScanFrame) -> bool:
         if not isinstance(record, ScanFrame) or self._part not in ("", record.scanner):
             return False
         scan = LaserScan(

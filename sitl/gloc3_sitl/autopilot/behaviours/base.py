@@ -5,7 +5,7 @@ from math import atan2, hypot, nan, sqrt
 
 from gloc3.messages.frames import Vector3, wrap_pi
 from gloc3_sitl.autopilot.control.setpoint import MotionSetpoint, Setpoint
-from gloc3_sitl.autopilot.control.trajectory import Trajectory, TrajectoryLimits
+from gloc3_sitl.autopilot.control.trajectory import SmoothTrajectory, TrajectoryLimits
 from gloc3_sitl.autopilot.craft import Craft
 
 PERIOD_S = 0.02
@@ -52,7 +52,7 @@ class Mover(Activity):
     def __init__(self, craft: Craft, limits: TrajectoryLimits | None = None) -> None:
         super().__init__(craft)
         inertial = craft.estimator.inertial
-        self.trajectory = Trajectory(
+        self.trajectory = SmoothTrajectory(
             craft.tuning.limits if limits is None else limits, inertial.position_ned_m, inertial.velocity_ned_m_s
         )
         self.yaw_rad = craft.estimator.yaw_rad
@@ -94,7 +94,7 @@ class Mover(Activity):
 
     def turn(self) -> float:
         """Turns the wanted heading on by one period; gives it."""
-        place = self.craft.looks_at
+        place = self.craft.is_facing
         if place is not None:
             n, e, _ = self.craft.estimator.inertial.position_ned_m
             self.yaw_wanted_rad = atan2(place[1] - e, place[0] - n)

@@ -2,18 +2,18 @@
 
 from gloc3.errors import Misuse
 from gloc3_sitl.autopilot.behaviours.base import Activity
-from gloc3_sitl.autopilot.behaviours.climb import TakeOff
+from gloc3_sitl.autopilot.behaviours.climb import ClimbToHeight
 from gloc3_sitl.autopilot.behaviours.follow import Follow
-from gloc3_sitl.autopilot.behaviours.hold import Brake, Hold
-from gloc3_sitl.autopilot.behaviours.land import Land
+from gloc3_sitl.autopilot.behaviours.hold import Brake, HoldPosition
+from gloc3_sitl.autopilot.behaviours.land import LandInPlace
 from gloc3_sitl.autopilot.behaviours.mission import MissionFlight
 from gloc3_sitl.autopilot.behaviours.orbit import Orbit
 from gloc3_sitl.autopilot.behaviours.piloted import Altitude, Position, Stabilize
-from gloc3_sitl.autopilot.behaviours.return_home import ReturnHome
+from gloc3_sitl.autopilot.behaviours.return_home import ReturnFlight
 from gloc3_sitl.autopilot.behaviours.streamed import Guided, Offboard, StreamedAttitude
 from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
-from gloc3_sitl.autopilot.modes import Behaviour, Style
+from gloc3_sitl.autopilot.modes import Behaviour, StyleTables
 
 
 class Terminated(Activity):
@@ -26,7 +26,7 @@ class Terminated(Activity):
         return LANDED
 
 
-def activity_for(behaviour: Behaviour, craft: Craft, takeoff_down_m: float, style: Style) -> Activity:
+def activity_for(behaviour: Behaviour, craft: Craft, takeoff_down_m: float, style: StyleTables) -> Activity:
     """Begins a behaviour: the style's own way, or that of multirotors.
 
     Args:
@@ -45,16 +45,16 @@ def activity_for(behaviour: Behaviour, craft: Craft, takeoff_down_m: float, styl
         case Behaviour.POSITION:
             return Position(craft)
         case Behaviour.HOLD:
-            return Hold(craft)
+            return HoldPosition(craft)
         case Behaviour.BRAKE:
             return Brake(craft)
         case Behaviour.TAKE_OFF:
             usual = craft.estimator.inertial.position_ned_m[2] - craft.tuning.takeoff_height_m
-            return TakeOff(craft, takeoff_down_m if takeoff_down_m == takeoff_down_m else usual)
+            return ClimbToHeight(craft, takeoff_down_m if takeoff_down_m == takeoff_down_m else usual)
         case Behaviour.LAND:
-            return Land(craft)
+            return LandInPlace(craft)
         case Behaviour.RETURN:
-            return ReturnHome(craft)
+            return ReturnFlight(craft)
         case Behaviour.MISSION:
             return MissionFlight(craft)
         case Behaviour.ORBIT:

@@ -11,7 +11,7 @@ _SPIN_UP_S = 0.8
 """Motors idle so long before the climb."""
 
 
-class TakeOff(Mover):
+class ClimbToHeight(Mover):
     """Climbs to a height over the estimator's origin; done when it is there."""
 
     __slots__ = ("_start_s", "_target_down_m", "is_done")

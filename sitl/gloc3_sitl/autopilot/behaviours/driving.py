@@ -6,25 +6,25 @@ from typing import Final
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3, yaw_of
 from gloc3_sitl.autopilot.behaviours.base import Activity, GoesTo
-from gloc3_sitl.autopilot.behaviours.helm import REST, Helm, stopping_place
+from gloc3_sitl.autopilot.behaviours.helm import REST, SteeringTarget, stopping_place
 from gloc3_sitl.autopilot.behaviours.mission import MissionFlight, holds
 from gloc3_sitl.autopilot.behaviours.return_home import nearest_goal
 from gloc3_sitl.autopilot.control.setpoint import LANDED, AttitudeSetpoint, DriveSetpoint, MotionSetpoint, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
-from gloc3_sitl.autopilot.plans import Command, StoredItem
+from gloc3_sitl.autopilot.plans import MissionCommand, StoredItem
 
 _DEAD_BAND: Final = 0.06
 STREAM_S: Final = 3.0
 """Headings and speeds that are not renewed count so long."""
 _STANDING_M_S: Final = 0.05
-_NOT_FOR_DRIVING: Final = frozenset({Command.TAKE_OFF, Command.LAND})
+_NOT_FOR_DRIVING: Final = frozenset({MissionCommand.TAKE_OFF, MissionCommand.LAND})
 
 
 def _stick(value: float) -> float:
     return 0.0 if abs(value) < _DEAD_BAND else value
 
 
-class Direct(Activity):
+class ManualDrive(Activity):
     """Manual: the sticks are throttle and steering."""
 
     __slots__ = ()
@@ -64,14 +64,14 @@ class Stop(Activity):
         return REST if self.craft.is_armed else LANDED
 
 
-class Loiter(GoesTo):
+class DriveLoiter(GoesTo):
     """Stops, and stays there; a boat goes back when it has drifted."""
 
     __slots__ = ("_helm", "_place")
 
     def __init__(self, craft: Craft) -> None:
         super().__init__(craft)
-        self._helm = Helm(craft)
+        self._helm = SteeringTarget(craft)
         self._place = stopping_place(craft)
 
     def go_to(self, position_ned_m: Vector3, yaw_rad: float = nan, speed_m_s: float = nan) -> None:
@@ -99,13 +99,13 @@ class GuidedDrive(GoesTo):
     that is the heading; with a turn rate, it turns by that. After 3 s without a new one it stops.
     """
 
-    __slots__ = ("_helm", "_is_going", "_is_led", "_place", "_seen_s")
+    __slots__ = ("_helm", "_is_going", "_is_guided", "_place", "_seen_s")
 
     def __init__(self, craft: Craft) -> None:
         super().__init__(craft)
-        self._helm = Helm(craft)
+        self._helm = SteeringTarget(craft)
         self._place = stopping_place(craft)
-        self._is_going = self._is_led = False
+        self._is_going = self._is_guided = False
         self._seen_s = craft.stream.received_s
 
     def go_to(self, position_ned_m: Vector3, yaw_rad: float = nan, speed_m_s: float = nan) -> None:
@@ -114,13 +114,13 @@ class GuidedDrive(GoesTo):
         limits = self.craft.tuning.limits
         self._helm.speed_m_s = speed_m_s if speed_m_s > 0.0 else limits.speed_xy_m_s
         self._helm.head_for(position_ned_m)
-        self._place, self._is_going, self._is_led = position_ned_m, True, False
+        self._place, self._is_going, self._is_guided = position_ned_m, True, False
 
     def update(self) -> Setpoint:
         """The setpoint for the next 20 ms."""
         craft, stream = self.craft, self.craft.stream
         if not craft.is_armed:
-            self._place, self._is_going, self._is_led = craft.estimator.inertial.position_ned_m, False, False
+            self._place, self._is_going, self._is_guided = craft.estimator.inertial.position_ned_m, False, False
             self._seen_s = stream.received_s
             return LANDED
         if stream.received_s > self._seen_s:
@@ -131,20 +131,20 @@ class GuidedDrive(GoesTo):
                 if not self._is_going or wanted.position_ned_m[:2] != self._place[:2]:
                     self.go_to(wanted.position_ned_m)
             else:
-                self._is_led, self._is_going = True, False
-        if self._is_led:
+                self._is_guided, self._is_going = True, False
+        if self._is_guided:
             if stream.is_fresh(craft.now_s, STREAM_S) and stream.setpoint is not None:
-                return self._led(stream.setpoint)
-            self._is_led = False
+                return self._guided(stream.setpoint)
+            self._is_guided = False
             self._place = stopping_place(craft)
-            craft.say(Severity.WARNING, "target not received last 3secs, stopping")
+            craft.send_text(Severity.WARNING, "target not received last 3secs, stopping")
         if self._is_going:
             if not self._helm.is_there(craft.tuning.acceptance_radius_m):
                 return self._helm.steer()
             self._is_going = False
         return self._helm.stay(self._place)
 
-    def _led(self, wanted: Setpoint) -> Setpoint:
+    def _guided(self, wanted: Setpoint) -> Setpoint:
         if isinstance(wanted, AttitudeSetpoint):
             speed = wanted.thrust * self.craft.tuning.drive.cruise_speed_m_s
             heading = nan if wanted.ned_from_frd is None else yaw_of(wanted.ned_from_frd)
@@ -171,7 +171,7 @@ class DriveHome(Activity):
     def __init__(self, craft: Craft) -> None:
         super().__init__(craft)
         self.is_done = False
-        self._helm = Helm(craft)
+        self._helm = SteeringTarget(craft)
         self._helm.speed_m_s = craft.tuning.drive.return_speed_m_s or craft.tuning.limits.speed_xy_m_s
         self._goal = nearest_goal(craft)
         self._helm.head_for(self._goal)
@@ -194,11 +194,11 @@ class Retrace(Activity):
     def __init__(self, craft: Craft) -> None:
         super().__init__(craft)
         self.is_done = False
-        self._helm = Helm(craft)
+        self._helm = SteeringTarget(craft)
         self._helm.speed_m_s = craft.tuning.drive.return_speed_m_s or craft.tuning.limits.speed_xy_m_s
         home = nearest_goal(craft)
-        self._places = [home, *craft.crumbs]
-        craft.keeps_crumbs = False
+        self._places = [home, *craft.track_points]
+        craft.records_track = False
         self._next()
 
     def _next(self) -> None:
@@ -213,9 +213,9 @@ class Retrace(Activity):
         if not self.is_done and self._helm.is_there(craft.tuning.acceptance_radius_m):
             self.is_done = not self._places
             if self._places:
-                craft.crumbs = craft.crumbs[: len(self._places)]
+                craft.track_points = craft.track_points[: len(self._places)]
                 self._next()
-        craft.keeps_crumbs = self.is_done
+        craft.records_track = self.is_done
         return self._helm.stay(self._helm.target) if self.is_done else self._helm.steer()
 
 
@@ -226,7 +226,7 @@ class MissionDrive(MissionFlight):
 
     def __init__(self, craft: Craft) -> None:
         super().__init__(craft)
-        self._helm = Helm(craft)
+        self._helm = SteeringTarget(craft)
         self._is_staying = True
         self._legs_end: Vector3 | None = None
 
@@ -247,15 +247,15 @@ class MissionDrive(MissionFlight):
     def _is_instant(self, item: StoredItem) -> bool:
         if item.command not in _NOT_FOR_DRIVING:
             return super()._is_instant(item)
-        self.craft.say(Severity.WARNING, f"Skipping invalid cmd #{int(item.command)}")
+        self.craft.send_text(Severity.WARNING, f"Skipping invalid cmd #{int(item.command)}")
         self.craft.mission.current += 1
         return True
 
     def _start(self, item: StoredItem) -> None:
         match item.command:
-            case Command.RETURN:
+            case MissionCommand.RETURN:
                 self._sub = DriveHome(self.craft)
-            case Command.DELAY | Command.CONDITION_DELAY:
+            case MissionCommand.DELAY | MissionCommand.CONDITION_DELAY:
                 super()._start(item)
                 self._stay(stopping_place(self.craft))
             case _:
@@ -267,7 +267,7 @@ class MissionDrive(MissionFlight):
         beyond = None
         if not (holds(item) and item.parameters[0] > 0.0) and following < len(items):
             after = items[following]
-            if after.command in (Command.WAYPOINT, Command.SPLINE_WAYPOINT, Command.LOITER_TIME):
+            if after.command in (MissionCommand.WAYPOINT, MissionCommand.SPLINE_WAYPOINT, MissionCommand.LOITER_TIME):
                 beyond = self._place(after)
         self.trajectory.go_to(target)
         self._helm.head_for(target, self._legs_end, beyond)
@@ -276,7 +276,9 @@ class MissionDrive(MissionFlight):
     def _is_reached(self, item: StoredItem) -> bool:
         if self._is_staying:
             return True
-        radius = item.parameters[1] if item.command in (Command.WAYPOINT, Command.SPLINE_WAYPOINT) else 0.0
+        radius = (
+            item.parameters[1] if item.command in (MissionCommand.WAYPOINT, MissionCommand.SPLINE_WAYPOINT) else 0.0
+        )
         if not self._helm.is_there(radius if radius > 0.0 else self.craft.tuning.acceptance_radius_m):
             return False
         if holds(item) and item.parameters[0] > 0.0:

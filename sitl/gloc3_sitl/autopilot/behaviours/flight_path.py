@@ -12,7 +12,7 @@ _ROUND_SHARE: Final = 1.3
 """Nearer to the centre than so many radii it is on its circle."""
 
 
-class FlightPath:
+class PlanePath:
     """Leads one plane; its places are NED."""
 
     def __init__(self, craft: Craft) -> None:
@@ -93,9 +93,9 @@ class FlightPath:
         return WingSetpoint(roll_rad=self._bank(right), down_m=down_m, airspeed_m_s=self.airspeed_m_s)
 
 
-def beyond(place: Vector3, course_rad: float, way_m: float, height_m: float = 0.0) -> Vector3:
+def beyond(place: Vector3, course_rad: float, distance_m: float, height_m: float = 0.0) -> Vector3:
     """A place so far on a course, and so much higher."""
-    return (place[0] + way_m * cos(course_rad), place[1] + way_m * sin(course_rad), place[2] - height_m)
+    return (place[0] + distance_m * cos(course_rad), place[1] + distance_m * sin(course_rad), place[2] - height_m)
 
 
 def circle_of(radius_m: float, usual_m: float) -> float:

@@ -7,7 +7,7 @@ from gloc3_sitl.autopilot.behaviours.base import Mover
 from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
 
-_PATIENCE_S = 3.0
+_TIMEOUT_S = 3.0
 """Where somebody who is silent would be by now is believed for so long."""
 _WALKS_M_S = 0.5
 """Slower than this his course means nothing."""
@@ -30,7 +30,7 @@ class Follow(Mover):
             self.resync()
             return LANDED
         target = craft.target
-        if target is None or craft.now_s - target.t_s > _PATIENCE_S:
+        if target is None or craft.now_s - target.t_s > _TIMEOUT_S:
             self._course_rad = None
             return self.fly()
         age_s = craft.now_s - target.t_s

@@ -21,7 +21,7 @@ REST: Final = DriveSetpoint(is_at_rest=True)
 """Stops, and stands."""
 
 
-class Helm:
+class SteeringTarget:
     """Where the vehicle is steered to, and how."""
 
     __slots__ = ("_craft", "_end_m_s", "_guide", "_is_pivoting", "left_m", "speed_m_s", "target")
@@ -67,7 +67,7 @@ class Helm:
         here = craft.estimator.inertial.position_ned_m
         speed = self.speed_m_s
         lookahead = max(_LEAST_LOOKAHEAD_M, speed / max(gains.position_p, 0.05))
-        guidance = self._guide.look(here, lookahead, 0.0 if self._is_pivoting else OUTER_S)
+        guidance = self._guide.update(here, lookahead, 0.0 if self._is_pivoting else OUTER_S)
         self.left_m = guidance.left_m
         off = wrap_pi(guidance.heading_rad - craft.estimator.yaw_rad)
         if self._is_pivoting:

@@ -9,7 +9,7 @@ from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
 
 
-class Hold(Mover, GoesTo):
+class HoldPosition(Mover, GoesTo):
     """Stops at the nearest place where it can and stays there; on the ground it keeps the motors idling."""
 
     __slots__ = ("_is_going",)
@@ -35,7 +35,7 @@ class Hold(Mover, GoesTo):
         return self.fly()
 
 
-class Brake(Hold):
+class Brake(HoldPosition):
     """Stops as hard as the vehicle can, then holds."""
 
     __slots__ = ()

@@ -6,7 +6,7 @@ from gloc3_sitl.autopilot.control.setpoint import LANDED, MotionSetpoint, Setpoi
 from gloc3_sitl.autopilot.craft import Craft
 
 
-class Land(Mover):
+class LandInPlace(Mover):
     """Holds its place on the map and descends; done on the ground.
 
     Without a position estimate it stays level and drifts with the wind; without a height it descends by speed all the

@@ -6,13 +6,13 @@ from math import atan2, hypot, isfinite, radians
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3, wrap_pi
 from gloc3_sitl.autopilot.behaviours.base import Activity, Mover
-from gloc3_sitl.autopilot.behaviours.climb import TakeOff
-from gloc3_sitl.autopilot.behaviours.land import Land
-from gloc3_sitl.autopilot.behaviours.return_home import ReturnHome
+from gloc3_sitl.autopilot.behaviours.climb import ClimbToHeight
+from gloc3_sitl.autopilot.behaviours.land import LandInPlace
+from gloc3_sitl.autopilot.behaviours.return_home import ReturnFlight
 from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
 from gloc3_sitl.autopilot.mission import MissionState
-from gloc3_sitl.autopilot.plans import INSTANT, Command, StoredItem
+from gloc3_sitl.autopilot.plans import INSTANT, MissionCommand, StoredItem
 
 _MOST_INSTANT = 64
 """Items that are done at once in one period; a mission of nothing but jumps must not hang the vehicle."""
@@ -53,12 +53,12 @@ class MissionFlight(Mover):
             progress.state = MissionState.PAUSED
             return LANDED if craft.is_landed else self.fly()
         if self.is_done or not craft.plans.mission:
-            return self._rest()
+            return self._remainder()
         progress.state = MissionState.ACTIVE
         if self._item is None:
             self._begin()
         if self._item is None:
-            return self._rest()
+            return self._remainder()
         return self._carry_on(self._item)
 
     def skip_to(self, index: int) -> None:
@@ -79,7 +79,7 @@ class MissionFlight(Mover):
 
     # -- items ----------------------------------------------------------------------------------------------------
 
-    def _rest(self) -> Setpoint:
+    def _remainder(self) -> Setpoint:
         if self.craft.is_landed:
             self.resync()
             return LANDED
@@ -106,7 +106,7 @@ class MissionFlight(Mover):
         progress = self.craft.mission
         index = progress.current
         match item.command:
-            case Command.JUMP:
+            case MissionCommand.JUMP:
                 target, repeats = int(item.parameters[0]), int(item.parameters[1])
                 done = progress.jumps.get(index, 0)
                 if repeats < 0 or done < repeats:
@@ -116,11 +116,11 @@ class MissionFlight(Mover):
                     progress.jumps.pop(index, None)
                     progress.current += 1
                 return True
-            case Command.CHANGE_SPEED:
+            case MissionCommand.CHANGE_SPEED:
                 speed = item.parameters[1]
                 if speed > 0.0:
                     self.trajectory.limits.speed_xy_m_s = min(speed, self.craft.tuning.gains.speed_xy_m_s)
-            case Command.CONDITION_YAW:
+            case MissionCommand.CONDITION_YAW:
                 turn = radians(item.parameters[0])
                 if item.parameters[3]:
                     sign = -1.0 if item.parameters[2] < 0.0 else 1.0
@@ -139,17 +139,17 @@ class MissionFlight(Mover):
         craft = self.craft
         here = self.trajectory.position
         match item.command:
-            case Command.DELAY | Command.CONDITION_DELAY:
+            case MissionCommand.DELAY | MissionCommand.CONDITION_DELAY:
                 self._wait_until_s = craft.now_s + max(0.0, item.parameters[0])
                 self.trajectory.stop()
-            case Command.RETURN:
-                self._sub = ReturnHome(craft)
-            case Command.TAKE_OFF if craft.is_landed:
-                self._sub = TakeOff(craft, self._place(item)[2])
-            case Command.LAND:
+            case MissionCommand.RETURN:
+                self._sub = ReturnFlight(craft)
+            case MissionCommand.TAKE_OFF if craft.is_landed:
+                self._sub = ClimbToHeight(craft, self._place(item)[2])
+            case MissionCommand.LAND:
                 n, e, _ = self._place(item)
                 self._head_for((n, e, here[2]), item)
-            case Command.TAKE_OFF:
+            case MissionCommand.TAKE_OFF:
                 self._head_for((here[0], here[1], min(here[2], self._place(item)[2])), item)
             case _:
                 self._head_for(self._place(item), item)
@@ -193,9 +193,9 @@ class MissionFlight(Mover):
         if not self._is_reached(item):
             return setpoint
         match item.command:
-            case Command.LAND:
-                self._sub = Land(craft, self.trajectory.target)
-            case Command.LOITER_UNLIMITED:
+            case MissionCommand.LAND:
+                self._sub = LandInPlace(craft, self.trajectory.target)
+            case MissionCommand.LOITER_UNLIMITED:
                 pass
             case _:
                 self._wait_until_s = craft.now_s + (max(0.0, item.parameters[0]) if holds(item) else 0.0)
@@ -203,7 +203,7 @@ class MissionFlight(Mover):
 
     def _leave_sub(self) -> None:
         """A take-off, landing or return inside the mission has ended."""
-        if isinstance(self._sub, TakeOff):
+        if isinstance(self._sub, ClimbToHeight):
             limits = self.trajectory.limits
             self.trajectory = self._sub.trajectory
             self.trajectory.limits = limits
@@ -212,7 +212,9 @@ class MissionFlight(Mover):
         self._next()
 
     def _is_reached(self, item: StoredItem) -> bool:
-        radius = item.parameters[1] if item.command in (Command.WAYPOINT, Command.SPLINE_WAYPOINT) else 0.0
+        radius = (
+            item.parameters[1] if item.command in (MissionCommand.WAYPOINT, MissionCommand.SPLINE_WAYPOINT) else 0.0
+        )
         if not radius > 0.0:
             radius = self.craft.tuning.acceptance_radius_m
         target = self.trajectory.target
@@ -234,9 +236,9 @@ class MissionFlight(Mover):
         self.is_done = True
         if not self.craft.is_landed:
             self.trajectory.go_to(self.trajectory.target)
-        self.craft.say(Severity.INFO, "Mission finished")
+        self.craft.send_text(Severity.INFO, "Mission finished")
 
 
 def holds(item: StoredItem) -> bool:
     """Whether the first parameter is a time to wait there."""
-    return item.command in (Command.WAYPOINT, Command.SPLINE_WAYPOINT, Command.LOITER_TIME)
+    return item.command in (MissionCommand.WAYPOINT, MissionCommand.SPLINE_WAYPOINT, MissionCommand.LOITER_TIME)

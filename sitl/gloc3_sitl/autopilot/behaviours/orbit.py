@@ -28,7 +28,7 @@ class Facing(IntEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Circle:
+class OrbitCircle:
     """What is flown round."""
 
     centre_ned_m: Vector3
@@ -39,7 +39,7 @@ class Circle:
     facing: Facing = Facing.CENTRE
 
 
-def circle(centre_ned_m: Vector3, radius_m: float, speed_m_s: float, facing: Facing, largest_m: float) -> Circle:
+def circle(centre_ned_m: Vector3, radius_m: float, speed_m_s: float, facing: Facing, largest_m: float) -> OrbitCircle:
     """A circle that can be flown: radius and speed are brought within bounds; NaN means the usual.
 
     A negative radius goes round the other way, as MAV_CMD_DO_ORBIT has it.
@@ -49,7 +49,7 @@ def circle(centre_ned_m: Vector3, radius_m: float, speed_m_s: float, facing: Fac
     speed = speed_m_s if isfinite(speed_m_s) else _USUAL_SPEED_M_S
     most = min(_MOST_SPEED_M_S, sqrt(_MOST_PULL_M_S2 * radius))
     speed = max(-most, min(most, speed))
-    return Circle(
+    return OrbitCircle(
         centre_ned_m=centre_ned_m,
         radius_m=radius,
         speed_m_s=-speed if radius_m < 0.0 else speed,
@@ -70,7 +70,7 @@ class Orbit(Mover):
         self.circle = circle(here, nan, nan, Facing.CENTRE, craft.tuning.orbit_radius_m)
         self.trajectory.stop()
 
-    def go_round(self, wanted: Circle) -> None:
+    def go_round(self, wanted: OrbitCircle) -> None:
         """Makes this the circle; the vehicle flies to its nearest point first."""
         if self.is_round:
             self.resync()

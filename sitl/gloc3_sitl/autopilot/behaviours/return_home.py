@@ -5,12 +5,12 @@ from math import hypot
 
 from gloc3.messages.frames import Vector3
 from gloc3_sitl.autopilot.behaviours.base import Mover
-from gloc3_sitl.autopilot.behaviours.land import Land
+from gloc3_sitl.autopilot.behaviours.land import LandInPlace
 from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
 
 
-class Phase(StrEnum):
+class ReturnPhase(StrEnum):
     """Where a return is."""
 
     CLIMB = "climb"
@@ -20,7 +20,7 @@ class Phase(StrEnum):
     LAND = "land"
 
 
-class ReturnHome(Mover):
+class ReturnFlight(Mover):
     """Flies to home or to the nearest rally point, and lands there."""
 
     __slots__ = ("_goal", "_land", "_phase_s", "is_done", "phase")
@@ -28,19 +28,19 @@ class ReturnHome(Mover):
     def __init__(self, craft: Craft) -> None:
         super().__init__(craft)
         self.is_done = False
-        self._land: Land | None = None
+        self._land: LandInPlace | None = None
         self._goal = nearest_goal(craft)
         self._phase_s = craft.now_s
         n, e, d = self.trajectory.position
         top = self._goal[2] - craft.tuning.return_height_m
         if self.horizontal_distance_to(self._goal) < craft.tuning.return_near_m:
             top = d
-        self.phase = Phase.CLIMB
+        self.phase = ReturnPhase.CLIMB
         self.trajectory.stop()
         n, e, _ = self.trajectory.target
         self.trajectory.go_to((n, e, min(d, top)))
 
-    def _enter(self, phase: Phase, target: Vector3) -> None:
+    def _enter(self, phase: ReturnPhase, target: Vector3) -> None:
         self.phase, self._phase_s = phase, self.craft.now_s
         self.trajectory.go_to(target)
 
@@ -58,21 +58,21 @@ class ReturnHome(Mover):
         n, e, d = self._goal
         height = self.trajectory.target[2]
         match self.phase:
-            case Phase.CLIMB:
+            case ReturnPhase.CLIMB:
                 if self.trajectory.distance_m < 0.3:
-                    self._enter(Phase.BACK, (n, e, height))
-            case Phase.BACK:
+                    self._enter(ReturnPhase.BACK, (n, e, height))
+            case ReturnPhase.BACK:
                 if self.horizontal_distance_to(self._goal) < 0.5 and self.trajectory.distance_m < 0.3:
                     down = max(height, d - max(craft.tuning.return_descend_m, 1.0))
-                    self._enter(Phase.DESCEND, (n, e, down))
-            case Phase.DESCEND:
+                    self._enter(ReturnPhase.DESCEND, (n, e, down))
+            case ReturnPhase.DESCEND:
                 if self.trajectory.distance_m < 0.3:
-                    self._enter(Phase.WAIT, self.trajectory.target)
-            case Phase.WAIT:
+                    self._enter(ReturnPhase.WAIT, self.trajectory.target)
+            case ReturnPhase.WAIT:
                 if craft.now_s - self._phase_s >= craft.tuning.return_wait_s:
-                    self.phase = Phase.LAND
-                    self._land = Land(craft, self.trajectory.target)
-            case Phase.LAND:
+                    self.phase = ReturnPhase.LAND
+                    self._land = LandInPlace(craft, self.trajectory.target)
+            case ReturnPhase.LAND:
                 assert self._land is not None
                 setpoint = self._land.update()
                 self.is_done = self._land.is_done

@@ -4,7 +4,7 @@ from math import nan
 
 from gloc3.messages.frames import Vector3
 from gloc3_sitl.autopilot.behaviours.base import GoesTo, Mover
-from gloc3_sitl.autopilot.behaviours.climb import TakeOff
+from gloc3_sitl.autopilot.behaviours.climb import ClimbToHeight
 from gloc3_sitl.autopilot.control.setpoint import LANDED, AttitudeSetpoint, MotionSetpoint, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
 
@@ -26,7 +26,7 @@ class Offboard(Mover):
             return LANDED if craft.is_landed else self.fly()
         if isinstance(setpoint, AttitudeSetpoint):
             return LANDED if craft.is_landed and setpoint.thrust < 0.1 else setpoint
-        if craft.is_landed and not asks_for_climb(setpoint, craft.estimator.inertial.position_ned_m[2]):
+        if craft.is_landed and not requests_climb(setpoint, craft.estimator.inertial.position_ned_m[2]):
             return LANDED
         return setpoint
 
@@ -56,7 +56,7 @@ class Guided(Mover, GoesTo):
     def __init__(self, craft: Craft) -> None:
         super().__init__(craft)
         self.trajectory.stop()
-        self._climb: TakeOff | None = None
+        self._climb: ClimbToHeight | None = None
         self._seen_s = craft.stream.received_s
         self._stopped = True
 
@@ -68,7 +68,7 @@ class Guided(Mover, GoesTo):
 
     def take_off(self, target_down_m: float) -> None:
         """Climbs from the ground to a height, as NED down."""
-        self._climb = TakeOff(self.craft, target_down_m)
+        self._climb = ClimbToHeight(self.craft, target_down_m)
 
     def go_to(self, position_ned_m: Vector3, yaw_rad: float = nan, speed_m_s: float = nan) -> None:
         """Flies to a place and holds there, with the usual speed."""
@@ -122,7 +122,7 @@ def is_place_only(setpoint: MotionSetpoint) -> bool:
     )
 
 
-def asks_for_climb(setpoint: MotionSetpoint, down_m: float) -> bool:
+def requests_climb(setpoint: MotionSetpoint, down_m: float) -> bool:
     """Whether a setpoint leads off the ground."""
     wanted, speed = setpoint.position_ned_m[2], setpoint.velocity_ned_m_s[2]
     return wanted < down_m - 0.1 if wanted == wanted else speed < -0.05 if speed == speed else False

@@ -14,7 +14,7 @@ _YAW_RATE_RAD_S = 0.6
 _AT_SURFACE_M = 0.3
 
 
-class Sticks(Activity):
+class SubmarineSticks(Activity):
     """MANUAL and STABILIZE: the sticks push, and nothing holds a depth."""
 
     __slots__ = ("_yaw_rad",)
@@ -54,7 +54,7 @@ class Sticks(Activity):
         return stick(pilot.yaw) * _YAW_RATE_RAD_S if pilot.is_on else 0.0
 
 
-class DepthHold(Sticks):
+class DepthHold(SubmarineSticks):
     """ALT_HOLD: the sticks push and turn, and the depth is held where the throttle is left in its middle."""
 
     __slots__ = ("_down_m",)
@@ -82,7 +82,7 @@ class DepthHold(Sticks):
         )
 
 
-class Surface(Sticks):
+class SurfaceMode(SubmarineSticks):
     """SURFACE: up, and stay at the surface; the sticks push and turn, and no place is held."""
 
     __slots__ = ()
@@ -101,4 +101,4 @@ class Surface(Sticks):
         )
 
 
-__all__ = ["DepthHold", "Sticks", "Surface"]
+__all__ = ["DepthHold", "SubmarineSticks", "SurfaceMode"]

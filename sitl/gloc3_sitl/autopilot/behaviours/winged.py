@@ -6,21 +6,23 @@ from typing import Final
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3
 from gloc3_sitl.autopilot.behaviours.base import PERIOD_S, Activity, GoesTo
-from gloc3_sitl.autopilot.behaviours.flight_path import FlightPath, beyond, circle_of
+from gloc3_sitl.autopilot.behaviours.flight_path import PlanePath, beyond, circle_of
 from gloc3_sitl.autopilot.behaviours.mission import MissionFlight, holds
 from gloc3_sitl.autopilot.behaviours.return_home import nearest_goal
 from gloc3_sitl.autopilot.behaviours.touching_down import Descent
 from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint, WingSetpoint
 from gloc3_sitl.autopilot.craft import Craft
-from gloc3_sitl.autopilot.plans import Command, StoredItem
+from gloc3_sitl.autopilot.plans import MissionCommand, StoredItem
 
 _STICK_CLIMB_M_S: Final = 3.0
 _HEIGHT_M: Final = 5.0
 """A height is reached so near."""
-_CIRCLES: Final = frozenset({Command.LOITER_UNLIMITED, Command.LOITER_TIME, Command.LOITER_TO_HEIGHT})
+_CIRCLES: Final = frozenset(
+    {MissionCommand.LOITER_UNLIMITED, MissionCommand.LOITER_TIME, MissionCommand.LOITER_TO_HEIGHT}
+)
 
 
-class Direct(Activity):
+class ManualFlight(Activity):
     """Manual: the sticks are rudders and throttle."""
 
     __slots__ = ()
@@ -62,7 +64,7 @@ class Cruise(Activity):
 
     def __init__(self, craft: Craft) -> None:
         super().__init__(craft)
-        self._path = FlightPath(craft)
+        self._path = PlanePath(craft)
         self._down_m = craft.estimator.inertial.position_ned_m[2]
         self._course_rad = craft.estimator.yaw_rad
 
@@ -84,7 +86,7 @@ class Cruise(Activity):
         return self._path.on_course(self._course_rad, self._down_m)
 
 
-class Circle(Activity):
+class CircleFlight(Activity):
     """Circles with half of the largest bank, wherever that drifts; needs no position."""
 
     __slots__ = ("_down_m",)
@@ -100,14 +102,14 @@ class Circle(Activity):
         return WingSetpoint(roll_rad=0.5 * self.craft.tuning.wings.roll_max_rad, down_m=self._down_m)
 
 
-class Loiter(GoesTo):
+class CircleLoiter(GoesTo):
     """Loiter and Guided: goes round a place, here to begin with, or wherever it is sent."""
 
     __slots__ = ("_centre", "_path")
 
     def __init__(self, craft: Craft) -> None:
         super().__init__(craft)
-        self._path = FlightPath(craft)
+        self._path = PlanePath(craft)
         self._centre = craft.estimator.inertial.position_ned_m
 
     def go_to(self, position_ned_m: Vector3, yaw_rad: float = nan, speed_m_s: float = nan) -> None:
@@ -137,7 +139,7 @@ class ReturnToCircle(Activity):
         super().__init__(craft)
         self.is_done = False
         gains = craft.tuning.wings
-        self._path = FlightPath(craft)
+        self._path = PlanePath(craft)
         n, e, ground = nearest_goal(craft)
         here = craft.estimator.inertial.position_ned_m[2]
         self._centre = (n, e, here if gains.return_height_m < 0.0 else ground - gains.return_height_m)
@@ -159,7 +161,7 @@ class RunUp(Activity):
     def __init__(self, craft: Craft, down_m: float = nan) -> None:
         super().__init__(craft)
         self.is_done = False
-        self._path = FlightPath(craft)
+        self._path = PlanePath(craft)
         self._down_m, self._place = down_m, craft.estimator.inertial.position_ned_m
         self._heading_rad = craft.estimator.yaw_rad
         self._rotates = False
@@ -194,7 +196,7 @@ class MissionOnWings(MissionFlight):
 
     def __init__(self, craft: Craft) -> None:
         super().__init__(craft)
-        self._path = FlightPath(craft)
+        self._path = PlanePath(craft)
         self._centre: Vector3 | None = craft.estimator.inertial.position_ned_m
         self._radius_m = craft.tuning.wings.circle_m
         self._line_start: Vector3 | None = None
@@ -215,7 +217,7 @@ class MissionOnWings(MissionFlight):
         self.trajectory.go_to(centre)
 
     def _is_instant(self, item: StoredItem) -> bool:
-        if item.command is Command.CHANGE_SPEED and item.parameters[1] > 0.0:
+        if item.command is MissionCommand.CHANGE_SPEED and item.parameters[1] > 0.0:
             gains = self.craft.tuning.wings
             self._path.airspeed_m_s = max(gains.slowest_m_s, min(gains.fastest_m_s, item.parameters[1]))
         return super()._is_instant(item)
@@ -223,13 +225,13 @@ class MissionOnWings(MissionFlight):
     def _start(self, item: StoredItem) -> None:
         craft = self.craft
         match item.command:
-            case Command.RETURN:
+            case MissionCommand.RETURN:
                 self._sub = ReturnToCircle(craft)
-            case Command.TAKE_OFF if craft.is_landed:
+            case MissionCommand.TAKE_OFF if craft.is_landed:
                 self._sub = RunUp(craft, self._place(item)[2])
-            case Command.LAND:
+            case MissionCommand.LAND:
                 self._sub = Descent(craft, self._place(item), self._line_start)
-            case Command.DELAY | Command.CONDITION_DELAY:
+            case MissionCommand.DELAY | MissionCommand.CONDITION_DELAY:
                 super()._start(item)
                 self._go_round(craft.estimator.inertial.position_ned_m, craft.tuning.wings.circle_m)
             case _:
@@ -240,16 +242,16 @@ class MissionOnWings(MissionFlight):
         self.trajectory.go_to(target)
         self._centre, self._line_start = None, target
         if item.command in _CIRCLES:
-            radius = item.parameters[2] if item.command is not Command.LOITER_TO_HEIGHT else item.parameters[1]
+            radius = item.parameters[2] if item.command is not MissionCommand.LOITER_TO_HEIGHT else item.parameters[1]
             self._go_round(target, circle_of(radius, self.craft.tuning.wings.circle_m))
 
     def _is_reached(self, item: StoredItem) -> bool:
         target = self.trajectory.target
         off_height = abs(self.craft.estimator.inertial.position_ned_m[2] - target[2])
         if self._centre is not None:
-            is_high = item.command is not Command.LOITER_TO_HEIGHT or off_height < _HEIGHT_M
+            is_high = item.command is not MissionCommand.LOITER_TO_HEIGHT or off_height < _HEIGHT_M
             return is_high and self._path.is_round(self._centre, self._radius_m)
-        radius = item.parameters[1] if item.command is Command.WAYPOINT else 0.0
+        radius = item.parameters[1] if item.command is MissionCommand.WAYPOINT else 0.0
         if not self._path.is_there(radius if radius > 0.0 else self.craft.tuning.acceptance_radius_m):
             return False
         if holds(item) and item.parameters[0] > 0.0:
@@ -264,7 +266,7 @@ class MissionOnWings(MissionFlight):
     def _finish(self) -> None:
         super()._finish()
         if not self.craft.is_landed:
-            self.craft.say(Severity.INFO, "Mission complete, returning to circle")
+            self.craft.send_text(Severity.INFO, "Mission complete, returning to circle")
             n, e, ground = nearest_goal(self.craft)
             self._go_round(
                 (n, e, ground - abs(self.craft.tuning.wings.return_height_m)), self.craft.tuning.wings.circle_m

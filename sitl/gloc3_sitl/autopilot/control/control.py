@@ -10,7 +10,7 @@ Outputs = Sequence[float]
 """What the motors and rudders of a vehicle are told, in its body's own order: 0 to 1, or -1 to 1 where they reverse."""
 
 
-class Control(Protocol):
+class ControlLoops(Protocol):
     """Control loops of one vehicle, made with its `Craft`, from which it reads estimate, tuning and time."""
 
     @property

@@ -15,7 +15,7 @@ Pair = tuple[float, float]
 _STOPPED: Final[Pair] = (0.0, 0.0)
 _CRUMB_M: Final = 2.0
 """Distance between the places that are kept of the way."""
-_MOST_CRUMBS: Final = 500
+_MOST_TRACK_POINTS: Final = 500
 
 
 class DriveControl:
@@ -49,25 +49,25 @@ class DriveControl:
         craft = self._craft
         craft.touchdown.is_landed = not (craft.is_armed or self._gains.loiters)
         if setpoint is LANDED or not craft.is_armed:
-            self._rest()
-            craft.crumbs.clear()
+            self._remainder()
+            craft.track_points.clear()
             return
         if not isinstance(setpoint, DriveSetpoint):
             raise Misuse(f"what drives takes no {type(setpoint).__name__}")
-        self._keep_crumb()
+        self._add_track_point()
         if setpoint.is_direct:
-            self._rest()
+            self._remainder()
             self.thrust = setpoint.throttle
             self._outputs = self._mix(setpoint.throttle, setpoint.steering)
             return
         throttle = self._throttle(setpoint.speed_m_s)
         if setpoint.speed_m_s == 0.0 and setpoint.is_at_rest and abs(self._speed_m_s) < 0.05:
-            self._rest()
+            self._remainder()
             return
         self.thrust = throttle
         self._outputs = self._mix(throttle, self._steering(setpoint))
 
-    def _rest(self) -> None:
+    def _remainder(self) -> None:
         self.thrust = 0.0
         self._outputs = _STOPPED
         self._speed_m_s = self._ahead_m_s()
@@ -136,18 +136,18 @@ class DriveControl:
             size = (curve - 1.0 + sqrt((1.0 - curve) ** 2 + 4.0 * curve * size)) / (2.0 * curve)
         return -size if thrust < 0.0 else size
 
-    def _keep_crumb(self) -> None:
+    def _add_track_point(self) -> None:
         """Remembers the way, without its loops, for the return along it."""
         craft = self._craft
-        if not craft.estimator.is_position_good(craft.now_s) or not craft.keeps_crumbs:
+        if not craft.estimator.is_position_good(craft.now_s) or not craft.records_track:
             return
         n, e, _ = here = craft.estimator.inertial.position_ned_m
-        crumbs = craft.crumbs
-        if crumbs and hypot(crumbs[-1][0] - n, crumbs[-1][1] - e) < _CRUMB_M:
+        track_points = craft.track_points
+        if track_points and hypot(track_points[-1][0] - n, track_points[-1][1] - e) < _CRUMB_M:
             return
-        for index, (north, east, _) in enumerate(crumbs[:-2]):
+        for index, (north, east, _) in enumerate(track_points[:-2]):
             if hypot(north - n, east - e) < _CRUMB_M:
-                del crumbs[index + 1 :]
+                del track_points[index + 1 :]
                 return
-        if len(crumbs) < _MOST_CRUMBS:
-            crumbs.append(here)
+        if len(track_points) < _MOST_TRACK_POINTS:
+            track_points.append(here)

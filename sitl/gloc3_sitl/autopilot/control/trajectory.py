@@ -52,7 +52,7 @@ def wanted_speed_m_s(
     return max(0.0, speed_m_s + allowed - then_m_s)
 
 
-class Trajectory:
+class SmoothTrajectory:
     """A point that moves towards a target, limited in speed, acceleration and jerk.
 
     Horizontally it follows the line from where the target was set towards the target and stops there; the height
@@ -118,21 +118,21 @@ class Trajectory:
             else:
                 speed_z = max(height * speed / distance, 0.1)
         if distance > 1e-6:
-            wish_n, wish_e = to_n * speed / distance, to_e * speed / distance
+            wanted_n, wanted_e = to_n * speed / distance, to_e * speed / distance
             if self._leg_start is not None and distance > 0.5:
-                wish_n, wish_e = self._along_leg(n, e, speed)
+                wanted_n, wanted_e = self._along_leg(n, e, speed)
         else:
-            wish_n = wish_e = 0.0
-        wish_d = sign * speed_z
+            wanted_n = wanted_e = 0.0
+        wanted_d = sign * speed_z
         # Acceleration towards the wanted velocity, limited, then its change limited.
         most = limits.acceleration_xy_m_s2
-        acc_n, acc_e = (wish_n - vn) / _RESPONSE_S, (wish_e - ve) / _RESPONSE_S
+        acc_n, acc_e = (wanted_n - vn) / _RESPONSE_S, (wanted_e - ve) / _RESPONSE_S
         size = hypot(acc_n, acc_e)
         if size > most:
             acc_n *= most / size
             acc_e *= most / size
         most = limits.acceleration_z_m_s2
-        acc_d = max(-most, min(most, (wish_d - vd) / _RESPONSE_S))
+        acc_d = max(-most, min(most, (wanted_d - vd) / _RESPONSE_S))
         change = limits.jerk_m_s3 * dt_s
         jerk_n, jerk_e = acc_n - an, acc_e - ae
         size = hypot(jerk_n, jerk_e)

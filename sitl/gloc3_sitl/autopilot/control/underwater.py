@@ -34,7 +34,7 @@ _FIN_SPEED_M_S: Final = 0.4
 """Fins are used above this speed."""
 _TURN_SHARE: Final = 0.7
 """So much of a thruster's force may be used to keep level and heading."""
-_TOLD_ANEW_RAD: Final = 0.02
+_COMMANDED_AGAIN_RAD: Final = 0.02
 _TRIM_MAX_M_S2: Final = 0.6
 
 
@@ -80,7 +80,7 @@ class UnderwaterControl:
         self._stream: tuple[float, float] = (0.0, 0.0)
         self._push_n = self._ahead_m_s = 0.0
         self._pitch_trim_rad = 0.0
-        self._yaw_rad = self._told_yaw_rad = self._estimator.yaw_rad
+        self._yaw_rad = self._reported_yaw_rad = self._estimator.yaw_rad
         self._is_cruising = False
         self._was_armed = False
 
@@ -121,11 +121,11 @@ class UnderwaterControl:
 
     def _follow_motion(self, wanted: MotionSetpoint) -> None:
         inertial, gains = self._estimator.inertial, self._craft.tuning.gains
-        told_rad = wanted.yaw_rad
-        if told_rad == told_rad:
+        commanded_rad = wanted.yaw_rad
+        if commanded_rad == commanded_rad:
             # What is told anew counts; a slender vehicle that has turned into its way does not turn back at its end.
-            if self._model.fins is None or abs(wrap_pi(told_rad - self._told_yaw_rad)) > _TOLD_ANEW_RAD:
-                self._yaw_rad = self._told_yaw_rad = told_rad
+            if self._model.fins is None or abs(wrap_pi(commanded_rad - self._reported_yaw_rad)) > _COMMANDED_AGAIN_RAD:
+                self._yaw_rad = self._reported_yaw_rad = commanded_rad
         elif wanted.yaw_rate_rad_s:
             self._yaw_rad = wrap_pi(self._yaw_rad + wanted.yaw_rate_rad_s * OUTER_S)
         velocity = inertial.velocity_ned_m_s
@@ -164,8 +164,8 @@ class UnderwaterControl:
             if cruise is not None:
                 yaw, pitch, through_m_s = cruise
                 self._yaw_rad = self._estimator.yaw_rad
-                if told_rad == told_rad:
-                    self._told_yaw_rad = told_rad
+                if commanded_rad == commanded_rad:
+                    self._reported_yaw_rad = commanded_rad
                 rate = 0.0
                 # It turns on the spot first: a way that begins to its side would lead it round in a circle.
                 speed = through_m_s * max(0.0, cos(wrap_pi(yaw - self._estimator.yaw_rad))) ** 3

@@ -75,14 +75,14 @@ class WingControl:
             self._energy.reset(airspeed, to_euler(inertial.ned_from_frd)[1])
             self._is_balancing = True
         has_height = not isnan(setpoint.down_m)
-        wish = Wish(
+        wanted = EnergyDemand(
             inertial.position_ned_m[2] - setpoint.down_m if has_height else 0.0,
             setpoint.climb_m_s,
             gains.cruise_m_s if isnan(setpoint.airspeed_m_s) else setpoint.airspeed_m_s,
             None if isnan(setpoint.throttle) else setpoint.throttle,
         )
         load = 1.0 / max(0.5, cos(setpoint.roll_rad))
-        pitch, self.thrust = self._energy.update(wish, -inertial.velocity_ned_m_s[2], airspeed, load)
+        pitch, self.thrust = self._energy.update(wanted, -inertial.velocity_ned_m_s[2], airspeed, load)
         self._pitch_rad = pitch if isnan(setpoint.pitch_rad) else setpoint.pitch_rad
 
     def _mind_ground(self, throttle: float) -> None:
@@ -143,7 +143,7 @@ _FILTER_S: Final = 0.5
 """Of the measured change of air speed."""
 
 
-class Wish(NamedTuple):
+class EnergyDemand(NamedTuple):
     """What is to be had of height and speed."""
 
     height_error_m: float
@@ -169,11 +169,13 @@ class EnergyControl:
         self._speed_m_s, self._speed_change_m_s2 = airspeed_m_s, 0.0
         self._throttle_sum, self._pitch_sum = 0.0, max(-0.1, min(_PITCH_SUM_MAX_RAD, pitch_rad))
 
-    def update(self, wish: Wish, climb_m_s: float, airspeed_m_s: float, load_factor: float) -> tuple[float, float]:
+    def update(
+        self, wanted: EnergyDemand, climb_m_s: float, airspeed_m_s: float, load_factor: float
+    ) -> tuple[float, float]:
         """Pitch in radians and throttle, 0 to 1.
 
         Args:
-            wish: what is wanted.
+            wanted: what is wanted.
             climb_m_s: estimated.
             airspeed_m_s: measured.
             load_factor: lift over weight that the bank asks for.
@@ -183,14 +185,14 @@ class EnergyControl:
         change = (speed - self._speed_m_s) / OUTER_S if self._speed_m_s > 0.0 else 0.0
         self._speed_m_s = speed
         self._speed_change_m_s2 += OUTER_S / _FILTER_S * (max(-10.0, min(10.0, change)) - self._speed_change_m_s2)
-        wanted_m_s = max(g.slowest_m_s, min(g.fastest_m_s, wish.airspeed_m_s))
-        climb = wish.height_error_m / g.energy_s + wish.climb_m_s
+        wanted_m_s = max(g.slowest_m_s, min(g.fastest_m_s, wanted.airspeed_m_s))
+        climb = wanted.height_error_m / g.energy_s + wanted.climb_m_s
         climb = max(-g.sink_max_m_s, min(g.climb_max_m_s, climb))
         faster = max(-1.5, min(1.5, (wanted_m_s - speed) / g.energy_s))
         # As rates of climb: what all the energy gained would be worth.
         sum_wanted = climb + speed * faster / GRAVITY_M_S2
         sum_now = climb_m_s + speed * self._speed_change_m_s2 / GRAVITY_M_S2
-        throttle = wish.throttle
+        throttle = wanted.throttle
         if throttle is None:
             throttle = self._throttle(sum_wanted, sum_now, load_factor)
             path = climb - speed * faster / GRAVITY_M_S2

@@ -10,13 +10,13 @@ _STILL_RAD_S = 0.1
 """Largest body rate that still counts as standing."""
 _STILL_AFLOAT_RAD_S = 0.02
 """The same for what floats: slow rocking would be taken for a bias of the gyros."""
-_PATIENCE = 2000
+_MOST_WAITS = 2000
 """After so many samples without rest, 10 s, it floats: then so much rocking is averaged over several waves."""
 _ROCKING_RAD_S = 1.5
 _ROCKING_SAMPLES = 1600
 
 
-class Alignment:
+class InertialAlignment:
     """Averages the IMU while nothing moves; then gives attitude and gyro bias."""
 
     __slots__ = ("_count", "_force", "_is_afloat", "_rate", "_seen", "field_frd")
@@ -33,7 +33,7 @@ class Alignment:
         """Takes in one IMU sample, of a vehicle that floats or stands; true when the average is complete."""
         p, q, r = rate_frd_rad_s
         self._seen += 1
-        is_afloat = self._is_afloat = self._seen > _PATIENCE
+        is_afloat = self._is_afloat = self._seen > _MOST_WAITS
         most = _ROCKING_RAD_S if is_afloat else _STILL_AFLOAT_RAD_S if floats else _STILL_RAD_S
         if p * p + q * q + r * r > most * most:
             self._count = 0

@@ -5,10 +5,10 @@ from math import atan2, nan, sqrt
 from typing import Final
 
 from gloc3.messages.frames import GRAVITY_M_S2, GeoPoint, TangentPlane, Vector3, rotate, to_euler, wrap_pi
-from gloc3_sitl.autopilot.estimator.alignment import Alignment
+from gloc3_sitl.autopilot.estimator.alignment import InertialAlignment
 from gloc3_sitl.autopilot.estimator.axis import AxisFilter, Gains
 from gloc3_sitl.autopilot.estimator.inertial import InertialSolution
-from gloc3_sitl.autopilot.estimator.sources import DEFAULT_SOURCES, ExternalOdometry, Fix, Source, SourceState
+from gloc3_sitl.autopilot.estimator.sources import DEFAULT_SOURCES, AidingSource, AidingState, ExternalOdometry, Fix
 
 _GATE_SIGMA: Final = 5.0
 _FIRST_MEASUREMENTS: Final = 10
@@ -30,7 +30,7 @@ class Estimator:
 
     declination_rad: float = 0.0
     sources: int = DEFAULT_SOURCES
-    """Bits of `Source`."""
+    """Bits of `AidingSource`."""
     inertial: InertialSolution = field(default_factory=InertialSolution)
     origin: TangentPlane | None = None
     """Where NED is tangent to the Earth; None until the first good fix or until it is set."""
@@ -43,11 +43,11 @@ class Estimator:
     """By the range finder; NaN without an echo."""
     range_t_s: float = -1e9
     fix: Fix | None = None
-    fix_state: SourceState = field(default_factory=SourceState)
-    height_state: SourceState = field(default_factory=SourceState)
-    barometer_state: SourceState = field(default_factory=SourceState)
-    heading_state: SourceState = field(default_factory=SourceState)
-    external_state: SourceState = field(default_factory=SourceState)
+    fix_state: AidingState = field(default_factory=AidingState)
+    height_state: AidingState = field(default_factory=AidingState)
+    barometer_state: AidingState = field(default_factory=AidingState)
+    heading_state: AidingState = field(default_factory=AidingState)
+    external_state: AidingState = field(default_factory=AidingState)
     reset_count: int = 0
     """How often the position has jumped."""
     jump_ned_m: Vector3 = (0.0, 0.0, 0.0)
@@ -57,7 +57,7 @@ class Estimator:
     """NED down of the place where the vehicle boots: what a diving one lies in the water."""
     _horizontal: AxisFilter = field(default_factory=lambda: AxisFilter(0.02, 4e-4))
     _vertical: AxisFilter = field(default_factory=lambda: AxisFilter(0.02, 1e-3))
-    _alignment: Alignment = field(default_factory=Alignment)
+    _alignment: InertialAlignment = field(default_factory=InertialAlignment)
     _field_repeats: int = 0
     _horizontal_s: float = 0.0
     _vertical_s: float = 0.0
@@ -76,7 +76,7 @@ class Estimator:
             return
         inertial = self.inertial
         inertial.t_s = t_s
-        if self._alignment.add(force_frd_m_s2, rate_frd_rad_s, floats=bool(self.sources & Source.DEPTH)):
+        if self._alignment.add(force_frd_m_s2, rate_frd_rad_s, floats=bool(self.sources & AidingSource.DEPTH)):
             inertial.ned_from_frd = self._alignment.attitude(self.declination_rad)
             inertial.gyro_bias_rad_s = self._alignment.gyro_bias_rad_s
             self._horizontal_s = self._vertical_s = t_s
@@ -106,7 +106,7 @@ class Estimator:
         self._correct_horizontal(gains, -vn, -ve)
         self._correct_vertical(self._vertical.measure_velocity(4e-4), -vd)
 
-    def take_fix(self, fix: Fix, now_s: float) -> None:
+    def use_fix(self, fix: Fix, now_s: float) -> None:
         """A satellite fix."""
         self.fix = fix
         if not self.is_aligned or fix.fix_type < 3 or fix.horizontal_accuracy_m > 5.0:
@@ -120,24 +120,24 @@ class Estimator:
             self._horizontal.reset(fix.horizontal_accuracy_m**2, 0.04)
             self._vertical.reset(fix.vertical_accuracy_m**2, 0.04)
             self._horizontal_s = self._vertical_s = now_s
-        if not self.sources & Source.FIX:
+        if not self.sources & AidingSource.FIX:
             return
         assert self.origin is not None
         measured = self.origin.ned_from_geo(*fix.place)
         believed = self.inertial.at(fix.t_s)
         accuracy = max(fix.horizontal_accuracy_m, 0.01) ** 2
         speed_accuracy = max(fix.speed_accuracy_m_s, 0.02) ** 2
-        self._take_horizontal(self.fix_state, measured, believed.position_ned_m, accuracy, now_s)
+        self._use_horizontal(self.fix_state, measured, believed.position_ned_m, accuracy, now_s)
         if self.fix_state.accepted_s == now_s:
             vn, ve, vd = believed.velocity_ned_m_s
             un, ue, ud = fix.velocity_ned_m_s
             self._correct_horizontal(self._horizontal.measure_velocity(speed_accuracy), un - vn, ue - ve)
-            if not self.sources & (Source.EXTERNAL_HEIGHT | Source.RANGE_HEIGHT | Source.DEPTH):
+            if not self.sources & (AidingSource.EXTERNAL_HEIGHT | AidingSource.RANGE_HEIGHT | AidingSource.DEPTH):
                 height_accuracy = max(fix.vertical_accuracy_m, 0.01) ** 2
-                self._take_height(self.height_state, measured[2], believed.position_ned_m[2], height_accuracy, now_s)
+                self._use_height(self.height_state, measured[2], believed.position_ned_m[2], height_accuracy, now_s)
                 self._correct_vertical(self._vertical.measure_velocity(2.0 * speed_accuracy), ud - vd)
 
-    def take_external(self, pose: ExternalOdometry, now_s: float) -> None:
+    def use_external(self, pose: ExternalOdometry, now_s: float) -> None:
         """External odometry (vision, laser, motion capture)."""
         if not self.is_aligned:
             return
@@ -145,30 +145,28 @@ class Estimator:
         position, velocity = pose.position_ned_m, pose.velocity_ned_m_s
         has_jumped = pose.reset_counter != self.external_resets
         self.external_resets = pose.reset_counter
-        if position is not None and self.sources & Source.EXTERNAL_POSITION:
-            self._take_external_position(pose, position, has_jumped, now_s)
+        if position is not None and self.sources & AidingSource.EXTERNAL_POSITION:
+            self._use_external_position(pose, position, has_jumped, now_s)
             believed = self.inertial.at(pose.t_s)
-        if position is not None and self.sources & Source.EXTERNAL_HEIGHT:
+        if position is not None and self.sources & AidingSource.EXTERNAL_HEIGHT:
             if has_jumped:
                 self._place_vertical(position[2], now_s, pose.position_deviation_m**2)
                 believed = self.inertial.at(pose.t_s)
             variance = max(pose.position_deviation_m, 0.01) ** 2
-            self._take_height(self.height_state, position[2], believed.position_ned_m[2], variance, now_s)
-        if velocity is not None and self.sources & Source.EXTERNAL_VELOCITY:
+            self._use_height(self.height_state, position[2], believed.position_ned_m[2], variance, now_s)
+        if velocity is not None and self.sources & AidingSource.EXTERNAL_VELOCITY:
             variance = max(pose.velocity_deviation_m_s, 0.02) ** 2
             vn, ve, vd = believed.velocity_ned_m_s
             self._correct_horizontal(self._horizontal.measure_velocity(variance), velocity[0] - vn, velocity[1] - ve)
-            if not self.sources & Source.DEPTH:  # what dives is told its own climb
+            if not self.sources & AidingSource.DEPTH:  # what dives is told its own climb
                 self._correct_vertical(self._vertical.measure_velocity(variance), velocity[2] - vd)
-        if pose.yaw_rad is not None and self.sources & Source.EXTERNAL_YAW:
-            self._take_heading(wrap_pi(pose.yaw_rad - self.yaw_rad), 0.05, now_s)
+        if pose.yaw_rad is not None and self.sources & AidingSource.EXTERNAL_YAW:
+            self._use_heading(wrap_pi(pose.yaw_rad - self.yaw_rad), 0.05, now_s)
 
-    def _take_external_position(
-        self, pose: ExternalOdometry, position: Vector3, has_jumped: bool, now_s: float
-    ) -> None:
+    def _use_external_position(self, pose: ExternalOdometry, position: Vector3, has_jumped: bool, now_s: float) -> None:
         """Horizontal position from outside; beside a good fix it only learns where it lies, and then takes over."""
         believed = self.inertial.at(pose.t_s).position_ned_m
-        if self.sources & Source.FIX and now_s - self.fix_state.accepted_s < _FIX_LOST_S:
+        if self.sources & AidingSource.FIX and now_s - self.fix_state.accepted_s < _FIX_LOST_S:
             self._external_shift = (believed[0] - position[0], believed[1] - position[1])
             self.external_state.judge(0.0, now_s)
             return
@@ -178,12 +176,12 @@ class Estimator:
         if has_jumped or now_s - self.external_state.accepted_s > 1.0:
             self._place_horizontal(measured, now_s, variance)
             believed = self.inertial.at(pose.t_s).position_ned_m
-        self._take_horizontal(self.external_state, measured, believed, variance, now_s)
+        self._use_horizontal(self.external_state, measured, believed, variance, now_s)
 
-    def take_barometer(self, altitude_m: float, now_s: float) -> None:
+    def use_barometer(self, altitude_m: float, now_s: float) -> None:
         """Pressure altitude; only its changes count."""
         self.barometer_altitude_m = altitude_m
-        if not self.is_aligned or not self.sources & Source.BAROMETER:
+        if not self.is_aligned or not self.sources & AidingSource.BAROMETER:
             return
         down = self.inertial.position_ned_m[2]
         if self._barometer_offset_m != self._barometer_offset_m:
@@ -195,25 +193,29 @@ class Estimator:
             self.barometer_state.accepted_s = now_s
             return
         self._grow_vertical(now_s)
-        variance = _DEPTH_M2 if self.sources & Source.DEPTH else _BAROMETER_M2
+        variance = _DEPTH_M2 if self.sources & AidingSource.DEPTH else _BAROMETER_M2
         ratio = innovation * innovation / (_GATE_SIGMA**2 * (self._vertical.position_variance_m2 + variance))
         if self.barometer_state.judge(ratio, now_s):
             self._correct_vertical(self._vertical.measure_position(variance), innovation)
         elif self.barometer_state.is_stuck(now_s):
             self._barometer_offset_m = altitude_m + down
 
-    def take_magnetometer(self, field_frd: Vector3, now_s: float) -> None:
+    def use_magnetometer(self, field_frd: Vector3, now_s: float) -> None:
         """Magnetic field in the body, in any unit; one that stays the same to the last bit is stuck, and left out."""
         self._field_repeats = self._field_repeats + 1 if field_frd == self._alignment.field_frd else 0
         self._alignment.field_frd = field_frd
-        if not self.is_aligned or not self.sources & Source.MAGNETOMETER or self.sources & Source.EXTERNAL_YAW:
+        if (
+            not self.is_aligned
+            or not self.sources & AidingSource.MAGNETOMETER
+            or self.sources & AidingSource.EXTERNAL_YAW
+        ):
             return
         if self._field_repeats >= _STUCK:
             return
         north, east, _ = rotate(self.inertial.ned_from_frd, field_frd)
-        self._take_heading(wrap_pi(self.declination_rad - atan2(east, north)), 0.02, now_s)
+        self._use_heading(wrap_pi(self.declination_rad - atan2(east, north)), 0.02, now_s)
 
-    def take_range(self, distance_m: float | None, now_s: float) -> None:
+    def use_range(self, distance_m: float | None, now_s: float) -> None:
         """Distance along the body's down axis, or None without an echo."""
         _, x, y, _ = self.inertial.ned_from_frd
         upright = 1.0 - 2.0 * (x * x + y * y)
@@ -224,8 +226,8 @@ class Estimator:
         height = distance_m * upright
         self.height_above_ground_m = height
         self.ground_down_m = self.inertial.position_ned_m[2] + height
-        if self.sources & Source.RANGE_HEIGHT and self.is_aligned:
-            self._take_height(self.height_state, -height, self.inertial.position_ned_m[2], 0.0009, now_s)
+        if self.sources & AidingSource.RANGE_HEIGHT and self.is_aligned:
+            self._use_height(self.height_state, -height, self.inertial.position_ned_m[2], 0.0009, now_s)
 
     def set_origin(self, place: GeoPoint) -> None:
         """Fixes NED to the Earth; the vehicle's own NED position stays as it is."""
@@ -300,8 +302,8 @@ class Estimator:
             self._vertical.predict(now_s - self._vertical_s)
             self._vertical_s = now_s
 
-    def _take_horizontal(
-        self, state: SourceState, measured: Vector3, believed: Vector3, variance_m2: float, now_s: float
+    def _use_horizontal(
+        self, state: AidingState, measured: Vector3, believed: Vector3, variance_m2: float, now_s: float
     ) -> None:
         self._grow_horizontal(now_s)
         dn, de = measured[0] - believed[0], measured[1] - believed[1]
@@ -313,8 +315,8 @@ class Estimator:
             state.refused_since_s = None
             state.accepted_s = now_s
 
-    def _take_height(
-        self, state: SourceState, measured_down: float, believed_down: float, variance_m2: float, now_s: float
+    def _use_height(
+        self, state: AidingState, measured_down: float, believed_down: float, variance_m2: float, now_s: float
     ) -> None:
         self._grow_vertical(now_s)
         innovation = measured_down - believed_down
@@ -326,7 +328,7 @@ class Estimator:
             state.refused_since_s = None
             state.accepted_s = now_s
 
-    def _take_heading(self, innovation_rad: float, share: float, now_s: float) -> None:
+    def _use_heading(self, innovation_rad: float, share: float, now_s: float) -> None:
         ratio = (innovation_rad / 0.6) ** 2
         if self.heading_state.judge(ratio, now_s):
             self.inertial.turn((0.0, 0.0, innovation_rad * share), _BIAS_SHARE)

@@ -8,7 +8,7 @@ import msgspec
 from gloc3.messages.frames import GeoPoint, Vector3
 
 
-class Source:
+class AidingSource:
     """Bits of what may correct the inertial solution; each can be switched on and off in flight.
 
     They are plain integers: in the loops that ask for them the operators of an `IntFlag` would be dear.
@@ -29,11 +29,11 @@ class Source:
     """The barometer alone as height, as under water: satellites tell no height."""
 
 
-DEFAULT_SOURCES: Final = Source.FIX | Source.BAROMETER | Source.MAGNETOMETER
+DEFAULT_SOURCES: Final = AidingSource.FIX | AidingSource.BAROMETER | AidingSource.MAGNETOMETER
 
 
 @dataclass(slots=True)
-class SourceState:
+class AidingState:
     """How a source is doing."""
 
     accepted_s: float = -1e9

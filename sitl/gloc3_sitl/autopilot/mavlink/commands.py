@@ -4,28 +4,28 @@ from collections.abc import Callable, Mapping
 from math import isfinite, nan, radians
 from typing import Final
 
-from gloc3.mavlink.services.command_server import CommandRequest
+from gloc3.mavlink.services.command_server import MavCommandRequest
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import GeoPoint, Vector3
 from gloc3_sitl.autopilot.behaviours.orbit import Facing, circle
 from gloc3_sitl.autopilot.mavlink.context import MOST_HEIGHT_M, FrontContext
 from gloc3_sitl.autopilot.mavlink.service_commands import SERVICE_HANDLERS
 from gloc3_sitl.autopilot.modes import Behaviour, Result
-from gloc3_sitl.autopilot.verdict import ACCEPTED, OUT_OF_RANGE, Author, Verdict
+from gloc3_sitl.autopilot.verdict import ACCEPTED, OUT_OF_RANGE, Author, RequestVerdict
 
-Handler = Callable[[FrontContext, CommandRequest], Verdict]
+Handler = Callable[[FrontContext, MavCommandRequest], RequestVerdict]
 
 ARM: Final = 400
 _FORCE: Final = 21196.0
 _MAGIC_FORCE: Final = 2989.0
 """ArduPilot's force-arming number."""
-_UNSUPPORTED: Final = Verdict(Result.UNSUPPORTED)
+_UNSUPPORTED: Final = RequestVerdict(Result.UNSUPPORTED)
 _RELATIVE: Final = (3, 6)
 _CUSTOM_FLAG: Final = 1
-_LOOK_AT_NOTHING: Final = 197
+_NO_REGION_OF_INTEREST: Final = 197
 
 
-def handle(context: FrontContext, request: CommandRequest) -> Verdict:
+def handle(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     """Runs a command; unknown ones are unsupported."""
     handler = None if request.command in context.autopilot.style.unsupported else HANDLERS.get(request.command)
     return _UNSUPPORTED if handler is None else handler(context, request)
@@ -34,17 +34,17 @@ def handle(context: FrontContext, request: CommandRequest) -> Verdict:
 # -- arming and modes -------------------------------------------------------------------------------------------------
 
 
-def _arm(context: FrontContext, request: CommandRequest) -> Verdict:
+def _arm(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     wanted, force = request.params[0], request.params[1]
     is_forced = force in (_FORCE, _MAGIC_FORCE)
     if wanted == 1.0:
         return context.commander.arm(Author.COMMAND, is_forced=is_forced)
     if wanted == 0.0:
         return context.commander.disarm(Author.COMMAND, is_forced=is_forced)
-    return Verdict(Result.UNSUPPORTED if context.is_px4 else Result.FAILED, "param1 must be 0 or 1")
+    return RequestVerdict(Result.UNSUPPORTED if context.is_px4 else Result.FAILED, "param1 must be 0 or 1")
 
 
-def _set_mode(context: FrontContext, request: CommandRequest) -> Verdict:
+def _set_mode(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     base, main, sub = request.params[:3]
     if not (isfinite(base) and isfinite(main) and isfinite(sub)) or not int(base) & _CUSTOM_FLAG:
         return OUT_OF_RANGE
@@ -54,7 +54,7 @@ def _set_mode(context: FrontContext, request: CommandRequest) -> Verdict:
     return context.commander.set_mode(custom, Author.COMMAND)
 
 
-def _take_off(context: FrontContext, request: CommandRequest) -> Verdict:
+def _take_off(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     height = request.params[6]
     craft = context.craft
     if not isfinite(height):
@@ -64,21 +64,21 @@ def _take_off(context: FrontContext, request: CommandRequest) -> Verdict:
         return context.commander.take_off(nan if origin is None else origin.origin.altitude_m - height)
     base = 0.0 if craft.home is None else craft.home.position_ned_m[2]
     if height < 0.1:
-        return Verdict(context.commander.style.refused, "take-off height must be above the ground")
+        return RequestVerdict(context.commander.style.refused, "take-off height must be above the ground")
     return context.commander.take_off(base - height)
 
 
-def _land(context: FrontContext, request: CommandRequest) -> Verdict:
+def _land(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     del request
     return context.commander.set_mode(context.commander.style.land_mode, Author.COMMAND)
 
 
-def _return(context: FrontContext, request: CommandRequest) -> Verdict:
+def _return(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     del request
     return context.commander.set_mode(context.commander.style.return_mode, Author.COMMAND)
 
 
-def _loiter(context: FrontContext, request: CommandRequest) -> Verdict:
+def _loiter(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     del request
     style = context.commander.style
     return context.commander.set_mode(
@@ -86,7 +86,7 @@ def _loiter(context: FrontContext, request: CommandRequest) -> Verdict:
     )
 
 
-def _terminate(context: FrontContext, request: CommandRequest) -> Verdict:
+def _terminate(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     if not request.params[0] > 0.5:
         return ACCEPTED
     context.commander.terminate()
@@ -96,7 +96,7 @@ def _terminate(context: FrontContext, request: CommandRequest) -> Verdict:
 # -- places -----------------------------------------------------------------------------------------------------------
 
 
-def _place(context: FrontContext, request: CommandRequest, *, is_absolute: bool = False) -> Vector3 | Verdict:
+def _place(context: FrontContext, request: MavCommandRequest, *, is_absolute: bool = False) -> Vector3 | RequestVerdict:
     """The NED position of parameters 5 to 7; NaN means here.
 
     The height counts from home where a COMMAND_INT says so, unless it `is_absolute` whatever the frame.
@@ -106,7 +106,7 @@ def _place(context: FrontContext, request: CommandRequest, *, is_absolute: bool 
     latitude, longitude, height = request.params[4:]
     n, e, d = craft.estimator.inertial.position_ned_m
     if origin is None:
-        return Verdict(context.commander.style.refused, "no global origin")
+        return RequestVerdict(context.commander.style.refused, "no global origin")
     if isfinite(latitude) and isfinite(longitude):
         if abs(latitude) > 90.0 or abs(longitude) > 180.0:
             return OUT_OF_RANGE
@@ -120,9 +120,9 @@ def _place(context: FrontContext, request: CommandRequest, *, is_absolute: bool 
     return (n, e, d)
 
 
-def _reposition(context: FrontContext, request: CommandRequest) -> Verdict:
+def _reposition(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     place = _place(context, request)
-    if isinstance(place, Verdict):
+    if isinstance(place, RequestVerdict):
         return place
     style, commander = context.commander.style, context.commander
     if (
@@ -130,51 +130,51 @@ def _reposition(context: FrontContext, request: CommandRequest) -> Verdict:
         and commander.mode.behaviour is not Behaviour.STREAMED
         and not (isfinite(request.params[1]) and int(request.params[1]) & 1)
     ):
-        return Verdict(Result.DENIED, "not in GUIDED")
+        return RequestVerdict(Result.DENIED, "not in GUIDED")
     yaw = request.params[3]
     if not context.is_px4:
         yaw = radians(yaw) if isfinite(yaw) and yaw != 0.0 else nan
     return commander.go_to(place, yaw, request.params[0])
 
 
-def _orbit(context: FrontContext, request: CommandRequest) -> Verdict:
+def _orbit(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     if context.commander.style.orbit_mode is None:
         return _UNSUPPORTED
     place = _place(context, request, is_absolute=True)
-    if isinstance(place, Verdict):
+    if isinstance(place, RequestVerdict):
         return place
     radius, speed, facing = request.params[:3]
     known = Facing(int(facing)) if facing in list(Facing) else Facing.CENTRE
     return context.commander.orbit(circle(place, radius, speed, known, context.craft.tuning.orbit_radius_m))
 
 
-def _set_home(context: FrontContext, request: CommandRequest) -> Verdict:
+def _set_home(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     if request.params[0] == 1.0:
         return context.commander.set_home()
     place = _place(context, request, is_absolute=context.is_px4)  # PX4 does not look at the frame
-    return place if isinstance(place, Verdict) else context.commander.set_home(place)
+    return place if isinstance(place, RequestVerdict) else context.commander.set_home(place)
 
 
-def _set_origin(context: FrontContext, request: CommandRequest) -> Verdict:
+def _set_origin(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     return context.set_origin(GeoPoint(*request.params[4:]))
 
 
 # -- mission ----------------------------------------------------------------------------------------------------------
 
 
-def _mission_start(context: FrontContext, request: CommandRequest) -> Verdict:
+def _mission_start(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     commander, craft = context.commander, context.craft
     first = int(request.params[0]) if isfinite(request.params[0]) else 0
     if commander.style.takeoff_in_streamed:
         # ArduPilot: the mode must be AUTO already, or the vehicle stand.
         if not craft.is_armed:
-            return Verdict(Result.FAILED, "not armed")
+            return RequestVerdict(Result.FAILED, "not armed")
     elif first > 0 and first < len(craft.plans.mission):
         context.set_current(first)
     return commander.set_mode(commander.style.mission_mode, Author.COMMAND)
 
 
-def _pause_continue(context: FrontContext, request: CommandRequest) -> Verdict:
+def _pause_continue(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     commander = context.commander
     is_continue = request.params[0] == 1.0
     if context.is_px4:
@@ -182,7 +182,7 @@ def _pause_continue(context: FrontContext, request: CommandRequest) -> Verdict:
         return commander.set_mode(style.mission_mode if is_continue else style.hold_mode, Author.COMMAND)
     flight = context.mission_flight
     if flight is None:
-        return Verdict(Result.FAILED, "not in AUTO")
+        return RequestVerdict(Result.FAILED, "not in AUTO")
     if is_continue:
         flight.go_on()
     else:
@@ -190,14 +190,14 @@ def _pause_continue(context: FrontContext, request: CommandRequest) -> Verdict:
     return ACCEPTED
 
 
-def _set_current(context: FrontContext, request: CommandRequest) -> Verdict:
+def _set_current(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     index = request.params[0]
     if not isfinite(index) or not context.set_current(int(index)):
-        return Verdict(Result.FAILED if not context.is_px4 else Result.DENIED, "no such item")
+        return RequestVerdict(Result.FAILED if not context.is_px4 else Result.DENIED, "no such item")
     return ACCEPTED
 
 
-def _change_speed(context: FrontContext, request: CommandRequest) -> Verdict:
+def _change_speed(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     speed = request.params[1]
     if not speed > 0.0:
         return ACCEPTED if speed == -1.0 else OUT_OF_RANGE
@@ -208,37 +208,37 @@ def _change_speed(context: FrontContext, request: CommandRequest) -> Verdict:
 # -- messages and services --------------------------------------------------------------------------------------------
 
 
-def _request_message(context: FrontContext, request: CommandRequest) -> Verdict:
+def _request_message(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     if not isfinite(request.params[0]):
         return OUT_OF_RANGE
     return context.request_message(int(request.params[0]), request)
 
 
-def _stream(context: FrontContext, request: CommandRequest) -> Verdict:
+def _stream(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     return context.stream_command(request)
 
 
-def _capabilities(context: FrontContext, request: CommandRequest) -> Verdict:
+def _capabilities(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     return context.request_message(148, request)
 
 
-def _run_checks(context: FrontContext, request: CommandRequest) -> Verdict:
+def _run_checks(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     del request
     commander = context.commander
     if context.craft.is_armed:
-        return Verdict(Result.TEMPORARILY_REJECTED, "armed")
+        return RequestVerdict(Result.TEMPORARILY_REJECTED, "armed")
     for problem in commander.problems():
-        context.craft.say(Severity.CRITICAL, f"{commander.style.arming_prefix}{problem}")
+        context.craft.send_text(Severity.CRITICAL, f"{commander.style.arming_prefix}{problem}")
     return ACCEPTED
 
 
-def _storage(context: FrontContext, request: CommandRequest) -> Verdict:
+def _storage(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     if request.params[0] == 2.0:
         context.autopilot.parameters.reset()
     return ACCEPTED
 
 
-def _source_set(context: FrontContext, request: CommandRequest) -> Verdict:
+def _source_set(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     if context.is_px4:
         return _UNSUPPORTED
     index = request.params[0]
@@ -247,7 +247,7 @@ def _source_set(context: FrontContext, request: CommandRequest) -> Verdict:
     return context.use_source_set(int(index))
 
 
-def _fence_enable(context: FrontContext, request: CommandRequest) -> Verdict:
+def _fence_enable(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     wanted = request.params[0]
     if wanted not in (0.0, 1.0):
         return OUT_OF_RANGE
@@ -255,17 +255,17 @@ def _fence_enable(context: FrontContext, request: CommandRequest) -> Verdict:
     return ACCEPTED
 
 
-def _look_at(context: FrontContext, request: CommandRequest) -> Verdict:
+def _set_region_of_interest(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     """ArduPilot turns the vehicle towards a place, until the mode changes; PX4 turns a gimbal, and there is none."""
     if context.is_px4:
         return ACCEPTED
-    if request.command == _LOOK_AT_NOTHING or not any(request.params[4:6]):
-        context.craft.looks_at = None
+    if request.command == _NO_REGION_OF_INTEREST or not any(request.params[4:6]):
+        context.craft.is_facing = None
         return ACCEPTED
     place = _place(context, request)
-    if isinstance(place, Verdict):
+    if isinstance(place, RequestVerdict):
         return place
-    context.craft.looks_at = place
+    context.craft.is_facing = place
     return ACCEPTED
 
 
@@ -282,9 +282,9 @@ HANDLERS: Final[Mapping[int, Handler]] = {
     185: _terminate,
     192: _reposition,
     193: _pause_continue,
-    195: _look_at,
-    197: _look_at,
-    201: _look_at,
+    195: _set_region_of_interest,
+    197: _set_region_of_interest,
+    201: _set_region_of_interest,
     207: _fence_enable,
     224: _set_current,
     245: _storage,

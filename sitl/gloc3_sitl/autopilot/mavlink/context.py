@@ -6,20 +6,20 @@ from typing import Final
 from gloc3.mavlink import codec
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.parser import Frame
-from gloc3.mavlink.services.command_server import CommandRequest
+from gloc3.mavlink.services.command_server import MavCommandRequest
 from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL, StreamScheduler
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import GeoPoint, wrap_pi
 from gloc3_sitl.autopilot.autopilot import Autopilot
 from gloc3_sitl.autopilot.behaviours.mission import MissionFlight
 from gloc3_sitl.autopilot.mavlink import motion_telemetry
-from gloc3_sitl.autopilot.mavlink.links import Link, LinkKind, Receive, Router, Send
+from gloc3_sitl.autopilot.mavlink.links import AutopilotPort, AutopilotRouter, LinkKind, Receive, Send
 from gloc3_sitl.autopilot.mavlink.rates import GROUP_PARAMETERS, GROUPS, starting_rates
-from gloc3_sitl.autopilot.mavlink.signing_keeper import SigningKeeper
+from gloc3_sitl.autopilot.mavlink.signing_keeper import SigningSync
 from gloc3_sitl.autopilot.mavlink.telemetry import producers
 from gloc3_sitl.autopilot.mavlink.version import version_of
 from gloc3_sitl.autopilot.modes import Result
-from gloc3_sitl.autopilot.verdict import ACCEPTED, OUT_OF_RANGE, Verdict
+from gloc3_sitl.autopilot.verdict import ACCEPTED, OUT_OF_RANGE, RequestVerdict
 
 MOST_HEIGHT_M: Final = 100_000.0
 _ALIGNING_SHARE: Final = 0.01
@@ -66,11 +66,11 @@ class FrontContext:
         names = ("MAV_SYS_ID", "MAV_SYSID")
         system = next(int(autopilot.parameters[name]) for name in names if name in autopilot.parameters)
         self.own: Final = Address(system, 1)
-        self.signing: Final = SigningKeeper(self.own, autopilot.style.name)
+        self.signing: Final = SigningSync(self.own, autopilot.style.name)
         if before is not None:
-            self.signing.take_over(before.signing)
-        self.router: Final = Router(self.own, receive, self.signing.passes)
-        self._streams: dict[Link, StreamScheduler] = {}
+            self.signing.load(before.signing)
+        self.router: Final = AutopilotRouter(self.own, receive, self.signing.passes)
+        self._streams: dict[AutopilotPort, StreamScheduler] = {}
         self.producers: Final = producers(autopilot.style.name)
         """By name, what can be streamed or requested."""
         self._producers = {codec.shape(name).id: produce for name, produce in self.producers.items()}
@@ -97,7 +97,7 @@ class FrontContext:
         self._streams[link] = StreamScheduler(self.own, rates)
         return receive
 
-    def link_of(self, sender: Address) -> Link | None:
+    def link_of(self, sender: Address) -> AutopilotPort | None:
         """The link on which somebody was heard."""
         return next((link for link in self.router.links if sender in link.peers), None)
 
@@ -110,8 +110,8 @@ class FrontContext:
             for number in streams.due(now_s):
                 if number in _IMU:
                     rate_hz = streams.rate_hz(_IMU[number])
-                    for felt in motion_telemetry.imu_messages(_IMU[number], self.autopilot, rate_hz):
-                        link.send(link.encoder.encode(felt))
+                    for measured in motion_telemetry.imu_messages(_IMU[number], self.autopilot, rate_hz):
+                        link.send(link.encoder.encode(measured))
                     continue
                 if number in made:
                     message = made[number]
@@ -146,33 +146,33 @@ class FrontContext:
         self.send_now("MISSION_CURRENT")
         return True
 
-    def request_message(self, number: int, request: CommandRequest) -> Verdict:
+    def request_message(self, number: int, request: MavCommandRequest) -> RequestVerdict:
         """Sends one message once, to whom asked."""
         if number == codec.shape("AUTOPILOT_VERSION").id:
             message: MavlinkMessage | None = version_of(self.autopilot.style).message()
         elif number in self._producers:
             message = self._producers[number](self.autopilot)
         else:
-            return Verdict(Result.DENIED if self.is_px4 else Result.FAILED, "message is not produced here")
+            return RequestVerdict(Result.DENIED if self.is_px4 else Result.FAILED, "message is not produced here")
         if message is None:
-            return Verdict(Result.TEMPORARILY_REJECTED, "nothing to tell yet")
+            return RequestVerdict(Result.TEMPORARILY_REJECTED, "nothing to tell yet")
         link = self.link_of(request.sender)
         if link is not None:
             link.send(link.encoder.encode(message))
         return ACCEPTED
 
-    def stream_command(self, request: CommandRequest) -> Verdict:
+    def stream_command(self, request: MavCommandRequest) -> RequestVerdict:
         """SET_MESSAGE_INTERVAL and GET_MESSAGE_INTERVAL, for the link on which they came."""
         link = self.link_of(request.sender)
         if link is None:
-            return Verdict(Result.FAILED, "unknown link")
+            return RequestVerdict(Result.FAILED, "unknown link")
         if self.is_px4 and request.command == SET_MESSAGE_INTERVAL and request.params[0] not in self._producers:
-            return Verdict(Result.FAILED, "message is not produced here")
+            return RequestVerdict(Result.FAILED, "message is not produced here")
         streams = self._streams[link]
         result = streams.command(request, self.craft.now_s)
         for message in streams.outgoing():
             link.send(link.encoder.encode(message))
-        return Verdict(Result.UNSUPPORTED if result is None else Result(int(result)))
+        return RequestVerdict(Result.UNSUPPORTED if result is None else Result(int(result)))
 
     def set_group(self, group: int, rate_hz: float, sender: Address | None) -> None:
         """ArduPilot's groups of messages: all of one group, on the sender's link or on every link."""
@@ -182,39 +182,39 @@ class FrontContext:
             for name in names:
                 streams.set_rate(name, rate_hz, self.craft.now_s)
 
-    def use_source_set(self, number: int) -> Verdict:
+    def use_source_set(self, number: int) -> RequestVerdict:
         """Switches ArduPilot's estimator to another set of sources."""
         if f"EK3_SRC{number}_POSXY" not in self.autopilot.parameters:
-            return Verdict(Result.DENIED, "no such source set")
+            return RequestVerdict(Result.DENIED, "no such source set")
         self.autopilot.source_set = number
         self.autopilot.choose_sources()
-        self.craft.say(Severity.INFO, f"EKF3: using source set {number}")
+        self.craft.send_text(Severity.INFO, f"EKF3: using source set {number}")
         return ACCEPTED
 
     def begin_calibration(self) -> None:
         """A calibration of the gyro: it takes a second and changes nothing."""
-        self.craft.say(Severity.INFO, "Calibrating; do not move the vehicle")
+        self.craft.send_text(Severity.INFO, "Calibrating; do not move the vehicle")
 
-    def set_origin(self, place: GeoPoint) -> Verdict:
+    def set_origin(self, place: GeoPoint) -> RequestVerdict:
         """Fixes the estimator's origin, where there is none yet."""
         estimator = self.autopilot.estimator
         latitude, longitude, altitude_m = place
         if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and abs(altitude_m) <= MOST_HEIGHT_M):
             return OUT_OF_RANGE
         if estimator.origin is not None:
-            return Verdict(self.commander.style.refused, "the origin is set already")
+            return RequestVerdict(self.commander.style.refused, "the origin is set already")
         estimator.set_origin(place)
         return ACCEPTED
 
-    def takes_joystick(self, sender: Address) -> bool:
+    def accepts_joystick(self, sender: Address) -> bool:
         """Whether sticks over MAVLink are taken: PX4 by COM_RC_IN_MODE, ArduPilot from its own station."""
         if self.is_px4:
             return self.autopilot.parameters["COM_RC_IN_MODE"] in (1.0, 2.0, 3.0)
         return sender.system == self.craft.tuning.station_system
 
-    def station_heard(self, system: int) -> None:
+    def station_contact(self, system: int) -> None:
         """A ground station's heartbeat came in."""
-        self.autopilot.failsafes.station_heard(system)
+        self.autopilot.failsafes.station_contact(system)
 
     def _parameter_changed(self, name: str, value: float) -> None:
         group = GROUP_PARAMETERS.get(name)

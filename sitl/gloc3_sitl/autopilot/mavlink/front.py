@@ -5,12 +5,12 @@ from typing import Any, Final
 from gloc3.errors import Refused
 from gloc3.mavlink import codec
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.node import Node
+from gloc3.mavlink.node import MavlinkComponent
 from gloc3.mavlink.parser import Frame
-from gloc3.mavlink.service import Service
+from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.command import CommandResult
-from gloc3.mavlink.services.command_client import CommandCall, CommandClient
-from gloc3.mavlink.services.command_server import CommandRequest, CommandServer
+from gloc3.mavlink.services.command_client import CommandCall, MavCommandClient
+from gloc3.mavlink.services.command_server import MavCommandRequest, MavCommandServer
 from gloc3.mavlink.services.ftp_server import FtpServer
 from gloc3.mavlink.services.heartbeat import Heartbeat
 from gloc3.mavlink.services.log_server import LogServer
@@ -19,16 +19,16 @@ from gloc3.mavlink.services.timesync import TimeSync
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import TangentPlane
 from gloc3_sitl.autopilot.autopilot import Autopilot
-from gloc3_sitl.autopilot.craft import Home
+from gloc3_sitl.autopilot.craft import HomePosition
 from gloc3_sitl.autopilot.mavlink import commands
 from gloc3_sitl.autopilot.mavlink.context import FrontContext
 from gloc3_sitl.autopilot.mavlink.links import LinkKind, Receive, Send
 from gloc3_sitl.autopilot.mavlink.listeners import LISTENERS
-from gloc3_sitl.autopilot.mavlink.parameter_keeper import ParameterKeeper
-from gloc3_sitl.autopilot.mavlink.plan_keeper import PlanKeeper
+from gloc3_sitl.autopilot.mavlink.parameter_keeper import ParameterSync
+from gloc3_sitl.autopilot.mavlink.plan_keeper import PlanSync
 from gloc3_sitl.autopilot.modes import Result
 from gloc3_sitl.autopilot.onboard_files import OnboardFiles
-from gloc3_sitl.autopilot.verdict import Verdict
+from gloc3_sitl.autopilot.verdict import RequestVerdict
 
 _STANDBY, _ACTIVE, _CRITICAL, _EMERGENCY, _BOOT, _TERMINATED = 3, 4, 5, 6, 1, 8
 _ARMED, _CUSTOM = 128, 1
@@ -54,40 +54,40 @@ class Front:
         self.craft: Final = autopilot.craft
         self.commander: Final = autopilot.commander
         self.context: Final[FrontContext] = FrontContext(
-            autopilot, self._take, None if before is None else before.context
+            autopilot, self._handle_frame, None if before is None else before.context
         )
         context = self.context
         own = context.own
-        self._commands = CommandServer(own, is_autopilot=True)
-        self._arming: CommandRequest | None = None
+        self._commands = MavCommandServer(own, is_autopilot=True)
+        self._arming: MavCommandRequest | None = None
         """An attempt to arm that waits for leave."""
-        self._asked: CommandCall | None = None
-        self._authorizer = CommandClient(own)
-        self.commander.authorization.send = self._ask_for_leave
+        self._requested: CommandCall | None = None
+        self._authorizer = MavCommandClient(own)
+        self.commander.authorization.send = self._request_permission
         self.commander.on_arming_settled = self._arming_settled
         self._texts = StatusTextSender(own)
         self._heartbeat = Heartbeat(own, vehicle_type=autopilot.vehicle.mav_type, autopilot=autopilot.style.autopilot)
         context.offer("HEARTBEAT", lambda _: self._heartbeat.message())
-        self.plans: Final = PlanKeeper(context)
+        self.plans: Final = PlanSync(context)
         self.files: Final = OnboardFiles(autopilot.logger, autopilot.style.log_folder)
         if before is not None:
-            self.plans.take_over(before.plans)
-            self.files.take_over(before.files)
-        self._parameters = ParameterKeeper(autopilot.parameters, own, is_bytewise=context.is_px4)
-        self._node = Node(own, self._services())
+            self.plans.load(before.plans)
+            self.files.load(before.files)
+        self._parameters = ParameterSync(autopilot.parameters, own, is_bytewise=context.is_px4)
+        self._node = MavlinkComponent(own, self._services())
         self._listeners = {codec.shape(name).id: listen for name, listen in LISTENERS.items()}
-        self._calibration: tuple[CommandRequest, float] | None = None
+        self._calibration: tuple[MavCommandRequest, float] | None = None
         self._busy_until_s = self._serve_s = 0.0
-        self._told = (-1, -1)
-        self._home_told: Home | None = None
-        self._origin_told: TangentPlane | None = None
+        self._reported = (-1, -1)
+        self._reported_home: HomePosition | None = None
+        self._reported_origin: TangentPlane | None = None
         self.refused_setpoints = 0
         """Setpoints that the style does not take."""
         self.refusal = ""
         """Why the last of them was refused."""
         autopilot.on_outer.append(self.tick)
 
-    def _services(self) -> tuple[Service[Any], ...]:
+    def _services(self) -> tuple[Microservice[Any], ...]:
         own = self.context.own
         return (
             self._commands,
@@ -101,7 +101,7 @@ class Front:
             TimeSync(own),
         )
 
-    def add(self, service: Service[Any]) -> None:
+    def add(self, service: Microservice[Any]) -> None:
         """Adds one more microservice."""
         self._node.add(service)
 
@@ -111,14 +111,14 @@ class Front:
         """Adds a link; gives what is to be called with each piece of data that comes in there."""
         return self.context.attach(send, kind, is_datagram=is_datagram)
 
-    def say(self, severity: Severity, text: str) -> None:
+    def send_text(self, severity: Severity, text: str) -> None:
         """Sends a sentence to everybody."""
-        self._texts.say(int(severity), text)
+        self._texts.send(int(severity), text)
         self._serve_s = 0.0
 
     # -- in -----------------------------------------------------------------------------------------------------------
 
-    def _take(self, frame: Frame) -> None:
+    def _handle_frame(self, frame: Frame) -> None:
         now_s = self.craft.now_s
         is_service = self._node.receive(frame, now_s)
         listen = self._listeners.get(frame.message_id)
@@ -158,14 +158,14 @@ class Front:
         for message in messages:
             send(message)
 
-    def _ask_for_leave(self, system: int) -> None:
+    def _request_permission(self, system: int) -> None:
         """Asks the authorizer of PX4's COM_ARM_AUTH_ID."""
-        if self._asked is not None:
-            self._authorizer.abandon(self._asked)
+        if self._requested is not None:
+            self._authorizer.abandon(self._requested)
         now_s = self._serve_s = self.craft.now_s
-        self._asked = self._authorizer.send_long(Address(system, 0), ARM_AUTHORIZATION_REQUEST, now_s=now_s)
+        self._requested = self._authorizer.send_long(Address(system, 0), ARM_AUTHORIZATION_REQUEST, now_s=now_s)
 
-    def _arming_settled(self, verdict: Verdict) -> None:
+    def _arming_settled(self, verdict: RequestVerdict) -> None:
         if self._arming is not None:
             self._commands.answer(self._arming, CommandResult(int(verdict.result)), now_s=self.craft.now_s)
             self._arming, self._serve_s = None, self.craft.now_s
@@ -181,8 +181,8 @@ class Front:
         if now_s >= self._serve_s or now_s < self._busy_until_s:
             self._node.tick(now_s)
             self._serve()
-        self._tell_mission()
-        self._tell_places()
+        self._send_mission()
+        self._send_positions()
         self.context.stream(now_s)
 
     def _update_heartbeat(self) -> None:
@@ -198,12 +198,12 @@ class Front:
         else:
             status = _ACTIVE if craft.is_armed else _STANDBY
         heartbeat.base_mode, heartbeat.custom_mode, heartbeat.system_status = base, custom, status
-        if (base, custom) != self._told:
-            self._told = (base, custom)
+        if (base, custom) != self._reported:
+            self._reported = (base, custom)
             heartbeat.send_now()
             self._serve_s = 0.0
 
-    def _tell_mission(self) -> None:
+    def _send_mission(self) -> None:
         """Items that were reached since the last time."""
         reached = self.craft.mission.reached
         if not reached:
@@ -213,12 +213,12 @@ class Front:
         reached.clear()
         self.context.send_now("MISSION_CURRENT")
 
-    def _tell_places(self) -> None:
+    def _send_positions(self) -> None:
         """Home and origin, when they have changed."""
         home, origin = self.craft.home, self.autopilot.estimator.origin
-        if home is not self._home_told:
-            self._home_told = home
+        if home is not self._reported_home:
+            self._reported_home = home
             self.context.send_now("HOME_POSITION")
-        if origin is not self._origin_told:
-            self._origin_told = origin
+        if origin is not self._reported_origin:
+            self._reported_origin = origin
             self.context.send_now("GPS_GLOBAL_ORIGIN")

@@ -25,7 +25,7 @@ class LinkKind(StrEnum):
     """Heartbeats and answers only."""
 
 
-class Link:
+class AutopilotPort:
     """One way to the outside: a parser, an encoder with its own sequence, and who has been heard there."""
 
     __slots__ = ("encoder", "is_datagram", "is_trusted", "kind", "parser", "peers", "send")
@@ -53,19 +53,22 @@ class Link:
             self.peers[sender] = None
 
 
-class Router:
+class AutopilotRouter:
     """Passes frames in to the autopilot and on between links, by the rules of the MAVLink guide."""
 
     def __init__(
-        self, own: Address, take: Callable[[Frame], None], passes: Callable[[Frame, Link], bool] = lambda *_: True
+        self,
+        own: Address,
+        handle: Callable[[Frame], None],
+        passes: Callable[[Frame, AutopilotPort], bool] = lambda *_: True,
     ) -> None:
         self.own: Final = own
-        self.links: list[Link] = []
-        self._take, self._passes = take, passes
+        self.links: list[AutopilotPort] = []
+        self._receive, self._passes = handle, passes
 
-    def attach(self, send: Send, kind: LinkKind, *, is_datagram: bool) -> tuple[Link, Receive]:
+    def attach(self, send: Send, kind: LinkKind, *, is_datagram: bool) -> tuple[AutopilotPort, Receive]:
         """Adds a link; gives what is to be called with each piece of data that comes in there."""
-        link = Link(send, self.own, kind, is_datagram=is_datagram)
+        link = AutopilotPort(send, self.own, kind, is_datagram=is_datagram)
         self.links.append(link)
 
         def receive(data: bytes) -> None:
@@ -75,18 +78,18 @@ class Router:
 
         return link, receive
 
-    def detach(self, link: Link) -> None:
+    def detach(self, link: AutopilotPort) -> None:
         """Takes a link away."""
         self.links.remove(link)
 
-    def _route(self, frame: Frame, source: Link) -> None:
+    def _route(self, frame: Frame, source: AutopilotPort) -> None:
         if frame.sender == self.own:
             return
         source.learn(frame.sender)
         system, component = frame.target_system, frame.target_component
         is_ours = system in (0, self.own.system) and component in (0, self.own.component)
         if is_ours:
-            self._take(frame)
+            self._receive(frame)
         if (is_ours and system and component) or frame.message_id == SETUP_SIGNING:
             return
         for link in self.links:

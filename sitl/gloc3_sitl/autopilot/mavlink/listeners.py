@@ -9,12 +9,12 @@ from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.services.heartbeat import GROUND_STATION
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import GeoPoint
-from gloc3_sitl.autopilot.craft import Target
+from gloc3_sitl.autopilot.craft import FollowTarget
 from gloc3_sitl.autopilot.mavlink.context import FrontContext
 from gloc3_sitl.autopilot.mavlink.odometry import mocap, odometry, vision_position, vision_speed
 from gloc3_sitl.autopilot.mavlink.setpoints import attitude_setpoint, motion_setpoint
 from gloc3_sitl.autopilot.modes import Behaviour, Result
-from gloc3_sitl.autopilot.verdict import Author, Verdict
+from gloc3_sitl.autopilot.verdict import Author, RequestVerdict
 
 Listener = Callable[[FrontContext, MavlinkMessage, Address], None]
 
@@ -34,7 +34,7 @@ _JOYSTICK_S: Final = 0.5
 def _heartbeat(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
     # PX4 asks for the type of a ground station; ArduPilot for the one system id, whatever its type.
     if not context.is_px4 or message.type == GROUND_STATION:
-        context.station_heard(sender.system)
+        context.station_contact(sender.system)
 
 
 def _motion(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
@@ -69,7 +69,7 @@ def _data_stream(context: FrontContext, message: MavlinkMessage, sender: Address
 
 def _manual_control(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
     """A joystick at the ground station: the same as the pilot's sticks, as long as it goes on."""
-    if not context.takes_joystick(sender):
+    if not context.accepts_joystick(sender):
         return
     pilot = context.craft.pilot
     if pilot.is_on and pilot.held_until_s == inf:
@@ -88,7 +88,7 @@ def _target(context: FrontContext, message: MavlinkMessage, sender: Address) -> 
         return
     n, e, _ = origin.ned_from_geo(latitude, longitude, origin.origin.altitude_m)
     velocity = (message.vel[0], message.vel[1], message.vel[2])
-    context.craft.target = Target(
+    context.craft.target = FollowTarget(
         context.craft.now_s,
         (n, e, origin.origin.altitude_m - message.alt),
         velocity if all(map(isfinite, velocity)) else (0.0, 0.0, 0.0),
@@ -112,7 +112,7 @@ def _guided_item(context: FrontContext, message: MavlinkMessage, sender: Address
     if context.is_px4 or message.current != _GO_NOW:
         return
     craft, origin = context.craft, context.craft.estimator.origin
-    verdict = Verdict(Result.FAILED, "not in GUIDED")
+    verdict = RequestVerdict(Result.FAILED, "not in GUIDED")
     if origin is not None and context.commander.mode.behaviour is Behaviour.STREAMED:
         per_unit = 1e-7 if message.name == "MISSION_ITEM_INT" else 1.0
         n, e, _ = origin.ned_from_geo(message.x * per_unit, message.y * per_unit, origin.origin.altitude_m)
@@ -130,7 +130,7 @@ def _guided_item(context: FrontContext, message: MavlinkMessage, sender: Address
 
 def _override(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
     """Sticks as pulse lengths, as long as they go on: the first four channels; 0 gives one back, the largest leaves it."""
-    if not context.takes_joystick(sender):
+    if not context.accepts_joystick(sender):
         return
     pilot = context.craft.pilot
     if pilot.is_on and pilot.held_until_s == inf:
@@ -157,7 +157,7 @@ def _signing(context: FrontContext, message: MavlinkMessage, sender: Address) ->
     del sender
     problem = context.signing.set_up(message, is_armed=context.craft.is_armed)
     if problem:
-        context.craft.say(Severity.WARNING, problem)
+        context.craft.send_text(Severity.WARNING, problem)
 
 
 LISTENERS: Final[Mapping[str, Listener]] = {

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from gloc3.errors import Refused
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.messages.frames import Vector3, from_yaw, normalize, rotate, yaw_of
-from gloc3_sitl.autopilot.estimator.sources import USUAL_DEVIATION, ExternalOdometry, Source
+from gloc3_sitl.autopilot.estimator.sources import USUAL_DEVIATION, AidingSource, ExternalOdometry
 from gloc3_sitl.autopilot.mavlink.context import FrontContext
 
 _LOCAL_NED, _LOCAL_FRD, _BODY_FRD = 1, 20, 12
@@ -46,7 +46,7 @@ def odometry(context: FrontContext, message: MavlinkMessage, sender: Address) ->
         velocity = rotate(rotation, velocity)
     yaw = yaw_of(rotation) if has_attitude else None
     estimator = context.autopilot.estimator
-    if frame == _LOCAL_FRD and yaw is not None and not estimator.sources & Source.EXTERNAL_YAW:
+    if frame == _LOCAL_FRD and yaw is not None and not estimator.sources & AidingSource.EXTERNAL_YAW:
         turn = from_yaw(context.heading_offset.update(estimator.yaw_rad, yaw, message.reset_counter))
         position = None if position is None else rotate(turn, position)
         velocity = None if velocity is None else rotate(turn, velocity)
@@ -104,12 +104,12 @@ def mocap(context: FrontContext, message: MavlinkMessage, sender: Address) -> No
 
 def _estimate(context: FrontContext, odometer: ExternalOdometry) -> None:
     """Hands odometry to the estimator; a time by another clock, or none, is taken as now."""
-    if not context.autopilot.takes_odometry:
+    if not context.autopilot.accepts_odometry:
         return
     now_s = context.craft.now_s
     if not now_s - 1.0 < odometer.t_s <= now_s:
         odometer = replace(odometer, t_s=now_s)
-    context.autopilot.estimator.take_external(odometer, now_s)
+    context.autopilot.estimator.use_external(odometer, now_s)
 
 
 def _finite(vector: Vector3) -> Vector3 | None:

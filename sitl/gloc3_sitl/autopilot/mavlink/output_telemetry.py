@@ -27,7 +27,7 @@ def servo_output(autopilot: "Autopilot") -> MavlinkMessage:
     pulses = dict(autopilot.servo_us)
     vehicle = autopilot.vehicle
     for number, output in zip(vehicle.output_numbers, autopilot.outputs, strict=True):
-        pulses[number] = round(vehicle.rest_us + vehicle.span_us * output)
+        pulses[number] = round(vehicle.neutral_us + vehicle.span_us * output)
     fields = {f"servo{number}_raw": pulses.get(number, 0) for number in range(1, _OUTPUTS + 1)}
     return message("SERVO_OUTPUT_RAW", time_usec=microseconds(autopilot) & 0xFFFFFFFF, port=0, **fields)
 

@@ -5,17 +5,17 @@ from typing import Final
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.parameter import Parameter, ParameterEncoding, ParameterType, parameter
 from gloc3.mavlink.services.parameter_server import ParameterServer
-from gloc3_sitl.autopilot.parameters import Kind, ParameterStore
+from gloc3_sitl.autopilot.parameters import ParameterKind, ParameterStore
 
 _TYPES: Final = {
-    Kind.INT8: ParameterType.INT8,
-    Kind.INT16: ParameterType.INT16,
-    Kind.INT32: ParameterType.INT32,
-    Kind.REAL32: ParameterType.REAL32,
+    ParameterKind.INT8: ParameterType.INT8,
+    ParameterKind.INT16: ParameterType.INT16,
+    ParameterKind.INT32: ParameterType.INT32,
+    ParameterKind.REAL32: ParameterType.REAL32,
 }
 
 
-class ParameterKeeper:
+class ParameterSync:
     """Keeps the parameter server and the autopilot's store in step.
 
     Args:

@@ -7,7 +7,7 @@ from gloc3.mavlink.services.mission_transfers import PlanReceived, SetCurrentReq
 from gloc3.mavlink.services.plan import Plan, PlanItem, PlanResult, PlanType
 from gloc3.messages.envelope import Severity
 from gloc3_sitl.autopilot.mavlink.context import FrontContext
-from gloc3_sitl.autopilot.plans import Plans, StoredItem, check_fence_item, check_mission_item, check_rally_item
+from gloc3_sitl.autopilot.plans import StoredItem, StoredPlans, check_fence_item, check_mission_item, check_rally_item
 
 _LOCAL_FRAMES: Final = frozenset({1, 4, 7, 8, 9, 20, 21})
 _WAYPOINT: Final = 16
@@ -28,7 +28,7 @@ def stored(item: PlanItem) -> StoredItem:
     )
 
 
-class PlanKeeper:
+class PlanSync:
     """Keeps the mission server and the autopilot's plans in step."""
 
     def __init__(self, context: FrontContext) -> None:
@@ -37,9 +37,9 @@ class PlanKeeper:
         self.server: Final = MissionServer(
             context.own, check=self._check, dialect=MissionDialect(tells_current=False, is_old=not context.is_px4)
         )
-        self._home_told: object = None
+        self._reported_home: object = None
 
-    def take_over(self, other: "PlanKeeper") -> None:
+    def load(self, other: "PlanSync") -> None:
         """Keeps the plans of before a reboot."""
         for kind, items in other.server.plans.items():
             self.server.set_plan(kind, items)
@@ -50,11 +50,11 @@ class PlanKeeper:
         for event in self.server.events():
             match event:
                 case PlanReceived():
-                    self._take(event)
+                    self._apply_plan(event)
                 case SetCurrentRequested(number):
                     self._context.set_current(number)
         home = self._context.craft.home
-        if self._first and home is not self._home_told and self.server.plans[PlanType.MISSION]:
+        if self._first and home is not self._reported_home and self.server.plans[PlanType.MISSION]:
             self._put_home()
 
     def _check(self, kind: PlanType, items: Plan) -> PlanResult:
@@ -68,17 +68,19 @@ class PlanKeeper:
                 continue  # home, whatever it says
             result, reason = checks[kind](stored(item))
             if result is not PlanResult.ACCEPTED:
-                self._context.craft.say(Severity.CRITICAL, f"{kind.name.capitalize()} rejected: item {index}: {reason}")
+                self._context.craft.send_text(
+                    Severity.CRITICAL, f"{kind.name.capitalize()} rejected: item {index}: {reason}"
+                )
                 return result
         if kind is PlanType.FENCE:
             try:
-                Plans().set_fence(tuple(stored(item) for item in items))
+                StoredPlans().set_fence(tuple(stored(item) for item in items))
             except ValueError as error:
-                self._context.craft.say(Severity.CRITICAL, f"Fence rejected: {error}")
+                self._context.craft.send_text(Severity.CRITICAL, f"Fence rejected: {error}")
                 return PlanResult.INVALID
         return PlanResult.ACCEPTED
 
-    def _take(self, event: PlanReceived) -> None:
+    def _apply_plan(self, event: PlanReceived) -> None:
         plans, craft = self._context.autopilot.plans, self._context.craft
         items = tuple(stored(item) for item in event.items)
         match event.kind:
@@ -88,7 +90,7 @@ class PlanKeeper:
                 flight = self._context.mission_flight
                 if flight is not None:
                     flight.skip_to(self._first)
-                self._home_told = None
+                self._reported_home = None
             case PlanType.FENCE:
                 plans.set_fence(items)
             case PlanType.RALLY:
@@ -100,7 +102,7 @@ class PlanKeeper:
     def _put_home(self) -> None:
         """ArduPilot's missions carry home as item 0."""
         home = self._context.craft.home
-        self._home_told = home
+        self._reported_home = home
         if home is None:
             return
         latitude, longitude, altitude = home.place

@@ -3,55 +3,55 @@
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from gloc3.mavlink.services.command_server import CommandRequest
+from gloc3.mavlink.services.command_server import MavCommandRequest
 from gloc3_sitl.autopilot.calibration import Subject
 from gloc3_sitl.autopilot.mavlink.context import FrontContext
 from gloc3_sitl.autopilot.modes import Result
-from gloc3_sitl.autopilot.surroundings import Failure, Power, Unit
-from gloc3_sitl.autopilot.verdict import ACCEPTED, Verdict
+from gloc3_sitl.autopilot.surroundings import FailureKind, FailureUnit, SupplyState
+from gloc3_sitl.autopilot.verdict import ACCEPTED, RequestVerdict
 
-_UNSUPPORTED: Final = Verdict(Result.UNSUPPORTED)
+_UNSUPPORTED: Final = RequestVerdict(Result.UNSUPPORTED)
 _MOTORS: Final = 4
 _CHANNELS: Final = 16
 _TO_BOOTLOADER: Final = 3.0
 _START_COMPASS, _CANCEL_COMPASS = 42424, 42426
 
 
-def _power(context: FrontContext, request: CommandRequest) -> Verdict:
+def _power(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     """Reboot and shutdown, only on the ground: PX4 does both, ArduPilot only the first."""
     wanted = request.params[0]
     if context.is_px4:
         if wanted == 0.0:
             return ACCEPTED
         if wanted not in (1.0, 2.0) or context.craft.is_armed:
-            return Verdict(Result.DENIED, "armed" if context.craft.is_armed else "not supported here")
-        power = Power(int(wanted))
+            return RequestVerdict(Result.DENIED, "armed" if context.craft.is_armed else "not supported here")
+        power = SupplyState(int(wanted))
     else:
         if context.craft.is_armed:
-            return Verdict(Result.FAILED, "armed")
+            return RequestVerdict(Result.FAILED, "armed")
         if wanted not in (1.0, _TO_BOOTLOADER):
             return _UNSUPPORTED
-        power = Power.REBOOT
+        power = SupplyState.REBOOT
     context.autopilot.surroundings.switch(power)
     return ACCEPTED
 
 
-def _calibrate(context: FrontContext, request: CommandRequest) -> Verdict:
+def _calibrate(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     """PX4 accepts, tells the rest in texts, and stops when nothing is asked for; ArduPilot answers when it is done."""
     calibration = context.autopilot.calibration
     if context.is_px4 and not any(request.params):
         calibration.cancel()
         return ACCEPTED
     if context.craft.is_armed:
-        return Verdict(context.commander.style.refused, "armed")
+        return RequestVerdict(context.commander.style.refused, "armed")
     gyro, magnetometer, _, _, accelerometer, *_ = request.params
     if not context.is_px4:
         if accelerometer == 1.0 or magnetometer:
-            return Verdict(Result.FAILED, "nobody can turn the vehicle here")
+            return RequestVerdict(Result.FAILED, "nobody can turn the vehicle here")
         context.begin_calibration()
-        return Verdict(Result.IN_PROGRESS)
+        return RequestVerdict(Result.IN_PROGRESS)
     if calibration.is_busy:
-        return Verdict(Result.TEMPORARILY_REJECTED, "another calibration is under way")
+        return RequestVerdict(Result.TEMPORARILY_REJECTED, "another calibration is under way")
     if gyro == 1.0:
         subject = Subject.GYRO
     elif magnetometer == 1.0:
@@ -66,45 +66,47 @@ def _calibrate(context: FrontContext, request: CommandRequest) -> Verdict:
     return ACCEPTED
 
 
-def _inject(context: FrontContext, request: CommandRequest) -> Verdict:
+def _inject(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     """PX4's failure injection, where SYS_FAILURE_EN allows it."""
     if not context.is_px4:
         return _UNSUPPORTED
     if not context.autopilot.parameters["SYS_FAILURE_EN"]:
-        return Verdict(Result.DENIED, "SYS_FAILURE_EN is 0")
+        return RequestVerdict(Result.DENIED, "SYS_FAILURE_EN is 0")
     unit, failure = request.params[:2]
-    if unit not in list(Unit) or failure not in list(Failure):
-        return Verdict(Result.UNSUPPORTED, "this failure is not simulated")
-    return context.autopilot.surroundings.inject(Unit(int(unit)), Failure(int(failure)))
+    if unit not in list(FailureUnit) or failure not in list(FailureKind):
+        return RequestVerdict(Result.UNSUPPORTED, "this failure is not simulated")
+    return context.autopilot.surroundings.inject(FailureUnit(int(unit)), FailureKind(int(failure)))
 
 
-def _set_servo(context: FrontContext, request: CommandRequest) -> Verdict:
+def _set_servo(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     """ArduPilot moves a free output and refuses the motors'; PX4 has no such command."""
     if context.is_px4:
         return _UNSUPPORTED
     channel, pulse_us = request.params[:2]
     if not (_MOTORS < channel <= _CHANNELS and channel == int(channel) and 0.0 <= pulse_us < 2**16):
-        return Verdict(Result.FAILED, "this output is a motor's, or there is none")
+        return RequestVerdict(Result.FAILED, "this output is a motor's, or there is none")
     context.autopilot.servo_us[int(channel)] = int(pulse_us)
     return ACCEPTED
 
 
-def _set_relay(context: FrontContext, request: CommandRequest) -> Verdict:
+def _set_relay(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     """There are no relays: ArduPilot fails to set them, PX4 has no such command."""
     del request
-    return _UNSUPPORTED if context.is_px4 else Verdict(Result.FAILED, "there is no relay")
+    return _UNSUPPORTED if context.is_px4 else RequestVerdict(Result.FAILED, "there is no relay")
 
 
-def _calibrate_compass(context: FrontContext, request: CommandRequest) -> Verdict:
+def _calibrate_compass(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     """ArduPilot has commands of its own for this, which end at once, as nobody can turn the vehicle here."""
     if context.is_px4:
         return _UNSUPPORTED
     return (
-        ACCEPTED if request.command == _CANCEL_COMPASS else Verdict(Result.FAILED, "nobody can turn the vehicle here")
+        ACCEPTED
+        if request.command == _CANCEL_COMPASS
+        else RequestVerdict(Result.FAILED, "nobody can turn the vehicle here")
     )
 
 
-SERVICE_HANDLERS: Final[Mapping[int, Callable[[FrontContext, CommandRequest], Verdict]]] = {
+SERVICE_HANDLERS: Final[Mapping[int, Callable[[FrontContext, MavCommandRequest], RequestVerdict]]] = {
     181: _set_relay,
     183: _set_servo,
     241: _calibrate,

@@ -8,7 +8,7 @@ from gloc3.mavlink.message import MavlinkMessage
 from gloc3.messages.frames import Vector3, normalize
 from gloc3_sitl.autopilot.control.setpoint import FREE, AttitudeSetpoint, MotionSetpoint
 from gloc3_sitl.autopilot.craft import Craft
-from gloc3_sitl.autopilot.modes import Style
+from gloc3_sitl.autopilot.modes import StyleTables
 
 _POSITION, _VELOCITY, _ACCELERATION = 0o7, 0o70, 0o700
 _FORCE, _YAW, _YAW_RATE = 512, 1024, 2048
@@ -23,7 +23,7 @@ _TERRAIN: Final = (10, 11)
 _ATTITUDE_IGNORED, _THRUST_IGNORED, _RATES_IGNORED = 128, 64, 7
 
 
-def motion_setpoint(message: MavlinkMessage, craft: Craft, style: Style) -> MotionSetpoint:
+def motion_setpoint(message: MavlinkMessage, craft: Craft, style: StyleTables) -> MotionSetpoint:
     """Reads SET_POSITION_TARGET_LOCAL_NED or SET_POSITION_TARGET_GLOBAL_INT.
 
     Raises:
@@ -73,7 +73,7 @@ def motion_setpoint(message: MavlinkMessage, craft: Craft, style: Style) -> Moti
     )
 
 
-def attitude_setpoint(message: MavlinkMessage, hover_thrust: float, style: Style) -> AttitudeSetpoint:
+def attitude_setpoint(message: MavlinkMessage, hover_thrust: float, style: StyleTables) -> AttitudeSetpoint:
     """Reads SET_ATTITUDE_TARGET.
 
     Raises:

@@ -7,14 +7,14 @@ from typing import Final
 
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.parser import Frame
-from gloc3.mavlink.signing import Signing, Streams, Verdict
-from gloc3_sitl.autopilot.mavlink.links import Link
+from gloc3.mavlink.signing import Signing, SigningVerdict, Streams
+from gloc3_sitl.autopilot.mavlink.links import AutopilotPort
 
 _NEVER_SIGNED: Final = {"px4": frozenset({0, 109, 246, 247}), "ardupilot": frozenset({109, 166})}
 """Taken without a signature: PX4 heartbeats, radios, other aircraft and collisions; ArduPilot radios."""
 
 
-class SigningKeeper:
+class SigningSync:
     """Signs and judges all links of an autopilot that has a key.
 
     It has no clock of its own: its time is that of the key, or of the latest frame, as on an autopilot without a fix.
@@ -29,15 +29,15 @@ class SigningKeeper:
         self._key: bytes | None = None
         self._begins_at = 0
         self._streams = Streams()
-        self._links: list[Link] = []
+        self._links: list[AutopilotPort] = []
         self.dropped = 0
         """Frames that were not signed with the key, or were repeated."""
 
-    def take_over(self, before: "SigningKeeper") -> None:
+    def load(self, before: "SigningSync") -> None:
         """Keeps the key over a reboot, with the latest time that it has seen."""
         self._key, self._begins_at, self._streams = before._key, before._latest(), before._streams
 
-    def equip(self, link: Link) -> None:
+    def equip(self, link: AutopilotPort) -> None:
         """Takes a link in; in ArduPilot's style the first serial or TCP one takes unsigned frames, as its USB port does."""
         link.is_trusted = (
             self._style == "ardupilot" and not link.is_datagram and not any(other.is_trusted for other in self._links)
@@ -45,14 +45,14 @@ class SigningKeeper:
         self._links.append(link)
         self._sign(link, len(self._links) - 1)
 
-    def passes(self, frame: Frame, link: Link) -> bool:
+    def passes(self, frame: Frame, link: AutopilotPort) -> bool:
         """Whether a frame is taken, and passed on."""
         signing = link.encoder.signing
         if signing is None:
             return True
         signing.advance(signing.timestamp)
         verdict = signing.verify(frame)
-        if verdict.is_good or (link.is_trusted and verdict is not Verdict.REPEATED):
+        if verdict.is_good or (link.is_trusted and verdict is not SigningVerdict.REPEATED):
             return True
         self.dropped += 1
         return False
@@ -73,7 +73,7 @@ class SigningKeeper:
             self._sign(link, number)
         return ""
 
-    def _sign(self, link: Link, number: int) -> None:
+    def _sign(self, link: AutopilotPort, number: int) -> None:
         link.encoder.signing = (
             None
             if self._key is None

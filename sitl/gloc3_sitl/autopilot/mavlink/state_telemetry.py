@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Final
 
 from gloc3.mavlink.codec import message
 from gloc3.mavlink.message import MavlinkMessage
-from gloc3_sitl.autopilot.estimator.sources import Source
+from gloc3_sitl.autopilot.estimator.sources import AidingSource
 from gloc3_sitl.autopilot.mavlink.units import boot_ms, microseconds, short
 from gloc3_sitl.autopilot.modes import Behaviour, Landed
 
@@ -26,12 +26,12 @@ def sys_status(autopilot: "Autopilot") -> MavlinkMessage:
     present = (
         _GYRO | _ACCELEROMETER | _MAGNETOMETER | _PRESSURE | _GPS | _LASER | _AHRS | _BATTERY | _PREARM | _LOGGING
     ) | (_RATE_CONTROL | _ATTITUDE_CONTROL | _YAW_CONTROL | _HEIGHT_CONTROL | _POSITION_CONTROL | _MOTORS | _FENCE)
-    if estimator.sources & (Source.EXTERNAL_POSITION | Source.EXTERNAL_VELOCITY):
+    if estimator.sources & (AidingSource.EXTERNAL_POSITION | AidingSource.EXTERNAL_VELOCITY):
         present |= _VISION
     if craft.pilot.last_seen_s > 0.0:
         present |= _RECEIVER
     enabled = present
-    if not estimator.sources & Source.FIX:
+    if not estimator.sources & AidingSource.FIX:
         enabled &= ~_GPS
     health = present
     if not estimator.is_aligned:
@@ -111,7 +111,7 @@ def _landed_state(autopilot: "Autopilot") -> Landed:
 
 def extended_sys_state(autopilot: "Autopilot") -> MavlinkMessage:
     """EXTENDED_SYS_STATE."""
-    landed = int(_landed_state(autopilot)) if autopilot.vehicle.tells_landed else 0
+    landed = int(_landed_state(autopilot)) if autopilot.vehicle.reports_landed else 0
     return message("EXTENDED_SYS_STATE", vtol_state=0, landed_state=landed)
 
 

@@ -47,7 +47,7 @@ _PRODUCERS: Final[dict[str, Producer]] = {
 }
 """By the name of the message; None means that there is nothing to tell now."""
 
-_NOT_TOLD: Final[Mapping[str, frozenset[str]]] = {
+_NOT_REPORTED: Final[Mapping[str, frozenset[str]]] = {
     "px4": frozenset({"EKF_STATUS_REPORT", "FENCE_STATUS", "RAW_IMU", "WHEEL_DISTANCE"}),
     "ardupilot": frozenset(
         {
@@ -65,4 +65,4 @@ _NOT_TOLD: Final[Mapping[str, frozenset[str]]] = {
 
 def producers(style: str) -> dict[str, Producer]:
     """What a style can tell."""
-    return {name: produce for name, produce in _PRODUCERS.items() if name not in _NOT_TOLD[style]}
+    return {name: produce for name, produce in _PRODUCERS.items() if name not in _NOT_REPORTED[style]}

@@ -2,28 +2,29 @@
 
 from typing import Final
 
-from gloc3.mavlink.services.version import Capability, Version, version_number
-from gloc3_sitl.autopilot.modes import Style
+from gloc3.mavlink.services.version import ProtocolCapability, Version, version_number
+from gloc3_sitl.autopilot.modes import StyleTables
 
 _COMMON: Final = (
-    Capability.MISSION_INT
-    | Capability.COMMAND_INT
-    | Capability.FTP
-    | Capability.SET_ATTITUDE_TARGET
-    | Capability.SET_POSITION_TARGET_LOCAL_NED
-    | Capability.SET_POSITION_TARGET_GLOBAL_INT
-    | Capability.FLIGHT_TERMINATION
-    | Capability.MAVLINK2
-    | Capability.MISSION_FENCE
-    | Capability.MISSION_RALLY
+    ProtocolCapability.MISSION_INT
+    | ProtocolCapability.COMMAND_INT
+    | ProtocolCapability.FTP
+    | ProtocolCapability.SET_ATTITUDE_TARGET
+    | ProtocolCapability.SET_POSITION_TARGET_LOCAL_NED
+    | ProtocolCapability.SET_POSITION_TARGET_GLOBAL_INT
+    | ProtocolCapability.FLIGHT_TERMINATION
+    | ProtocolCapability.MAVLINK2
+    | ProtocolCapability.MISSION_FENCE
+    | ProtocolCapability.MISSION_RALLY
 )
 
 
-def version_of(style: Style) -> Version:
+def version_of(style: StyleTables) -> Version:
     """The version of the firmware whose manners are followed; the vendor and product ids are nobody's."""
     bytewise = style.name == "px4"
     return Version(
-        capabilities=_COMMON | (Capability.PARAM_ENCODE_BYTEWISE if bytewise else Capability.PARAM_ENCODE_C_CAST),
+        capabilities=_COMMON
+        | (ProtocolCapability.PARAM_ENCODE_BYTEWISE if bytewise else ProtocolCapability.PARAM_ENCODE_C_CAST),
         flight_software=version_number(*style.version),
         middleware_software=version_number(*style.version),
         os_software=version_number(1, 0, 0),

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from gloc3_sitl.autopilot.modes import Behaviour, Mode, Result, Style
+from gloc3_sitl.autopilot.modes import Behaviour, Mode, Result, StyleTables
 from gloc3_sitl.autopilot.styles.ardupilot_parameters import PARAMETERS, derive
 
 _MANUAL: Final = 64 | 16
@@ -19,7 +19,7 @@ _POSHOLD: Final = 16
 _BRAKE: Final = 17
 _GUIDED_NOGPS: Final = 20
 
-ARDUPILOT: Final = Style(
+ARDUPILOT: Final = StyleTables(
     name="ardupilot",
     autopilot=3,
     modes=(

@@ -8,93 +8,99 @@ from collections.abc import Callable, Mapping
 from math import radians
 from typing import Final
 
-from gloc3_sitl.autopilot.parameters import Kind, ParameterRow, real, whole
-from gloc3_sitl.autopilot.tuning import Action, Exempt, Tuning
+from gloc3_sitl.autopilot.parameters import AutopilotParameter, ParameterKind, real, whole
+from gloc3_sitl.autopilot.tuning import Exempt, FailsafeAction, Tuning
 
-_STATION_LOST: Final[Mapping[int, Action]] = {
-    0: Action.NONE,
-    1: Action.RETURN,
-    3: Action.RETURN,
-    4: Action.LAND,
-    5: Action.LAND,
-    7: Action.BRAKE,
+_STATION_LOST: Final[Mapping[int, FailsafeAction]] = {
+    0: FailsafeAction.NONE,
+    1: FailsafeAction.RETURN,
+    3: FailsafeAction.RETURN,
+    4: FailsafeAction.LAND,
+    5: FailsafeAction.LAND,
+    7: FailsafeAction.BRAKE,
 }
-_PILOT_LOST: Final[Mapping[int, Action]] = {
-    0: Action.NONE,
-    1: Action.RETURN,
-    3: Action.LAND,
-    4: Action.RETURN,
-    5: Action.LAND,
-    7: Action.BRAKE,
+_PILOT_LOST: Final[Mapping[int, FailsafeAction]] = {
+    0: FailsafeAction.NONE,
+    1: FailsafeAction.RETURN,
+    3: FailsafeAction.LAND,
+    4: FailsafeAction.RETURN,
+    5: FailsafeAction.LAND,
+    7: FailsafeAction.BRAKE,
 }
-_FENCE: Final[Mapping[int, Action]] = {
-    0: Action.WARN,
-    1: Action.RETURN,
-    2: Action.LAND,
-    3: Action.RETURN,
-    4: Action.BRAKE,
-    5: Action.LAND,
+_FENCE: Final[Mapping[int, FailsafeAction]] = {
+    0: FailsafeAction.WARN,
+    1: FailsafeAction.RETURN,
+    2: FailsafeAction.LAND,
+    3: FailsafeAction.RETURN,
+    4: FailsafeAction.BRAKE,
+    5: FailsafeAction.LAND,
 }
-_BATTERY: Final[Mapping[int, Action]] = {
-    0: Action.WARN,
-    1: Action.LAND,
-    2: Action.RETURN,
-    3: Action.RETURN,
-    4: Action.LAND,
-    5: Action.TERMINATE,
-    7: Action.BRAKE,
+_BATTERY: Final[Mapping[int, FailsafeAction]] = {
+    0: FailsafeAction.WARN,
+    1: FailsafeAction.LAND,
+    2: FailsafeAction.RETURN,
+    3: FailsafeAction.RETURN,
+    4: FailsafeAction.LAND,
+    5: FailsafeAction.TERMINATE,
+    7: FailsafeAction.BRAKE,
 }
-_POSITION_LOST: Final[Mapping[int, Action]] = {1: Action.LAND, 2: Action.POSITION, 3: Action.LAND}
+_POSITION_LOST: Final[Mapping[int, FailsafeAction]] = {
+    1: FailsafeAction.LAND,
+    2: FailsafeAction.POSITION,
+    3: FailsafeAction.LAND,
+}
 _CHECKS_SKIPPED: Final[Mapping[int, int]] = {0: -1, 1: 0}
 
-PARAMETERS: Final[tuple[ParameterRow, ...]] = (
+PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     # Identity and links
-    whole("MAV_SYSID", 1, 1, 255, "MAVLink system id", kind=Kind.INT16),
-    whole("MAV_GCS_SYSID", 255, 1, 255, "system id of my ground station", "station_system", kind=Kind.INT16),
-    whole("FRAME_CLASS", 1, 0, 17, "frame: quad", kind=Kind.INT8),
-    whole("FRAME_TYPE", 1, 0, 19, "frame: X", kind=Kind.INT8),
-    whole("MAV1_POSITION", 0, 0, 50, "stream rate of positions, Hz", kind=Kind.INT16),
-    whole("MAV1_EXTRA1", 0, 0, 50, "stream rate of attitude, Hz", kind=Kind.INT16),
-    whole("MAV1_EXTRA2", 0, 0, 50, "stream rate of VFR_HUD, Hz", kind=Kind.INT16),
-    whole("MAV1_EXTRA3", 0, 0, 50, "stream rate of slow state, Hz", kind=Kind.INT16),
-    whole("MAV1_EXT_STAT", 0, 0, 50, "stream rate of status, Hz", kind=Kind.INT16),
-    whole("MAV1_RC_CHAN", 0, 0, 50, "stream rate of sticks and outputs, Hz", kind=Kind.INT16),
-    whole("MAV1_RAW_SENS", 0, 0, 50, "stream rate of raw sensors, Hz", kind=Kind.INT16),
+    whole("MAV_SYSID", 1, 1, 255, "MAVLink system id", kind=ParameterKind.INT16),
+    whole("MAV_GCS_SYSID", 255, 1, 255, "system id of my ground station", "station_system", kind=ParameterKind.INT16),
+    whole("FRAME_CLASS", 1, 0, 17, "frame: quad", kind=ParameterKind.INT8),
+    whole("FRAME_TYPE", 1, 0, 19, "frame: X", kind=ParameterKind.INT8),
+    whole("MAV1_POSITION", 0, 0, 50, "stream rate of positions, Hz", kind=ParameterKind.INT16),
+    whole("MAV1_EXTRA1", 0, 0, 50, "stream rate of attitude, Hz", kind=ParameterKind.INT16),
+    whole("MAV1_EXTRA2", 0, 0, 50, "stream rate of VFR_HUD, Hz", kind=ParameterKind.INT16),
+    whole("MAV1_EXTRA3", 0, 0, 50, "stream rate of slow state, Hz", kind=ParameterKind.INT16),
+    whole("MAV1_EXT_STAT", 0, 0, 50, "stream rate of status, Hz", kind=ParameterKind.INT16),
+    whole("MAV1_RC_CHAN", 0, 0, 50, "stream rate of sticks and outputs, Hz", kind=ParameterKind.INT16),
+    whole("MAV1_RAW_SENS", 0, 0, 50, "stream rate of raw sensors, Hz", kind=ParameterKind.INT16),
     # Arming and failsafes
     whole("ARMING_SKIPCHK", 0, 0, 1, "1 skips the arming checks", "check_mask", _CHECKS_SKIPPED),
-    whole("DISARM_DELAY", 10, 0, 127, "disarm when idle on the ground, s", kind=Kind.INT8),
-    whole("FS_GCS_ENABLE", 0, 0, 7, "station loss action", "station_lost_action", _STATION_LOST, Kind.INT8),
+    whole("DISARM_DELAY", 10, 0, 127, "disarm when idle on the ground, s", kind=ParameterKind.INT8),
+    whole("FS_GCS_ENABLE", 0, 0, 7, "station loss action", "station_lost_action", _STATION_LOST, ParameterKind.INT8),
     real("FS_GCS_TIMEOUT", 5.0, 2.0, 120.0, "station loss timeout, s", "station_timeout_s"),
-    whole("FS_THR_ENABLE", 1, 0, 7, "transmitter loss action", "pilot_lost_action", _PILOT_LOST, Kind.INT8),
+    whole("FS_THR_ENABLE", 1, 0, 7, "transmitter loss action", "pilot_lost_action", _PILOT_LOST, ParameterKind.INT8),
     whole("FS_OPTIONS", 16, 0, 511, "modes in which failsafes change nothing"),
-    whole("FS_EKF_ACTION", 1, 1, 3, "position loss action", "position_lost_action", _POSITION_LOST, Kind.INT8),
+    whole("FS_EKF_ACTION", 1, 1, 3, "position loss action", "position_lost_action", _POSITION_LOST, ParameterKind.INT8),
     real("FS_EKF_THRESH", 0.8, 0.6, 1.0, "estimator variance that counts as failure"),
-    whole("FS_DR_ENABLE", 2, 0, 6, "dead reckoning action", kind=Kind.INT8),
-    whole("FS_DR_TIMEOUT", 30, 0, 120, "dead reckoning timeout, s", kind=Kind.INT16),
+    whole("FS_DR_ENABLE", 2, 0, 6, "dead reckoning action", kind=ParameterKind.INT8),
+    whole("FS_DR_TIMEOUT", 30, 0, 120, "dead reckoning timeout, s", kind=ParameterKind.INT16),
     real("RC_FS_TIMEOUT", 1.0, 0.5, 10.0, "transmitter loss timeout, s", "pilot_timeout_s"),
-    whole("BATT_MONITOR", 4, 0, 29, "battery monitor: voltage and current", kind=Kind.INT8),
+    whole("BATT_MONITOR", 4, 0, 29, "battery monitor: voltage and current", kind=ParameterKind.INT8),
     whole("BATT_CAPACITY", 6250, 0, 1000000, "capacity, mAh"),
     real("BATT_LOW_MAH", 625.0, 0.0, 1000000.0, "low battery, mAh left"),
     real("BATT_CRT_MAH", 437.0, 0.0, 1000000.0, "critical battery, mAh left"),
-    whole("BATT_FS_LOW_ACT", 2, 0, 7, "low battery action", "battery_low_action", _BATTERY, Kind.INT8),
-    whole("BATT_FS_CRT_ACT", 0, 0, 7, "critical battery action", "battery_critical_action", _BATTERY, Kind.INT8),
+    whole("BATT_FS_LOW_ACT", 2, 0, 7, "low battery action", "battery_low_action", _BATTERY, ParameterKind.INT8),
+    whole(
+        "BATT_FS_CRT_ACT", 0, 0, 7, "critical battery action", "battery_critical_action", _BATTERY, ParameterKind.INT8
+    ),
     # Fence
-    whole("FENCE_ENABLE", 0, 0, 1, "fence is on", "fence_is_on", kind=Kind.INT8),
-    whole("FENCE_TYPE", 7, 0, 15, "height, circle, polygons", kind=Kind.INT8),
-    whole("FENCE_ACTION", 1, 0, 8, "fence action", "fence_action", _FENCE, Kind.INT8),
+    whole("FENCE_ENABLE", 0, 0, 1, "fence is on", "fence_is_on", kind=ParameterKind.INT8),
+    whole("FENCE_TYPE", 7, 0, 15, "height, circle, polygons", kind=ParameterKind.INT8),
+    whole("FENCE_ACTION", 1, 0, 8, "fence action", "fence_action", _FENCE, ParameterKind.INT8),
     real("FENCE_ALT_MAX", 100.0, 10.0, 1000.0, "highest over home, m"),
     real("FENCE_RADIUS", 300.0, 30.0, 10000.0, "farthest from home, m"),
     real("FENCE_MARGIN", 2.0, 1.0, 10.0, "distance kept from the fence, m", "fence_margin_m"),
-    whole("FENCE_TOTAL", 0, 0, 255, "items of the fence", kind=Kind.INT16),
+    whole("FENCE_TOTAL", 0, 0, 255, "items of the fence", kind=ParameterKind.INT16),
     # Take-off, mission, return, land
     real("PILOT_TKO_ALT_M", 0.0, 0.0, 10.0, "pilot's take-off height, m"),
     real("PILOT_SPD_UP", 2.5, 0.5, 5.0, "pilot's climb speed, m/s"),
     real("PILOT_SPD_DN", 0.0, 0.0, 5.0, "pilot's descent speed, m/s"),
     whole("GUID_OPTIONS", 0, 0, 511, "guided options"),
     real("GUID_TIMEOUT", 3.0, 0.1, 5.0, "guided timeout, s", "stream_timeout_s"),
-    whole("MIS_TOTAL", 0, 0, 32766, "items of the mission", kind=Kind.INT16),
-    whole("MIS_RESTART", 0, 0, 1, "mission begins anew in AUTO", kind=Kind.INT8),
-    whole("WP_YAW_BEHAVIOR", 2, 0, 3, "heading in missions", kind=Kind.INT8),
+    whole("MIS_TOTAL", 0, 0, 32766, "items of the mission", kind=ParameterKind.INT16),
+    whole("MIS_RESTART", 0, 0, 1, "mission begins anew in AUTO", kind=ParameterKind.INT8),
+    whole("WP_YAW_BEHAVIOR", 2, 0, 3, "heading in missions", kind=ParameterKind.INT8),
     real("WP_SPD", 5.0, 0.1, 20.0, "speed in missions, m/s", "limits.speed_xy_m_s"),
     real("WP_SPD_UP", 2.5, 0.1, 10.0, "climb speed, m/s", "limits.speed_up_m_s"),
     real("WP_SPD_DN", 1.5, 0.1, 5.0, "descent speed, m/s", "limits.speed_down_m_s"),
@@ -126,25 +132,25 @@ PARAMETERS: Final[tuple[ParameterRow, ...]] = (
     real("MOT_THST_HOVER", 0.46, 0.125, 0.6875, "hover thrust", "hover_thrust"),
     real("MOT_SPIN_MIN", 0.15, 0.0, 0.3, "least throttle in flight"),
     # Estimator
-    whole("AHRS_EKF_TYPE", 3, 0, 11, "estimator", kind=Kind.INT8),
-    whole("EK3_SRC1_POSXY", 3, 0, 6, "position: 0 none, 3 GPS, 6 external", kind=Kind.INT8),
-    whole("EK3_SRC1_VELXY", 3, 0, 7, "velocity: 0 none, 3 GPS, 6 external", kind=Kind.INT8),
-    whole("EK3_SRC1_POSZ", 3, 0, 6, "height: 1 barometer, 2 range, 3 GPS, 6 external", kind=Kind.INT8),
-    whole("EK3_SRC1_YAW", 1, 0, 8, "heading: 1 compass, 6 external", kind=Kind.INT8),
-    whole("EK3_SRC2_POSXY", 0, 0, 6, "second set: position", kind=Kind.INT8),
-    whole("EK3_SRC2_VELXY", 0, 0, 7, "second set: velocity", kind=Kind.INT8),
-    whole("EK3_SRC2_POSZ", 1, 0, 6, "second set: height", kind=Kind.INT8),
-    whole("EK3_SRC2_YAW", 0, 0, 8, "second set: heading", kind=Kind.INT8),
-    whole("VISO_TYPE", 0, 0, 3, "vision: 0 none, 1 MAVLink", kind=Kind.INT8),
-    whole("VISO_DELAY_MS", 10, 0, 250, "vision latency, ms", kind=Kind.INT16),
-    whole("VISO_QUAL_MIN", 0, -1, 100, "least vision quality", kind=Kind.INT8),
+    whole("AHRS_EKF_TYPE", 3, 0, 11, "estimator", kind=ParameterKind.INT8),
+    whole("EK3_SRC1_POSXY", 3, 0, 6, "position: 0 none, 3 GPS, 6 external", kind=ParameterKind.INT8),
+    whole("EK3_SRC1_VELXY", 3, 0, 7, "velocity: 0 none, 3 GPS, 6 external", kind=ParameterKind.INT8),
+    whole("EK3_SRC1_POSZ", 3, 0, 6, "height: 1 barometer, 2 range, 3 GPS, 6 external", kind=ParameterKind.INT8),
+    whole("EK3_SRC1_YAW", 1, 0, 8, "heading: 1 compass, 6 external", kind=ParameterKind.INT8),
+    whole("EK3_SRC2_POSXY", 0, 0, 6, "second set: position", kind=ParameterKind.INT8),
+    whole("EK3_SRC2_VELXY", 0, 0, 7, "second set: velocity", kind=ParameterKind.INT8),
+    whole("EK3_SRC2_POSZ", 1, 0, 6, "second set: height", kind=ParameterKind.INT8),
+    whole("EK3_SRC2_YAW", 0, 0, 8, "second set: heading", kind=ParameterKind.INT8),
+    whole("VISO_TYPE", 0, 0, 3, "vision: 0 none, 1 MAVLink", kind=ParameterKind.INT8),
+    whole("VISO_DELAY_MS", 10, 0, 250, "vision latency, ms", kind=ParameterKind.INT16),
+    whole("VISO_QUAL_MIN", 0, -1, 100, "least vision quality", kind=ParameterKind.INT8),
     whole("LOG_BITMASK", 176126, 0, 1048575, "what is logged"),
 )
 
 
-def derive(ask: Callable[[str], float], tuning: Tuning) -> None:
+def derive(request: Callable[[str], float], tuning: Tuning) -> None:
     """What follows from several parameters, or from the bits and choices of one."""
-    options = int(ask("FS_OPTIONS"))
+    options = int(request("FS_OPTIONS"))
     station = pilot = 0
     if options & 1:
         pilot |= Exempt.MISSION
@@ -161,18 +167,18 @@ def derive(ask: Callable[[str], float], tuning: Tuning) -> None:
     tuning.action_delay_s = 0.0
     tuning.pilot_override = 0
     tuning.battery_emergency = 0.0
-    capacity = max(1.0, ask("BATT_CAPACITY"))
-    tuning.battery_low, tuning.battery_critical = ask("BATT_LOW_MAH") / capacity, ask("BATT_CRT_MAH") / capacity
-    kinds = int(ask("FENCE_TYPE"))
-    tuning.fence_height_m = ask("FENCE_ALT_MAX") if kinds & 1 else 0.0
-    tuning.fence_radius_m = ask("FENCE_RADIUS") if kinds & 2 else 0.0
+    capacity = max(1.0, request("BATT_CAPACITY"))
+    tuning.battery_low, tuning.battery_critical = request("BATT_LOW_MAH") / capacity, request("BATT_CRT_MAH") / capacity
+    kinds = int(request("FENCE_TYPE"))
+    tuning.fence_height_m = request("FENCE_ALT_MAX") if kinds & 1 else 0.0
+    tuning.fence_radius_m = request("FENCE_RADIUS") if kinds & 2 else 0.0
     tuning.fence_has_polygons = bool(kinds & 4)
     tuning.mission_uses_item_yaw = False
-    tuning.mission_faces_course = ask("WP_YAW_BEHAVIOR") != 0.0
-    tuning.return_descend_m = ask("RTL_ALT_FINAL_M")
+    tuning.mission_faces_course = request("WP_YAW_BEHAVIOR") != 0.0
+    tuning.return_descend_m = request("RTL_ALT_FINAL_M")
     tuning.return_near_m = 0.0
     tuning.disarm_after_landing_s = 0.1
-    tuning.disarm_unflown_s = ask("DISARM_DELAY")
-    tuning.disarm_idle_s = ask("DISARM_DELAY") or -1.0
-    tuning.gains.speed_up_m_s = max(ask("WP_SPD_UP"), ask("PILOT_SPD_UP"))
-    tuning.gains.speed_down_m_s = max(ask("WP_SPD_DN"), ask("PILOT_SPD_DN"), ask("LAND_SPD_HIGH_MS"))
+    tuning.disarm_unflown_s = request("DISARM_DELAY")
+    tuning.disarm_idle_s = request("DISARM_DELAY") or -1.0
+    tuning.gains.speed_up_m_s = max(request("WP_SPD_UP"), request("PILOT_SPD_UP"))
+    tuning.gains.speed_down_m_s = max(request("WP_SPD_DN"), request("PILOT_SPD_DN"), request("LAND_SPD_HIGH_MS"))

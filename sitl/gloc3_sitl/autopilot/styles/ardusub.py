@@ -5,25 +5,41 @@ from dataclasses import replace
 from math import radians
 from typing import Final
 
-from gloc3_sitl.autopilot.behaviours.submarine import DepthHold, Sticks, Surface
+from gloc3_sitl.autopilot.behaviours.submarine import DepthHold, SubmarineSticks, SurfaceMode
 from gloc3_sitl.autopilot.modes import Behaviour, Mode
-from gloc3_sitl.autopilot.parameters import Kind, ParameterRow, real, whole
+from gloc3_sitl.autopilot.parameters import AutopilotParameter, ParameterKind, real, whole
 from gloc3_sitl.autopilot.styles.ardupilot import ARDUPILOT
 from gloc3_sitl.autopilot.styles.ardupilot_parameters import PARAMETERS as COPTER
-from gloc3_sitl.autopilot.tuning import Action, Tuning
+from gloc3_sitl.autopilot.tuning import FailsafeAction, Tuning
 
-_STATION_LOST: Final[Mapping[int, Action]] = {
-    0: Action.NONE,
-    1: Action.WARN,
-    2: Action.DISARM,
-    3: Action.POSITION,
-    4: Action.LAND,
+_STATION_LOST: Final[Mapping[int, FailsafeAction]] = {
+    0: FailsafeAction.NONE,
+    1: FailsafeAction.WARN,
+    2: FailsafeAction.DISARM,
+    3: FailsafeAction.POSITION,
+    4: FailsafeAction.LAND,
 }
-_LEAK: Final[Mapping[int, Action]] = {0: Action.NONE, 1: Action.WARN, 2: Action.LAND}
-_POSITION_LOST: Final[Mapping[int, Action]] = {0: Action.NONE, 1: Action.WARN, 2: Action.DISARM}
-_PILOT_LOST: Final[Mapping[int, Action]] = {0: Action.NONE, 1: Action.WARN, 2: Action.DISARM}
-_BATTERY: Final[Mapping[int, Action]] = {0: Action.WARN, 2: Action.DISARM, 3: Action.LAND}
-_FENCE: Final[Mapping[int, Action]] = {0: Action.WARN, 1: Action.POSITION, 2: Action.LAND}
+_LEAK: Final[Mapping[int, FailsafeAction]] = {0: FailsafeAction.NONE, 1: FailsafeAction.WARN, 2: FailsafeAction.LAND}
+_POSITION_LOST: Final[Mapping[int, FailsafeAction]] = {
+    0: FailsafeAction.NONE,
+    1: FailsafeAction.WARN,
+    2: FailsafeAction.DISARM,
+}
+_PILOT_LOST: Final[Mapping[int, FailsafeAction]] = {
+    0: FailsafeAction.NONE,
+    1: FailsafeAction.WARN,
+    2: FailsafeAction.DISARM,
+}
+_BATTERY: Final[Mapping[int, FailsafeAction]] = {
+    0: FailsafeAction.WARN,
+    2: FailsafeAction.DISARM,
+    3: FailsafeAction.LAND,
+}
+_FENCE: Final[Mapping[int, FailsafeAction]] = {
+    0: FailsafeAction.WARN,
+    1: FailsafeAction.POSITION,
+    2: FailsafeAction.LAND,
+}
 _CENTI: Final = 0.01
 
 _SHARED: Final = (
@@ -35,28 +51,30 @@ _SHARED: Final = (
 )
 """Those that are the same as Copter's."""
 
-PARAMETERS: Final[tuple[ParameterRow, ...]] = (
+PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     *(row for row in COPTER if row.name in _SHARED),
-    whole("FRAME_CONFIG", 2, 0, 7, "frame: vectored with six degrees of freedom", kind=Kind.INT8),
+    whole("FRAME_CONFIG", 2, 0, 7, "frame: vectored with six degrees of freedom", kind=ParameterKind.INT8),
     # Arming and failsafes
     whole("ARMING_CHECK", 448, 0, 2**22, "arming checks: bits; 0 skips them"),
-    whole("FS_GCS_ENABLE", 0, 0, 4, "station loss action", "station_lost_action", _STATION_LOST, Kind.INT8),
-    whole("FS_LEAK_ENABLE", 2, 0, 2, "leak action", "leak_action", _LEAK, Kind.INT8),
-    whole("FS_EKF_ACTION", 0, 0, 2, "position loss action", "position_lost_action", _POSITION_LOST, Kind.INT8),
-    whole("FS_PILOT_INPUT", 2, 0, 2, "transmitter loss action", "pilot_lost_action", _PILOT_LOST, Kind.INT8),
+    whole("FS_GCS_ENABLE", 0, 0, 4, "station loss action", "station_lost_action", _STATION_LOST, ParameterKind.INT8),
+    whole("FS_LEAK_ENABLE", 2, 0, 2, "leak action", "leak_action", _LEAK, ParameterKind.INT8),
+    whole("FS_EKF_ACTION", 0, 0, 2, "position loss action", "position_lost_action", _POSITION_LOST, ParameterKind.INT8),
+    whole("FS_PILOT_INPUT", 2, 0, 2, "transmitter loss action", "pilot_lost_action", _PILOT_LOST, ParameterKind.INT8),
     real("FS_PILOT_TIMEOUT", 3.0, 0.1, 3.0, "transmitter loss timeout, s", "pilot_timeout_s"),
-    whole("BATT_FS_LOW_ACT", 0, 0, 3, "low battery action", "battery_low_action", _BATTERY, Kind.INT8),
-    whole("BATT_FS_CRT_ACT", 0, 0, 3, "critical battery action", "battery_critical_action", _BATTERY, Kind.INT8),
-    whole("FENCE_ACTION", 1, 0, 2, "fence action", "fence_action", _FENCE, Kind.INT8),
-    whole("FENCE_TYPE", 15, 0, 15, "height, circle, polygons, depth", kind=Kind.INT8),
+    whole("BATT_FS_LOW_ACT", 0, 0, 3, "low battery action", "battery_low_action", _BATTERY, ParameterKind.INT8),
+    whole(
+        "BATT_FS_CRT_ACT", 0, 0, 3, "critical battery action", "battery_critical_action", _BATTERY, ParameterKind.INT8
+    ),
+    whole("FENCE_ACTION", 1, 0, 2, "fence action", "fence_action", _FENCE, ParameterKind.INT8),
+    whole("FENCE_TYPE", 15, 0, 15, "height, circle, polygons, depth", kind=ParameterKind.INT8),
     real("FENCE_ALT_MIN", -100.0, -100.0, 100.0, "lowest over home, m"),
     real("SURFACE_DEPTH", -10.0, -50.0, 0.0, "height of the vehicle at the surface, cm"),
     # Estimator: satellites at the surface, and the dead reckoning of a companion as the second set of sources
-    whole("VISO_TYPE", 1, 0, 3, "vision: 0 none, 1 MAVLink", kind=Kind.INT8),
-    whole("EK3_SRC2_POSXY", 6, 0, 6, "second set: position", kind=Kind.INT8),
-    whole("EK3_SRC2_VELXY", 6, 0, 7, "second set: velocity", kind=Kind.INT8),
-    whole("EK3_SRC2_POSZ", 1, 0, 6, "second set: height", kind=Kind.INT8),
-    whole("EK3_SRC2_YAW", 1, 0, 8, "second set: heading", kind=Kind.INT8),
+    whole("VISO_TYPE", 1, 0, 3, "vision: 0 none, 1 MAVLink", kind=ParameterKind.INT8),
+    whole("EK3_SRC2_POSXY", 6, 0, 6, "second set: position", kind=ParameterKind.INT8),
+    whole("EK3_SRC2_VELXY", 6, 0, 7, "second set: velocity", kind=ParameterKind.INT8),
+    whole("EK3_SRC2_POSZ", 1, 0, 6, "second set: height", kind=ParameterKind.INT8),
+    whole("EK3_SRC2_YAW", 1, 0, 8, "second set: heading", kind=ParameterKind.INT8),
     # Missions and guided control
     real("GUID_TIMEOUT", 3.0, 0.1, 5.0, "guided timeout, s", "stream_timeout_s"),
     real("WPNAV_SPEED", 100.0, 10.0, 2000.0, "speed in missions, cm/s", "limits.speed_xy_m_s", _CENTI),
@@ -66,7 +84,7 @@ PARAMETERS: Final[tuple[ParameterRow, ...]] = (
     real("WPNAV_ACCEL_Z", 20.0, 5.0, 500.0, "vertical acceleration, cm/s^2", "limits.acceleration_z_m_s2", _CENTI),
     real("WPNAV_JERK", 1.0, 0.5, 20.0, "jerk, m/s^3", "limits.jerk_m_s3"),
     real("WPNAV_RADIUS", 200.0, 5.0, 1000.0, "acceptance radius, cm", "acceptance_radius_m", _CENTI),
-    whole("WP_YAW_BEHAVIOR", 4, 0, 4, "heading in missions", kind=Kind.INT8),
+    whole("WP_YAW_BEHAVIOR", 4, 0, 4, "heading in missions", kind=ParameterKind.INT8),
     real("PILOT_SPEED_UP", 50.0, 20.0, 500.0, "pilot's climb speed, cm/s"),
     real("PILOT_SPEED_DN", 0.0, 0.0, 500.0, "pilot's descent speed, cm/s; 0 is that of the climb"),
     # Control
@@ -81,28 +99,30 @@ PARAMETERS: Final[tuple[ParameterRow, ...]] = (
 )
 
 
-def derive(ask: Callable[[str], float], tuning: Tuning) -> None:
+def derive(request: Callable[[str], float], tuning: Tuning) -> None:
     """What follows from several parameters, or from the bits and choices of one."""
     tuning.station_lost_exempt = tuning.pilot_lost_exempt = 0
     tuning.action_delay_s = 0.0
     tuning.pilot_override = 0
     tuning.battery_emergency = 0.0
-    tuning.check_mask = -1 if ask("ARMING_CHECK") else 0
+    tuning.check_mask = -1 if request("ARMING_CHECK") else 0
     tuning.needs_position_to_arm = False
     tuning.hover_thrust = 0.5
-    tuning.floats_at_m = -ask("SURFACE_DEPTH") * _CENTI
-    capacity = max(1.0, ask("BATT_CAPACITY"))
-    tuning.battery_low, tuning.battery_critical = ask("BATT_LOW_MAH") / capacity, ask("BATT_CRT_MAH") / capacity
-    kinds = int(ask("FENCE_TYPE"))
-    tuning.fence_height_m = ask("FENCE_ALT_MAX") if kinds & 1 else 0.0
-    tuning.fence_radius_m = ask("FENCE_RADIUS") if kinds & 2 else 0.0
+    tuning.floats_at_m = -request("SURFACE_DEPTH") * _CENTI
+    capacity = max(1.0, request("BATT_CAPACITY"))
+    tuning.battery_low, tuning.battery_critical = request("BATT_LOW_MAH") / capacity, request("BATT_CRT_MAH") / capacity
+    kinds = int(request("FENCE_TYPE"))
+    tuning.fence_height_m = request("FENCE_ALT_MAX") if kinds & 1 else 0.0
+    tuning.fence_radius_m = request("FENCE_RADIUS") if kinds & 2 else 0.0
     tuning.fence_has_polygons = bool(kinds & 4)
-    tuning.fence_depth_m = -ask("FENCE_ALT_MIN") if kinds & 8 else 0.0
+    tuning.fence_depth_m = -request("FENCE_ALT_MIN") if kinds & 8 else 0.0
     tuning.mission_uses_item_yaw = False
-    tuning.mission_faces_course = ask("WP_YAW_BEHAVIOR") != 0.0
+    tuning.mission_faces_course = request("WP_YAW_BEHAVIOR") != 0.0
     tuning.disarm_after_landing_s = tuning.disarm_idle_s = tuning.disarm_unflown_s = -1.0
-    tuning.gains.speed_up_m_s = max(ask("WPNAV_SPEED_UP"), ask("PILOT_SPEED_UP")) * _CENTI
-    tuning.gains.speed_down_m_s = max(ask("WPNAV_SPEED_DN"), ask("PILOT_SPEED_DN") or ask("PILOT_SPEED_UP")) * _CENTI
+    tuning.gains.speed_up_m_s = max(request("WPNAV_SPEED_UP"), request("PILOT_SPEED_UP")) * _CENTI
+    tuning.gains.speed_down_m_s = (
+        max(request("WPNAV_SPEED_DN"), request("PILOT_SPEED_DN") or request("PILOT_SPEED_UP")) * _CENTI
+    )
 
 
 _MANUAL: Final = 64 | 16
@@ -149,8 +169,8 @@ ARDUSUB: Final = replace(
     altitude_mode=_ALT_HOLD,
     parameters=PARAMETERS,
     derive=derive,
-    activities={Behaviour.STABILIZE: Sticks, Behaviour.ALTITUDE: DepthHold, Behaviour.LAND: Surface},
+    activities={Behaviour.STABILIZE: SubmarineSticks, Behaviour.ALTITUDE: DepthHold, Behaviour.LAND: SurfaceMode},
     unsupported=frozenset({_TAKE_OFF, _LAND, _RETURN, _VTOL_TAKE_OFF, _VTOL_LAND}),
-    disarms_under_way=True,
+    disarms_in_motion=True,
 )
 """ArduSub 4.7."""

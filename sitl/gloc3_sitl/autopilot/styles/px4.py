@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from gloc3_sitl.autopilot.modes import Behaviour, Mode, Result, Style
+from gloc3_sitl.autopilot.modes import Behaviour, Mode, Result, StyleTables
 from gloc3_sitl.autopilot.styles.px4_parameters import PARAMETERS, derive
 
 MANUAL: Final = 64 | 16
@@ -27,7 +27,7 @@ _OFFBOARD: Final = px4_mode(6)
 _ORBIT: Final = px4_mode(3, 1)
 _FOLLOW: Final = px4_mode(4, 8)
 
-PX4: Final = Style(
+PX4: Final = StyleTables(
     name="px4",
     autopilot=12,
     modes=(

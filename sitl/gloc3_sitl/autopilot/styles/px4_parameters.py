@@ -9,50 +9,50 @@ from collections.abc import Callable, Mapping
 from math import radians
 from typing import Final
 
-from gloc3_sitl.autopilot.parameters import ParameterRow, real, whole
-from gloc3_sitl.autopilot.tuning import Action, Tuning
+from gloc3_sitl.autopilot.parameters import AutopilotParameter, real, whole
+from gloc3_sitl.autopilot.tuning import FailsafeAction, Tuning
 
-_STATION_LOST: Final[Mapping[int, Action]] = {
-    0: Action.NONE,
-    1: Action.HOLD,
-    2: Action.RETURN,
-    3: Action.LAND,
-    5: Action.TERMINATE,
-    6: Action.DISARM,
+_STATION_LOST: Final[Mapping[int, FailsafeAction]] = {
+    0: FailsafeAction.NONE,
+    1: FailsafeAction.HOLD,
+    2: FailsafeAction.RETURN,
+    3: FailsafeAction.LAND,
+    5: FailsafeAction.TERMINATE,
+    6: FailsafeAction.DISARM,
 }
-_PILOT_LOST: Final[Mapping[int, Action]] = {
-    1: Action.HOLD,
-    2: Action.RETURN,
-    3: Action.LAND,
-    5: Action.TERMINATE,
-    6: Action.DISARM,
+_PILOT_LOST: Final[Mapping[int, FailsafeAction]] = {
+    1: FailsafeAction.HOLD,
+    2: FailsafeAction.RETURN,
+    3: FailsafeAction.LAND,
+    5: FailsafeAction.TERMINATE,
+    6: FailsafeAction.DISARM,
 }
-_STREAM_LOST: Final[Mapping[int, Action]] = {
-    0: Action.POSITION,
-    1: Action.POSITION,
-    2: Action.POSITION,
-    3: Action.RETURN,
-    4: Action.LAND,
-    5: Action.HOLD,
-    6: Action.TERMINATE,
-    7: Action.DISARM,
+_STREAM_LOST: Final[Mapping[int, FailsafeAction]] = {
+    0: FailsafeAction.POSITION,
+    1: FailsafeAction.POSITION,
+    2: FailsafeAction.POSITION,
+    3: FailsafeAction.RETURN,
+    4: FailsafeAction.LAND,
+    5: FailsafeAction.HOLD,
+    6: FailsafeAction.TERMINATE,
+    7: FailsafeAction.DISARM,
 }
-_FENCE: Final[Mapping[int, Action]] = {
-    0: Action.NONE,
-    1: Action.WARN,
-    2: Action.HOLD,
-    3: Action.RETURN,
-    4: Action.TERMINATE,
-    5: Action.LAND,
+_FENCE: Final[Mapping[int, FailsafeAction]] = {
+    0: FailsafeAction.NONE,
+    1: FailsafeAction.WARN,
+    2: FailsafeAction.HOLD,
+    3: FailsafeAction.RETURN,
+    4: FailsafeAction.TERMINATE,
+    5: FailsafeAction.LAND,
 }
-_BATTERY: Final[Mapping[int, tuple[Action, Action]]] = {
-    0: (Action.WARN, Action.WARN),
-    2: (Action.LAND, Action.LAND),
-    3: (Action.RETURN, Action.LAND),
+_BATTERY: Final[Mapping[int, tuple[FailsafeAction, FailsafeAction]]] = {
+    0: (FailsafeAction.WARN, FailsafeAction.WARN),
+    2: (FailsafeAction.LAND, FailsafeAction.LAND),
+    3: (FailsafeAction.RETURN, FailsafeAction.LAND),
 }
 """What COM_LOW_BAT_ACT makes of a critical battery, and of an emergency."""
 
-PARAMETERS: Final[tuple[ParameterRow, ...]] = (
+PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     # Identity and links
     whole("SYS_AUTOSTART", 4001, 0, 9999999, "airframe: generic quadcopter"),
     whole("MAV_SYS_ID", 1, 1, 250, "MAVLink system id"),
@@ -155,18 +155,18 @@ PARAMETERS: Final[tuple[ParameterRow, ...]] = (
 )
 
 
-def derive(ask: Callable[[str], float], tuning: Tuning) -> None:
+def derive(request: Callable[[str], float], tuning: Tuning) -> None:
     """What follows from several parameters, or from the bits and choices of one."""
-    tuning.needs_position_to_arm = ask("COM_ARM_WO_GPS") == 0.0
-    tuning.pilot_required = ask("COM_RC_IN_MODE") == 0.0
-    if ask("COM_RC_IN_MODE") == _NO_MANUAL_CONTROL:
-        tuning.pilot_lost_action = Action.NONE
+    tuning.needs_position_to_arm = request("COM_ARM_WO_GPS") == 0.0
+    tuning.pilot_required = request("COM_RC_IN_MODE") == 0.0
+    if request("COM_RC_IN_MODE") == _NO_MANUAL_CONTROL:
+        tuning.pilot_lost_action = FailsafeAction.NONE
     else:
-        tuning.pilot_lost_action = _PILOT_LOST.get(int(ask("NAV_RCL_ACT")), Action.RETURN)
-    critical, emergency = _BATTERY.get(int(ask("COM_LOW_BAT_ACT")), _BATTERY[0])
+        tuning.pilot_lost_action = _PILOT_LOST.get(int(request("NAV_RCL_ACT")), FailsafeAction.RETURN)
+    critical, emergency = _BATTERY.get(int(request("COM_LOW_BAT_ACT")), _BATTERY[0])
     tuning.battery_critical_action, tuning.battery_emergency_action = critical, emergency
     tuning.disarm_idle_s = tuning.disarm_after_landing_s
-    tuning.mission_faces_course = ask("MIS_YAWMODE") in (1.0, 4.0)
+    tuning.mission_faces_course = request("MIS_YAWMODE") in (1.0, 4.0)
 
 
 _NO_MANUAL_CONTROL: Final = 4.0

@@ -5,16 +5,16 @@ from dataclasses import replace
 from typing import Final
 
 from gloc3_sitl.autopilot.behaviours.driving import (
-    Direct,
     DriveHome,
+    DriveLoiter,
     GuidedDrive,
-    Loiter,
+    ManualDrive,
     MissionDrive,
     Retrace,
     SteeredBySticks,
     Stop,
 )
-from gloc3_sitl.autopilot.modes import Behaviour, Mode, Style
+from gloc3_sitl.autopilot.modes import Behaviour, Mode, StyleTables
 from gloc3_sitl.autopilot.styles.ardupilot import ARDUPILOT
 from gloc3_sitl.autopilot.styles.rover_parameters import derive, with_defaults
 
@@ -27,7 +27,7 @@ _AUTO, _RTL, _SMART_RTL, _GUIDED = 10, 11, 12, 15
 _LAND_START, _LAND, _TAKE_OFF, _ORBIT = 189, 21, 22, 34
 
 
-def rover_style(defaults: Mapping[str, float], *, hold_mode: int) -> Style:
+def rover_style(defaults: Mapping[str, float], *, hold_mode: int) -> StyleTables:
     """Rover 4.7 for one vehicle.
 
     Args:
@@ -66,17 +66,17 @@ def rover_style(defaults: Mapping[str, float], *, hold_mode: int) -> Style:
         parameters=with_defaults(defaults),
         derive=derive,
         activities={
-            Behaviour.DIRECT: Direct,
+            Behaviour.DIRECT: ManualDrive,
             Behaviour.STEER: SteeredBySticks,
             Behaviour.STOP: Stop,
-            Behaviour.HOLD: Loiter,
+            Behaviour.HOLD: DriveLoiter,
             Behaviour.MISSION: MissionDrive,
             Behaviour.RETURN: DriveHome,
             Behaviour.RETRACE: Retrace,
             Behaviour.STREAMED: GuidedDrive,
         },
         unsupported=frozenset({_LAND, _TAKE_OFF, _ORBIT}),
-        disarms_under_way=True,
+        disarms_in_motion=True,
     )
 
 

@@ -11,8 +11,8 @@ from typing import Any, TypeVar
 from gloc3.exchange.base import Publisher
 from gloc3.exchange.mavlink import MavlinkExchange
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
-from gloc3.exchange.tunnel.happenings import Acknowledged, Counters, Happening, Trouble, Undelivered
-from gloc3.exchange.tunnel.layout import Role
+from gloc3.exchange.tunnel.happenings import Acknowledged, Counters, Happening, TunnelTrouble, Undelivered
+from gloc3.exchange.tunnel.layout import TunnelRole
 from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
 from gloc3.mavlink.codec import Encoder, Parser
 from gloc3.mavlink.message import Address, MavlinkMessage
@@ -53,7 +53,7 @@ class End:
 
     def __init__(
         self,
-        role: Role,
+        role: TunnelRole,
         name: str,
         address: Address,
         boot: int,
@@ -68,8 +68,8 @@ class End:
         self.endpoint = TunnelEndpoint(role, name, address, boot, topics or standard_topics(), budget)
         self.exchange = MavlinkExchange(self.endpoint, self.loop, self.send)
         self.publisher = Publisher(self.exchange, name, "ci", boot)
-        self.happened: list[Happening] = []
-        self.exchange.listen(self.happened.append)
+        self.events: list[Happening] = []
+        self.exchange.listen(self.events.append)
         for line in self.lines:
             line.on_data = self.take
 
@@ -93,11 +93,11 @@ class End:
         for line in self.lines:
             line.on_data = None
 
-    def troubles(self) -> list[str]:
-        return [happening.text for happening in self.happened if isinstance(happening, Trouble)]
+    def problems(self) -> list[str]:
+        return [happening.text for happening in self.events if isinstance(happening, TunnelTrouble)]
 
     def undelivered(self) -> list[Undelivered]:
-        return [happening for happening in self.happened if isinstance(happening, Undelivered)]
+        return [happening for happening in self.events if isinstance(happening, Undelivered)]
 
 
 class Platform(End):
@@ -112,14 +112,14 @@ class Platform(End):
         topics: TopicTable | None = None,
         budget: LinkBudget = RADIO,
     ) -> None:
-        super().__init__(Role.PLATFORM, name, address, boot, lines, topics=topics, budget=budget)
+        super().__init__(TunnelRole.PLATFORM, name, address, boot, lines, topics=topics, budget=budget)
         self.name = name
         self.text = ""
         self.given: list[tuple[float, CiRequest]] = []
         """What was handed over, and when."""
         self.exchange.subscribe(f"{name}/ci/request", self.serve)
 
-    def say(self, topic: str, message: Message) -> None:
+    def send_text(self, topic: str, message: Message) -> None:
         self.publisher.publish(f"{self.name}/ci/{topic}", message, self.loop.time())
 
     def serve(self, envelope: Envelope[Any]) -> None:
@@ -131,7 +131,9 @@ class Platform(End):
         elif isinstance(request.body, ReadMission):
             text = self.text
         sender, boot, sequence = request.sender, request.boot, request.sequence
-        self.say("reply", CiReply(sender=sender, boot=boot, sequence=sequence, outcome=Outcome.ACCEPTED, text=text))
+        self.send_text(
+            "reply", CiReply(sender=sender, boot=boot, sequence=sequence, outcome=Outcome.ACCEPTED, text=text)
+        )
 
     def sequences(self, sender: str = "255") -> list[int]:
         """The sequences of a station's requests in the order in which they were handed over."""
@@ -141,8 +143,8 @@ class Platform(End):
         """Publishes status at the topics' rates from now on."""
         now_s = self.loop.time()
         lines = [ComponentLine(n, n % 3, 100, (n + count) % 50, n // 7, 0) for n in range(components)]
-        self.say("summary", Summary(table=1, health=Health.WORKING, lines=lines))
-        self.say(
+        self.send_text("summary", Summary(table=1, health=Health.WORKING, lines=lines))
+        self.send_text(
             "vehicle",
             VehicleSummary(
                 t_s=now_s,
@@ -162,11 +164,11 @@ class Platform(End):
         if count % 2 == 0:
             tasks = {f"task{n}.action": "waiting" for n in range(8)}
             progress = {"task1.action": count / 1e3}
-            self.say(
+            self.send_text(
                 "mission",
                 MissionSummary(name="survey", digest="0123abcd", state="running", tasks=tasks, progress=progress),
             )
-            self.say("control", ControlState(holder="255"))
+            self.send_text("control", ControlState(holder="255"))
         self.loop.call_later(0.5, self.report, components, count + 1)
 
 
@@ -182,37 +184,35 @@ class Station(End):
         topics: TopicTable | None = None,
         budget: LinkBudget = RADIO,
     ) -> None:
-        super().__init__(Role.STATION, name, address, boot, lines, topics=topics, budget=budget)
+        super().__init__(TunnelRole.STATION, name, address, boot, lines, topics=topics, budget=budget)
         self.name = name
         self.boot = boot
-        self.asked = 0
+        self.requested = 0
         self.came: list[tuple[float, Envelope[Any]]] = []
         self.replies: dict[int, tuple[float, CiReply]] = {}
-        self.exchange.subscribe("*/ci/*", self.hear)
+        self.exchange.subscribe("*/ci/*", self.receive)
 
-    def ask(self, body: AnyBody, platform: str = PLATFORM) -> int:
+    def request(self, body: AnyBody, platform: str = PLATFORM) -> int:
         """Sends a request; its sequence."""
-        sequence, self.asked = self.asked, self.asked + 1
+        sequence, self.requested = self.requested, self.requested + 1
         request = CiRequest(sender=self.name, boot=self.boot, sequence=sequence, body=body)
         self.publisher.publish(f"{platform}/ci/request", request, self.loop.time())
         return sequence
 
-    def hear(self, envelope: Envelope[Any]) -> None:
+    def receive(self, envelope: Envelope[Any]) -> None:
         if isinstance(envelope.payload, CiRequest):
             return
         self.came.append((self.loop.time(), envelope))
         if isinstance(envelope.payload, CiReply):
             self.replies[envelope.payload.sequence] = (self.loop.time(), envelope.payload)
 
-    def heard(self, message_type: type[M]) -> list[M]:
+    def received(self, message_type: type[M]) -> list[M]:
         """The messages of a type, in the order in which they came."""
         return [envelope.payload for _, envelope in self.came if isinstance(envelope.payload, message_type)]
 
     def acknowledged(self) -> list[int]:
         """The sequences of the requests that were acknowledged."""
-        return [
-            happening.envelope.payload.sequence for happening in self.happened if isinstance(happening, Acknowledged)
-        ]
+        return [happening.envelope.payload.sequence for happening in self.events if isinstance(happening, Acknowledged)]
 
 
 def pair_on(

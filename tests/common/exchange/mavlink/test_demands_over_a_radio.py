@@ -40,20 +40,20 @@ async def _steer() -> tuple[list[tuple[float, Envelope[Any]]], list[str], int]:
     for sequence in range(round(SECONDS * DEMAND_HZ)):
         station.publisher.publish(f"{PLATFORM}/velocity_demand", demand(sequence), loop.time())
         await asyncio.sleep(1.0 / DEMAND_HZ)
-    troubles = [*steered.troubles(), *other.troubles()]
+    problems = [*steered.problems(), *other.problems()]
     for end in (station, steered, other):
         end.close()
-    return came, troubles, len(strayed)
+    return came, problems, len(strayed)
 
 
 @pytest.mark.thorough
 def test_of_ten_a_second_most_arrive_in_order_and_never_late() -> None:
-    came, troubles, strayed = run_virtual(_steer())
+    came, problems, strayed = run_virtual(_steer())
     sequences = [envelope.payload.sequence for _, envelope in came]
     assert sequences == sorted(set(sequences))
     assert len(sequences) > 0.6 * SECONDS * DEMAND_HZ, "one frame in five is lost"
     assert max(now_s - envelope.t_s for now_s, envelope in came) < EXPIRES_S
-    assert (troubles, strayed) == ([], 0), "what is for one platform is nothing that another complains of"
+    assert (problems, strayed) == ([], 0), "what is for one platform is nothing that another complains of"
 
 
 def test_one_takes_less_than_half_of_a_frame() -> None:

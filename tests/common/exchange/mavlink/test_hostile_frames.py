@@ -11,11 +11,20 @@ from tests.common.exchange.mavlink.ends import PLATFORM, RADIO_CONDITIONS, pair_
 from gloc3.clock import run_virtual
 from gloc3.exchange.tunnel import frames
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
-from gloc3.exchange.tunnel.frames import Ask, Echo, Hello, Status, StatusPart, SummaryRows, Table, TunnelFrame
-from gloc3.exchange.tunnel.layout import MAX_PAYLOAD, PAYLOAD_TYPE, VERSION, FrameKind, Lane, Role, seal
+from gloc3.exchange.tunnel.frames import (
+    Echo,
+    Status,
+    StatusPart,
+    SummaryRows,
+    TableRequest,
+    TunnelFrame,
+    TunnelHello,
+    TunnelTable,
+)
+from gloc3.exchange.tunnel.layout import MAX_PAYLOAD, PAYLOAD_TYPE, VERSION, FrameKind, Lane, TunnelRole, seal
 from gloc3.exchange.tunnel.outbox import EVERYBODY
 from gloc3.exchange.tunnel.peers import MAKE_ROOM_AFTER_S, MAX_PEERS
-from gloc3.exchange.tunnel.reader import Reader, unwrap, varint
+from gloc3.exchange.tunnel.reader import ByteReader, unwrap, varint
 from gloc3.exchange.tunnel.reliable_frames import CHUNK, Ack, Data, LaneReport, Refusal
 from gloc3.mavlink.codec import message
 from gloc3.mavlink.message import Address, MavlinkMessage
@@ -34,8 +43,8 @@ masks = st.none() | st.integers(1, 1 << 60)
 bodies = st.binary(max_size=CHUNK - 4).map(lambda body: zlib.crc32(body).to_bytes(4, "little") + body)
 chunks = st.binary(max_size=CHUNK) | st.binary(min_size=CHUNK, max_size=CHUNK) | bodies
 hellos = st.builds(
-    Hello,
-    st.sampled_from(Role),
+    TunnelHello,
+    st.sampled_from(TunnelRole),
     st.sampled_from(["255", "254", PLATFORM, "ü"]),
     word,
     st.integers(0, (1 << 48) - 1),
@@ -45,8 +54,8 @@ hellos = st.builds(
 reports = st.builds(LaneReport, lane, word, st.lists(st.tuples(st.integers(0, 15), masks), max_size=3).map(tuple))
 any_frame: st.SearchStrategy[TunnelFrame] = st.one_of(
     hellos,
-    st.builds(Table, st.binary(max_size=100)),
-    st.builds(Ask, st.lists(small, max_size=20).map(tuple)),
+    st.builds(TunnelTable, st.binary(max_size=100)),
+    st.builds(TableRequest, st.lists(small, max_size=20).map(tuple)),
     st.builds(Status, small, small, st.binary(max_size=100)),
     st.builds(StatusPart, small, small, byte, byte, word, st.binary(max_size=100)),
     st.builds(SummaryRows, small, small, st.binary(max_size=100)),
@@ -94,11 +103,13 @@ senders = st.sampled_from([STATION, Address(254, 190), Address(1, 191), Address(
 
 
 @settings(max_examples=25)
-@given(payloads=st.lists(st.tuples(garbage, senders), max_size=12), role=st.sampled_from(Role))
-def test_garbage_is_counted_and_never_an_exception(payloads: list[tuple[bytes, Address]], role: Role) -> None:
-    own = Address(1, 191) if role is Role.PLATFORM else STATION
-    endpoint = TunnelEndpoint(role, PLATFORM if role is Role.PLATFORM else "255", own, BOOT, TOPICS)
-    greeting = Hello(Role.PLATFORM if role is Role.STATION else Role.STATION, PLATFORM, 3, 0).encode(1)
+@given(payloads=st.lists(st.tuples(garbage, senders), max_size=12), role=st.sampled_from(TunnelRole))
+def test_garbage_is_counted_and_never_an_exception(payloads: list[tuple[bytes, Address]], role: TunnelRole) -> None:
+    own = Address(1, 191) if role is TunnelRole.PLATFORM else STATION
+    endpoint = TunnelEndpoint(role, PLATFORM if role is TunnelRole.PLATFORM else "255", own, BOOT, TOPICS)
+    greeting = TunnelHello(
+        TunnelRole.PLATFORM if role is TunnelRole.STATION else TunnelRole.STATION, PLATFORM, 3, 0
+    ).encode(1)
     endpoint.receive(tunnel(greeting), Address(9, 9), 0.0)
     endpoint.receive(tunnel(greeting), Address(254, 190), 0.0)
     now_s = 0.0
@@ -109,18 +120,18 @@ def test_garbage_is_counted_and_never_an_exception(payloads: list[tuple[bytes, A
         assert sum(len(sent) for _, _, sent in endpoint.outgoing(now_s)) <= 1000
         assert endpoint.next_tick_s() <= now_s + 1.0
     assert endpoint.counters.received_frames == len(payloads) + 2
-    endpoint.happenings()
+    endpoint.events()
 
 
 def test_a_length_beyond_the_frame_is_damage() -> None:
-    endpoint = TunnelEndpoint(Role.STATION, "255", STATION, BOOT, TOPICS)
+    endpoint = TunnelEndpoint(TunnelRole.STATION, "255", STATION, BOOT, TOPICS)
     endpoint.receive(message("TUNNEL", payload_type=PAYLOAD_TYPE, payload_length=200), Address(1, 191), 0.0)
     assert endpoint.counters.damaged == 1
 
 
 def test_frames_of_others_are_left_alone() -> None:
-    endpoint = TunnelEndpoint(Role.STATION, "255", STATION, BOOT, TOPICS)
-    greeting = Hello(Role.PLATFORM, PLATFORM, 0, 0).encode(1)
+    endpoint = TunnelEndpoint(TunnelRole.STATION, "255", STATION, BOOT, TOPICS)
+    greeting = TunnelHello(TunnelRole.PLATFORM, PLATFORM, 0, 0).encode(1)
     endpoint.receive(tunnel(greeting, Address(254, 190)), Address(1, 191), 0.0)
     other_type = message("TUNNEL", payload_type=200, payload_length=3, payload=b"abc")
     endpoint.receive(other_type, Address(1, 191), 0.0)
@@ -129,14 +140,16 @@ def test_frames_of_others_are_left_alone() -> None:
 
 
 def test_strangers_take_no_more_than_the_table_of_peers() -> None:
-    endpoint = TunnelEndpoint(Role.PLATFORM, PLATFORM, Address(1, 191), BOOT, TOPICS)
+    endpoint = TunnelEndpoint(TunnelRole.PLATFORM, PLATFORM, Address(1, 191), BOOT, TOPICS)
     for system in range(2, 2 + 2 * MAX_PEERS):
-        endpoint.receive(tunnel(Hello(Role.STATION, f"{system}", 0, 0).encode(system)), Address(system, 190), 0.0)
+        endpoint.receive(
+            tunnel(TunnelHello(TunnelRole.STATION, f"{system}", 0, 0).encode(system)), Address(system, 190), 0.0
+        )
     assert len(endpoint.peers()) == MAX_PEERS
     assert endpoint.counters.too_many_peers == MAX_PEERS
     silent_s = MAKE_ROOM_AFTER_S + 1.0
     endpoint.tick(silent_s)
-    endpoint.receive(tunnel(Hello(Role.STATION, "255", 0, 0).encode(1)), STATION, silent_s)
+    endpoint.receive(tunnel(TunnelHello(TunnelRole.STATION, "255", 0, 0).encode(1)), STATION, silent_s)
     assert STATION in [peer.address for peer in endpoint.peers()]
 
 
@@ -146,18 +159,18 @@ def test_an_upload_survives_damaged_copies_of_its_own_frames_from_elsewhere() ->
     async def fly() -> tuple[list[int], list[int]]:
         random = Random(2)
         station, platform, link = pair_on(2, RADIO_CONDITIONS)
-        take = platform.take
+        handle = platform.take
 
         def take_and_tamper(data: bytes) -> None:
-            take(data)
+            handle(data)
             for frame in (bytearray(data), bytearray(random.randbytes(len(data)))):
                 frame[random.randrange(len(frame))] ^= 1 << random.randrange(8)
-                take(bytes(frame))  # MAVLink's check sum finds it
+                handle(bytes(frame))  # MAVLink's check sum finds it
 
         link.b.on_data = take_and_tamper
         await asyncio.sleep(4.0)
-        station.ask(upload)
-        station.ask(Steer(verb=Verb.PAUSE))
+        station.request(upload)
+        station.request(Steer(verb=Verb.PAUSE))
         await asyncio.sleep(10.0)
         return platform.sequences(), station.acknowledged()
 
@@ -167,7 +180,7 @@ def test_an_upload_survives_damaged_copies_of_its_own_frames_from_elsewhere() ->
 
 @given(value=st.integers(0, (1 << 63) - 1))
 def test_a_varint_is_read_back(value: int) -> None:
-    assert Reader(varint(value)).varint() == value
+    assert ByteReader(varint(value)).varint() == value
 
 
 @given(value=st.integers(0, 1 << 40), ahead=st.integers(-30_000, 30_000))

@@ -70,7 +70,7 @@ class Looked:
 POSE = Pose(position_ned_m=(1.0, 2.0, 3.0), velocity_ned_m_s=(0.1, 0.2, 0.3), ned_from_frd=(1.0, 0.0, 0.0, 0.0))
 
 
-def look(
+def poll(
     seed: int,
     conditions: Conditions,
     duration_s: float = 30.0,
@@ -90,9 +90,9 @@ async def _look(
     came = watched(station)
     platform.report(20)
     await asyncio.sleep(3.0)
-    looked = Looked(platform, seed)
-    looked.show(1.0, True, size)
-    looked.show(10.0, False)
+    checked = Looked(platform, seed)
+    checked.show(1.0, True, size)
+    checked.show(10.0, False)
     await asyncio.sleep(duration_s)
     now_s = station.loop.time()
     counters = platform.counters
@@ -128,7 +128,7 @@ LOSSES = [
 def test_a_preview_comes_every_five_seconds_while_status_stays_above_1_hz(
     loss: float, is_half_duplex: bool, size: int
 ) -> None:
-    seen = look(3, replace(RADIO_CONDITIONS, loss=loss), is_half_duplex=is_half_duplex, size=size)
+    seen = poll(3, replace(RADIO_CONDITIONS, loss=loss), is_half_duplex=is_half_duplex, size=size)
     gaps_s = [later - earlier for earlier, later in pairwise([3.0, *seen.previews_s, 33.0])]
     assert max(gaps_s) <= 5.0
     assert max(seen.late_s) <= 5.0
@@ -140,20 +140,20 @@ def test_a_preview_comes_every_five_seconds_while_status_stays_above_1_hz(
 @pytest.mark.parametrize("seed", range(10))
 def test_so_it_is_with_other_luck(seed: int) -> None:
     for loss, is_half_duplex, size in LOSSES[2:]:
-        seen = look(seed, replace(RADIO_CONDITIONS, loss=loss), is_half_duplex=is_half_duplex, size=size)
+        seen = poll(seed, replace(RADIO_CONDITIONS, loss=loss), is_half_duplex=is_half_duplex, size=size)
         gaps_s = [later - earlier for earlier, later in pairwise([3.0, *seen.previews_s, 33.0])]
         assert max(gaps_s) <= 5.0, gaps_s
         assert seen.slowest_status_hz >= 1.0
 
 
 def test_a_radio_behind_a_network_that_is_taken_for_quick_carries_status_and_pictures_too() -> None:
-    seen = look(2, CLEAN, size=USUAL_PICTURE, budget=LinkBudget(rate_bit_s=2e6, bits_per_byte=8.0))
+    seen = poll(2, CLEAN, size=USUAL_PICTURE, budget=LinkBudget(rate_bit_s=2e6, bits_per_byte=8.0))
     assert max(later - earlier for earlier, later in pairwise([3.0, *seen.previews_s, 33.0])) <= 5.0
     assert seen.slowest_status_hz >= 1.0
 
 
 def test_what_somebody_looks_at_takes_no_more_than_its_share() -> None:
-    seen = look(1, CLEAN)
+    seen = poll(1, CLEAN)
     assert seen.view_bytes_s <= 0.36 * RADIO.rate_byte_s
     assert seen.sent_bytes_s <= 0.95 * RADIO.rate_byte_s
 
@@ -162,12 +162,12 @@ def test_when_nobody_looks_any_more_the_bytes_on_the_link_go_back() -> None:
     async def fly() -> list[float]:
         station, platform, _ = pair_on(1, CLEAN)
         platform.report(20)
-        looked, rates = Looked(platform, 1), []
+        checked, rates = Looked(platform, 1), []
         for is_on in (False, True, False):
-            looked.is_on = is_on
+            checked.is_on = is_on
             if is_on:
-                looked.show(1.0, True)
-                looked.show(10.0, False)
+                checked.show(1.0, True)
+                checked.show(10.0, False)
             await asyncio.sleep(4.0)  # what is under way arrives
             before = platform.counters.sent_bytes
             await asyncio.sleep(10.0)
@@ -185,17 +185,17 @@ def test_a_command_is_as_quick_and_a_mission_goes_first_while_somebody_looks() -
         station, platform, _ = pair_on(5, CLEAN)
         came = watched(station)
         platform.report(20)
-        looked = Looked(platform, 1)
+        checked = Looked(platform, 1)
         await asyncio.sleep(3.0)
         if is_looking:
-            looked.show(1.0, True)
-            looked.show(10.0, False)
+            checked.show(1.0, True)
+            checked.show(10.0, False)
         await asyncio.sleep(5.0)
         begun_s = station.loop.time()
-        pause = station.ask(Steer(verb=Verb.PAUSE))
+        pause = station.request(Steer(verb=Verb.PAUSE))
         await asyncio.sleep(3.0)
         load_s, before = station.loop.time(), len(came)
-        load = station.ask(LoadMission(name="survey", text=text_of(20_000, Random(1), is_random=True)))
+        load = station.request(LoadMission(name="survey", text=text_of(20_000, Random(1), is_random=True)))
         while load not in station.replies:
             await asyncio.sleep(0.05)
         during = len(came) - before
@@ -215,9 +215,9 @@ def test_a_newer_picture_takes_the_place_of_one_that_waits_but_not_of_one_under_
         station, platform, _ = pair_on(1, CLEAN)
         came = watched(station)
         await asyncio.sleep(3.0)
-        looked = Looked(platform, 1)
+        checked = Looked(platform, 1)
         for size in range(1000, 1010):  # ten at once
-            looked.show(0.001, True, size)
+            checked.show(0.001, True, size)
         await asyncio.sleep(10.0)
         sizes = [len(unpack(e, TopicTable().types).payload.data) for _, e in came]
         station.close()
@@ -227,18 +227,18 @@ def test_a_newer_picture_takes_the_place_of_one_that_waits_but_not_of_one_under_
     assert sizes == [1009]
     assert replaced == 9
 
-    async def under_way() -> list[int]:
+    async def running() -> list[int]:
         station, platform, _ = pair_on(1, CLEAN)
         came = watched(station)
         await asyncio.sleep(3.0)
-        looked = Looked(platform, 1)
+        checked = Looked(platform, 1)
         for size in range(2000, 2010):
-            looked.show(0.001, True, size)
+            checked.show(0.001, True, size)
             await asyncio.sleep(0.1)
         await asyncio.sleep(10.0)
         return [len(unpack(e, TopicTable().types).payload.data) for _, e in came]
 
-    assert run_virtual(under_way()) == [2000, 2009]
+    assert run_virtual(running()) == [2000, 2009]
 
 
 def test_a_picture_goes_only_to_the_station_that_looks() -> None:
@@ -259,9 +259,9 @@ def test_samples_do_not_go_over_a_link_on_which_nobody_looks() -> None:
     async def fly(stations: tuple[str, ...]) -> int:
         station, platform, _ = pair_on(1, CLEAN)
         await asyncio.sleep(3.0)
-        looked = Looked(platform, 1, stations)
-        looked.show(1.0, True)
-        looked.show(10.0, False)
+        checked = Looked(platform, 1, stations)
+        checked.show(1.0, True)
+        checked.show(10.0, False)
         await asyncio.sleep(5.0)
         station.close()
         return platform.counters.view_bytes
@@ -275,12 +275,12 @@ def test_a_picture_that_gets_no_further_is_given_up() -> None:
         station, platform, link = pair_on(1, CLEAN)
         came = watched(station)
         await asyncio.sleep(3.0)
-        looked = Looked(platform, 1)
+        checked = Looked(platform, 1)
         link.b.conditions = replace(CLEAN, loss=1.0)
-        looked.show(0.001, True)
+        checked.show(0.001, True)
         await asyncio.sleep(6.0)
         link.b.conditions = CLEAN
-        looked.show(0.001, True, 500)
+        checked.show(0.001, True, 500)
         await asyncio.sleep(4.0)
         return [len(unpack(e, TopicTable().types).payload.data) for _, e in came], platform.counters.undelivered
 

@@ -23,7 +23,7 @@ from gloc3.errors import Misuse, Refused
 from gloc3.exchange.base import LocalExchange, Publisher
 from gloc3.exchange.mavlink import TunnelEndpoint
 from gloc3.exchange.tunnel.frames import MAX_TOKENS
-from gloc3.exchange.tunnel.layout import Role
+from gloc3.exchange.tunnel.layout import TunnelRole
 from gloc3.mavlink.codec import message
 from gloc3.mavlink.transport.memory import MemoryLink
 from gloc3.messages.command_interface import LoadMission, Steer, Verb
@@ -71,9 +71,9 @@ def test_status_that_is_downlinked_every_second_time_is_thinned() -> None:
         platform, station = Platform(1, link.b, topics=topics), Station(2, link.a)
         await asyncio.sleep(3.0)
         for n in range(8):
-            platform.say("control", ControlState(holder=f"{n}"))
+            platform.send_text("control", ControlState(holder=f"{n}"))
             await asyncio.sleep(0.5)
-        return [int(state.holder) for state in station.heard(ControlState)]
+        return [int(state.holder) for state in station.received(ControlState)]
 
     assert [n for n in run_virtual(fly()) if n % 2] == []
 
@@ -116,7 +116,7 @@ def test_the_clocks_are_compared_by_greetings() -> None:
         station, platform, _ = pair_on(5)
         unknown = station.exchange.clock_offset_s(PLATFORM)
         await asyncio.sleep(10.0)
-        return unknown, station.exchange.clock_offset_s(PLATFORM), platform.exchange.heard_age_s("255")
+        return unknown, station.exchange.clock_offset_s(PLATFORM), platform.exchange.received_age_s("255")
 
     unknown, offset_s, age_s = run_virtual(fly())
     assert unknown is None
@@ -144,7 +144,7 @@ def test_a_bridge_joins_the_components_of_both_sides_each_topic_in_its_direction
         onboard.subscribe("**", lambda envelope: onboard_heard.append(envelope.topic))
         ground.subscribe("**", lambda envelope: ground_heard.append(envelope.topic))
         await asyncio.sleep(3.0)
-        station.ask(PAUSE)
+        station.request(PAUSE)
         await asyncio.sleep(2.0)
         onboard.publish(
             Envelope(f"{PLATFORM}/ci/event", platform.publisher.source, 0, 0.0, "", type_name(CiEvent), event("x"))
@@ -172,17 +172,17 @@ def test_an_error_of_a_subscriber_ends_neither_the_link_nor_what_else_came() -> 
         def fail(envelope: Envelope[Any]) -> None:
             raise Broken
 
-        heard: list[str] = []
+        received: list[str] = []
         station.exchange.subscribe("*/ci/reply", fail)
-        station.exchange.subscribe("*/ci/event", lambda envelope: heard.append(envelope.payload.text))
+        station.exchange.subscribe("*/ci/event", lambda envelope: received.append(envelope.payload.text))
         await asyncio.sleep(3.0)
-        station.ask(PAUSE)
-        platform.say("event", event("a"))
+        station.request(PAUSE)
+        platform.send_text("event", event("a"))
         await asyncio.sleep(2.0)
-        platform.say("event", event("b"))
+        platform.send_text("event", event("b"))
         await asyncio.sleep(2.0)
-        heard_all.extend(heard)
-        return heard
+        heard_all.extend(received)
+        return received
 
     heard_all: list[str] = []
     with pytest.raises(Broken):
@@ -197,9 +197,9 @@ def test_a_closed_exchange_sends_and_hears_nothing() -> None:
         station.exchange.close()
         sent = link.a.sent
         station.exchange.receive(message("HEARTBEAT"), PLATFORM_ADDRESS)
-        platform.say("event", event("a"))
+        platform.send_text("event", event("a"))
         await asyncio.sleep(3.0)
-        assert not station.heard(CiEvent)
+        assert not station.received(CiEvent)
         return sent, link.a.sent
 
     before, after = run_virtual(fly())
@@ -210,7 +210,7 @@ def test_traffic_of_others_on_the_same_link_is_taken_into_account() -> None:
     async def upload_s(other_bytes_s: float) -> float:
         station, platform, _ = pair_on(9, CLEAN)
         await asyncio.sleep(4.0)
-        station.ask(LoadMission(name="m", text=text_of(5000, Random(1), is_random=True)))
+        station.request(LoadMission(name="m", text=text_of(5000, Random(1), is_random=True)))
         while not platform.given:
             await asyncio.sleep(0.1)
             station.endpoint.other_traffic(round(other_bytes_s * 0.1), station.loop.time())
@@ -222,4 +222,4 @@ def test_traffic_of_others_on_the_same_link_is_taken_into_account() -> None:
 @pytest.mark.parametrize("name", ["", "x" * 33])
 def test_a_name_fits_the_greeting(name: str) -> None:
     with pytest.raises(Misuse):
-        TunnelEndpoint(Role.STATION, name, STATION_ADDRESS, 1, standard_topics())
+        TunnelEndpoint(TunnelRole.STATION, name, STATION_ADDRESS, 1, standard_topics())

@@ -55,8 +55,8 @@ async def two_stations(seed: int) -> tuple[list[Station], Platform]:
     for number in range(20):
         await asyncio.sleep(random.expovariate(2.0))
         for station in stations:
-            station.ask(random_body(random))
-        platform.say("event", CiEvent(severity=Severity.INFO, source="x", text=f"{number}", t_s=loop.time()))
+            station.request(random_body(random))
+        platform.send_text("event", CiEvent(severity=Severity.INFO, source="x", text=f"{number}", t_s=loop.time()))
     await asyncio.sleep(20.0)
     return stations, platform
 
@@ -67,7 +67,7 @@ def test_each_request_is_handed_over_once_and_each_event_reaches_each_station() 
         assert sorted(platform.sequences(station.name)) == list(range(20))
         assert sorted(station.acknowledged()) == list(range(20))
         assert sorted(station.replies) == list(range(20))
-        assert [event.text for event in station.heard(CiEvent)] == [f"{number}" for number in range(20)]
+        assert [event.text for event in station.received(CiEvent)] == [f"{number}" for number in range(20)]
         assert not station.undelivered()
         kept = [
             request.sequence
@@ -81,7 +81,7 @@ async def order_of(*bodies: AnyBody) -> list[AnyBody]:
     station, platform, _ = pair_on(11)
     await asyncio.sleep(5.0)
     for body in bodies:
-        station.ask(body)
+        station.request(body)
         await asyncio.sleep(0.5)
     await asyncio.sleep(25.0)
     return [request.body for _, request in platform.given]
@@ -111,9 +111,9 @@ def test_an_emergency_overtakes_everything() -> None:
         station, platform, _ = pair_on(11)
         await asyncio.sleep(5.0)
         for body in [UPLOAD, *tasks]:
-            station.ask(body)
+            station.request(body)
         await asyncio.sleep(0.2)
-        station.ask(HOLD)
+        station.request(HOLD)
         await asyncio.sleep(25.0)
         return [request.body for _, request in platform.given]
 
@@ -124,10 +124,10 @@ def test_an_emergency_arrives_within_2_s_during_an_upload() -> None:
     async def delay_s(seed: int) -> float:
         station, platform, _ = pair_on(seed)
         await asyncio.sleep(5.0)
-        station.ask(UPLOAD)
+        station.request(UPLOAD)
         await asyncio.sleep(1.0)
         sent_s = station.loop.time()
-        station.ask(HOLD)
+        station.request(HOLD)
         await asyncio.sleep(4.0)
         return next(t_s for t_s, request in platform.given if request.body == HOLD) - sent_s
 
@@ -138,10 +138,10 @@ def test_a_request_that_is_asked_for_again_while_it_is_under_way_is_not_sent_aga
     async def ask_twice() -> tuple[Station, Platform]:
         station, platform, _ = pair_on(3)
         await asyncio.sleep(5.0)
-        station.ask(UPLOAD)
+        station.request(UPLOAD)
         await asyncio.sleep(1.0)
-        station.asked = 0
-        station.ask(UPLOAD)
+        station.requested = 0
+        station.request(UPLOAD)
         await asyncio.sleep(15.0)
         return station, platform
 
@@ -153,7 +153,7 @@ def test_a_request_that_is_asked_for_again_while_it_is_under_way_is_not_sent_aga
 def test_a_request_to_a_platform_that_was_not_heard_yet_waits_for_it() -> None:
     async def ask_early() -> Platform:
         station, platform, _ = pair_on(4)
-        station.ask(PAUSE)
+        station.request(PAUSE)
         await asyncio.sleep(6.0)
         return platform
 
@@ -163,7 +163,7 @@ def test_a_request_to_a_platform_that_was_not_heard_yet_waits_for_it() -> None:
 def test_a_request_to_a_platform_that_is_never_heard_comes_back() -> None:
     async def ask_nobody() -> Station:
         station, _, _ = pair_on(5)
-        station.ask(PAUSE, platform="nautilus")
+        station.request(PAUSE, platform="nautilus")
         await asyncio.sleep(20.0)
         return station
 
@@ -184,7 +184,7 @@ def test_one_station_commands_several_platforms() -> None:
         ]
         await asyncio.sleep(5.0)
         for name, _ in names:
-            station.ask(PAUSE, platform=name)
+            station.request(PAUSE, platform=name)
         await asyncio.sleep(5.0)
         assert len(station.replies) == 2
         return platforms

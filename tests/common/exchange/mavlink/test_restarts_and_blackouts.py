@@ -9,7 +9,7 @@ from tests.common.exchange.mavlink.ends import RADIO_CONDITIONS, Platform, Stati
 
 from gloc3.clock import run_virtual
 from gloc3.exchange.tunnel.happenings import PeerChanged
-from gloc3.exchange.tunnel.routes import EMERGENCY_PATIENCE_S, REQUEST_PATIENCE_S
+from gloc3.exchange.tunnel.routes import EMERGENCY_PATIENCE_S, REQUEST_TIMEOUT_S
 from gloc3.mavlink.message import Address
 from gloc3.messages.command_interface import Emergency, EmergencyVerb, LoadMission, Steer, Verb
 
@@ -26,7 +26,7 @@ def test_an_upload_goes_on_after_a_blackout_of_30_s() -> None:
         station, platform, link = pair_on(1)
         platform.report(20)
         await asyncio.sleep(5.0)
-        station.ask(UPLOAD)
+        station.request(UPLOAD)
         await asyncio.sleep(2.0)
         link.set_conditions(CUT)
         await asyncio.sleep(30.0)
@@ -41,7 +41,7 @@ def test_an_upload_goes_on_after_a_blackout_of_30_s() -> None:
     assert given_s - back_s < 9.0
     assert station.acknowledged() == [0]
     assert not station.undelivered()
-    alive = [happening.is_alive for happening in station.happened if isinstance(happening, PeerChanged)]
+    alive = [happening.is_alive for happening in station.events if isinstance(happening, PeerChanged)]
     assert alive == [True, False, True]
 
 
@@ -50,12 +50,12 @@ def test_requests_of_a_long_blackout_come_back_and_are_not_carried_out_afterward
         station, platform, link = pair_on(2)
         await asyncio.sleep(5.0)
         link.set_conditions(CUT)
-        station.ask(PAUSE)
-        station.ask(Emergency(verb=EmergencyVerb.HOLD))
+        station.request(PAUSE)
+        station.request(Emergency(verb=EmergencyVerb.HOLD))
         await asyncio.sleep(30.0)
         link.set_conditions(RADIO_CONDITIONS)
         await asyncio.sleep(5.0)
-        station.ask(PAUSE)
+        station.request(PAUSE)
         await asyncio.sleep(5.0)
         return station, platform
 
@@ -64,14 +64,14 @@ def test_requests_of_a_long_blackout_come_back_and_are_not_carried_out_afterward
     undelivered = station.undelivered()
     assert [given_up.envelope.payload.sequence for given_up in undelivered] == [1, 0]
     assert not any(given_up.is_certain for given_up in undelivered)  # they were sent: nobody can know
-    assert EMERGENCY_PATIENCE_S < REQUEST_PATIENCE_S < 30.0
+    assert EMERGENCY_PATIENCE_S < REQUEST_TIMEOUT_S < 30.0
 
 
 def test_an_upload_begins_anew_when_the_platform_restarts_in_the_middle() -> None:
     async def fly() -> tuple[Station, Platform, Platform]:
         station, platform, link = pair_on(3)
         await asyncio.sleep(5.0)
-        station.ask(UPLOAD)
+        station.request(UPLOAD)
         await asyncio.sleep(2.0)
         platform.close()
         successor = Platform(99, link.b)
@@ -89,7 +89,7 @@ def test_what_may_have_been_handed_over_before_a_restart_is_unknown_and_not_hand
         station, platform, link = pair_on(4, CLEAN)
         await asyncio.sleep(5.0)
         link.b.conditions = CUT  # neither acknowledgement nor reply gets out
-        station.ask(PAUSE)
+        station.request(PAUSE)
         await asyncio.sleep(0.5)
         platform.close()
         successor = Platform(99, link.b)
@@ -110,19 +110,19 @@ def test_a_station_that_restarts_in_the_middle_of_an_upload_can_upload_again() -
     async def fly() -> tuple[Platform, Station]:
         station, platform, link = pair_on(5)
         await asyncio.sleep(5.0)
-        station.ask(LoadMission(name="old", text=UPLOAD.text))
+        station.request(LoadMission(name="old", text=UPLOAD.text))
         await asyncio.sleep(2.0)
         station.close()
         successor = Station(77, link.a)
         await asyncio.sleep(3.0)
-        successor.ask(UPLOAD)
+        successor.request(UPLOAD)
         await asyncio.sleep(15.0)
         return platform, successor
 
     platform, successor = run_virtual(fly())
     assert [request.body for _, request in platform.given] == [UPLOAD]
     assert 0 in successor.replies
-    restarted = [happening for happening in platform.happened if isinstance(happening, PeerChanged)]
+    restarted = [happening for happening in platform.events if isinstance(happening, PeerChanged)]
     assert [happening.is_restarted for happening in restarted] == [False, True]
 
 
@@ -132,15 +132,15 @@ def test_two_processes_at_one_address_are_shown_as_a_clash() -> None:
         await asyncio.sleep(5.0)
         second = Station(77, link.a)
 
-        def take(data: bytes) -> None:
+        def handle(data: bytes) -> None:
             first.take(data)
             second.take(data)
 
-        link.a.on_data = take
+        link.a.on_data = handle
         await asyncio.sleep(8.0)
         return platform
 
-    assert run_virtual(fly()).troubles() == ["two processes use the address 255/190"]
+    assert run_virtual(fly()).problems() == ["two processes use the address 255/190"]
 
 
 def test_two_stations_of_one_name_are_shown_as_a_clash() -> None:
@@ -150,7 +150,7 @@ def test_two_stations_of_one_name_are_shown_as_a_clash() -> None:
         await asyncio.sleep(3.0)
         return platform
 
-    assert run_virtual(fly()).troubles() == ["two stations call themselves 255"]
+    assert run_virtual(fly()).problems() == ["two stations call themselves 255"]
 
 
 async def a_minute_of_restarts(seed: int) -> None:
@@ -169,7 +169,7 @@ async def a_minute_of_restarts(seed: int) -> None:
     for boot in range(1, 9):
         for _ in range(5):
             await asyncio.sleep(random.uniform(0.1, 1.0))
-            station.ask(PAUSE)
+            station.request(PAUSE)
         await asyncio.sleep(random.uniform(0.0, 3.0))
         if boot % 2:
             bury(platform)
@@ -194,8 +194,8 @@ def test_patience_is_counted_from_when_a_request_was_made_also_while_nobody_is_h
     async def fly() -> tuple[Station, Platform]:
         station, platform, link = pair_on(2)
         link.set_conditions(CUT)
-        station.ask(PAUSE)
-        station.ask(Emergency(verb=EmergencyVerb.HOLD))
+        station.request(PAUSE)
+        station.request(Emergency(verb=EmergencyVerb.HOLD))
         await asyncio.sleep(EMERGENCY_PATIENCE_S + 1.0)
         assert [given_up.is_certain for given_up in station.undelivered()] == [True]
         link.set_conditions(CLEAN)

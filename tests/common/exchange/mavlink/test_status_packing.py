@@ -13,7 +13,7 @@ from gloc3.exchange.tunnel.body import unpack_payload, unpack_status
 from gloc3.exchange.tunnel.frames import Status, StatusPart, SummaryRows
 from gloc3.exchange.tunnel.happenings import Counters
 from gloc3.exchange.tunnel.layout import MAX_PAYLOAD
-from gloc3.exchange.tunnel.reader import FrameError
+from gloc3.exchange.tunnel.reader import TunnelFrameError
 from gloc3.exchange.tunnel.status import MAX_PARTS, StatusReceiver, StatusSender
 from gloc3.messages.envelope import Envelope, Message, Source
 from gloc3.messages.motion import MotionSummary
@@ -172,17 +172,17 @@ def test_old_and_repeated_frames_are_dropped() -> None:
     ],
 )
 def test_a_part_without_a_place_is_damage(part: StatusPart) -> None:
-    with pytest.raises(FrameError):
+    with pytest.raises(TunnelFrameError):
         StatusReceiver(Counters()).receive_part(part)
 
 
 def test_parts_that_contradict_each_other_are_damage() -> None:
     receiver = StatusReceiver(Counters())
     receiver.receive_part(StatusPart(1, 0, 0, 2, 10, b"x"))
-    with pytest.raises(FrameError):
+    with pytest.raises(TunnelFrameError):
         receiver.receive_part(StatusPart(1, 0, 1, 2, 11, b"x"))
     receiver.receive_part(StatusPart(1, 1, 0, 2, 10, b"x"))
-    with pytest.raises(FrameError):
+    with pytest.raises(TunnelFrameError):
         receiver.receive_part(StatusPart(1, 1, 1, 2, 10, b"x"))
 
 

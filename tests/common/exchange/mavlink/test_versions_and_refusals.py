@@ -57,7 +57,7 @@ async def of_two_versions() -> tuple[Station, Platform]:
     await asyncio.sleep(4.0)
     request = CiRequest(sender="255", boot=1, sequence=0, body="x", priority=3)
     station.publisher.publish(f"{PLATFORM}/ci/request", request, station.loop.time())
-    platform.say("control", ci_summaries.ControlState(holder="255"))
+    platform.send_text("control", ci_summaries.ControlState(holder="255"))
     platform.report(2)
     await asyncio.sleep(6.0)
     return station, platform
@@ -69,16 +69,16 @@ def test_a_request_of_another_version_is_refused_and_shown_at_both_ends() -> Non
     (undelivered,) = station.undelivered()
     assert undelivered.is_certain
     assert undelivered.reason.startswith("versions differ: CiRequest#")
-    assert [text for text in platform.troubles() if text.startswith("versions differ: CiRequest#")]
+    assert [text for text in platform.problems() if text.startswith("versions differ: CiRequest#")]
     assert platform.counters.versions_differ >= 1
 
 
 def test_status_of_another_version_is_counted_and_the_rest_goes_on() -> None:
     station, _ = run_virtual(of_two_versions())
-    assert not station.heard(ci_summaries.ControlState)
-    assert station.heard(VehicleSummary)
+    assert not station.received(ci_summaries.ControlState)
+    assert station.received(VehicleSummary)
     assert station.counters.versions_differ >= 1
-    assert len([text for text in station.troubles() if "ControlState" in text]) == 1
+    assert len([text for text in station.problems() if "ControlState" in text]) == 1
 
 
 def test_another_version_of_the_tunnel_is_shown_once() -> None:
@@ -93,7 +93,7 @@ def test_another_version_of_the_tunnel_is_shown_once() -> None:
 
     platform = run_virtual(fly())
     assert platform.counters.other_version == 3
-    assert platform.troubles() == [f"versions differ: tunnel version {VERSION + 1} there, {VERSION} here"]
+    assert platform.problems() == [f"versions differ: tunnel version {VERSION + 1} there, {VERSION} here"]
 
 
 def test_a_station_can_not_publish_what_only_a_platform_says() -> None:
@@ -117,16 +117,16 @@ def test_a_station_can_not_publish_what_only_a_platform_says() -> None:
     station, platform = run_virtual(fly())
     (undelivered,) = station.undelivered()
     assert undelivered.reason == f"{PLATFORM}/ci/event is not taken from a station"
-    assert platform.counters.not_taken >= 1
+    assert platform.counters.not_accepted >= 1
 
 
 def ask_too_much(station: Station) -> None:
-    station.ask(LoadMission(name="m", text=text_of(MAX_BODY + 100, Random(1), is_random=True)))
+    station.request(LoadMission(name="m", text=text_of(MAX_BODY + 100, Random(1), is_random=True)))
 
 
 def ask_too_often(station: Station) -> None:
     for _ in range(MAX_WAITING[Lane.ORDINARY] + 1):
-        station.ask(PAUSE)
+        station.request(PAUSE)
 
 
 @pytest.mark.parametrize(("ask", "reason"), [(ask_too_much, "too large"), (ask_too_often, "wait already")])
@@ -146,7 +146,7 @@ def test_too_much_at_once_is_refused_with_a_reason(ask: Callable[[Station], None
 def test_names_that_fit_no_frame_are_refused() -> None:
     async def fly() -> Station:
         station, _, _ = pair_on(5)
-        station.ask(PAUSE, platform="x" * 120)
+        station.request(PAUSE, platform="x" * 120)
         await asyncio.sleep(0.1)
         return station
 
@@ -160,13 +160,13 @@ def test_status_that_is_too_long_is_counted_and_not_sent() -> None:
         await asyncio.sleep(4.0)
         random = Random(1)
         tasks = {text_of(20, random, is_random=True): "waiting" for _ in range(100)}
-        platform.say("mission", ci_summaries.MissionSummary(name="m", digest="", state="running", tasks=tasks))
+        platform.send_text("mission", ci_summaries.MissionSummary(name="m", digest="", state="running", tasks=tasks))
         await asyncio.sleep(4.0)
         return station, platform
 
     station, platform = run_virtual(fly())
     assert platform.counters.too_long == 1
-    assert not station.heard(ci_summaries.MissionSummary)
+    assert not station.received(ci_summaries.MissionSummary)
 
 
 def test_topics_that_do_not_cross_the_link_stay_here() -> None:
@@ -174,7 +174,9 @@ def test_topics_that_do_not_cross_the_link_stay_here() -> None:
         station, platform, _ = pair_on(7)
         await asyncio.sleep(3.0)
         line = ComponentLine(0, 0, 0, 0, 0, 0)
-        platform.say("request", ci.CiRequest(sender="255", boot=1, sequence=0, body=PAUSE))  # not in this direction
+        platform.send_text(
+            "request", ci.CiRequest(sender="255", boot=1, sequence=0, body=PAUSE)
+        )  # not in this direction
         platform.publisher.publish(
             "other/ci/summary", ci_summaries.Summary(table=1, health=Health.IDLE, lines=[line]), 0.0
         )

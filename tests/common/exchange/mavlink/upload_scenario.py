@@ -82,10 +82,10 @@ async def _run(
     await asyncio.sleep(BEGIN_S)
     text = text_of(size, Random(seed), is_random=is_random)
     status_before = platform.counters.status_bytes
-    station.ask(LoadMission(name="survey", text=text))
+    station.request(LoadMission(name="survey", text=text))
     replied_s = await reply_to(0)
     read_s = loop.time()
-    station.ask(ReadMission())
+    station.request(ReadMission())
     read_back_s = await reply_to(1)
     busy_s, busy_bytes = loop.time() - BEGIN_S, platform.counters.status_bytes - status_before
     await asyncio.sleep(max(0.0, duration_s - loop.time()))

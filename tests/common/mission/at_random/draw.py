@@ -58,18 +58,18 @@ class _Draft:
             made["deadline_s"] = random.choice([240, 600])
         climb = self._step("depart", {}) if random.random() < 0.15 else self._step("take_off", {"height_m": 2})
         tasks: Document = {"depart": {"actions": {"climb": climb}}}
-        led, free = "depart", ["depart"]
+        exchange, free = "depart", ["depart"]
         for number in range(random.randint(1, 5)):
             name = f"task{number}"
             if random.random() < 0.75:
-                tasks[name] = self._task(is_led=True, after=[led, *self._some(free)])
-                led = name
+                tasks[name] = self._task(is_guided=True, after=[exchange, *self._some(free)])
+                exchange = name
             else:
-                tasks[name] = self._task(is_led=False, after=self._some(free))
+                tasks[name] = self._task(is_guided=False, after=self._some(free))
             free.append(name)
         home = {"home": self._step("return_home", {})} if random.random() < 0.6 else {}
         down = self._step("land" if home or random.random() < 0.4 else "arrive", {}, after=[*home])
-        tasks["recover"] = {"after": sorted({led, *self._some(free)}), "actions": {**home, "down": down}}
+        tasks["recover"] = {"after": sorted({exchange, *self._some(free)}), "actions": {**home, "down": down}}
         ready = self._contingencies(made) if random.random() < 0.4 else {}
         if self._definitions:
             made["define"] = self._definitions
@@ -111,13 +111,13 @@ class _Draft:
                 found[key] = random.choice(possible)
         return found | {"hold_s": random.choice([0, 5, 20])}
 
-    def _task(self, *, is_led: bool, after: list[str]) -> Document:
+    def _task(self, *, is_guided: bool, after: list[str]) -> Document:
         random = self._random
-        if is_led and random.random() < 0.25:
+        if is_guided and random.random() < 0.25:
             return self._use() | {"after": sorted({*after})}
-        actions = self._led() if is_led else self._waits("", random.randint(1, 3))
+        actions = self._led() if is_guided else self._waits("", random.randint(1, 3))
         repeat: Document = {}
-        if is_led and random.random() < 0.3 and all(_is_plan(action) for action in actions.values()):
+        if is_guided and random.random() < 0.3 and all(_is_plan(action) for action in actions.values()):
             repeat["flown_by"] = "autopilot"
         if random.random() < 0.2:
             repeat["repeat"] = {"times": random.randint(2, 3)}

@@ -13,9 +13,9 @@ from typing import Any, Literal, NamedTuple
 import msgspec
 
 from gloc3.errors import Refused
-from gloc3.mission.executing.board import Condition
+from gloc3.mission.executing.board import PolicyCondition
 from gloc3.mission.executing.executor import MissionExecutor
-from gloc3.mission.executing.requests import Cancel, Grant, Pause, Persist, Request, Resume, Start, Told
+from gloc3.mission.executing.requests import Cancel, Grant, MissionEvent, Pause, Persist, Request, Resume, Start
 from gloc3.mission.executing.restore import restore
 from gloc3.mission.executing.snapshot import Snapshot
 from gloc3.mission.model.messages import ActionStatus
@@ -25,7 +25,7 @@ from gloc3.mission.model.states import ActionState
 from gloc3.platform.platform import Platform
 
 VERBS = ("pause", "resume", "skip", "abort", "retry", "start")
-CONDITIONS = (Condition.LINK_LOST, Condition.LOW_BATTERY, Condition.POSE_LOST)
+CONDITIONS = (PolicyCondition.LINK_LOST, PolicyCondition.LOW_BATTERY, PolicyCondition.POSE_LOST)
 LIMIT_S = 3000.0
 SENSED_EVERY_S = 2.0
 MOST_AT_ONCE = 50
@@ -77,10 +77,10 @@ class Command(NamedTuple):
 class _Work:
     """An action in the hands of a component."""
 
-    def __init__(self, start: Start, takes_s: float, end: ActionState | None) -> None:
+    def __init__(self, start: Start, duration_s: float, end: ActionState | None) -> None:
         self.start = start
-        self.left_s = takes_s
-        self.takes_s = takes_s
+        self.left_s = duration_s
+        self.duration_s = duration_s
         self.end = end
         """None: nothing more is ever heard of it."""
         self.since_s: float | None = None
@@ -90,7 +90,7 @@ class _Work:
 
     def progress(self, now_s: float) -> float:
         ran_s = now_s - self.since_s if self.since_s is not None else 0.0
-        return min(1.0, 1.0 - (self.left_s - ran_s) / self.takes_s)
+        return min(1.0, 1.0 - (self.left_s - ran_s) / self.duration_s)
 
 
 class Flight:
@@ -139,7 +139,7 @@ class Flight:
         self._steer("start", "")
         for every_s, happen in (
             (self._weather.commands_s, self._command),
-            (self._weather.troubles_s, self._trouble),
+            (self._weather.troubles_s, self._problem),
             (self._weather.restarts_s, self._restart),
         ):
             if every_s:
@@ -192,13 +192,13 @@ class Flight:
 
     # --- the executor ---
 
-    def _call(self, tell: Callable[[], Any], kind: str = "", what: str = "", data: Any = None) -> None:
+    def _call(self, report: Callable[[], Any], kind: str = "", what: str = "", data: Any = None) -> None:
         """Tells the executor something (which the log calls by its kind), and does what it asks for."""
         self._see("step")
         if kind:
             self._see(kind, what, data)
-        tell()
-        requests = self._executor.take(self._now_s)
+        report()
+        requests = self._executor.collect(self._now_s)
         self._see_states()
         ends_at = None
         if (
@@ -223,7 +223,7 @@ class Flight:
                 self._see("persist", "", msgspec.to_builtins(snapshot))
             case Grant(action_id=action_id, component=component):
                 self._see("grants", action_id, component)
-            case Told(text=text):
+            case MissionEvent(text=text):
                 self._see("told", text)
             case Start():
                 self._see("start", request.action_id, request)
@@ -262,10 +262,10 @@ class Flight:
         if kind == "refuses":
             self._later(0.02, lambda: self._reply(request.action_id, "start", "busy"))
             return
-        takes_s = random.choice([0.3, 2.0, 7.0, 15.0]) * random.uniform(0.5, 1.5)
-        takes_s *= 20.0 if random.random() < self._weather.slow and not self._is_ending else 1.0
+        duration_s = random.choice([0.3, 2.0, 7.0, 15.0]) * random.uniform(0.5, 1.5)
+        duration_s *= 20.0 if random.random() < self._weather.slow and not self._is_ending else 1.0
         ends = {"fails": ActionState.FAILED, "aborts": ActionState.ABORTED, "falls silent": None}
-        work = _Work(request, takes_s, ends.get(kind, ActionState.DONE))
+        work = _Work(request, duration_s, ends.get(kind, ActionState.DONE))
         work.since_s = self._now_s
         if self._weather.obstacles and random.random() < self._weather.obstacles and not self._is_ending:
             work.blocked_until_s = self._now_s + random.choice([3.0, 9.0])
@@ -273,7 +273,7 @@ class Flight:
         self._see("works", request.action_id)
         self._later(random.uniform(0.0, 0.05), lambda: self._reply(request.action_id, "start", ""))
         if request.capability == "take_off":
-            self._later(min(0.2, takes_s / 2), lambda: self._fly(True))
+            self._later(min(0.2, duration_s / 2), lambda: self._fly(True))
         self._expect_end(work)
         self._report(work)
 
@@ -345,8 +345,8 @@ class Flight:
             self._later(1.0, report)
 
     def _reply(self, action_id: str, verb: str, reason: str) -> None:
-        asked: Any = verb
-        self._call(lambda: self._executor.replied(action_id, asked, not reason, reason, self._now_s))
+        requested: Any = verb
+        self._call(lambda: self._executor.replied(action_id, requested, not reason, reason, self._now_s))
 
     def _fly(self, is_airborne: bool) -> None:
         self._is_airborne = is_airborne
@@ -374,7 +374,7 @@ class Flight:
         targets = ["", *self._executor.states()]
         self._steer(self._random.choice(VERBS), self._random.choice(targets))
 
-    def _trouble(self) -> None:
+    def _problem(self) -> None:
         random, executor, now_s = self._random, self._executor, self._now_s
         match random.randrange(7):
             case 0 | 1:

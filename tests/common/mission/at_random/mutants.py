@@ -55,7 +55,7 @@ MUTANTS = (
         "pass",
         seed=42,
     ),
-    Mutant("the owner of motion is not told", Assignments.take, "if grant != self._granted:", "if False:"),
+    Mutant("the owner of motion is not told", Assignments.collect, "if grant != self._granted:", "if False:"),
     Mutant("progress is not put on disk", MissionExecutor._note_progress, "self.board.is_changed = True", "pass"),
     Mutant(
         "the fence is not looked at",
@@ -64,7 +64,7 @@ MUTANTS = (
         "return\n    clearance_m = fence",
         seed=62,
     ),
-    Mutant("guards are not looked at", flow.guard_says, "if guard is None:", "if True:", seed=44),
+    Mutant("guards are not looked at", flow.guard_decision, "if guard is None:", "if True:", seed=44),
     Mutant(
         "a loop is done once too often",
         flow.is_to_repeat,

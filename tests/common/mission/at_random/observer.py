@@ -193,12 +193,12 @@ class Observer:
         if self._is_airborne and not self._has_pilot and not self._grant:
             self._wrong("in the air nobody owns motion")
 
-    def _told(self, entry: Entry) -> None:
+    def _reports_seen(self, entry: Entry) -> None:
         if found := TOLD_POLICY.match(entry.what):
             self._answer(found[1])
             self._owed = ""
         elif found := TOLD_CONTINGENCY.match(entry.what):
-            self._begin_anew(found[1])
+            self._restart(found[1])
         elif found := TOLD_FOLLOWS.fullmatch(entry.what):
             self._owed = found[3]
             if found[3] == "resume":
@@ -230,7 +230,7 @@ class Observer:
             self._wrong(f"the policy {policy} follows {SEVERITY[self._severity]}")
         self._severity = severity
 
-    def _begin_anew(self, name: str) -> None:
+    def _restart(self, name: str) -> None:
         """A contingency begins, perhaps not for the first time; what ends it is more severe."""
         wanted = {policy["then"] for policy in self._document.values() if _names(policy, name)}
         self._is_disturbed = True
@@ -306,9 +306,9 @@ class Observer:
             shared = [one for one in claims if one in self._rows[self._capability[other]]["claims"]]
             if shared and other != action_id:
                 self._wrong(f"{action_id} and {other} both have {shared[0]}")
-        under_way = [name for name in self._ready if self._shown.get(name) in OPEN]
-        if under_way and target.partition(".")[0] not in under_way:
-            self._wrong(f"{action_id} is begun, and the contingency {under_way[0]} is under way")
+        running = [name for name in self._ready if self._shown.get(name) in OPEN]
+        if running and target.partition(".")[0] not in running:
+            self._wrong(f"{action_id} is begun, and the contingency {running[0]} is under way")
         if not target.startswith("policy."):
             names = (target.partition(".")[0], target)
             for name in names if self._is_ready(target) else ("", *names):

@@ -5,7 +5,7 @@ from tests.groundstation.scripted_platform import CHECKS, CLOCK, LINK_LOSS
 from tests.groundstation.station_scene import scene
 
 from gloc3.messages.command_interface import Preflight, Steer
-from gloc3_groundstation.tui.dialogues.questions import AskFor
+from gloc3_groundstation.tui.dialogues.questions import TextQuestion
 
 pytestmark = pytest.mark.sockets
 
@@ -16,11 +16,11 @@ async def test_the_list_is_asked_for_when_it_is_looked_at_and_again_by_key() -> 
         await here.go("8")
         await here.until("headline", "nothing is red")
         await here.until("checks", "link loss")
-        assert len(here.asked(Preflight)) == 1
+        assert len(here.requested(Preflight)) == 1
         here.platform.checks = [*CHECKS, CLOCK]
         await here.press("r")
         await here.until("checks", "12.0 s behind the autopilot's")
-        assert len(here.asked(Preflight)) == 2
+        assert len(here.requested(Preflight)) == 2
 
 
 async def test_a_red_line_refuses_the_start_and_an_override_starts_with_its_reason() -> None:
@@ -33,11 +33,11 @@ async def test_a_red_line_refuses_the_start_and_an_override_starts_with_its_reas
         await here.press("s", "y")
         await here.wait(lambda: any("red: failsafes: link loss" in event.text for event in here.station.fleet.events))
         await here.press("o")
-        await here.shows(AskFor)
+        await here.shows(TextQuestion)
         await here.types("urgent")
         await here.press("enter")
-        await here.wait(lambda: bool([one for one in here.asked(Steer) if getattr(one, "override", "")]))
-        (steer,) = [one for one in here.asked(Steer) if getattr(one, "override", "")]
+        await here.wait(lambda: bool([one for one in here.requested(Steer) if getattr(one, "override", "")]))
+        (steer,) = [one for one in here.requested(Steer) if getattr(one, "override", "")]
         assert isinstance(steer, Steer)
         assert steer.override == "urgent"
         await here.wait(lambda: here.platform.mission.state == "running")
@@ -50,11 +50,11 @@ async def test_without_a_reason_nothing_is_started() -> None:
         await here.go("8")
         await here.until("headline", "the start is refused")
         await here.press("o")
-        await here.shows(AskFor)
+        await here.shows(TextQuestion)
         await here.field()
         await here.press("enter")
-        await here.wait(lambda: not isinstance(here.app.screen, AskFor))
-        assert not here.asked(Steer)
+        await here.wait(lambda: not isinstance(here.app.screen, TextQuestion))
+        assert not here.requested(Steer)
 
 
 async def test_before_a_vehicle_is_heard_it_says_what_is_waited_for() -> None:

@@ -12,7 +12,7 @@ from gloc3_groundstation.station import fleet as reducers
 from gloc3_groundstation.station.snapshots import Fleet
 from gloc3_groundstation.store.event_search import EventFilter, Search
 from gloc3_groundstation.store.event_store import EventStore
-from gloc3_groundstation.tui.dialogues.questions import AskFor
+from gloc3_groundstation.tui.dialogues.questions import TextQuestion
 from gloc3_groundstation.tui.views.events import event_rows, filter_line
 from gloc3_groundstation.tui.widgets.lines import text_of
 
@@ -57,7 +57,7 @@ async def test_an_operator_searches_while_typing_follows_the_end_and_writes_a_fi
         await here.until("filter", "severity error+")
         await here.until("event", "number 170")
         await here.press("e")
-        await here.shows(AskFor)
+        await here.shows(TextQuestion)
         (await here.field()).value = str(tmp_path / "some.jsonl")
         await here.press("enter")
         await here.wait((tmp_path / "some.jsonl").exists)

@@ -11,7 +11,7 @@ from gloc3.messages.summaries import ControlState
 from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.links.link_snapshot import LinkSnapshot
 from gloc3_groundstation.station.station import Station
-from gloc3_groundstation.tui.dialogues.questions import AskFor, Question
+from gloc3_groundstation.tui.dialogues.questions import TextQuestion, YesNoQuestion
 from gloc3_groundstation.tui.views.fleet import control_lines, fleet_line, link_line, rate
 from gloc3_groundstation.tui.widgets.lines import text_of
 
@@ -33,15 +33,17 @@ def test_a_links_line_tells_what_passes_who_is_behind_it_or_what_is_wrong() -> N
 
 
 def test_a_links_line_tells_what_was_refused_or_did_not_come() -> None:
-    link = LinkSnapshot(url="udpin://0.0.0.0:14550", is_connected=True, heard=("autopilot 1/1",), frames_in=95, lost=5)
+    link = LinkSnapshot(
+        url="udpin://0.0.0.0:14550", is_connected=True, received=("autopilot 1/1",), frames_in=95, lost=5
+    )
     assert "autopilot 1/1; 5% lost or left out" in text_of(link_line(link, 140))
-    refused = msgspec.structs.replace(link, refusals={"not signed": 12}, heard=())
+    refused = msgspec.structs.replace(link, refusals={"not signed": 12}, received=())
     assert "12 refused: not signed; 5% lost or left out; nobody is heard" in text_of(link_line(refused, 200))
 
 
 def test_who_asks_for_control_is_told_with_the_keys_that_answer() -> None:
-    said = [text_of(line) for line in control_lines(view(PLATFORM), {ControlVerb.GRANT, ControlVerb.REFUSE})]
-    assert said == [" this station in control", "   g grant   f refuse"]
+    text = [text_of(line) for line in control_lines(view(PLATFORM), {ControlVerb.GRANT, ControlVerb.REFUSE})]
+    assert text == [" this station in control", "   g grant   f refuse"]
 
 
 @pytest.mark.sockets
@@ -58,24 +60,24 @@ async def test_marked_vehicles_are_ordered_together_after_a_question_that_names_
         await here.press("m")
         await here.wait(lambda: here.shown("vehicles").count("●") == 2)
         await here.press("p")
-        await here.shows(Question)
+        await here.shows(YesNoQuestion)
         question = here.app.screen
-        assert isinstance(question, Question)
+        assert isinstance(question, YesNoQuestion)
         assert "heron, egret" in question._question
         await here.press("y")
         await here.wait(lambda: all(Steer(verb=Verb.PAUSE) in each.requests for each in (here.platform, others[0])))
         assert not [body for body in others[1].requests if isinstance(body, Steer)]
         await here.wait(lambda: here.app.screen is here.app.base)
         await here.press("M", "l")
-        await here.shows(Question)
+        await here.shows(YesNoQuestion)
         await here.press("n")
         await here.wait(lambda: here.app.screen is here.app.base)
-        assert here.asked(Emergency) == [], "no is no"
+        assert here.requested(Emergency) == [], "no is no"
         await here.press("M", "l")
-        await here.shows(Question)
+        await here.shows(YesNoQuestion)
         await here.press("n")
         await here.wait(lambda: here.app.screen is here.app.base)
-        assert here.asked(Emergency) == [], "landing hurts, so it is asked about for one vehicle too"
+        assert here.requested(Emergency) == [], "landing hurts, so it is asked about for one vehicle too"
         before = len(others[0].requests)
         await here.press("p")
         await here.wait(lambda: others[0].requests[before:].count(Steer(verb=Verb.PAUSE)) == 1)
@@ -101,14 +103,14 @@ async def test_control_of_a_second_vehicle_is_requested_and_granted_between_two_
         assert await other.fleet.control("egret", ControlVerb.GRANT)
         await here.until("control", "this station in control")
         egret.speak_every(0.5)  # and now the other way round
-        here.app.run_worker(other.take_control("egret"))
+        here.app.run_worker(other.request_control("egret"))
         await here.until("title", "254 asks for control")
         await here.until("alert", "station 254 asks for control")
         await here.until("control", "station 254 asks for it")
         await here.press("g")
         await here.until("control", "station 254 in control")
         await here.press("t")
-        await here.shows(Question)
+        await here.shows(YesNoQuestion)
         await here.press("y")
         await here.until("control", "this station in control")
         other.station.close()
@@ -122,14 +124,14 @@ async def test_a_link_is_opened_and_closed_by_keys() -> None:
         await here.go("0")
         await here.until("links", "serial:///dev/ttyUSB0")
         await here.press("n")
-        await here.shows(AskFor)
+        await here.shows(TextQuestion)
         (await here.field()).value = "tcpout://boat:5760"
         await here.press("enter")
         await here.until("links", "tcpout://boat:5760")
         await here.press("tab")
         await here.wait(lambda: getattr(here.app.focused, "id", "") == "links")
         await here.press("delete")
-        await here.shows(Question)
+        await here.shows(YesNoQuestion)
         await here.press("y")
         await here.wait(lambda: "udpin" not in here.shown("links"))
         assert [link.url for link in links.open][-1] == "tcpout://boat:5760"

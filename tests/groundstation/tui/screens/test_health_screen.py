@@ -8,7 +8,7 @@ from textual.widgets import Input, Static
 from gloc3.messages.command_interface import CallFunction, CommandComponent, Steer, Verb
 from gloc3.messages.summaries import Health
 from gloc3_groundstation.tui.dialogues.component_dialogues import ComponentMenu, FunctionForm
-from gloc3_groundstation.tui.dialogues.questions import Question
+from gloc3_groundstation.tui.dialogues.questions import YesNoQuestion
 from gloc3_groundstation.tui.widgets.lines import text_of
 from gloc3_groundstation.tui.widgets.panel import ListPanel
 
@@ -30,7 +30,7 @@ async def test_an_operator_sees_a_fault_reads_its_cause_reinitializes_and_resume
         await here.until("events", "is loaded and read back")
         await here.press("s", "y")
         await here.until("events", "the mission is started")
-        here.platform.trouble("pose", "ValueError: covariance is not positive\nat 12.3 s")
+        here.platform.problem("pose", "ValueError: covariance is not positive\nat 12.3 s")
         here.platform.advance("paused")
         here.platform.speak()
         await here.until("alert", "pose is faulty")
@@ -61,9 +61,9 @@ async def test_what_a_running_action_needs_is_forced_only_after_a_question() -> 
         )
         await open_menu(here)
         await here.press("down", "enter")
-        await here.shows(Question)
+        await here.shows(YesNoQuestion)
         question = here.app.screen
-        assert isinstance(question, Question)
+        assert isinstance(question, YesNoQuestion)
         assert "sweep.wall needs autopilot" in question._question
         assert here.platform.states["autopilot"] is Health.WORKING
         await here.press("y")
@@ -88,7 +88,7 @@ async def test_a_functions_form_checks_what_is_typed_and_shows_the_reply() -> No
         typed.value = "0"
         await here.press("enter")
         await here.wait(lambda: "rate_hz" in str(form.query_one("#form_error", Static).content))
-        assert not here.asked(CallFunction)
+        assert not here.requested(CallFunction)
         typed.value = "5"
         await here.press("enter")
         await here.until("component", "set_rate: rate_hz 5.0")

@@ -33,7 +33,7 @@ async def test_the_map_is_moved_by_keys_and_fitted_again() -> None:
         await here.go("4")
         await here.until("map", "heron")
         await here.wait(lambda: "cargo hold inspection" in str(shown_map(here).query_one("#map").border_title))
-        assert here.asked(ReadMission)
+        assert here.requested(ReadMission)
         await here.until("map", "5")
         await here.still("map")
         fitted = seen(here)
@@ -63,12 +63,12 @@ async def test_a_map_that_follows_stands_still_until_the_vehicle_is_far_from_its
         await here.until("map", "heron")
         await here.press("plus", "plus", "plus", "f")
         await here.wait(lambda: shown_map(here)._is_following)
-        here.app.look()
+        here.app.show_fleet()
         begun, middles = seen(here), set()
         for n in range(40):
             flight.move(100.0 + n / 4.0, (0.25 * n, 0.0, -2.0), (1.0, 0.0, 0.0), 0.0)
             flight.now_s += 0.25
-            here.app.look()
+            here.app.show_fleet()
             middles.add((seen(here).north_m, seen(here).east_m))
         assert 1 < len(middles) <= 8
         assert seen(here).m_per_dot == begun.m_per_dot
@@ -97,8 +97,8 @@ async def test_obstacles_are_asked_for_only_while_the_map_is_shown_and_of_a_vehi
         await here.until("title", "1/2")
         await here.press("v")
         await here.go("4")
-        await here.wait(lambda: bool(here.station.watcher.watches.entries("stork")))
-        here.app.look()
+        await here.wait(lambda: bool(here.station.monitor.watches.entries("stork")))
+        here.app.show_fleet()
         assert (here.platform.watched, other.watched) == (Watch(), Watch())
 
 
@@ -125,10 +125,10 @@ async def test_of_a_line_that_changes_only_the_columns_that_differ_are_drawn(mon
         await here.still("map")
         drawn: list[int] = []
         monkeypatch.setattr(panel, "refresh", lambda *regions, **_: drawn.extend(region.area for region in regions))
-        here.app.look()
+        here.app.show_fleet()
         assert drawn == []
         flight.move(100.0, (4.0, 1.0, -2.0), (1.0, 0.0, 0.0), 0.0)
-        here.app.look()
+        here.app.show_fleet()
         assert 0 < sum(drawn) < panel.size.area / 4
 
 
@@ -142,7 +142,7 @@ async def test_charts_are_frozen_taken_back_in_time_and_let_go() -> None:
         await here.until("attitude", "°")
 
         def title() -> str:
-            here.app.look()
+            here.app.show_fleet()
             assert here.app.base is not None
             return str(here.app.base.query_one("#charts", CanvasPanel).border_title)
 

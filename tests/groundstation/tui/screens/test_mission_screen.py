@@ -14,7 +14,7 @@ from gloc3.mission.model.model import digest_of
 from gloc3_groundstation.desk.mission_desk import MissionDesk
 from gloc3_groundstation.store.configuration import Configuration, LastSession
 from gloc3_groundstation.tui.dialogues.open_mission import OpenMission
-from gloc3_groundstation.tui.dialogues.questions import Question
+from gloc3_groundstation.tui.dialogues.questions import YesNoQuestion
 from gloc3_groundstation.tui.dialogues.save_mission import SaveMission
 from gloc3_groundstation.tui.dialogues.single_action import SingleAction
 from gloc3_groundstation.tui.dialogues.unsaved import UnsavedQuestion
@@ -55,7 +55,7 @@ def fly(here: Scene, **states: str) -> None:
     )
     here.platform.advance("running", {}, **states)
     here.platform.speak()
-    here.app.look()
+    here.app.show_fleet()
 
 
 async def test_a_file_is_found_by_typing_and_folders_are_gone_through_by_keys(tmp_path: Path) -> None:
@@ -87,7 +87,7 @@ async def test_a_file_is_found_by_typing_and_folders_are_gone_through_by_keys(tm
         await open_typed(here, "/none/such.yaml")
         await here.wait(lambda: any("open: there is no file" in one.text for one in here.station.fleet.events))
         await here.until("position", "at hand: inspection.yaml")
-        assert not here.asked(LoadMission), "opening streams nothing"
+        assert not here.requested(LoadMission), "opening streams nothing"
 
 
 async def test_an_error_is_shown_at_its_line_mended_saved_and_what_is_not_saved_is_asked_about(tmp_path: Path) -> None:
@@ -111,8 +111,8 @@ async def test_an_error_is_shown_at_its_line_mended_saved_and_what_is_not_saved_
         strips = [editor(here).render_line(y).text for y in range(editor(here).size.height)]
         assert any(strip.startswith(f"{first + 1}✗ ") for strip in strips)
         assert missions(here).plan is None
-        for old, new in (("[depart, nowhere]", "[depart]"), ("none}", "0.5}")):
-            editor(here).load_text(editor(here).text.replace(old, new))
+        for previous, new in (("[depart, nowhere]", "[depart]"), ("none}", "0.5}")):
+            editor(here).load_text(editor(here).text.replace(previous, new))
         await here.until("findings", "nothing is wrong with")
         assert "not saved" in here.shown("position")
         assert missions(here).plan is not None
@@ -123,7 +123,7 @@ async def test_an_error_is_shown_at_its_line_mended_saved_and_what_is_not_saved_
         await here.press("escape")
         await here.shows(MissionScreen)
         await here.press("q")
-        await here.shows(Question)
+        await here.shows(YesNoQuestion)
         await here.press("n")
         await here.shows(MissionScreen)
         await here.press("e")
@@ -148,10 +148,10 @@ async def test_while_the_mission_at_hand_has_errors_a_start_says_that_it_is_the_
         await here.press("escape")
         await here.wait(lambda: here.app.focused is not editor(here))
         await here.press("s")
-        await here.shows(Question)
-        asked = here.app.screen
-        assert isinstance(asked, Question)
-        assert "as it is aboard (the one at hand has errors), on heron?" in asked._question
+        await here.shows(YesNoQuestion)
+        requested = here.app.screen
+        assert isinstance(requested, YesNoQuestion)
+        assert "as it is aboard (the one at hand has errors), on heron?" in requested._question
 
 
 async def test_a_file_that_another_program_changed_is_overwritten_only_with_another_word(tmp_path: Path) -> None:
@@ -169,12 +169,12 @@ async def test_a_file_that_another_program_changed_is_overwritten_only_with_anot
         await here.press("ctrl+s")
         await here.shows(SaveMission)
 
-        def said() -> str:
+        def text() -> str:
             return " ".join(text_of(line) for line in here.app.screen.query_one("#said", Panel).lines)
 
-        await here.wait(lambda: "changed by another program" in said())
+        await here.wait(lambda: "changed by another program" in text())
         await here.press("enter")
-        await here.wait(lambda: "enter again overwrites it" in said())
+        await here.wait(lambda: "enter again overwrites it" in text())
         assert file.read_text() == "theirs"
         await here.press("enter")
         await here.wait(lambda: not missions(here).has_unsaved)
@@ -190,15 +190,15 @@ async def test_an_export_tells_what_such_a_file_cannot_carry(tmp_path: Path) -> 
         await here.shows(SaveMission)
         typed = here.app.screen.query_one(Input)
 
-        def said() -> str:
+        def text() -> str:
             return " ".join(text_of(line) for line in here.app.screen.query_one("#said", Panel).lines)
 
         typed.value = str(tmp_path / "x.plan")
-        await here.wait(lambda: "no place on Earth" in said())
+        await here.wait(lambda: "no place on Earth" in text())
         typed.value = str(tmp_path / "x.doc")
-        await here.wait(lambda: "the name's ending tells the kind of file" in said())
+        await here.wait(lambda: "the name's ending tells the kind of file" in text())
         typed.value = str(tmp_path / "x.yaml")
-        await here.wait(lambda: "written as: mission" in said())
+        await here.wait(lambda: "written as: mission" in text())
         await here.press("enter")
         await here.wait((tmp_path / "x.yaml").is_file)
         assert (tmp_path / "x.yaml").read_text() == INSPECTION
@@ -210,24 +210,24 @@ async def test_tasks_and_actions_are_steered_by_the_cursor_and_only_as_far_as_it
         fly(here, depart="done", depart__climb="done", sweep="running", sweep__wall="running", sweep__photos="failed")
         await here.go("3")
         await here.until("graph", "├──▶│")
-        assert here.asked(ReadMission), "the order of a mission that this station has not streamed is read back"
+        assert here.requested(ReadMission), "the order of a mission that this station has not streamed is read back"
         await here.press("k", "p")
-        await here.wait(lambda: len(here.asked(Steer)) == 2)
+        await here.wait(lambda: len(here.requested(Steer)) == 2)
         await here.press("down")
         await here.until("detail", "✓ done")
         await here.press("p", "r", "k")
-        await here.wait(lambda: len(here.asked(Steer)) == 3)  # what is over cannot be paused: the mission is
+        await here.wait(lambda: len(here.requested(Steer)) == 3)  # what is over cannot be paused: the mission is
         await here.press("right", "down", "down")
         await here.until("detail", "✗ failed   record_images ground every 0.5 m")
         await here.press("t")
-        await here.wait(lambda: len(here.asked(Steer)) == 4)
+        await here.wait(lambda: len(here.requested(Steer)) == 4)
         await here.press("up", "a")
-        await here.shows(Question)
+        await here.shows(YesNoQuestion)
         await here.press("n", "a")
-        await here.shows(Question)
+        await here.shows(YesNoQuestion)
         await here.press("y")
-        await here.wait(lambda: len(here.asked(Steer)) == 5)
-        assert here.asked(Steer) == [
+        await here.wait(lambda: len(here.requested(Steer)) == 5)
+        assert here.requested(Steer) == [
             Steer(verb=Verb.SKIP),
             Steer(verb=Verb.PAUSE),
             Steer(verb=Verb.PAUSE),
@@ -252,22 +252,22 @@ async def test_a_single_action_is_asked_for_by_a_form_and_its_reply_is_shown() -
         await here.press("d")
         await here.shows(SingleAction)
 
-        def said(panel: str) -> str:
+        def text(panel: str) -> str:
             return "\n".join(text_of(line) for line in here.app.screen.query_one(f"#{panel}", Panel).lines)
 
-        await here.wait(lambda: "go_to" in said("capabilities"))
+        await here.wait(lambda: "go_to" in text("capabilities"))
         here.app.screen.query_one(ListPanel).point_at("go_to")
         await here.press("enter")
         await here.wait(lambda: isinstance(here.app.focused, Input))
-        await here.wait(lambda: "x, y, height" in said("hint"))
+        await here.wait(lambda: "x, y, height" in text("hint"))
         await here.press("ctrl+s")
-        await here.wait(lambda: "position must be given" in said("reply"))
+        await here.wait(lambda: "position must be given" in text("reply"))
         here.app.screen.query_one("#field_position_m", Input).value = "4, 1, 2"
         await here.press("ctrl+s")
-        await here.wait(lambda: "refused: motion is claimed by sweep.wall" in said("reply"))
+        await here.wait(lambda: "refused: motion is claimed by sweep.wall" in text("reply"))
         await here.press("ctrl+s")
-        await here.wait(lambda: "accepted: it runs as command-7" in said("reply"))
-        sent = here.asked(RequestAction)
+        await here.wait(lambda: "accepted: it runs as command-7" in text("reply"))
+        sent = here.requested(RequestAction)
         assert sent[0] == sent[1]
         assert isinstance(sent[0], RequestAction)
         assert sent[0].arguments["position_m"] == [4.0, 1.0, 2.0]
@@ -278,19 +278,19 @@ async def test_a_single_action_is_asked_for_by_a_form_and_its_reply_is_shown() -
         await here.wait(lambda: isinstance(here.app.focused, Input))
         here.app.screen.query_one("#field_height_m", Input).value = "2"
         await here.press("ctrl+s")
-        await here.shows(Question)
+        await here.shows(YesNoQuestion)
         await here.press("n")
         await here.shows(SingleAction)
-        assert len(here.asked(RequestAction)) == 2, "what arms the vehicle is asked about first"
+        assert len(here.requested(RequestAction)) == 2, "what arms the vehicle is asked about first"
         await here.press("ctrl+s", "y")
-        await here.wait(lambda: len(here.asked(RequestAction)) == 3)
+        await here.wait(lambda: len(here.requested(RequestAction)) == 3)
         await here.press("escape")
         await here.wait(lambda: here.app.screen.query_one(ListPanel).has_focus)
         here.app.screen.query_one(ListPanel).point_at("depart")
         await here.press("enter", "ctrl+s")
-        await here.shows(Question)
+        await here.shows(YesNoQuestion)
         await here.press("n", "escape")
-        assert len(here.asked(RequestAction)) == 3, "however it sets off"
+        assert len(here.requested(RequestAction)) == 3, "however it sets off"
         await here.wait(lambda: here.app.screen.query_one(ListPanel).has_focus)
         await here.press("escape")
         await here.shows(MissionScreen)
@@ -328,7 +328,7 @@ async def test_a_mission_with_errors_that_the_station_was_started_with_is_open_a
         await here.wait(lambda: editor(here).cursor_location[0] == line)
         here.platform.speak()
         await here.until("title", "heron")
-        assert here.asked(LoadMission) == []
+        assert here.requested(LoadMission) == []
 
 
 async def test_ctrl_c_copies_what_is_selected_in_the_editor_and_closes_without_a_selection(tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ from textual.widgets import Input, Static
 
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.transport.memory import Conditions
-from gloc3_groundstation.tui.dialogues.questions import Question
-from gloc3_groundstation.tui.widgets.entry import Entry
+from gloc3_groundstation.tui.dialogues.questions import YesNoQuestion
+from gloc3_groundstation.tui.widgets.entry import TextEntry
 from gloc3_groundstation.tui.widgets.lines import text_of
 from gloc3_groundstation.tui.widgets.panel import Panel
 
@@ -27,18 +27,18 @@ SLOW = Conditions(latency_s=0.002, bandwidth_bit_s=400_000)
 async def dialogue(here: ServicesScene, kind: type) -> None:
     """Waits until a dialogue is there and takes keys."""
     await here.shows(kind)
-    if kind is Entry:
+    if kind is TextEntry:
         await here.wait(lambda: isinstance(here.app.focused, Input))
 
 
 async def enter(here: ServicesScene, text: str, *, is_wrong: bool = False) -> None:
     """Puts a text into the dialogue that asks for one, and takes it."""
-    await dialogue(here, Entry)
-    asking = here.app.screen
-    asking.query_one(Input).value = text
+    await dialogue(here, TextEntry)
+    requesting = here.app.screen
+    requesting.query_one(Input).value = text
     await here.press("enter")
     if not is_wrong:
-        await here.wait(lambda: here.app.screen is not asking)
+        await here.wait(lambda: here.app.screen is not requesting)
 
 
 def text_of_entry(here: ServicesScene) -> str:
@@ -64,7 +64,7 @@ async def test_a_parameter_is_searched_edited_within_its_bounds_and_marked(tmp_p
         await here.wait(lambda: here.shown("parameters_list").count("\n") == 0)
         await here.enter()
         await here.press("enter")
-        await dialogue(here, Entry)
+        await dialogue(here, TextEntry)
         await here.wait(lambda: "from 0 to 20 m/s" in text_of_entry(here))
         await enter(here, "99", is_wrong=True)
         await here.wait(lambda: "must be at most 20 m/s" in wrong_of_entry(here))
@@ -76,7 +76,7 @@ async def test_a_parameter_is_searched_edited_within_its_bounds_and_marked(tmp_p
         await here.press("escape")
         await here.until("parameters_list", "CAL_ACC0_ID")
         with patch("gloc3_groundstation.tui.services.parameters.parameter_line") as made:
-            here.app.look()
+            here.app.show_fleet()
             assert not made.called, "nothing has changed, so no line is made anew"
         await here.press("m")
         await here.wait(lambda: here.shown("parameters_list").count("\n") == 0)
@@ -93,13 +93,13 @@ async def test_while_armed_a_write_is_asked_about_first(tmp_path: Path) -> None:
         await here.wait(lambda: here.services.vehicle(NAME).is_armed)
         await here.press("e")
         await enter(here, "7")
-        await dialogue(here, Question)
+        await dialogue(here, YesNoQuestion)
         await here.press("n")
-        await here.wait(lambda: not isinstance(here.app.screen, Question))
+        await here.wait(lambda: not isinstance(here.app.screen, YesNoQuestion))
         assert here.services.vehicle(NAME).parameters.table["CAL_ACC0_ID"].value == 1310988
         await here.press("e")
         await enter(here, "7")
-        await dialogue(here, Question)
+        await dialogue(here, YesNoQuestion)
         await here.press("y")
         await here.until("job", "✓ CAL_ACC0_ID is 7 now (was 1310988)")
         await here.tab("Plans")
@@ -108,9 +108,9 @@ async def test_while_armed_a_write_is_asked_about_first(tmp_path: Path) -> None:
         await here.wait(lambda: here.services.vehicle(NAME).plans.file is not None)
         for key in ("u", "delete"):
             await here.press(key)
-            await dialogue(here, Question)
+            await dialogue(here, YesNoQuestion)
             await here.press("n")
-            await here.wait(lambda: not isinstance(here.app.screen, Question))
+            await here.wait(lambda: not isinstance(here.app.screen, YesNoQuestion))
         assert not here.services.vehicle(NAME).jobs.running
 
 
@@ -161,9 +161,9 @@ async def test_a_log_is_downloaded_cancelled_and_taken_up_again_while_another_se
         (log,) = tmp_path.iterdir()
         assert log.read_bytes() == CONTENT
         await here.press("delete")
-        await dialogue(here, Question)
+        await dialogue(here, YesNoQuestion)
         await here.press("n")
-        await here.wait(lambda: not isinstance(here.app.screen, Question))
+        await here.wait(lambda: not isinstance(here.app.screen, YesNoQuestion))
         assert not here.services.vehicle(NAME).jobs.running, "logs are erased only after a question"
 
 
@@ -186,7 +186,7 @@ async def test_files_are_walked_downloaded_and_removed_after_a_question(tmp_path
         await enter(here, "mine.txt")
         await here.until("job", "✓ /log/mine.txt is on the vehicle, checked")
         await here.press("delete")
-        await dialogue(here, Question)
+        await dialogue(here, YesNoQuestion)
         await here.press("y")
         await here.until("job", "✓ /log/a.ulg is removed")
         await here.press("backspace")
@@ -234,14 +234,14 @@ async def test_without_a_link_to_the_autopilot_the_screen_says_so_and_the_palett
 
 async def test_screens_that_a_vehicle_without_a_companion_cannot_fill_say_so_and_ask_nothing() -> None:
     async with services_scene() as here:
-        for digit, panel, said in (
+        for digit, panel, text in (
             ("2", "components", "(6) shows its autopilot"),
             ("7", "topics", "its"),
             ("8", "checks", "doctor"),
         ):
             await here.go(digit)
-            await here.until(panel, said)
+            await here.until(panel, text)
         await here.go("1")
         await here.until("mission", "Its autopilot's plan: Services (6).")
-        assert here.station.watcher.watches.lists_due() == []
+        assert here.station.monitor.watches.lists_due() == []
         assert here.platform.requests == []

@@ -7,10 +7,18 @@ import pytest
 from msgspec.structs import replace
 from tests.groundstation.mapping.test_track_history import Followed
 
-from gloc3_groundstation.mapping.history import Series
-from gloc3_groundstation.mapping.tracks import Channel
-from gloc3_groundstation.tui.view import View
-from gloc3_groundstation.tui.views.charts import Curve, Scale, Window, chart_lines, duration, round_scale, window_at
+from gloc3_groundstation.mapping.history import HistorySeries
+from gloc3_groundstation.mapping.tracks import TrackChannel
+from gloc3_groundstation.tui.view import StationView
+from gloc3_groundstation.tui.views.charts import (
+    ChartWindow,
+    Curve,
+    Scale,
+    chart_lines,
+    duration,
+    round_scale,
+    window_at,
+)
 from gloc3_groundstation.tui.views.flight_data import (
     CHARTS,
     attitude_lines,
@@ -43,8 +51,8 @@ def flown(seconds: float = 60.0) -> Followed:
     return here
 
 
-def view_of(here: Followed, now_s: float) -> View:
-    return View(here.fleet, here.fleet.get("heron"), now_s, 0.0, "255", tracks=here.tracks)
+def view_of(here: Followed, now_s: float) -> StationView:
+    return StationView(here.fleet, here.fleet.get("heron"), now_s, 0.0, "255", tracks=here.tracks)
 
 
 def ground(lines: list[Line]) -> list[float]:
@@ -101,8 +109,8 @@ def test_the_values_of_now_have_units_and_what_they_should_be() -> None:
         assert expected in text
     assert attitude_title(view_of(here, 60.0), track) == "heron"
     assert attitude_title(view_of(here, 75.0), track) == "heron, 15 s ago"
-    old = attitude_lines(view_of(here, 75.0), track, 31, 20)
-    assert Tone.STRONG not in {span.tone for line in old for span in line}
+    previous = attitude_lines(view_of(here, 75.0), track, 31, 20)
+    assert Tone.STRONG not in {span.tone for line in previous for span in line}
 
 
 def test_what_is_not_known_is_said_to_be_so() -> None:
@@ -156,7 +164,7 @@ def test_between_two_steps_of_the_window_nothing_changes() -> None:
     one = charts(track, 50.02, 50.02, 60.0, 0, 68, 21)
     assert charts(track, 50.9, 50.9, 60.0, 0, 68, 21) == one
     assert charts(track, 51.1, 51.1, 60.0, 0, 68, 21) != one
-    assert window_at(50.02, 60.0, 60) == Window(-9.0, 51.0)
+    assert window_at(50.02, 60.0, 60) == ChartWindow(-9.0, 51.0)
 
 
 @pytest.mark.parametrize(
@@ -175,8 +183,8 @@ def test_the_edges_are_round(low: float, high: float, least: float, scale: Scale
 
 
 def test_a_range_of_values_is_drawn_from_its_lowest_to_its_highest() -> None:
-    series = Series(np.array([5.0]), np.array([2.0], np.float32), np.array([8.0], np.float32), 1.0)
-    lines = chart_lines((), [Curve("", series, Tone.GOOD)], Window(0.0, 10.0), Scale(0.0, 10.0, 0), 18, 11)
+    series = HistorySeries(np.array([5.0]), np.array([2.0], np.float32), np.array([8.0], np.float32), 1.0)
+    lines = chart_lines((), [Curve("", series, Tone.GOOD)], ChartWindow(0.0, 10.0), Scale(0.0, 10.0, 0), 18, 11)
     filled = [any("\u2801" <= letter <= "\u28ff" for letter in text_of(line)) for line in lines[1:]]
     assert filled[2:8] == [True] * 6
     assert not any((filled[0], filled[9]))
@@ -184,10 +192,10 @@ def test_a_range_of_values_is_drawn_from_its_lowest_to_its_highest() -> None:
 
 def test_a_gap_in_the_values_is_a_gap_in_the_line() -> None:
     values = np.array([1.0, 1.0, nan, 1.0, 1.0], np.float32)
-    series = Series(np.array([0.0, 2.0, 5.0, 8.0, 10.0]), values, values, 0.0)
+    series = HistorySeries(np.array([0.0, 2.0, 5.0, 8.0, 10.0]), values, values, 0.0)
     row = next(
         text_of(line)
-        for line in chart_lines((), [Curve("", series, Tone.GOOD)], Window(0, 10), Scale(0.0, 2.0, 0), 28, 4)[1:]
+        for line in chart_lines((), [Curve("", series, Tone.GOOD)], ChartWindow(0, 10), Scale(0.0, 2.0, 0), 28, 4)[1:]
         if any(letter > "\u2800" for letter in text_of(line))
     )
     assert row[8 + 1] != " "
@@ -212,9 +220,9 @@ def test_values_of_a_vehicle_that_is_silent_are_not_shown_as_those_of_now() -> N
     assert track.latest_s is not None
     now_s = track.latest_s + 14.0
     assert charts_title(track, now_s, now_s, 60.0, is_frozen=False) == "last 1 min, nothing new for 14 s"
-    old, live = (charts(track, at_s, at_s, 60.0, 0, 60, 20)[0] for at_s in (now_s, track.latest_s))
-    assert "was" in text_of(old)
-    assert {span.tone for span in old} <= {Tone.STRONG, Tone.DIM, Tone.STALE, Tone.TEXT}
+    previous, live = (charts(track, at_s, at_s, 60.0, 0, 60, 20)[0] for at_s in (now_s, track.latest_s))
+    assert "was" in text_of(previous)
+    assert {span.tone for span in previous} <= {Tone.STRONG, Tone.DIM, Tone.STALE, Tone.TEXT}
     assert "was" not in text_of(live)
     assert Tone.STALE not in {span.tone for span in live}
 
@@ -226,5 +234,5 @@ def test_a_vehicle_without_charge_says_so() -> None:
     text = "\n".join(texts(attitude_lines(view_of(here, 0.0), here.track, 31, 20)))
     assert "battery ? %  14.80 V" in text
     fleet = replace(here.fleet, platforms={})
-    assert attitude_title(View(fleet, None, 0.0, 0.0, "255"), None) == "flight data"
-    assert np.isnan(here.track.latest[Channel.BATTERY_PERCENT])
+    assert attitude_title(StationView(fleet, None, 0.0, 0.0, "255"), None) == "flight data"
+    assert np.isnan(here.track.latest[TrackChannel.BATTERY_PERCENT])

@@ -43,8 +43,8 @@ VISION = HostStatus(
 def book() -> HostBook:
     """Two hosts that were heard, and one that was not."""
     found = HostBook(["main", "vision", "base"], "main")
-    found.see(MAIN)
-    found.see(VISION)
+    found.update(MAIN)
+    found.update(VISION)
     return found
 
 
@@ -54,8 +54,8 @@ def shown(found: HostBook, age_s: float = 0.0, width: int = 130) -> list[str]:
     platform = PlatformSnapshot(
         name="p",
         boot=1,
-        first_heard_s=0.0,
-        heard_s=0.0,
+        first_received_s=0.0,
+        received_s=0.0,
         host_names=found.names(),
         hosts={line.index: (line, 0.0) for summary in summaries for line in summary.lines},
     )
@@ -78,28 +78,28 @@ def test_a_host_that_is_lost_of_another_version_or_not_heard_for_long_is_told_so
     assert "vision lost 0 up" in shown(found)[2]
     found.presence("vision", is_here=True)
     assert "vision here 1 up" in shown(found)[2]
-    found.see(replace(VISION, protocol="another"))
+    found.update(replace(VISION, protocol="another"))
     assert "vision other version" in shown(found)[2]
     assert "vision was other version" in shown(found, age_s=60.0)[2]
 
 
 def test_a_platform_of_one_process_has_nothing_to_tell() -> None:
     found = HostBook(["main"], "main")
-    found.see(replace(MAIN, processes=MAIN.processes[:1]))
-    assert not found.is_worth_telling
-    found.see(MAIN)
-    assert found.is_worth_telling
+    found.update(replace(MAIN, processes=MAIN.processes[:1]))
+    assert not found.is_reportable
+    found.update(MAIN)
+    assert found.is_reportable
 
 
 def test_a_row_has_few_bytes_and_all_hosts_arrive_over_a_radio_that_loses_frames() -> None:
     worst = HostBook([f"host{number}" for number in range(2 * ROWS)], "host0")
     processes = [replace(MAIN.processes[1], restarts=10**6, last_words="x" * 500)] * 20
     for number in range(2 * ROWS):
-        worst.see(replace(VISION, host=f"host{number}", processes=processes, load=1e3, clock_bound_s=1e9))
+        worst.update(replace(VISION, host=f"host{number}", processes=processes, load=1e3, clock_bound_s=1e9))
     for summary in worst.summaries():
         assert all(len(msgspec.msgpack.encode(line)) <= ROW_BYTES for line in summary.lines)
 
-    async def tell() -> Fleet:
+    async def report() -> Fleet:
         station, platform, _ = pair_on(1)
         for _ in range(8):
             platform.report(3)
@@ -113,7 +113,7 @@ def test_a_row_has_few_bytes_and_all_hosts_arrive_over_a_radio_that_loses_frames
             fleet = reducers.receive(fleet, envelope, t_s)
         return fleet
 
-    found = run_virtual(tell()).get(PLATFORM)
+    found = run_virtual(report()).get(PLATFORM)
     assert found is not None
     assert found.host_names == worst.names()
     assert [line for _, (line, _) in sorted(found.hosts.items())] == [
@@ -127,9 +127,9 @@ async def test_the_health_screen_shows_the_hosts_of_a_platform_that_has_several(
         here.platform.speak()
         await here.go("2")
         assert not here.app.screen.query_one("#hosts").display
-        here.platform.say("host_names", book().names())
+        here.platform.report("host_names", book().names())
         for summary in book().summaries():
-            here.platform.say("hosts", summary)
+            here.platform.report("hosts", summary)
         await here.until("hosts", "1 of 2 away, 2× anew")
         assert "vision" in here.shown("hosts")
 

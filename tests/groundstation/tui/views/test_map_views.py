@@ -20,13 +20,13 @@ from gloc3.messages.summaries import MissionSummary
 from gloc3.messages.topics import TopicTable
 from gloc3.messages.vehicle import ObstacleScan
 from gloc3_groundstation.mapping.ground import Ground
-from gloc3_groundstation.mapping.progress import Progress
+from gloc3_groundstation.mapping.progress import PathProgress
 from gloc3_groundstation.mapping.projection import Projection
 from gloc3_groundstation.mapping.requested import requested
 from gloc3_groundstation.mapping.tracks import Tracks
 from gloc3_groundstation.station import fleet as reducers
 from gloc3_groundstation.station.snapshots import Fleet
-from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.mission.map import Chart, ellipse, extent, is_within, map_lines
 from gloc3_groundstation.tui.views.mission.map_facts import cursor_line, legend_lines, map_title, vehicle_lines
 from gloc3_groundstation.tui.views.mission.profile import along_lines, time_lines
@@ -78,7 +78,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def seen(log: Path) -> View:
+def seen(log: Path) -> StationView:
     """What a station knows that the log was played back to."""
     fleet, tracks, now_s = Fleet(), Tracks(), 0.0
     with LogReader(log, TopicTable(TOPICS).types) as reader:
@@ -86,10 +86,10 @@ def seen(log: Path) -> View:
             now_s = 100.0 + entry.envelope.t_s
             before, fleet = fleet, reducers.receive(fleet, entry.envelope, now_s)
             tracks.follow(before, fleet, now_s)
-    return View(fleet, fleet.get("heron"), now_s, 90.0, "255", tracks=tracks)
+    return StationView(fleet, fleet.get("heron"), now_s, 90.0, "255", tracks=tracks)
 
 
-def chart_of(view: View, text: str = "", width: int = 80, height: int = 24, up_deg: float = 0.0) -> Chart:
+def chart_of(view: StationView, text: str = "", width: int = 80, height: int = 24, up_deg: float = 0.0) -> Chart:
     ground = Ground(view.platform)
     projection = Projection(0.0, 0.0, 0.1, up_deg, 2 * width, 4 * height)
     chart = Chart(view, ground, projection, requested(text, ground.site) if text else None, bool(text))
@@ -118,7 +118,7 @@ def cell_of(chart: Chart, north: float, east: float) -> tuple[int, int]:
     return int(x // 2), int(y // 4)
 
 
-def test_a_played_back_scan_is_a_wall_where_it_stood(seen: View) -> None:
+def test_a_played_back_scan_is_a_wall_where_it_stood(seen: StationView) -> None:
     chart = chart_of(seen)._replace(projection=Projection(2.0, 12.0, 0.15, 0.0, 160, 96))
     lines = drawn(chart)
     wall = [place for place in cells(lines, Tone.STRONG) if place[1] == cell_of(chart, WALL_M, 12.0)[1]]
@@ -126,13 +126,13 @@ def test_a_played_back_scan_is_a_wall_where_it_stood(seen: View) -> None:
     assert {column for column, _ in wall} >= set(range(begin + 1, end - 1))
 
 
-def test_an_old_scan_looks_old(seen: View) -> None:
-    old = chart_of(seen._replace(now_s=seen.now_s + 3.0))
-    chart = old._replace(projection=Projection(2.0, 12.0, 0.15, 0.0, 160, 96))
+def test_an_old_scan_looks_old(seen: StationView) -> None:
+    previous = chart_of(seen._replace(now_s=seen.now_s + 3.0))
+    chart = previous._replace(projection=Projection(2.0, 12.0, 0.15, 0.0, 160, 96))
     assert len(cells(drawn(chart), Tone.STALE)) > 10
 
 
-def test_the_ellipse_of_uncertainty_is_as_large_as_the_covariance_says(seen: View) -> None:
+def test_the_ellipse_of_uncertainty_is_as_large_as_the_covariance_says(seen: StationView) -> None:
     edge = ellipse(4.0, 0.0, 1.0)
     assert edge.max(axis=0) == pytest.approx((4.896, 2.448), abs=0.02)
     turned = ellipse(2.5, 1.5, 2.5)
@@ -144,7 +144,7 @@ def test_the_ellipse_of_uncertainty_is_as_large_as_the_covariance_says(seen: Vie
     assert max(rows) == cell_of(chart, -4.896, 11.9)[1]
 
 
-def test_trails_and_names_of_all_vehicles_are_in_their_colours(seen: View) -> None:
+def test_trails_and_names_of_all_vehicles_are_in_their_colours(seen: StationView) -> None:
     chart = chart_of(seen)
     lines = drawn(chart)
     own, other = cells(lines, Tone.FIRST), cells(lines, Tone.SECOND)
@@ -156,7 +156,7 @@ def test_trails_and_names_of_all_vehicles_are_in_their_colours(seen: View) -> No
     assert any("heron" in span.text and span.tone is Tone.CHOSEN for line in lines for span in line)
 
 
-def test_a_mission_shows_its_fence_its_numbers_and_home(seen: View) -> None:
+def test_a_mission_shows_its_fence_its_numbers_and_home(seen: StationView) -> None:
     chart = chart_of(seen, TEXT)
     lines = drawn(chart)
     north_wall, keep_out = cell_of(chart, 20.0, -5.0), cell_of(chart, 15.5, 0.0)
@@ -172,7 +172,7 @@ def test_a_mission_shows_its_fence_its_numbers_and_home(seen: View) -> None:
     assert map_title(chart._replace(is_loaded=False)) == "frame hold, cargo hold inspection (not loaded)"
 
 
-def test_what_is_done_steps_back_and_what_is_not_loaded_does_too(seen: View) -> None:
+def test_what_is_done_steps_back_and_what_is_not_loaded_does_too(seen: StationView) -> None:
     assert seen.platform is not None
     assert seen.platform.mission is not None
 
@@ -188,7 +188,7 @@ def test_what_is_done_steps_back_and_what_is_not_loaded_does_too(seen: View) -> 
     assert at_waypoint(chart._replace(view=seen._replace(platform=flown))) is Tone.DIM
 
 
-def test_the_map_tells_north_scale_and_middle_and_turns(seen: View) -> None:
+def test_the_map_tells_north_scale_and_middle_and_turns(seen: StationView) -> None:
     text = [text_of(line) for line in drawn(chart_of(seen))]
     assert "↑ N" in text[0]
     assert text[-1].startswith(" ├─")
@@ -197,7 +197,7 @@ def test_the_map_tells_north_scale_and_middle_and_turns(seen: View) -> None:
     assert "→ N" in text_of(drawn(chart_of(seen, up_deg=270.0))[0])
 
 
-def test_the_cursor_is_told_in_frame_on_earth_and_from_the_vehicle(seen: View) -> None:
+def test_the_cursor_is_told_in_frame_on_earth_and_from_the_vehicle(seen: StationView) -> None:
     chart = chart_of(seen)
     text = text_of(cursor_line(chart, (3.0, 15.9), 100))
     assert "x 3.0  y -15.9 m" in text
@@ -207,7 +207,7 @@ def test_the_cursor_is_told_in_frame_on_earth_and_from_the_vehicle(seen: View) -
     assert len(text_of(cursor_line(chart, (3.0, 15.9), 40))) <= 40
 
 
-def test_vehicles_beside_the_map_have_position_and_say_when_they_are_not_on_it(seen: View) -> None:
+def test_vehicles_beside_the_map_have_position_and_say_when_they_are_not_on_it(seen: StationView) -> None:
     text = [text_of(line) for line in vehicle_lines(chart_of(seen))]
     assert " ► heron" in text
     assert "   x 0.0  y -11.9  h 1.8 m" in text
@@ -222,14 +222,14 @@ def test_vehicles_beside_the_map_have_position_and_say_when_they_are_not_on_it(s
     assert "   not on this map" in [text_of(line) for line in vehicle_lines(chart_of(seen._replace(fleet=fleet)))]
 
 
-def test_the_signs_are_explained(seen: View) -> None:
+def test_the_signs_are_explained(seen: StationView) -> None:
     text = "\n".join(text_of(line) for line in legend_lines(chart_of(seen, TEXT)))
     for word in ("requested", "trail", "fence", "keep out", "home", "setpoint", "95 %"):
         assert word in text
 
 
 def test_an_empty_map_still_tells_where_it_is() -> None:
-    view = View(Fleet(), None, 0.0, 0.0, "255")
+    view = StationView(Fleet(), None, 0.0, 0.0, "255")
     chart = chart_of(view)
     assert "↑ x" in text_of(drawn(chart)[0])
     assert map_title(chart) == "frame not known, no mission"
@@ -239,7 +239,7 @@ def test_an_empty_map_still_tells_where_it_is() -> None:
 def test_the_profile_along_the_path_shows_asked_and_flown_heights() -> None:
     request = requested(TEXT, SITE)
     assert request is not None
-    progress = Progress(request.path_ned_m)
+    progress = PathProgress(request.path_ned_m)
     progress.advance(np.array([(0.0, 0.0, -1.5 * n / 20.0, float(n)) for n in range(21)]))
     lines = along_lines(request, progress, Tone.FIRST, 80, 8)
     text = [text_of(line) for line in lines]
@@ -252,7 +252,7 @@ def test_the_profile_along_the_path_shows_asked_and_flown_heights() -> None:
     assert len(cells(lines, Tone.TEXT)) > 30
 
 
-def test_the_profile_over_time_shows_the_last_minutes(seen: View) -> None:
+def test_the_profile_over_time_shows_the_last_minutes(seen: StationView) -> None:
     lines = time_lines(seen.tracks, "heron", Tone.FIRST, seen.now_s, 80, 7)
     text = [text_of(line) for line in lines]
     assert len(lines) == 7
@@ -265,14 +265,14 @@ def test_a_circle_of_flight_is_a_circle_on_the_map() -> None:
     tracks, fleet = Tracks(), Fleet()
     exchange = LocalExchange()
     published = Publisher(exchange, "heron", "command_server", 1)
-    heard: list[Fleet] = [fleet]
+    received: list[Fleet] = [fleet]
 
-    def take(envelope: object) -> None:
-        after = reducers.receive(heard[0], envelope, envelope.t_s)  # type: ignore[arg-type, attr-defined]
-        tracks.follow(heard[0], after, 0.0)
-        heard[0] = after
+    def handle(envelope: object) -> None:
+        after = reducers.receive(received[0], envelope, envelope.t_s)  # type: ignore[arg-type, attr-defined]
+        tracks.follow(received[0], after, 0.0)
+        received[0] = after
 
-    exchange.subscribe("heron/ci/*", take)
+    exchange.subscribe("heron/ci/*", handle)
     published.publish("heron/ci/site", SITE, 0.0)
     for n in range(200):
         angle = 2.0 * pi * n / 199.0
@@ -284,7 +284,7 @@ def test_a_circle_of_flight_is_a_circle_on_the_map() -> None:
             ),
             n * 0.25,
         )
-    view = View(heard[0], heard[0].get("heron"), 50.0, 0.0, "255", tracks=tracks)
+    view = StationView(received[0], received[0].get("heron"), 50.0, 0.0, "255", tracks=tracks)
     chart = chart_of(view)._replace(projection=Projection(0.0, 0.0, 0.25, 0.0, 100, 100))
     found = cells(map_lines(chart, 50, 25), Tone.FIRST)
     away = [((column + 0.5 - 25.0) * 2.0, (row + 0.5 - 12.5) * 4.0) for column, row in found]

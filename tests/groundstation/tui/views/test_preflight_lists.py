@@ -10,24 +10,26 @@ from tests.groundstation.scripted_platform import CHECKS, CLOCK, LINK_LOSS, Scri
 from gloc3 import __version__
 from gloc3.exchange import LocalExchange
 from gloc3.messages.preflight import Check, Group, PreflightReport, Verdict
-from gloc3_groundstation.desk.preflight_desk import CheckList, PreflightDesk, Told, station_checks
+from gloc3_groundstation.desk.preflight_desk import CheckList, PreflightDesk, ReceivedList, station_checks
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.snapshots import LinkStatistics, PlatformSnapshot
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.tui.views.preflight import no_list_lines, preflight_headline, preflight_rows, preflight_title
 from gloc3_groundstation.tui.widgets.lines import text_of
 
-HERON = PlatformSnapshot(name="heron", boot=7, first_heard_s=0.0, heard_s=10.0)
+HERON = PlatformSnapshot(name="heron", boot=7, first_received_s=0.0, received_s=10.0)
 
 
-def told(**changes: Any) -> Told:
+def reported(**changes: Any) -> ReceivedList:
     fields: dict[str, Any] = {"checks": list(CHECKS), "version": __version__, "utc_s": 5000.0, **changes}
-    return Told(PreflightReport(**fields), boot=7, heard_s=10.0, utc_s=5000.1)
+    return ReceivedList(PreflightReport(**fields), boot=7, received_s=10.0, utc_s=5000.1)
 
 
-def own(known: Told | None = None, *, now_s: float = 10.0, trip_s: float | None = 0.2, **link: Any) -> dict[str, Check]:
+def own(
+    known: ReceivedList | None = None, *, now_s: float = 10.0, trip_s: float | None = 0.2, **link: Any
+) -> dict[str, Check]:
     platform = replace(HERON, link=LinkStatistics(**link))
-    return {check.name: check for check in station_checks(platform, known or told(), trip_s, now_s)}
+    return {check.name: check for check in station_checks(platform, known or reported(), trip_s, now_s)}
 
 
 def test_a_good_link_between_equal_ends_is_all_right() -> None:
@@ -43,11 +45,11 @@ def test_a_good_link_between_equal_ends_is_all_right() -> None:
         (own(now_s=20.0), "loss", Verdict.RED),
         (own(trip_s=2.0), "round trip", Verdict.WARNING),
         (own(trip_s=None), "round trip", Verdict.UNKNOWN),
-        (own(told(version="0.0.9")), "versions", Verdict.WARNING),
-        (own(told(protocol="00c0ffee")), "versions", Verdict.RED),
-        (own(told(version="")), "versions", Verdict.UNKNOWN),
-        (own(told(utc_s=5060.0)), "clocks", Verdict.WARNING),
-        (own(told(utc_s=None)), "clocks", Verdict.UNKNOWN),
+        (own(reported(version="0.0.9")), "versions", Verdict.WARNING),
+        (own(reported(protocol="00c0ffee")), "versions", Verdict.RED),
+        (own(reported(version="")), "versions", Verdict.UNKNOWN),
+        (own(reported(utc_s=5060.0)), "clocks", Verdict.WARNING),
+        (own(reported(utc_s=None)), "clocks", Verdict.UNKNOWN),
     ],
 )
 def test_a_bad_link_or_ends_that_differ_say_what_to_do(checks: dict[str, Check], name: str, verdict: Verdict) -> None:
@@ -71,7 +73,7 @@ async def test_a_list_is_asked_for_kept_and_forgotten_with_the_platforms_life() 
     assert {check.group for check in found.checks} >= {"autopilot", "link"}
     assert found.age_s is not None
     assert not desk.list_of(replace(known, boot=8)).checks
-    desk.forget("heron")
+    desk.invalidate("heron")
     assert desk.is_due("heron")
     station.close()
 
@@ -94,7 +96,7 @@ async def test_a_platform_that_refuses_leaves_the_reason() -> None:
 
 
 def shown(*checks: Check, age_s: float | None = 3.0, width: int = 80) -> str:
-    found = CheckList(checks, age_s, is_asking=False, problem="")
+    found = CheckList(checks, age_s, is_requesting=False, problem="")
     lines = [preflight_headline(HERON, found, width), *(row.line for row in preflight_rows(found, width))]
     assert all(len(text_of(line)) <= width for line in lines)
     return "\n".join([preflight_title(found), *map(text_of, lines)])
@@ -114,7 +116,7 @@ def test_a_list_without_red_names_the_key_that_starts() -> None:
 
 
 def test_without_a_mission_no_key_is_offered_that_would_do_nothing() -> None:
-    fine = CheckList(tuple(CHECKS), 3.0, is_asking=False, problem="")
+    fine = CheckList(tuple(CHECKS), 3.0, is_requesting=False, problem="")
     assert text_of(preflight_headline(HERON, fine, 80, can_start=False)).endswith("there is no mission to start now")
     bad = fine._replace(checks=(LINK_LOSS,))
     assert text_of(preflight_headline(HERON, bad, 80, can_start=False)).strip() == "1 line is red: the start is refused"
@@ -124,10 +126,10 @@ def test_without_a_mission_no_key_is_offered_that_would_do_nothing() -> None:
 
 
 def test_of_a_vehicle_without_a_companion_no_list_is_waited_for() -> None:
-    bare, none = replace(HERON, has_companion=False), CheckList((), None, is_asking=False, problem="")
+    bare, none = replace(HERON, has_companion=False), CheckList((), None, is_requesting=False, problem="")
     assert "no companion of ours" in text_of(preflight_headline(bare, none, 80))
-    told = " ".join(text_of(line).strip() for line in no_list_lines(bare, "", 60))
-    assert "gloc3 doctor PLATFORM --autopilot URL" in told
+    reported = " ".join(text_of(line).strip() for line in no_list_lines(bare, "", 60))
+    assert "gloc3 doctor PLATFORM --autopilot URL" in reported
     assert not no_list_lines(HERON, "", 60)
 
 
@@ -135,11 +137,11 @@ def test_a_long_reason_is_whole_below_and_an_older_list_stays() -> None:
     long = "the platform " + "has said no " * 12
     lines = no_list_lines(HERON, long, 60)
     assert " ".join(text_of(line).strip() for line in lines) == long.strip()
-    kept = CheckList(tuple(CHECKS), 40.0, is_asking=False, problem="not now")
+    kept = CheckList(tuple(CHECKS), 40.0, is_requesting=False, problem="not now")
     assert "no newer list: not now" in text_of(preflight_headline(HERON, kept, 80))
 
 
 def test_a_list_that_has_not_come_and_one_of_a_platform_that_refuses_say_so() -> None:
-    asked = CheckList((), None, is_asking=True, problem="")
-    assert "is asked for its list" in text_of(preflight_headline(HERON, asked, 80))
-    assert "no list: not now" in text_of(preflight_headline(HERON, asked._replace(problem="not now"), 80))
+    requested = CheckList((), None, is_requesting=True, problem="")
+    assert "is asked for its list" in text_of(preflight_headline(HERON, requested, 80))
+    assert "no list: not now" in text_of(preflight_headline(HERON, requested._replace(problem="not now"), 80))

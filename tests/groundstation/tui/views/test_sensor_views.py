@@ -57,8 +57,8 @@ def test_values_stand_with_their_units_and_old_ones_look_old() -> None:
     assert text_of(rows["is_valid"]).split() == ["is", "valid", "yes"]
     assert text_of(rows["sources"]).split() == ["sources", "autopilot", "stereo"]
     assert all(len(text_of(line)) <= 44 for _, line in field_rows(pose(0.0), 44))
-    old = dict(field_rows(pose(0.0), 60, is_old=True))
-    assert old["position_ned_m"][-1].tone is Tone.STALE
+    previous = dict(field_rows(pose(0.0), 60, is_stale=True))
+    assert previous["position_ned_m"][-1].tone is Tone.STALE
 
 
 def test_the_line_above_tells_how_much_of_a_topic_is_seen() -> None:
@@ -95,8 +95,8 @@ def test_a_row_of_numbers_is_drawn_in_a_strip_each_with_its_range() -> None:
 
 def test_a_preview_tells_its_size_and_one_without_a_picture_nothing() -> None:
     shown = preview(1.0)
-    told = preview_line(shown)
-    assert told.startswith(f"{shown.camera}: {shown.width}×{shown.height} of ")
+    reported = preview_line(shown)
+    assert reported.startswith(f"{shown.camera}: {shown.width}×{shown.height} of ")
     assert preview_line(replace(shown, width=0, height=0, full_width=0, full_height=0, data=b"")) == ""
 
 

@@ -5,12 +5,12 @@ from pathlib import Path
 from tests.groundstation.services_scene import INFOS, PARAMETERS
 
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.services.calibration import CalibrationKind, CalibrationState, Phase, Side, SideState
+from gloc3.mavlink.services.calibration import CalibrationKind, CalibrationPhase, CalibrationState, Side, SideState
 from gloc3.mavlink.services.log_server import LogEntry
-from gloc3.mission.formats.items import Entry, FenceArea, MavItem, Plan
+from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
 from gloc3_groundstation.desk.parameter_desk import judge
 from gloc3_groundstation.desk.plan_desk import PlanDesk, PlanFile
-from gloc3_groundstation.desk.service_jobs import Job, Outcome, Service
+from gloc3_groundstation.desk.service_jobs import JobOutcome, ServiceJob, ServiceKind
 from gloc3_groundstation.services.logs import LogLine
 from gloc3_groundstation.services.parameter_files import read_parameter_file
 from gloc3_groundstation.services.parameter_info import read_infos
@@ -33,8 +33,8 @@ def text(lines: list[Line]) -> str:
 
 
 def test_the_services_stand_in_one_line_with_a_figure_at_those_that_work() -> None:
-    running = {Service.LOGS: Job(what="x", fraction=0.42), Service.FILES: Job(what="y")}
-    line = services_line(Service.PLANS, running, "PX4 1.15.4, system 1", 90)
+    running = {ServiceKind.LOGS: ServiceJob(what="x", fraction=0.42), ServiceKind.FILES: ServiceJob(what="y")}
+    line = services_line(ServiceKind.PLANS, running, "PX4 1.15.4, system 1", 90)
     assert text_of(line).split() == [
         "Parameters",
         "Plans",
@@ -54,15 +54,15 @@ def test_the_services_stand_in_one_line_with_a_figure_at_those_that_work() -> No
 
 
 def test_what_is_under_way_has_a_bar_and_the_key_that_cancels_it() -> None:
-    job = Job(what="downloading log 3", fraction=0.5, detail="1.20 of 2.40 MB")
+    job = ServiceJob(what="downloading log 3", fraction=0.5, detail="1.20 of 2.40 MB")
     (line,) = job_lines(job, None, 80)
     assert text_of(line).startswith(" downloading log 3 ━━━━━━━━━━╌╌╌╌╌╌╌╌╌╌  50 %  1.20 of 2.40 MB")
     assert text_of(line).endswith("esc cancels ")
 
 
 def test_how_it_ended_is_told_in_words_and_not_at_any_length() -> None:
-    assert text(job_lines(None, Outcome(text="36 parameters"), 80)) == " ✓ 36 parameters"
-    wrong = Outcome(text="9 things are wrong in it", is_good=False, lines=tuple(f"f:{n}:1: bad" for n in range(9)))
+    assert text(job_lines(None, JobOutcome(text="36 parameters"), 80)) == " ✓ 36 parameters"
+    wrong = JobOutcome(text="9 things are wrong in it", is_good=False, lines=tuple(f"f:{n}:1: bad" for n in range(9)))
     lines = job_lines(None, wrong, 80)
     assert text(lines[:2]) == " ✗ 9 things are wrong in it\n   f:0:1: bad"
     assert text_of(lines[-1]) == "   and 5 lines more"
@@ -72,16 +72,16 @@ def test_how_it_ended_is_told_in_words_and_not_at_any_length() -> None:
 def test_a_parameter_is_told_in_full_and_marked_when_it_was_changed() -> None:
     row = TABLE["NAV_DLL_ACT"]
     assert text_of(service_parameters.parameter_line(row, 120)).split()[:3] == ["≠", "NAV_DLL_ACT", "0"]
-    told = text(service_parameters.parameter_lines(row, 76))
-    assert told.splitlines()[0].strip() == "NAV_DLL_ACT = 0 (Disabled)"
-    assert "int32, default 2, holds after a restart of the vehicle" in told
-    assert "0 Disabled, 1 Hold mode, 2 Return mode, 3 Land mode" in told
+    reported = text(service_parameters.parameter_lines(row, 76))
+    assert reported.splitlines()[0].strip() == "NAV_DLL_ACT = 0 (Disabled)"
+    assert "int32, default 2, holds after a restart of the vehicle" in reported
+    assert "0 Disabled, 1 Hold mode, 2 Return mode, 3 Land mode" in reported
     changed = TABLE.with_value(TABLE.check("MPC_XY_VEL_MAX", 8.5))
     row = changed["MPC_XY_VEL_MAX"]
     assert text_of(service_parameters.parameter_line(row, 80)).split()[:3] == ["●", "MPC_XY_VEL_MAX", "8.5"]
-    told = text(service_parameters.parameter_lines(row, 76))
-    assert "MPC_XY_VEL_MAX = 8.5 m/s   was 12 m/s" in told
-    assert "real32, from 0 to 20 m/s, default 12 m/s, in steps of 1" in told
+    reported = text(service_parameters.parameter_lines(row, 76))
+    assert "MPC_XY_VEL_MAX = 8.5 m/s   was 12 m/s" in reported
+    assert "real32, from 0 to 20 m/s, default 12 m/s, in steps of 1" in reported
     title = service_parameters.parameters_title(changed, 36, "", service_parameters.Only.ALL)
     assert title == "36 parameters, 1 changed"
     assert "no description" in text(service_parameters.parameter_lines(TABLE["CAL_ACC3_ID"], 76))
@@ -139,8 +139,8 @@ def test_logs_files_and_rates_are_told_with_their_sizes() -> None:
 
 def test_a_plan_is_told_item_by_item_with_what_differs_first() -> None:
     items = (MavItem(command=22, frame=3, x=47.3977, y=8.5456, z=3.0), MavItem(command=20, frame=2))
-    plan = Plan(
-        entries=tuple(Entry(items=(item,)) for item in items),
+    plan = ForeignPlan(
+        entries=tuple(PlanEntry(items=(item,)) for item in items),
         fence=(FenceArea(is_inclusion=True, center=(47.0, 8.0), radius_m=200.0),),
         rally=((47.1, 8.1, 20.0),),
         raw={},
@@ -148,11 +148,11 @@ def test_a_plan_is_told_item_by_item_with_what_differs_first() -> None:
     desk = PlanDesk(lambda service, what, work, *, is_change=False: None, PlanService.__new__(PlanService))
     assert service_plans.plans_title(desk) == "on the vehicle: not downloaded"
     desk.file = PlanFile(name="a.plan", plan=plan)
-    said = [text_of(line).split() for _, line in service_plans.plan_rows(desk, 80)]
-    assert said[0] == ["a.plan:", "2", "items,", "1", "fence", "area,", "1", "rally", "point"]
-    assert said[1][:6] == ["0", "nav", "takeoff", "47.3977000", "8.5456000", "3.0"]
-    assert said[2][:5] == ["1", "nav", "return", "to", "launch"]
-    assert said[3][:3] == ["fence:", "stay", "inside"]
+    text = [text_of(line).split() for _, line in service_plans.plan_rows(desk, 80)]
+    assert text[0] == ["a.plan:", "2", "items,", "1", "fence", "area,", "1", "rally", "point"]
+    assert text[1][:6] == ["0", "nav", "takeoff", "47.3977000", "8.5456000", "3.0"]
+    assert text[2][:5] == ["1", "nav", "return", "to", "launch"]
+    assert text[3][:3] == ["fence:", "stay", "inside"]
     desk.differences = ()
     assert service_plans.plans_title(desk).endswith("a.plan is the same")
 
@@ -160,16 +160,16 @@ def test_a_plan_is_told_item_by_item_with_what_differs_first() -> None:
 def test_a_calibration_says_what_a_person_has_to_do_now() -> None:
     state = CalibrationState(
         kind=CalibrationKind.ACCELEROMETER,
-        phase=Phase.WAITING,
+        phase=CalibrationPhase.WAITING,
         progress=0.5,
         instruction="Put the vehicle on its left side.",
         sides={Side.LEVEL: SideState.DONE, Side.LEFT: SideState.PENDING},
     )
-    told = text(service_calibration.calibration_lines(state, 80))
-    assert "accelerometer: waiting for you" in told
-    assert "Put the vehicle on its left side." in told
-    assert "y it lies so: measure" in told
-    assert "✓ level" in told
+    reported = text(service_calibration.calibration_lines(state, 80))
+    assert "accelerometer: waiting for you" in reported
+    assert "Put the vehicle on its left side." in reported
+    assert "y it lies so: measure" in reported
+    assert "✓ level" in reported
     assert "enter begins" in text(service_calibration.calibration_lines(None, 80))
     line = service_calibration.kind_line(CalibrationKind.GYRO, state)
     assert "keep the vehicle still" in text_of(line)

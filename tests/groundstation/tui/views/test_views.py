@@ -14,12 +14,12 @@ from gloc3.messages.summaries import (
     Summary,
     TableRow,
 )
-from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station import alerts
 from gloc3_groundstation.station import fleet as reducers
 from gloc3_groundstation.station.snapshots import Fleet, LinkStatistics, PlatformSnapshot, Timed
 from gloc3_groundstation.station.wording import farewell, tenths
-from gloc3_groundstation.tui.view import View
+from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.chrome import Key, Tab, alert_line, keys_line, tabs_line, title_line
 from gloc3_groundstation.tui.views.components import component_lines, component_rows, components_title
 from gloc3_groundstation.tui.views.events import event_lines
@@ -31,8 +31,8 @@ STATES = {"sweep": "running", "sweep.wall": "running", "depart": "done", "depart
 PLATFORM = PlatformSnapshot(
     name="heron",
     boot=1,
-    first_heard_s=100.0,
-    heard_s=100.0,
+    first_received_s=100.0,
+    received_s=100.0,
     vehicle=Timed(VEHICLE, 100.0),
     control=Timed(ControlState(holder="255"), 100.0),
     mission=Timed(
@@ -55,10 +55,10 @@ def tones(line: Line) -> set[Tone]:
     return {span.tone for span in line if span.text.strip()}
 
 
-def view(*platforms: PlatformSnapshot, now_s: float = 100.0, station: str = "255") -> View:
+def view(*platforms: PlatformSnapshot, now_s: float = 100.0, station: str = "255") -> StationView:
     fleet = Fleet(platforms={platform.name: platform for platform in platforms})
     known = alerts.update(alerts.Alerts(), fleet, now_s)
-    return View(fleet, platforms[0], now_s, 90.0, station, alerts=known)
+    return StationView(fleet, platforms[0], now_s, 90.0, station, alerts=known)
 
 
 def flying(**changes: object) -> PlatformSnapshot:
@@ -154,9 +154,9 @@ def test_each_vehicle_has_a_line_in_columns() -> None:
 
 def test_an_old_vehicle_state_is_shown_as_old() -> None:
     assert " position  x 0.0  y 0.0  h 0.0 m" in texts(detail_lines(view(PLATFORM)))
-    old = [line for line in detail_lines(view(PLATFORM, now_s=108.0)) if "position" in text_of(line)]
+    previous = [line for line in detail_lines(view(PLATFORM, now_s=108.0)) if "position" in text_of(line)]
     assert detail_title(view(PLATFORM, now_s=108.0)) == "heron, 8 s ago"
-    assert Tone.STALE in tones(old[0])
+    assert Tone.STALE in tones(previous[0])
     states = [span for span in vehicle_line(view(PLATFORM, now_s=108.0), PLATFORM, 120) if "disarmed" in span.text]
     assert [span.tone for span in states] == [Tone.STALE]
 
@@ -177,15 +177,15 @@ def test_an_unknown_position_and_battery_are_said_to_be_unknown() -> None:
 
 
 def test_what_the_position_rests_on_is_told_with_its_quality() -> None:
-    said = []
+    text = []
     for changes in (
         {},
         {"pose_sources": ["stereo", "laser"], "pose_quality_percent": 40},
         {"pose_quality_percent": -1},
     ):
         (line,) = [line for line in detail_lines(view(flying(**changes))) if text_of(line).startswith(" from")]
-        said.append((text_of(line)[11:], line[-1].tone))
-    assert said == [
+        text.append((text_of(line)[11:], line[-1].tone))
+    assert text == [
         ("autopilot, quality 100 %", Tone.TEXT),
         ("stereo + laser, quality 40 %", Tone.WARN),
         ("not told", Tone.DIM),
@@ -204,11 +204,11 @@ def test_in_a_narrow_column_an_alert_goes_on_below_its_severity() -> None:
 
 
 def test_a_vehicle_that_is_silent_and_asked_for_is_told_without_cutting_anything() -> None:
-    asked = replace(PLATFORM, control=Timed(ControlState(holder="255", requested_by="254"), 100.0))
-    lines = {line.split()[0]: line for line in texts(detail_lines(view(asked, now_s=100.0 + 312.0)))}
+    requested = replace(PLATFORM, control=Timed(ControlState(holder="255", requested_by="254"), 100.0))
+    lines = {line.split()[0]: line for line in texts(detail_lines(view(requested, now_s=100.0 + 312.0)))}
     assert lines["link"] == " link      silent for 5 min 12 s"
     assert lines["control"] == " control   here; station 254 asks"
-    assert "silent 5 min" in text_of(vehicle_line(view(asked, now_s=412.0), asked, 80))
+    assert "silent 5 min" in text_of(vehicle_line(view(requested, now_s=412.0), requested, 80))
 
 
 def test_components_stand_in_the_order_of_the_data_one_a_line() -> None:
@@ -224,8 +224,8 @@ def test_components_stand_in_the_order_of_the_data_one_a_line() -> None:
 
 def test_an_unwell_component_says_why() -> None:
     lines_of = {**PLATFORM.lines, 3: (ComponentLine(3, 5, 0, 0, 0, 2), 100.0)}
-    trouble = ComponentTrouble(name="pose", cause="Traceback: ...\nLost: no pose for 0.5 s", errors=2)
-    ill = replace(PLATFORM, lines=lines_of, troubles={"pose": trouble})
+    problem = ComponentTrouble(name="pose", cause="Traceback: ...\nLost: no pose for 0.5 s", errors=2)
+    ill = replace(PLATFORM, lines=lines_of, troubles={"pose": problem})
     (_, line) = component_rows(ill, 100.0, 120)[3]
     assert text_of(line).split()[:3] == ["DP", "pose", "faulty"]
     assert text_of(line).rstrip().endswith("Lost: no pose for 0.5 s")
@@ -259,7 +259,7 @@ def test_the_mission_shows_each_task_with_its_actions() -> None:
 def test_without_a_mission_it_says_what_can_be_done() -> None:
     bare = replace(PLATFORM, mission=None)
     assert texts(mission_lines(bare, None, 100.0, 60))[1] == " 3, then o opens one."
-    plan = Plan(name="hold.yaml", title="cargo hold", text="")
+    plan = CheckedPlan(name="hold.yaml", title="cargo hold", text="")
     assert texts(mission_lines(bare, plan, 100.0, 60))[0] == " 'cargo hold' is at hand."
 
 
@@ -291,8 +291,8 @@ def test_a_bar_never_overflows() -> None:
 def test_a_vehicle_in_flight_is_left_to_its_policies() -> None:
     flying = replace(PLATFORM, vehicle=Timed(replace(VEHICLE, is_armed=True), 100.0))
     assert farewell(Fleet(platforms={"heron": PLATFORM})) == "stopped"
-    said = farewell(Fleet(platforms={"heron": flying, "egret": PLATFORM}))
-    assert said == "stopped; heron flies on by the mission's policies (on_link_loss)"
+    text = farewell(Fleet(platforms={"heron": flying, "egret": PLATFORM}))
+    assert text == "stopped; heron flies on by the mission's policies (on_link_loss)"
 
 
 def test_a_position_next_to_zero_has_no_sign() -> None:
@@ -305,13 +305,13 @@ def test_a_triggered_component_is_not_called_slow_while_its_input_rests() -> Non
     rows[9] = TableRow("limiter", "CC", 20.0, True, "", is_triggered=True)
     rows[11] = TableRow("recorder", "AD", 0.0, False, "", is_triggered=True)
     lines_of = {9: (ComponentLine(9, 0, 50, 3, 0, 0), 100.0), 11: (ComponentLine(11, 0, 0, 0, 0, 0), 100.0)}
-    told = replace(PLATFORM, table=ComponentTable(table=1, rows=rows), lines={**PLATFORM.lines, **lines_of})
-    shown = dict(component_rows(told, 100.0, 100))
+    reported = replace(PLATFORM, table=ComponentTable(table=1, rows=rows), lines={**PLATFORM.lines, **lines_of})
+    shown = dict(component_rows(reported, 100.0, 100))
     assert [span.tone for span in shown["limiter"] if "10.0/20 Hz" in span.text] == [Tone.DIM]
     assert "triggered" in text_of(shown["recorder"])
     assert "%" not in text_of(shown["recorder"])
-    assert texts(component_lines(told, "limiter", 100.0, 80))[0] == " controller, required, 20 Hz when triggered"
-    assert texts(component_lines(told, "recorder", 100.0, 80))[0].endswith("not required, triggered")
-    slow = replace(told, lines={**told.lines, 8: (ComponentLine(8, 0, 50, 3, 0, 0), 100.0)})
+    assert texts(component_lines(reported, "limiter", 100.0, 80))[0] == " controller, required, 20 Hz when triggered"
+    assert texts(component_lines(reported, "recorder", 100.0, 80))[0].endswith("not required, triggered")
+    slow = replace(reported, lines={**reported.lines, 8: (ComponentLine(8, 0, 50, 3, 0, 0), 100.0)})
     (name, line) = component_rows(slow, 100.0, 100)[8]
     assert [span.tone for span in line if "Hz" in span.text] == [Tone.WARN], name

@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gloc3_groundstation.tui.widgets.canvas import BRAILLE, Canvas
+from gloc3_groundstation.tui.widgets.canvas import BRAILLE, CellCanvas
 from gloc3_groundstation.tui.widgets.lines import Span, Tone, changed_columns, text_of
 
 
-def picture(canvas: Canvas) -> list[str]:
+def picture(canvas: CellCanvas) -> list[str]:
     return [text_of(line).replace(" ", ".") for line in canvas.lines()]
 
 
-def dots(canvas: Canvas) -> set[tuple[int, int]]:
+def dots(canvas: CellCanvas) -> set[tuple[int, int]]:
     """Every dot that is set, read back from the characters."""
     places = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (0, 3), (1, 3)]
     return {
@@ -29,7 +29,7 @@ def dots(canvas: Canvas) -> set[tuple[int, int]]:
 
 
 def test_dots_lines_and_text_stand_where_they_should() -> None:
-    canvas = Canvas(6, 2)
+    canvas = CellCanvas(6, 2)
     canvas.line([(0, 0), (11, 0)], Tone.GOOD)
     canvas.line([(0, 0), (0, 7)], Tone.GOOD)
     canvas.text(3, 1, "hey", Tone.STRONG)
@@ -37,21 +37,21 @@ def test_dots_lines_and_text_stand_where_they_should() -> None:
 
 
 def test_an_empty_canvas_is_blank() -> None:
-    assert Canvas(3, 2).lines() == [(Span("   "),), (Span("   "),)]
+    assert CellCanvas(3, 2).lines() == [(Span("   "),), (Span("   "),)]
 
 
 def test_a_cell_has_the_tone_of_what_came_last_and_blanks_need_none() -> None:
-    canvas = Canvas(5, 1)
+    canvas = CellCanvas(5, 1)
     canvas.line([(0, 0), (9, 0)], Tone.DIM)
     canvas.points(np.array([(4.0, 3.0)]), Tone.BAD)
     assert canvas.lines() == [(Span("⠉⠉", Tone.DIM), Span("⡉", Tone.BAD), Span("⠉⠉", Tone.DIM))]
-    labelled = Canvas(6, 1)
+    labelled = CellCanvas(6, 1)
     labelled.text(1, 0, "x", Tone.CHOSEN)
     assert labelled.lines() == [(Span(" "), Span("x", Tone.CHOSEN), Span("    "))]
 
 
 def test_what_lies_outside_leaves_no_trace() -> None:
-    canvas = Canvas(4, 2)
+    canvas = CellCanvas(4, 2)
     canvas.line([(-50, -50), (-1, 40)], Tone.GOOD)
     canvas.points(np.array([(8.0, 0.0), (0.0, 8.0), (-0.5, 2.0), (nan, 1.0)]), Tone.GOOD)
     canvas.area([(100, 100), (120, 100), (110, 130)], Tone.BAD)
@@ -61,7 +61,7 @@ def test_what_lies_outside_leaves_no_trace() -> None:
 
 
 def test_a_line_across_from_far_away_is_drawn_where_it_passes() -> None:
-    canvas = Canvas(10, 3)
+    canvas = CellCanvas(10, 3)
     canvas.line([(-1e9, 6.0), (1e9, 6.0)], Tone.GOOD)
     assert dots(canvas) == {(x, 6) for x in range(20)}
 
@@ -70,7 +70,7 @@ def test_a_line_across_from_far_away_is_drawn_where_it_passes() -> None:
 @given(st.lists(st.tuples(st.floats(-40, 80), st.floats(-40, 60)), min_size=2, max_size=2))
 def test_a_clipped_line_is_the_part_of_the_whole_one(ends: list[tuple[float, float]]) -> None:
     shift = np.array((40.0, 40.0))
-    small, large = Canvas(20, 6), Canvas(60, 30)
+    small, large = CellCanvas(20, 6), CellCanvas(60, 30)
     small.line(ends, Tone.GOOD)
     large.line(np.array(ends) + shift, Tone.GOOD)
     inside = {(x - 40, y - 40) for x, y in dots(large) if 40 <= x < 80 and 40 <= y < 64}
@@ -81,14 +81,14 @@ def test_a_clipped_line_is_the_part_of_the_whole_one(ends: list[tuple[float, flo
 
 
 def test_a_gap_parts_a_line() -> None:
-    canvas = Canvas(6, 1)
+    canvas = CellCanvas(6, 1)
     canvas.line([(0, 0), (2, 0), (nan, nan), (9, 0), (11, 0)], Tone.GOOD)
     assert dots(canvas) == {(0, 0), (1, 0), (2, 0), (9, 0), (10, 0), (11, 0)}
 
 
 def test_dashes_stay_with_the_line_when_its_begin_is_off_the_canvas() -> None:
     def dashed(begin: float) -> set[tuple[int, int]]:
-        canvas = Canvas(10, 1)
+        canvas = CellCanvas(10, 1)
         canvas.line([(begin, 1.0), (30.0, 1.0)], Tone.GOOD, on=3, off=2)
         return dots(canvas)
 
@@ -98,7 +98,7 @@ def test_dashes_stay_with_the_line_when_its_begin_is_off_the_canvas() -> None:
 
 @pytest.mark.parametrize("hatch", [1, 3])
 def test_an_area_is_filled_or_hatched_and_may_be_concave(hatch: int) -> None:
-    canvas = Canvas(10, 5)
+    canvas = CellCanvas(10, 5)
     canvas.area([(0, 0), (20, 0), (20, 20), (10, 10), (0, 20)], Tone.BAD, hatch=hatch)
     found = dots(canvas)
     assert ((10, 3) in found) is (hatch == 1 or (10 + 3 + 1) % hatch == 0)
@@ -107,7 +107,7 @@ def test_an_area_is_filled_or_hatched_and_may_be_concave(hatch: int) -> None:
 
 
 def test_text_says_whether_there_is_room_for_it() -> None:
-    canvas = Canvas(8, 1)
+    canvas = CellCanvas(8, 1)
     canvas.text(3, 0, "ab", Tone.TEXT)
     assert canvas.is_free(0, 0, 3)
     assert not canvas.is_free(1, 0, 3)

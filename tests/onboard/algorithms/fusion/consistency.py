@@ -23,7 +23,7 @@ class Consistency(NamedTuple):
     turn_deg: list[float]
     worst_m: list[float]
     end_m: list[float]
-    way_m: float
+    distance_m: float
 
 
 def consistency(platform: str, without: tuple[str, ...], seeds: Iterable[int], until_s: float = 1e9) -> Consistency:
@@ -42,5 +42,5 @@ def consistency(platform: str, without: tuple[str, ...], seeds: Iterable[int], u
         turn_deg=[flown.turn_deg() for flown in flights],
         worst_m=[flown.worst_m() for flown in flights],
         end_m=[float(np.linalg.norm(flown.error_m[-1])) for flown in flights],
-        way_m=inspection().way_m,
+        distance_m=inspection().distance_m,
     )

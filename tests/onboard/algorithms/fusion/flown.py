@@ -45,7 +45,7 @@ class Flight:
         return min(max(round(t_s * IMU_HZ), 0), len(self.t_s) - 1)
 
     @property
-    def way_m(self) -> float:
+    def distance_m(self) -> float:
         return float(np.linalg.norm(np.diff(self.position, axis=0), axis=1).sum())
 
 

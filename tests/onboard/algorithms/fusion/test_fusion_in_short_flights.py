@@ -8,7 +8,7 @@ import pytest
 
 from gloc3.messages.perception import Odometry, PositionFix
 from gloc3.messages.vehicle import HeightAboveGround
-from gloc3_onboard.algorithms.fusion.inertial import State
+from gloc3_onboard.algorithms.fusion.inertial import InertialState
 from gloc3_onboard.algorithms.fusion.pose_fusion import PoseFusion
 from gloc3_onboard.algorithms.fusion.settings import FusionSettings
 
@@ -36,7 +36,7 @@ def test_it_waits_until_it_knows_where_it_starts() -> None:
     fusion = PoseFusion()
     standing(fusion, 1.0)
     assert (fusion.pose().is_valid, fusion.pose().reason) == (False, "the start is not known yet")
-    fusion.align_by(State(0.0, (1.0, 2.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)))
+    fusion.align_by(InertialState(0.0, (1.0, 2.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)))
     fix = PositionFix(source="tracker", position_ned_m=(3.0, 4.0, 0.0), covariance=(np.eye(3) * 1e-4).ravel().tolist())
     fusion.fix(fix, 1.0)
     standing(fusion, 1.1, 1.0)

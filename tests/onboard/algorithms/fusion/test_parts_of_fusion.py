@@ -17,14 +17,14 @@ from gloc3.messages.frames import (
     yaw_of,
 )
 from gloc3.messages.perception import UNKNOWN_VARIANCE
-from gloc3_onboard.algorithms.fusion.alignment import Start
+from gloc3_onboard.algorithms.fusion.alignment import StartPose
 from gloc3_onboard.algorithms.fusion.error_state import ROTATION, SIZE, VELOCITY, ErrorState, past_pose
-from gloc3_onboard.algorithms.fusion.estimate import Estimate
-from gloc3_onboard.algorithms.fusion.inertial import Inertial, State
+from gloc3_onboard.algorithms.fusion.estimate import PoseEstimate
+from gloc3_onboard.algorithms.fusion.inertial import Inertial, InertialState
 from gloc3_onboard.algorithms.fusion.measurements import Measured, covariance_of, level_of, matrix_of, place, relative
 from gloc3_onboard.algorithms.fusion.settings import FusionSettings
 from gloc3_onboard.algorithms.fusion.trust import Trust
-from gloc3_onboard.algorithms.fusion.vote import Elsewhere, Vote
+from gloc3_onboard.algorithms.fusion.vote import OtherAgreement, Vote
 
 LEVEL_AT_REST = ((0.0, 0.0, 0.0), (0.0, 0.0, -9.80665))
 
@@ -39,7 +39,7 @@ def moved(state: tuple[Vector3, Quaternion], error: np.ndarray) -> tuple[Vector3
 def test_a_circle_flown_with_its_centripetal_force_is_a_circle() -> None:
     inertial = Inertial()
     radius_m, rate = 2.0, 0.5
-    inertial.place(State(0.0, (radius_m, 0.0, -1.0), (0.0, radius_m * rate, 0.0), from_yaw(np.pi / 2)))
+    inertial.place(InertialState(0.0, (radius_m, 0.0, -1.0), (0.0, radius_m * rate, 0.0), from_yaw(np.pi / 2)))
     for i in range(1, 1 + round(2 * np.pi / rate * 100)):
         inertial.move((0.0, 0.0, rate), (0.0, radius_m * rate**2, -9.80665), i / 100)
     assert np.allclose(inertial.now.position_ned_m, (radius_m, 0.0, -1.0), atol=0.02)
@@ -47,7 +47,7 @@ def test_a_circle_flown_with_its_centripetal_force_is_a_circle() -> None:
 
 def test_the_past_is_asked_as_it_is_believed_after_a_correction() -> None:
     inertial = Inertial()
-    inertial.place(State(0.0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), IDENTITY))
+    inertial.place(InertialState(0.0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), IDENTITY))
     for i in range(1, 101):
         inertial.move(*LEVEL_AT_REST, i / 100)
     inertial.correct((0.5, 0.0, 0.0), (0.1, 0.0, 0.0), (0.0, 0.0, 0.2))
@@ -55,9 +55,9 @@ def test_the_past_is_asked_as_it_is_believed_after_a_correction() -> None:
     assert past.position_ned_m[0] == pytest.approx(0.755 + 0.5 - 0.1 * 0.245)
     assert past.velocity_ned_m_s[0] == pytest.approx(1.1)
     assert yaw_of(past.ned_from_frd) == pytest.approx(0.2)
-    assert inertial.knows(0.755)
-    assert not inertial.knows(-0.5)
-    assert not inertial.knows(1.1)
+    assert inertial.covers(0.755)
+    assert not inertial.covers(-0.5)
+    assert not inertial.covers(1.1)
 
 
 @pytest.mark.parametrize("is_level", [False, True])
@@ -65,15 +65,15 @@ def test_the_jacobian_of_a_motion_is_that_of_its_differences(is_level: bool) -> 
     then = ((1.0, 2.0, -1.0), from_euler(0.1, -0.2, 0.7))
     now = ((1.6, 1.5, -1.2), from_euler(-0.05, 0.1, 1.0))
 
-    def told(then: tuple[Vector3, Quaternion], now: tuple[Vector3, Quaternion]) -> tuple[Vector3, Quaternion]:
+    def reported(then: tuple[Vector3, Quaternion], now: tuple[Vector3, Quaternion]) -> tuple[Vector3, Quaternion]:
         axes = from_yaw(yaw_of(then[1])) if is_level else then[1]
         way = [b - a for a, b in zip(then[0], now[0], strict=True)]
         return rotate(conjugate(axes), (way[0], way[1], way[2])), multiply(conjugate(axes), now[1])
 
     def measured(error: np.ndarray) -> Measured:
         axes = from_yaw(yaw_of(then[1])) if is_level else then[1]
-        is_told = told(moved(then, error[6:]), moved(now, error[:6]))
-        found = relative(then, axes, now, is_told, np.eye(6), is_level=is_level)
+        is_reported = reported(moved(then, error[6:]), moved(now, error[:6]))
+        found = relative(then, axes, now, is_reported, np.eye(6), is_level=is_level)
         assert found is not None
         return found
 
@@ -108,7 +108,7 @@ def test_the_error_of_a_past_pose_follows_from_the_error_now() -> None:
         v, w, g, a = error[3:6].tolist(), error[6:9].tolist(), error[9:12].tolist(), error[12:15].tolist()
         inertial.gyroscope_bias_rad_s, inertial.accelerometer_bias_m_s2 = tuple(g), tuple(a)
         attitude = multiply(from_rotation_vector(tuple(w)), from_euler(0.1, 0.2, 0.5))
-        inertial.place(State(0.0, tuple(error[:3].tolist()), (1.0 + v[0], v[1], v[2]), attitude))
+        inertial.place(InertialState(0.0, tuple(error[:3].tolist()), (1.0 + v[0], v[1], v[2]), attitude))
         for i in range(1, 21):
             inertial.move((0.1, -0.1, 0.2), (1.0, 0.5, -9.0), i / 100)
         return inertial
@@ -117,7 +117,7 @@ def test_the_error_of_a_past_pose_follows_from_the_error_now() -> None:
     error = rng.normal(size=15) * 1e-5
     wrong, right = run(error), run(np.zeros(15))
 
-    def difference(a: State, b: State) -> np.ndarray:
+    def difference(a: InertialState, b: InertialState) -> np.ndarray:
         turn = to_rotation_vector(multiply(a.ned_from_frd, conjugate(b.ned_from_frd)))
         return np.concatenate([np.subtract(a.position_ned_m, b.position_ned_m), turn])
 
@@ -134,14 +134,14 @@ def test_the_error_of_a_past_pose_follows_from_the_error_now() -> None:
 
 
 def test_a_speed_that_is_found_without_the_inertial_unit_tells_nothing_of_the_tilt() -> None:
-    estimate, state = Estimate(FusionSettings()), State(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), IDENTITY)
-    estimate.begin(Start(state, 0.01, 0.01, is_moving=False), state, (0.0, 0.0, 0.0))
+    estimate, state = PoseEstimate(FusionSettings()), InertialState(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), IDENTITY)
+    estimate.begin(StartPose(state, 0.01, 0.01, is_moving=False), state, (0.0, 0.0, 0.0))
     for step in range(1, 51):
         estimate.coast(0.02 * step)
     estimate.predict()
     rows = np.zeros((3, SIZE))
     rows[:, VELOCITY] = np.eye(3)
-    estimate.take(np.array((0.7, 0.0, 0.0)), rows, 1e-4 * np.eye(3))
+    estimate.correct(np.array((0.7, 0.0, 0.0)), rows, 1e-4 * np.eye(3))
     assert estimate.inertial.now.velocity_ned_m_s[0] == pytest.approx(0.7, abs=0.01)
     assert estimate.inertial.now.ned_from_frd == pytest.approx(IDENTITY, abs=1e-9)
     assert estimate.errors.covariance[VELOCITY, ROTATION] == pytest.approx(np.zeros((3, 3)), abs=1e-9)
@@ -150,8 +150,8 @@ def test_a_speed_that_is_found_without_the_inertial_unit_tells_nothing_of_the_ti
 def test_an_attitude_from_elsewhere_tells_where_down_is_and_not_the_heading() -> None:
     truth, turn = from_euler(0.1, -0.2, 0.5), (0.003, -0.002, 0.7)
     believed = multiply(from_rotation_vector((-0.003, 0.002, 0.0)), truth)
-    told = multiply(from_yaw(turn[2]), truth)
-    measured = level_of(believed, told, 0.02)
+    reported = multiply(from_yaw(turn[2]), truth)
+    measured = level_of(believed, reported, 0.02)
     assert measured.residual == pytest.approx((0.003, -0.002), abs=1e-5)
     assert measured.by_pose @ np.array((0.0, 0.0, 0.0, *turn)) == pytest.approx((0.003, -0.002))
 
@@ -202,8 +202,8 @@ def test_a_source_that_does_not_agree_is_turned_down_and_used_again_after_its_pr
     assert trust.judge(3.0, 6, 0.0)
     assert not any(trust.judge(500.0, 6, 0.1 * i) for i in range(1, 6))
     assert not trust.is_used
-    taken = [trust.judge(3.0, 6, 1.0 + 0.1 * i) for i in range(15)]
-    assert taken.index(True) == 10
+    used = [trust.judge(3.0, 6, 1.0 + 0.1 * i) for i in range(15)]
+    assert used.index(True) == 10
     assert trust.is_used
 
 
@@ -223,8 +223,8 @@ def test_the_one_that_contradicts_two_is_voted_out_and_two_that_contradict_each_
                 excess = (0.004 if name == "bad" else 0.0, 0.0, 0.0)
                 vote.record(name).add(i * 0.1, excess, np.eye(3) * 1e-5)
         position = (0.0, 0.0, 0.0)
-        vote.look(dict.fromkeys(names, True), position, 0.0, 5.7)
-        verdict = vote.look(dict.fromkeys(names, True), position, 0.0, 5.95)
+        vote.update(dict.fromkeys(names, True), position, 0.0, 5.7)
+        verdict = vote.update(dict.fromkeys(names, True), position, 0.0, 5.95)
         return verdict.voted_out or "/".join(sorted(verdict.against))
 
     assert vote(("a", "b", "c")) == ""
@@ -242,7 +242,7 @@ def test_who_told_of_a_part_of_the_way_that_he_was_uncertain_there_is_not_held_t
                 excess = (0.05 if is_early else 0.0, 0.0, 0.0)
                 vote.record(name).add(i * 0.1, excess, covariance, is_new_reference=i % 5 == 0)
         for now_s in (5.9, 6.15):
-            verdict = vote.look(dict.fromkeys(("a", "b", "late"), True), (0.0, 0.0, 0.0), 0.0, now_s)
+            verdict = vote.update(dict.fromkeys(("a", "b", "late"), True), (0.0, 0.0, 0.0), 0.0, now_s)
         return verdict.voted_out
 
     assert vote(1e-3) == "late"
@@ -250,13 +250,13 @@ def test_who_told_of_a_part_of_the_way_that_he_was_uncertain_there_is_not_held_t
 
 
 def test_two_that_say_together_that_the_body_is_elsewhere_are_heard_and_two_that_say_different_things_are_not() -> None:
-    def elsewhere(a_m: Vector3, b_m: Vector3, blind_std_m: float = 0.002) -> Elsewhere | None:
+    def elsewhere(a_m: Vector3, b_m: Vector3, blind_std_m: float = 0.002) -> OtherAgreement | None:
         vote = Vote(6.0, 0.01)
         for name, by_m, std_m in (("a", a_m, 0.002), ("b", b_m, 0.002), ("c", (0.0, 0.0, 0.0), blind_std_m)):
             for i in range(20):
                 excess = by_m if i == 12 else (0.0, 0.0, 0.0)
                 vote.record(name).add(i * 0.1, excess, np.eye(3) * std_m**2)
-        vote.look({"a": True, "b": True, "c": True}, (0.0, 0.0, 0.0), 0.0, 1.9)
+        vote.update({"a": True, "b": True, "c": True}, (0.0, 0.0, 0.0), 0.0, 1.9)
         return vote.elsewhere(["a", "b", "c"], 1.15, 1.9)
 
     found = elsewhere((0.1, 0.0, 0.0), (0.1, 0.0, 0.01))

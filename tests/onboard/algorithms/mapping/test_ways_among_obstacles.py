@@ -16,7 +16,7 @@ from gloc3.messages.frames import Vector3, from_yaw
 from gloc3.messages.vehicle import DriverState, ObstacleScan, Setpoint
 from gloc3.mission.model.arguments import FollowWaypointsOrder, HeadingOrder
 from gloc3.mission.model.messages import ActionStatus
-from gloc3_onboard.algorithms.paths.wall_keeper import WallKeeper, wall_ahead
+from gloc3_onboard.algorithms.paths.wall_keeper import WallDistance, wall_ahead
 from gloc3_onboard.algorithms.scan_matching.planar import Planar
 from gloc3_onboard.algorithms.scan_matching.scan_points import Mount, Tilt
 from gloc3_onboard.components.controllers.limiter import Limiter
@@ -43,7 +43,7 @@ class Chain:
         self.nearest_m = math.inf
         self.now_s = 0.0
         self.limiter.step(STEP_S, limits=LIMITS, grant=grant("go"))
-        self.controller.step(STEP_S, pose=self.pose, driver=DriverState(is_guided=True), obstacles=self.look())
+        self.controller.step(STEP_S, pose=self.pose, driver=DriverState(is_guided=True), obstacles=self.poll())
 
     @property
     def at(self) -> Vector3:
@@ -56,7 +56,7 @@ class Chain:
         velocity = ((north - before[0]) / STEP_S, (east - before[1]) / STEP_S, 0.0)
         return pose(north, east, -down, ned_from_frd=from_yaw(self.yaw_rad), velocity_ned_m_s=velocity)
 
-    def look(self) -> ObstacleScan:
+    def poll(self) -> ObstacleScan:
         scanner, here = Scanner(self.walls(self.now_s), range_max_m=12.0), Planar(self.at[0], self.at[1], self.yaw_rad)
         return obstacles_of(scanner.scan(here, self.random), Tilt(), Mount(), here, Planar(), 2.0)
 
@@ -67,7 +67,7 @@ class Chain:
             self.now_s += STEP_S
             messages: dict[str, Any] = {"pose": self.pose, "driver": DriverState(is_guided=True)}
             if round(self.now_s / STEP_S) % 2:
-                messages["obstacles"] = self.look()
+                messages["obstacles"] = self.poll()
                 self.nearest_m = min(self.nearest_m, *messages["obstacles"].sectors_m)
             wanted = [found for found in self.controller.step(STEP_S, **messages) if isinstance(found, Setpoint)]
             del messages["driver"]
@@ -139,13 +139,16 @@ def test_a_wall_is_seen_square_to_itself_and_a_corner_is_none() -> None:
 
 
 def test_the_way_is_moved_slowly_and_not_far() -> None:
-    keeper, wall = WallKeeper(1.0), wall_ahead([(0.1 * n, 6.0) for n in range(-9, 10)], (0.0, 0.0, -2.0), math.pi / 2.0)
+    keeper, wall = (
+        WallDistance(1.0),
+        wall_ahead([(0.1 * n, 6.0) for n in range(-9, 10)], (0.0, 0.0, -2.0), math.pi / 2.0),
+    )
     for _ in range(4):
-        keeper.see(wall, (0.0, 0.0, -2.0), (0.0, 0.0, -2.0), 0.1)
+        keeper.update(wall, (0.0, 0.0, -2.0), (0.0, 0.0, -2.0), 0.1)
     assert keeper.moved((0.0, 0.0, -2.0)) == pytest.approx((0.0, 0.16, -2.0))
     for _ in range(100):
-        keeper.see(wall, (0.0, 0.0, -2.0), (0.0, 0.0, -2.0), 0.1)
+        keeper.update(wall, (0.0, 0.0, -2.0), (0.0, 0.0, -2.0), 0.1)
     assert keeper.moved((0.0, 0.0, -2.0)) == pytest.approx((0.0, 1.5, -2.0))
     assert keeper.unmoved(keeper.moved((1.0, 2.0, -2.0))) == pytest.approx((1.0, 2.0, -2.0))
-    keeper.see(None, (0.0, 0.0, -2.0), (0.0, 0.0, -2.0), 0.5)
+    keeper.update(None, (0.0, 0.0, -2.0), (0.0, 0.0, -2.0), 0.5)
     assert keeper.blind_s == 0.5

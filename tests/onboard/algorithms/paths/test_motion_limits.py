@@ -198,7 +198,7 @@ def test_velocities_without_a_position_are_held_at_the_fence_too() -> None:
     north, down, now_s = 0.0, -5.0, 0.0
     for _ in range(400):
         now_s += STEP_S
-        limiter.see((north, 5.0, down), (0.0, 0.0, 0.0), now_s)
+        limiter.set_vehicle((north, 5.0, down), (0.0, 0.0, 0.0), now_s)
         velocity = limiter.limit(setpoint(None, (9.0, 0.0, -3.0)), now_s).setpoint.velocity_ned_m_s
         assert velocity is not None
         north, down = north + velocity[0] * STEP_S, down + velocity[2] * STEP_S
@@ -210,7 +210,7 @@ def test_velocities_without_a_position_are_held_at_the_fence_too() -> None:
 def test_another_owner_goes_on_from_where_the_setpoint_is() -> None:
     stream = Stream(LIMITS, (0.0, 0.0, -2.0))
     stream.feed((10.0, 0.0, -2.0), seconds=2.0)
-    stream.limiter.see((stream.places[-1][0] - 0.4, 0.1, -2.1), (2.5, 0.0, 0.0), stream.now_s)
+    stream.limiter.set_vehicle((stream.places[-1][0] - 0.4, 0.1, -2.1), (2.5, 0.0, 0.0), stream.now_s)
     stream.feed((5.0, 3.0, -2.0), seconds=2.0)
     changes = [math.dist(a, b) for a, b in zip(stream.speeds(), stream.speeds()[1:], strict=False)]
     assert max(changes) <= 2.5 * STEP_S * 1.01 + 2e-3
@@ -220,7 +220,7 @@ def test_after_a_gap_the_stream_begins_at_the_vehicle() -> None:
     stream = Stream(LIMITS, (0.0, 0.0, -2.0))
     stream.feed((10.0, 0.0, -2.0), seconds=2.0)
     stream.now_s += 1.0
-    stream.limiter.see((1.0, 1.0, -3.0), (0.0, 0.0, 0.0), stream.now_s + STEP_S)
+    stream.limiter.set_vehicle((1.0, 1.0, -3.0), (0.0, 0.0, 0.0), stream.now_s + STEP_S)
     out = stream.feed((10.0, 0.0, -2.0))
     assert out.setpoint.position_ned_m == pytest.approx((1.0, 1.0, -3.0))
 
@@ -229,10 +229,10 @@ def test_a_jump_of_the_estimate_is_no_step_for_the_vehicle() -> None:
     stream = Stream(LIMITS, (0.0, 0.0, -2.0))
     limiter = stream.limiter
     for step in range(40):
-        limiter.see((step * 0.025, 0.0, -2.0), (0.5, 0.0, 0.0), stream.now_s + STEP_S, resets=0)
+        limiter.set_vehicle((step * 0.025, 0.0, -2.0), (0.5, 0.0, 0.0), stream.now_s + STEP_S, resets=0)
         stream.feed((step * 0.025, 0.0, -2.0), (0.5, 0.0, 0.0))
     before = stream.places[-1][0] - 39 * 0.025
-    limiter.see((40 * 0.025 + 0.8, 0.0, -2.0), (0.5, 0.0, 0.0), stream.now_s + STEP_S, resets=1)
+    limiter.set_vehicle((40 * 0.025 + 0.8, 0.0, -2.0), (0.5, 0.0, 0.0), stream.now_s + STEP_S, resets=1)
     stream.feed((41 * 0.025, 0.0, -2.0), (0.5, 0.0, 0.0))
     after = stream.places[-1][0] - (40 * 0.025 + 0.8)
     assert after == pytest.approx(before, abs=0.05)
@@ -267,10 +267,10 @@ def test_whatever_is_asked_fence_speed_and_acceleration_are_kept(
     at, velocity, now_s = (3.0, 3.0, -2.0), (0.0, 0.0, 0.0), 0.0
     limiter = SetpointLimiter(limits)
     limiter.restart(at, velocity, now_s)
-    for wish, count, step_s in wishes:
+    for wanted, count, step_s in wishes:
         for _ in range(count):
             now_s += step_s
-            place = limiter.limit(setpoint(wish), now_s).setpoint.position_ned_m
+            place = limiter.limit(setpoint(wanted), now_s).setpoint.position_ned_m
             assert place is not None
             duration_s = min(step_s, 0.1)
             moved = tuple((b - a) / duration_s for a, b in zip(at, place, strict=True))

@@ -12,7 +12,7 @@ from gloc3.messages.frames import Vector3
 from gloc3.messages.vehicle import ObstacleScan, Setpoint
 from gloc3_onboard.algorithms.mapping.movers import FORESIGHT_S, Movers
 from gloc3_onboard.algorithms.mapping.obstacle_field import CLOSED_S, SLACK_M, STUCK_S, Detour, ObstacleField
-from gloc3_onboard.algorithms.paths.motion_limits import AMONG_M_S, IN_THE_WAY, SetpointLimiter
+from gloc3_onboard.algorithms.paths.motion_limits import AMONG_M_S, FENCE_AHEAD, SetpointLimiter
 from gloc3_onboard.components.controllers.limiter import Limiter
 
 pytestmark = pytest.mark.thorough
@@ -46,11 +46,11 @@ class Room:
             now_s, vehicle = STEP_S * number, self.places[-7]
             points = self.points(now_s)
             if number % 2:
-                soon = self.movers.see(points, vehicle, now_s)
+                soon = self.movers.add_scan(points, vehicle, now_s)
                 self.limiter.obstacles = ObstacleField(points, vehicle, KEEP_M, soon)
             before = self.places[-8] if len(self.places) > 7 else vehicle
             north, east, down = ((b - a) / STEP_S for a, b in zip(before, vehicle, strict=True))
-            self.limiter.see(vehicle, (north, east, down), now_s)
+            self.limiter.set_vehicle(vehicle, (north, east, down), now_s)
             limited = self.limiter.limit(wanted(now_s), now_s)
             assert limited.setpoint.position_ned_m is not None
             self.places.append(limited.setpoint.position_ned_m)
@@ -69,7 +69,7 @@ def test_it_stops_before_a_wall_that_is_too_long_to_pass() -> None:
     end = room.feed(to(12.0, 0.0), 12.0)
     assert end[0] == pytest.approx(6.0 - KEEP_M, abs=SLACK_M + 0.02)
     assert room.nearest_m > KEEP_M - SLACK_M - 0.01
-    assert IN_THE_WAY in room.reasons
+    assert FENCE_AHEAD in room.reasons
 
 
 @pytest.mark.parametrize("east", [-0.4, 0.0, 0.3])
@@ -123,7 +123,7 @@ def test_what_moves_is_told_where_it_will_be_and_the_wall_behind_it_is_not() -> 
     movers, wall = Movers(), [(8.0, 0.1 * number) for number in range(-60, 61)]
     for number in range(12):
         box = outline(5.0 - 0.05 * number, -0.5, 0.6, 1.0, 0.1)
-        soon = movers.see([*box, *wall], (0.0, 0.0, 0.0), 0.1 * number)
+        soon = movers.add_scan([*box, *wall], (0.0, 0.0, 0.0), 0.1 * number)
     face = 5.0 - 0.05 * 11
     assert min(north for north, _ in soon) == pytest.approx(face - 0.5 * FORESIGHT_S[-1], abs=0.25)
     assert all(north < face + 0.5 and abs(east) < 0.6 for north, east in soon)
@@ -135,10 +135,10 @@ def test_noise_a_vehicle_that_moves_and_a_pose_that_jumps_are_no_motion() -> Non
         noise_m = 0.02 * (-1) ** number
         points = [(north + noise_m, east + noise_m) for north, east in box]
         at = (0.08 * number, 0.05 * number, 0.0)
-        assert movers.see(points, at, 0.1 * number) == []
+        assert movers.add_scan(points, at, 0.1 * number) == []
     jumped = [(north - 0.5, east) for north, east in box]
-    assert movers.see(jumped, (1.1, 1.0, 0.0), 2.0, resets=1) == []
-    assert movers.see([(n - 0.3, e) for n, e in jumped], (1.1, 1.0, 0.0), 2.5, resets=1)
+    assert movers.add_scan(jumped, (1.1, 1.0, 0.0), 2.0, resets=1) == []
+    assert movers.add_scan([(n - 0.3, e) for n, e in jumped], (1.1, 1.0, 0.0), 2.5, resets=1)
 
 
 def test_a_detour_stays_on_its_side() -> None:
@@ -168,6 +168,6 @@ def test_the_component_keeps_away_from_what_it_was_told_and_forgets_it_after_a_w
     assert held[0] < 1.5 - KEEP_M + SLACK_M + 0.01
     for _ in range(200):
         stage.step(pose=pose(), setpoint_wanted=setpoint((4.0, 0.0, -2.0)))
-    gone = stage.last(Setpoint).position_ned_m
-    assert gone is not None
-    assert gone[0] == pytest.approx(4.0, abs=0.01)
+    lost = stage.last(Setpoint).position_ned_m
+    assert lost is not None
+    assert lost[0] == pytest.approx(4.0, abs=0.01)

@@ -14,7 +14,7 @@ from tests.onboard.algorithms.scan_matching.rays import CORRIDOR, HOLD, Scanner,
 from gloc3.messages.frames import wrap_pi
 from gloc3.messages.perception import UNKNOWN_VARIANCE, LaserScan
 from gloc3_onboard.algorithms.scan_matching.laser_odometer import (
-    PATIENCE,
+    MOST_FAILURES,
     LaserMotion,
     LaserOdometer,
     LaserOdometerSettings,
@@ -170,11 +170,11 @@ BAD: dict[str, tuple[Callable[[LaserScan], LaserScan], str]] = {
 
 @pytest.mark.parametrize("name", BAD)
 def test_a_bad_scan_has_a_reason_and_the_next_good_one_is_valid_again(name: str) -> None:
-    spoil, reason = BAD[name]
+    corrupt, reason = BAD[name]
     random, scanner, odometer = np.random.default_rng(1), Scanner(HOLD), LaserOdometer()
     for number in range(4):
         odometer.update(scanner.scan(Planar(0.05 * number), random), 0.1 * number)
-    motion = odometer.update(spoil(scanner.scan(Planar(0.2), random)), 0.4)
+    motion = odometer.update(corrupt(scanner.scan(Planar(0.2), random)), 0.4)
     assert not motion.is_valid
     assert reason in motion.reason
     assert motion.quality == 0.0
@@ -220,20 +220,20 @@ def test_after_a_clock_was_set_back_it_begins_anew() -> None:
     random, scanner, odometer = np.random.default_rng(1), Scanner(HOLD), LaserOdometer()
     for number in range(3):
         odometer.update(scanner.scan(Planar(0.05 * number), random), 100.0 + 0.1 * number)
-    said = [odometer.update(scanner.scan(Planar(), random), 0.1 * number) for number in range(PATIENCE + 4)]
-    assert [motion.is_valid for motion in said].index(True) <= PATIENCE + 2
-    assert said[-1].is_valid
-    assert said[-1].reference_t_s < 1.0
+    text = [odometer.update(scanner.scan(Planar(), random), 0.1 * number) for number in range(MOST_FAILURES + 4)]
+    assert [motion.is_valid for motion in text].index(True) <= MOST_FAILURES + 2
+    assert text[-1].is_valid
+    assert text[-1].reference_t_s < 1.0
 
 
 def test_somewhere_else_it_gives_up_and_begins_anew() -> None:
     random, odometer = np.random.default_rng(1), LaserOdometer()
     odometer.update(Scanner(HOLD).scan(Planar(), random), 0.0)
     other = Scanner(box(-0.7, -0.4, 1.1, 1.3))
-    said = [odometer.update(other.scan(Planar(), random), 0.1 * number) for number in range(1, PATIENCE + 5)]
-    assert "begins anew" in next(motion.reason for motion in said if "anew" in motion.reason)
-    assert said[-1].is_valid
-    assert said[-1].reference_t_s > 0.0
+    text = [odometer.update(other.scan(Planar(), random), 0.1 * number) for number in range(1, MOST_FAILURES + 5)]
+    assert "begins anew" in next(motion.reason for motion in text if "anew" in motion.reason)
+    assert text[-1].is_valid
+    assert text[-1].reference_t_s > 0.0
 
 
 @pytest.mark.thorough

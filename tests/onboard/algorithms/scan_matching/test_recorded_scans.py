@@ -30,7 +30,7 @@ def test_a_displaced_scan_is_found_again_and_neither_control_finds_it(log: Path,
 def test_it_drifts_by_no_more_than_a_hundredth_and_knows_where_it_does_not_know(
     log: Path, over_m: float, most_m: float
 ) -> None:
-    from gloc3.evaluation.metrics import Alignment, evaluate
+    from gloc3.evaluation.metrics import TrajectoryAlignment, evaluate
     from gloc3_onboard.algorithms.scan_matching.planar import Planar
     from gloc3_onboard.cli.odometry_laser import run_laser, trajectory_of
     from gloc3_onboard.datasets.laser_logs import read_laser_log
@@ -38,7 +38,7 @@ def test_it_drifts_by_no_more_than_a_hundredth_and_knows_where_it_does_not_know(
     logged = read_laser_log(log)
     truth = trajectory_of([scan.pose or Planar() for scan in logged.scans], logged.times_s)
     estimate, cost = run_laser(logged, wheels=True)
-    error = evaluate(estimate, truth, Alignment.ORIGIN, over_m).relative_m
+    error = evaluate(estimate, truth, TrajectoryAlignment.ORIGIN, over_m).relative_m
     assert error is not None
     assert error.mean < most_m
     assert cost.valid == cost.inputs - 1

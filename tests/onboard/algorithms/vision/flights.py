@@ -13,7 +13,7 @@ from gloc3.messages.frames import from_euler
 from gloc3_onboard.algorithms.vision.picture import Picture
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world import World
-from gloc3_sitl.world.camera import Camera
+from gloc3_sitl.world.camera import SimulatedCamera
 from gloc3_sitl.world.rig import FRONT_LEFT, FRONT_LEFT_IMAGER, FRONT_RIGHT, FRONT_RIGHT_IMAGER
 
 RATE_HZ = 15.0
@@ -49,18 +49,18 @@ def inspection(seed: int, length_m: float = 60.0, speed_m_s: float = 0.6) -> Tra
         ],
         np.float64,
     ) + random.normal(0.0, 0.3, (11, 3)) * [[1.0, 1.0, 0.3]]
-    looks = np.array([-90, -90, -90, -60, -90, -90, -20, 0, 10, -60, -150], np.float64) + random.normal(0.0, 8.0, 11)
+    views = np.array([-90, -90, -90, -60, -90, -90, -20, 0, 10, -60, -150], np.float64) + random.normal(0.0, 8.0, 11)
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))])
     fine = np.arange(0.0, way[-1], 0.01)
-    columns = [_smooth(np.interp(fine, way, column), 120) for column in (*corners.T, looks)]
+    columns = [_smooth(np.interp(fine, way, column), 120) for column in (*corners.T, views)]
     points = np.column_stack(columns[:3])
-    gone = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    count = int(min(length_m, gone[-1]) / speed_m_s * RATE_HZ)
+    lost = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    count = int(min(length_m, lost[-1]) / speed_m_s * RATE_HZ)
     t_s = np.arange(count) / RATE_HZ
     ramp_s = 1.5
     along = speed_m_s * np.where(t_s < ramp_s, t_s**2 / (2 * ramp_s), t_s - ramp_s / 2)
-    local = np.column_stack([np.interp(along, gone, points[:, axis]) for axis in range(3)])
-    yaw = np.radians(np.interp(along, gone, columns[3])) * -1.0
+    local = np.column_stack([np.interp(along, lost, points[:, axis]) for axis in range(3)])
+    yaw = np.radians(np.interp(along, lost, columns[3])) * -1.0
     phases = random.uniform(0.0, 2.0 * pi, 4)
     roll = 0.03 * np.sin(1.1 * t_s + phases[0]) + 0.01 * np.sin(5.0 * t_s + phases[1])
     pitch = 0.03 * np.sin(0.9 * t_s + phases[2]) + 0.01 * np.sin(4.0 * t_s + phases[3])
@@ -117,7 +117,7 @@ def fly(
     """The pictures of a flight."""
     place = World.load(world)
     left, right = (
-        Camera(place, model, imager, seed)
+        SimulatedCamera(place, model, imager, seed)
         for model, imager in zip(models, (FRONT_LEFT_IMAGER, FRONT_RIGHT_IMAGER), strict=True)
     )
     for truth in truths(path, place):

@@ -23,7 +23,7 @@ EVENTS = 60
 GOOD_AFTERWARDS = 8
 
 
-def spoilt(picture: Picture, other: Picture, random: np.random.Generator) -> Picture:
+def corrupted(picture: Picture, other: Picture, random: np.random.Generator) -> Picture:
     """A picture with something wrong with it."""
     kind, cut = random.integers(0, 7), int(random.integers(1, len(picture)))
     match kind:
@@ -44,8 +44,8 @@ def spoilt(picture: Picture, other: Picture, random: np.random.Generator) -> Pic
 
 
 def finite(found: Odometry | PositionFix) -> None:
-    told = found.position_m if isinstance(found, Odometry) else found.position_ned_m
-    assert np.isfinite([*told, *found.covariance, found.quality]).all()
+    reported = found.position_m if isinstance(found, Odometry) else found.position_ned_m
+    assert np.isfinite([*reported, *found.covariance, found.quality]).all()
     assert found.is_valid == (found.reason == "")
 
 
@@ -56,7 +56,7 @@ def test_the_ground_odometer_gets_over_anything(seed: int) -> None:
         t_s = PERIOD_S * number + random.choice([0.0, 0.0, 0.0, -0.3, 0.4, math.nan])
         attitude: Quaternion = (math.nan, 0.0, 0.0, 0.0) if random.random() < 0.1 else IDENTITY
         height_m = float(random.choice([HEIGHT_M, HEIGHT_M, math.nan, 0.0, -1.0, 1e9, 0.5]))
-        finite(odometer.update(spoilt(seen(number), seen(80, 60), random), t_s, attitude, height_m))
+        finite(odometer.update(corrupted(seen(number), seen(80, 60), random), t_s, attitude, height_m))
     reports = []
     for number in range(GOOD_AFTERWARDS):
         t_s = PERIOD_S * (EVENTS + 10 + number)
@@ -80,7 +80,7 @@ def test_the_optical_follower_gets_over_anything(seed: int) -> None:
         t_s = 0.1 * number + random.choice([0.0, 0.0, -0.5, 0.6, math.nan])
         lights = [place(number), (9.0, 4.0, -1.0)][: random.integers(0, 3)]
         down_m = float(random.choice([place(number)[2], math.nan, math.inf, 1e9, -1e9]))
-        picture = spoilt(lit(*lights, seed=number), lit(place(3)), random)
+        picture = corrupted(lit(*lights, seed=number), lit(place(3)), random)
         finite(follower.update(picture, t_s, down_m, float(random.choice([0.05, 0.0, math.nan]))))
     for number in range(30):
         fix = follower.update(lit(place(number), seed=number), 0.1 * (EVENTS + 10 + number), place(number)[2], 0.05)

@@ -8,9 +8,9 @@ import pytest
 from gloc3.camera.geometry import matrix
 from gloc3.messages.frames import from_euler
 from gloc3_onboard.algorithms.vision.ground_height import GroundHeight
-from gloc3_onboard.algorithms.vision.ground_plane import Noise, Prior, appear, fit, on_plane, relief, start
+from gloc3_onboard.algorithms.vision.ground_plane import PlaneNoise, Prior, appear, fit, on_plane, relief, start
 
-NOISE = Noise(0.1 / 400.0, 1.5 / 400.0)
+NOISE = PlaneNoise(0.1 / 400.0, 1.5 / 400.0)
 TURN_STD = np.array([0.003, 0.003, 0.02])
 TRANSLATION = np.array([0.25, -0.1, 0.03])
 

@@ -50,7 +50,7 @@ class Watch:
         self.follower = OpticalFollower(CAMERA, SETTINGS)
         self.count = 0
 
-    def look(self, picture: Picture | None = None, down_m: float | None = None) -> PositionFix:
+    def poll(self, picture: Picture | None = None, down_m: float | None = None) -> PositionFix:
         lamp = place(self.count)
         given = seen(lamp, seed=self.count) if picture is None else picture
         fix = self.follower.update(given, self.count * PERIOD_S, lamp[2] if down_m is None else down_m, 0.05)
@@ -60,7 +60,7 @@ class Watch:
 
     def looks(self, count: int) -> PositionFix:
         for _ in range(count):
-            fix = self.look()
+            fix = self.poll()
         return fix
 
 
@@ -70,7 +70,7 @@ def error_m(fix: PositionFix, number: int) -> float:
 
 def test_the_lamp_is_placed_where_the_line_of_sight_meets_its_height() -> None:
     watch = Watch()
-    assert [watch.look().reason for _ in range(2)] == ["a light appears"] * 2
+    assert [watch.poll().reason for _ in range(2)] == ["a light appears"] * 2
     fix = watch.looks(8)
     assert fix.is_valid
     assert error_m(fix, 9) < 0.02
@@ -87,7 +87,7 @@ def test_errors_of_the_height_lie_along_the_line_of_sight_as_the_covariance_says
     squares = []
     for _ in range(40):
         number = watch.count
-        fix = watch.look(down_m=place(number)[2] + random.normal(0.0, 0.05))
+        fix = watch.poll(down_m=place(number)[2] + random.normal(0.0, 0.05))
         error = np.array(fix.position_ned_m) - np.array(place(number))
         squares.append(error @ np.linalg.solve(np.array(fix.covariance).reshape(3, 3), error) / 3.0)
     assert 0.2 < np.mean(squares) < 1.5
@@ -96,7 +96,7 @@ def test_errors_of_the_height_lie_along_the_line_of_sight_as_the_covariance_says
 def test_without_a_height_only_the_direction_is_told() -> None:
     watch = Watch()
     watch.looks(5)
-    fix = watch.look(down_m=math.nan)
+    fix = watch.poll(down_m=math.nan)
     spread = np.linalg.eigvalsh(np.array(fix.covariance).reshape(3, 3))
     assert fix.is_valid
     assert math.sqrt(spread[2]) == pytest.approx(10.0)
@@ -107,18 +107,18 @@ def test_a_second_light_far_off_is_not_followed_and_one_close_by_gives_no_positi
     watch = Watch()
     watch.looks(5)
     other = (9.0, 4.0, -1.0)
-    fix = watch.look(seen(place(5), other))
+    fix = watch.poll(seen(place(5), other))
     assert fix.is_valid
     assert error_m(fix, 5) < 0.05
     x, y, z = place(6)
-    assert watch.look(seen((x, y, z), (x, y + 0.16, z))).reason == "two lights"
+    assert watch.poll(seen((x, y, z), (x, y + 0.16, z))).reason == "two lights"
     assert watch.looks(1).is_valid
 
 
 def test_two_lights_at_the_begin_give_no_position_until_one_is_gone() -> None:
     watch = Watch()
     for number in range(4):
-        assert watch.look(seen(place(number), (9.0, 4.0, -1.0))).reason == "two lights"
+        assert watch.poll(seen(place(number), (9.0, 4.0, -1.0))).reason == "two lights"
     assert not watch.looks(2).is_valid
     assert watch.looks(1).is_valid
 
@@ -126,10 +126,10 @@ def test_two_lights_at_the_begin_give_no_position_until_one_is_gone() -> None:
 def test_the_loss_of_sight_is_told_and_the_lamp_is_found_again() -> None:
     watch = Watch()
     watch.looks(5)
-    reasons = [watch.look(seen(seed=100 + number)).reason for number in range(30)]
+    reasons = [watch.poll(seen(seed=100 + number)).reason for number in range(30)]
     assert reasons[0] == "no light in sight"
     assert "lost for" in reasons[10]
-    assert not watch.look().is_valid
+    assert not watch.poll().is_valid
     fix = watch.looks(2)
     assert fix.is_valid
     assert error_m(fix, watch.count - 1) < 0.02
@@ -139,9 +139,9 @@ def test_after_a_second_out_of_sight_one_light_is_not_the_lamp_until_it_is_seen_
     watch = Watch()
     watch.looks(6)
     for number in range(10):
-        watch.look(seen(seed=100 + number))
+        watch.poll(seen(seed=100 + number))
     x, y, z = place(watch.count)
-    assert watch.look(seen((x, y + 1.5, z))).reason.startswith("a light appears")
+    assert watch.poll(seen((x, y + 1.5, z))).reason.startswith("a light appears")
     assert not watch.looks(3).is_valid
     assert watch.looks(1).is_valid
 
@@ -158,10 +158,10 @@ def test_after_a_second_out_of_sight_one_light_is_not_the_lamp_until_it_is_seen_
 def test_a_bad_picture_says_why_and_the_next_one_is_good_again(picture: Picture, reason: str) -> None:
     watch = Watch()
     watch.looks(5)
-    fix = watch.look(picture)
+    fix = watch.poll(picture)
     assert not fix.is_valid
     assert reason in fix.reason
-    assert watch.look().is_valid
+    assert watch.poll().is_valid
 
 
 def test_pictures_of_the_past_and_repeated_ones_are_turned_down() -> None:
@@ -169,6 +169,6 @@ def test_pictures_of_the_past_and_repeated_ones_are_turned_down() -> None:
     watch.looks(6)
     assert watch.follower.update(seen(place(1)), 0.1, -2.0, 0.05).reason == "the picture is not newer than the last"
     again = seen(place(6), seed=6)
-    assert watch.look(again).is_valid
-    assert watch.look(again).reason == "the picture is the last one again"
-    assert watch.look().is_valid
+    assert watch.poll(again).is_valid
+    assert watch.poll(again).reason == "the picture is the last one again"
+    assert watch.poll().is_valid

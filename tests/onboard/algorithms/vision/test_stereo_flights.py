@@ -7,7 +7,7 @@ from tests.onboard.algorithms.vision.flights import fly, inspection
 from tests.onboard.algorithms.vision.moved_rest import drive, rectified
 from tests.onboard.algorithms.vision.trial import Trial, constant, follow, zero
 
-from gloc3.evaluation.metrics import Alignment, evaluate
+from gloc3.evaluation.metrics import TrajectoryAlignment, evaluate
 from gloc3.evaluation.trajectory import Trajectory
 from gloc3_onboard.algorithms.odometry.chain import OdometryChain
 from gloc3_onboard.algorithms.vision.mono_motion import MonoTracker
@@ -20,13 +20,13 @@ EUROC = PICTURES / "euroc_rest"
 
 
 def share(estimate: Trajectory, truth: Trajectory) -> float:
-    return 100.0 * evaluate(estimate, truth, Alignment.ORIGIN).absolute_share
+    return 100.0 * evaluate(estimate, truth, TrajectoryAlignment.ORIGIN).absolute_share
 
 
 @pytest.fixture(scope="module")
 def path() -> Trajectory:
     """Six metres of an inspection, every second picture of it."""
-    return inspection(3).take(slice(0, 160, 2))
+    return inspection(3).select(slice(0, 160, 2))
 
 
 def test_a_flight_in_the_hold_is_told_to_half_a_percent_and_the_controls_are_not(path: Trajectory) -> None:
@@ -39,14 +39,14 @@ def test_a_flight_in_the_hold_is_told_to_half_a_percent_and_the_controls_are_not
 
 
 def test_lamps_dust_blur_and_jumps_of_the_exposure_are_stood(path: Trajectory) -> None:
-    short = path.take(slice(0, 60))
+    short = path.select(slice(0, 60))
     trial = Trial(short, fly(short, "hold_hard", 3))
     assert trial.reasons.total() <= 3
     assert share(trial.estimate, trial.truth) < 1.5
 
 
 def test_one_camera_tells_the_turns_of_a_flight_to_a_tenth_of_a_degree(path: Trajectory) -> None:
-    tracker, slow, off_deg = MonoTracker(FRONT_LEFT), path.take(slice(0, 80, 2)), []
+    tracker, slow, off_deg = MonoTracker(FRONT_LEFT), path.select(slice(0, 80, 2)), []
     for n, pair in enumerate(fly(slow, "hold", 3)):
         motion = tracker.update(pair.left, pair.t_s)
         assert motion.reason == ("" if n else "the first picture")

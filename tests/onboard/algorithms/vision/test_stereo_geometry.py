@@ -8,10 +8,10 @@ from tests.onboard.algorithms.vision.wall import cameras
 from gloc3.camera.model import Lens
 from gloc3.errors import Refused
 from gloc3.messages.frames import from_euler, multiply
-from gloc3_onboard.algorithms.vision.pose_fit import Noise, Points, fit_pose, rotation_of
+from gloc3_onboard.algorithms.vision.pose_fit import Points, PoseFitNoise, fit_pose, rotation_of
 from gloc3_onboard.algorithms.vision.stereo_rig import StereoRig
 
-NOISE = Noise(ray=5e-4, disparity=5e-4)
+NOISE = PoseFitNoise(ray=5e-4, disparity=5e-4)
 BASE_M = 0.15
 
 

@@ -6,13 +6,13 @@ import msgspec
 import numpy as np
 import pytest
 from tests.onboard.algorithms.vision.trial import follow
-from tests.onboard.algorithms.vision.wall import HEIGHT, WIDTH, cameras, look
+from tests.onboard.algorithms.vision.wall import HEIGHT, WIDTH, cameras, poll
 
 from gloc3.messages.perception import UNKNOWN_VARIANCE
 from gloc3_onboard.algorithms.odometry.chain import OdometryChain
 from gloc3_onboard.algorithms.vision.features import FeatureMatcher, MatcherOptions
 from gloc3_onboard.algorithms.vision.picture import Picture
-from gloc3_onboard.algorithms.vision.stereo_motion import BEGUN, Motion
+from gloc3_onboard.algorithms.vision.stereo_motion import BEGUN, KeyFrameMotion
 from gloc3_onboard.algorithms.vision.stereo_odometry import StereoOdometer
 from gloc3_onboard.algorithms.vision.stereo_rig import StereoRig
 
@@ -20,9 +20,9 @@ STEP_M = 0.02
 RATE_HZ = 15.0
 
 
-def walk(odometer: StereoOdometer, first: int, last: int) -> list[Motion]:
+def walk(odometer: StereoOdometer, first: int, last: int) -> list[KeyFrameMotion]:
     """Steps to the right, one a picture."""
-    return [odometer.update(*look(STEP_M * n, seed=n), n / RATE_HZ) for n in range(first, last)]
+    return [odometer.update(*poll(STEP_M * n, seed=n), n / RATE_HZ) for n in range(first, last)]
 
 
 def test_steps_along_a_wall_are_told_in_metres_with_an_honest_deviation() -> None:
@@ -41,8 +41,8 @@ def test_steps_along_a_wall_are_told_in_metres_with_an_honest_deviation() -> Non
 
 def test_points_keep_their_numbers_while_they_are_seen() -> None:
     matcher = FeatureMatcher(StereoRig(*cameras()))
-    before = matcher.update(*look(0.0), 0.0)
-    after = matcher.update(*look(STEP_M, seed=1), 0.1)
+    before = matcher.update(*poll(0.0), 0.0)
+    after = matcher.update(*poll(STEP_M, seed=1), 0.1)
     _, one, other = np.intersect1d(before.ids, after.ids, return_indices=True)
     assert len(one) > 0.8 * len(before.ids)
     moved = before.pixels[one] - after.pixels[other]
@@ -60,7 +60,7 @@ BAD: dict[str, tuple[Spoil, str]] = {
     "colour": (lambda left, right: (np.dstack([left] * 3), np.dstack([right] * 3)), "not grey"),
     "noise": (lambda left, right: (hiss(1), hiss(2)), "points"),
     "another scene": (lambda left, right: (left[::-1].copy(), right[::-1].copy()), "points"),
-    "other pair": (lambda left, right: (left, look(0.0, down_m=1.0)[1]), "does not show what"),
+    "other pair": (lambda left, right: (left, poll(0.0, down_m=1.0)[1]), "does not show what"),
     "torn": (lambda left, right: (torn(left), torn(right)), "points"),
 }
 
@@ -71,20 +71,20 @@ def hiss(seed: int) -> Picture:
 
 def torn(picture: Picture) -> Picture:
     """The lower three quarters moved to the side, as by a lost line."""
-    spoilt = picture.copy()
-    spoilt[HEIGHT // 4 :] = np.roll(picture[HEIGHT // 4 :], WIDTH // 3, axis=1)
-    return spoilt
+    corrupted = picture.copy()
+    corrupted[HEIGHT // 4 :] = np.roll(picture[HEIGHT // 4 :], WIDTH // 3, axis=1)
+    return corrupted
 
 
 @pytest.mark.parametrize("name", BAD)
 def test_a_bad_picture_is_told_and_the_next_good_one_goes_on(name: str) -> None:
-    spoil, said = BAD[name]
+    corrupt, text = BAD[name]
     odometer, chain = StereoOdometer(*cameras()), OdometryChain()
     for motion in walk(odometer, 0, 5):
         follow(chain, motion)
-    bad = odometer.update(*spoil(*look(STEP_M * 5, seed=5)), 5 / RATE_HZ)
+    bad = odometer.update(*corrupt(*poll(STEP_M * 5, seed=5)), 5 / RATE_HZ)
     assert not bad.is_valid
-    assert said in bad.reason
+    assert text in bad.reason
     assert bad.quality == 0.0
     follow(chain, bad)
     good = walk(odometer, 6, 8)
@@ -100,8 +100,8 @@ def test_a_picture_whose_lower_part_is_an_older_one_is_right_or_told(share: floa
     walk(odometer, 0, 6)
     row = round(HEIGHT * (1.0 - share))
     mixed = [
-        np.vstack([new[:row], old[row:]])
-        for new, old in zip(look(STEP_M * 6, seed=6), look(STEP_M * 5, seed=5), strict=True)
+        np.vstack([new[:row], previous[row:]])
+        for new, previous in zip(poll(STEP_M * 6, seed=6), poll(STEP_M * 5, seed=5), strict=True)
     ]
     motion = odometer.update(mixed[0], mixed[1], 6 / RATE_HZ)
     assert not motion.is_valid or motion.position_m[1] == pytest.approx(6 * STEP_M, abs=0.005)
@@ -112,20 +112,20 @@ def test_a_picture_whose_lower_part_is_an_older_one_is_right_or_told(share: floa
 def test_time_that_does_not_grow_and_pictures_that_come_again_are_told() -> None:
     odometer = StereoOdometer(*cameras())
     walk(odometer, 0, 3)
-    assert odometer.update(*look(0.06, seed=3), 1 / RATE_HZ).reason == "the time does not grow"
-    assert odometer.update(*look(0.06, seed=3), float("nan")).reason == "the time is not a number"
-    assert "same picture again" in odometer.update(*look(0.04, seed=2), 3 / RATE_HZ).reason
+    assert odometer.update(*poll(0.06, seed=3), 1 / RATE_HZ).reason == "the time does not grow"
+    assert odometer.update(*poll(0.06, seed=3), float("nan")).reason == "the time is not a number"
+    assert "same picture again" in odometer.update(*poll(0.04, seed=2), 3 / RATE_HZ).reason
     (again,) = walk(odometer, 4, 5)
     assert again.is_valid
     may = StereoOdometer(*cameras(), MatcherOptions(may_repeat=True))
     walk(may, 0, 3)
-    assert may.update(*look(0.04, seed=2), 3 / RATE_HZ).is_valid
+    assert may.update(*poll(0.04, seed=2), 3 / RATE_HZ).is_valid
 
 
 def test_after_a_long_gap_there_is_a_new_key_frame() -> None:
     odometer = StereoOdometer(*cameras())
     walk(odometer, 0, 5)
-    back = odometer.update(*look(1.0, seed=50), 50 / RATE_HZ)
+    back = odometer.update(*poll(1.0, seed=50), 50 / RATE_HZ)
     assert back.reason == BEGUN
     assert back.reference_t_s == back.t_s
     assert back.covariance.diagonal().min() >= UNKNOWN_VARIANCE
@@ -137,7 +137,7 @@ def test_after_a_long_gap_there_is_a_new_key_frame() -> None:
 def test_missing_pictures_do_not_matter() -> None:
     odometer, chain = StereoOdometer(*cameras()), OdometryChain()
     for n in (0, 1, 2, 5, 6, 11, 12):
-        place = follow(chain, odometer.update(*look(STEP_M * n, seed=n), n / RATE_HZ))
+        place = follow(chain, odometer.update(*poll(STEP_M * n, seed=n), n / RATE_HZ))
     assert place[1] == pytest.approx(12 * STEP_M, abs=0.005)
 
 
@@ -152,7 +152,7 @@ def test_a_calibration_that_does_not_fit_is_told() -> None:
 def test_nothing_is_ever_not_a_number() -> None:
     odometer = StereoOdometer(*cameras())
     for n in range(12):
-        pair = look(STEP_M * n, seed=n) if n % 3 else (hiss(n), hiss(n + 1))
+        pair = poll(STEP_M * n, seed=n) if n % 3 else (hiss(n), hiss(n + 1))
         motion = odometer.update(*pair, n / RATE_HZ)
         numbers = (motion.position_m, motion.rotation, motion.covariance, motion.quality)
         assert all(np.isfinite(each).all() for each in numbers)

@@ -12,7 +12,7 @@ from gloc3.camera.model import CameraModel
 from gloc3.evaluation.trajectory import Array, Trajectory
 from gloc3_onboard.algorithms.odometry.chain import OdometryChain
 from gloc3_onboard.algorithms.vision.feature_message import odometry_of
-from gloc3_onboard.algorithms.vision.stereo_motion import BEGUN, Motion
+from gloc3_onboard.algorithms.vision.stereo_motion import BEGUN, KeyFrameMotion
 from gloc3_onboard.algorithms.vision.stereo_odometry import StereoOdometer
 from gloc3_sitl.world.rig import FRONT_LEFT, FRONT_RIGHT
 
@@ -20,7 +20,7 @@ BOUND_95 = 12.59
 """Of six squared normal errors 95 % are below it."""
 
 
-def follow(chain: OdometryChain, motion: Motion) -> Array:
+def follow(chain: OdometryChain, motion: KeyFrameMotion) -> Array:
     """Where the body is at the end of one more motion."""
     chain.add(odometry_of(motion, "stereo"), motion.t_s)
     return np.array(chain.position_m)
@@ -53,14 +53,14 @@ class Trial:
                 self.reasons.update([motion.reason])
             elif motion.is_valid:
                 self._judge(motion, path, index[motion.reference_t_s], n)
-        self.truth = path.take(slice(0, len(poses)))
+        self.truth = path.select(slice(0, len(poses)))
         self.estimate = Trajectory(
             t_s=self.truth.t_s,
             position_m=np.array([position for position, _ in poses]),
             world_from_body=np.array([rotation for _, rotation in poses]),
         )
 
-    def _judge(self, motion: Motion, path: Trajectory, key: int, now: int) -> None:
+    def _judge(self, motion: KeyFrameMotion, path: Trajectory, key: int, now: int) -> None:
         back = path.world_from_body[key].T
         error = np.empty(6)
         error[:3] = motion.position_m - back @ (path.position_m[now] - path.position_m[key])

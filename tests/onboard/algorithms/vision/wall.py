@@ -40,7 +40,7 @@ def _paint() -> Picture:
     return painted
 
 
-def look(right_m: float, down_m: float = 0.0, seed: int = 0, noise_grey: float = 1.0) -> tuple[Picture, Picture]:
+def poll(right_m: float, down_m: float = 0.0, seed: int = 0, noise_grey: float = 1.0) -> tuple[Picture, Picture]:
     """The pair, from so far to the right of and below the begin."""
     random = np.random.default_rng([seed, 3])
     pictures = []

@@ -8,14 +8,14 @@ import pytest
 from gloc3.errors import InputError, Refused
 from gloc3.mavlink.codec import Encoder, MavlinkMessage, Parser
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.node import Node
+from gloc3.mavlink.node import MavlinkComponent
 from gloc3.mavlink.services.heartbeat import Heartbeat
 from gloc3.mavlink.services.parameter import Parameter, ParameterEncoding, ParameterType
 from gloc3.mavlink.services.parameter_server import ParameterServer
 from gloc3.messages.vehicle import Style, VehicleClass
 from gloc3_onboard.autopilot import ardupilot, px4
-from gloc3_onboard.autopilot.presets.files import Preset, Wanted, load_preset, preset_files
-from gloc3_onboard.autopilot.presets.session import PresetSession, Stage
+from gloc3_onboard.autopilot.presets.files import Preset, PresetValue, load_preset, preset_files
+from gloc3_onboard.autopilot.presets.session import PresetSession, PresetStage
 
 VEHICLE, COMPANION = Address(1, 1), Address(1, 191)
 SUB = load_preset("ardusub_companion")
@@ -45,8 +45,8 @@ class Rig:
         self.set: list[str] = []
         self.now_s = 0.0
         self._lose, self._count = lose, 0
-        self._vehicle = Node(VEHICLE, [self.server, self.heartbeat])
-        self._companion = Node(COMPANION, [self.session])
+        self._vehicle = MavlinkComponent(VEHICLE, [self.server, self.heartbeat])
+        self._companion = MavlinkComponent(COMPANION, [self.session])
 
     def run(self, seconds: float) -> "Rig":
         for _ in range(round(seconds / 0.02)):
@@ -55,7 +55,7 @@ class Rig:
             self._pass(self._vehicle, self._companion)
         return self
 
-    def _pass(self, sender: Node, receiver: Node) -> None:
+    def _pass(self, sender: MavlinkComponent, receiver: MavlinkComponent) -> None:
         sender.tick(self.now_s)
         for message in sender.outgoing():
             self._note(message)
@@ -103,7 +103,7 @@ def test_a_name_that_is_not_known_gets_the_nearest_one() -> None:
 
 def test_the_difference_is_shown_and_nothing_is_set_unless_asked() -> None:
     rig = Rig().run(10.0)
-    assert rig.session.stage is Stage.READ
+    assert rig.session.stage is PresetStage.READ
     assert [str(change).splitlines()[:2] for change in rig.session.changes] == [
         ["- FS_GCS_ENABLE 2", "+ FS_GCS_ENABLE 0   # the mission's on_link_loss decides what a lost station means"],
         ["- FS_PILOT_INPUT 2", "+ FS_PILOT_INPUT 0   # nobody need hold a joystick"],
@@ -116,7 +116,7 @@ def test_what_differs_is_set_and_read_again(lose: int) -> None:
     rig = Rig(values={"FS_GCS_ENABLE": 2, "FS_PILOT_INPUT": 0}, lose=lose).run(10.0)
     rig.session.apply(rig.now_s)
     rig.run(15.0)
-    assert rig.session.stage is Stage.DONE, rig.session.problem
+    assert rig.session.stage is PresetStage.DONE, rig.session.problem
     assert (rig.value("FS_GCS_ENABLE"), rig.value("FS_PILOT_INPUT")) == (0.0, 0.0)
     assert set(rig.set) == {"FS_GCS_ENABLE"}, "what is right already is left alone"
     assert not any(change.is_needed for change in rig.session.changes)
@@ -130,7 +130,7 @@ def test_a_value_that_the_vehicle_keeps_is_a_failure() -> None:
     rig = Rig(check=refuse).run(5.0)
     rig.session.apply(rig.now_s)
     rig.run(20.0)
-    assert rig.session.stage is Stage.FAILED
+    assert rig.session.stage is PresetStage.FAILED
     assert "FS_GCS_ENABLE" in rig.session.problem
     assert rig.value("FS_PILOT_INPUT") == 0.0
 
@@ -140,13 +140,13 @@ def test_a_parameter_that_is_not_there_is_told_and_the_others_are_set() -> None:
     assert str(rig.session.changes[1]).startswith("! FS_PILOT_INPUT: ")
     rig.session.apply(rig.now_s)
     rig.run(10.0)
-    assert rig.session.stage is Stage.DONE
+    assert rig.session.stage is PresetStage.DONE
     assert rig.value("FS_GCS_ENABLE") == 0.0
 
 
 def test_another_kind_of_vehicle_is_left_alone() -> None:
     rig = Rig(vehicle_type=2).run(3.0)
-    assert rig.session.stage is Stage.FAILED
+    assert rig.session.stage is PresetStage.FAILED
     assert rig.session.problem == "the autopilot is ardupilot, of a copter; the preset is for ardupilot, of a sub"
     rig.session.apply(rig.now_s)
     rig.run(3.0)
@@ -164,11 +164,11 @@ def test_an_armed_vehicle_is_left_alone() -> None:
 
 
 def test_a_fraction_is_the_same_when_it_comes_back_as_a_32_bit_float() -> None:
-    preset = Preset("x", Style.ARDUPILOT, VehicleClass.SUB, {"RATE": Wanted(0.1)})
+    preset = Preset("x", Style.ARDUPILOT, VehicleClass.SUB, {"RATE": PresetValue(0.1)})
     rig = Rig(preset)
     rig.server = ParameterServer(VEHICLE, [Parameter("RATE", 0.25)], encoding=ParameterEncoding.CAST)
-    rig._vehicle = Node(VEHICLE, [rig.server, rig.heartbeat])
+    rig._vehicle = MavlinkComponent(VEHICLE, [rig.server, rig.heartbeat])
     rig.run(3.0)
     rig.session.apply(rig.now_s)
     rig.run(5.0)
-    assert rig.session.stage is Stage.DONE, rig.session.problem
+    assert rig.session.stage is PresetStage.DONE, rig.session.problem

@@ -50,7 +50,7 @@ class Rig:
         )
 
     @property
-    def asked(self) -> list[Manoeuvre]:
+    def requested(self) -> list[Manoeuvre]:
         return self.stage.all(Manoeuvre)
 
 
@@ -58,10 +58,10 @@ def test_landing_here_is_asked_for_at_once_and_done_when_disarmed() -> None:
     rig = Rig()
     rig.stage.begin("land")
     rig.run(0.05)
-    assert rig.asked == [Manoeuvre(action_id="go", kind=ManoeuvreKind.LAND)]
+    assert rig.requested == [Manoeuvre(action_id="go", kind=ManoeuvreKind.LAND)]
     rig.says(RUNNING)
     rig.run(20.0)
-    assert len(rig.asked) == 1
+    assert len(rig.requested) == 1
     rig.autopilot = standing()
     rig.run(0.05)
     assert (rig.stage.status.state, rig.stage.status.progress) == ("done", 1.0)
@@ -73,7 +73,7 @@ def test_landing_here_needs_no_pose() -> None:
     rig.run(2.0)
     rig.stage.begin("land")
     rig.run(0.05)
-    assert len(rig.asked) == 1
+    assert len(rig.requested) == 1
 
 
 def test_an_autopilot_that_is_silent_has_not_landed() -> None:
@@ -92,13 +92,13 @@ def test_a_landing_that_is_refused_or_lost_is_asked_for_again(state: ManoeuvreSt
     if state is not None:
         rig.says(state, "rejected for now")
     rig.run(6.1)
-    assert len(rig.asked) == 4
+    assert len(rig.requested) == 4
     assert rig.stage.status.state == "running"
     if state is not None:
         assert rig.stage.status.reason == "rejected for now"
     rig.says(RUNNING)
     rig.run(5.0)
-    assert len(rig.asked) == 4
+    assert len(rig.requested) == 4
     assert rig.stage.status.reason == ""
 
 
@@ -115,17 +115,17 @@ def test_what_the_driver_says_of_an_earlier_landing_does_not_count() -> None:
     rig.says(RUNNING, manoeuvre_id="earlier")
     rig.stage.begin("land")
     rig.run(3.0)
-    assert len(rig.asked) == 2
+    assert len(rig.requested) == 2
 
 
 def test_at_a_place_it_flies_there_first_at_the_present_height() -> None:
     rig = Rig()
     rig.stage.begin("land", at_ned_m=(4.0, 3.0, 0.0))
     rig.run(3.0)
-    assert rig.asked == []
+    assert rig.requested == []
     rig.run(4.0)
     assert math.dist(rig.at, (4.0, 3.0, -3.0)) < 0.05
-    assert len(rig.asked) == 1
+    assert len(rig.requested) == 1
     assert all(setpoint.position_ned_m[2] == pytest.approx(-3.0) for setpoint in rig.stage.all(Setpoint))
     count = len(rig.stage.all(Setpoint))
     rig.run(1.0)
@@ -160,7 +160,7 @@ def test_a_lost_pose_on_the_way_is_waited_for() -> None:
     assert len(rig.stage.all(Setpoint)) == count
     rig.has_pose = True
     rig.run(8.0)
-    assert len(rig.asked) >= 1
+    assert len(rig.requested) >= 1
 
 
 @pytest.mark.parametrize("is_on_the_way", [True, False])
@@ -172,9 +172,9 @@ def test_a_pause_is_gone_on_with(is_on_the_way: bool) -> None:
     rig.says(RUNNING)
     rig.stage.call("action.pause", action_id="go")
     rig.says(FAILED, "motion was given to somebody else")
-    setpoints, asked = len(rig.stage.all(Setpoint)), len(rig.asked)
+    setpoints, requested = len(rig.stage.all(Setpoint)), len(rig.requested)
     rig.run(60.0)
-    assert (len(rig.stage.all(Setpoint)), len(rig.asked)) == (setpoints, asked)
+    assert (len(rig.stage.all(Setpoint)), len(rig.requested)) == (setpoints, requested)
     rig.stage.call("action.resume", action_id="go")
     rig.driver = replace(rig.driver, is_guided=True)
     rig.run(0.1)
@@ -182,7 +182,7 @@ def test_a_pause_is_gone_on_with(is_on_the_way: bool) -> None:
     if is_on_the_way:
         assert len(rig.stage.all(Setpoint)) > setpoints
     else:
-        assert len(rig.asked) == asked + 1
+        assert len(rig.requested) == requested + 1
 
 
 def test_on_the_ground_there_is_nothing_to_do() -> None:
@@ -192,7 +192,7 @@ def test_on_the_ground_there_is_nothing_to_do() -> None:
     rig.stage.begin("land", at_ned_m=(4.0, 0.0, 0.0))
     rig.run(0.05)
     assert rig.stage.status.state == "done"
-    assert rig.asked == []
+    assert rig.requested == []
 
 
 def test_a_cancelled_landing_asks_no_more() -> None:
@@ -201,7 +201,7 @@ def test_a_cancelled_landing_asks_no_more() -> None:
     rig.run(0.1)
     rig.stage.call("action.cancel", action_id="go")
     rig.run(5.0)
-    assert len(rig.asked) == 1
+    assert len(rig.requested) == 1
 
 
 def test_a_vehicle_that_was_disarmed_when_the_autopilots_state_fell_silent_has_not_landed() -> None:

@@ -60,7 +60,7 @@ class Rig:
         self.run(1.0)
 
     @property
-    def asked(self) -> list[Manoeuvre]:
+    def requested(self) -> list[Manoeuvre]:
         return self.stage.all(Manoeuvre)
 
     @property
@@ -94,14 +94,14 @@ def test_a_disarmed_vehicle_is_refused_where_arming_is_not_allowed_and_an_armed_
     rig.autopilot = standing(is_armed=True, is_armable=False)
     rig.run(0.1)
     rig.begin().run(0.1)
-    assert rig.asked == [Manoeuvre(action_id="go", kind=ManoeuvreKind.TAKE_OFF, height_m=2.0, may_arm=False)]
+    assert rig.requested == [Manoeuvre(action_id="go", kind=ManoeuvreKind.TAKE_OFF, height_m=2.0, may_arm=False)]
 
 
 def test_the_climb_is_asked_for_once_and_ends_on_our_own_setpoints() -> None:
     rig = Rig(ground_m=5.0).begin()
     rig.run(1.0)
-    assert len(rig.asked) == 1
-    assert rig.asked[0].may_arm
+    assert len(rig.requested) == 1
+    assert rig.requested[0].may_arm
     rig.lift_off()
     assert rig.setpoints == []
     assert rig.stage.status.progress == pytest.approx(0.5)
@@ -115,7 +115,7 @@ def test_the_climb_is_asked_for_once_and_ends_on_our_own_setpoints() -> None:
     rig.autopilot = flying(FlightMode.GUIDED)
     rig.run(0.1)
     assert rig.stage.status.state == "done"
-    assert len(rig.asked) == 1
+    assert len(rig.requested) == 1
     count = len(rig.setpoints)
     rig.run(0.5)
     assert len(rig.setpoints) == count
@@ -212,7 +212,7 @@ def test_a_pause_in_the_air_is_gone_on_with_by_setpoints_to_the_same_height() ->
     rig.stage.call("action.resume", action_id="go")
     rig.run(0.3)
     assert rig.setpoints[-1].position_ned_m == pytest.approx((0.0, 0.0, -2.0))
-    assert len(rig.asked) == 1
+    assert len(rig.requested) == 1
     rig.driver = replace(rig.driver, action_id="go")
     rig.height_m = 2.0
     rig.run(0.1)
@@ -228,7 +228,7 @@ def test_a_pause_on_the_ground_is_gone_on_with_by_asking_again() -> None:
     rig.run(1.0)
     rig.stage.call("action.resume", action_id="go")
     rig.run(0.3)
-    assert len(rig.asked) == 2
+    assert len(rig.requested) == 2
     assert rig.stage.status.state == "running"
     rig.says(RUNNING)
     rig.run(1.0)
@@ -242,7 +242,7 @@ def test_a_cancelled_take_off_asks_for_nothing_more() -> None:
     rig.stage.call("action.cancel", action_id="go")
     rig.climb_m_s = 0.0
     rig.run(1.0)
-    assert (len(rig.asked), rig.setpoints) == (1, [])
+    assert (len(rig.requested), rig.setpoints) == (1, [])
 
 
 def test_a_take_off_is_refused_while_nothing_is_heard_of_the_autopilots_state() -> None:
@@ -257,9 +257,9 @@ def test_driving_off_arms_and_is_done_once_the_vehicle_follows_from_where_it_sta
     rig = Rig(ground_m=3.0)
     rig.stage.begin("drive_off")
     rig.run(0.1)
-    asked = rig.stage.last(Manoeuvre)
-    assert isinstance(asked, Manoeuvre)
-    assert (asked.kind, asked.height_m, asked.may_arm) == (ManoeuvreKind.SET_OFF, 0.0, True)
+    requested = rig.stage.last(Manoeuvre)
+    assert isinstance(requested, Manoeuvre)
+    assert (requested.kind, requested.height_m, requested.may_arm) == (ManoeuvreKind.SET_OFF, 0.0, True)
     rig.says(RUNNING)
     rig.autopilot = flying(FlightMode.GUIDED)
     rig.run(1.0)

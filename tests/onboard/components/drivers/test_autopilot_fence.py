@@ -15,7 +15,7 @@ from gloc3.messages.vehicle import FenceProgress, FenceState, GeoArea, GeoFence
 from gloc3.mission.formats.items import FenceArea
 from gloc3_onboard.autopilot.plan_upload import FenceUpload, fence_items
 from gloc3_onboard.components.drivers.autopilot_fence import RETRY_S, AutopilotFence, SendFence
-from gloc3_onboard.sensors.devices import Answer
+from gloc3_onboard.sensors.devices import CommandAnswer
 
 COMPANION, AUTOPILOT = Address(1, 191), Address(1, 1)
 SQUARE = [(47.0, 8.0), (47.001, 8.0), (47.001, 8.001), (47.0, 8.001)]
@@ -31,13 +31,13 @@ class Control:
 
     def __init__(self) -> None:
         self.sent: list[tuple[FenceArea, ...]] = []
-        self.says: Answer | None = None
+        self.says: CommandAnswer | None = None
 
     def command_fence(self, areas: Sequence[FenceArea]) -> int:
         self.sent.append(tuple(areas))
         return len(self.sent)
 
-    def answer(self, ticket: int) -> Answer | None:
+    def answer(self, ticket: int) -> CommandAnswer | None:
         return self.says
 
 
@@ -61,7 +61,7 @@ def test_a_fence_is_sent_once_and_confirmed_when_it_was_read_back() -> None:
     assert cycle(driver, 0.0, FENCE)[0].progress is FenceProgress.UPLOADING
     cycle(driver, 0.2, FENCE)
     assert control.sent == [AREAS]
-    control.says = Answer(True, "")
+    control.says = CommandAnswer(True, "")
     assert cycle(driver, 0.4, FENCE)[0] == FenceState(digest="abc", progress=FenceProgress.CONFIRMED)
 
 
@@ -69,7 +69,7 @@ def test_a_fence_that_is_refused_is_told_with_the_reason_and_sent_again() -> Non
     control = Control()
     driver = AutopilotFence(control)
     cycle(driver, 0.0, FENCE)
-    control.says = Answer(False, "no room")
+    control.says = CommandAnswer(False, "no room")
     assert cycle(driver, 0.2, FENCE)[0].reason == "no room"
     cycle(driver, 0.2 + RETRY_S, FENCE)
     assert len(control.sent) == 2
@@ -93,7 +93,9 @@ def on_the_wire(message: MavlinkMessage, sender: Address) -> MavlinkMessage:
     return arrived
 
 
-def exchange(client: MissionClient, server: MissionServer, upload: FenceUpload, steps: int = 400) -> list[Answer]:
+def exchange(
+    client: MissionClient, server: MissionServer, upload: FenceUpload, steps: int = 400
+) -> list[CommandAnswer]:
     answers = []
     for step in range(steps):
         now_s = 0.01 * step
@@ -104,7 +106,7 @@ def exchange(client: MissionClient, server: MissionServer, upload: FenceUpload, 
         client.tick(now_s)
         server.tick(now_s)
         for event in client.events():
-            ended = upload.heard(event, now_s) if isinstance(event, Transfer) else None
+            ended = upload.received(event, now_s) if isinstance(event, Transfer) else None
             if ended is not None:
                 answers.append(ended[1])
     return answers
@@ -114,7 +116,7 @@ def test_the_fence_is_uploaded_over_the_mission_protocol_and_compared() -> None:
     client, server = MissionClient(COMPANION), MissionServer(AUTOPILOT)
     upload = FenceUpload(client)
     upload.begin(1, AREAS, AUTOPILOT, 0.0)
-    assert exchange(client, server, upload) == [Answer(True, "")]
+    assert exchange(client, server, upload) == [CommandAnswer(True, "")]
     assert [item.command for item in server.plans[PlanType.FENCE]] == [5001, 5001, 5001, 5001, 5004]
 
 

@@ -39,12 +39,12 @@ def test_when_the_pilot_takes_over_setpoints_stop_at_once_and_nothing_is_command
 def test_manoeuvres_are_not_begun_and_those_under_way_are_given_up(style: str) -> None:
     rig = DriverRig(style).in_flight()
     rig.wants = lambda: None
-    rig.ask(ManoeuvreKind.LAND)
+    rig.request(ManoeuvreKind.LAND)
     rig.run(1.0)
     silence(rig)
     rig.autopilot.enter(FlightMode.MANUAL)
     rig.see()
-    rig.ask(ManoeuvreKind.LAND)
+    rig.request(ManoeuvreKind.LAND)
     rig.run(3.0)
     assert rig.autopilot.commands == ["abandon"]
     assert rig.state.manoeuvre_state == "failed"
@@ -56,7 +56,7 @@ def test_a_disarm_by_the_pilot_stops_everything_too(style: str) -> None:
     silence(rig)
     rig.autopilot.state = replace(rig.autopilot.state, is_armed=False)
     rig.see()
-    rig.ask(ManoeuvreKind.TAKE_OFF, height_m=2.0, may_arm=True)
+    rig.request(ManoeuvreKind.TAKE_OFF, height_m=2.0, may_arm=True)
     rig.run(3.0)
     assert rig.autopilot.commands == ["abandon"]
     assert rig.autopilot.setpoints == []
@@ -93,7 +93,7 @@ def test_setpoints_that_come_while_the_pilot_flies_are_still_judged(style: str) 
 @STYLES
 def test_a_pilot_who_breaks_off_the_climb_by_hold_keeps_control(style: str) -> None:
     rig = DriverRig(style)
-    rig.ask(ManoeuvreKind.TAKE_OFF, height_m=3.0, may_arm=True)
+    rig.request(ManoeuvreKind.TAKE_OFF, height_m=3.0, may_arm=True)
     rig.run(1.0)
     rig.at = (0.0, 0.0, 0.8)
     rig.step()
@@ -125,7 +125,7 @@ def test_going_quiet_in_flight_leaves_the_autopilot_in_hold(style: str) -> None:
 def test_making_safe_leaves_alone_what_flies_by_itself_or_by_a_pilot(style: str) -> None:
     rig = DriverRig(style).in_flight()
     rig.wants = lambda: None
-    rig.ask(ManoeuvreKind.LAND)
+    rig.request(ManoeuvreKind.LAND)
     rig.run(1.0)
     silence(rig)
     rig.driver.make_safe()
@@ -353,7 +353,7 @@ def test_nothing_is_ever_sent_while_the_pilot_has_control(
         rig.autopilot.enter(mode)
         rig.see()
         if asks_to_land:
-            rig.ask(ManoeuvreKind.LAND)
+            rig.request(ManoeuvreKind.LAND)
         for _ in range(cycles):
             sent, commanded = len(rig.autopilot.setpoints), len(rig.autopilot.commands)
             rig.step()

@@ -13,7 +13,7 @@ STYLES = pytest.mark.parametrize("style", ["px4", "ardupilot"])
 TAKE_OFF, LAND, HOLD = ManoeuvreKind.TAKE_OFF, ManoeuvreKind.LAND, ManoeuvreKind.HOLD
 
 
-def asked(rig: DriverRig) -> list[str]:
+def requested(rig: DriverRig) -> list[str]:
     return rig.autopilot.commands
 
 
@@ -24,16 +24,16 @@ def asked(rig: DriverRig) -> list[str]:
 def test_a_take_off_step_by_step_and_nothing_is_streamed_on_the_ground(style: str, steps: list[str]) -> None:
     rig = DriverRig(style)
     rig.hold()
-    rig.ask(TAKE_OFF, height_m=1.5, may_arm=True)
+    rig.request(TAKE_OFF, height_m=1.5, may_arm=True)
     rig.run(0.6)
-    assert asked(rig) == steps
+    assert requested(rig) == steps
     assert rig.autopilot.setpoints == []
     assert rig.state.manoeuvre_state == "running"
 
 
 def test_px4_has_climbed_when_it_holds() -> None:
     rig = DriverRig("px4")
-    rig.ask(TAKE_OFF, height_m=1.5, may_arm=True)
+    rig.request(TAKE_OFF, height_m=1.5, may_arm=True)
     rig.run(1.0)
     rig.at = (0.0, 0.0, 1.5)
     rig.step()
@@ -46,7 +46,7 @@ def test_px4_has_climbed_when_it_holds() -> None:
 @STYLES
 def test_the_owners_setpoints_end_a_climb(style: str) -> None:
     rig = DriverRig(style)
-    rig.ask(TAKE_OFF, height_m=1.5, may_arm=True)
+    rig.request(TAKE_OFF, height_m=1.5, may_arm=True)
     rig.run(1.0)
     rig.at = (0.0, 0.0, 1.2)
     rig.autopilot.state = replace(rig.autopilot.state, landed=LandedState.IN_AIR)
@@ -63,9 +63,9 @@ def test_the_owners_setpoints_end_a_climb(style: str) -> None:
 def test_who_may_not_arm_does_not(style: str) -> None:
     rig = DriverRig(style)
     rig.autopilot.refuses["take off"] = "not armed"
-    rig.ask(TAKE_OFF, height_m=1.5, may_arm=False)
+    rig.request(TAKE_OFF, height_m=1.5, may_arm=False)
     rig.run(1.0)
-    assert not [words for words in asked(rig) if "arm" in words]
+    assert not [words for words in requested(rig) if "arm" in words]
     assert (rig.state.manoeuvre_state, rig.state.manoeuvre_reason) == ("failed", "not armed")
 
 
@@ -76,29 +76,29 @@ def test_a_vehicle_that_is_armed_already_is_not_armed_again(style: str) -> None:
     rig.autopilot.state = replace(rig.autopilot.state, is_armed=True)
     rig.see()
     rig.driver._watch.yield_back()
-    rig.ask(TAKE_OFF, height_m=1.5, may_arm=True)
+    rig.request(TAKE_OFF, height_m=1.5, may_arm=True)
     rig.run(1.0)
-    assert asked(rig)[-1] == "take off to 1.5"
-    assert "arm" not in asked(rig)
+    assert requested(rig)[-1] == "take off to 1.5"
+    assert "arm" not in requested(rig)
 
 
 @STYLES
 def test_a_refused_arming_ends_it_with_the_autopilots_reason(style: str) -> None:
     rig = DriverRig(style)
     rig.autopilot.refuses["arm"] = "compass not calibrated"
-    rig.ask(TAKE_OFF, height_m=1.5, may_arm=True)
+    rig.request(TAKE_OFF, height_m=1.5, may_arm=True)
     rig.run(1.0)
     assert (rig.state.manoeuvre_state, rig.state.manoeuvre_reason) == ("failed", "compass not calibrated")
-    assert asked(rig)[-1] == "arm"
+    assert requested(rig)[-1] == "arm"
 
 
 @STYLES
 def test_what_it_has_armed_for_nothing_it_disarms_and_that_is_no_pilot(style: str) -> None:
     rig = DriverRig(style)
     rig.autopilot.refuses["take off"] = "no position"
-    rig.ask(TAKE_OFF, height_m=1.5, may_arm=True)
+    rig.request(TAKE_OFF, height_m=1.5, may_arm=True)
     rig.run(1.5)
-    assert asked(rig)[-1] == "disarm"
+    assert requested(rig)[-1] == "disarm"
     assert not rig.autopilot.state.is_armed
     assert rig.state.manoeuvre_reason == "no position"
     assert not rig.state.has_pilot_control
@@ -108,13 +108,13 @@ def test_what_it_has_armed_for_nothing_it_disarms_and_that_is_no_pilot(style: st
 def test_a_take_off_that_fails_in_the_air_disarms_nothing(style: str) -> None:
     rig = DriverRig(style)
     rig.autopilot.refuses["take off"] = "odd"
-    rig.ask(TAKE_OFF, height_m=1.5, may_arm=True)
-    while asked(rig)[-1] != "take off to 1.5":
+    rig.request(TAKE_OFF, height_m=1.5, may_arm=True)
+    while requested(rig)[-1] != "take off to 1.5":
         rig.step()
     rig.autopilot.fly(rig.autopilot.state.mode)
     rig.see()
     rig.run(1.0)
-    assert asked(rig)[-1] == "take off to 1.5"
+    assert requested(rig)[-1] == "take off to 1.5"
 
 
 @STYLES
@@ -124,9 +124,9 @@ def test_a_take_off_that_fails_in_the_air_disarms_nothing(style: str) -> None:
 def test_a_step_that_is_never_answered_fails_in_time(style: str, deaf_to: str, reason: str) -> None:
     rig = DriverRig(style, step_timeout_s=2.0)
     rig.autopilot.refuses[deaf_to] = ""
-    rig.ask(TAKE_OFF, height_m=1.5, may_arm=True)
+    rig.request(TAKE_OFF, height_m=1.5, may_arm=True)
     for _ in range(200):
-        rig.autopilot.is_deaf = bool(asked(rig)) and asked(rig)[-1].startswith(deaf_to)
+        rig.autopilot.is_deaf = bool(requested(rig)) and requested(rig)[-1].startswith(deaf_to)
         rig.step()
         if rig.state.manoeuvre_state == "failed":
             break
@@ -141,7 +141,7 @@ def test_a_step_that_is_never_answered_fails_in_time(style: str, deaf_to: str, r
 def test_a_landing_is_over_when_the_vehicle_is_disarmed_and_that_is_no_pilot(style: str) -> None:
     rig = DriverRig(style).in_flight()
     rig.wants = lambda: None
-    rig.ask(LAND)
+    rig.request(LAND)
     rig.run(1.0)
     assert rig.autopilot.state.mode is FlightMode.LAND
     assert (rig.state.manoeuvre_state, rig.state.is_streaming) == ("running", False)
@@ -149,14 +149,14 @@ def test_a_landing_is_over_when_the_vehicle_is_disarmed_and_that_is_no_pilot(sty
     rig.run(0.5)
     assert rig.state.manoeuvre_state == "done"
     assert not rig.state.has_pilot_control
-    assert asked(rig)[-1] == "mode land"
+    assert requested(rig)[-1] == "mode land"
     assert rig.state.expired == 0, "a stream that ends on purpose has not run dry"
 
 
 @STYLES
 def test_setpoints_that_are_still_on_their_way_do_not_break_off_a_landing(style: str) -> None:
     rig = DriverRig(style).in_flight()
-    rig.ask(LAND)
+    rig.request(LAND)
     rig.run(1.0)
     assert rig.autopilot.state.mode is FlightMode.LAND
     assert rig.state.manoeuvre_state == "running"
@@ -166,7 +166,7 @@ def test_setpoints_that_are_still_on_their_way_do_not_break_off_a_landing(style:
 def test_a_new_owner_takes_over_from_a_landing(style: str) -> None:
     rig = DriverRig(style).in_flight()
     rig.wants = lambda: None
-    rig.ask(LAND)
+    rig.request(LAND)
     rig.run(1.0)
     rig.own("hold")
     rig.hold("hold")
@@ -181,11 +181,11 @@ def test_the_same_landing_can_be_asked_for_again(style: str) -> None:
     rig = DriverRig(style).in_flight()
     rig.wants = lambda: None
     rig.autopilot.refuses["mode land"] = "not now"
-    rig.ask(LAND)
+    rig.request(LAND)
     rig.run(1.0)
     assert rig.state.manoeuvre_state == "failed"
     rig.autopilot.refuses.clear()
-    rig.ask(LAND)
+    rig.request(LAND)
     rig.run(1.0)
     assert rig.autopilot.state.mode is FlightMode.LAND
     assert rig.state.manoeuvre_state == "running"
@@ -195,21 +195,21 @@ def test_the_same_landing_can_be_asked_for_again(style: str) -> None:
 def test_hold_as_a_manoeuvre(style: str) -> None:
     rig = DriverRig(style).in_flight()
     rig.wants = lambda: None
-    rig.ask(HOLD)
+    rig.request(HOLD)
     rig.run(0.5)
     assert (rig.autopilot.state.mode, rig.state.manoeuvre_state) == (FlightMode.HOLD, "done")
 
 
 def test_only_the_owner_is_obeyed() -> None:
     rig = DriverRig().in_flight()
-    rig.ask(LAND, owner="thief")
+    rig.request(LAND, owner="thief")
     rig.run(0.5)
     assert rig.state.foreign == 1
-    assert "mode land" not in asked(rig)
+    assert "mode land" not in requested(rig)
     rig.own("")
-    rig.ask(LAND, owner="")
+    rig.request(LAND, owner="")
     rig.run(0.5)
-    assert "mode land" not in asked(rig)
+    assert "mode land" not in requested(rig)
 
 
 def test_a_manoeuvre_waits_until_the_autopilot_is_heard() -> None:
@@ -217,10 +217,10 @@ def test_a_manoeuvre_waits_until_the_autopilot_is_heard() -> None:
     silent = replace(rig.autopilot.state, is_connected=False)
     for _ in range(10):
         rig.step(autopilot=silent)
-    assert asked(rig) == []
+    assert requested(rig) == []
     rig.stage.put(setpoint=setpoint())
     rig.run(0.2)
-    assert asked(rig) == []
+    assert requested(rig) == []
 
 
 @STYLES
@@ -228,13 +228,13 @@ def test_until_the_autopilot_has_taken_over_it_is_told_to_stand_still(style: str
     rig = DriverRig(style).in_flight()
     rig.wants = lambda: None
     rig.autopilot.delay_s = 2.0  # the command's first frames are lost; a stream that ended would mean a failsafe
-    rig.ask(LAND)
-    asked_s = rig.now_s
+    rig.request(LAND)
+    requested_s = rig.now_s
     rig.run(4.0)
-    braking = [sent for sent in rig.autopilot.setpoints if sent[0] >= asked_s]
+    braking = [sent for sent in rig.autopilot.setpoints if sent[0] >= requested_s]
     assert all(place is None for _, place, _ in braking)
-    assert {speed for t_s, _, speed in braking if t_s > asked_s + 0.5} == {(0.0, 0.0, 0.0)}
-    assert braking[-1][0] == pytest.approx(asked_s + 2.0, abs=0.1)
+    assert {speed for t_s, _, speed in braking if t_s > requested_s + 0.5} == {(0.0, 0.0, 0.0)}
+    assert braking[-1][0] == pytest.approx(requested_s + 2.0, abs=0.1)
     assert max(b[0] - a[0] for a, b in pairwise(braking)) < 0.1
     assert rig.autopilot.state.mode is FlightMode.LAND
     assert not rig.state.has_pilot_control
@@ -258,11 +258,11 @@ def test_without_the_autopilots_state_a_landing_is_asked_for_once_and_its_answer
     rig.autopilot.commands.clear()
     rig.stage.put(manoeuvre=Manoeuvre(action_id="go", kind=LAND))
     silence(rig, 20.0)
-    assert asked(rig) == ["mode land"]
+    assert requested(rig) == ["mode land"]
     assert rig.state.manoeuvre_state == "running"
     rig.autopilot.enter(FlightMode.MANUAL)  # a pilot, unseen
     silence(rig, 20.0)
-    assert asked(rig) == ["mode land"]
+    assert requested(rig) == ["mode land"]
 
 
 def test_without_the_autopilots_state_a_landing_that_is_not_answered_or_refused_fails_and_nothing_takes_off() -> None:
@@ -280,7 +280,7 @@ def test_without_the_autopilots_state_a_landing_that_is_not_answered_or_refused_
     rig.autopilot.commands.clear()
     rig.stage.put(manoeuvre=Manoeuvre(action_id="go", kind=TAKE_OFF, height_m=2.0, may_arm=True))
     silence(rig, 3.0)
-    assert asked(rig) == []
+    assert requested(rig) == []
 
 
 def test_without_the_autopilots_state_the_hold_at_the_end_of_a_stream_is_asked_for_until_it_is_obeyed() -> None:
@@ -290,9 +290,9 @@ def test_without_the_autopilots_state_the_hold_at_the_end_of_a_stream_is_asked_f
     rig.autopilot.commands.clear()
     rig.autopilot.is_deaf = True
     silence(rig, 3.2)
-    assert asked(rig)[:2] == ["mode hold", "mode hold"]
+    assert requested(rig)[:2] == ["mode hold", "mode hold"]
     rig.autopilot.is_deaf = False
     silence(rig, 1.5)
     rig.autopilot.commands.clear()
     silence(rig, 10.0)
-    assert asked(rig) == []
+    assert requested(rig) == []

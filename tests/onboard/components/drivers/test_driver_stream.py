@@ -106,13 +106,13 @@ def test_a_stream_that_runs_dry_stops_after_half_a_second_and_hold_is_asked_unti
     rig.run(0.1)
     assert (rig.state.is_streaming, rig.state.expired) == (False, 1)
     assert len(rig.autopilot.setpoints) == sent
-    asked = len(rig.autopilot.modes_asked)
+    requested = len(rig.autopilot.modes_asked)
     rig.run(2.5)
-    assert rig.autopilot.modes_asked[asked - 1 :] == ["hold"] * 3
+    assert rig.autopilot.modes_asked[requested - 1 :] == ["hold"] * 3
     rig.autopilot.is_deaf = False
     rig.run(3.0)
     assert rig.autopilot.state.mode is FlightMode.HOLD
-    assert rig.autopilot.modes_asked[asked - 1 :] == ["hold"] * 4
+    assert rig.autopilot.modes_asked[requested - 1 :] == ["hold"] * 4
     assert not rig.state.has_pilot_control
 
 
@@ -233,7 +233,7 @@ def test_a_refused_landing_ends_in_a_hold_not_in_silence(style: str) -> None:
     rig = DriverRig(style).in_flight()
     rig.autopilot.refuses["mode land"] = "not now"
     rig.wants = lambda: None
-    rig.ask(ManoeuvreKind.LAND)
+    rig.request(ManoeuvreKind.LAND)
     rig.run(1.0)
     assert (rig.state.manoeuvre_state, rig.state.manoeuvre_reason) == ("failed", "not now")
     assert rig.autopilot.state.mode is FlightMode.HOLD

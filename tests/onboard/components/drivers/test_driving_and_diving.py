@@ -107,7 +107,7 @@ def test_a_mission_that_goes_on_without_a_link_is_refused_where_the_rover_stops(
     try:
         stack.wait(6.0)
         stack.upload(drive())
-        reply = stack.ask(Steer(verb=Verb.START))
+        reply = stack.request(Steer(verb=Verb.START))
         assert reply.outcome is Outcome.REFUSED
         assert f"failsafes: link loss ({what}; the platform file says continue)" in reply.reason
         assert "set FS_GCS_ENABLE to 0" in reply.text
@@ -120,7 +120,7 @@ def test_the_platform_file_of_another_vehicle_is_refused_before_the_start() -> N
     try:
         stack.wait(6.0)
         stack.upload(drive().replace("drive_off: {}", "take_off: {height_m: 2}").replace(", 0]", ", 2]"))
-        reply = stack.ask(Steer(verb=Verb.START))
+        reply = stack.request(Steer(verb=Verb.START))
         assert reply.outcome is Outcome.REFUSED
         assert "autopilot: vehicle (the autopilot steers a rover; the platform file says quadrotor)" in reply.reason
     finally:

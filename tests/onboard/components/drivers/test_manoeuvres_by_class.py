@@ -15,11 +15,11 @@ def rig_of(vehicle: VehicleClass) -> DriverRig:
     return DriverRig(autopilot=ScriptedAutopilot("ardupilot", vehicle))
 
 
-def under_way(vehicle: VehicleClass) -> DriverRig:
+def running(vehicle: VehicleClass) -> DriverRig:
     """Armed, and following the owner's setpoints."""
     rig = rig_of(vehicle)
     rig.step()
-    rig.ask(SET_OFF, may_arm=True)
+    rig.request(SET_OFF, may_arm=True)
     rig.run(1.0)
     rig.autopilot.state = replace(rig.autopilot.state, landed=LandedState.IN_AIR)
     rig.hold()
@@ -32,17 +32,17 @@ def under_way(vehicle: VehicleClass) -> DriverRig:
 def test_it_sets_off_armed_in_guided_and_then_follows_the_stream(vehicle: VehicleClass) -> None:
     rig = rig_of(vehicle)
     rig.step()
-    rig.ask(SET_OFF, may_arm=True)
+    rig.request(SET_OFF, may_arm=True)
     rig.run(1.0)
     assert rig.autopilot.commands == ["mode guided", "arm"]
     assert rig.state.manoeuvre_state == "done"
-    assert under_way(vehicle).autopilot.setpoints
+    assert running(vehicle).autopilot.setpoints
 
 
 @LED
 def test_it_does_not_take_off(vehicle: VehicleClass) -> None:
     rig = rig_of(vehicle)
-    rig.ask(TAKE_OFF, height_m=2.0, may_arm=True)
+    rig.request(TAKE_OFF, height_m=2.0, may_arm=True)
     rig.run(1.0)
     assert rig.autopilot.commands == []
     assert "does not take off" in rig.state.manoeuvre_reason
@@ -50,7 +50,7 @@ def test_it_does_not_take_off(vehicle: VehicleClass) -> None:
 
 def test_a_copter_does_not_set_off_without_climbing() -> None:
     rig = rig_of(VehicleClass.COPTER)
-    rig.ask(SET_OFF, may_arm=True)
+    rig.request(SET_OFF, may_arm=True)
     rig.run(1.0)
     assert rig.autopilot.commands == []
     assert "ask for a take-off" in rig.state.manoeuvre_reason
@@ -58,9 +58,9 @@ def test_a_copter_does_not_set_off_without_climbing() -> None:
 
 @pytest.mark.parametrize("vehicle", [VehicleClass.ROVER, VehicleClass.BOAT])
 def test_a_way_on_the_ground_ends_in_hold_at_rest_and_disarmed(vehicle: VehicleClass) -> None:
-    rig = under_way(vehicle)
+    rig = running(vehicle)
     rig.wants = lambda: None
-    rig.ask(LAND)
+    rig.request(LAND)
     rig.run(0.5)
     assert rig.autopilot.modes_asked[-1] == "hold"
     assert "disarm" not in rig.autopilot.commands
@@ -73,9 +73,9 @@ def test_a_way_on_the_ground_ends_in_hold_at_rest_and_disarmed(vehicle: VehicleC
 def test_what_still_rolls_is_not_disarmed() -> None:
     from tests.onboard.messages import autopilot_pose, pose
 
-    rig = under_way(VehicleClass.ROVER)
+    rig = running(VehicleClass.ROVER)
     rig.wants = lambda: None
-    rig.ask(LAND)
+    rig.request(LAND)
     for _ in range(100):
         rig.step(pose=replace(pose(0.0, 0.0, 0.0), velocity_ned_m_s=(0.5, 0.0, 0.0)), autopilot_pose=autopilot_pose())
     assert "disarm" not in rig.autopilot.commands
@@ -84,9 +84,9 @@ def test_what_still_rolls_is_not_disarmed() -> None:
 
 
 def test_a_submarine_that_has_surfaced_goes_over_to_alt_hold_by_itself_and_is_disarmed() -> None:
-    rig = under_way(VehicleClass.SUB)
+    rig = running(VehicleClass.SUB)
     rig.wants = lambda: None
-    rig.ask(LAND)
+    rig.request(LAND)
     rig.run(2.0)
     assert rig.autopilot.modes_asked[-1] == "land"
     assert "disarm" not in rig.autopilot.commands, "it has only begun to rise"
@@ -98,7 +98,7 @@ def test_a_submarine_that_has_surfaced_goes_over_to_alt_hold_by_itself_and_is_di
 
 
 def test_a_submarine_whose_pilot_takes_alt_hold_under_way_is_left_to_him() -> None:
-    rig = under_way(VehicleClass.SUB)
+    rig = running(VehicleClass.SUB)
     rig.autopilot.state = replace(rig.autopilot.state, mode=FlightMode.MANUAL, mode_name="ALT_HOLD")
     rig.see()
     assert rig.state.has_pilot_control

@@ -24,7 +24,7 @@ class Story:
         """Whether the pilot has control then."""
         for state in states:
             self.now_s += after_s
-            self.watch.see(state, self.now_s, **how)
+            self.watch.update(state, self.now_s, **how)
         return self.watch.has_control
 
     def command(self, mode: FlightMode) -> None:

@@ -8,7 +8,7 @@ from tests.onboard.stage import Stage
 from gloc3.messages.frames import from_yaw
 from gloc3.messages.vehicle import Pose
 from gloc3_onboard.components.drivers.vision_pose import VisionPoseDriver, VisionPoseSettings
-from gloc3_onboard.sensors.devices import Answer
+from gloc3_onboard.sensors.devices import CommandAnswer
 
 ORIGIN = (39.5528, 2.6285, 2.0)
 
@@ -21,7 +21,7 @@ class Device:
         self.origins: list[tuple[float, float, float]] = []
         self.homes: list[tuple[float, float, float]] = []
         self.sets: list[int] = []
-        self.answers: dict[int, Answer] = {}
+        self.answers: dict[int, CommandAnswer] = {}
 
     def send_pose(self, pose: Pose, t_s: float, attitude_std_rad: float, velocity_std_m_s: float) -> None:
         self.poses.append((pose, t_s))
@@ -37,7 +37,7 @@ class Device:
         self.sets.append(number)
         return 2
 
-    def answer(self, ticket: int) -> Answer | None:
+    def answer(self, ticket: int) -> CommandAnswer | None:
         return self.answers.get(ticket)
 
 
@@ -100,7 +100,7 @@ def test_the_origin_is_told_until_the_autopilot_has_it() -> None:
 def test_the_message_is_one_that_both_styles_take(style: str) -> None:
     with Rig(style) as rig:
         rig.run(4.0)
-        told = pose(
+        reported = pose(
             1.0,
             2.0,
             3.0,
@@ -110,18 +110,18 @@ def test_the_message_is_one_that_both_styles_take(style: str) -> None:
             quality=0.8,
             reset_counter=258,
         )
-        rig.device.send_pose(told, rig.loop.time() - 0.06, 0.02, 0.1)
+        rig.device.send_pose(reported, rig.loop.time() - 0.06, 0.02, 0.1)
         rig.device.send_origin(ORIGIN)
         rig.run(0.1)
-        heard = {message.name: message for message in rig.autopilot.heard}
-        message = heard["ODOMETRY"]
+        received = {message.name: message for message in rig.autopilot.received}
+        message = received["ODOMETRY"]
         assert (message.frame_id, message.child_frame_id, message.estimator_type) == (20, 12, 3)
         assert (message.x, message.y, message.z) == (1.0, 2.0, -3.0)
         assert (message.vx, message.vy, message.vz) == pytest.approx((0.0, -0.5, 0.1), abs=1e-6)
         assert [message.pose_covariance[i] for i in (0, 6, 11, 15)] == pytest.approx([1e-4, 4e-4, 9e-4, 4e-4])
         assert (message.reset_counter, message.quality) == (2, 80)
         assert message.time_usec * 1e-6 == pytest.approx(4.0 - 0.06, abs=0.03)
-        assert heard["SET_GPS_GLOBAL_ORIGIN"].latitude == 395528000
+        assert received["SET_GPS_GLOBAL_ORIGIN"].latitude == 395528000
 
 
 def test_home_is_told_where_an_autopilot_with_our_origin_has_none_for_long() -> None:
@@ -134,9 +134,9 @@ def test_home_is_told_where_an_autopilot_with_our_origin_has_none_for_long() -> 
     (home,) = device.homes
     assert home[0] == pytest.approx(ORIGIN[0] + 100.0 / 111_040.0, abs=1e-5)
     assert home[2] == pytest.approx(ORIGIN[2], abs=0.01)
-    for told in (standing(has_home=True), standing(is_armed=True)):
+    for reported in (standing(has_home=True), standing(is_armed=True)):
         for _ in range(100):
-            stage.step(0.1, pose=placed, autopilot_pose=autopilot_pose(origin_geo=ORIGIN), autopilot=told)
+            stage.step(0.1, pose=placed, autopilot_pose=autopilot_pose(origin_geo=ORIGIN), autopilot=reported)
         assert len(device.homes) == 1
 
 
@@ -150,7 +150,7 @@ def test_the_set_of_sources_follows_what_is_sent() -> None:
     for _ in range(20):
         stage.step(0.05, pose=pose())
     assert device.sets == [2]
-    device.answers[2] = Answer(False, "not supported")
+    device.answers[2] = CommandAnswer(False, "not supported")
     for _ in range(40):
         stage.step(0.05, pose=pose(is_valid=False, reason="lost"))
     assert device.sets == [2, 1]
@@ -177,6 +177,6 @@ def test_sources_and_home_in_the_words_of_each_style(style: str) -> None:
         answer = rig.device.answer(sources)
         assert answer is not None
         assert answer.is_accepted == (style == "ardupilot")
-        assert rig.asked(42007) == ([] if style == "px4" else [(2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)])
-        assert rig.asked(179)[0][4:] == pytest.approx((47.0, 8.0, 400.0))
+        assert rig.requested(42007) == ([] if style == "px4" else [(2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)])
+        assert rig.requested(179)[0][4:] == pytest.approx((47.0, 8.0, 400.0))
         assert rig.device.answer(home) == (True, "")

@@ -18,10 +18,10 @@ from gloc3.messages.vehicle import (
     ManoeuvreKind,
     Style,
 )
-from gloc3_onboard.autopilot.plan_upload import way_items
+from gloc3_onboard.autopilot.plan_upload import path_items
 from gloc3_onboard.components.controllers.circle import CircleController
 from gloc3_onboard.components.drivers.winged_plan import WingedPlan, WingedPlanSettings
-from gloc3_onboard.sensors.devices import Answer, Way
+from gloc3_onboard.sensors.devices import CommandAnswer, GeoPath
 
 FLYING = AutopilotState(
     is_connected=True, is_armed=True, is_armable=True, landed=LandedState.IN_AIR, mode=FlightMode.MISSION
@@ -33,15 +33,15 @@ class Plans:
     """Takes every plan."""
 
     def __init__(self) -> None:
-        self.ways: list[Way] = []
+        self.routes: list[GeoPath] = []
         self.places_reached = 0
 
-    def command_plan(self, way: Way) -> int:
-        self.ways.append(way)
-        return len(self.ways)
+    def command_plan(self, way: GeoPath) -> int:
+        self.routes.append(way)
+        return len(self.routes)
 
-    def answer(self, ticket: int) -> Answer | None:
-        return Answer(True, "")
+    def answer(self, ticket: int) -> CommandAnswer | None:
+        return CommandAnswer(True, "")
 
 
 def stage(state: AutopilotState, height_m: float = 60.0) -> tuple[Stage, Plans]:
@@ -63,8 +63,8 @@ def see(found: Stage, state: AutopilotState, height_m: float = 60.0) -> None:
     found.step(pose=here, autopilot_pose=own, autopilot=state, home=Home(position_ned_m=(0.0, 0.0, 0.0)))
 
 
-def commands(way: Way) -> list[int]:
-    return [item.command for item in way_items(way, Style.ARDUPILOT)][1:]
+def commands(way: GeoPath) -> list[int]:
+    return [item.command for item in path_items(way, Style.ARDUPILOT)][1:]
 
 
 def test_a_take_off_is_a_plan_that_arms_and_ends_in_a_circle_over_home() -> None:
@@ -72,10 +72,10 @@ def test_a_take_off_is_a_plan_that_arms_and_ends_in_a_circle_over_home() -> None
     found.begin("take_off", height_m=50.0)
     for _ in range(3):
         see(found, STANDING, 0.0)
-    assert commands(plans.ways[0]) == [178, 22, 17]
-    assert plans.ways[0].places[0].altitude_m == pytest.approx(550.0)
-    asked = found.last(Manoeuvre)
-    assert (asked.kind, asked.may_arm) == (ManoeuvreKind.PLAN, True)
+    assert commands(plans.routes[0]) == [178, 22, 17]
+    assert plans.routes[0].places[0].altitude_m == pytest.approx(550.0)
+    requested = found.last(Manoeuvre)
+    assert (requested.kind, requested.may_arm) == (ManoeuvreKind.PLAN, True)
     plans.places_reached = 1
     see(found, FLYING, 50.0)
     assert found.status.state == "done"
@@ -86,7 +86,7 @@ def test_ways_are_lines_that_are_passed_waits_are_circles_and_none_of_them_arms(
     found.begin("follow_waypoints", waypoints_ned_m=((500.0, 0.0, -60.0), (500.0, 400.0, -60.0)), speed_m_s=23.0)
     for _ in range(3):
         see(found, FLYING)
-    (way,) = plans.ways
+    (way,) = plans.routes
     assert commands(way) == [178, 16, 16, 17]
     assert way.acceptance_m == 30.0
     assert not found.last(Manoeuvre).may_arm
@@ -127,7 +127,7 @@ def test_it_waits_by_asking_for_circles_until_the_autopilot_flies_them_and_asks_
     assert not found.all(Manoeuvre)
     for _ in range(50):
         found.step(grant=grant("hold", "circle"), autopilot=FLYING)
-    assert [asked.kind for asked in found.all(Manoeuvre)] == [ManoeuvreKind.HOLD] * 2
+    assert [requested.kind for requested in found.all(Manoeuvre)] == [ManoeuvreKind.HOLD] * 2
     found.step(2.0, grant=grant("hold", "circle"), autopilot=replace(FLYING, mode=FlightMode.HOLD))
     found.step(2.0, grant=grant("way", "ways"), autopilot=FLYING)
     assert len(found.all(Manoeuvre)) == 2

@@ -41,10 +41,10 @@ class Way:
                 noise = 0.005 * self._random.standard_normal(2)
                 speed = SPEED_M_S * (1.0 + self.scale)
                 along, across = speed * cos(self.turn_rad), -speed * sin(self.turn_rad)
-                self.filter.take_velocity(along + noise[0], across + noise[1], course_rad, 0.005)
+                self.filter.use_velocity(along + noise[0], across + noise[1], course_rad, 0.005)
             if self._satellite_std_m and step % 20 == 0:
                 north, east = self._satellite_std_m * self._random.standard_normal(2)
-                self.filter.take_fix(self.true_m + north, east, self._satellite_std_m)
+                self.filter.use_fix(self.true_m + north, east, self._satellite_std_m)
         return self
 
     @property
@@ -83,7 +83,7 @@ def test_without_bottom_lock_it_claims_what_a_current_may_do() -> None:
     filter_.begin(0.0, 0.0, 0.5)
     for _ in range(100):
         filter_.predict(0.1, is_measured=True)
-        filter_.take_velocity(1.0, 0.0, 0.0, 0.005)
+        filter_.use_velocity(1.0, 0.0, 0.0, 0.005)
     locked = max(filter_.std_m)
     for _ in range(600):
         filter_.predict(0.1, is_measured=False)
@@ -96,7 +96,7 @@ def test_without_bottom_lock_it_is_believed_to_do_what_it_is_asked_to() -> None:
     filter_ = DeadReckoner()
     filter_.begin(0.0, 0.0, 0.5)
     for _ in range(400):
-        filter_.predict(0.1, is_measured=False, asked_m_s=(0.0, -0.5))
+        filter_.predict(0.1, is_measured=False, commanded_m_s=(0.0, -0.5))
     assert filter_.velocity_m_s == pytest.approx((0.0, -0.5), abs=0.01)
     assert filter_.position_m == pytest.approx((0.0, -0.5 * 35.0), abs=0.3), "after a time constant of 5 s"
 
@@ -110,7 +110,7 @@ def test_satellites_on_the_way_teach_it_its_heading_error() -> None:
 
 def test_a_velocity_that_does_not_fit_is_left_out() -> None:
     way = Way(2, Errors()).run(20.0)
-    assert way.filter.take_velocity(9.0, 0.0, 0.0, 0.005) > 1.0
+    assert way.filter.use_velocity(9.0, 0.0, 0.0, 0.005) > 1.0
     assert way.filter.velocity_m_s[0] == pytest.approx(1.0, abs=0.05)
 
 

@@ -7,7 +7,7 @@ import pytest
 from tests.onboard.messages import at, autopilot_pose, pose
 
 from gloc3.camera.model import CameraModel
-from gloc3.component.ports import Report, inbox_of
+from gloc3.component.ports import PortReport, inbox_of
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import from_euler
@@ -40,7 +40,7 @@ def picture(pixels: Any, t_s: float, camera: str = "ground") -> Envelope[Image]:
 
 
 def message(result: Any) -> Any:
-    assert isinstance(result, Report)
+    assert isinstance(result, PortReport)
     return result.message
 
 

@@ -9,10 +9,10 @@ from msgspec.structs import replace
 from tests.onboard.algorithms.scan_matching.rays import HOLD, Scanner, box
 from tests.onboard.messages import at, autopilot_pose, pose
 
-from gloc3.component.ports import Report, inbox_of
+from gloc3.component.ports import PortReport, inbox_of
 from gloc3.messages.frames import from_euler
 from gloc3.messages.perception import UNKNOWN_VARIANCE, Odometry
-from gloc3.messages.vehicle import NOT_LOOKED_M, OBSTACLE_SECTORS, HeightAboveGround, ObstacleScan
+from gloc3.messages.vehicle import NOT_MEASURED_M, OBSTACLE_SECTORS, HeightAboveGround, ObstacleScan
 from gloc3_onboard.algorithms.scan_matching.planar import Planar
 from gloc3_onboard.algorithms.scan_matching.scan_points import Tilt
 from gloc3_onboard.components.processors.laser_odometry import LaserOdometryProcessor, LaserOdometrySettings
@@ -22,7 +22,7 @@ SCANNER = Scanner(HOLD)
 
 
 def message(result: Any) -> Any:
-    return result.message if isinstance(result, Report) else result
+    return result.message if isinstance(result, PortReport) else result
 
 
 def odometry(component: LaserOdometryProcessor, t_s: float, **given: Any) -> Odometry:
@@ -126,7 +126,7 @@ def test_nothing_in_sight_is_valid_and_what_was_not_looked_at_is_told() -> None:
     assert found.is_valid
     assert found.points_ne_m == found.closest_ne_m == []
     assert found.sectors_m[0] == found.range_max_m
-    assert found.sectors_m[OBSTACLE_SECTORS // 2] == NOT_LOOKED_M
+    assert found.sectors_m[OBSTACLE_SECTORS // 2] == NOT_MEASURED_M
     assert component.closest_m < inf
 
 

@@ -16,7 +16,7 @@ REMAP_MS = 0.6
 
 def stereo_ms() -> list[float]:
     """Features and motion of each pair of two seconds of a flight."""
-    features, motions = stereo.costs_ms(list(fly(inspection(1).take(slice(200, 230)), "hold", 1)))
+    features, motions = stereo.costs_ms(list(fly(inspection(1).select(slice(200, 230)), "hold", 1)))
     return [a + b for a, b in zip(features, motions, strict=True)]
 
 

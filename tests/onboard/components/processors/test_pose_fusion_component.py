@@ -45,7 +45,7 @@ def feed(sensors: list[Sensor], end_s: float) -> Iterator[list[tuple[str, Any, f
             return
         rate = tuple((flight.rate[i] + rng.normal(size=3) * 7e-4).tolist())
         force = tuple((flight.force[i] + rng.normal(size=3) * 0.03).tolist())
-        said: list[tuple[str, Any, float]] = [
+        text: list[tuple[str, Any, float]] = [
             ("imu", ImuSample(rate_frd_rad_s=rate, specific_force_frd_m_s2=force), t_s)
         ]
         for sensor in sensors:
@@ -56,10 +56,10 @@ def feed(sensors: list[Sensor], end_s: float) -> Iterator[list[tuple[str, Any, f
                 heappush(arriving, (arrives_s, count, valid_s, kind + sensor.name, message))
         while arriving and arriving[0][0] <= t_s:
             _, _, valid_s, topic, message = heappop(arriving)
-            said.append((topic, message, valid_s))
+            text.append((topic, message, valid_s))
         if i % 20 == 0:
-            said.append(("autopilot", standing(), t_s))
-        yield said
+            text.append(("autopilot", standing(), t_s))
+        yield text
 
 
 def run(bench: Bench, source: Iterator[list[tuple[str, Any, float]]], steps: int) -> None:
@@ -80,9 +80,9 @@ def test_it_reports_the_pose_at_its_rate_and_what_it_rests_on_twice_a_second() -
         assert last.position_ned_m == pytest.approx(tuple(inspection().position[298].tolist()), abs=0.03)
         assert last.origin_geo == (39.5, 2.6, 2.0)
         assert set(last.sources) == {"imu", "stereo", "ground", "tracker", "height"}
-        told: list[FusionState] = bench.all("fusion/main")
-        assert len(told) == pytest.approx(6, abs=1)
-        assert all(source.is_used for source in told[-1].sources)
+        reported: list[FusionState] = bench.all("fusion/main")
+        assert len(reported) == pytest.approx(6, abs=1)
+        assert all(source.is_used for source in reported[-1].sources)
 
 
 def test_a_converged_standby_takes_over_with_the_same_pose_and_no_jump() -> None:
@@ -109,13 +109,13 @@ def test_a_standby_that_believes_another_pose_counts_a_jump_and_the_setpoint_has
     for _ in range(30):
         stage.step(0.04, imu=STILL, autopilot=standing(), primary=pose(0.5, 0.0, 0.0, reset_counter=3))
     stage.component.resume()
-    taken = stage.step(0.04, imu=STILL)[0]
-    assert isinstance(taken, Pose)
-    assert taken.reset_counter == 4
+    used = stage.step(0.04, imu=STILL)[0]
+    assert isinstance(used, Pose)
+    assert used.reset_counter == 4
     limiter = SetpointLimiter(LIMITS)
-    limiter.see((0.5, 0.0, -2.0), (0.0, 0.0, 0.0), 1.0, 3)
+    limiter.set_vehicle((0.5, 0.0, -2.0), (0.0, 0.0, 0.0), 1.0, 3)
     limiter.limit(setpoint((0.5, 0.0, -2.0)), 1.0)
-    limiter.see((0.0, 0.0, -2.0), (0.0, 0.0, 0.0), 1.05, 4)
+    limiter.set_vehicle((0.0, 0.0, -2.0), (0.0, 0.0, 0.0), 1.05, 4)
     limited = limiter.limit(setpoint((0.0, 0.0, -2.0)), 1.05)
     assert limited.setpoint.position_ned_m == pytest.approx((0.0, 0.0, -2.0))
 
@@ -123,13 +123,13 @@ def test_a_standby_that_believes_another_pose_counts_a_jump_and_the_setpoint_has
 def test_before_it_knows_whether_the_vehicle_stands_the_pose_is_not_valid() -> None:
     stage = Stage(PoseFusionProcessor(), PoseFusionSettings(**START))  # type: ignore[arg-type]
     for _ in range(20):
-        told = stage.step(0.04, imu=STILL)[0]
-    assert isinstance(told, Pose)
-    assert (told.is_valid, told.reason) == (False, "the autopilot has not told whether the vehicle stands")
+        reported = stage.step(0.04, imu=STILL)[0]
+    assert isinstance(reported, Pose)
+    assert (reported.is_valid, reported.reason) == (False, "the autopilot has not told whether the vehicle stands")
     for _ in range(60):
-        told = stage.step(0.04, imu=STILL)[0]
-    assert isinstance(told, Pose)
-    assert told.is_valid, told.reason
+        reported = stage.step(0.04, imu=STILL)[0]
+    assert isinstance(reported, Pose)
+    assert reported.is_valid, reported.reason
 
 
 def test_started_in_flight_it_begins_at_the_pose_of_the_other_one_or_of_the_autopilot() -> None:
@@ -138,19 +138,19 @@ def test_started_in_flight_it_begins_at_the_pose_of_the_other_one_or_of_the_auto
         state = flying(landed=LandedState.IN_AIR)
         assert stage.step(0.04, imu=STILL, autopilot=state)[0].reason == "in flight there is no pose to begin at"  # type: ignore[attr-defined]
         for _ in range(3):
-            told = stage.step(0.04, imu=STILL, autopilot=state, **others)[0]
-        assert isinstance(told, Pose)
-        assert told.position_ned_m == pytest.approx((3.0, 1.0, -2.0), abs=1e-3)
-        assert told.is_valid
+            reported = stage.step(0.04, imu=STILL, autopilot=state, **others)[0]
+        assert isinstance(reported, Pose)
+        assert reported.position_ned_m == pytest.approx((3.0, 1.0, -2.0), abs=1e-3)
+        assert reported.is_valid
 
 
 def test_without_a_declared_start_the_autopilot_gives_the_heading() -> None:
     stage = Stage(PoseFusionProcessor(), PoseFusionSettings())
     for _ in range(30):
-        told = stage.step(0.04, imu=STILL, autopilot=standing(), autopilot_pose=autopilot_pose(1.0, 2.0, 0.0))[0]
-    assert isinstance(told, Pose)
-    assert told.is_valid
-    assert told.position_ned_m == pytest.approx((1.0, 2.0, 0.0), abs=0.01)
+        reported = stage.step(0.04, imu=STILL, autopilot=standing(), autopilot_pose=autopilot_pose(1.0, 2.0, 0.0))[0]
+    assert isinstance(reported, Pose)
+    assert reported.is_valid
+    assert reported.position_ned_m == pytest.approx((1.0, 2.0, 0.0), abs=0.01)
 
 
 def test_bad_samples_and_silence_are_no_fault() -> None:
@@ -159,7 +159,7 @@ def test_bad_samples_and_silence_are_no_fault() -> None:
         stage.step(0.04, imu=STILL, autopilot=standing())
     bad = ImuSample(rate_frd_rad_s=(0.0, 0.0, 0.0), specific_force_frd_m_s2=(0.0, 0.0, 0.0), is_valid=False, reason="x")
     for _ in range(60):
-        told = stage.step(0.04, imu=bad)[0]
-    assert isinstance(told, Pose)
-    assert not told.is_valid
-    assert "nothing has held the position" in told.reason
+        reported = stage.step(0.04, imu=bad)[0]
+    assert isinstance(reported, Pose)
+    assert not reported.is_valid
+    assert "nothing has held the position" in reported.reason

@@ -6,13 +6,13 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from tests.onboard.algorithms.vision.wall import cameras, look
+from tests.onboard.algorithms.vision.wall import cameras, poll
 from tests.onboard.messages import at
 
 from gloc3.camera.model import CameraModel
 from gloc3.component.deployment import ComponentRow
 from gloc3.component.lci import State
-from gloc3.component.ports import Inbox, Report, inbox_of
+from gloc3.component.ports import Inbox, PortReport, inbox_of
 from gloc3.component.test_bench import Bench
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope
@@ -41,13 +41,13 @@ def image(camera: str, pixels: Picture, t_s: float) -> Envelope[Image]:
 
 
 def pair(n: int) -> tuple[Envelope[Image], Envelope[Image]]:
-    left, right = look(STEP_M * n, seed=n)
+    left, right = poll(STEP_M * n, seed=n)
     return image("front_left", left, n / RATE_HZ), image("front_right", right, n / RATE_HZ)
 
 
-def told(results: Sequence[Any]) -> Any:
+def reported(results: Sequence[Any]) -> Any:
     (result,) = results
-    assert isinstance(result, Report)
+    assert isinstance(result, PortReport)
     return result
 
 
@@ -69,9 +69,9 @@ def moving() -> StereoOdometryProcessor:
 
 def both(matching: FeatureProcessor, moving: StereoOdometryProcessor, n: int) -> Odometry:
     left, right = pair(n)
-    features = told(matching.work(n / RATE_HZ, inbox_of(left=left, right=right)))
+    features = reported(matching.work(n / RATE_HZ, inbox_of(left=left, right=right)))
     assert features.t_s == n / RATE_HZ
-    odometry = told(moving.work(n / RATE_HZ, inbox_of(features=at(features.t_s, features.message))))
+    odometry = reported(moving.work(n / RATE_HZ, inbox_of(features=at(features.t_s, features.message))))
     assert odometry.t_s == n / RATE_HZ
     message = odometry.message
     assert isinstance(message, Odometry)
@@ -98,18 +98,20 @@ def test_pairs_become_features_and_features_motions(
 def test_pictures_wait_for_those_of_the_other_eye(matching: FeatureProcessor) -> None:
     left, right = pair(0)
     assert matching.work(0.0, inbox_of(left=left)) == []
-    assert told(matching.work(0.01, inbox_of(right=right))).message.is_valid
+    assert reported(matching.work(0.01, inbox_of(right=right))).message.is_valid
 
 
 def test_a_picture_without_the_other_eyes_is_told(matching: FeatureProcessor) -> None:
     results = [matching.work(n / RATE_HZ, inbox_of(left=pair(n)[0])) for n in range(5)]
-    message = told(next(result for result in results if result)).message
+    message = reported(next(result for result in results if result)).message
     assert message.reason == "there is no picture of front_right at the same time"
 
 
 def test_what_comes_too_fast_is_skipped(matching: FeatureProcessor) -> None:
     pairs = [pair(n) for n in range(3)]
-    result = told(matching.work(1.0, inbox_of(left=[left for left, _ in pairs], right=[right for _, right in pairs])))
+    result = reported(
+        matching.work(1.0, inbox_of(left=[left for left, _ in pairs], right=[right for _, right in pairs]))
+    )
     assert result.t_s == 2 / RATE_HZ
     assert matching.skipped == 2
 
@@ -120,14 +122,14 @@ def test_pictures_that_are_marked_or_torn_are_told_and_the_next_are_right(
     both(matching, moving, 0)
     left, right = pair(1)
     marked = msgspec.structs.replace(left.payload, is_valid=False, reason="black: its mean is 3 of 255")
-    bad = told(matching.work(0.07, inbox_of(left=at(left.t_s, marked), right=right)))
+    bad = reported(matching.work(0.07, inbox_of(left=at(left.t_s, marked), right=right)))
     assert bad.message.reason == "front_left: black: its mean is 3 of 255"
-    lost = told(moving.work(0.07, inbox_of(features=at(bad.t_s, bad.message)))).message
+    lost = reported(moving.work(0.07, inbox_of(features=at(bad.t_s, bad.message)))).message
     assert (lost.is_valid, lost.quality, lost.reason) == (False, 0.0, bad.message.reason)
     assert lost.covariance[0] == UNKNOWN_VARIANCE
     left, right = pair(2)
     torn = msgspec.structs.replace(right.payload, data=right.payload.data[:1000])
-    result = told(matching.work(0.14, inbox_of(left=left, right=at(right.t_s, torn))))
+    result = reported(matching.work(0.14, inbox_of(left=left, right=at(right.t_s, torn))))
     assert result.message.reason == "front_right: the picture is torn"
     assert both(matching, moving, 3).position_m[1] == pytest.approx(3 * STEP_M, abs=0.005)
     assert matching.refused == 2
@@ -135,8 +137,8 @@ def test_pictures_that_are_marked_or_torn_are_told_and_the_next_are_right(
 
 def test_silence_is_told_once_a_second(matching: FeatureProcessor, moving: StereoOdometryProcessor) -> None:
     nothing = Inbox({}, {})
-    said = [(matching.work(t_s / 10.0, nothing), moving.work(t_s / 10.0, nothing)) for t_s in range(21)]
-    assert sum(bool(features) for features, _ in said) == sum(bool(odometry) for _, odometry in said) == 2
+    text = [(matching.work(t_s / 10.0, nothing), moving.work(t_s / 10.0, nothing)) for t_s in range(21)]
+    assert sum(bool(features) for features, _ in text) == sum(bool(odometry) for _, odometry in text) == 2
     assert matching.reason == "no pair of pictures comes"
     assert moving.reason == "no features come"
 
@@ -155,12 +157,12 @@ def test_damaged_features_are_told(
     matching: FeatureProcessor, moving: StereoOdometryProcessor, damage: dict[str, bytes]
 ) -> None:
     left, right = pair(0)
-    good = told(matching.work(0.0, inbox_of(left=left, right=right))).message
+    good = reported(matching.work(0.0, inbox_of(left=left, right=right))).message
     assert isinstance(good, Features)
     bad = msgspec.structs.replace(good, **damage)
-    assert told(moving.work(0.0, inbox_of(features=at(0.0, bad)))).message.reason == "the features are damaged"
-    assert told(moving.work(0.1, inbox_of(features=at(0.1, good)))).message.reason == BEGUN
-    again = told(moving.work(0.1, inbox_of(features=at(0.05, good)))).message
+    assert reported(moving.work(0.0, inbox_of(features=at(0.0, bad)))).message.reason == "the features are damaged"
+    assert reported(moving.work(0.1, inbox_of(features=at(0.1, good)))).message.reason == BEGUN
+    again = reported(moving.work(0.1, inbox_of(features=at(0.05, good)))).message
     assert again.reason == "the time does not grow"
 
 

@@ -10,7 +10,7 @@ from gloc3.component.test_bench import Bench
 from gloc3.messages.frames import GeoPoint, TangentPlane, from_yaw, yaw_of
 from gloc3.messages.perception import Odometry, SatelliteFix, WheelDistances
 from gloc3.messages.vehicle import AutopilotPose, Pose, Setpoint
-from gloc3_onboard.algorithms.odometry.wheel_odometer import Moved, Wheelbase, WheelOdometer
+from gloc3_onboard.algorithms.odometry.wheel_odometer import Wheelbase, WheelOdometer, WheelStep
 from gloc3_onboard.components.processors.dead_reckoning import DeadReckoningProcessor
 from gloc3_onboard.components.processors.wheel_odometry import WheelOdometryProcessor
 
@@ -18,11 +18,11 @@ BASE = Wheelbase(track_m=0.4, turn_factor=1.5)
 SITE = (-35.363261, 149.165230, 584.0)
 
 
-def moved(left_m: float, right_m: float, felt_rad: float | None) -> Moved:
+def moved(left_m: float, right_m: float, measured_rad: float | None) -> WheelStep:
     """A tenth of a second."""
     odometer = WheelOdometer(BASE)
     assert odometer.update(10.0, 20.0, 0.1, 0.0) is None, "the first ways are from nowhere"
-    step = odometer.update(10.0 + left_m, 20.0 + right_m, 0.1, felt_rad)
+    step = odometer.update(10.0 + left_m, 20.0 + right_m, 0.1, measured_rad)
     assert step is not None
     return step
 
@@ -147,8 +147,8 @@ def test_each_reading_is_a_step_from_the_one_before_and_a_bad_one_says_why_it_is
         assert yaw_of(second.reference_from_frd) == pytest.approx(0.0, abs=radians(0.1))
         bench.send("wheels", WheelDistances(distances_m=(5.0,)))
         bench.run(0.1)
-        told: Odometry = bench.last("odometry/wheels")
-        assert (told.is_valid, told.reason) == (False, "1 wheels are told of")
+        reported: Odometry = bench.last("odometry/wheels")
+        assert (reported.is_valid, reported.reason) == (False, "1 wheels are told of")
 
 
 def test_satellites_teach_the_pose_the_radius_of_the_wheels_and_it_drives_on_without_them() -> None:

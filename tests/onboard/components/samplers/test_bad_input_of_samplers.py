@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 import pytest
-from tests.onboard.scripted_sources import HEIGHT, WIDTH, OneModel, ScriptedSource, felt, picture, scan
+from tests.onboard.scripted_sources import HEIGHT, WIDTH, OneModel, ScriptedSource, measured, picture, scan
 
 from gloc3.component.component import Component
 from gloc3.component.deployment import ComponentRow
@@ -141,12 +141,12 @@ def test_missing_pictures_are_told_once_a_second_until_they_come_again() -> None
 def test_a_camera_that_is_gone_for_good_makes_the_sampler_faulty_with_what_to_do() -> None:
     with Bench() as bench:
         source = hosted(bench, CameraSampler)
-        source.gone = "/dev/video0 is gone; plug it in again"
+        source.lost = "/dev/video0 is gone; plug it in again"
         bench.run(0.2)
         assert bench.state("sampler") is State.FAULTY
         reply = bench.command("sampler", "initialize", None, "start")
         assert "plug it in again" in reply.reason
-        source.gone = ""
+        source.lost = ""
         bench.command("sampler", "initialize", None, "start")
         assert show(bench, source, picture(1)).is_valid
 
@@ -247,10 +247,10 @@ def test_every_sample_is_reported_once_with_its_own_time() -> None:
         source = hosted(bench, ImuSampler)
         for number in range(20):
             now_s = bench.loop.time()
-            source.felt += [felt(now_s + 0.01 * step, 0.001 * number + 0.0001 * step) for step in range(5)]
+            source.measured += [measured(now_s + 0.01 * step, 0.001 * number + 0.0001 * step) for step in range(5)]
             bench.run(PERIOD_S)
         found = [envelope.t_s for envelope in bench.envelopes if envelope.topic == "bench/imu"]
-        assert found == [stamped.t_s for stamped in source.felt]
+        assert found == [stamped.t_s for stamped in source.measured]
         assert all(sample.is_valid for sample in bench.all("imu"))
 
 
@@ -260,10 +260,10 @@ def test_every_sample_is_reported_once_with_its_own_time() -> None:
 def test_a_sample_that_cannot_be_is_marked(rate_rad_s: float, reason: str) -> None:
     with Bench() as bench:
         source = hosted(bench, ImuSampler)
-        source.felt = [felt(0.0, rate_rad_s)]
+        source.measured = [measured(0.0, rate_rad_s)]
         bench.run(PERIOD_S)
         assert reason in bench.last("imu").reason
-        source.felt = [felt(0.01)]
+        source.measured = [measured(0.01)]
         bench.run(PERIOD_S)
         assert bench.last("imu").is_valid
 
@@ -271,7 +271,7 @@ def test_a_sample_that_cannot_be_is_marked(rate_rad_s: float, reason: str) -> No
 def test_a_unit_that_always_says_the_same_is_stuck() -> None:
     with Bench() as bench:
         source = hosted(bench, ImuSampler)
-        source.felt = [felt(0.001 * number) for number in range(51)]
+        source.measured = [measured(0.001 * number) for number in range(51)]
         bench.run(PERIOD_S)
         assert [sample.is_valid for sample in bench.all("imu")] == [True] * 50 + [False]
         assert "stuck" in bench.last("imu").reason
@@ -283,6 +283,6 @@ def test_a_silent_unit_is_told_and_an_impossible_force_is_marked() -> None:
         bench.run(0.6)
         assert bench.last("imu").reason == "no sample for 0.5 s"
         thrown = ImuSample(rate_frd_rad_s=(0.0, 0.0, 0.0), specific_force_frd_m_s2=(400.0, 0.0, 0.0))
-        source.felt = [StampedImu(bench.loop.time(), thrown)]
+        source.measured = [StampedImu(bench.loop.time(), thrown)]
         bench.run(PERIOD_S)
         assert "400 m/s2" in bench.last("imu").reason

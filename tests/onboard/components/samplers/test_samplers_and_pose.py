@@ -53,7 +53,7 @@ class Device:
     def on_state(self, changed: Any) -> Unwatch:
         return self.bell.listen(changed)
 
-    on_pose = on_height = on_news = on_state
+    on_pose = on_height = on_new_data = on_state
 
 
 def hosted(bench: Bench, create: Any) -> Device:

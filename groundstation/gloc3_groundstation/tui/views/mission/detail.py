@@ -3,13 +3,13 @@
 from gloc3.messages.summaries import MissionSummary
 from gloc3.mission.model.states import ActionState
 from gloc3_groundstation.missions.draft import NEW_NAME, Draft
-from gloc3_groundstation.missions.outline import COMMANDS, Outline, Step
+from gloc3_groundstation.missions.outline import COMMANDS, Outline, OutlineAction
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.views.mission.graph import sign_of
 from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, fitted, wrapped
 
-TROUBLE = (ActionState.FAILED, ActionState.ABORTED)
+PROBLEM_TONE = (ActionState.FAILED, ActionState.ABORTED)
 
 
 def detail_title(outline: Outline | None, target: str) -> str:
@@ -23,15 +23,15 @@ def detail_title(outline: Outline | None, target: str) -> str:
     return f"action {target}" if "." in target else f"task {target}"
 
 
-def detail_lines(outline: Outline | None, told: MissionSummary | None, target: str, width: int) -> list[Line]:
+def detail_lines(outline: Outline | None, reported: MissionSummary | None, target: str, width: int) -> list[Line]:
     """The item, and what has failed anywhere in the mission."""
     if outline is None:
         return []
-    lines = _mission(outline, told, width) if not target else _item(outline, told, target, width)
-    if told is not None:
-        for failed, reason in told.reasons.items():
-            if failed != target and told.tasks.get(failed) == ActionState.FAILED:
-                lines += _said(f"✗ {failed} failed: {reason}", Tone.BAD, width)
+    lines = _mission(outline, reported, width) if not target else _item(outline, reported, target, width)
+    if reported is not None:
+        for failed, reason in reported.reasons.items():
+            if failed != target and reported.tasks.get(failed) == ActionState.FAILED:
+                lines += _text(f"✗ {failed} failed: {reason}", Tone.BAD, width)
     return lines
 
 
@@ -104,53 +104,57 @@ def nothing_lines(draft: Draft | None, platform: PlatformSnapshot | None, recent
     ]
 
 
-def _mission(outline: Outline, told: MissionSummary | None, width: int) -> list[Line]:
+def _mission(outline: Outline, reported: MissionSummary | None, width: int) -> list[Line]:
     lines: list[Line] = []
-    if told is not None and told.reason:
-        is_trouble = told.state in (*TROUBLE, ActionState.PAUSED)
-        lines += _said(f"{told.state}: {told.reason}", Tone.WARN if is_trouble else Tone.DIM, width)
-    if told is not None and told.took_s >= 0.0:
-        lines += _said(wording.taken(told, outline), Tone.DIM, width)
-    if told is not None and told.policy:
-        lines += _said(f"the policy {told.policy} is being carried out", Tone.WARN, width)
+    if reported is not None and reported.reason:
+        is_problem = reported.state in (*PROBLEM_TONE, ActionState.PAUSED)
+        lines += _text(f"{reported.state}: {reported.reason}", Tone.WARN if is_problem else Tone.DIM, width)
+    if reported is not None and reported.took_s >= 0.0:
+        lines += _text(wording.used(reported, outline), Tone.DIM, width)
+    if reported is not None and reported.policy:
+        lines += _text(f"the policy {reported.policy} is being carried out", Tone.WARN, width)
     if not outline.is_ordered:
-        lines += _said("its order is not known here yet; it is being read back", Tone.DIM, width)
+        lines += _text("its order is not known here yet; it is being read back", Tone.DIM, width)
     if outline.terms:
-        lines += _said(", ".join(outline.terms), Tone.DIM, width)
+        lines += _text(", ".join(outline.terms), Tone.DIM, width)
     return lines
 
 
-def _item(outline: Outline, told: MissionSummary | None, target: str, width: int) -> list[Line]:
+def _item(outline: Outline, reported: MissionSummary | None, target: str, width: int) -> list[Line]:
     step, stage = outline.step(target), outline.stage(target)
     item = step or stage
     if item is None:
         return []
-    state = told.tasks.get(target, "") if told is not None else ""
+    state = reported.tasks.get(target, "") if reported is not None else ""
     sign, tone = sign_of(state)
     head = [Span(f" {sign} {state or 'on no vehicle'}", tone)]
-    progress = told.progress.get(target) if told is not None else None
+    progress = reported.progress.get(target) if reported is not None else None
     if progress and state in ("running", "paused"):
         head.append(Span(f"  {progress * 100:.0f} %", tone))
-    if isinstance(item, Step):
+    if isinstance(item, OutlineAction):
         head.append(Span(f"   {item.what}"))
         if item.duration_s is not None:
             head.append(Span(f"   about {wording.duration(item.duration_s)}", Tone.DIM))
     else:
-        ended = sum(told.tasks.get(one.target) in ("done", "skipped") for one in item.steps) if told is not None else 0
-        if told is not None and (time := wording.times(told, target)):
+        ended = (
+            sum(reported.tasks.get(one.target) in ("done", "skipped") for one in item.steps)
+            if reported is not None
+            else 0
+        )
+        if reported is not None and (time := wording.times(reported, target)):
             head.append(Span(f"   {time} times", Tone.DIM))
-        head.append(Span(f"   {ended} of {len(item.steps)} actions done" if told is not None else "", Tone.DIM))
+        head.append(Span(f"   {ended} of {len(item.steps)} actions done" if reported is not None else "", Tone.DIM))
     lines: list[Line] = [tuple(head)]
-    reason = told.reasons.get(target, "") if told is not None else ""
+    reason = reported.reasons.get(target, "") if reported is not None else ""
     if reason:
-        lines += _said(reason, Tone.BAD if state == ActionState.FAILED else Tone.WARN, width)
+        lines += _text(reason, Tone.BAD if state == ActionState.FAILED else Tone.WARN, width)
     terms = [f"after {', '.join(item.after)}"] if item.after else []
     terms += [f"until {step.until}"] if step is not None and step.until else []
     terms += item.terms
     if terms:
-        lines += _said("; ".join(terms), Tone.DIM, width)
+        lines += _text("; ".join(terms), Tone.DIM, width)
     return lines
 
 
-def _said(text: str, tone: Tone, width: int) -> list[Line]:
+def _text(text: str, tone: Tone, width: int) -> list[Line]:
     return [(Span(f" {row}", tone),) for row in wrapped(" ".join(text.split()), max(10, width - 2))]

@@ -4,9 +4,9 @@ from typing import Final, NamedTuple
 
 from gloc3.messages.summaries import MissionSummary
 from gloc3.mission.model.states import ActionState
-from gloc3_groundstation.missions.outline import COMMANDS, Outline, Stage, Step
+from gloc3_groundstation.missions.outline import COMMANDS, Outline, OutlineAction, OutlineTask
 from gloc3_groundstation.station import wording
-from gloc3_groundstation.tui.graph.canvas import Canvas
+from gloc3_groundstation.tui.graph.canvas import GraphCanvas
 from gloc3_groundstation.tui.graph.layout import Layout
 from gloc3_groundstation.tui.graph.rails import NODE, RailRow, rail_rows
 from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, bar, cut, faded, spread
@@ -33,7 +33,7 @@ UNSTATED: Final = ("○", Tone.DIM)
 """The sign of what is on no vehicle yet."""
 
 
-class Spot(NamedTuple):
+class GraphSpot(NamedTuple):
     """Where an item can be pointed at."""
 
     target: str
@@ -48,10 +48,10 @@ class Graph(NamedTuple):
     """What is drawn."""
 
     lines: list[Line]
-    spots: tuple[Spot, ...]
+    spots: tuple[GraphSpot, ...]
     width: int
 
-    def spot(self, target: str) -> Spot | None:
+    def spot(self, target: str) -> GraphSpot | None:
         """Where an item stands."""
         return next((spot for spot in self.spots if spot.target == target), None)
 
@@ -61,16 +61,16 @@ def sign_of(state: str) -> tuple[str, Tone]:
     return SIGNS[ActionState(state)] if state in list(ActionState) else UNSTATED
 
 
-def mission_graph(outline: Outline, told: MissionSummary | None, width: int, *, is_stale: bool = False) -> Graph:
+def mission_graph(outline: Outline, reported: MissionSummary | None, width: int, *, is_stale: bool = False) -> Graph:
     """Draws a mission.
 
     Args:
         outline: its order.
-        told: its states, of the platform that holds it; None for a mission that is on no platform.
+        reported: its states, of the platform that holds it; None for a mission that is on no platform.
         width: columns that there are; the graph may be wider.
         is_stale: whether the states are old.
     """
-    states = told.tasks if told is not None else {}
+    states = reported.tasks if reported is not None else {}
     stages = {stage.name: stage for stage in outline.stages}
     rows = {stage.name: _rails(stage) for stage in outline.stages}
     before: dict[str, tuple[str, ...]] = {}
@@ -83,30 +83,30 @@ def mission_graph(outline: Outline, told: MissionSummary | None, width: int, *, 
     natural = max((_natural(stage, rows[stage.name]) for stage in outline.stages), default=NARROWEST)
     least = max(NARROWEST, min(natural, WIDEST - 10))
     box = max(NARROWEST if layout.widest(width - 2) >= NARROWEST else least, min(layout.widest(width - 2), WIDEST))
-    canvas = Canvas()
-    spots = [Spot("", 0, 0, width, -1)]
+    canvas = GraphCanvas()
+    spots = [GraphSpot("", 0, 0, width, -1)]
     frames = {stage.name: _frame_tone(states.get(stage.name, "")) for stage in outline.stages}
     for name, place in layout.places(box, 1, 2).items():
-        _draw_box(canvas, stages[name], rows[name], told, (place.x, place.y, box), frames[name])
-        spots.append(Spot(name, place.x, place.y, box, place.layer))
+        _draw_box(canvas, stages[name], rows[name], reported, (place.x, place.y, box), frames[name])
+        spots.append(GraphSpot(name, place.x, place.y, box, place.layer))
         for index, row in enumerate(rows[name]):
             if row.name:
-                spots.append(Spot(f"{name}.{row.name}", place.x + 1, place.y + 1 + index, box - 2, place.layer))
+                spots.append(GraphSpot(f"{name}.{row.name}", place.x + 1, place.y + 1 + index, box - 2, place.layer))
     if outline.is_ordered:
         layout.draw_wires(canvas, box, 1, 2, lambda name: frames[name])
     lines = canvas.lines()
-    lines[:2] = [mission_line(outline, told, width, is_wider=canvas.width > width), EMPTY]
+    lines[:2] = [mission_line(outline, reported, width, is_wider=canvas.width > width), EMPTY]
     return Graph([faded(line) for line in lines] if is_stale else lines, tuple(spots), canvas.width + 1)
 
 
-def mission_line(outline: Outline, told: MissionSummary | None, width: int, *, is_wider: bool = False) -> Line:
+def mission_line(outline: Outline, reported: MissionSummary | None, width: int, *, is_wider: bool = False) -> Line:
     """The mission as a whole: its name, its state, how much is done, and how long it takes."""
-    state = told.state if told is not None else ""
+    state = reported.state if reported is not None else ""
     sign, tone = sign_of(state)
     right: list[Span] = []
-    if told is not None and state:
+    if reported is not None and state:
         own = [target for target in outline.targets() if "." in target and not target.startswith(COMMANDS)]
-        ended = sum(told.tasks.get(target) in ("done", "skipped") for target in own)
+        ended = sum(reported.tasks.get(target) in ("done", "skipped") for target in own)
         right.append(Span(f"{ended} of {len(own)} actions done", Tone.DIM))
         right.append(Span(f"   {state}", tone))
     if outline.duration_s is not None:
@@ -119,16 +119,16 @@ def mission_line(outline: Outline, told: MissionSummary | None, width: int, *, i
 
 
 def _draw_box(
-    canvas: Canvas,
-    stage: Stage,
+    canvas: GraphCanvas,
+    stage: OutlineTask,
     rows: list[RailRow],
-    told: MissionSummary | None,
+    reported: MissionSummary | None,
     place: tuple[int, int, int],
     frame: Tone,
 ) -> None:
     x, y, width = place
     canvas.box(x, y, width, _height(rows), frame)
-    state = told.tasks.get(stage.name, "") if told is not None else ""
+    state = reported.tasks.get(stage.name, "") if reported is not None else ""
     sign, tone = sign_of(state)
     word = f" {state} " if state else ""
     name = cut(stage.name, width - 8 - len(word))
@@ -142,20 +142,20 @@ def _draw_box(
         if step is None:
             canvas.text(inner[0], inner[1], row.rails, Tone.DIM)
         else:
-            _draw_step(canvas, step, row, told, inner)
+            _draw_step(canvas, step, row, reported, inner)
 
 
 def _draw_step(
-    canvas: Canvas, step: Step, row: RailRow, told: MissionSummary | None, place: tuple[int, int, int]
+    canvas: GraphCanvas, step: OutlineAction, row: RailRow, reported: MissionSummary | None, place: tuple[int, int, int]
 ) -> None:
     x, y, width = place
-    state = told.tasks.get(step.target, "") if told is not None else ""
+    state = reported.tasks.get(step.target, "") if reported is not None else ""
     sign, tone = sign_of(state)
     canvas.text(x, y, row.rails, Tone.DIM)
     canvas.text(x + row.rails.index(NODE), y, sign, tone)
     left = x + len(row.rails)
     room = width - len(row.rails)
-    progress = told.progress.get(step.target) if told is not None else None
+    progress = reported.progress.get(step.target) if reported is not None else None
     word = state
     if progress and state in ("running", "paused"):
         percent = f"{progress * 100:.0f} %"
@@ -173,7 +173,7 @@ def _draw_step(
     canvas.text(x + width - len(word), y, word, tone)
 
 
-def _rails(stage: Stage) -> list[RailRow]:
+def _rails(stage: OutlineTask) -> list[RailRow]:
     return rail_rows({step.name: step.after for step in stage.steps})
 
 
@@ -182,7 +182,7 @@ def _height(rows: list[RailRow]) -> int:
     return max(1, len(rows)) + 2
 
 
-def _natural(stage: Stage, rows: list[RailRow]) -> int:
+def _natural(stage: OutlineTask, rows: list[RailRow]) -> int:
     """The width at which nothing of a box is cut."""
     inside = max((len(row.rails) + len(row.name) for row in rows), default=0) + 9
     return max(inside + 4, len(stage.name) + 16)

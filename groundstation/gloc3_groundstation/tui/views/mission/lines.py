@@ -1,7 +1,7 @@
 """The mission: its tasks and actions in order, each with its state and progress."""
 
 from gloc3.mission.model.states import ActionState
-from gloc3_groundstation.missions.plans import Plan
+from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, bar, cut, faded, wrapped
@@ -31,7 +31,7 @@ def mission_title(platform: PlatformSnapshot | None, now_s: float) -> str:
     return f"{mission.name}: {was}{mission.state}{policy}"
 
 
-def mission_lines(platform: PlatformSnapshot | None, plan: Plan | None, now_s: float, width: int) -> list[Line]:
+def mission_lines(platform: PlatformSnapshot | None, plan: CheckedPlan | None, now_s: float, width: int) -> list[Line]:
     """A line for each task and action; without a mission what can be done."""
     timed = platform.mission if platform is not None else None
     if platform is not None and not platform.has_companion:
@@ -50,7 +50,7 @@ def mission_lines(platform: PlatformSnapshot | None, plan: Plan | None, now_s: f
     return lines
 
 
-def _line(item: wording.Item, width: int) -> Line:
+def _line(item: wording.ItemLabel, width: int) -> Line:
     sign, tone = (
         SIGNS.get(ActionState(item.state), ("?", Tone.WARN)) if item.state in list(ActionState) else ("?", Tone.WARN)
     )

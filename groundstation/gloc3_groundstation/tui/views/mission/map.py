@@ -8,12 +8,12 @@ import numpy as np
 
 from gloc3.mission.model.fence import Area
 from gloc3.mission.model.states import ENDED, ActionState
-from gloc3_groundstation.mapping.ground import Ground, Place, Plane
+from gloc3_groundstation.mapping.ground import Ground, MapPlacement, Plane
 from gloc3_groundstation.mapping.projection import Projection, length_text, round_length
-from gloc3_groundstation.mapping.requested import Requested, Way
+from gloc3_groundstation.mapping.requested import ActionPath, Requested
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
-from gloc3_groundstation.tui.view import View
-from gloc3_groundstation.tui.widgets.canvas import CELL, Canvas
+from gloc3_groundstation.tui.view import StationView
+from gloc3_groundstation.tui.widgets.canvas import CELL, CellCanvas
 from gloc3_groundstation.tui.widgets.lines import ONE_OF_MANY, Line, Tone
 
 CIRCLE: Final = np.linspace(0.0, 2.0 * np.pi, 73)
@@ -31,7 +31,7 @@ ARROWS: Final = "↑↗→↘↓↙←↖"
 class Chart(NamedTuple):
     """What is on the map, and the part of it that is seen."""
 
-    view: View
+    view: StationView
     ground: Ground
     projection: Projection
     request: Requested | None = None
@@ -42,7 +42,7 @@ class Chart(NamedTuple):
     """Whether the middle is marked."""
 
     @property
-    def placed(self) -> Iterator[tuple[int, PlatformSnapshot, Place]]:
+    def placed(self) -> Iterator[tuple[int, PlatformSnapshot, MapPlacement]]:
         """The vehicles that are on this map with their numbers, the one in view last."""
         found = []
         for number, platform in enumerate(self.view.fleet):
@@ -60,11 +60,11 @@ def tone_of_vehicle(number: int) -> Tone:
 
 def map_lines(chart: Chart, width: int, height: int) -> list[Line]:
     """The map in so many cells."""
-    canvas = Canvas(width, height)
+    canvas = CellCanvas(width, height)
     own = own_place(chart)
     if chart.request is not None:
         _draw_fence(canvas, chart, chart.request, own)
-        _draw_ways(canvas, chart, chart.request, own)
+        _draw_paths(canvas, chart, chart.request, own)
     _draw_obstacles(canvas, chart)
     for number, platform, place in chart.placed:
         _draw_trail(canvas, chart, number, platform, place)
@@ -85,7 +85,7 @@ def extent(chart: Chart) -> list[Plane]:
         fence = chart.request.fence
         if fence is not None and fence.area is not None:
             parts.append(own.plane_of_ne(outline(fence.area)))
-        parts += [own.from_ned(np.array(way.points_ned_m)) for way in chart.request.ways]
+        parts += [own.from_ned(np.array(way.points_ned_m)) for way in chart.request.paths]
     site = chart.ground.site
     if site is not None and site.home_m is not None:
         parts.append(np.array([own.point(site.home_m)[:2]]))
@@ -99,7 +99,7 @@ def extent(chart: Chart) -> list[Plane]:
 def position_of(platform: PlatformSnapshot) -> tuple[float, float, float] | None:
     """Where a vehicle is in its own frame, by the newer of what it tells; None where that is not known."""
     motion, vehicle = platform.motion, platform.vehicle
-    if motion is not None and (vehicle is None or motion.heard_s >= vehicle.heard_s - 1.0):
+    if motion is not None and (vehicle is None or motion.received_s >= vehicle.received_s - 1.0):
         x, y, height = motion.value.position_cm
         return (x / 100.0, y / 100.0, height / 100.0) if motion.value.is_pose_valid else None
     if vehicle is None or not vehicle.value.is_pose_valid:
@@ -126,13 +126,13 @@ def is_within(parts: Iterable[Plane], projection: Projection) -> bool:
 # --- the parts ---
 
 
-def own_place(chart: Chart) -> Place:
+def own_place(chart: Chart) -> MapPlacement:
     """Where the frame of the vehicle in view lies."""
     platform = chart.view.platform
-    return (chart.ground.place(platform) if platform is not None else None) or Place()
+    return (chart.ground.place(platform) if platform is not None else None) or MapPlacement()
 
 
-def _draw_fence(canvas: Canvas, chart: Chart, request: Requested, own: Place) -> None:
+def _draw_fence(canvas: CellCanvas, chart: Chart, request: Requested, own: MapPlacement) -> None:
     if request.fence is None:
         return
     for area in request.fence.keep_out:
@@ -143,8 +143,8 @@ def _draw_fence(canvas: Canvas, chart: Chart, request: Requested, own: Place) ->
         canvas.line(chart.projection.dots(own.plane_of_ne(outline(request.fence.area))), Tone.WARN)
 
 
-def _draw_ways(canvas: Canvas, chart: Chart, request: Requested, own: Place) -> None:
-    for way in sorted(request.ways, key=lambda way: not _is_over(chart, way)):
+def _draw_paths(canvas: CellCanvas, chart: Chart, request: Requested, own: MapPlacement) -> None:
+    for way in sorted(request.paths, key=lambda way: not _is_over(chart, way)):
         dots = chart.projection.dots(own.from_ned(np.array(way.points_ned_m)))
         if _is_over(chart, way) or not chart.is_loaded:
             canvas.line(dots, Tone.DIM, on=1, off=3)
@@ -152,7 +152,7 @@ def _draw_ways(canvas: Canvas, chart: Chart, request: Requested, own: Place) -> 
             canvas.line(dots, Tone.TEXT, on=3, off=2)
 
 
-def _is_over(chart: Chart, way: Way) -> bool:
+def _is_over(chart: Chart, way: ActionPath) -> bool:
     mission = chart.view.platform.mission if chart.view.platform is not None else None
     if mission is None or not chart.is_loaded:
         return False
@@ -160,9 +160,9 @@ def _is_over(chart: Chart, way: Way) -> bool:
     return state in list(ActionState) and ActionState(state) in ENDED
 
 
-def _draw_waypoints(canvas: Canvas, chart: Chart, request: Requested, own: Place) -> None:
+def _draw_waypoints(canvas: CellCanvas, chart: Chart, request: Requested, own: MapPlacement) -> None:
     """A number at each, the first and how many more where several are at one place."""
-    over = {way.target for way in request.ways if _is_over(chart, way)}
+    over = {way.target for way in request.paths if _is_over(chart, way)}
     cells: dict[tuple[int, int], list[tuple[int, bool]]] = {}
     for waypoint in request.waypoints:
         north, east = own.from_ned(np.array([waypoint.position_ned_m]))[0]
@@ -176,7 +176,7 @@ def _draw_waypoints(canvas: Canvas, chart: Chart, request: Requested, own: Place
             canvas.text(column, row, text, Tone.STRONG if open_numbers and chart.is_loaded else Tone.DIM)
 
 
-def _draw_home(canvas: Canvas, chart: Chart, own: Place) -> None:
+def _draw_home(canvas: CellCanvas, chart: Chart, own: MapPlacement) -> None:
     site = chart.ground.site
     if site is not None and site.home_m is not None:
         north, east, _ = own.point(site.home_m)
@@ -184,7 +184,7 @@ def _draw_home(canvas: Canvas, chart: Chart, own: Place) -> None:
         canvas.text(column, row, "⌂", Tone.GOOD)
 
 
-def _draw_obstacles(canvas: Canvas, chart: Chart) -> None:
+def _draw_obstacles(canvas: CellCanvas, chart: Chart) -> None:
     for _, platform, place in chart.placed:
         if platform.obstacles is None or not platform.obstacles.value.is_valid:
             continue
@@ -194,13 +194,15 @@ def _draw_obstacles(canvas: Canvas, chart: Chart) -> None:
             canvas.points(chart.projection.dots(place.plane_of_ne(np.array(points))), tone)
 
 
-def _draw_trail(canvas: Canvas, chart: Chart, number: int, platform: PlatformSnapshot, place: Place) -> None:
+def _draw_trail(canvas: CellCanvas, chart: Chart, number: int, platform: PlatformSnapshot, place: MapPlacement) -> None:
     track = chart.view.tracks.get(platform.name)
     if track is not None and len(track.trail):
         canvas.line(chart.projection.dots(place.plane(track.trail.points[:, :2])), tone_of_vehicle(number))
 
 
-def _draw_vehicle(canvas: Canvas, chart: Chart, number: int, platform: PlatformSnapshot, place: Place) -> None:
+def _draw_vehicle(
+    canvas: CellCanvas, chart: Chart, number: int, platform: PlatformSnapshot, place: MapPlacement
+) -> None:
     position = position_of(platform)
     if position is None or platform.vehicle is None:
         return
@@ -236,7 +238,7 @@ def _heading_deg(platform: PlatformSnapshot) -> float:
 
 
 def _draw_setpoint(
-    canvas: Canvas, chart: Chart, platform: PlatformSnapshot, place: Place, vehicle: tuple[float, float]
+    canvas: CellCanvas, chart: Chart, platform: PlatformSnapshot, place: MapPlacement, vehicle: tuple[float, float]
 ) -> None:
     """A cross where the vehicle should be, once that is not where it is."""
     wanted = platform.motion.value.setpoint_cm if platform.motion is not None else None
@@ -251,7 +253,7 @@ def _draw_setpoint(
 
 
 def _draw_ellipse(
-    canvas: Canvas, chart: Chart, platform: PlatformSnapshot, place: Place, center_xy_m: tuple[float, float]
+    canvas: CellCanvas, chart: Chart, platform: PlatformSnapshot, place: MapPlacement, center_xy_m: tuple[float, float]
 ) -> None:
     covariance = platform.motion.value.covariance_cm2 if platform.motion is not None else None
     if (
@@ -271,7 +273,7 @@ def ellipse(xx_m2: float, xy_m2: float, yy_m2: float) -> Plane:
     return np.column_stack((along * cos(turn) - across * sin(turn), along * sin(turn) + across * cos(turn)))
 
 
-def _draw_frame(canvas: Canvas, chart: Chart) -> None:
+def _draw_frame(canvas: CellCanvas, chart: Chart) -> None:
     """Scale bar, north arrow and the middle."""
     projection = chart.projection
     length_m = round_length(projection.m_per_dot * CELL[0] * min(24, canvas.width // 4))

@@ -76,7 +76,7 @@ def legend_lines(chart: Chart) -> list[Line]:
     """What the signs mean."""
     request = chart.request
     rows: list[tuple[str, Tone, str]] = []
-    if request is not None and request.ways:
+    if request is not None and request.paths:
         rows += [("⠒⠒⠒", Tone.TEXT, "requested"), ("⠒ ⠒", Tone.DIM, "flown, or not yet loaded")]
     rows.append(("⠤⠤⠤", Tone.FIRST, "trail"))
     if request is not None and request.fence is not None:

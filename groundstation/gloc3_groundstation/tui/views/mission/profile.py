@@ -4,9 +4,9 @@ from math import dist
 
 import numpy as np
 
-from gloc3_groundstation.mapping.progress import Progress
+from gloc3_groundstation.mapping.progress import PathProgress
 from gloc3_groundstation.mapping.requested import Requested
-from gloc3_groundstation.mapping.tracks import Channel, Tracks
+from gloc3_groundstation.mapping.tracks import TrackChannel, Tracks
 from gloc3_groundstation.tui.views.charts import (
     AXIS,
     Curve,
@@ -17,7 +17,7 @@ from gloc3_groundstation.tui.views.charts import (
     window_at,
     with_axis,
 )
-from gloc3_groundstation.tui.widgets.canvas import Canvas
+from gloc3_groundstation.tui.widgets.canvas import CellCanvas
 from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone
 
 TIME_S = 300.0
@@ -25,7 +25,7 @@ TIME_S = 300.0
 LEAST_M = 1.0
 
 
-def along_lines(request: Requested, progress: Progress | None, tone: Tone, width: int, height: int) -> list[Line]:
+def along_lines(request: Requested, progress: PathProgress | None, tone: Tone, width: int, height: int) -> list[Line]:
     """Heights along the requested path: dashed as asked for, in the vehicle's colour as flown.
 
     Args:
@@ -41,7 +41,7 @@ def along_lines(request: Requested, progress: Progress | None, tone: Tone, width
     ceiling = request.fence.ceiling_m if request.fence is not None else None
     known = [*heights, *flown[:, 1]]
     scale = round_scale(min(known), max(known), LEAST_M)
-    canvas = Canvas(width - AXIS, height - 1)
+    canvas = CellCanvas(width - AXIS, height - 1)
     across, down = canvas.size
     length_m = max(request.length_m, 0.1)
     steps = [0.0, *(dist(a, b) for a, b in zip(request.path_ned_m, request.path_ned_m[1:], strict=False))]
@@ -74,8 +74,8 @@ def time_lines(tracks: Tracks, name: str, tone: Tone, now_s: float, width: int, 
     window = window_at(now_s, TIME_S, width - AXIS)
     points = 2 * (width - AXIS)
     curves = [
-        Curve("wanted", track.series(Channel.WANTED_HEIGHT, *window, points), Tone.TEXT, is_dotted=True),
-        Curve("height", track.series(Channel.HEIGHT, *window, points), tone),
+        Curve("wanted", track.series(TrackChannel.WANTED_HEIGHT, *window, points), Tone.TEXT, is_dotted=True),
+        Curve("height", track.series(TrackChannel.HEIGHT, *window, points), tone),
     ]
     scale = scale_of(curves, window, LEAST_M)
     return [*chart_lines((), curves, window, scale, width, height)[1:], time_axis(window, now_s, width)]

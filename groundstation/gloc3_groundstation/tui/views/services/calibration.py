@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from gloc3_groundstation.desk.vehicle_desk import CalibrationKind, CalibrationState, Phase, SideState
+from gloc3_groundstation.desk.vehicle_desk import CalibrationKind, CalibrationPhase, CalibrationState, SideState
 from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, bar, wrapped
 
 WHAT: Final = {
@@ -12,10 +12,10 @@ WHAT: Final = {
     CalibrationKind.LEVEL: "put the vehicle level, and keep it still",
 }
 TONES: Final = {
-    Phase.DONE: Tone.GOOD,
-    Phase.FAILED: Tone.BAD,
-    Phase.CANCELLED: Tone.WARN,
-    Phase.WAITING: Tone.WARN,
+    CalibrationPhase.DONE: Tone.GOOD,
+    CalibrationPhase.FAILED: Tone.BAD,
+    CalibrationPhase.CANCELLED: Tone.WARN,
+    CalibrationPhase.WAITING: Tone.WARN,
 }
 _SIDES: Final = {
     SideState.PENDING: ("·", Tone.DIM),
@@ -26,9 +26,9 @@ _SIDES: Final = {
 
 def kind_line(kind: CalibrationKind, state: CalibrationState | None) -> Line:
     """One sensor."""
-    said = f"{state.phase}" if state is not None and state.kind is kind else ""
+    text = f"{state.phase}" if state is not None and state.kind is kind else ""
     tone = TONES.get(state.phase, Tone.BUSY) if state is not None else Tone.DIM
-    return (Span(f" {kind:<15}", Tone.STRONG), Span(f"{said:<17}", tone), Span(WHAT[kind], Tone.DIM))
+    return (Span(f" {kind:<15}", Tone.STRONG), Span(f"{text:<17}", tone), Span(WHAT[kind], Tone.DIM))
 
 
 def calibration_lines(state: CalibrationState | None, width: int) -> list[Line]:
@@ -41,7 +41,7 @@ def calibration_lines(state: CalibrationState | None, width: int) -> list[Line]:
     if state.progress is not None:
         lines.append((Span(f" {bar(state.progress, 30)} {state.progress * 100:3.0f} %", Tone.BUSY),))
     lines += [(Span(f" {row}", Tone.STRONG),) for row in wrapped(state.instruction, width - 2) if state.instruction]
-    if state.phase is Phase.WAITING:
+    if state.phase is CalibrationPhase.WAITING:
         lines.append((Span(" y", Tone.KEY), Span(" it lies so: measure")))
     if state.sides:
         lines.append(EMPTY)

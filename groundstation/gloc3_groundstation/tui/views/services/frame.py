@@ -2,17 +2,17 @@
 
 from collections.abc import Mapping
 
-from gloc3_groundstation.desk.service_jobs import Job, Outcome, Service
+from gloc3_groundstation.desk.service_jobs import JobOutcome, ServiceJob, ServiceKind
 from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, bar, spread, wrapped
 
 BAR_WIDTH = 20
 MOST_LINES = 6
 
 
-def services_line(shown: Service, running: Mapping[Service, Job], title: str, width: int) -> Line:
+def services_line(shown: ServiceKind, running: Mapping[ServiceKind, ServiceJob], title: str, width: int) -> Line:
     """All services; a figure stands at those that are at work. The vehicle's firmware at the right where it fits."""
     spans = [Span(" ")]
-    for service in Service:
+    for service in ServiceKind:
         job = running.get(service)
         figure = "" if job is None else f" {job.fraction * 100:.0f} %" if job.fraction is not None else " …"
         if service is shown:
@@ -23,7 +23,7 @@ def services_line(shown: Service, running: Mapping[Service, Job], title: str, wi
     return spread(tuple(spans[:-1]), (Span(f"{title} ", Tone.DIM),), width)
 
 
-def job_lines(job: Job | None, outcome: Outcome | None, width: int) -> list[Line]:
+def job_lines(job: ServiceJob | None, outcome: JobOutcome | None, width: int) -> list[Line]:
     """What is under way with its progress; else how the last thing ended."""
     if job is not None:
         spans = [Span(f" {job.what} ", Tone.BUSY)]

@@ -24,7 +24,7 @@ RATE_COLUMNS: Final = (
     Column("last", 7, is_right=True, rank=1),
     Column("count", 8, is_right=True, rank=2),
 )
-OLD_S: Final = 5.0
+STALE_S: Final = 5.0
 ABOVE: Final = "folder above"
 
 
@@ -83,16 +83,16 @@ def rates_header(width: int) -> Line:
 
 def rate_line(row: RateRow, width: int) -> Line:
     """One message."""
-    is_old = row.age_s >= OLD_S
+    is_stale = row.age_s >= STALE_S
     wanted = "" if row.wanted_hz is None else "off" if row.wanted_hz == 0 else f"{row.wanted_hz:g}"
     missed = row.wanted_hz is not None and row.wanted_hz > 0 and row.rate_hz < 0.7 * row.wanted_hz
     cells = [
-        Span(row.name, Tone.STALE if is_old else Tone.TEXT),
+        Span(row.name, Tone.STALE if is_stale else Tone.TEXT),
         Span(f"{row.source.system}/{row.source.component}", Tone.DIM),
-        Span(f"{row.rate_hz:.1f}", Tone.STALE if is_old else Tone.WARN if missed else Tone.TEXT),
+        Span(f"{row.rate_hz:.1f}", Tone.STALE if is_stale else Tone.WARN if missed else Tone.TEXT),
         Span(wanted, Tone.BUSY),
-        Span(f"{row.bytes_s:.0f}", Tone.STALE if is_old else Tone.TEXT),
-        Span(f"{row.age_s:.0f} s" if row.age_s >= 1.0 else "now", Tone.STALE if is_old else Tone.DIM),
+        Span(f"{row.bytes_s:.0f}", Tone.STALE if is_stale else Tone.TEXT),
+        Span(f"{row.age_s:.0f} s" if row.age_s >= 1.0 else "now", Tone.STALE if is_stale else Tone.DIM),
         Span(str(row.count), Tone.DIM),
     ]
     return table_of(RATE_COLUMNS, width).line(cells)

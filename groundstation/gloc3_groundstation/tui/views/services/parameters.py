@@ -94,24 +94,24 @@ def parameter_lines(row: ParameterRow | None, width: int) -> list[Line]:
             Span(f"   was {_plain(row.first)}{unit}" if row.is_changed else "", Tone.WARN),
         )
     ]
-    facts = [str(row.parameter.type.name).lower()]
+    snapshot = [str(row.parameter.type.name).lower()]
     if info.minimum is not None or info.maximum is not None:
-        facts.append(f"from {_plain(info.minimum)} to {_plain(info.maximum)}{unit}")
+        snapshot.append(f"from {_plain(info.minimum)} to {_plain(info.maximum)}{unit}")
     if info.default is not None:
-        facts.append(f"default {_plain(info.default)}{unit}")
+        snapshot.append(f"default {_plain(info.default)}{unit}")
     if info.increment is not None:
-        facts.append(f"in steps of {_plain(info.increment)}")
+        snapshot.append(f"in steps of {_plain(info.increment)}")
     if info.is_read_only:
-        facts.append("for reading only")
+        snapshot.append("for reading only")
     if info.needs_restart:
-        facts.append("holds after a restart of the vehicle")
-    lines.append((Span(f" {', '.join(facts)}", Tone.DIM),))
+        snapshot.append("holds after a restart of the vehicle")
+    lines.append((Span(f" {', '.join(snapshot)}", Tone.DIM),))
     if not info.title:
         lines.append((Span(" no description; i takes one from the vehicle or from a file", Tone.DIM),))
     else:
         lines += [(Span(f" {text}"),) for text in wrapped(info.title, width - 2)]
-    choices = [f"{value:g} {said}" for value, said in list(info.values.items())[:_VALUES_SHOWN]]
-    choices += [f"bit {bit} {said}" for bit, said in list(info.bits.items())[:_VALUES_SHOWN]]
+    choices = [f"{value:g} {text}" for value, text in list(info.values.items())[:_VALUES_SHOWN]]
+    choices += [f"bit {bit} {text}" for bit, text in list(info.bits.items())[:_VALUES_SHOWN]]
     if choices:
         lines += [(Span(f" {text}", Tone.BUSY),) for text in wrapped(", ".join(choices), width - 2)]
     if info.description and info.description != info.title:

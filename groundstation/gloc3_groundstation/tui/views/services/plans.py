@@ -2,11 +2,11 @@
 
 from typing import Final
 
-from gloc3.mission.formats.items import MavItem, Plan
+from gloc3.mission.formats.items import ForeignPlan, MavItem
 from gloc3_groundstation.desk.plan_desk import PlanDesk, command_name
 from gloc3_groundstation.services.plans import VehiclePlan
 from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone
-from gloc3_groundstation.tui.widgets.tables import Column, Table, table_of
+from gloc3_groundstation.tui.widgets.tables import Column, FittedTable, table_of
 
 COLUMNS: Final = (
     Column("", 2, is_right=True),
@@ -49,7 +49,7 @@ def plans_title(desk: PlanDesk) -> str:
     return f"{vehicle}; {desk.file.name} is {'the same' if not desk.differences else 'NOT the same'}"
 
 
-def _plan(title: str, key: str, plan: Plan, width: int) -> list[tuple[str, Line]]:
+def _plan(title: str, key: str, plan: ForeignPlan, width: int) -> list[tuple[str, Line]]:
     heading = f" {title}: {VehiclePlan.summary_of(plan)}"
     rows: list[tuple[str, Line]] = [("", (Span(heading, Tone.STRONG),))]
     table = table_of(COLUMNS, width)
@@ -65,7 +65,7 @@ def _plan(title: str, key: str, plan: Plan, width: int) -> list[tuple[str, Line]
     return rows
 
 
-def _item(table: Table, number: int, item: MavItem) -> Line:
+def _item(table: FittedTable, number: int, item: MavItem) -> Line:
     has_place = bool(item.x or item.y)
     params = " ".join("-" if param is None else f"{param:g}" for param in item.params)
     return table.line(
@@ -80,7 +80,7 @@ def _item(table: Table, number: int, item: MavItem) -> Line:
     )
 
 
-def _place(table: Table, what: str, place: tuple[float, float], height_m: float | None, note: str) -> Line:
+def _place(table: FittedTable, what: str, place: tuple[float, float], height_m: float | None, note: str) -> Line:
     return table.line(
         [
             Span(""),

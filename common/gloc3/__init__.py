@@ -1,3 +1,6 @@
-"""GLOC3: a control software architecture for unmanned vehicles, built from one generic component."""
+"""GLOC3: a control software architecture for unmanned vehicles, built from one generic component.
+
+`errors`, `clock` and `installed` serve every room; nothing here imports the applications.
+"""
 
 __version__ = "0.1.0"

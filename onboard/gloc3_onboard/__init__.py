@@ -1,1 +1,4 @@
-"""The onboard companion process: components of a vehicle, and the autopilot that they talk to."""
+"""The onboard companion process: components of a vehicle, and the autopilot that they talk to.
+
+`assembly` is the only wiring of a vehicle's side; `parts` names what it has made.
+"""

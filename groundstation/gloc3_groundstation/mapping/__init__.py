@@ -1,1 +1,4 @@
-"""What the map and the charts draw, without the terminal: histories, requested paths, and where everything lies."""
+"""What the map and the charts draw, without the terminal: histories, requested paths, and where everything lies.
+
+Pure geometry and histories: the screens draw them.
+"""

@@ -1,1 +1,4 @@
-"""Missions at the station: opened, checked, edited, saved, drawn, and steered item by item."""
+"""Missions at the station: opened, checked, edited, saved, drawn, and steered item by item.
+
+Immutable drafts, forms and outlines; the desk sends them, the screens draw them.
+"""

@@ -1,1 +1,4 @@
-"""Calibration files of cameras: OpenCV, Kalibr, EuRoC and KITTI, one reader a file, all into one camera model."""
+"""Calibration files of cameras: OpenCV, Kalibr, EuRoC and KITTI, one reader a file, all into one camera model.
+
+`reader` recognizes a file by its content; each format is a file.
+"""

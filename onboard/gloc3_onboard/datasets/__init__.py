@@ -1,1 +1,4 @@
-"""Readers of recorded data sets."""
+"""Readers of recorded data sets.
+
+`laser_logs` and `stereo_set` open whatever form they find.
+"""

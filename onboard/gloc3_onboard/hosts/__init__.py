@@ -1,1 +1,4 @@
-"""The processes and hosts of a platform: how they are begun, led, timed and looked after."""
+"""The processes and hosts of a platform: how they are begun, led, timed and looked after.
+
+`host_process` runs on every other computer, `child_main` in child processes; `other_processes` is the clock host's side.
+"""

@@ -1,4 +1,7 @@
-"""Simulated worlds: their place, their ground, and what a camera sees of them."""
+"""Simulated worlds: their place, their ground, and what a camera sees of them.
+
+`world` reads a world file; cameras, scanners and probes look into it.
+"""
 
 from gloc3_sitl.world.world import World
 

@@ -1,1 +1,4 @@
-"""Dialogues over a screen that ask for more than yes or no."""
+"""Dialogues over a screen that ask for more than yes or no.
+
+Each is a modal screen that returns an answer or None.
+"""

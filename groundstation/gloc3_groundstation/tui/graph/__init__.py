@@ -1,1 +1,4 @@
-"""Partial orders drawn with box characters: layers from left to right, wires between them, rails inside a box."""
+"""Partial orders drawn with box characters: layers from left to right, wires between them, rails inside a box.
+
+Boxes, layers and wires on a grid of characters, without Textual.
+"""

@@ -1,1 +1,4 @@
-"""The panes of the services screen, one a file, and what they have in common."""
+"""The panes of the services screen, one a file, and what they have in common.
+
+Each pane belongs to the screen of services and talks to the vehicle's desk.
+"""

@@ -1,1 +1,4 @@
-"""What the screens show, as pure functions of a view: nothing here knows Textual, so that tests read it as text."""
+"""What the screens show, as pure functions of a view: nothing here knows Textual, so that tests read it as text.
+
+Screens call them with a view and draw the lines that they return.
+"""

@@ -1,1 +1,4 @@
-"""How a range scanner moved, told from its scans alone."""
+"""How a range scanner moved, told from its scans alone.
+
+`laser_odometer` is the estimator; the rest are its steps.
+"""

@@ -1,1 +1,4 @@
-"""The presets of autopilot parameters that ship with GLOC3."""
+"""The presets of autopilot parameters that ship with GLOC3.
+
+The YAML files beside this page are the presets.
+"""

@@ -1,1 +1,4 @@
-"""The controllers of the example platforms, one component a file."""
+"""The controllers of the example platforms, one component a file.
+
+They are found through entry points and reach each other by topics only.
+"""

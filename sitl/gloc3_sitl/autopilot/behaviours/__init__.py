@@ -1,1 +1,4 @@
-"""What the vehicle can do, one class each: told the time, it gives a setpoint every 20 ms."""
+"""What the vehicle can do, one class each: told the time, it gives a setpoint every 20 ms.
+
+`choice` says which class of vehicle has which; each is a small machine that returns setpoints.
+"""

@@ -1,1 +1,4 @@
-"""The cascade of control loops, from a wanted position down to four throttles."""
+"""The cascade of control loops, from a wanted position down to four throttles.
+
+One loop a file; `control` is the seam that every class of vehicle fills.
+"""

@@ -1,1 +1,4 @@
-"""Where the vehicle is and how it moves, from noisy sensors."""
+"""Where the vehicle is and how it moves, from noisy sensors.
+
+`estimator` fuses what `sources` admit.
+"""

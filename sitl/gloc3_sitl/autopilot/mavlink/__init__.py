@@ -1,1 +1,4 @@
-"""The autopilot's MAVLink front end: links, streams, commands and setpoints."""
+"""The autopilot's MAVLink front end: links, streams, commands and setpoints.
+
+`front` is its face to the simulator; telemetry and commands are tables.
+"""

@@ -34,7 +34,7 @@ from gloc3_onboard.process.runner import HOST_DEVICES
 from gloc3_sitl.faults.sabotage import FaultInjector, TappedExchange
 from gloc3_sitl.firmware.body import BodySettings
 from gloc3_sitl.firmware.in_step import READY_WITHIN_S, FirmwareInStep
-from gloc3_sitl.flight.log import FlightLog
+from gloc3_sitl.flight.log import FlightRecording
 from gloc3_sitl.flight.mission_file import is_without_satellites, place_for
 from gloc3_sitl.flight.onboard_process import FlightProcess
 from gloc3_sitl.flight.plan import FlightPlan
@@ -101,11 +101,11 @@ class Flight:
 
     # --- setting up ---
 
-    def _open_log(self) -> FlightLog:
+    def _open_log(self) -> FlightRecording:
         plan = self.plan
         metadata = {"platform": self.name, "autopilot": self.autopilot, "seed": str(plan.seed)}
         file = whole_text(plan.platform).encode()
-        return FlightLog(plan.out, self.context, metadata, file, self.mission.text)
+        return FlightRecording(plan.out, self.context, metadata, file, self.mission.text)
 
     def _world(self) -> World:
         """The world that is asked for, or the one that the mission's frame belongs to."""

@@ -12,7 +12,7 @@ FLUSH_S: Final = 1.0
 """How long a message stays in memory: in virtual time a second is over in some milliseconds."""
 
 
-class FlightLog:
+class FlightRecording:
     """Writes what passes the flight's exchange, where there is a folder; it outlives the onboard process.
 
     Args:

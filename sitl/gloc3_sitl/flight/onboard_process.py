@@ -17,7 +17,7 @@ from gloc3_onboard.process.runner import Create, Onboard
 from gloc3_onboard.process.storage import NoPictures, PictureFolder
 from gloc3_onboard.sensors.registry import NOWHERE
 from gloc3_onboard.sensors.sources.autopilot import AutopilotImu
-from gloc3_sitl.flight.log import FlightLog
+from gloc3_sitl.flight.log import FlightRecording
 from gloc3_sitl.flight.mission_file import faces_down
 from gloc3_sitl.flight.plan import FlightPlan
 from gloc3_sitl.flight.sim_devices import NoCamera
@@ -89,7 +89,7 @@ class FlightProcess:
         context: HostContext,
         create: Create,
         rig: SimRig,
-        log: FlightLog,
+        log: FlightRecording,
     ) -> None:
         self._plan, self._platform, self._context, self._create, self._rig = plan, platform, context, create, rig
         self._log = log

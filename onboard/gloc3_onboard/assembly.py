@@ -17,7 +17,7 @@ from gloc3.evaluation.requested_path import RequestedPath
 from gloc3.exchange.tunnel.pacing import LinkBudget, budget_of
 from gloc3.mavlink.codec import Frame, MavlinkMessage
 from gloc3.mavlink.router import Router
-from gloc3.mavlink.services.ftp_files import Files
+from gloc3.mavlink.services.files.ftp_files import Files
 from gloc3.mavlink.signing import SignedOnly, Signing
 from gloc3.mavlink.transport.endpoints import Endpoint, parse_url
 from gloc3.messages.command_interface import StationRole

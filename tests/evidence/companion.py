@@ -46,7 +46,7 @@ def growth() -> dict[str, float]:
     from gloc3.exchange import LocalExchange, Publisher
     from gloc3.mavlink.codec import Encoder, Parser, message
     from gloc3.mavlink.message import Address
-    from gloc3.mavlink.services.ftp import Operation, Payload
+    from gloc3.mavlink.services.files.ftp import Operation, Payload
     from gloc3.messages.summaries import ControlState
     from gloc3.platform.reader import load_platform
     from gloc3_onboard.companion.companion import Companion

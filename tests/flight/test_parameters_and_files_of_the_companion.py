@@ -7,8 +7,8 @@ import pytest
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.tool import COMPANION, GEO_HOP, Tool
 
-from gloc3.mavlink.services.ftp import FtpError, Operation, Payload, checksum
-from gloc3.mavlink.services.ftp_server import MOST_CLIENTS, MOST_SESSIONS, FtpServer
+from gloc3.mavlink.services.files.ftp import FtpError, Operation, Payload, checksum
+from gloc3.mavlink.services.files.ftp_server import MOST_CLIENTS, MOST_SESSIONS, FtpServer
 from gloc3.mavlink.services.parameter import ParameterType
 from gloc3.mavlink.services.parameter_client import ParameterResult
 from gloc3.messages.command_interface import CallFunction, CommandComponent, Control, ControlVerb, Outcome

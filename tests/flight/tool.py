@@ -12,7 +12,7 @@ from gloc3.mavlink.message import Address
 from gloc3.mavlink.node import MavlinkComponent
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_client import CommandCall, MavCommandClient
-from gloc3.mavlink.services.ftp_client import FtpClient
+from gloc3.mavlink.services.files.ftp_client import FtpClient
 from gloc3.mavlink.services.heartbeat import Heartbeat
 from gloc3.mavlink.services.mission_client import MissionClient
 from gloc3.mavlink.services.parameter import ParameterEncoding

@@ -12,8 +12,8 @@ import msgspec
 
 from gloc3.errors import Refused
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.services.ftp import FolderEntry, FtpError, checksum
-from gloc3.mavlink.services.ftp_client import FtpCall, FtpClient
+from gloc3.mavlink.services.files.ftp import FolderEntry, FtpError, checksum
+from gloc3.mavlink.services.files.ftp_client import FtpCall, FtpClient
 from gloc3_groundstation.services.machines import Machines
 from gloc3_groundstation.services.progress import OnProgress, Quietly
 from gloc3_groundstation.services.saving import PartFile

@@ -13,8 +13,8 @@ import msgspec
 from gloc3.clock import utc_text
 from gloc3.errors import Refused
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.services.log_client import LogClient, LogDownload, LogList, LogResult
-from gloc3.mavlink.services.log_server import LogEntry
+from gloc3.mavlink.services.files.log_client import LogClient, LogDownload, LogList, LogResult
+from gloc3.mavlink.services.files.log_server import LogEntry
 from gloc3_groundstation.services.facts import Firmware, SnapshotService
 from gloc3_groundstation.services.machines import Machines
 from gloc3_groundstation.services.progress import OnProgress, Quietly

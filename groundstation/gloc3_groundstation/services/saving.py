@@ -71,7 +71,7 @@ class Saving:
 
 
 class PartFile:
-    """A download that goes to the disk as it comes, so that files of any size need no memory; see `gloc3.mavlink.services.ftp_stream`.
+    """A download that goes to the disk as it comes, so that files of any size need no memory; see `gloc3.mavlink.services.files.ftp_stream`.
 
     Args:
         path: the file that it becomes.

@@ -5,8 +5,8 @@ from typing import Final, Self
 
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.command_client import MavCommandClient
-from gloc3.mavlink.services.ftp_client import FtpClient
-from gloc3.mavlink.services.log_client import LogClient
+from gloc3.mavlink.services.files.ftp_client import FtpClient
+from gloc3.mavlink.services.files.log_client import LogClient
 from gloc3.mavlink.services.mission_client import MissionClient
 from gloc3.mavlink.services.parameter_client import ParameterClient
 from gloc3_groundstation.services.calibrations import CalibrationService

@@ -15,7 +15,7 @@ from gloc3.clock import VirtualLoop
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange.base import Exchange
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.services.ftp_client import FtpClient
+from gloc3.mavlink.services.files.ftp_client import FtpClient
 from gloc3.messages.command_interface import (
     AnyBody,
     CiReply,

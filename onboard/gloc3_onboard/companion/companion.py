@@ -14,8 +14,8 @@ from gloc3.mavlink.codec import Frame
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.node import MavlinkComponent
 from gloc3.mavlink.service import earliest
-from gloc3.mavlink.services.ftp_files import Files
-from gloc3.mavlink.services.ftp_server import FtpServer
+from gloc3.mavlink.services.files.ftp_files import Files
+from gloc3.mavlink.services.files.ftp_server import FtpServer
 from gloc3.mavlink.services.heartbeat import AUTOPILOT_INVALID
 from gloc3.mavlink.services.interval import StreamScheduler
 from gloc3.mavlink.services.version import ProtocolCapability, Version, VersionServer, version_number

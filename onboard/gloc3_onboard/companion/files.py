@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-from gloc3.mavlink.services.ftp import FolderEntry
-from gloc3.mavlink.services.ftp_files import Files, FolderFiles
+from gloc3.mavlink.services.files.ftp import FolderEntry
+from gloc3.mavlink.services.files.ftp_files import Files, FolderFiles
 from gloc3.mission.formats import MISSION_SUFFIXES, PLAN_SUFFIXES, WPL_SUFFIXES
 from gloc3_onboard.command_server.log_shelf import LOG_NAME
 

@@ -11,7 +11,7 @@ import msgspec
 from gloc3 import __version__
 from gloc3.mavlink.codec import message
 from gloc3.mavlink.message import Address, MavlinkMessage
-from gloc3.mavlink.services.ftp import checksum
+from gloc3.mavlink.services.files.ftp import checksum
 from gloc3_onboard.companion.parameter_table import CompanionParameter
 
 GENERAL: Final = "general.json"

@@ -7,7 +7,7 @@ from typing import Final, Literal
 
 from gloc3.component.context import HostContext
 from gloc3.errors import Refused
-from gloc3.mavlink.services.ftp_files import Files
+from gloc3.mavlink.services.files.ftp_files import Files
 from gloc3.mavlink.signing import Signing
 from gloc3.mavlink.signing_key import read_signing_key
 from gloc3.mavlink.transport.endpoints import parse_url

@@ -6,7 +6,6 @@ from typing import Any, Final
 
 from gloc3.messages.frames import GeoPoint
 from gloc3_sitl.autopilot.authorization import Authorization
-from gloc3_sitl.autopilot.calibration import CalibrationRun
 from gloc3_sitl.autopilot.commander import Commander
 from gloc3_sitl.autopilot.control.control import ControlLoops, Outputs
 from gloc3_sitl.autopilot.craft import Craft, Report
@@ -14,6 +13,7 @@ from gloc3_sitl.autopilot.estimator.estimator import Estimator
 from gloc3_sitl.autopilot.estimator.sources import AidingSource, Fix
 from gloc3_sitl.autopilot.failsafe import FailsafeMonitor
 from gloc3_sitl.autopilot.flight_log import FlightLogger, LogHeader, LogRecord
+from gloc3_sitl.autopilot.mavlink.calibration import CalibrationRun
 from gloc3_sitl.autopilot.modes import StyleTables
 from gloc3_sitl.autopilot.parameters import ParameterStore
 from gloc3_sitl.autopilot.periods import OUTER_STEPS, STEP_S

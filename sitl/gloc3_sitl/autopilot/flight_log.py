@@ -5,7 +5,7 @@ from typing import Final, Protocol
 
 import msgspec
 
-from gloc3.mavlink.services.log_server import LogEntry
+from gloc3.mavlink.services.files.log_server import LogEntry
 from gloc3.messages.frames import Quaternion, Vector3
 
 PERIOD_S: Final = 0.1

@@ -4,7 +4,7 @@ from errno import EEXIST, ENOENT, ENOSPC, ENOTEMPTY, EPERM
 from os import strerror
 from typing import Final
 
-from gloc3.mavlink.services.ftp import FolderEntry
+from gloc3.mavlink.services.files.ftp import FolderEntry
 from gloc3_sitl.autopilot.flight_log import FlightLogger
 
 _MOST_BYTES: Final = 4_000_000

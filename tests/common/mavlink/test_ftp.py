@@ -12,10 +12,18 @@ from hypothesis import strategies as st
 from gloc3.errors import Refused
 from gloc3.mavlink.codec import message
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.services.ftp import FolderEntry, FtpError, Operation, Payload, checksum, read_entries, read_payload
-from gloc3.mavlink.services.ftp_client import FtpCall, FtpClient
-from gloc3.mavlink.services.ftp_files import FolderFiles
-from gloc3.mavlink.services.ftp_server import CHECK_PAUSE_S, CHECKED_BYTES, IDLE_S, MOST_SESSIONS, FtpServer
+from gloc3.mavlink.services.files.ftp import (
+    FolderEntry,
+    FtpError,
+    Operation,
+    Payload,
+    checksum,
+    read_entries,
+    read_payload,
+)
+from gloc3.mavlink.services.files.ftp_client import FtpCall, FtpClient
+from gloc3.mavlink.services.files.ftp_files import FolderFiles
+from gloc3.mavlink.services.files.ftp_server import CHECK_PAUSE_S, CHECKED_BYTES, IDLE_S, MOST_SESSIONS, FtpServer
 from gloc3.mavlink.transport.memory import Conditions
 
 from .pair import STATION, VEHICLE, Pair

@@ -3,7 +3,7 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gloc3.mavlink.services.ftp_stream import InOrder
+from gloc3.mavlink.services.files.ftp_stream import InOrder
 
 
 class TakenPicture:

@@ -10,10 +10,10 @@ from mavsdk.asyncio.plugins.ftp import FtpAsync
 from mavsdk.asyncio.plugins.ftp_server import FtpServerAsync
 
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.services.ftp import FtpError
-from gloc3.mavlink.services.ftp_client import FtpCall, FtpClient
-from gloc3.mavlink.services.ftp_files import FolderFiles
-from gloc3.mavlink.services.ftp_server import FtpServer
+from gloc3.mavlink.services.files.ftp import FtpError
+from gloc3.mavlink.services.files.ftp_client import FtpCall, FtpClient
+from gloc3.mavlink.services.files.ftp_files import FolderFiles
+from gloc3.mavlink.services.files.ftp_server import FtpServer
 
 from .mavsdk_peer import running, until
 

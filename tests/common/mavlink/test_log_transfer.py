@@ -7,8 +7,8 @@ import pytest
 
 from gloc3.errors import Refused
 from gloc3.mavlink.codec import message
-from gloc3.mavlink.services.log_client import LogClient, LogDownload, LogList, LogResult
-from gloc3.mavlink.services.log_server import LogEntry, LogServer
+from gloc3.mavlink.services.files.log_client import LogClient, LogDownload, LogList, LogResult
+from gloc3.mavlink.services.files.log_server import LogEntry, LogServer
 from gloc3.mavlink.transport.memory import Conditions
 
 from .pair import STATION, VEHICLE, Pair

@@ -8,7 +8,7 @@ from mavsdk.asyncio import ComponentType, Configuration
 from mavsdk.asyncio.plugins.log_files import LogFilesAsync
 
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.services.log_server import LogEntry, LogServer
+from gloc3.mavlink.services.files.log_server import LogEntry, LogServer
 
 from .mavsdk_peer import running
 

@@ -16,11 +16,11 @@ from gloc3.mavlink.node import MavlinkComponent
 from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_server import MavCommandRequest, MavCommandServer
-from gloc3.mavlink.services.ftp_files import FolderFiles
-from gloc3.mavlink.services.ftp_server import FtpServer
+from gloc3.mavlink.services.files.ftp_files import FolderFiles
+from gloc3.mavlink.services.files.ftp_server import FtpServer
+from gloc3.mavlink.services.files.log_server import LogEntry, LogServer
 from gloc3.mavlink.services.heartbeat import Heartbeat
 from gloc3.mavlink.services.interval import StreamScheduler
-from gloc3.mavlink.services.log_server import LogEntry, LogServer
 from gloc3.mavlink.services.mission_server import MissionServer
 from gloc3.mavlink.services.parameter import Parameter, ParameterEncoding, ParameterType, parameter
 from gloc3.mavlink.services.parameter_server import ParameterServer

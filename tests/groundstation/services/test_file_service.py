@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from gloc3.errors import Refused
-from gloc3.mavlink.services.ftp import FolderEntry
+from gloc3.mavlink.services.files.ftp import FolderEntry
 from gloc3.mavlink.transport.memory import Conditions
 from gloc3_groundstation.services.progress import JobProgress
 

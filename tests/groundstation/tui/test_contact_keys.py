@@ -12,8 +12,8 @@ from tests.node_runner import NodeRunner
 from gloc3.exchange import Publisher
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.node import MavlinkComponent
-from gloc3.mavlink.services.ftp_files import FolderFiles
-from gloc3.mavlink.services.ftp_server import FtpServer
+from gloc3.mavlink.services.files.ftp_files import FolderFiles
+from gloc3.mavlink.services.files.ftp_server import FtpServer
 from gloc3.mavlink.transport.memory import PERFECT, Conditions
 from gloc3.messages.command_interface import AboutLogs, CiRequest, LoadMission
 from gloc3.messages.envelope import Envelope

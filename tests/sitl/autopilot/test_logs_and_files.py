@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.services.ftp import FtpError
-from gloc3.mavlink.services.ftp_client import FtpCall, FtpClient
-from gloc3.mavlink.services.log_client import LogClient, LogResult
+from gloc3.mavlink.services.files.ftp import FtpError
+from gloc3.mavlink.services.files.ftp_client import FtpCall, FtpClient
+from gloc3.mavlink.services.files.log_client import LogClient, LogResult
 from gloc3_sitl.autopilot.flight_log import LogHeader, LogRecord
 from gloc3_sitl.autopilot.onboard_files import OnboardFiles
 

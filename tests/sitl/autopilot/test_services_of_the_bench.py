@@ -4,7 +4,7 @@ from math import radians
 
 import pytest
 
-from gloc3_sitl.autopilot.calibration import TIMEOUT_S
+from gloc3_sitl.autopilot.mavlink.calibration import TIMEOUT_S
 from gloc3_sitl.autopilot.modes import Result
 
 from .bench import ARM, Bench

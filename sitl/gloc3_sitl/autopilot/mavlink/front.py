@@ -11,9 +11,9 @@ from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_client import CommandCall, MavCommandClient
 from gloc3.mavlink.services.command_server import MavCommandRequest, MavCommandServer
-from gloc3.mavlink.services.ftp_server import FtpServer
+from gloc3.mavlink.services.files.ftp_server import FtpServer
+from gloc3.mavlink.services.files.log_server import LogServer
 from gloc3.mavlink.services.heartbeat import Heartbeat
-from gloc3.mavlink.services.log_server import LogServer
 from gloc3.mavlink.services.statustext import StatusTextSender
 from gloc3.mavlink.services.timesync import TimeSync
 from gloc3.messages.envelope import Severity

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from gloc3.mavlink.services.command_server import MavCommandRequest
-from gloc3_sitl.autopilot.calibration import Subject
+from gloc3_sitl.autopilot.mavlink.calibration import Subject
 from gloc3_sitl.autopilot.mavlink.context import FrontContext
 from gloc3_sitl.autopilot.modes import Result
 from gloc3_sitl.autopilot.surroundings import FailureKind, FailureUnit, SupplyState

@@ -6,7 +6,7 @@ from tests.groundstation.services_scene import INFOS, PARAMETERS
 
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.calibration import CalibrationKind, CalibrationPhase, CalibrationState, Side, SideState
-from gloc3.mavlink.services.log_server import LogEntry
+from gloc3.mavlink.services.files.log_server import LogEntry
 from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
 from gloc3_groundstation.desk.parameter_desk import judge
 from gloc3_groundstation.desk.plan_desk import PlanDesk, PlanFile

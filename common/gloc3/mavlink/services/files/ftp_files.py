@@ -6,7 +6,7 @@ import contextlib
 from pathlib import Path
 from typing import Protocol
 
-from gloc3.mavlink.services.ftp import FolderEntry
+from gloc3.mavlink.services.files.ftp import FolderEntry
 
 
 class Files(Protocol):

@@ -8,7 +8,7 @@ from typing import Final, TypeAlias
 from gloc3.errors import Refused
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.service import Microservice
-from gloc3.mavlink.services.log_server import MOST_LOGS, PIECE_BYTES, LogEntry
+from gloc3.mavlink.services.files.log_server import MOST_LOGS, PIECE_BYTES, LogEntry
 
 QUIET_S: Final = 0.4
 """After so long without a piece, what is missing is asked for."""

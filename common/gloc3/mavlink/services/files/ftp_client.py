@@ -11,7 +11,7 @@ from gloc3.errors import Refused
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.round_trip import RESTLESS_S, RoundTrip
 from gloc3.mavlink.service import Microservice
-from gloc3.mavlink.services.ftp import (
+from gloc3.mavlink.services.files.ftp import (
     DATA_BYTES,
     FolderEntry,
     FtpError,
@@ -21,7 +21,7 @@ from gloc3.mavlink.services.ftp import (
     read_entries,
     read_payload,
 )
-from gloc3.mavlink.services.ftp_stream import InOrder, Sink
+from gloc3.mavlink.services.files.ftp_stream import InOrder, Sink
 
 SILENT_S: Final = 5.0
 LARGEST_BYTES: Final = 1 << 24

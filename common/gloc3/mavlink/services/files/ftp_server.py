@@ -8,8 +8,16 @@ from typing import Final, Never
 
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.service import Microservice
-from gloc3.mavlink.services.ftp import DATA_BYTES, Checksum, FtpError, Operation, Payload, error_data, read_payload
-from gloc3.mavlink.services.ftp_files import Files
+from gloc3.mavlink.services.files.ftp import (
+    DATA_BYTES,
+    Checksum,
+    FtpError,
+    Operation,
+    Payload,
+    error_data,
+    read_payload,
+)
+from gloc3.mavlink.services.files.ftp_files import Files
 
 MOST_SESSIONS: Final = 8
 IDLE_S: Final = 60.0

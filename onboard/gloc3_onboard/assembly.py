@@ -222,14 +222,11 @@ class VehicleSide:
         return self._inputs.context.random.getrandbits(32)
 
     def _add_companion(self) -> Companion:
-        inputs, context = self._inputs, self._inputs.context
+        inputs = self._inputs
         companion = Companion(
             self.autopilot.own,
             inputs.platform,
-            context.exchange,
-            context.clock,
-            context.loop,
-            self._boot(),
+            inputs.context,
             inputs.vitals,
             own_parameters(self._set_least_severity, self._allow_writing),
             accepts_plans=inputs.accepts_plans,

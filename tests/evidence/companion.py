@@ -6,6 +6,7 @@ import os
 import subprocess
 import tracemalloc
 from importlib.metadata import version
+from random import Random
 from typing import Any
 
 from tests.evidence.page import Bar, Figure, Progress
@@ -43,11 +44,13 @@ def tools(progress: Progress) -> list[Figure]:
 def growth() -> dict[str, float]:
     """What strangers leave behind: kilobytes after each round in which each of them asks for everything once."""
     from gloc3.clock import Clock, run_virtual
+    from gloc3.component.context import HostContext
     from gloc3.exchange import LocalExchange, Publisher
     from gloc3.mavlink.codec import Encoder, Parser, message
     from gloc3.mavlink.message import Address
     from gloc3.mavlink.services.files.ftp import Operation, Payload
     from gloc3.messages.summaries import ControlState
+    from gloc3.messages.topics import TopicTable
     from gloc3.platform.reader import load_platform
     from gloc3_onboard.companion.companion import Companion
     from gloc3_onboard.companion.files import MemoryFiles
@@ -69,7 +72,9 @@ def growth() -> dict[str, float]:
         loop = asyncio.get_running_loop()
         own = Address(1, 191)
         exchange = LocalExchange()
-        companion = Companion(own, load_platform("pelican"), exchange, Clock(loop), loop, 1)
+        companion = Companion(
+            own, load_platform("pelican"), HostContext("pelican", exchange, Clock(loop), loop, TopicTable(), Random(1))
+        )
         holder = Publisher(exchange, "pelican", "command_server", 1)
         holder.publish("pelican/ci/control", ControlState(holder="255"), 0.0)
         companion.share(MemoryFiles({"file": bytes(1000)}))

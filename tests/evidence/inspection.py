@@ -9,6 +9,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from tests.evidence.coverage import Coverage
 from tests.evidence.page import ROOT, Bar, Figure, Progress
 
 from gloc3.log.reader import LogReader
@@ -17,7 +18,6 @@ from gloc3.messages.topics import TopicTable
 from gloc3.messages.vehicle import ImageRecorded
 from gloc3_sitl.flight.messages import SimTruth
 from gloc3_sitl.vehicles import PELICAN
-from gloc3_sitl.world.coverage import SurfaceCoverage
 from gloc3_sitl.world.placing import Placing, WorldPlacement
 from gloc3_sitl.world.rig import CAMERAS
 from gloc3_sitl.world.world import World
@@ -57,7 +57,7 @@ def flight(seed: int) -> dict[str, Any]:
 def seen(log: Path, fov_share: float, surface: str = SURFACE, world_name: str = "hold") -> float:
     """Share of the surface that was truly in a picture, what hides it included; of cameras with a part of the view."""
     world = World.load(world_name)
-    coverage = SurfaceCoverage(
+    coverage = Coverage(
         world, surface, cell_m=CELL_M, range_max_m=FARTHEST_M, incidence_max_rad=float(np.radians(OBLIQUE_DEG))
     )
     placing = Placing(world)
@@ -80,7 +80,7 @@ def seen(log: Path, fov_share: float, surface: str = SURFACE, world_name: str = 
         model = CAMERAS[camera][0]
         focal = (model.focal_px[0] / fov_share, model.focal_px[1] / fov_share)
         body = WorldPlacement(turned, (x, y, height + PELICAN.foot_depth_m))
-        coverage.count_picture(
+        coverage.poll(
             msgspec.structs.replace(model, focal_px=focal), body.mounted(model.position_frd_m, model.frd_from_rdf), t_s
         )
     return coverage.share

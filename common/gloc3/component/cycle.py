@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from math import isfinite
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from gloc3.component.component import Component
 from gloc3.component.context import HostContext
@@ -86,6 +86,19 @@ class Mailbox:
         self._nothing = Inbox({}, self._drained)
 
 
+class CycleCalls(NamedTuple):
+    """What the owner of the cycles is asked and told."""
+
+    may_begin: Callable[[], bool]
+    """Asked before every cycle."""
+    ended: Callable[[CycleJob], None]
+    """Gets every cycle that has ended."""
+    hung: Callable[[float], None]
+    """Told when one has not ended after so many seconds."""
+    unfit: Callable[[str, Envelope[Any]], None]
+    """Told of messages that are of another type than their port."""
+
+
 class Cycler:
     """Begins cycles when they are due and hands each ended one to the host."""
 
@@ -96,11 +109,7 @@ class Cycler:
         context: HostContext,
         mailbox: Mailbox,
         worker: Worker,
-        *,
-        may_begin: Callable[[], bool],
-        ended: Callable[[CycleJob], None],
-        hung: Callable[[float], None],
-        unfit: Callable[[str, Envelope[Any]], None],
+        calls: CycleCalls,
     ) -> None:
         """The cycles of one hosted component.
 
@@ -110,10 +119,7 @@ class Cycler:
             context: what the hosts of the process share.
             mailbox: its input queues.
             worker: where its cycles run.
-            may_begin: asked before every cycle.
-            ended: gets every cycle that has ended.
-            hung: is told when one has not ended after so many seconds.
-            unfit: is told of messages that are of another type than their port.
+            calls: what their owner is asked and told.
         """
         self.rate_hz = row.rate_hz
         self.is_quiet = False
@@ -126,10 +132,7 @@ class Cycler:
         self._loop = context.loop
         self._mailbox = mailbox
         self._worker = worker
-        self._may_begin = may_begin
-        self._ended = ended
-        self._hung = hung
-        self._unfit = unfit
+        self._may_begin, self._ended, self._hung, self._unfit = calls
         self._trigger_hz = self._trigger_rate_hz()
         self._limit_s = self._hung_limit_s()
         self._is_modelled = context.clock.is_virtual and (row.latency_s > 0.0 or context.cycle_cost_s is not None)

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from gloc3.component.component import ActuatorDriver, Component
 from gloc3.component.context import HostContext
-from gloc3.component.cycle import Cycler, CycleStatistics, Mailbox
+from gloc3.component.cycle import CycleCalls, Cycler, CycleStatistics, Mailbox
 from gloc3.component.data_logger import DataLogger
 from gloc3.component.deployment import ComponentRow
 from gloc3.component.error_handler import CountedError, ErrorHandler, describe, reason_of
@@ -61,10 +61,7 @@ class HostedComponent:
             context,
             self._mailbox,
             worker,
-            may_begin=self._may_begin,
-            ended=self._cycle_ended,
-            hung=lambda limit_s: self._give_up(f"{HUNG}: a cycle had not ended after {limit_s:g} s"),
-            unfit=self._unfit,
+            CycleCalls(self._may_begin, self._cycle_ended, self._cycle_hung, self._unfit),
         )
         component.request_cycle = self._cycler.request
         self._notifier = StatusNotifier(context.loop, row.status_period_s, self._report_status)
@@ -190,6 +187,9 @@ class HostedComponent:
         if self.state is State.WORKING:
             self.is_device_live = self._is_driver
         return True
+
+    def _cycle_hung(self, limit_s: float) -> None:
+        self._give_up(f"{HUNG}: a cycle had not ended after {limit_s:g} s")
 
     def _cycle_ended(self, job: CycleJob) -> None:
         for failure in job.failures:

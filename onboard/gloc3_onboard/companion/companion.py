@@ -6,9 +6,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from gloc3 import __version__
-from gloc3.clock import Clock
+from gloc3.component.context import HostContext
 from gloc3.exchange import Publisher
-from gloc3.exchange.base import Exchange
 from gloc3.mavlink import codec
 from gloc3.mavlink.codec import Frame
 from gloc3.mavlink.message import Address, MavlinkMessage
@@ -27,7 +26,7 @@ from gloc3_onboard.companion.commands import Commands
 from gloc3_onboard.companion.herald import computer_status
 from gloc3_onboard.companion.metadata import Metadata
 from gloc3_onboard.companion.operator_control import OperatorControl
-from gloc3_onboard.companion.parameter_table import OwnParameter, rows_of
+from gloc3_onboard.companion.parameter_table import OwnParameter
 from gloc3_onboard.companion.parameters import CompanionParameters
 from gloc3_onboard.companion.plans import PlanServer
 from gloc3_onboard.process.vitals import Vitals
@@ -69,10 +68,7 @@ class Companion:
     Args:
         own: as whom.
         platform: the platform file.
-        exchange: the platform's middleware.
-        clock: of the process.
-        loop: wakes it.
-        boot: a random number for this start of the process.
+        context: what the parts of the process share.
         look: looks at the computer.
         parameters: of the onboard computer itself.
         accepts_plans: plans that stations send to the autopilot are ours, and do not reach it.
@@ -82,33 +78,29 @@ class Companion:
         self,
         own: Address,
         platform: Platform,
-        exchange: Exchange,
-        clock: Clock,
-        loop: asyncio.AbstractEventLoop,
-        boot: int,
+        context: HostContext,
         poll: Callable[[], Vitals] = Vitals,
         parameters: Sequence[OwnParameter] = (),
         *,
         accepts_plans: bool = False,
     ) -> None:
         self.own: Final = own
-        self._clock, self._loop, self._inspect, self._accepts_plans = clock, loop, poll, accepts_plans
+        self._clock, self._loop, self._inspect, self._accepts_plans = context.clock, context.loop, poll, accepts_plans
+        exchange, boot = context.exchange, context.random.getrandbits(32)
         self._timer: asyncio.TimerHandle | None = None
         self._is_closed = self._is_waking = False
-        self._began_s = loop.time()
+        self._began_s = self._loop.time()
         self._publisher = Publisher(exchange, platform.platform, "companion", boot)
         self._contact_topic = f"{platform.platform}/ci/heard"
         self._event_topic = f"{platform.platform}/components/companion/event"
         self.reasons: Final = Reasons(self._publish)
-        self._requesting = PendingQuestions(exchange, platform.platform, boot, loop.time, self._wake)
+        self._requesting = PendingQuestions(exchange, platform.platform, boot, self._loop.time, self._wake)
         self.control: Final = OperatorControl(self._requesting, self._send)
         self._requesting.acted = self.control.holds
-        self._apply = {each.row.name: each.apply for each in parameters}
-        rows = [*(each.row for each in parameters), *rows_of(platform.components)]
-        self.metadata: Final = Metadata(own, platform.platform, rows)
         self.parameters: Final = CompanionParameters(
-            own, self._requesting, exchange, platform, rows, self._apply_own, self.reasons.report, self._wake
+            own, self._requesting, exchange, platform, parameters, self.reasons.report, self._wake
         )
+        self.metadata: Final = Metadata(own, platform.platform, self.parameters.rows)
         self.plans: Final = PlanServer(own, self._requesting, platform, self._serves, self.reasons.report)
         self._streams = StreamScheduler(own, RATES_HZ)
         version = Version(capabilities=CAPABILITIES, flight_software=version_number(*_version()))
@@ -118,8 +110,7 @@ class Companion:
         )
         services = (self.commands.server, self.commands.cancels, self.plans.server, self.parameters.server, about)
         self._node = MavlinkComponent(own, (*services, self._streams))
-        names = sorted({name for service in services for name in service.handles})
-        self._wanted = {codec.shape(name).id for name in names}
+        self._wanted = {codec.shape(name).id for service in services for name in service.handles}
         self._plan_ids = {codec.shape(name).id for name in sorted(self.plans.server.handles)}
         self._heartbeat_id = codec.shape("HEARTBEAT").id
         self._producers: Mapping[int, Callable[[], MavlinkMessage]] = {
@@ -217,9 +208,6 @@ class Companion:
         if now_s - self._reported_contact_s >= CONTACT_PERIOD_S:
             self._reported_contact_s = now_s
             self._publisher.publish(self._contact_topic, StationHeard(station=str(system)), now_s)
-
-    def _apply_own(self, name: str, value: float) -> None:
-        self._apply[name](value)
 
     def _serves(self, sender: Address) -> bool:
         """Not the autopilot: with that, this component is the one that asks."""

@@ -25,12 +25,10 @@ from gloc3.messages.command_interface import AnyBody, CallFunction, CiReply, Com
 from gloc3.messages.envelope import CommandReply, CommandRequest, Envelope, FunctionReply, FunctionRequest
 from gloc3.platform.platform import Platform
 from gloc3_onboard.companion.asking import NotInControl, PendingQuestions
-from gloc3_onboard.companion.parameter_table import CompanionParameter, exact, setting_value
+from gloc3_onboard.companion.parameter_table import CompanionParameter, OwnParameter, exact, rows_of, setting_value
 
 MOST_AWAITED: Final = 64
 """Commands to components whose replies are awaited, to learn what they have adopted."""
-
-Apply = Callable[[str, float], None]
 
 
 class CompanionParameters:
@@ -41,8 +39,7 @@ class CompanionParameters:
         asking: reaches the command interface server.
         exchange: tells what others change.
         platform: whose components.
-        rows: every parameter.
-        apply: takes a new value of one that is the onboard computer's own, by name.
+        own_parameters: those of the onboard computer itself; the others are its components'.
         say: takes the reason of each refusal.
         changed: called when there is something to tell.
     """
@@ -53,15 +50,16 @@ class CompanionParameters:
         requesting: PendingQuestions,
         exchange: Exchange,
         platform: Platform,
-        rows: Sequence[CompanionParameter],
-        apply: Apply,
+        own_parameters: Sequence[OwnParameter],
         report: Callable[[str], None],
         changed: Callable[[], None],
     ) -> None:
         self.refused = 0
         """Values that were turned down."""
-        self._requesting, self._apply, self._report, self._changed = requesting, apply, report, changed
-        self._rows = {row.name: row for row in rows}
+        self._requesting, self._report, self._changed = requesting, report, changed
+        self._apply = {each.row.name: each.apply for each in own_parameters}
+        rows = [*(each.row for each in own_parameters), *rows_of(platform.components)]
+        self._rows: Final = {row.name: row for row in rows}
         self._names = {(row.component, row.setting): row.name for row in rows}
         self._components = {row.name: row for row in platform.components}
         self._kinds = {
@@ -86,6 +84,11 @@ class CompanionParameters:
             exchange.subscribe(f"{prefix}/function_reply", self._replied),
         ]
 
+    @property
+    def rows(self) -> Sequence[CompanionParameter]:
+        """Every parameter."""
+        return tuple(self._rows.values())
+
     def close(self) -> None:
         """Hears nothing any more."""
         for unsubscribe in self._unsubscribe:
@@ -98,7 +101,7 @@ class CompanionParameters:
                 case ParameterWanted():
                     self._set(event)
                 case ParameterChanged(parameter=changed):
-                    self._apply(changed.name, exact(changed.value))
+                    self._apply[changed.name](exact(changed.value))
 
     # --- from the wire ---
 

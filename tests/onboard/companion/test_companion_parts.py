@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gloc3.clock import Clock, VirtualLoop
+from gloc3.component.context import HostContext
 from gloc3.errors import InputError
 from gloc3.exchange import LocalExchange
 from gloc3.mavlink import codec
@@ -17,6 +18,7 @@ from gloc3.mavlink.codec import MavlinkMessage
 from gloc3.mavlink.message import Address, Field
 from gloc3.mavlink.services.plan import PlanItem, PlanResult
 from gloc3.messages.frames import GeoPoint
+from gloc3.messages.topics import TopicTable
 from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.formats import to_mission
 from gloc3.mission.formats.items import FenceArea
@@ -155,7 +157,11 @@ def any_field(chance: Random, field: Field) -> Any:
 @pytest.mark.thorough
 def test_whatever_is_sent_to_it_nothing_raises_and_it_still_answers() -> None:
     loop = VirtualLoop()
-    companion = Companion(COMPANION, load_platform("pelican_rtk"), LocalExchange(), Clock(loop), loop, 1)
+    companion = Companion(
+        COMPANION,
+        load_platform("pelican_rtk"),
+        HostContext("pelican_rtk", LocalExchange(), Clock(loop), loop, TopicTable(), Random(1)),
+    )
     companion.share(MemoryFiles({"file": b"content"}))
     sent: list[MavlinkMessage] = []
     receive, parser, chance = companion.attach(sent.append), codec.Parser(), Random(1)

@@ -5,10 +5,10 @@ from math import cos, inf, pi, sqrt, tan
 import msgspec
 import numpy as np
 import pytest
+from tests.evidence.coverage import Coverage
 
 from gloc3.messages.frames import IDENTITY, Vector3, from_euler
 from gloc3_sitl.world import World, rig
-from gloc3_sitl.world.coverage import SurfaceCoverage
 from gloc3_sitl.world.geometry import Geometry
 from gloc3_sitl.world.model import Box, Shuttle, WorldSurface
 from gloc3_sitl.world.placing import WorldPlacement
@@ -116,15 +116,15 @@ def look_ahead(position_m: Vector3, yaw_rad: float = 0.0) -> WorldPlacement:
 def test_coverage_counts_the_part_of_the_wall_that_is_in_the_picture() -> None:
     hold = World.load("hold")
     camera = msgspec.structs.replace(rig.GROUND, frd_from_rdf=IDENTITY)
-    cells = SurfaceCoverage(hold, "port", cell_m=0.1, range_max_m=8.0)
-    shown = cells.count_picture(camera, look_ahead((8.0, 10.0, 5.0), pi / 2.0), 0.0)
+    cells = Coverage(hold, "port", cell_m=0.1, range_max_m=8.0)
+    shown = cells.poll(camera, look_ahead((8.0, 10.0, 5.0), pi / 2.0), 0.0)
     width_m, height_m = 3.0 * camera.width / 400.0, 3.0 * camera.height / 400.0
     assert shown.sum() * 0.01 == pytest.approx(width_m * height_m, rel=0.03)
     seen = cells.centers_m[shown]
     assert (seen[:, 0].min(), seen[:, 0].max()) == pytest.approx((8.0 - width_m / 2, 8.0 + width_m / 2), abs=0.1)
     assert (seen[:, 2].min(), seen[:, 2].max()) == pytest.approx((5.0 - height_m / 2, 5.0 + height_m / 2), abs=0.1)
     assert cells.share == pytest.approx(width_m * height_m / 240.0, rel=0.03)
-    cells.count_picture(camera, look_ahead((8.0, 10.0, 5.0), pi / 2.0), 0.0)
+    cells.poll(camera, look_ahead((8.0, 10.0, 5.0), pi / 2.0), 0.0)
     assert cells.counts.max() == 2
     assert cells.share == pytest.approx(width_m * height_m / 240.0, rel=0.03), "twice seen is seen once"
 
@@ -132,17 +132,17 @@ def test_coverage_counts_the_part_of_the_wall_that_is_in_the_picture() -> None:
 def test_coverage_leaves_out_what_is_hidden_far_oblique_or_behind() -> None:
     hold = World.load("hold")
     camera = msgspec.structs.replace(rig.GROUND, frd_from_rdf=IDENTITY)
-    behind_crates = SurfaceCoverage(hold, "port", cell_m=0.1, range_max_m=8.0)
-    shown = behind_crates.count_picture(camera, look_ahead((16.5, 9.0, 1.5), pi / 2.0), 0.0)
+    behind_crates = Coverage(hold, "port", cell_m=0.1, range_max_m=8.0)
+    shown = behind_crates.poll(camera, look_ahead((16.5, 9.0, 1.5), pi / 2.0), 0.0)
     low = behind_crates.centers_m[..., 2] < 2.0
     middle = np.abs(behind_crates.centers_m[..., 0] - 16.5) < 1.0
     assert not shown[low & middle].any(), "the container hides it"
     assert shown[~low & middle & (behind_crates.centers_m[..., 2] < 3.5)].sum() > 0
-    away = SurfaceCoverage(hold, "port", range_max_m=8.0)
-    assert not away.count_picture(camera, look_ahead((8.0, 10.0, 5.0), -pi / 2.0), 0.0).any()
-    assert not away.count_picture(camera, look_ahead((8.0, 4.0, 5.0), pi / 2.0), 0.0).any(), "too far"
-    oblique = SurfaceCoverage(hold, "port", range_max_m=30.0, incidence_max_rad=1.0)
-    shown = oblique.count_picture(camera, look_ahead((0.0, 12.0, 5.0), 0.4), 0.0)
+    away = Coverage(hold, "port", range_max_m=8.0)
+    assert not away.poll(camera, look_ahead((8.0, 10.0, 5.0), -pi / 2.0), 0.0).any()
+    assert not away.poll(camera, look_ahead((8.0, 4.0, 5.0), pi / 2.0), 0.0).any(), "too far"
+    oblique = Coverage(hold, "port", range_max_m=30.0, incidence_max_rad=1.0)
+    shown = oblique.poll(camera, look_ahead((0.0, 12.0, 5.0), 0.4), 0.0)
     assert shown.any()
     off = oblique.centers_m[shown] - (0.0, 12.0, 5.0)
     assert np.hypot(off[:, 0], off[:, 2]).max() <= tan(1.0) + 1e-9

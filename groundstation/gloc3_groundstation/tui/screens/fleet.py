@@ -7,7 +7,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 
 from gloc3.messages.command_interface import ControlVerb
-from gloc3_groundstation.desk.fleet_desk import FleetOrder
+from gloc3_groundstation.desk.desk import Order
 from gloc3_groundstation.tui.dialogues.questions import TextQuestion
 from gloc3_groundstation.tui.screen import StationScreen
 from gloc3_groundstation.tui.view import StationView
@@ -25,13 +25,13 @@ from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel, Row
 from gloc3_groundstation.tui.widgets.vehicle_rows import VehicleRows
 
 QUESTIONS = {
-    FleetOrder.HOLD: "Hold: {}?\nEach stops and keeps its place; missions are paused.",
-    FleetOrder.PAUSE: "Pause the missions of {}?",
-    FleetOrder.RESUME: "Resume the missions of {}?\nEach goes on where it was paused.",
-    FleetOrder.LAND: "Land now, where they are: {}?",
-    FleetOrder.START: "Start: {}?\nThe mission at hand is streamed first where it is not there yet. They arm and take off.",
+    Order.HOLD: "Hold: {}?\nEach stops and keeps its place; missions are paused.",
+    Order.PAUSE: "Pause the missions of {}?",
+    Order.RESUME: "Resume the missions of {}?\nEach goes on where it was paused.",
+    Order.LAND: "Land now, where they are: {}?",
+    Order.START: "Start: {}?\nThe mission at hand is streamed first where it is not there yet. They arm and take off.",
 }
-SINGLE_VEHICLE_ORDERS = (FleetOrder.LAND, FleetOrder.START)
+SINGLE_VEHICLE_ORDERS = (Order.LAND, Order.START)
 """Orders to the vehicle in view that are asked about too; those to marked ones always are."""
 OVERRIDE_QUESTION = "Take control of {} over from station {}?\nIt does not ask its operator; it is recorded."
 CLOSE_QUESTION = "Close {}?\n{} cannot be reached by it any more, and flies by its mission's on_link_loss."
@@ -147,8 +147,8 @@ class FleetScreen(StationScreen):
 
     def action_order(self, name: str) -> None:
         """Orders; asks first, naming the vehicles, where they were marked or the order can hurt."""
-        order, names = FleetOrder(name), self._selection()
-        work = partial(self.desk.fleet.order, names, order)
+        order, names = Order(name), self._selection()
+        work = partial(self.desk.order, names, order)
         if names and (self._selection(is_marked_only=True) or order in SINGLE_VEHICLE_ORDERS):
             self.confirm(QUESTIONS[order].format(", ".join(names)), order, lambda: self.do(work()))
         elif names:

@@ -13,7 +13,7 @@ from gloc3_sitl.world.placing import WorldPlacement
 from gloc3_sitl.world.world import World
 
 
-class SurfaceCoverage:
+class Coverage:
     """Counts for each cell of one surface how often it was seen.
 
     Args:
@@ -46,7 +46,7 @@ class SurfaceCoverage:
         self._geometry = world.geometry
         self._range_max_m, self._cosine_min = range_max_m, cos(incidence_max_rad)
 
-    def count_picture(self, model: CameraModel, eye: WorldPlacement, t_s: float) -> NDArray[np.bool_]:
+    def poll(self, model: CameraModel, eye: WorldPlacement, t_s: float) -> NDArray[np.bool_]:
         """Counts what a picture shows.
 
         Args:

@@ -2,3 +2,5 @@
 
 `assembly` builds a station from links, clock and storage, in wall time and in virtual time.
 """
+
+__all__ = ["assembly"]

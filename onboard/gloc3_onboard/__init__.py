@@ -2,3 +2,5 @@
 
 `assembly` is the only wiring of a vehicle's side; `parts` names what it has made.
 """
+
+__all__ = ["assembly", "parts"]

@@ -2,3 +2,5 @@
 
 Pure geometry, but for `opencv`, the one importer of OpenCV, and the frame stream between simulator and companion.
 """
+
+__all__ = ["frame_stream", "geometry", "model", "opencv", "wall_coverage"]

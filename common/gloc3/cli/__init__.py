@@ -2,3 +2,5 @@
 
 Help pages, narration on stderr, tables on stdout, and the words for wrong use.
 """
+
+__all__ = ["counting", "narration", "port_advice", "start", "tables"]

@@ -2,3 +2,21 @@
 
 An author derives from `component` and declares `ports` and `settings`; `deployment` rows bring it up under a `host`.
 """
+
+__all__ = [
+    "action",
+    "component",
+    "context",
+    "cycle",
+    "deployment",
+    "description",
+    "error_handler",
+    "functions",
+    "guard",
+    "host",
+    "hosted",
+    "lci",
+    "ports",
+    "settings",
+    "supervision",
+]

@@ -2,3 +2,5 @@
 
 Errors are findings with file, line, column and a hint, never a traceback.
 """
+
+__all__ = ["document", "json_schema", "schema", "yaml_nodes"]

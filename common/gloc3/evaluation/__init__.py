@@ -2,3 +2,5 @@
 
 The figures are those of the field (absolute and relative trajectory error).
 """
+
+__all__ = ["metrics", "requested_path", "trajectory"]

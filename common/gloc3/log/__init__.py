@@ -2,3 +2,5 @@
 
 Recorders use `record`, everybody else reads through `reader`; reports are a room of their own.
 """
+
+__all__ = ["disk_file", "foxglove", "info", "payloads", "reader", "record"]

@@ -2,3 +2,18 @@
 
 `transport` carries the bytes; `services` are the microservices, driven by a `node` as plain objects without I/O.
 """
+
+__all__ = [
+    "codec",
+    "flight_modes",
+    "message",
+    "node",
+    "outlet",
+    "parser",
+    "round_trip",
+    "router",
+    "service",
+    "signing",
+    "signing_key",
+    "tlog",
+]

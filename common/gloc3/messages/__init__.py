@@ -2,3 +2,25 @@
 
 Units, frames and the wire format stand beside them. Nothing here does I/O.
 """
+
+__all__ = [
+    "command_interface",
+    "envelope",
+    "frames",
+    "hosts",
+    "link_traffic",
+    "motion",
+    "perception",
+    "preflight",
+    "readiness",
+    "software",
+    "standard_topics",
+    "status_fields",
+    "summaries",
+    "teleoperation",
+    "topics",
+    "units",
+    "vehicle",
+    "watch",
+    "wire",
+]

@@ -2,3 +2,5 @@
 
 `file` reads a member's network file, `stations` bridges its stations' requests, `access` derives who may what.
 """
+
+__all__ = ["access", "file", "stations"]

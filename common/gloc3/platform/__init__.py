@@ -2,3 +2,5 @@
 
 The reader and the checks give every finding its place in the file.
 """
+
+__all__ = ["bases", "limits", "places", "platform", "reader", "schema"]

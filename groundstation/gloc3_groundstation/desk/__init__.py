@@ -2,3 +2,19 @@
 
 A desk is given the station; screens and the headless station call it.
 """
+
+__all__ = [
+    "component_desk",
+    "desk",
+    "events_desk",
+    "flights",
+    "gamepad",
+    "mission_desk",
+    "parameter_desk",
+    "plan_desk",
+    "preflight_desk",
+    "service_jobs",
+    "services_desk",
+    "teleoperation",
+    "vehicle_desk",
+]

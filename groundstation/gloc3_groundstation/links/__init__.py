@@ -2,3 +2,5 @@
 
 One heartbeat leaves on a link, whoever uses it.
 """
+
+__all__ = ["acoustic_way", "link", "link_snapshot", "links", "network_way"]

@@ -2,3 +2,5 @@
 
 Pure geometry and histories: the screens draw them.
 """
+
+__all__ = ["ground", "history", "mission_texts", "progress", "projection", "requested", "tracks"]

@@ -2,3 +2,18 @@
 
 Desks start them as jobs; each service has one path to the vehicle.
 """
+
+__all__ = [
+    "facts",
+    "files",
+    "logs",
+    "machines",
+    "parameter_table",
+    "parameters",
+    "plan_items",
+    "plans",
+    "progress",
+    "rates",
+    "saving",
+    "vehicle",
+]

@@ -2,3 +2,19 @@
 
 Nothing here knows links, screens or files.
 """
+
+__all__ = [
+    "alerts",
+    "command_client",
+    "data_chain",
+    "event_feed",
+    "fleet",
+    "message_fields",
+    "pictures",
+    "preview_size",
+    "snapshots",
+    "station",
+    "vehicles",
+    "watches",
+    "wording",
+]

@@ -2,3 +2,16 @@
 
 Everything survives a crash.
 """
+
+__all__ = [
+    "configuration",
+    "contact_queue",
+    "event_export",
+    "event_search",
+    "event_store",
+    "kept_state",
+    "log_pull",
+    "pace",
+    "pull_progress",
+    "recording",
+]

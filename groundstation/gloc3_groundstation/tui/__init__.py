@@ -2,3 +2,5 @@
 
 `app` is opened by the session; `screen` and `view` are what every screen is made of.
 """
+
+__all__ = ["app", "keys", "screen", "view"]

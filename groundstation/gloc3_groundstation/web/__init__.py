@@ -2,3 +2,5 @@
 
 Both are view servers on loopback unless an address is given.
 """
+
+__all__ = ["live_view", "server"]

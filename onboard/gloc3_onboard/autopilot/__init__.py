@@ -2,3 +2,15 @@
 
 `ardupilot` and `px4` are tables of what differs between the families and their vehicle classes.
 """
+
+__all__ = [
+    "arm_authority",
+    "device",
+    "families",
+    "health_words",
+    "link",
+    "news",
+    "sensors",
+    "signing_setup",
+    "telemetry",
+]

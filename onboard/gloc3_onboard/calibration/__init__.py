@@ -2,3 +2,5 @@
 
 `reader` recognizes a file by its content; each format is a file.
 """
+
+__all__ = ["mounting", "reader"]

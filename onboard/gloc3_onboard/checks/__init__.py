@@ -2,3 +2,5 @@
 
 `checklist` makes the whole list from `readings`; the tables name the parameters that matter.
 """
+
+__all__ = ["checklist", "failsafes", "parameters", "readings", "tables"]

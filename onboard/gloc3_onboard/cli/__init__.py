@@ -2,3 +2,5 @@
 
 Each command is a file; options are shared structures.
 """
+
+__all__ = ["onboard_options"]

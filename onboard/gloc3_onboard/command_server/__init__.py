@@ -4,3 +4,5 @@
 executor) and `reporting` (what stations read) are its four parts, and `requests` admits what stations ask. `site` is
 what the assembly gives it.
 """
+
+__all__ = ["log_shelf", "site"]

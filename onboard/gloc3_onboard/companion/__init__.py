@@ -2,3 +2,5 @@
 
 Stations of others use component 191; `routing` passes MAVLink on, `station_link` carries our own command link.
 """
+
+__all__ = ["acoustic_link", "companion", "files", "herald", "link_watch", "parameter_table", "routing", "station_link"]

@@ -2,3 +2,16 @@
 
 `gloc3_onboard.assembly` wires it.
 """
+
+__all__ = [
+    "computer",
+    "event_narration",
+    "log_files",
+    "options",
+    "process",
+    "run_log",
+    "runner",
+    "storage",
+    "taps",
+    "vitals",
+]

@@ -2,3 +2,5 @@
 
 `service` is the life of the process under systemd, `install` writes the unit.
 """
+
+__all__ = ["commands", "manager", "service"]

@@ -2,3 +2,5 @@
 
 A component: it listens only to topics that a station has leased.
 """
+
+__all__ = ["catalogue"]

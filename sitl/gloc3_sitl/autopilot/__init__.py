@@ -2,3 +2,21 @@
 
 `autopilot` is stepped by the simulator; styles, control and behaviours are rooms of their own.
 """
+
+__all__ = [
+    "airframe",
+    "autopilot",
+    "craft",
+    "mission",
+    "modes",
+    "onboard_files",
+    "parameters",
+    "periods",
+    "pilot",
+    "plans",
+    "sources",
+    "surroundings",
+    "tuning",
+    "vehicle_class",
+    "verdict",
+]

@@ -2,3 +2,5 @@
 
 Its report is made from the logs that they leave.
 """
+
+__all__ = ["demo"]

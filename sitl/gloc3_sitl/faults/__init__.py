@@ -2,3 +2,5 @@
 
 `faults` reads them from text and schedules them.
 """
+
+__all__ = ["device_faults", "faults", "injection", "sabotage"]

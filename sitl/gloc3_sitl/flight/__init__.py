@@ -2,3 +2,18 @@
 
 The only room that imports all three applications.
 """
+
+__all__ = [
+    "flight",
+    "fly",
+    "messages",
+    "mission_file",
+    "outputs",
+    "path_error",
+    "report",
+    "sim_devices",
+    "sim_imu",
+    "sim_rig",
+    "truth_log",
+    "watch",
+]

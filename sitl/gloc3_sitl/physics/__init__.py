@@ -2,3 +2,5 @@
 
 Wind, water and ground act on all of them; `truth` is what a vehicle really does.
 """
+
+__all__ = ["body", "fixed_wing", "ground", "jsbsim_body", "rover", "truth", "underwater", "vessel", "water", "wind"]

@@ -2,3 +2,21 @@
 
 `suite` samples them together; each has a rate, a latency, noise and faults.
 """
+
+__all__ = [
+    "airspeed",
+    "barometer",
+    "battery",
+    "compass",
+    "depth",
+    "dvl",
+    "fix",
+    "imu",
+    "magnetic_field",
+    "noise",
+    "range_finder",
+    "readings",
+    "sensor",
+    "suite",
+    "wheels",
+]

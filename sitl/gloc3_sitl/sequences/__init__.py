@@ -2,3 +2,5 @@
 
 `gloc3 sitl record` writes them; the readers are in the onboard package.
 """
+
+__all__ = ["carmen", "euroc", "ground", "kitti", "smooth_flight"]

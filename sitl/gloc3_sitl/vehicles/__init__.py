@@ -12,4 +12,18 @@ from gloc3_sitl.vehicles.pelican import PELICAN
 MULTIROTORS: Final = {"pelican": PELICAN, "hummingbird": HUMMINGBIRD}
 """Models by name."""
 
-__all__ = ["HUMMINGBIRD", "MULTIROTORS", "PELICAN", "MultirotorModel"]
+__all__ = [
+    "HUMMINGBIRD",
+    "MULTIROTORS",
+    "PELICAN",
+    "MultirotorModel",
+    "dvl_server",
+    "fixed_wing_model",
+    "ground_model",
+    "scene",
+    "sensor_server",
+    "simulator",
+    "surface_model",
+    "table",
+    "underwater",
+]

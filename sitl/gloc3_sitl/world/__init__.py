@@ -5,4 +5,4 @@
 
 from gloc3_sitl.world.world import World
 
-__all__ = ["World"]
+__all__ = ["World", "camera", "geometry", "imager", "laser", "placing", "probe", "rig", "tracker", "world"]

@@ -12,3 +12,5 @@ cross and how urgently. `endpoint` joins them; `gloc3.exchange.mavlink` is the s
 What is promised: a message that was acknowledged has been handed over; none is handed over twice to one process; one
 that is given up is told with a reason, and whether it is certain that it was not handed over.
 """
+
+__all__ = ["endpoint", "happenings", "layout", "pacing", "routes"]

@@ -2,3 +2,5 @@
 
 matplotlib is imported where it draws.
 """
+
+__all__ = ["figure", "flight_path", "inspection_report", "plot", "recording", "timeline", "walls"]

@@ -2,3 +2,24 @@
 
 Missions, parameters, files, logs, commands, calibration, time, versions, heartbeats and status texts.
 """
+
+__all__ = [
+    "calibration",
+    "calibration_ardupilot",
+    "calibration_px4",
+    "command",
+    "command_client",
+    "command_server",
+    "heartbeat",
+    "interval",
+    "mission_client",
+    "mission_server",
+    "mission_transfers",
+    "parameter",
+    "parameter_client",
+    "parameter_server",
+    "plan",
+    "statustext",
+    "timesync",
+    "version",
+]

@@ -2,3 +2,5 @@
 
 `endpoints` opens any of them by its URL, as MAVSDK writes them.
 """
+
+__all__ = ["endpoints", "memory", "serial_line"]

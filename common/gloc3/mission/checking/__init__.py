@@ -2,3 +2,5 @@
 
 `checker` runs all checks and returns all findings at once; `estimate` gives times, path and energy.
 """
+
+__all__ = ["checker", "estimate"]

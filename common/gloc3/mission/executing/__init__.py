@@ -2,3 +2,5 @@
 
 `executor` is its face; everything else is a part of it.
 """
+
+__all__ = ["board", "executor", "items", "requests", "restore", "snapshot"]

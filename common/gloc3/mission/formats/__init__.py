@@ -1,4 +1,7 @@
-"""Missions of other programs: `.plan` of QGroundControl and `QGC WPL 110`."""
+"""Missions of other programs: `.plan` of QGroundControl and `QGC WPL 110`.
+
+`load_plan` reads any of them and `exported` writes them; `items` is the form that they have in common.
+"""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -22,20 +25,6 @@ from gloc3.mission.reading.writer import write_mission
 PLAN_SUFFIXES: Final = (".plan",)
 WPL_SUFFIXES: Final = (".waypoints", ".txt", ".wpl", ".mission")
 MISSION_SUFFIXES: Final = (".yaml", ".yml")
-
-__all__ = [
-    "ForeignPlan",
-    "exported",
-    "from_mission",
-    "load_plan",
-    "mission_text",
-    "read_plan",
-    "read_wpl",
-    "to_mission",
-    "write_plan",
-    "write_wpl",
-    "written_text",
-]
 
 
 def load_plan(path: Path) -> ForeignPlan:
@@ -123,3 +112,19 @@ def lost_in_waypoints(plan: ForeignPlan, file: str) -> list[Finding]:
         return []
     message = "the fence and rally points have no place in a file of waypoints"
     return [Finding(file=file, message=message, hint="convert it to .plan", is_warning=True)]
+
+
+__all__ = [
+    "ForeignPlan",
+    "exported",
+    "from_mission",
+    "items",
+    "load_plan",
+    "mission_text",
+    "read_plan",
+    "read_wpl",
+    "to_mission",
+    "write_plan",
+    "write_wpl",
+    "written_text",
+]

@@ -2,3 +2,19 @@
 
 States and transitions are one table for all three levels.
 """
+
+__all__ = [
+    "abilities",
+    "arguments",
+    "conditions",
+    "fence",
+    "legs",
+    "messages",
+    "model",
+    "patterns",
+    "placement",
+    "policy",
+    "states",
+    "structure",
+    "waypoint_options",
+]

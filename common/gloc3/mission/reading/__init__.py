@@ -2,3 +2,5 @@
 
 Definitions and libraries are expanded here; the JSON Schema is derived from the same types.
 """
+
+__all__ = ["library", "mission_schema", "reader", "writer"]

@@ -2,3 +2,5 @@
 
 Nothing here changes a mission.
 """
+
+__all__ = ["show"]

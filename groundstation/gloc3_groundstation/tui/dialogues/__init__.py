@@ -2,3 +2,5 @@
 
 Each is a modal screen that returns an answer or None.
 """
+
+__all__ = ["component_dialogues", "mission_files", "questions", "single_action", "teleoperate"]

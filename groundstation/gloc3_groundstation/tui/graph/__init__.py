@@ -2,3 +2,5 @@
 
 Boxes, layers and wires on a grid of characters, without Textual.
 """
+
+__all__ = ["canvas", "layout", "rails"]

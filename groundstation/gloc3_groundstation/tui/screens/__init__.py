@@ -2,3 +2,5 @@
 
 A new screen is a file here and a row in `table`.
 """
+
+__all__ = ["mission", "table"]

@@ -2,3 +2,5 @@
 
 Each pane belongs to the screen of services and talks to the vehicle's desk.
 """
+
+__all__ = ["calibration", "files", "logs", "pane", "parameters", "plans", "rates"]

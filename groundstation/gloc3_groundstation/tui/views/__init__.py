@@ -2,3 +2,20 @@
 
 Screens call them with a view and draw the lines that they return.
 """
+
+__all__ = [
+    "chain",
+    "charts",
+    "chrome",
+    "components",
+    "events",
+    "findings",
+    "fleet",
+    "flight_data",
+    "help",
+    "hosts",
+    "overview",
+    "preflight",
+    "sensors",
+    "teleoperation",
+]

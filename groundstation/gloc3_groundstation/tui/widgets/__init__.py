@@ -2,3 +2,17 @@
 
 Each draws only what has changed.
 """
+
+__all__ = [
+    "canvas",
+    "canvas_panel",
+    "entry",
+    "graph_panel",
+    "lines",
+    "long_list",
+    "mission_text",
+    "panel",
+    "picture_panel",
+    "tables",
+    "vehicle_rows",
+]

@@ -2,3 +2,5 @@
 
 `pose_fusion` is the estimator, `settings` what can be set; the rest are its parts.
 """
+
+__all__ = ["inertial", "pose_fusion", "settings"]

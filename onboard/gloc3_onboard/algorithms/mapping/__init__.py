@@ -2,3 +2,5 @@
 
 Made from scans, read by the limiter and the path follower.
 """
+
+__all__ = ["movers", "obstacle_field"]

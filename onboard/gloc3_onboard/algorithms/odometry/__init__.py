@@ -2,3 +2,5 @@
 
 Plain classes, told the time.
 """
+
+__all__ = ["chain", "dead_reckoner", "velocity_trust", "wheel_odometer"]

@@ -2,3 +2,5 @@
 
 Pure functions and small machines in NED.
 """
+
+__all__ = ["floor_keeper", "leader", "motion_limits", "path_follower", "setpoint_gate", "wall_keeper"]

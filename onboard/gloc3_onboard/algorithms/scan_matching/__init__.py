@@ -2,3 +2,5 @@
 
 `laser_odometer` is the estimator; the rest are its steps.
 """
+
+__all__ = ["laser_odometer", "planar", "scan_points"]

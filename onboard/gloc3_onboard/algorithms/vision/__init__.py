@@ -2,3 +2,15 @@
 
 Stereo, ground and follower odometers, each built of small steps that can be used alone.
 """
+
+__all__ = [
+    "feature_message",
+    "features",
+    "ground_odometer",
+    "mono_motion",
+    "optical_follower",
+    "picture",
+    "stereo_motion",
+    "stereo_odometry",
+    "stereo_rig",
+]

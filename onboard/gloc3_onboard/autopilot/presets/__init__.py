@@ -2,3 +2,5 @@
 
 The YAML files beside this page are the presets.
 """
+
+__all__ = ["files", "session"]

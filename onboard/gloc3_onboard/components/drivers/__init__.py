@@ -2,3 +2,5 @@
 
 They are found through entry points and reach each other by topics only.
 """
+
+__all__ = ["image_recorder"]

@@ -2,3 +2,5 @@
 
 Pure checks; each returns a reason in words.
 """
+
+__all__ = ["frame_check", "obstacles", "recent", "scan_check", "silence", "timeline"]

@@ -2,3 +2,5 @@
 
 The registry finds every module here, so that a new kind is one file. A module lists `SENSORS` and `SOURCES`.
 """
+
+__all__ = ["autopilot", "euroc", "kitti"]

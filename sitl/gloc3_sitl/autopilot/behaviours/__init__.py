@@ -2,3 +2,5 @@
 
 `choice` says which class of vehicle has which; each is a small machine that returns setpoints.
 """
+
+__all__ = ["base", "choice", "driving", "hold", "mission", "orbit", "streamed", "submarine", "touching_down", "winged"]

@@ -2,3 +2,17 @@
 
 One loop a file; `control` is the seam that every class of vehicle fills.
 """
+
+__all__ = [
+    "control",
+    "drive",
+    "drive_gains",
+    "lateral",
+    "multirotor",
+    "position",
+    "setpoint",
+    "trajectory",
+    "underwater",
+    "wing_gains",
+    "wings",
+]

@@ -2,3 +2,5 @@
 
 `estimator` fuses what `sources` admit.
 """
+
+__all__ = ["estimator", "sources"]

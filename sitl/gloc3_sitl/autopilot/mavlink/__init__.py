@@ -2,3 +2,5 @@
 
 `front` is its face to the simulator; telemetry and commands are tables.
 """
+
+__all__ = ["calibration", "front", "links"]

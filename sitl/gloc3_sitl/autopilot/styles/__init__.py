@@ -2,3 +2,5 @@
 
 One file a style, with its parameters.
 """
+
+__all__ = ["ardupilot", "ardusub", "plane", "px4", "rover"]

@@ -2,3 +2,5 @@
 
 Pure functions of a view.
 """
+
+__all__ = ["detail", "graph", "lines", "map", "map_facts", "profile"]

@@ -2,3 +2,5 @@
 
 Pure functions of a view.
 """
+
+__all__ = ["calibration", "frame", "lists", "parameters", "plans"]

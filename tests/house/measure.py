@@ -123,7 +123,7 @@ def measure(root: Path) -> Measures:
         for node in module.tree.body:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 classes[node.name].append(module.name)
-        for where, function in _functions(module.tree, module.name):
+        for where, function in functions_of(module.tree, module.name):
             if _parameters(function) > MOST_PARAMETERS:
                 many.append(where)
             if function.name == "__init__" and _length(function) > longest[1]:
@@ -150,15 +150,15 @@ def _reused_in_packages(classes: dict[str, list[str]]) -> Iterator[str]:
         yield from (f"{top}: {name}" for top in set(tops) if tops.count(top) > 1)
 
 
-def _functions(tree: ast.AST, where: str) -> Iterator[tuple[str, ast.FunctionDef | ast.AsyncFunctionDef]]:
+def functions_of(tree: ast.AST, where: str) -> Iterator[tuple[str, ast.FunctionDef | ast.AsyncFunctionDef]]:
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             yield f"{where}.{node.name}", node
-            yield from _functions(node, f"{where}.{node.name}")
+            yield from functions_of(node, f"{where}.{node.name}")
         elif isinstance(node, ast.ClassDef):
-            yield from _functions(node, f"{where}.{node.name}")
+            yield from functions_of(node, f"{where}.{node.name}")
         else:
-            yield from _functions(node, where)
+            yield from functions_of(node, where)
 
 
 def _parameters(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:

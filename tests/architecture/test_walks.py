@@ -1,0 +1,30 @@
+"""The page of walks: it lists what a flight passes today, and no walk becomes longer."""
+
+import pytest
+from tests.house.walks import PAGE, WALKS, WITH_SCREEN, Function, files_on, functions_on, listed, stacks_of
+
+pytestmark = pytest.mark.flight
+
+LONGER = {"status": 27, "pause": 24, "mission": 29}
+"""Files of the walks that are over their bar today; they may only become fewer."""
+
+
+def on_the_page(name: str) -> list[Function]:
+    return listed(PAGE.read_text(encoding="utf-8"))[WALKS[name].title]
+
+
+@pytest.mark.parametrize("name", [name for name in WALKS if name not in WITH_SCREEN])
+def test_the_page_lists_what_a_flight_passes(name: str) -> None:
+    assert functions_on(stacks_of(name)) == on_the_page(name)
+
+
+@pytest.mark.parametrize("name", WITH_SCREEN)
+def test_the_screens_walk_passes_the_files_of_the_page(name: str) -> None:
+    assert files_on(functions_on(stacks_of(name))) == files_on(on_the_page(name))
+
+
+@pytest.mark.parametrize("name", [name for name, walk in WALKS.items() if walk.most_files is not None])
+def test_no_walk_passes_more_files_than_it_may(name: str) -> None:
+    most = LONGER.get(name, WALKS[name].most_files)
+    assert most is not None
+    assert len(files_on(on_the_page(name))) <= most

@@ -34,10 +34,10 @@ from gloc3_groundstation.store.kept_state import SHOWN, SILENCES, FeedFile, Sile
 from gloc3_groundstation.store.recording import SessionRecording
 
 NOT_IN_FLIGHTS: Final[Mapping[str, str]] = {
-    "Recording": "a flight's log already holds both ends; a test may give a folder",
+    "SessionRecording": "a flight's log already holds both ends; a test may give a folder",
     "FeedFile": "needs a folder that outlives the station; a test may give one",
     "SilenceFile": "needs a folder that outlives the station; a test may give one",
-    "NetworkWay": "Zenoh has threads, sockets and a clock of its own",
+    "NetworkRoute": "Zenoh has threads, sockets and a clock of its own",
     "LiveView": "the Foxglove server has a thread and a socket of its own",
     "StationApp": "the terminal draws in wall time; tests open it on a flight's station by themselves",
     "Headless": "narrates on stderr; a flight's test gives the commands",

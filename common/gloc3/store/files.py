@@ -106,9 +106,15 @@ class DocumentFile(Generic[T]):
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             with self._lock:
-                if self._path.exists() and not self._previous.exists():
+                is_moved = self._path.exists() and not self._previous.exists()
+                if is_moved:
                     self._path.replace(self._previous)
-                replace_file(self._path, data)
+                try:
+                    replace_file(self._path, data)
+                except OSError:
+                    if is_moved:  # else the thread, which has the file before on disk by now, removes the only copy
+                        self._previous.replace(self._path)
+                    raise
                 self._count += 1
         except OSError as error:
             self.problem = f"{self._path} cannot be written: {error.strerror or error}"

@@ -176,10 +176,10 @@ async def test_bytes_from_strangers_are_counted_and_told_never_raised(tmp_path: 
 STOPPED = """
 import asyncio, sys
 from gloc3.exchange.zenoh import open_exchange
-from gloc3.exchange.zenoh_session import Node
+from gloc3.exchange.zenoh_session import ZenohEndpoints
 from gloc3.messages.topics import TopicTable
 async def live():
-    node = Node(name="one", connect=(sys.argv[1],))
+    node = ZenohEndpoints(name="one", connect=(sys.argv[1],))
     with open_exchange(node, asyncio.get_running_loop(), TopicTable.installed()) as exchange:
         exchange.subscribe("**", lambda envelope: None)
         exchange.declare_alive("one")

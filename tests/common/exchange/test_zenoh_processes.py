@@ -55,8 +55,8 @@ async def test_a_process_answers_and_ends_however_it_ends(ending: str, tmp_path:
 async def test_a_place_that_a_killed_process_left_behind_is_taken_again(tmp_path: Path) -> None:
     place = f"{UNIX}/{tmp_path}/z"
     listener = (
-        "import sys, time; from gloc3.exchange.zenoh_session import Node, new_session\n"
-        "with new_session(Node(name='main', listen=(sys.argv[1],))):\n    print('open', flush=True); time.sleep(60)"
+        "import sys, time; from gloc3.exchange.zenoh_session import ZenohEndpoints, new_session\n"
+        "with new_session(ZenohEndpoints(name='main', listen=(sys.argv[1],))):\n    print('open', flush=True); time.sleep(60)"
     )
     process = await asyncio.create_subprocess_exec(
         sys.executable, "-c", listener, place, stdout=asyncio.subprocess.PIPE

@@ -134,7 +134,7 @@ async def test_digits_and_function_keys_show_the_screens_and_only_the_one_that_i
         await here.go("f2")
         await here.until("components", "command_server")
         overview = here.app._screen_stacks["overview"][0]
-        with patch.object(type(overview), "look") as poll:
+        with patch.object(type(overview), "show_view") as poll:
             here.app.show_fleet()
             assert not poll.called
         await here.press("down", "down", "down")

@@ -265,7 +265,7 @@ def test_what_there_is_not(at_hand: tuple[Client, bool]) -> None:
     assert outcome(client.plugin(Transponder).set_rate_transponder, 1.0) == both("UNKNOWN", "COMMAND_DENIED")[is_px4]
     assert outcome(client.plugin(Rtk).send_rtcm_data, RtcmData("AAAA")) == "SUCCESS"
     assert not client.plugin(Gimbal).gimbal_list().gimbals
-    assert outcome(client.plugin(Gimbal).request_control, 0, ControlMode.PRIMARY) == "ERROR"
+    assert outcome(client.plugin(Gimbal).take_control, 0, ControlMode.PRIMARY) == "ERROR"
     assert not client.plugin(Camera).camera_list().cameras
     assert outcome(client.plugin(Camera).get_mode, 0) == "CAMERA_ID_INVALID"
     assert outcome(client.plugin(Events).get_health_and_arming_checks_report) == "NOT_AVAILABLE"

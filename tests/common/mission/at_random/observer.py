@@ -193,7 +193,7 @@ class Observer:
         if self._is_airborne and not self._has_pilot and not self._grant:
             self._wrong("in the air nobody owns motion")
 
-    def _reports_seen(self, entry: Entry) -> None:
+    def _told(self, entry: Entry) -> None:
         if found := TOLD_POLICY.match(entry.what):
             self._answer(found[1])
             self._owed = ""

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
@@ -18,9 +18,7 @@ from gloc3_groundstation.desk import flights
 from gloc3_groundstation.missions.plans import known_platform
 from gloc3_groundstation.station.data_chain import Wiring
 from gloc3_groundstation.station.snapshots import ComponentSnapshot
-
-if TYPE_CHECKING:
-    from gloc3_groundstation.desk.desk import Desk
+from gloc3_groundstation.station.station import Station
 
 
 class Answer(msgspec.Struct, frozen=True, kw_only=True):
@@ -39,8 +37,8 @@ class Answer(msgspec.Struct, frozen=True, kw_only=True):
 class ComponentDesk:
     """Asks components by way of their platform; what became of it is kept as the component's last answer."""
 
-    def __init__(self, desk: "Desk") -> None:
-        self._station = desk.station
+    def __init__(self, station: Station) -> None:
+        self._station = station
         self._answers: dict[tuple[str, str], Answer] = {}
         self._functions: dict[tuple[str, str], tuple[FunctionEntry, ...]] = {}
         self._wirings: dict[tuple[str, tuple[str, ...]], Wiring | None] = {}

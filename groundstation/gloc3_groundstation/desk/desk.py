@@ -1,6 +1,7 @@
 """The operator's desk: what can be asked of a platform now, and doing it with the outcome noted as an event."""
 
-from collections.abc import Awaitable
+import asyncio
+from collections.abc import Awaitable, Sequence
 from enum import StrEnum
 from typing import Final
 
@@ -38,6 +39,16 @@ class Move(StrEnum):
     ABORT = "abort"
 
 
+class Order(StrEnum):
+    """What is asked of a selection of vehicles."""
+
+    HOLD = "hold"
+    PAUSE = "pause"
+    RESUME = "resume"
+    LAND = "land"
+    START = "start"
+
+
 class Desk:
     """Asks one platform at a time for what an operator wants; refusals become events, never exceptions."""
 
@@ -65,9 +76,9 @@ class Desk:
         """
         self.station: Final = station
         self.events: Final = events or EventsDesk(station)
-        self.fleet: Final = FleetDesk(self, links)
+        self.fleet: Final = FleetDesk(station, links)
         self.missions: Final = MissionDesk(station, plan)
-        self.components: Final = ComponentDesk(self)
+        self.components: Final = ComponentDesk(station)
         self.services: Final = services or ServicesDesk(station)
         self.preflight: Final = PreflightDesk(station)
         self.queue: Final = queue or ContactQueue(station)
@@ -248,6 +259,28 @@ class Desk:
         self.station.note(name, Severity.NOTICE, f"emergency {verb}")
         work = self.station.client.emergency(name, verb, confirmation)
         return await self._do(name, f"emergency {verb}", work)
+
+    async def order(self, names: Sequence[str], order: Order) -> list[str]:
+        """Asks the same of several vehicles at once; returns those that accepted it."""
+
+        async def one(name: str) -> bool:
+            match order:
+                case Order.HOLD | Order.LAND:
+                    return await self.emergency(name, EmergencyVerb(order.value))
+                case Order.PAUSE | Order.RESUME:
+                    return await self.steer(name, Verb(order.value))
+                case Order.START:
+                    return bool(await self.start(name))
+
+        done = await asyncio.gather(*(one(name) for name in names))
+        accepted = [name for name, is_done in zip(names, done, strict=True) if is_done]
+        if len(names) > 1:
+            others = [name for name in names if name not in accepted]
+            text = f"{order}: accepted by {len(accepted)} of {len(names)}" + (
+                f", not {', '.join(others)}" * bool(others)
+            )
+            self.station.note("", Severity.WARNING if others else Severity.INFO, text)
+        return accepted
 
     async def _do(self, name: str, what: str, work: Awaitable[None]) -> bool:
         try:

@@ -1,30 +1,16 @@
-"""What can be asked of several vehicles at once, and of the links that lead to them."""
+"""Control of the vehicles, handed over between stations, and the links that lead to them."""
 
-import asyncio
-from collections.abc import Awaitable, Iterable, Sequence
-from enum import StrEnum
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Awaitable, Iterable
+from typing import Protocol
 
 from gloc3.errors import Gloc3Error, Refused
-from gloc3.messages.command_interface import Control, ControlVerb, EmergencyVerb, Verb
+from gloc3.messages.command_interface import Control, ControlVerb
 from gloc3.messages.envelope import Severity
 from gloc3.messages.software import own_software
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.links.link_snapshot import LinkSnapshot
 from gloc3_groundstation.station.snapshots import Fleet, PlatformSnapshot
-
-if TYPE_CHECKING:
-    from gloc3_groundstation.desk.desk import Desk
-
-
-class Order(StrEnum):
-    """What is asked of a selection of vehicles."""
-
-    HOLD = "hold"
-    PAUSE = "pause"
-    RESUME = "resume"
-    LAND = "land"
-    START = "start"
+from gloc3_groundstation.station.station import Station
 
 
 class LinkKeeper(Protocol):
@@ -57,48 +43,23 @@ class NoLinks:
 
 
 class FleetDesk:
-    """Orders for a selection, control of a vehicle, and links; refusals become events, never exceptions."""
+    """Control of a vehicle, and links; refusals become events, never exceptions."""
 
-    def __init__(self, desk: "Desk", links: LinkKeeper | None = None) -> None:
+    def __init__(self, station: Station, links: LinkKeeper | None = None) -> None:
         """A desk.
 
         Args:
-            desk: asks one vehicle at a time.
+            station: hears and commands the platforms.
             links: holds the links.
         """
-        self._desk = desk
-        self._station = desk.station
+        self._station = station
         self._links: LinkKeeper = NoLinks() if links is None else links
         self._station.listen(self._watch_control)
-
-    # --- several vehicles ---
 
     def named(self, names: Iterable[str]) -> list[str]:
         """Those of some names that are vehicles of the fleet, in its order."""
         wanted = set(names)
         return [platform.name for platform in self._station.fleet if platform.name in wanted]
-
-    async def order(self, names: Sequence[str], order: Order) -> list[str]:
-        """Asks the same of several vehicles at once; returns those that accepted it."""
-
-        async def one(name: str) -> bool:
-            match order:
-                case Order.HOLD | Order.LAND:
-                    return await self._desk.emergency(name, EmergencyVerb(order.value))
-                case Order.PAUSE | Order.RESUME:
-                    return await self._desk.steer(name, Verb(order.value))
-                case Order.START:
-                    return bool(await self._desk.start(name))
-
-        done = await asyncio.gather(*(one(name) for name in names))
-        accepted = [name for name, is_done in zip(names, done, strict=True) if is_done]
-        if len(names) > 1:
-            others = [name for name in names if name not in accepted]
-            text = f"{order}: accepted by {len(accepted)} of {len(names)}" + (
-                f", not {', '.join(others)}" * bool(others)
-            )
-            self._station.note("", Severity.WARNING if others else Severity.INFO, text)
-        return accepted
 
     # --- control of one vehicle ---
 
@@ -116,7 +77,7 @@ class FleetDesk:
     async def control(self, name: str, verb: ControlVerb) -> bool:
         """Requests, takes over, releases, grants or refuses control of a vehicle."""
         if verb is ControlVerb.REQUEST:
-            return await self._desk.take_control(name)
+            return await self._do(name, "control", flights.take_control(self._station, name))
         platform = self._station.fleet.get(name)
         asks = platform.control.value.requested_by if platform is not None and platform.control is not None else ""
 

@@ -136,7 +136,7 @@ class WebServer:
         self._key = secrets.token_urlsafe(12) if options.is_exposed else ""
         self._sockets: set[web.WebSocketResponse] = set()
         self._shown: _Glass | None = None
-        self._page = files("gloc3_groundstation").joinpath("web_page.html").read_text(encoding="utf-8")
+        self._page = files("gloc3_groundstation.web").joinpath("web_page.html").read_text(encoding="utf-8")
 
     @asynccontextmanager
     async def serving(self) -> AsyncIterator[str]:

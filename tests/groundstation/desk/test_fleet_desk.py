@@ -23,8 +23,7 @@ from gloc3.messages.command_interface import (
 )
 from gloc3.messages.summaries import ControlState
 from gloc3_groundstation.assembly import GroundStation, StationSetup
-from gloc3_groundstation.desk.desk import Desk
-from gloc3_groundstation.desk.fleet_desk import Order
+from gloc3_groundstation.desk.desk import Desk, Order
 from gloc3_groundstation.missions.plans import Plan
 from gloc3_groundstation.station.station import Station
 from gloc3_onboard.command_server.authority import ControlAuthority
@@ -93,13 +92,13 @@ def test_an_order_goes_to_each_vehicle_of_a_selection_at_once_and_who_refused_is
         stage.vehicles["egret"].answer_next(Steer, refused("no mission is loaded"))
         fleet = stage.own.fleet
         assert fleet.named(["egret", "stork", "heron"]) == ["heron", "egret"]
-        assert await fleet.order(["heron", "egret"], Order.PAUSE) == ["heron"]
+        assert await stage.own.order(["heron", "egret"], Order.PAUSE) == ["heron"]
         told = stage.told(stage.own)
         assert "egret: pause: no mission is loaded" in told
         assert told[-1] == ": pause: accepted by 1 of 2, not egret"
-        assert await fleet.order(["heron", "egret"], Order.LAND) == ["heron", "egret"]
+        assert await stage.own.order(["heron", "egret"], Order.LAND) == ["heron", "egret"]
         assert [stage.asked(name, Emergency)[0].verb for name in stage.vehicles] == ["land", "land"]
-        assert await fleet.order(["heron", "egret"], Order.START) == ["heron", "egret"]
+        assert await stage.own.order(["heron", "egret"], Order.START) == ["heron", "egret"]
         for name in stage.vehicles:
             assert [body.text for body in stage.asked(name, LoadMission)] == [PLAN.text]
             assert stage.asked(name, Steer)[-1] == Steer(verb=Verb.START)

@@ -7,7 +7,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 
 from gloc3.messages.command_interface import ControlVerb
-from gloc3_groundstation.desk.fleet_desk import Order
+from gloc3_groundstation.desk.desk import Order
 from gloc3_groundstation.tui.dialogues.questions import AskFor
 from gloc3_groundstation.tui.screen import StationScreen
 from gloc3_groundstation.tui.view import View
@@ -148,7 +148,7 @@ class FleetScreen(StationScreen):
     def action_order(self, name: str) -> None:
         """Orders; asks first, naming the vehicles, where they were marked or the order can hurt."""
         order, names = Order(name), self._selection()
-        work = partial(self.desk.fleet.order, names, order)
+        work = partial(self.desk.order, names, order)
         if names and (self._selection(is_marked_only=True) or order in ASKED_OF_ONE):
             self.ask(QUESTIONS[order].format(", ".join(names)), order, lambda: self.do(work()))
         elif names:

@@ -3,6 +3,8 @@
 import asyncio
 from typing import Any, Final
 
+from msgspec.structs import replace
+
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange.base import Exchange, Publisher
 from gloc3.exchange.tunnel.happenings import Undelivered
@@ -18,7 +20,9 @@ from gloc3.messages.command_interface import (
     Hello,
     LoadMission,
     Outcome,
+    Query,
     ReadMission,
+    RequestTask,
     StationRole,
     Steer,
     Verb,
@@ -26,12 +30,18 @@ from gloc3.messages.command_interface import (
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.software import own_software
 from gloc3.messages.teleoperation import VelocityDemand
-from gloc3_groundstation.station.requests import SLOWEST_BYTES_S, Requests
 
+PATIENCE_S: Final = 2.0
+"""How long a reply may take before it is asked for."""
+SLOWEST_BYTES_S: Final = 1000.0
+"""A mission's text is given time for this rate, so that no question is asked while it is still on its way."""
 TIMEOUT_S: Final = 16.0
 """Longer than the link goes on trying, so that nothing is carried out after the operator was told *unknown*."""
 EMERGENCY_TIMEOUT_S: Final = 6.0
 """The same for emergencies, which the link gives up sooner."""
+
+_Key = tuple[str, int]
+"""Platform and sequence of a request."""
 
 
 class Unanswered(Gloc3Error):
@@ -51,10 +61,27 @@ class Declined(Refused):
         self.reply: Final = reply
 
 
+class _Pending:
+    """A request that waits for its reply."""
+
+    def __init__(self, request: CiRequest, times: tuple[float, float, float], future: asyncio.Future[CiReply]) -> None:
+        self.request: Final = request
+        self.future: Final = future
+        self.patience_s, self.timeout_s, now_s = times
+        self.next_s = now_s + self.patience_s
+        self.deadline_s: Final = now_s + self.timeout_s
+        self.times_sent = 1
+        self.given_up = ""
+        """Why the link gave it up, where it may have arrived all the same."""
+
+
 class CommandClient:
     """The client half of the command interface: one for a station, for all platforms that it commands.
 
-    It has no cycle of its own, since it acts when an operator does: `Requests` decides, this sends and waits.
+    A request is known by `(sender, boot, sequence)`, counted for each platform; it is never executed twice. When its reply
+    is late, the platform is asked what became of it (`Query`); only if it never arrived it is sent again, under the same id.
+    What is not known when the time is up ends as *unknown*. When the link reports that it gave a request up, that ends as
+    *refused* if it was surely never delivered, and else is asked about at once.
     """
 
     def __init__(self, exchange: Exchange, loop: asyncio.AbstractEventLoop, station: str, boot: int) -> None:
@@ -69,24 +96,26 @@ class CommandClient:
         self.station: Final = station
         self.role = StationRole.OPERATOR
         """What the station may do, as far as it is known here; the platforms judge for themselves."""
-        self._loop = loop
-        self._requests = Requests(station, boot)
+        self._loop, self._boot = loop, boot
         self._publisher = Publisher(exchange, f"station_{station}", "command_client", boot)
-        self._waiting: dict[tuple[str, int], asyncio.Future[CiReply]] = {}
+        self._sequences: dict[str, int] = {}
+        self._pending: dict[_Key, _Pending] = {}
+        self._queries: dict[_Key, _Key] = {}
+        """Questions to the requests that they are about."""
         self._timer: asyncio.TimerHandle | None = None
         self._sessions = 0
-        self._unsubscribe = exchange.subscribe("*/ci/reply", self._take)
+        self._unsubscribe = exchange.subscribe("*/ci/reply", self._receive)
         self._withdraw = exchange.declare_alive(f"stations/{station}")
 
     def close(self) -> None:
-        """Hears no more replies; those who still wait are cancelled."""
+        """Receives no more replies; those who still wait are cancelled."""
         self._unsubscribe()
         self._withdraw()
         if self._timer is not None:
             self._timer.cancel()
-        for future in self._waiting.values():
-            future.cancel()
-        self._waiting.clear()
+        for pending in self._pending.values():
+            pending.future.cancel()
+        self._pending.clear()
 
     async def ask(self, platform: str, body: AnyBody, timeout_s: float = TIMEOUT_S) -> CiReply:
         """Sends a request and waits for what became of it.
@@ -97,20 +126,21 @@ class CommandClient:
         if self.role is StationRole.OBSERVER and not isinstance(body, LOOKS):
             reason = f"station {self.station} may look and not command: it is an observer"
             return CiReply(sender=self.station, boot=0, sequence=-1, outcome=Outcome.REFUSED, reason=reason)
-        key = self._requests.request(platform, body, timeout_s, self._loop.time())
-        future: asyncio.Future[CiReply] = self._loop.create_future()
-        self._waiting[key] = future
-        self._run()
+        request, patience_s = self._new(platform, body), PATIENCE_S
+        if isinstance(body, LoadMission | RequestTask):
+            patience_s += len(body.text.encode()) / SLOWEST_BYTES_S
+        key, times = (platform, request.sequence), (patience_s, timeout_s, self._loop.time())
+        pending = self._pending[key] = _Pending(request, times, self._loop.create_future())
+        self._send(platform, request)
+        self._tick()
         try:
-            return await future
+            return await pending.future
         finally:
-            self._waiting.pop(key, None)
-            self._requests.forget(key)
+            self._drop(key)
 
     def tell(self, platform: str, body: AnyBody) -> None:
         """Sends what needs no answer."""
-        request = self._requests.unanswered(platform, body)
-        self._publisher.publish(f"{platform}/ci/request", request, self._loop.time())
+        self._send(platform, self._new(platform, body))
 
     def demand(self, platform: str, demand: VelocityDemand) -> None:
         """Sends a velocity that is asked for by hand; it arrives at once or not at all."""
@@ -119,7 +149,7 @@ class CommandClient:
     def new_session(self) -> int:
         """A number for the demands of one time at the keys, which no other has."""
         self._sessions += 1
-        return (self._requests.boot + self._sessions) & 0xFFFFFFFF
+        return (self._boot + self._sessions) & 0xFFFFFFFF
 
     async def carry_out(self, platform: str, body: AnyBody, timeout_s: float = TIMEOUT_S) -> CiReply:
         """Sends a request that is to be accepted.
@@ -135,13 +165,23 @@ class CommandClient:
             raise Declined(reply)
         raise Unanswered(reply.reason or f"{platform} does not know what became of the request ({reply.outcome})")
 
-    def undelivered(self, told: Undelivered) -> None:
-        """Whoever holds the links tells that a message was given up; see `Requests.undelivered`."""
-        request = told.envelope.payload
-        if isinstance(request, CiRequest):
-            platform, now_s = told.envelope.topic.partition("/")[0], self._loop.time()
-            self._requests.undelivered(platform, request, told.reason, now_s, is_certain=told.is_certain)
-            self._run()
+    def undelivered(self, lost: Undelivered) -> None:
+        """Takes into account that the links have given a message up.
+
+        Of a request that was sent more than once, a certain loss says nothing of the other times.
+        """
+        request = lost.envelope.payload
+        if not isinstance(request, CiRequest):
+            return
+        key = lost.envelope.topic.partition("/")[0], request.sequence
+        pending = self._pending.get(key)
+        if pending is None or pending.request != request:
+            return
+        if lost.is_certain and pending.times_sent == 1 and not pending.given_up:
+            self._end(key, self._ended_as(Outcome.REFUSED, request, f"not delivered: {lost.reason}"))
+        else:
+            pending.given_up, pending.next_s = lost.reason, self._loop.time()
+        self._tick()
 
     # --- what operators ask for most; all raise as `carry_out` does ---
 
@@ -181,29 +221,69 @@ class CommandClient:
         """Asks for the full state, which comes on the platform's topics."""
         await self.carry_out(platform, Hello(**own_software()._asdict()))
 
-    # --- the shell around the machine ---
+    # --- requests under way ---
 
-    def _take(self, envelope: Envelope[Any]) -> None:
-        if isinstance(envelope.payload, CiReply):
-            self._requests.receive(envelope.topic.partition("/")[0], envelope.payload, self._loop.time())
-            self._run()
+    def _new(self, platform: str, body: AnyBody) -> CiRequest:
+        sequence = self._sequences.get(platform, 0)
+        self._sequences[platform] = sequence + 1
+        return CiRequest(sender=self.station, boot=self._boot, sequence=sequence, body=body)
 
-    def _run(self) -> None:
-        """Sends what is to be sent, tells who waits, and sets the alarm."""
+    def _send(self, platform: str, request: CiRequest) -> None:
+        self._publisher.publish(f"{platform}/ci/request", request, self._loop.time())
+
+    def _receive(self, envelope: Envelope[Any]) -> None:
+        """Handles a reply; one that is not for this station, or for nothing that waits, is ignored."""
+        reply = envelope.payload
+        if not isinstance(reply, CiReply) or (reply.sender, reply.boot) != (self.station, self._boot):
+            return
+        key = envelope.topic.partition("/")[0], reply.sequence
+        asked = self._queries.pop(key, None)
+        pending = self._pending.get(asked) if asked is not None else None
+        if key in self._pending:
+            self._end(key, reply)
+        elif asked is not None and pending is not None:
+            if reply.outcome is not Outcome.UNKNOWN:
+                self._end(asked, replace(reply, sequence=pending.request.sequence))
+            else:  # it never arrived
+                pending.next_s = self._loop.time() + pending.patience_s
+                pending.times_sent += 1
+                self._send(asked[0], pending.request)
+        self._tick()
+
+    def _tick(self) -> None:
+        """Asks for what is late, gives up what is too late, and sets the alarm."""
+        now_s = self._loop.time()
+        for key, pending in list(self._pending.items()):
+            if pending.future.done():  # answered while another was sent
+                continue
+            if now_s >= pending.deadline_s:
+                reason = f"{key[0]} has not answered for {pending.timeout_s:g} s"
+                if pending.given_up:
+                    reason = f"it may have been delivered ({pending.given_up}), and {reason}"
+                self._end(key, self._ended_as(Outcome.UNKNOWN, pending.request, reason))
+            elif now_s >= pending.next_s:
+                pending.next_s = now_s + PATIENCE_S
+                query = self._new(key[0], Query(boot=self._boot, sequence=key[1]))
+                self._queries[key[0], query.sequence] = key
+                self._send(key[0], query)
         if self._timer is not None:
             self._timer.cancel()
-            self._timer = None
-        now_s = self._loop.time()
-        self._requests.tick(now_s)
-        for platform, request in self._requests.outgoing():
-            self._publisher.publish(f"{platform}/ci/request", request, now_s)
-        for key, reply in self._requests.ended():
-            future = self._waiting.get(key)
-            if future is not None and not future.done():
-                future.set_result(reply)
-        next_s = self._requests.next_tick_s()
-        if next_s is not None and self._timer is None:
-            self._timer = self._loop.call_at(next_s, self._run)
+        next_s = min((min(one.next_s, one.deadline_s) for one in self._pending.values()), default=None)
+        self._timer = None if next_s is None else self._loop.call_at(next_s, self._tick)
+
+    def _ended_as(self, outcome: Outcome, request: CiRequest, reason: str) -> CiReply:
+        return CiReply(sender=self.station, boot=self._boot, sequence=request.sequence, outcome=outcome, reason=reason)
+
+    def _end(self, key: _Key, reply: CiReply) -> None:
+        future = self._pending[key].future
+        self._drop(key)
+        if not future.done():
+            future.set_result(reply)
+
+    def _drop(self, key: _Key) -> None:
+        """Nobody waits for this reply any more."""
+        self._pending.pop(key, None)
+        self._queries = {query: asked for query, asked in self._queries.items() if asked != key}
 
 
 def _differ(sent: str, held: str) -> str:

@@ -1,140 +1,245 @@
 """A request ends with its reply, or as unknown; it is asked about before it is sent again."""
 
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Any
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
-from gloc3.messages.command_interface import CiReply, CiRequest, Hello, LoadMission, Outcome, Query, ReadMission
-from gloc3_groundstation.station.requests import PATIENCE_S, Requests
+from gloc3.clock import run_virtual
+from gloc3.exchange import LocalExchange
+from gloc3.exchange.base import Publisher
+from gloc3.exchange.tunnel.happenings import Undelivered
+from gloc3.messages.command_interface import (
+    AnyBody,
+    CiReply,
+    CiRequest,
+    Hello,
+    LoadMission,
+    Outcome,
+    Query,
+    ReadMission,
+)
+from gloc3.messages.envelope import Envelope
+from gloc3_groundstation.station.command_client import PATIENCE_S, CommandClient
 
 
-def reply(request: CiRequest, outcome: Outcome = Outcome.ACCEPTED, boot: int = 5) -> CiReply:
-    return CiReply(sender=request.sender, boot=boot, sequence=request.sequence, outcome=outcome)
+class Stage:
+    """A client, and what it sends to platforms that answer as the test says."""
+
+    def __init__(self) -> None:
+        self.loop = asyncio.get_running_loop()
+        self.exchange = LocalExchange()
+        self.sent: list[Envelope[CiRequest]] = []
+        self.sent_s: list[float] = []
+        self.on_sent: Callable[[Envelope[CiRequest]], None] = lambda _: None
+        self.exchange.subscribe("*/ci/request", self._receive)
+        self.client = CommandClient(self.exchange, self.loop, "255", 5)
+
+    def _receive(self, envelope: Envelope[CiRequest]) -> None:
+        self.sent.append(envelope)
+        self.sent_s.append(self.loop.time())
+        self.on_sent(envelope)
+
+    def ask(self, body: AnyBody, timeout_s: float = 10.0, platform: str = "a") -> asyncio.Future[CiReply]:
+        return self.loop.create_task(self.client.ask(platform, body, timeout_s))
+
+    def take(self) -> list[Envelope[CiRequest]]:
+        """What was sent since the last time."""
+        taken, self.sent = self.sent, []
+        return taken
+
+    def answer(
+        self, envelope: Envelope[CiRequest], outcome: Outcome = Outcome.ACCEPTED, boot: int = 5, platform: str = "a"
+    ) -> None:
+        request = envelope.payload
+        reply = CiReply(sender=request.sender, boot=boot, sequence=request.sequence, outcome=outcome)
+        Publisher(self.exchange, platform, "server", 1).publish(f"{platform}/ci/reply", reply, self.loop.time())
+
+    def lose(self, envelope: Envelope[CiRequest], reason: str, *, is_certain: bool) -> None:
+        self.client.undelivered(Undelivered(envelope, None, is_certain, reason))
+
+
+def play(steps: Callable[[Stage], Awaitable[None]]) -> None:
+    async def main() -> None:
+        stage = Stage()
+        try:
+            await steps(stage)
+        finally:
+            stage.client.close()
+
+    run_virtual(main())
 
 
 def test_a_reply_ends_its_request_and_only_its_own() -> None:
-    requests = Requests("255", 5)
-    first, second = (requests.request("a", Hello(), 10.0, 0.0) for _ in range(2))
-    (_, one), (_, two) = requests.outgoing()
-    requests.receive("a", reply(two, boot=4), 0.1)
-    requests.receive("b", reply(two), 0.1)
-    assert requests.ended() == []
-    requests.receive("a", reply(two), 0.1)
-    assert [key for key, _ in requests.ended()] == [second]
-    requests.receive("a", reply(one), 0.1)
-    assert [key for key, _ in requests.ended()] == [first]
-    assert requests.next_tick_s() is None
+    async def steps(stage: Stage) -> None:
+        first, second = stage.ask(Hello()), stage.ask(Hello())
+        await asyncio.sleep(0.1)
+        one, two = stage.take()
+        stage.answer(two, boot=4)
+        stage.answer(two, platform="b")
+        await asyncio.sleep(0.1)
+        assert not first.done()
+        assert not second.done()
+        stage.answer(two)
+        await asyncio.sleep(0.1)
+        assert second.done()
+        assert not first.done()
+        stage.answer(one)
+        assert (await first).outcome is Outcome.ACCEPTED
+        await asyncio.sleep(60.0)
+        assert stage.take() == []
+
+    play(steps)
 
 
 def test_requests_are_counted_for_each_platform() -> None:
-    requests = Requests("255", 5)
-    for platform in ("a", "a", "b"):
-        requests.request(platform, Hello(), 10.0, 0.0)
-    assert [(platform, request.sequence) for platform, request in requests.outgoing()] == [("a", 0), ("a", 1), ("b", 0)]
+    async def steps(stage: Stage) -> None:
+        waiting = [stage.ask(Hello(), platform=platform) for platform in ("a", "a", "b")]
+        await asyncio.sleep(0.1)
+        sent = [(one.topic.partition("/")[0], one.payload.sequence) for one in stage.take()]
+        assert sent == [("a", 0), ("a", 1), ("b", 0)]
+        await asyncio.gather(*waiting)
+
+    play(steps)
 
 
 def test_a_late_reply_is_asked_for_and_the_answer_counts_as_the_reply() -> None:
-    requests = Requests("255", 5)
-    key = requests.request("a", ReadMission(), 10.0, 0.0)
-    requests.outgoing()
-    assert requests.next_tick_s() == PATIENCE_S
-    requests.tick(PATIENCE_S)
-    ((_, query),) = requests.outgoing()
-    assert query.body == Query(boot=5, sequence=0)
-    requests.receive("a", reply(query, Outcome.REFUSED), 2.5)
-    assert requests.ended() == [(key, CiReply(sender="255", boot=5, sequence=0, outcome=Outcome.REFUSED))]
+    async def steps(stage: Stage) -> None:
+        waiting = stage.ask(ReadMission())
+        await asyncio.sleep(PATIENCE_S + 0.1)
+        _, query = stage.take()
+        assert query.payload.body == Query(boot=5, sequence=0)
+        assert stage.sent_s[1] == PATIENCE_S
+        stage.answer(query, Outcome.REFUSED)
+        assert await waiting == CiReply(sender="255", boot=5, sequence=0, outcome=Outcome.REFUSED)
+
+    play(steps)
 
 
 def test_what_never_arrived_is_sent_again_under_its_id() -> None:
-    requests = Requests("255", 5)
-    requests.request("a", ReadMission(), 10.0, 0.0)
-    ((_, original),) = requests.outgoing()
-    requests.tick(2.0)
-    ((_, query),) = requests.outgoing()
-    requests.receive("a", reply(query, Outcome.UNKNOWN), 2.5)
-    assert requests.outgoing() == [("a", original)]
+    async def steps(stage: Stage) -> None:
+        waiting = stage.ask(ReadMission())
+        await asyncio.sleep(2.5)
+        original, query = stage.take()
+        stage.answer(query, Outcome.UNKNOWN)
+        (again,) = stage.take()
+        assert again.payload == original.payload
+        stage.answer(again)
+        assert (await waiting).outcome is Outcome.ACCEPTED
+
+    play(steps)
 
 
 def test_a_request_whose_end_the_platform_itself_does_not_know_is_unknown() -> None:
-    requests = Requests("255", 5)
-    requests.request("a", ReadMission(), 10.0, 0.0)
-    ((_, original),) = requests.outgoing()
-    requests.receive("a", reply(original, Outcome.UNKNOWN), 1.0)
-    assert [ended.outcome for _, ended in requests.ended()] == [Outcome.UNKNOWN]
+    async def steps(stage: Stage) -> None:
+        stage.on_sent = lambda sent: stage.answer(sent, Outcome.UNKNOWN)
+        assert (await stage.ask(ReadMission())).outcome is Outcome.UNKNOWN
+        assert stage.loop.time() == 0.0
+
+    play(steps)
 
 
 def test_without_any_answer_the_outcome_is_unknown_and_says_who_was_silent() -> None:
-    requests = Requests("255", 5)
-    requests.request("a", ReadMission(), 3.0, 0.0)
-    for now_s in (2.0, 3.0):
-        requests.tick(now_s)
-    ((_, ended),) = requests.ended()
-    assert (ended.outcome, ended.reason) == (Outcome.UNKNOWN, "a has not answered for 3 s")
-    assert requests.next_tick_s() is None
+    async def steps(stage: Stage) -> None:
+        ended = await stage.ask(ReadMission(), 3.0)
+        assert (ended.outcome, ended.reason) == (Outcome.UNKNOWN, "a has not answered for 3 s")
+        assert stage.loop.time() == 3.0
+        stage.take()
+        await asyncio.sleep(60.0)
+        assert stage.take() == []
+
+    play(steps)
 
 
 def test_a_long_mission_is_given_time_before_it_is_asked_about() -> None:
-    requests = Requests("255", 5)
-    requests.request("a", LoadMission(name="m", text="x" * 20_000), 60.0, 0.0)
-    assert requests.next_tick_s() == PATIENCE_S + 20.0
+    async def steps(stage: Stage) -> None:
+        await stage.ask(LoadMission(name="m", text="x" * 20_000), 60.0)
+        assert stage.sent_s[:2] == [0.0, PATIENCE_S + 20.0]
+
+    play(steps)
 
 
 @settings(max_examples=60)
-@given(st.lists(st.tuples(st.floats(0.1, 3.0), st.sampled_from(["lose", *Outcome])), max_size=12))
-def test_every_request_ends_exactly_once_in_time_whatever_is_answered(script: list[tuple[float, str]]) -> None:
-    requests = Requests("255", 5)
-    key = requests.request("a", ReadMission(), 8.0, 0.0)
-    now_s, ended = 0.0, []
-    for step_s, answer in [*script, (8.0, "lose")]:
-        for _, request in requests.outgoing():
+@given(st.lists(st.sampled_from(["lose", *Outcome]), max_size=12), st.floats(0.1, 3.0))
+def test_every_request_ends_exactly_once_in_time_whatever_is_answered(script: list[str], delay_s: float) -> None:
+    async def steps(stage: Stage) -> None:
+        answers = iter(script)
+
+        def respond(sent: Envelope[Any]) -> None:
+            answer = next(answers, "lose")
             if answer != "lose":
-                requests.receive("a", reply(request, Outcome(answer)), now_s)
-        ended += requests.ended()
-        now_s += step_s
-        requests.tick(now_s)
-        ended += requests.ended()
-    assert [ended_key for ended_key, _ in ended] == [key]
-    assert requests.next_tick_s() is None
+                stage.loop.call_later(delay_s, stage.answer, sent, Outcome(answer))
+
+        stage.on_sent = respond
+        await stage.ask(ReadMission(), 8.0)
+        assert stage.loop.time() <= 8.0
+        stage.take()
+        await asyncio.sleep(60.0)
+        assert stage.take() == []
+
+    play(steps)
 
 
 def test_what_the_link_surely_never_delivered_is_refused_at_once() -> None:
-    requests = Requests("255", 5)
-    key = requests.request("a", ReadMission(), 10.0, 0.0)
-    ((_, original),) = requests.outgoing()
-    requests.undelivered("b", original, "that is another platform", 0.1, is_certain=True)
-    assert requests.ended() == []
-    requests.undelivered("a", original, "versions differ", 0.1, is_certain=True)
-    ((ended_key, ended),) = requests.ended()
-    assert (ended_key, ended.outcome, ended.reason) == (key, Outcome.REFUSED, "not delivered: versions differ")
-    assert requests.next_tick_s() is None
+    async def steps(stage: Stage) -> None:
+        waiting = stage.ask(ReadMission())
+        await asyncio.sleep(0.1)
+        (original,) = stage.take()
+        stage.lose(replace(original, topic="b/ci/request"), "that is another platform", is_certain=True)
+        assert not waiting.done()
+        stage.lose(original, "versions differ", is_certain=True)
+        ended = await waiting
+        assert (ended.outcome, ended.sequence, ended.reason) == (Outcome.REFUSED, 0, "not delivered: versions differ")
+        assert stage.loop.time() == 0.1
+
+    play(steps)
 
 
 def test_what_may_have_been_delivered_is_asked_about_at_once_and_else_unknown() -> None:
-    requests = Requests("255", 5)
-    requests.request("a", ReadMission(), 10.0, 0.0)
-    ((_, original),) = requests.outgoing()
-    requests.undelivered("a", original, "no answer from a", 0.5, is_certain=False)
-    assert requests.next_tick_s() == 0.5
-    requests.tick(0.5)
-    ((_, query),) = requests.outgoing()
-    assert query.body == Query(boot=5, sequence=0)
-    requests.undelivered("a", query, "nobody heard", 0.6, is_certain=True)  # the question, not what it is about
-    requests.undelivered("a", original, "nobody heard", 0.6, is_certain=True)  # too late to be sure again
-    assert requests.ended() == []
-    requests.tick(10.0)
-    ((_, ended),) = requests.ended()
-    assert ended.outcome is Outcome.UNKNOWN
-    assert ended.reason == "it may have been delivered (nobody heard), and a has not answered for 10 s"
+    async def steps(stage: Stage) -> None:
+        waiting = stage.ask(ReadMission())
+        await asyncio.sleep(0.5)
+        (original,) = stage.take()
+        stage.lose(original, "no answer from a", is_certain=False)
+        await asyncio.sleep(0.1)
+        (query,) = stage.take()
+        assert query.payload.body == Query(boot=5, sequence=0)
+        assert stage.sent_s[1] == 0.5
+        stage.lose(query, "nobody heard", is_certain=True)  # the question, not what it is about
+        stage.lose(original, "nobody heard", is_certain=True)  # too late to be sure again
+        assert not waiting.done()
+        ended = await waiting
+        assert ended.outcome is Outcome.UNKNOWN
+        assert ended.reason == "it may have been delivered (nobody heard), and a has not answered for 10 s"
+
+    play(steps)
 
 
 def test_of_a_request_that_was_sent_twice_one_loss_proves_nothing() -> None:
-    requests = Requests("255", 5)
-    requests.request("a", ReadMission(), 10.0, 0.0)
-    ((_, original),) = requests.outgoing()
-    requests.tick(2.0)
-    ((_, query),) = requests.outgoing()
-    requests.receive("a", reply(query, Outcome.UNKNOWN), 2.5)
-    assert requests.outgoing() == [("a", original)]
-    requests.undelivered("a", original, "nobody heard", 3.0, is_certain=True)
-    assert requests.ended() == []
-    requests.tick(3.0)
-    assert [type(request.body) for _, request in requests.outgoing()] == [Query]
+    async def steps(stage: Stage) -> None:
+        waiting = stage.ask(ReadMission())
+        await asyncio.sleep(2.5)
+        original, query = stage.take()
+        stage.answer(query, Outcome.UNKNOWN)
+        (again,) = stage.take()
+        assert again.payload == original.payload
+        stage.lose(again, "nobody heard", is_certain=True)
+        assert not waiting.done()
+        assert [type(one.payload.body) for one in stage.take()] == [Query]
+        await waiting
+
+    play(steps)
+
+
+def test_a_client_that_is_closed_lets_nobody_wait() -> None:
+    async def steps(stage: Stage) -> None:
+        waiting = stage.ask(ReadMission())
+        await asyncio.sleep(0.1)
+        stage.client.close()
+        await asyncio.sleep(0.1)
+        assert waiting.cancelled()
+
+    play(steps)

@@ -9,6 +9,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from tests.evidence.coverage import Coverage
 from tests.evidence.page import ROOT, Bar, Figure, Progress
 
 from gloc3.log.reader import LogReader
@@ -17,7 +18,6 @@ from gloc3.messages.topics import TopicTable
 from gloc3.messages.vehicle import ImageRecorded
 from gloc3_sitl.flight.messages import SimTruth
 from gloc3_sitl.vehicles import PELICAN
-from gloc3_sitl.world.coverage import Coverage
 from gloc3_sitl.world.placing import Place, Placing
 from gloc3_sitl.world.rig import CAMERAS
 from gloc3_sitl.world.world import World

@@ -11,6 +11,7 @@ from random import Random
 from typing import Any
 
 import msgspec
+from tests.flight.fleet_flight import FleetFlight
 
 from gloc3.clock import VirtualLoop
 from gloc3.mavlink.transport.memory import Conditions
@@ -19,7 +20,6 @@ from gloc3.messages.summaries import ControlState
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.missions.plans import read_plan
 from gloc3_groundstation.station.station import Station
-from gloc3_sitl.flight.fleet_flight import FleetFlight
 from gloc3_sitl.flight.flight import Flight
 from gloc3_sitl.flight.plan import FlightPlan
 

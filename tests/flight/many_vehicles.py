@@ -7,10 +7,10 @@ import time
 from pathlib import Path
 
 import msgspec
+from tests.flight.fleet_flight import FleetFlight
 
 from gloc3.clock import VirtualLoop
 from gloc3.platform.reader import whole_text
-from gloc3_sitl.flight.fleet_flight import FleetFlight
 from gloc3_sitl.flight.plan import FlightPlan
 
 SETTLE_S = 10.0

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.flight.fleet_flight import FleetFlight
 from tests.flight.fleet_trial import run_trial
 
 from gloc3.clock import VirtualLoop
@@ -18,7 +19,6 @@ from gloc3.mission.model.states import ActionState
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.missions.plans import Plan, read_plan
 from gloc3_groundstation.station.station import Station
-from gloc3_sitl.flight.fleet_flight import FleetFlight
 from gloc3_sitl.flight.flight import Flight
 from gloc3_sitl.flight.plan import FlightPlan
 

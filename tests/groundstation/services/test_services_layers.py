@@ -9,6 +9,7 @@ import gloc3_groundstation.services
 
 pytestmark = pytest.mark.thorough
 
+ROOT_NAME = gloc3_groundstation.services.__name__
 ROOT = Path(gloc3_groundstation.services.__path__[0])
 
 
@@ -30,3 +31,17 @@ def test_no_service_knows_textual_or_rich() -> None:
 def test_mavsdk_is_loaded_by_the_helper_alone() -> None:
     users = {file.name for file in ROOT.parent.glob("**/*.py") if any(n.startswith("mavsdk") for n in imported(file))}
     assert users == {"mavsdk_helper.py"}
+
+
+def test_a_service_has_one_way_to_the_autopilot() -> None:
+    by_mavsdk = {file.name for file in ROOT.glob("*.py") if f"{ROOT_NAME}.raw" in imported(file)}
+    assert by_mavsdk == {"plans.py", "vehicle.py"}  # the service, and where it is made
+    tree = ast.parse((ROOT / "plans.py").read_text())
+    ours = {
+        node.func.attr
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Attribute)
+        and ast.unparse(node.func.value) == "self._client"
+    }
+    assert ours == {"clear", "cancel"}, "what MAVSDK cannot do, and nothing that it does"

@@ -5,10 +5,10 @@ from math import cos, inf, pi, sqrt, tan
 import msgspec
 import numpy as np
 import pytest
+from tests.evidence.coverage import Coverage
 
 from gloc3.messages.frames import IDENTITY, Vector3, from_euler
 from gloc3_sitl.world import World, rig
-from gloc3_sitl.world.coverage import Coverage
 from gloc3_sitl.world.geometry import Geometry
 from gloc3_sitl.world.model import Box, Shuttle, Surface
 from gloc3_sitl.world.placing import Place

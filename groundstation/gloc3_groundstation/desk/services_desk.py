@@ -1,4 +1,4 @@
-"""The desk of the vehicle services: finds the vehicle that an operator means, and keeps what is at hand of each."""
+"""The desk of the vehicle services: finds the selected vehicle, and keeps the loaded data of each."""
 
 from collections.abc import Callable
 from pathlib import Path

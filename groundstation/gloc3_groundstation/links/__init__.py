@@ -1,6 +1,6 @@
 """The station's links: MAVLink over any transport, the network of platforms, acoustic modems.
 
-One heartbeat leaves on a link, whoever uses it.
+Exactly one station heartbeat leaves on a link.
 """
 
 __all__ = ["acoustic_way", "link", "link_snapshot", "links", "network_way"]

@@ -1,4 +1,4 @@
-"""The text of the mission that each vehicle has loaded: the one at hand, or asked of the vehicle once."""
+"""Texts of the missions that vehicles have loaded: the station's own copy, or requested from the vehicle once."""
 
 from typing import Final
 

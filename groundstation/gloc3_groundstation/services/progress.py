@@ -1,4 +1,4 @@
-"""How far a service is, for whoever shows it."""
+"""Progress of a service, for display."""
 
 from collections.abc import Callable
 from typing import TypeAlias

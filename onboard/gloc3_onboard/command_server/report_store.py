@@ -1,4 +1,4 @@
-"""What the platform has told its stations, numbered and on disk, so that whoever was out of contact is told all of it once."""
+"""Reports to stations, numbered and on disk, so that a station that was out of contact receives them later."""
 
 from typing import Final
 

@@ -1,4 +1,4 @@
-"""The gate before every start: the pre-flight list, made when it is asked for, from what was read anew for it."""
+"""The gate before every start: the pre-flight list, made on request from fresh readings."""
 
 from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple

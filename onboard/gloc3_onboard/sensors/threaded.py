@@ -1,4 +1,4 @@
-"""A device that blocks, read in a thread of its own: opened, lost, opened anew, given up."""
+"""A blocking device, read in a thread of its own: opened, lost, reopened, given up."""
 
 import threading
 from abc import ABC, abstractmethod

@@ -1,4 +1,4 @@
-"""A mission across platforms, on one of them: what is told of the others' tasks, and what is done when one is lost.
+"""Missions across platforms, on one of them: the reported states of the others' tasks, and the reaction when one is lost.
 
 Every platform has the whole file and performs its own tasks. A task of another platform is here by its state alone.
 """

@@ -24,7 +24,7 @@ class LinkUser(Protocol):
 
 def routed_link(user: LinkUser, url: str, loop: asyncio.AbstractEventLoop) -> RoutedLink:
     """The only link of a router, whose frames a user gets."""
-    return RoutedLink(url, Router(Address(1, 191)), loop, user.receive_frames)
+    return RoutedLink(url, Router(Address(1, 191)), loop, [user.receive_frames])
 
 
 def wire(user: LinkUser, end: MemoryEnd, loop: asyncio.AbstractEventLoop) -> RoutedLink:

@@ -1,4 +1,4 @@
-"""Time: the only reader of the wall clock, and the event loop whose clock jumps.
+"""Time: the only reader of the wall clock, and an event loop with virtual time.
 
 `t_s` is monotonic seconds since boot of the platform's clock host. In both kinds of time it is `loop.time()` of the
 asyncio event loop, and everything is scheduled with the loop's `call_at` and `call_later`:
@@ -17,7 +17,7 @@ from datetime import UTC, datetime
 from heapq import heappop, heappush
 from typing import Any, Final, TypeVar, TypeVarTuple
 
-from gloc3.component.guard import guard
+from gloc3.component.workers import guard
 from gloc3.errors import Misuse
 
 T = TypeVar("T")
@@ -181,7 +181,7 @@ class VirtualLoop(asyncio.BaseEventLoop):
                 heappop(timers)
             if not timers:
                 cause = self.failures[0] if self.failures else None
-                raise Misuse("virtual time stands still: nothing is scheduled, and somebody waits") from cause
+                raise Misuse("virtual time is stuck: a task waits, but nothing is scheduled") from cause
             if timers[0][0] > self._now_s:
                 self._now_s = timers[0][0]
         now_s = self._now_s

@@ -1,4 +1,4 @@
-"""The errors of GLOC3: who broke the rule, and where."""
+"""The exceptions of GLOC3: misuse, refusals and input errors with their position."""
 
 from collections.abc import Sequence
 from difflib import get_close_matches

@@ -1,4 +1,4 @@
-"""What installed packages bring: their entry points."""
+"""Entry points of installed packages."""
 
 import sys
 from functools import cache

@@ -1,4 +1,4 @@
-"""Line-of-sight guidance: which heading brings a vehicle onto a straight way and keeps it there in a current."""
+"""Line-of-sight guidance: the heading that brings a vehicle onto a straight path and holds it in a current."""
 
 from math import atan, atan2, cos, hypot, inf, sin, sqrt
 from typing import Final, NamedTuple

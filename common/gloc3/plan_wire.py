@@ -1,4 +1,4 @@
-"""Items of a plan between files, which count in degrees and metres, and the wire of the mission protocol."""
+"""Conversion of plan items between files (degrees and metres) and the mission protocol's wire format."""
 
 import math
 import struct

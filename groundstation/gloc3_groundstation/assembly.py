@@ -21,10 +21,10 @@ from gloc3.messages.topics import TopicTable
 from gloc3.network.file import Membership
 from gloc3_groundstation.desk.events_desk import EventsDesk
 from gloc3_groundstation.desk.services_desk import ServicesDesk
-from gloc3_groundstation.links.acoustic_way import Modem, attach_modem, open_modem
+from gloc3_groundstation.links.acoustic_route import Modem, attach_modem, open_modem
 from gloc3_groundstation.links.link import LinkContext, StationLinkCore
 from gloc3_groundstation.links.links import Links
-from gloc3_groundstation.links.network_way import role_of
+from gloc3_groundstation.links.network_route import role_of
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.station.vehicles import Vehicles
 from gloc3_groundstation.store.contact_queue import FILE as QUEUE_FILE
@@ -47,7 +47,7 @@ NOT_IN_FLIGHTS: Final[Mapping[str, str]] = {
 
 
 class StationSetup(msgspec.Struct, frozen=True, kw_only=True):
-    """What a station is, and where it keeps things."""
+    """Identity and folders of a station."""
 
     boot: int
     """A random number for this start."""

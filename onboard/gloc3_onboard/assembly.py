@@ -5,106 +5,47 @@ The onboard process, another host, a child process and a flight in virtual time 
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
-from typing import Any, Final, NamedTuple
-
-import msgspec
+from typing import Any, Final
 
 from gloc3.cli.counting import counted
 from gloc3.component.context import HostContext
-from gloc3.component.deployment import ComponentRow
 from gloc3.evaluation.requested_path import RequestedPath
 from gloc3.exchange.tunnel.pacing import LinkBudget, budget_of
 from gloc3.mavlink.codec import Frame, MavlinkMessage
 from gloc3.mavlink.router import Router
 from gloc3.mavlink.services.files.ftp_files import Files
-from gloc3.mavlink.signing import SignedOnly, Signing
+from gloc3.mavlink.signing import SignedOnly
 from gloc3.mavlink.transport.endpoints import Endpoint, parse_url
 from gloc3.messages.command_interface import StationRole
 from gloc3.messages.envelope import Severity
 from gloc3.messages.readiness import LinkCondition
 from gloc3.platform.platform import Platform
-from gloc3.store import Records
 from gloc3_onboard.autopilot.arm_authority import ArmAuthority
 from gloc3_onboard.autopilot.device import AutopilotDevice
 from gloc3_onboard.autopilot.link import AutopilotLink
-from gloc3_onboard.autopilot.news import LinkReports
-from gloc3_onboard.command_server.log_shelf import ImmediateExecutor, LogStoreBase
+from gloc3_onboard.autopilot.link_reports import LinkReports
+from gloc3_onboard.command_server.log_shelf import ImmediateExecutor
 from gloc3_onboard.command_server.site import Background, Site
 from gloc3_onboard.companion.acoustic_link import PERIOD_S, AcousticLink
+from gloc3_onboard.companion.autopilot_reporter import AutopilotReporter
 from gloc3_onboard.companion.companion import Companion
-from gloc3_onboard.companion.herald import AutopilotReporter
 from gloc3_onboard.companion.link_watch import LinkWatch, RateWatch
 from gloc3_onboard.companion.parameter_table import own_parameters
-from gloc3_onboard.companion.routing import Keep, RoutedLink, discard
+from gloc3_onboard.companion.routing import RoutedLink
 from gloc3_onboard.companion.station_link import HeartbeatSource, StationLink, StationLinkSettings
+from gloc3_onboard.inputs import Attachment, Hosting, Sensors, Storage, VehicleInputs
 from gloc3_onboard.parts import Parts
-from gloc3_onboard.process.event_narration import EventNarration, Report
-from gloc3_onboard.process.runner import Create, HostMember, Onboard
+from gloc3_onboard.process.event_narration import EventNarration
+from gloc3_onboard.process.runner import Onboard
 from gloc3_onboard.process.taps import ExchangeTaps
-from gloc3_onboard.process.vitals import Vitals
-from gloc3_onboard.sensors.devices import Rig
-from gloc3_onboard.sensors.registry import SourceHost, make_sources, source_urls
-from gloc3_onboard.sensors.rig import PlatformRig
 from gloc3_onboard.sensors.sensor_watch import SensorWatch
 from gloc3_onboard.viewer.catalogue import Catalogue
 
 
-class Sensors(NamedTuple):
-    """The devices of a process that samplers read."""
-
-    devices: Mapping[str, Any]
-    urls: Mapping[str, str]
-    """Their sources, by device; of a simulated device a word for it. Those that are not listed are not watched."""
-    rig: Rig
-    """The calibrations of the cameras."""
-
-    def watch(self, parts: Parts, now_s: Callable[[], float]) -> SensorWatch:
-        """Watches them."""
-        watched = {name: self.devices[name] for name in self.urls}
-        return parts.add("sensor watch", SensorWatch(self.urls, watched, self.rig, now_s))
-
-
-def open_sensors(
-    platform: Platform,
-    used: Sequence[str],
-    requested: Sequence[str],
-    host: SourceHost,
-    warn: Callable[[str], None] = lambda _: None,
-) -> Sensors:
-    """The real sensors of a process, by the URLs of its platform.
-
-    Args:
-        platform: the platform file.
-        used: the devices that rows of this process name.
-        requested: sources that differ from the file's, as NAME=URL.
-        host: what sources are made with.
-        warn: receives what is doubtful in a calibration.
-
-    Raises:
-        InputError: a calibration cannot be used.
-        Refused: a source is wrong.
-    """
-    rig = PlatformRig(platform, host.folder)
-    for warning in rig.warnings:
-        warn(str(warning))
-    urls = source_urls(platform, used, requested)
-    return Sensors(make_sources(urls, host), urls, rig)
-
-
-def devices_of(rows: Sequence[ComponentRow]) -> list[str]:
-    """The devices that rows name, sorted."""
-    return sorted({device for row in rows for device in row.devices.values()})
-
-
-class Hosting(msgspec.Struct, frozen=True, kw_only=True):
-    """Which components a process hosts, and how they are made."""
-
-    rows: Sequence[ComponentRow] | None = None
-    """None for all of the platform."""
-    create: Create = ComponentRow.create
-    led: Sequence[HostMember] = ()
-    """The components of child processes."""
+def watch_sensors(parts: Parts, sensors: Sensors, now_s: Callable[[], float]) -> SensorWatch:
+    """Watches the devices of a process that have a source."""
+    watched = {name: sensors.devices[name] for name in sensors.urls}
+    return parts.add("sensor watch", SensorWatch(sensors.urls, watched, sensors.rig, now_s))
 
 
 def host_components(
@@ -117,54 +58,10 @@ def host_components(
         "taps": parts.add("taps", ExchangeTaps(context.exchange, context.loop, name)),
         "catalogue": parts.add("catalogue", Catalogue(platform, context.topics)),
     }
-    onboard = Onboard(platform, context, everything, hosting.create, hosting.rows, hosting.led)
+    onboard = Onboard(platform, context, everything, hosting.create, hosting.rows, hosting.agents)
     for component in onboard.hosts:
         parts.add(f"component {component}", onboard.hosts[component])
     return parts.add("components", onboard, onboard.close)
-
-
-class Storage(msgspec.Struct, frozen=True, kw_only=True):
-    """Where a vehicle keeps what must survive its process."""
-
-    journal: Records
-    """Of the requests of stations."""
-    progress: Records
-    """Of missions, and home."""
-    reports: Records
-    """What stations were told."""
-    log_store: LogStoreBase
-    """The logs that stations may fetch."""
-    pictures: Any
-    """The device `pictures`."""
-    computer_start: str = ""
-    """Tells this start of the computer from every other."""
-    worker: Executor | None = None
-    """Checks missions; None to check them at once."""
-
-
-class VehicleInputs(msgspec.Struct, frozen=True, kw_only=True):
-    """What a vehicle's side is built from, besides its links, sensors and storage."""
-
-    platform: Platform
-    context: HostContext
-    report: Report = lambda _severity, _text: None
-    """Receives what a person at the terminal should know."""
-    keep: Keep = discard
-    """Receives each MAVLink frame, for a log."""
-    vitals: Callable[[], Vitals] = Vitals
-    """Reads the computer's load."""
-    sign: Callable[[str, int], Signing | None] = lambda _url, _number: None
-    """Signs the link of a URL and number, 0 being the autopilot's; None for a link without a key."""
-    system_id: int = 1
-    accepts_plans: bool = False
-    """Plans that other stations send to the autopilot become missions, and do not reach it."""
-
-
-class Attachment(NamedTuple):
-    """A link without its endpoint: `receive` gets what the endpoint receives, then `open` gets the endpoint."""
-
-    receive: Callable[[bytes], None]
-    open: Callable[[Endpoint], None]
 
 
 class VehicleSide:
@@ -211,7 +108,7 @@ class VehicleSide:
         self.path: Final = RequestedPath(exchange, name)
         parts.add("requested path", self.path, self.path.close)
         self._reporter = AutopilotReporter(exchange, name, self.autopilot.own, loop, self._send_to_stations)
-        parts.add("herald", self._reporter, self._reporter.close)
+        parts.add("reporter", self._reporter, self._reporter.close)
         self.companion: Final = self._add_companion()
         self._link_watch = LinkWatch(loop, self._ends, inputs.report)
         parts.add("link watch", self._link_watch, self._link_watch.close)
@@ -247,13 +144,8 @@ class VehicleSide:
     def attach_autopilot(self) -> Attachment:
         """The link to the autopilot."""
         link = self.autopilot
-        hear = self.companion.attach(link.send_message, is_to_stations=False)
-
-        def receive(frames: list[Frame]) -> None:
-            link.receive_frames(frames)
-            hear(frames)
-
-        routed = self._route(self._autopilot_url, receive, link.signed_only, None)
+        listeners = link.receive_frames, self.companion.attach(link.send_message, is_to_stations=False)
+        routed = self._route(self._autopilot_url, listeners, link.signed_only, None)
         self.parts.add("autopilot link", link, link.close)
         return self._attachment(routed, link.open)
 
@@ -278,20 +170,13 @@ class VehicleSide:
         self.stations.append(link)
         # What observers send reaches our own command interface alone, which tells looking from commanding.
         is_for_observers = role is StationRole.OBSERVER
-        hear = None if is_for_observers else self.companion.attach(link.send)
+        to_companion = () if is_for_observers else (self.companion.attach(link.send),)
         watch = RateWatch(self.autopilot.request_streams_again, context.loop.time)
         self.parts.add(f"rate watch {number}", watch)
-
-        def receive(frames: list[Frame]) -> None:
-            link.receive_frames(frames)
-            if hear is not None:
-                hear(frames)
-            watch.receive(frames)
-
         keeps: Callable[[Frame], bool] | None = (lambda _: True) if is_for_observers else None
         if not is_for_observers and self._inputs.accepts_plans:
             keeps = self.companion.keeps
-        routed = self._route(url, receive, link.signed_only, keeps)
+        routed = self._route(url, (link.receive_frames, *to_companion, watch.receive), link.signed_only, keeps)
         self.parts.add(f"station link {number}", link, link.close)
         return self._attachment(routed, link.open)
 
@@ -318,12 +203,12 @@ class VehicleSide:
     def _route(
         self,
         url: str,
-        receive: Callable[[list[Frame]], None],
+        listeners: Sequence[Callable[[list[Frame]], object]],
         signed_only: SignedOnly | None,
         keeps: Callable[[Frame], bool] | None,
     ) -> RoutedLink:
         inputs, number = self._inputs, len(self._routed)
-        routed = RoutedLink(url, self._router, inputs.context.loop, receive, inputs.keep, signed_only, keeps)
+        routed = RoutedLink(url, self._router, inputs.context.loop, listeners, inputs.keep, signed_only, keeps)
         self._routed.append(routed)
         return self.parts.add(f"routed link {number}", routed, routed.close)
 

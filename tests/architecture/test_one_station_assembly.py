@@ -13,7 +13,7 @@ from gloc3.mavlink.transport.memory import MemoryLink
 from gloc3_groundstation import assembly
 from gloc3_groundstation.assembly import NOT_IN_FLIGHTS, GroundStation, StationSetup
 from gloc3_groundstation.links import links
-from gloc3_groundstation.links.acoustic_way import AcousticRoute
+from gloc3_groundstation.links.acoustic_route import AcousticRoute
 from gloc3_groundstation.links.link import LinkContext, StationLinkCore
 from gloc3_groundstation.links.links import Links
 from gloc3_groundstation.station.station import Station

@@ -17,8 +17,8 @@ from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.cli import doctor_run, platform_new
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.companion.acoustic_link import AcousticLink
+from gloc3_onboard.companion.autopilot_reporter import AutopilotReporter
 from gloc3_onboard.companion.companion import Companion
-from gloc3_onboard.companion.herald import AutopilotReporter
 from gloc3_onboard.companion.link_watch import LinkWatch, RateWatch
 from gloc3_onboard.companion.routing import RoutedLink
 from gloc3_onboard.companion.station_link import HeartbeatSource, StationLink

@@ -5,8 +5,8 @@ from tests.house.walks import PAGE, WALKS, WITH_SCREEN, Function, files_on, func
 
 pytestmark = pytest.mark.flight
 
-LONGER = {"status": 27, "pause": 24, "mission": 29}
-"""Files of the walks that are over their bar today; they may only become fewer."""
+LONGER = {"mission": 25}
+"""Files of a walk that is over its bar: nine of them are the link, which a mission has to cross. It may only get fewer."""
 
 
 def on_the_page(name: str) -> list[Function]:

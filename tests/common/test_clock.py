@@ -104,7 +104,7 @@ def test_waiting_for_what_never_comes_is_an_error_and_no_hang() -> None:
     async def main() -> None:
         await asyncio.Event().wait()
 
-    with pytest.raises(Misuse, match="virtual time stands still"):
+    with pytest.raises(Misuse, match="virtual time is stuck"):
         run_virtual(main())
 
 

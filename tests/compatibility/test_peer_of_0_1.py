@@ -15,7 +15,7 @@ from gloc3.clock import VirtualLoop
 from gloc3.exchange.base import LocalExchange
 from gloc3.exchange.mavlink import MavlinkExchange
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
-from gloc3.exchange.tunnel.happenings import Happening, PeerChanged, TunnelTrouble
+from gloc3.exchange.tunnel.events import Happening, PeerChanged, TunnelTrouble
 from gloc3.exchange.tunnel.layout import TunnelRole
 from gloc3.mavlink.codec import Address, Parser
 from gloc3.messages.command_interface import CiRequest, LoadMission, Steer, Verb

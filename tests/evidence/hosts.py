@@ -18,7 +18,7 @@ CALM_S = 15.0
 BOUND_S = 0.01
 RATE_HZ = 13.0
 USED = 0.5
-"""The jury over the sources sets one aside for some seconds where it differs from the others, as the stereo odometer does
+"""The voting among the sources sets one aside for some seconds where it differs from the others, as the stereo odometer does
 where the vehicle turns round, on whatever host it is."""
 HEALED_S = 4.0
 """An end that was cut off is forgotten after 2 s, the other tries again at least every second, and a handshake has its

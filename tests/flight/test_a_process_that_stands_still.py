@@ -18,5 +18,5 @@ def test_what_was_not_heard_meanwhile_is_not_taken_for_lost(flight: Card) -> Non
     flight.wait(STALL_S + 5.0)
     reported = [one.payload.text for one in flight.received["ci/event"]]
     assert not [text for text in reported if PolicyCondition.POSE_LOST in text or "is lost" in text], reported
-    assert any("this process stood still for" in text for text in reported)
+    assert any("this process stalled for" in text for text in reported)
     assert flight.received["ci/mission"][-1].payload.policy == ""

@@ -120,7 +120,7 @@ def test_the_vehicle_flies_on_while_the_disk_is_busy(disks: list[SlowDisk], flig
     sent = [t_s for t_s, message in flight.to_autopilot if message.name == SETPOINT and t_s > since_s]
     assert max(b - a for a, b in pairwise(sent)) < LIMIT_S
     is_stuck = disks[0].late_s > LONGEST_S
-    assert flight.was_told("the disk takes more than a second to keep anything") is is_stuck
+    assert flight.was_told("the disk takes more than a second for each write") is is_stuck
 
 
 @pytest.mark.parametrize("disks", [float("inf")], indirect=True)

@@ -79,7 +79,7 @@ def test_a_failsafe_of_the_autopilot_counts_as_somebody_elses_and_is_left_alone(
     flight.flight.simulator.autopilot.parameters.set(low, 2)
     flight.fault("battery=0.06")
     flight.until(lambda: flight.driver.has_pilot_control, 8.0, "the autopilot acts by itself")
-    assert "by itself (failsafe)" in flight.driver.pilot_reason
+    assert "the autopilot (failsafe)" in flight.driver.pilot_reason
     flight.await_state("mission", "paused", 1.0)
     assert flight.autopilot.mode in (FlightMode.LAND, FlightMode.RETURN, FlightMode.HOLD)
     flight.await_landed(60.0)

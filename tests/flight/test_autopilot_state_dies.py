@@ -64,11 +64,11 @@ def test_nothing_starts_while_nothing_is_known_of_the_autopilot(flight: Card) ->
     flight.begin(mission(), is_started=False)
     flight.fault("topic:autopilot=lost")
     flight.wait(2.5)
-    with pytest.raises(AssertionError, match="nothing is heard of the autopilot's state"):
+    with pytest.raises(AssertionError, match="no state is received from the autopilot"):
         flight.command("start")
-    assert flight.refused_steer("start") == "nothing is heard of the autopilot's state"
+    assert flight.refused_steer("start") == "no state is received from the autopilot"
     reply = flight.action("take_off", height_m=1.5)
-    assert reply.reason == "nothing is heard of the autopilot's state"
+    assert reply.reason == "no state is received from the autopilot"
 
 
 @pytest.mark.parametrize("fault", ["crash:autopilot_state", "hang:autopilot_state", "topic:autopilot=lost"])

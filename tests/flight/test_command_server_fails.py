@@ -106,7 +106,7 @@ def test_a_disk_that_is_full_ends_no_flight_and_is_told(flight: Card, monkeypatc
         assert flight.was_told(reported), what
     assert flight.was_told("events cannot be kept: No space left on device")
     flight.wait(1.5)
-    assert flight.was_told("everything is kept on disk again")
+    assert flight.was_told("the state is written to disk again")
     flight.fault("crash:command_server", for_s=0.4)
     flight.await_state("mission", "done", 40.0)
     assert flight.position_m[0] == pytest.approx(8.0, abs=HOME_M)

@@ -42,7 +42,7 @@ def test_a_vehicle_whose_file_says_so_lands_before_the_service_ends(flight: Card
     assert not flight.autopilot.is_armed
     assert flight.now_s - begin_s < 15.0
     assert len(ending.extended) > 20, "all the while the manager is asked for time"
-    assert ending.reported == ["the vehicle lands first; told to stop once more, it is left to its autopilot"]
+    assert ending.reported == ["the vehicle lands first; a second stop signal leaves it to its autopilot"]
     onboard = flight.flight.process.onboard
     assert onboard is not None
     flight.run(onboard.stop())
@@ -138,8 +138,8 @@ def test_a_component_that_works_in_flight_gets_its_settings_on_the_ground(flight
     flight.run(reload.read_again())
     flight.run(reload.read_again())
     assert ending.reported == [
-        "read again: waypoints: settings: it is working, and the vehicle is armed or on a mission: reload again on the ground",
-        "read again: waypoints: settings: adopted",
-        "read again: nothing has changed",
+        "reloaded: waypoints: settings: it is working, and the vehicle is armed or on a mission: reload again on the ground",
+        "reloaded: waypoints: settings: adopted",
+        "reloaded: nothing has changed",
     ]
     assert onboard.hosts["waypoints"].settings["acceleration_m_s2"] == 0.9

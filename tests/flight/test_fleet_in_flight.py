@@ -158,7 +158,7 @@ def test_a_station_without_control_is_not_believed(plan: CheckedPlan) -> None:
                 second.client.send("pelican", lie)
                 await asyncio.sleep(0.2)
             reported = [event.text for event in first.fleet.events if event.platform == "pelican"]
-            assert "station 254 tells of heron without control: not believed" in reported
+            assert "station 254 tells of heron without control: ignored" in reported
             pelican = first.fleet.get("pelican")
             assert pelican is not None
             assert pelican.mission is not None
@@ -192,7 +192,7 @@ def test_the_logs_tell_who_commanded_what(plan: CheckedPlan, tmp_path: Path) -> 
     ]
     text = render_commands(commands)
     assert (
-        "operator 254 (udpout://station-2:14550): Steer start: refused: station 255 holds control; ask for control first"
+        "operator 254 (udpout://station-2:14550): Steer start: refused: station 255 holds control; request control first"
         in text
     )
     assert "Emergency hold station 254: accepted" in text

@@ -147,9 +147,9 @@ async def open_and_mend(here: Operator, file: Path) -> None:
     editor = here.app.screen.query_one(MissionEditor)
     assert editor.document.get_line(editor.cursor_location[0]).strip().startswith("side:")
     editor.load_text(editor.text.replace("slow", "0.5"))
-    await here.see("findings", "nothing is wrong with it")
+    await here.see("findings", "no findings")
     await here.press("ctrl+s", "escape")
-    await here.see("position", "u brings it over")
+    await here.see("position", "u streams it")
     assert "0.5}, after" in file.read_text()
 
 
@@ -200,7 +200,7 @@ async def ask_for_single_actions(here: Operator) -> None:
     await here.press("enter")
     await here.on(YesNoQuestion)
     await here.press("y")
-    await here.see("reply", "accepted: it runs as command-")
+    await here.see("reply", "accepted: running as command-")
     await here.press("escape", "escape")
     await here.on(MissionScreen)
     await here.see("graph", "command-")

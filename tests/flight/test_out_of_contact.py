@@ -74,7 +74,7 @@ def test_nothing_but_summaries_goes_by_sound_and_an_order_brings_the_vehicle_dow
     x_m, _, height_m = platform.acoustic.value.position_m
     assert abs(height_m - 1.5) < 0.3
     assert 0.0 < x_m < 8.2
-    assert "by sound" in wording.silence(platform, flight.now_s)
+    assert "acoustic" in wording.silence(platform, flight.now_s)
     assert "sweep.out" in wording.silence(platform, flight.now_s)
     received.clear()
     flight.run(_press(flight))
@@ -85,7 +85,7 @@ def test_nothing_but_summaries_goes_by_sound_and_an_order_brings_the_vehicle_dow
     assert set(kinds) <= {AcousticOrder, Receipt, AcousticSummary}
     assert kinds.count(AcousticOrder) >= 1
     assert flight.was_told("emergency land by an operator, by acoustic modem")
-    assert any("has taken the order: surface (by sound)" in text for text in shown(flight, 0))
+    assert any("has accepted command surface (acoustic)" in text for text in shown(flight, 0))
 
 
 async def _press(flight: Card) -> None:

@@ -63,7 +63,7 @@ def test_a_setting_is_changed_in_standby_only_and_by_whoever_holds_control_only(
     assert "HEIGHT_MAX_M of station 250 refused: initialize is not accepted in working" in reasons(flight)[-1]
     assert value_of(tool, "HEIGHT_MAX_M") == before
     assert put(tool, "HEIGHT_MAX_M", 5000.0) is ParameterResult.REFUSED
-    assert reasons(flight)[-1] == "parameter refused: HEIGHT_MAX_M is from 0.1 to 1000, not 5000"
+    assert reasons(flight)[-1] == "parameter refused: HEIGHT_MAX_M must be from 0.1 to 1000, not 5000"
     assert put(Tool(flight, system=249), "HEIGHT_MAX_M", 30.0) is ParameterResult.REFUSED
     assert "station 250 holds control" in reasons(flight)[-1]
     assert tool.reported("PARAM_ERROR")

@@ -120,7 +120,7 @@ def test_a_return_that_loses_the_pose_becomes_a_landing_here(flight: Card) -> No
 @ONE_STYLE
 @pytest.mark.parametrize("policy", ["hold", "return"])
 def test_the_check_refuses_what_cannot_be_flown_without_a_pose(flight: Card, policy: str) -> None:
-    with pytest.raises(InputError, match="needs the pose, and cannot be flown when that is lost"):
+    with pytest.raises(InputError, match="needs the pose and cannot be flown without it"):
         flight.begin(mission(on_pose_lost=policy))
 
 

@@ -117,7 +117,7 @@ def test_only_the_holder_of_control_steers(rov: Card) -> None:
         rov.wait(0.1)
     assert dist(began, place(rov)) < 0.3
     assert not state(rov).is_live
-    assert rov.was_told("velocities of station 254 are not taken: station 255 holds control")
+    assert rov.was_told("velocities of station 254 are ignored: station 255 holds control")
     rov.as_station("254", Control(verb=ControlVerb.TAKE_OVER))
     for sequence in range(20, 60):
         demand(sequence)

@@ -173,7 +173,7 @@ async def _text(here: Scene, file: Path) -> Pose:
     yield "mission_errors"
     editor = here.app.screen.query_one(TextArea)
     editor.load_text(TEXT + "# mine\n")
-    await here.until("findings", "nothing is wrong with")
+    await here.until("findings", "no findings")
     yield "mission_text"
     await here.press("escape")
     await _over(here, "o", UnsavedQuestion)
@@ -278,7 +278,7 @@ async def fleet(here: Scene) -> Pose:
     await here.go("0")
     await here.until("vehicles", "stork")
     await here.press("m")
-    await here.until("control", "asks for it")
+    await here.until("control", "requests it")
     yield "fleet"
     await _over(here, "h", YesNoQuestion)
     yield "fleet_order"

@@ -162,7 +162,7 @@ MISSION = b"mission: x\nframe: hold\ntasks:\n  a:\n    actions:\n      up: {take
 TROUBLES = (
     TunnelTrouble("the terminal is too small", small_terminal, "has 60 × 20 characters", "enlarge it"),
     TunnelTrouble(
-        "a vehicle falls silent in flight", lambda: silent(is_armed=True), "it was armed", "see to radio and antenna"
+        "a vehicle falls silent in flight", lambda: silent(is_armed=True), "it was armed", "check radio, antenna"
     ),
     TunnelTrouble(
         "a vehicle falls silent on the ground", lambda: silent(is_armed=False), "nothing is heard", "is it switched on"
@@ -174,7 +174,7 @@ TROUBLES = (
         "is the program at the other end running",
     ),
     TunnelTrouble("the onboard process restarts", restarted_companion, "has restarted", "look at mission and checks"),
-    TunnelTrouble("an autopilot restarts", restarted_autopilot, "has restarted", "look at them and at its plan"),
+    TunnelTrouble("an autopilot restarts", restarted_autopilot, "has restarted", "check them and its plan"),
     TunnelTrouble(
         "two vehicles with one system id on one link",
         lambda: two_of_one_id(is_on_one_link=True),

@@ -85,15 +85,15 @@ class _Scene:
         self.ours = self.remembered()
         self.platform = StationLink("heron", 1, loop, self.here, topics, 7, StationLinkSettings(signing=self.ours))
         self.autopilot = AutopilotLink(loop, self.clock)
-        vehicle = RoutedLink("udpin://:14540", router, loop, self.autopilot.receive_frames)
+        vehicle = RoutedLink("udpin://:14540", router, loop, [self.autopilot.receive_frames])
         self.radio = RoutedLink(
             "serial:///dev/ttyUSB0:57600",
             router,
             loop,
-            self.platform.receive_frames,
+            [self.platform.receive_frames],
             signed_only=self.platform.signed_only,
         )
-        self.open = RoutedLink("udpin://:14560", router, loop, lambda _: None)
+        self.open = RoutedLink("udpin://:14560", router, loop)
         self.sink = MemoryLink(loop, Random(3))
         for routed, end in ((vehicle, self.cable.a), (self.radio, self.memory.b), (self.open, self.sink.a)):
             end.on_data = routed.receive

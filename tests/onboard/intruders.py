@@ -154,7 +154,7 @@ class Scene:
         before = len(self.onboard.lines)
         self.onboard.process.send_signal(signal.SIGHUP)
         await asyncio.to_thread(
-            self.onboard.await_line, lambda line: "network.yaml is read again" in line, TIMEOUT_S, before
+            self.onboard.await_line, lambda line: "network.yaml is reloaded" in line, TIMEOUT_S, before
         )
         await self.show_that_it_obeys()
 

@@ -142,8 +142,8 @@ class _Scene:
         self.here, self.there = LocalExchange(), LocalExchange()
         router = Router(Address(1, 191))
         self.station_link = StationLink("heron", 1, loop, self.here, topics, 7)
-        vehicle = RoutedLink("serial:///dev/ttyACM0:921600", router, loop, lambda _: None)
-        self.routed = RoutedLink("serial:///dev/ttyUSB0:57600", router, loop, self.station_link.receive_frames)
+        vehicle = RoutedLink("serial:///dev/ttyACM0:921600", router, loop)
+        self.routed = RoutedLink("serial:///dev/ttyUSB0:57600", router, loop, [self.station_link.receive_frames])
         for routed, end in ((vehicle, cable.a), (self.routed, self.radio.a)):
             end.on_data = routed.receive
             routed.open(end)

@@ -20,7 +20,7 @@ from gloc3.store import MemoryRecords
 from gloc3_groundstation.station.command_client import CommandClient
 from gloc3_onboard.autopilot.device import AutopilotDevice
 from gloc3_onboard.autopilot.link import AutopilotLink
-from gloc3_onboard.autopilot.news import LinkReports
+from gloc3_onboard.autopilot.link_reports import LinkReports
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.process.computer import SimulatedComputer
 from gloc3_onboard.process.runner import Onboard

@@ -60,7 +60,7 @@ def encode(frame: GreyFrame) -> bytes:
     name = frame.camera.encode()
     is_whole = 0 < frame.width * frame.height == len(frame.data) <= MOST_PIXELS
     if not is_whole or len(name) > 255 or max(frame.width, frame.height) > 0xFFFF or frame.boot_us < 0:
-        raise Misuse(f"{len(frame.data)} bytes are no frame of {frame.width} x {frame.height} pixels")
+        raise Misuse(f"{len(frame.data)} bytes are not a frame of {frame.width} x {frame.height} pixels")
     return _HEADER.pack(MAGIC, frame.boot_us, frame.width, frame.height, len(name)) + name + frame.data
 
 
@@ -73,7 +73,7 @@ def encode_scan(scan: ScanFrame) -> bytes:
     name, (beams, rest) = scan.scanner.encode(), divmod(len(scan.ranges_m), 4)
     numbers = scan[2:7]
     if rest or not 0 < beams <= 0xFFFF or len(name) > 255 or scan.boot_us < 0 or not all(map(math.isfinite, numbers)):
-        raise Misuse(f"{len(scan.ranges_m)} bytes are no scan")
+        raise Misuse(f"{len(scan.ranges_m)} bytes are not a scan")
     return _SCAN_HEADER.pack(SCAN_MAGIC, scan.boot_us, beams, len(name), *numbers) + name + scan.ranges_m
 
 
@@ -104,7 +104,7 @@ class FrameReader:
         while len(self._remainder) >= _HEADER.size:
             magic = bytes(self._remainder[:4])
             if magic not in (MAGIC, SCAN_MAGIC):
-                raise FrameError("this is no stream of camera frames and scans")
+                raise FrameError("not a stream of camera frames and scans")
             used = self._frame() if magic == MAGIC else self._scan()
             if used is None:
                 break

@@ -1,4 +1,4 @@
-"""Between pixels and directions: what a camera's lens does to a point, and how that is undone. Needs numpy alone."""
+"""Conversion between pixels and directions: lens projection and its inverse. Needs numpy only."""
 
 from typing import Final
 

@@ -1,4 +1,4 @@
-"""What a camera is: its lens, its picture, and how it sits on its vehicle. One structure for simulated and real ones."""
+"""Camera model: lens, image size and mount on the vehicle, for simulated and real cameras."""
 
 from enum import StrEnum
 from typing import Annotated

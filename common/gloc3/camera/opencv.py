@@ -1,4 +1,4 @@
-"""OpenCV, as everything here uses it: loaded when it is needed, and at work on the caller's thread alone."""
+"""Access to OpenCV: loaded when needed, and restricted to the caller's thread."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What of a wall was seen, from where, and how well: footprints of pictures on a grid of cells. Pure geometry."""
+"""Coverage of a wall by pictures: their footprints on a grid of cells. Pure geometry."""
 
 from typing import Final, NamedTuple
 
@@ -107,7 +107,7 @@ def cover(wall: Wall, views: list[WallView], cameras: dict[str, CameraModel], li
     """
     unknown = sorted({view.camera for view in views} - set(cameras))
     if unknown:
-        raise Refused(f"nothing is known of the camera {unknown[0]!r}: give its model with --cameras")
+        raise Refused(f"unknown camera {unknown[0]!r}: set its model with --cameras")
     width_m, height_m = wall.size_m
     columns, rows = max(1, round(width_m / limits.cell_m)), max(1, round(height_m / limits.cell_m))
     if columns * rows > _MOST_CELLS:

@@ -20,9 +20,9 @@ app = App(
 
     For example:
 
-    - `gloc3 component list --platform pelican`: what runs on a platform, how often, and for whom it stands by
+    - `gloc3 component list --platform pelican`: what runs on a platform, at which rate, and as whose standby
     - `gloc3 component describe stereo_odometry`: its ports, settings with their units and bounds, functions
-    - `gloc3 component describe my_package.wind:WindSampler`: your own""",
+    - `gloc3 component describe my_package.wind:WindSampler`: a class of your own""",
     help_format="markdown",
     version_flags=[],
 )
@@ -36,14 +36,14 @@ def list_components(*, platform: OnPlatform = None, json_output: AsJson = False)
     """List the installed component classes, or the components of a platform.
 
     Args:
-        platform: Whose components.
-        json_output: For programs.
+        platform: The platform whose components are listed.
+        json_output: Print JSON.
     """
     rows = _installed_rows() if platform is None else _platform_rows(load_platform(platform))
     if json_output:
         print_json(rows)
     elif not rows:
-        console().print("no component is installed; packages bring them by the entry points gloc3.components")
+        console().print("no component is installed; packages provide them as gloc3.components entry points")
     else:
         shown = [{**row, "class": row["class"].rpartition(":")[2]} for row in rows] if platform else rows
         print_table(list(rows[0]), [[value_text(value) for value in row.values()] for row in shown])
@@ -57,7 +57,7 @@ def describe_component(name: str, /, *, platform: OnPlatform = None, json_output
     Args:
         name: Of an installed component, of a component of the platform, or `package.module:Class`.
         platform: The deployment that binds the ports and sets the settings.
-        json_output: For programs.
+        json_output: Print JSON.
     """
     topics = TopicTable.installed()
     if platform is None:
@@ -120,7 +120,7 @@ def _print_description(found: Description, row: ComponentRow | None) -> None:
     to.print(found.doc, markup=False)
     if row is not None:
         cycles = [f"{row.rate_hz:g} Hz"] if row.rate_hz else []
-        cycles += [f"begun by {', '.join(row.triggers)}"] if row.triggers else []
+        cycles += [f"triggered by {', '.join(row.triggers)}"] if row.triggers else []
         to.print(f"\nhere: {row.name}, {', '.join(cycles)}, begins {row.begin}", markup=False)
     if found.devices:
         to.print(f"\ndevices: {', '.join(found.devices)}", markup=False)

@@ -1,4 +1,4 @@
-"""Narration: lines for people on stderr, which never disturb the work that they tell of.
+"""Narration: lines for people on stderr, which never block the work that they describe.
 
 Where stderr is the journal of systemd, each line begins with its level, `<4>` for a warning (sd-daemon(3)).
 """
@@ -21,7 +21,7 @@ INFO: Final = 6
 
 
 def narrate(text: str, level: int = INFO) -> None:
-    """Writes lines on stderr; that nobody reads there any more is no reason to stop.
+    """Writes lines on stderr; a closed stderr is ignored.
 
     Args:
         text: one line or several.
@@ -35,7 +35,7 @@ def narrate(text: str, level: int = INFO) -> None:
 
 
 def is_journal() -> bool:
-    """Whether stderr goes to the journal: systemd names its device and inode to whom it starts."""
+    """Whether stderr goes to the systemd journal, by the device and inode that systemd states."""
     named = os.environ.get("JOURNAL_STREAM", "")
     if not named:
         return False
@@ -47,7 +47,7 @@ def is_journal() -> bool:
 
 
 class Narrator:
-    """Narrates from a thread of its own: a terminal that is held up must not hold up a vehicle."""
+    """Narrates from its own thread, so that a blocked terminal does not block a vehicle."""
 
     def __init__(self) -> None:
         self._lines: queue.Queue[tuple[str, int] | None] = queue.Queue(MOST_WAITING)
@@ -55,7 +55,7 @@ class Narrator:
         self._thread.start()
 
     def narrate(self, text: str, level: int = INFO) -> None:
-        """Has a line written soon."""
+        """Queues a line."""
         with suppress(queue.Full):
             self._lines.put_nowait((text, level))
 

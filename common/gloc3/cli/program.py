@@ -1,4 +1,4 @@
-"""The program `gloc3`: its subcommands are found through entry points, so that each package brings its own."""
+"""The program `gloc3`: finds its subcommands through entry points, so that each package adds its own."""
 
 import gc
 import os
@@ -35,7 +35,7 @@ SUMMARIES: Final = {
     "fly": "Fly a mission in simulation: everything in one process, in virtual time.",
     "demo": "Fly a mission with three real processes on this machine.",
     "relay": "Pass datagrams on as a bad link would: a radio, an acoustic modem.",
-    "mission": "Make, check, show, simulate and convert mission files; tell what they can ask for.",
+    "mission": "Make, check, show, simulate and convert mission files; list capabilities.",
     "log": "Inspect, plot, report, recover and replay logs.",
     "odometry": "Run odometers on data sets, and compare trajectories with the truth.",
     "component": "List components and describe them.",
@@ -65,7 +65,7 @@ def main() -> None:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Runs the program; whatever goes wrong becomes a line on stderr and an exit code."""
+    """Runs the program; an error becomes a line on stderr and an exit code."""
     _have_streams()
     name = f"gloc3 {arguments[0]}" if arguments else "gloc3"
     try:
@@ -144,7 +144,7 @@ def _overview(commands: dict[str, EntryPoint]) -> str:
     lines = ["Usage: gloc3 COMMAND [ARGUMENTS]", "", "Commands:"]
     ordered = [*(name for name in SUMMARIES if name in commands), *sorted(set(commands) - set(SUMMARIES))]
     lines += [f"  {name:<10} {SUMMARIES.get(name, f'from {commands[name].value}')}" for name in ordered]
-    return "\n".join([*lines, "", "gloc3 COMMAND --help tells more; gloc3 --version tells the version."])
+    return "\n".join([*lines, "", "gloc3 COMMAND --help explains a command; gloc3 --version prints the version."])
 
 
 def _have_streams() -> None:
@@ -263,5 +263,5 @@ def explained(error: "CycloptsError") -> str:
         case RepeatArgumentError(token=token):
             return f"{token.keyword or name} is given more than once"
         case UnusedCliTokensError(unused_tokens=[*words]):
-            return f"nothing was expected after the arguments, but there is {' '.join(words)!r}"
+            return f"unexpected after the arguments: {' '.join(words)!r}"
     return str(error).strip()

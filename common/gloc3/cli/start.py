@@ -1,4 +1,4 @@
-"""Where the program begins: from here on an interruption is an exit code, not a traceback."""
+"""Entry point of the program: an interruption becomes an exit code, not a traceback."""
 
 import sys
 

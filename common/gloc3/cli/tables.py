@@ -1,4 +1,4 @@
-"""Prints what commands tell: tables for people, JSON for programs."""
+"""Output of commands: tables for people, JSON for programs."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, Final

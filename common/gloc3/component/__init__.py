@@ -12,11 +12,11 @@ __all__ = [
     "description",
     "error_handler",
     "functions",
-    "guard",
     "host",
     "hosted",
     "lci",
     "ports",
     "settings",
     "supervision",
+    "workers",
 ]

@@ -1,4 +1,4 @@
-"""Performing actions: what a component that carries out a capability of its platform has in common with the others.
+"""Base of components that perform the actions of a platform's capabilities.
 
 The command interface server asks by function message (`action.start`, `action.pause`, `action.resume`,
 `action.cancel`); the component answers at once and reports `ActionStatus` on every change and at 1 Hz (DESIGN §6).

@@ -1,4 +1,4 @@
-"""The generic component (paper §IV): an author writes the intended function, everything else comes from its host."""
+"""The generic component (paper §IV): its author writes the intended function, its host provides the rest."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -54,7 +54,7 @@ def _functions_of(cls: type) -> dict[str, FunctionEntry]:
         if not (_is_message(hints.get("request")) and _is_message(hints.get("return"))):
             raise Misuse(f"{cls.__name__}.{attribute} must be (self, request: Message, now_s: float) -> Message")
         if name in entries or name in RESERVED_FUNCTIONS:
-            raise Misuse(f"{cls.__name__}.{attribute}: a function {name!r} is there already")
+            raise Misuse(f"{cls.__name__}.{attribute}: a function {name!r} already exists")
         entries[name] = FunctionEntry(
             name, attribute, hints["request"], hints["return"], (method.__doc__ or "").strip()
         )

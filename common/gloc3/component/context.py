@@ -1,4 +1,4 @@
-"""What the hosts of one process share."""
+"""State shared by the hosts of one process."""
 
 import asyncio
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from gloc3.messages.topics import TopicTable
 
 
 class HostContext(NamedTuple):
-    """What the hosts of one process share."""
+    """State shared by the hosts of one process."""
 
     platform: str
     exchange: Exchange

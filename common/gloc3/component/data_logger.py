@@ -7,7 +7,7 @@ import msgspec
 
 from gloc3.component.component import Component
 from gloc3.component.error_handler import CountedError, one_line
-from gloc3.component.guard import guard
+from gloc3.component.workers import guard
 from gloc3.errors import Refused, nearest
 
 _PLAIN: Final = frozenset((float, int, str, bool, type(None)))

@@ -368,7 +368,7 @@ def _topic_problems(
                     matches(topic, source) or matches(source, topic) for source in (*produced, *external)
                 ):
                     hint = nearest(topic, produced)
-                    yield Problem(index, where, f"nobody here brings {topic!r}", hint, is_warning=True)
+                    yield Problem(index, where, f"no component publishes {topic!r}", hint, is_warning=True)
 
 
 def _topics_of(row: ComponentRow, classes: Classes, kind: str) -> Iterator[tuple[str, str]]:

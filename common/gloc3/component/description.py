@@ -1,4 +1,4 @@
-"""What a component's class says of itself, as data: ports, settings, functions, loggable items."""
+"""Description of a component class as data: ports, settings, functions, loggable items."""
 
 import inspect
 import types

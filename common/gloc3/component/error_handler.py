@@ -4,7 +4,7 @@ import re
 import traceback
 from typing import Final, NamedTuple
 
-from gloc3.component.guard import guard
+from gloc3.component.workers import guard
 from gloc3.errors import Gloc3Error, Misuse
 
 CAUSES_MAX: Final = 64

@@ -1,4 +1,4 @@
-"""The host of one component: takes the commands of the local command interface and function messages, and begins it.
+"""The host of one component: handles commands of the local command interface and function messages, and starts it.
 
 It checks each command against the table, has the methods run off the control path, and replies. Everything else of the
 paper's Fig. 2 is in `gloc3.component.hosted`, one object for each life of the component.
@@ -13,10 +13,10 @@ from gloc3.component.context import HostContext
 from gloc3.component.deployment import Begin, ComponentRow, check_row
 from gloc3.component.error_handler import ErrorHandler, describe
 from gloc3.component.functions import FunctionDesk
-from gloc3.component.guard import guard
 from gloc3.component.hosted import Answer, HostedComponent
 from gloc3.component.lci import CREATE, Command, State, transition
 from gloc3.component.settings import load_settings
+from gloc3.component.workers import guard
 from gloc3.errors import InputError, Refused, nearest
 from gloc3.exchange.base import Unsubscribe
 from gloc3.messages.envelope import (

@@ -13,11 +13,10 @@ from gloc3.component.cycle import CycleCalls, Cycler, CycleStatistics, Mailbox
 from gloc3.component.data_logger import DataLogger
 from gloc3.component.deployment import ComponentRow
 from gloc3.component.error_handler import CountedError, ErrorHandler, describe, reason_of
-from gloc3.component.guard import guard
 from gloc3.component.jobs import CHECK_LEAVING, MAKE_SAFE, CycleJob, Gate, MethodJob
 from gloc3.component.lci import OPERATING, Command, State, Transition
 from gloc3.component.outlets import KEY, Outlets, Routed
-from gloc3.component.workers import JobQueue
+from gloc3.component.workers import JobQueue, guard
 from gloc3.exchange.base import Publisher, Unsubscribe
 from gloc3.messages.envelope import ComponentStatus, Envelope, Event, InternalState, Kind, Message, Severity
 

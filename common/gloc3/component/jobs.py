@@ -1,4 +1,4 @@
-"""What a host has its worker do with a component: methods in a row, one function, the cycles; each guarded and gated."""
+"""Jobs of a host's worker: a sequence of methods, one function, or a cycle; each guarded and gated."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, Final, Self
@@ -8,9 +8,9 @@ import msgspec
 from gloc3.component.component import ActuatorDriver, Component, FunctionEntry
 from gloc3.component.data_logger import read_items
 from gloc3.component.error_handler import CountedError
-from gloc3.component.guard import guard
 from gloc3.component.outlets import Outlets, Routed
 from gloc3.component.ports import Actuation, Inbox
+from gloc3.component.workers import guard
 from gloc3.errors import Misuse, Refused
 from gloc3.messages.envelope import Message
 

@@ -1,4 +1,4 @@
-"""Ports: what a component's class says that it takes and gives, and the inbox that a cycle reads."""
+"""Ports: the inputs and outputs that a component class declares, and the inbox that a cycle reads."""
 
 from collections.abc import Iterator, Sequence
 from enum import StrEnum

@@ -1,4 +1,4 @@
-"""Supervision: what is done when a component turns faulty or falls silent, as a pure machine (DESIGN §7).
+"""Supervision of components that turn faulty or stop reporting, as a pure state machine (DESIGN §7).
 
 It is told statuses, replies and the time, and gives orders for components' LCIs, and verdicts: failure policies for
 whoever flies the mission. Components that share outputs, a primary and its standbys, form a group with one of them in

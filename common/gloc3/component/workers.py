@@ -1,7 +1,7 @@
 """Workers: where a component's methods run, so that none of them delays the control path.
 
 In wall time each component has a thread of its own. In virtual time its methods run in the loop's thread, one after the
-other as on a thread, and what each costs is what a model says.
+other as on a thread, and what each costs is what a model says. `guard` runs them: the one broad handler of the project.
 """
 
 import asyncio
@@ -12,6 +12,18 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 T = TypeVar("T")
+
+
+def guard(job: Callable[..., T], *arguments: Any) -> tuple[T | None, BaseException | None]:
+    """Runs an author's code: its result, or what it raised.
+
+    `SystemExit` and the like are an author's errors too: no component may end its host. Only the operator's
+    `KeyboardInterrupt` goes through.
+    """
+    try:
+        return job(*arguments), None
+    except (Exception, SystemExit, GeneratorExit, asyncio.CancelledError) as error:  # noqa: BLE001
+        return None, error
 
 
 class Worker(Protocol):

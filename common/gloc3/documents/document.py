@@ -1,4 +1,4 @@
-"""YAML files with the place of everything in them: limits, duplicate keys and bad numbers found, never a traceback.
+"""YAML files with source positions: reports broken limits, duplicate keys and bad numbers, never a traceback.
 
 Plain values are read by the core schema of YAML 1.2, plus `yes` and `no` as truth values; `1:30` and dates stay text.
 Anchors, aliases, tags and several documents in one file are refused: they are of no use in a mission or platform file,
@@ -197,6 +197,6 @@ def _in_line(value: Any) -> str:
 def _too_large(file: str, size: int, limit: int) -> Finding:
     return Finding(
         file=file,
-        message=f"{size / 1e6:.1f} MB are too much: at most {limit / 1e6:g} MB are read",
+        message=f"{size / 1e6:.1f} MB is too large: the limit is {limit / 1e6:g} MB",
         hint="is this the right file?",
     )

@@ -1,4 +1,4 @@
-"""JSON Schema (draft 2020-12) of what people write in YAML, so that editors complete it, explain it and check it.
+"""JSON Schema (draft 2020-12) of YAML files, by which editors complete, explain and check them.
 
 Types, bounds and defaults come from the structures that the readers use; each field is described by the text under it,
 with the unit that its name tells.

@@ -1,4 +1,4 @@
-"""Checks a document against a msgspec type and finds everything that is wrong at once, each with its place."""
+"""Checks a document against a msgspec type and reports all errors at once, each with its position."""
 
 import re
 import types

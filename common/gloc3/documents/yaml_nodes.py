@@ -1,4 +1,4 @@
-"""Makes nodes, plain values with their places, from the events of a YAML parser; without recursion, within limits."""
+"""Builds nodes (values with source positions) from a YAML parser's events, without recursion and within limits."""
 
 import math
 import re

@@ -1,4 +1,4 @@
-"""How far a trajectory is from the truth, as the field defines it: absolute and relative error, as in the tool evo.
+"""Absolute and relative trajectory error, defined as in the tool evo.
 
 Sturm, Engelhard, Endres, Burgard and Cremers (IROS 2012) define both; the alignment is Umeyama's (PAMI 13, 1991).
 """

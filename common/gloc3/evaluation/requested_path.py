@@ -1,4 +1,4 @@
-"""Listens to what waypoint controllers are asked to fly: the path requested, for the log and the picture of a flight."""
+"""Collects the requested path from the waypoint controllers' requests, for the log and plots of a flight."""
 
 from typing import Any, Final
 

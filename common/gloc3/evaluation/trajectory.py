@@ -1,4 +1,4 @@
-"""A trajectory: poses over time as arrays, read from and written to the forms that data sets come with."""
+"""A trajectory: poses over time as arrays, read from and written to the formats of common data sets."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What goes over an acoustic modem: a summary of 32 bytes at most, an order, a receipt; everything big-endian.
+"""Messages over an acoustic modem: a summary of at most 32 bytes, a command, a receipt; all big-endian.
 
 Each frame: version and kind (4 bits each), the platform (1 byte), sequence (2), its fields, and a tag of 4 bytes: the
 begin of an HMAC-SHA256 with the link's key, or a CRC-32 where there is none.

@@ -1,11 +1,11 @@
-"""What every middleware of the data exchanger offers, the publisher that stamps envelopes, and the local middleware."""
+"""Interface of the data exchanger's middlewares, the publisher that stamps envelopes, and the local middleware."""
 
 import asyncio
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Protocol
 
-from gloc3.component.guard import guard
+from gloc3.component.workers import guard
 from gloc3.messages.envelope import CommandRequest, Envelope, FunctionRequest, Message, Source
 from gloc3.messages.topics import TopicTable, matches
 from gloc3.messages.wire import type_name

@@ -1,4 +1,4 @@
-"""One key on which this process sends over Zenoh, by the service that a topic's row asks for."""
+"""Sender on one Zenoh key, with the quality of service of the topic's row."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 
 import zenoh
 
-from gloc3.component.guard import guard
+from gloc3.component.workers import guard
 from gloc3.exchange.inbound import Arrivals, Inbound
 from gloc3.exchange.near import NearServer
 from gloc3.messages.topics import TopicService

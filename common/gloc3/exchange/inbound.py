@@ -1,4 +1,4 @@
-"""Hands what other threads bring over to the loop: bounded, in order, with one wake for many."""
+"""Queue from other threads to the event loop: bounded, in order, with one wake-up for many messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Large messages of topics that travel in bulk: through memory to who is on this computer, else through Zenoh.
+"""Large messages: through shared memory to receivers on this computer, else through Zenoh.
 
 Who has some declares a key of its own below the topic, `TOPIC/bulk/NAME`: a token there says that it is here, a question
 there is answered with the ticket to its memory, and what is put there are messages for all others. The rules of access

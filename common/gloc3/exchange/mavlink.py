@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from gloc3.exchange.base import Deliver, Exchange, LocalExchange, Unsubscribe
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
-from gloc3.exchange.tunnel.happenings import Delivered, Happening, TokenChanged
+from gloc3.exchange.tunnel.events import Delivered, Happening, TokenChanged
 from gloc3.exchange.tunnel.layout import PAYLOAD_TYPE, TunnelRole
 from gloc3.exchange.tunnel.routes import route
 from gloc3.mavlink.codec import message as make

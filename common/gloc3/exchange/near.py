@@ -1,4 +1,4 @@
-"""Large messages to processes of the same user on this computer: through shared memory, told of over a socket.
+"""Large messages to processes of the same user on this computer: in shared memory, announced over a socket.
 
 One process listens at a name that holds on this computer only and goes with the process. Another shows the ticket of a
 topic, which it gets only where it may read that topic; then each message is one packet that tells the place in the

@@ -1,4 +1,4 @@
-"""Sends one topic over Zenoh, by the service that its row asks for."""
+"""Sends one topic over Zenoh, with the quality of service of its row."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Opens Zenoh sessions with explicit endpoints: nothing is searched for, and nothing listens that was not told to.
+"""Opens Zenoh sessions with explicit endpoints only: no scouting, and no implicit listeners.
 
 A node without anybody to connect to is a router; the nodes that connect to it are peers, each in a region of its own,
 so that the router hands on what they have for each other; child processes are clients of their parent. Routers never

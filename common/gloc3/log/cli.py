@@ -1,4 +1,4 @@
-"""`gloc3 log`: what a log holds, pictures and reports of it, rescue of a damaged one, and replay of a component."""
+"""`gloc3 log`: inspect, plot, report and recover logs, and replay a component."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -32,10 +32,10 @@ app = App(
     - `gloc3 log info runs/inspection`: duration, topics, events, and what is missing
     - `gloc3 log plot runs/inspection`: the path flown and the path requested
     - `gloc3 log plot runs/inspection pose velocity_ned_m_s[2]`: numbers over time
-    - `gloc3 log commands runs/inspection`: which station commanded what, and what became of it
+    - `gloc3 log commands runs/inspection`: the commands of stations, and their outcomes
     - `gloc3 log report runs/inspection --wall "0,12,0 20,12,0 20,0,0 0,0,0"`: how much of the floor was seen
-    - `gloc3 log replay runs/inspection limiter`: a component again, on what it was given then
-    - `gloc3 log pull udpin://0.0.0.0:14550`: the logs of a vehicle, from where the last attempt was cut off
+    - `gloc3 log replay runs/inspection limiter`: run a component again on its recorded inputs
+    - `gloc3 log pull udpin://0.0.0.0:14550`: download a vehicle's logs, resuming the last attempt
 
     A log is an MCAP file, which Foxglove opens as it is.""",
     help_format="markdown",
@@ -58,9 +58,9 @@ def info(
     json: Annotated[bool, Parameter(negative="")] = False,
     events: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Say what a log holds: duration, topics and rates, events and faults, and what is missing.
+    """Show what a log holds: duration, topics and rates, events and faults, and what is missing.
 
-    The exit code is 1 where the log is not finished or something in it is lost.
+    The exit code is 1 if the log is not finished or messages are lost.
 
     Args:
         file: The log, or the folder of a run: its last one.
@@ -82,11 +82,11 @@ def commands_(
     looks: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Say who commanded what: the requests of stations, when and how they came, and what became of them.
+    """List the requests of stations: when and how they came, and their outcomes.
 
     Args:
         file: The platform's log, or the folder of a run: its last one.
-        looks: Show what only looks, too.
+        looks: Also show requests that only read.
         json: Print JSON for programs.
     """
     with LogReader(find_log(file), TopicTable.installed().types) as reader:
@@ -102,8 +102,8 @@ def plot(file: Path, what: str = "path", /, *fields: str, out: Path | None = Non
 
     Args:
         file: The log, or the folder of a run: its last one.
-        what: `path` (flown against requested), `components` (their states over time), or a topic.
-        fields: With a topic, its fields to draw, such as position_ned_m or velocity_ned_m_s[2]; none for all numbers.
+        what: `path` (flown and requested), `components` (their states over time), or a topic.
+        fields: With a topic, its fields to draw, such as position_ned_m or velocity_ned_m_s[2]; default: all numbers.
         out: The picture (.svg, .png, .pdf); by default beside the log.
     """
     file = find_log(file)
@@ -129,7 +129,7 @@ def recover_(file: Path, out: Path | None = None, /) -> int:
     """Make a finished log, with its index, from an unfinished or damaged one.
 
     Args:
-        file: The damaged log, or the folder of a run: its last one; it is left as it is.
+        file: The damaged log, or the folder of a run: its last one; it is not changed.
         out: The new log; by default `NAME-recovered.mcap` beside it.
     """
     file = find_log(file)
@@ -146,7 +146,7 @@ def recover_(file: Path, out: Path | None = None, /) -> int:
 def replay_(file: Path, component: str, /, *, platform: str = "") -> int:
     """Run a component again on its recorded inputs, and compare its outputs with the recorded ones.
 
-    The exit code is 1 where they differ by more than rounding.
+    The exit code is 1 if they differ by more than rounding.
 
     Args:
         file: The log, or the folder of a run: its last one.
@@ -164,7 +164,7 @@ def replay_(file: Path, component: str, /, *, platform: str = "") -> int:
         elif attached is not None:
             found = read_platform(attached, f"{file.name}/{PLATFORM_FILE}")
         else:
-            raise Gloc3Error(f"{file} holds no platform file: name the platform with --platform")
+            raise Gloc3Error(f"{file} holds no platform file: set --platform")
         comparisons = replay(reader, found, component, topics)
         _warn(reader)
     print(render_comparisons(comparisons))  # noqa: T201
@@ -189,15 +189,15 @@ def report_(
 
     Args:
         run: The folder of a run (its last log), a log, or a folder of pictures with their poses.
-        wall: What was to be inspected: its corners "x,y,height x,y,height ...", from the upper left one clockwise for who
-            stands before it; or WORLD.yaml#SURFACE.
+        wall: The inspected wall: its corners "x,y,height x,y,height ...", clockwise from the upper left as seen from in
+            front; or WORLD.yaml#SURFACE.
         frame: The local frame of the corners; needed where the platform has several.
         cameras: Models of the cameras, where the run holds none (its images/cameras.json).
         cell: Side of a cell of the wall, in metres.
-        farthest: A wall that is farther away does not count as seen, in metres.
-        oblique: Nor does one that is seen at a larger angle off its normal, in degrees.
-        lift: How far the body's origin, that cameras are placed from, is above the poses, in metres: the height at which it
-            stands, where poses count from there.
+        farthest: Largest distance at which the wall counts as seen, in metres.
+        oblique: Largest angle off the wall's normal at which it counts as seen, in degrees.
+        lift: Height of the body's origin (the reference of the camera mounts) above the poses, in metres: the height at
+            which the vehicle stands, if poses are measured from there.
         out: Folder for the report; by default `report` beside the pictures.
     """
     from gloc3.camera.wall_coverage import CoverageLimits
@@ -206,9 +206,9 @@ def report_(
     from gloc3.log.report.walls import read_wall
 
     if not (0.001 <= cell <= 10.0 and 0.0 < farthest < float("inf") and 0.0 < oblique < 90.0):
-        raise Refused("--cell must be 0.001 to 10 m, --farthest above 0 m, --oblique between 0 and 90 degrees")
+        raise Refused("--cell must be 0.001 to 10 m, --farthest above 0 m, --oblique between 0 and 90 deg")
     if not -10.0 <= lift <= 10.0:
-        raise Refused("--lift must be within 10 m")
+        raise Refused("--lift must be from -10 to 10 m")
     recording = read_recording(run).lifted(lift)
     if not recording.pictures:
         raise Refused(f"{run}: no picture was recorded")
@@ -228,7 +228,7 @@ def _warn(reader: LogReader) -> None:
 
 @contextmanager
 def _progress(text: str) -> Iterator[Callable[[float], None]]:
-    """A bar on the terminal while something long runs; nothing where there is no terminal."""
+    """A progress bar on the terminal; nothing without a terminal."""
     from rich.console import Console
     from rich.progress import Progress
 

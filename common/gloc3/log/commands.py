@@ -1,4 +1,4 @@
-"""Who commanded what: the requests of stations in a platform's log, each with its author and its outcome."""
+"""Requests of stations in a platform's log, each with its sender and its outcome."""
 
 from typing import Any, Final
 
@@ -77,7 +77,7 @@ def render_commands(commands: list[CommandInfo]) -> str:
         who = f"{one.role} {one.sender}" + (f" ({one.way})" if one.way else "")
         outcome = one.outcome + (f": {one.reason}" if one.reason else "")
         lines.append(f"{one.t_s:10.2f} s  {who}: {one.what}: {outcome}")
-    return "\n".join(lines) or "no station commanded anything"
+    return "\n".join(lines) or "no station sent a command"
 
 
 def _short(value: Any) -> str:

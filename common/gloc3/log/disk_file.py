@@ -1,4 +1,4 @@
-"""A file that a thread writes, so that nobody waits for a disk that is slow for a moment."""
+"""A file written by a thread, so that a slow disk delays no one."""
 
 import errno
 import os
@@ -48,7 +48,7 @@ class DiskFile:
             self._due += self._fresh
             self._fresh = []
             if self._waiting > MOST_WAITING:
-                self._error = OSError(errno.EIO, f"the disk is too slow: {MOST_WAITING // 1_000_000} MB wait for it")
+                self._error = OSError(errno.EIO, f"the disk is too slow: {MOST_WAITING // 1_000_000} MB are waiting")
                 raise self._error
             self._changed.notify()
 

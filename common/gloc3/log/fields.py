@@ -1,4 +1,4 @@
-"""Fields of a topic over the time of a log."""
+"""Time series of a topic's fields in a log."""
 
 import re
 from collections.abc import Sequence
@@ -57,9 +57,9 @@ def read_series(reader: LogReader, topic: str, fields: Sequence[str]) -> list[Fi
             series.values.append(float(value))
     for field, want in zip(fields, wanted, strict=True):
         if not any(tuple(_STEP.findall(path))[: len(want)] == want for path, _ in found):
-            raise Refused(f"{topic} has no number {field!r}; {nearest(field, list(known))}")
+            raise Refused(f"{topic} has no numeric field {field!r}; {nearest(field, list(known))}")
     if not found:
-        raise Refused(f"{topic} has no numbers")
+        raise Refused(f"{topic} has no numeric fields")
     return list(found.values())
 
 

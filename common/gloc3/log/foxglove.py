@@ -1,4 +1,4 @@
-"""How messages look to Foxglove: what is written beside a message's own fields so that the app knows what it sees.
+"""Foxglove schemas of messages: the fields added to a message's own so that the app can show it.
 
 A log record is a JSON object with the payload's own fields, so that it can be restored without loss. Where one of
 Foxglove's schemas says the same thing, its fields stand beside them and the channel carries its schema's name. A

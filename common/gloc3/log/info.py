@@ -1,4 +1,4 @@
-"""What a log holds, at a glance: its length, topics with their rates, events, faults, and what is missing."""
+"""Summary of a log: its length, topics with their rates, events, faults, and what is missing."""
 
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -225,7 +225,7 @@ def render(info: LogInfo, *, has_all_events: bool = False) -> str:
     lines += ["", "events:" if shown else "no warnings or errors"]
     lines += [f"  {event.t_s:>10.3f} {event.severity:<9} {event.component:<20} {event.text}" for event in shown]
     if others:
-        lines.append(f"  and {others} of no concern (--events shows all)")
+        lines.append(f"  and {others} routine (--events shows all)")
     return "\n".join(lines)
 
 

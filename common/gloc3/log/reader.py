@@ -1,4 +1,4 @@
-"""Reads a log back: envelopes as they were, and a clear statement of what is missing."""
+"""Reads a log back: envelopes as recorded, and a list of what is missing."""
 
 import re
 from collections.abc import Iterator
@@ -98,7 +98,7 @@ class LogReader:
         self._scan = Scan(self._data)
         if not self._scan.is_log:
             self.close()
-            raise InputError([Finding(file=str(path), message="is no log", hint="logs are MCAP files")])
+            raise InputError([Finding(file=str(path), message="is not a log", hint="logs are MCAP files")])
         self.is_finished: Final = self._scan.is_finished
         self.run: Final = self.metadata(RUN) or {}
         """What the log says of itself."""
@@ -241,27 +241,27 @@ class LogReader:
         """What cannot be read, in sentences; complete only after the messages have been read once."""
         found = [self._describe(gap.offset, gap.end, gap.reason) for gap in self._scan.gaps]
         if self._scan.is_altered and not found:
-            found.append("the checksum over everything is wrong: something small was changed")
+            found.append("the checksum of the whole file is wrong: a few bytes were changed")
         if not self.is_finished:
             found.append(self._describe_end())
         if not self.run:
-            found.append("the log's own description is lost: times count from 1970")
+            found.append("the log's description record is lost: times count from 1970")
         if self._orphans:
-            found.append(f"{self._orphans} messages are lost, because the description of their channel is")
+            found.append(f"{self._orphans} messages are lost with the description of their channel")
         if self._unreadable:
-            found.append(f"{self._unreadable} messages are not as a recorder writes them")
+            found.append(f"{self._unreadable} messages are malformed")
         return found
 
     def _describe_end(self) -> str:
         if self._scan.is_complete:
-            return "the index at the end is not whole: no message is lost"
+            return "the index at the end is incomplete: no message is lost"
         last = max((chunk.end_ns for chunk in self._scan.chunks), default=0)
         until = f"ends at {self.seconds(last):.3f} s" if last else "has no message"
-        return f"the file is not finished, its process was killed or still writes: it {until}"
+        return f"the file is not finished, its process was killed or is still writing: it {until}"
 
     def _describe(self, offset: int, end: int, reason: str) -> str:
         before = [chunk.end_ns for chunk in self._scan.chunks if chunk.end <= offset]
         after = [chunk.start_ns for chunk in self._scan.chunks if chunk.offset >= end]
         since = f"after {self.seconds(max(before)):.3f} s" if before else "from the beginning"
         until = f"before {self.seconds(min(after)):.3f} s" if after else "to the end"
-        return f"{reason} at byte {offset}: {end - offset} bytes are lost, of the time {since} and {until}"
+        return f"{reason} at byte {offset}: {end - offset} bytes are lost, {since} and {until}"

@@ -1,4 +1,4 @@
-"""The data log of a process: every message that passes its exchanger, as an MCAP file that opens in Foxglove as it is.
+"""The data log of a process: every message that passes its exchanger, as an MCAP file for Foxglove.
 
 One file a process and run. A channel is one topic of one component in one of its lives; the log time is when the
 message passed, the publish time its time of validity, both in UTC by the one offset that the file states. Everything
@@ -146,7 +146,7 @@ class Recorder:
             self._timer = loop.call_later(self._flush_every_s, self._tick, loop)
 
     def flush(self, now_s: float) -> None:
-        """Has what is in memory written when it is time; call it more often than that."""
+        """Starts writing the buffer when it is due; call it more often than that."""
         if now_s - self._flushed_s >= 0.99 * self._flush_every_s and self._is_open:
             self._flushed_s = now_s
             try:

@@ -14,7 +14,7 @@ RECOVERED: Final = "recovered"
 
 
 class Recovery(NamedTuple):
-    """What came of it."""
+    """Result of a recovery."""
 
     messages: int
     losses: list[str]

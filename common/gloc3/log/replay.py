@@ -1,4 +1,4 @@
-"""Replays what a component was given through the same component again, and compares what it answers.
+"""Replays a component's recorded inputs through the component, and compares its outputs with the recorded ones.
 
 The component runs under its real host, in virtual time, on the recorded clock: every input, command and function
 message comes at the time at which it was recorded. So a change of its code shows its effect on a real flight.
@@ -66,7 +66,7 @@ def replay(reader: LogReader, platform: Platform, name: str, topics: TopicTable)
         )
     if row.devices:
         devices = ", ".join(sorted(row.devices.values()))
-        raise Refused(f"{name} works on a device ({devices}), and the log has only messages to replay")
+        raise Refused(f"{name} reads a device ({devices}), and a log can replay messages only")
     component = row.load_class()
     own = f"components/{name}"
     outputs = [topic for port in component.outputs for topic in row.topics(port)]
@@ -197,4 +197,4 @@ def render_comparisons(comparisons: list[Comparison]) -> str:
         )
         lines += [f"  {field:<40} differs by up to {value:.3g}" for field, value in found.differences.items() if value]
         lines += [f"  {field:<40} differs in {count} of them" for field, count in found.mismatches.items()]
-    return "\n".join(lines) or "nothing was recorded from it, and the replay gave nothing"
+    return "\n".join(lines) or "no output was recorded, and the replay produced none"

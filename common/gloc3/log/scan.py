@@ -1,4 +1,4 @@
-"""Finds what can be read in an MCAP file that may be unfinished, cut off or damaged, and says what cannot.
+"""Finds the readable records of an MCAP file that may be unfinished, truncated or damaged, and lists the gaps.
 
 The file is walked from record to record. Where that leads nowhere (a length that does not fit), the next chunk is
 looked for and the walk goes on from there. A chunk whose checksum is wrong is left out as a whole.

@@ -1,4 +1,4 @@
-"""Writes MCAP files: a message is appended in a few operations of our own, the mcap library forms all other records.
+"""Writes MCAP files: messages are appended by fast code of our own, all other records by the mcap library.
 
 The library's own writer takes 5 microseconds a message, this one less than 1; the log is written in every cycle of
 everything. Format: https://mcap.dev/spec.

@@ -1,4 +1,4 @@
-"""What autopilots call themselves and their modes: a heartbeat's numbers as a person knows them."""
+"""Names of autopilots, vehicle types and flight modes, from a heartbeat's numbers."""
 
 from __future__ import annotations
 

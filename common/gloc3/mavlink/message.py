@@ -1,4 +1,4 @@
-"""What a MAVLink message is: one light class and one `Shape` for each message of a dialect."""
+"""MAVLink messages: one light class and one `Shape` for each message of a dialect."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A MAVLink component made of services: gives each the messages that it handles and gathers what they send."""
+"""A MAVLink component made of services: dispatches messages to them and collects their output."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What waits to leave by a slow link: in classes that share it, so that nothing starves and commands hardly wait.
+"""Send queue of a slow link: priority classes share it, so that commands hardly wait and nothing starves.
 
 Each class has its weight of the line while all have something to send, and the whole line while it is alone (deficit
 round robin, Shreedhar and Varghese 1996). Of telemetry only the latest of its kind waits: a slow line carries it less

@@ -1,4 +1,4 @@
-"""How long to wait for an answer: learnt from the answers, longer after a loss."""
+"""Retransmission timeout, estimated from round-trip times and raised after a loss."""
 
 from __future__ import annotations
 

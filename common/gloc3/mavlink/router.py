@@ -1,4 +1,4 @@
-"""Passes MAVLink frames on between links, by their headers alone: the payload is never decoded, nothing is changed.
+"""Forwards MAVLink frames between links by their headers: payloads are neither decoded nor changed.
 
 The rules are those of the MAVLink guide (mavlink.io, "Routing"): what is meant for all goes to every other link, what
 has an address goes only where that system, and that component, has been heard. Signed frames and unknown messages pass
@@ -108,6 +108,10 @@ class RouterLink:
     def put(self, frames: Sequence[Frame]) -> None:
         """Has frames leave."""
         self._send(frames)
+        self.count(frames)
+
+    def count(self, frames: Sequence[Frame]) -> None:
+        """Counts frames that have left."""
         counts = self.counts
         for frame in frames:
             counts.frames_out += 1

@@ -1,4 +1,4 @@
-"""What every MAVLink microservice here looks like: a plain object that is told messages and the time."""
+"""Interface of MAVLink microservices: plain objects driven by messages and the time."""
 
 from __future__ import annotations
 

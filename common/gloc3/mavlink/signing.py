@@ -1,4 +1,4 @@
-"""MAVLink 2 signing: signs what is sent, and tells genuine frames from forged, repeated and wrongly dated ones.
+"""MAVLink 2 signing: signs sent frames, and rejects forged, replayed and wrongly dated ones.
 
 A frame is judged by its signature first and by its time only then, so that a forged one never moves a clock of ours, and
 who has the key moves it by a minute at most.

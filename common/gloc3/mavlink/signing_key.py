@@ -29,10 +29,10 @@ def read_signing_key(path: Path) -> bytes:
         with path.open("rb") as file:
             mode = path.stat().st_mode
             if not stat.S_ISREG(mode):
-                raise _refused(path, "this is no file")
+                raise _refused(path, "not a file")
             if mode & 0o077:
-                message = f"others than its owner may use this key (mode {stat.S_IMODE(mode):04o})"
-                raise _refused(path, message, f"chmod 600 {path}; if others had a look, make another key")
+                message = f"other users can access this key (mode {stat.S_IMODE(mode):04o})"
+                raise _refused(path, message, f"chmod 600 {path}; if it may have been read, make another key")
             data = file.read(MAX_BYTES + 1)
     except OSError as error:
         raise _refused(path, f"cannot be read: {error.strerror or error}") from error
@@ -48,7 +48,7 @@ def read_signing_key(path: Path) -> bytes:
             raise _refused(path, f"a passphrase has at least {LEAST_CHARACTERS} characters")
         return sha256(words.encode()).digest()
     if re.fullmatch(r"[0-9a-fA-F]{64}", text) is None:
-        raise _refused(path, "this is no signing key", _FORMS)
+        raise _refused(path, "not a signing key", _FORMS)
     return bytes.fromhex(text)
 
 

@@ -1,4 +1,4 @@
-"""What MAVLink's own definitions have and the installed library's lack: whole messages, and fields at the end of some.
+"""Messages and extension fields of MAVLink's definitions that the installed library lacks.
 
 Written from mavlink/mavlink, `common.xml` and `development.xml` of 2026-07. What the library comes to know is taken from
 there again.

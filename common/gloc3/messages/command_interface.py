@@ -1,4 +1,4 @@
-"""What a station's command interface (client) and a platform's (server) say to each other (paper §V).
+"""Messages between a station's command interface (client) and a platform's (server) (paper §V).
 
 A request is known by `(sender, boot, sequence)`. The server executes each at most once and remembers its reply; a
 repeat gets the same reply. After a break in link or process a sender asks `Query` what became of a request.

@@ -1,4 +1,4 @@
-"""What travels between components: the envelope, and the messages that every component has (paper, Table II)."""
+"""The envelope of messages between components, and the messages that every component has (paper, Table II)."""
 
 from enum import IntEnum, StrEnum
 from typing import Any, Generic, TypeVar

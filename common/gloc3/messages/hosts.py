@@ -1,4 +1,4 @@
-"""What the hosts of a platform tell of themselves."""
+"""Status reports of a platform's hosts."""
 
 from enum import StrEnum
 from typing import Final

@@ -1,4 +1,4 @@
-"""What has passed one link of a router, in figures that travel and in words."""
+"""Traffic counters of a router's link, as a message and in words."""
 
 import msgspec
 
@@ -56,7 +56,7 @@ class LinkTraffic(msgspec.Struct, frozen=True, array_like=True, gc=False):
 
 def _listed(counts: dict[str, int]) -> str:
     return ", ".join(
-        f"{count:,} {name}" if name != "link" else f"{count:,} without a way" for name, count in counts.items()
+        f"{count:,} {name}" if name != "link" else f"{count:,} without a route" for name, count in counts.items()
     )
 
 

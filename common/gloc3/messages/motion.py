@@ -1,4 +1,4 @@
-"""How a vehicle moves and where its frame lies on Earth, for the map and the charts of the stations.
+"""Motion of a vehicle and the geographic origin of its frame, for the stations' map and charts.
 
 Topics, below the platform's name: `ci/motion`, `ci/site`. On a slow link the motion is sent with what the others leave.
 Whole numbers of small units keep a message within one frame of such a link.

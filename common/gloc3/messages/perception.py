@@ -1,4 +1,4 @@
-"""The messages of perception: what sensors saw, how a vehicle moved by them, and where they place it.
+"""Perception messages: sensor data, odometry and position estimates.
 
 Frames: *frd* is the body (x forward, y right, z down), *rdf* a camera (x right, y down, z along the optical axis),
 *ned* the tangent plane at the origin of the platform's local frame. Times of validity stand in the envelope. Arrays

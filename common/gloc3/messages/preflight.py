@@ -1,4 +1,4 @@
-"""The pre-flight list: one check a line, each with a verdict, what was found, and what to do."""
+"""The pre-flight list: one check a line, each with a verdict, a finding and advice."""
 
 from collections.abc import Iterable, Sequence
 from enum import StrEnum

@@ -1,4 +1,4 @@
-"""Messages about how the autopilot and the onboard computer are set up: what the pre-flight list is made from."""
+"""Messages on the setup of autopilot and onboard computer, from which the pre-flight list is made."""
 
 import msgspec
 

@@ -1,4 +1,4 @@
-"""Which software an end is, and whether two ends understand each other: its version, and a hash over what it speaks."""
+"""Software version and protocol hash of an end, and the compatibility of two ends."""
 
 from functools import cache
 from hashlib import blake2s

@@ -1,4 +1,4 @@
-"""What a platform tells its stations of itself: health, vehicle, mission, control, events (paper §V)."""
+"""Summaries that a platform sends to its stations: health, vehicle, mission, control, events (paper §V)."""
 
 from enum import StrEnum
 from typing import Final

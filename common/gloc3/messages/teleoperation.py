@@ -1,4 +1,4 @@
-"""Teleoperation: the velocity that an operator asks for, ten times a second, and what the vehicle makes of it.
+"""Teleoperation: the velocity that an operator requests, at 10 Hz, and the vehicle's response.
 
 Topics, below the platform's name: `velocity_demand` (station to platform; `demand/STATION` on the network),
 `motion_demand` (the command interface server to the controller), `ci/teleoperation` (the controller to the stations).

@@ -1,4 +1,4 @@
-"""The messages of a vehicle: what its samplers, processors, controllers and drivers say to each other.
+"""Vehicle messages, between samplers, processors, controllers and drivers.
 
 Frames: *ned* is the tangent plane at the origin of the platform's local frame (x north, y east, z down), *frd* the body
 (x forward, y right, z down). Attitudes are `ned_from_frd`, quaternions wxyz, Hamilton, w >= 0. Times of validity stand

@@ -1,4 +1,4 @@
-"""What stations look at: the topics that they want samples of, and the samples that the platform sends (DESIGN §7).
+"""Topics watched by stations: requests for samples, and the samples that the platform sends (DESIGN §7).
 
 A station says everything that it wants to see in one `Watch` request and repeats it while somebody looks; without that
 the platform forgets it after `LEASE_S`. Samples are the latest of a topic, as often as wanted and as the link affords.

@@ -1,4 +1,4 @@
-"""What each role may say and ask: the rules that Zenoh enforces on every link, by the certificate at its other end."""
+"""Permissions of each role: the rules that Zenoh enforces on every link, by the peer's certificate."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import msgspec
 
 
 class MemberRole(StrEnum):
-    """What a member is."""
+    """Role of a member."""
 
     PLATFORM = "platform"
     """A host of a platform: `PLATFORM.HOST`."""
@@ -21,7 +21,7 @@ class MemberRole(StrEnum):
 
 
 class Accepted(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A member that others take for what it is."""
+    """A member that others accept."""
 
     member: str
     role: MemberRole
@@ -64,7 +64,7 @@ CHILDREN: Final = "children"
 
 
 class AccessGrant(NamedTuple):
-    """Something that one member lets pass on its links to another."""
+    """A key pattern that one member lets pass on its links to another."""
 
     flow: Flow
     """`ingress`: from the other; `egress`: to it."""
@@ -107,7 +107,7 @@ def spoken(station: Accepted, platform: str) -> tuple[str, ...]:
 
 
 def access_control(own: Accepted, others: Sequence[Accepted]) -> dict[str, Any]:
-    """Zenoh's `access_control`: whoever is not named is told nothing and taken nothing from.
+    """Zenoh's `access_control`: members that are not listed send and receive nothing.
 
     Child processes, which reach this one over a socket that only its user may open, may do everything.
     """

@@ -92,7 +92,7 @@ def read_certificate(path: Path) -> x509.Certificate:
     except OSError as error:
         raise InputError([Finding(file=str(path), message=f"cannot be read: {error.strerror or error}")]) from error
     except ValueError as error:
-        raise InputError([Finding(file=str(path), message="this is no certificate (PEM)")]) from error
+        raise InputError([Finding(file=str(path), message="not a certificate (PEM)")]) from error
 
 
 def name_of(certificate: x509.Certificate) -> str:
@@ -116,13 +116,13 @@ def findings(certificate: Path, key: Path, authority: Path, wanted: str, now: da
     if own.public_key() != private.public_key():
         found.append(Finding(file=str(key), message=f"this is not the key of {certificate.name}"))
     if name_of(own) != wanted:
-        found.append(Finding(file=str(certificate), message=f"it is of {name_of(own)!r}, not of {wanted!r}"))
+        found.append(Finding(file=str(certificate), message=f"it belongs to {name_of(own)!r}, not to {wanted!r}"))
     for path, each in ((certificate, own), (authority, root)):
         if now > each.not_valid_after_utc:
             found.append(
                 Finding(
                     file=str(path),
-                    message=f"it has expired on {each.not_valid_after_utc:%Y-%m-%d}",
+                    message=f"it expired on {each.not_valid_after_utc:%Y-%m-%d}",
                     hint="renew it: gloc3 network add --renew",
                 )
             )
@@ -146,7 +146,7 @@ def write_secret(path: Path, data: bytes) -> None:
     try:
         number = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     except FileExistsError:
-        raise Refused(f"{path} is there already; a key that is in use is not overwritten") from None
+        raise Refused(f"{path} already exists; a key in use is not overwritten") from None
     with os.fdopen(number, "wb") as file:
         file.write(data)
 
@@ -158,15 +158,15 @@ def _read_key(path: Path) -> ec.EllipticCurvePrivateKey:
     except OSError as error:
         raise InputError([Finding(file=str(path), message=f"cannot be read: {error.strerror or error}")]) from error
     if mode & 0o077:
-        message = f"others than its owner may use this key (mode {mode & 0o7777:04o})"
-        hint = f"chmod 600 {path}; if others had a look, revoke it and make another"
+        message = f"other users can access this key (mode {mode & 0o7777:04o})"
+        hint = f"chmod 600 {path}; if it may have been read, revoke it and make another"
         raise InputError([Finding(file=str(path), message=message, hint=hint)])
     try:
         key = serialization.load_pem_private_key(data, None)
     except (ValueError, TypeError) as error:
-        raise InputError([Finding(file=str(path), message="this is no private key (PEM)")]) from error
+        raise InputError([Finding(file=str(path), message="not a private key (PEM)")]) from error
     if not isinstance(key, ec.EllipticCurvePrivateKey):
-        raise InputError([Finding(file=str(path), message="this key is of another kind than ours (ECDSA)")])
+        raise InputError([Finding(file=str(path), message="this key is not an ECDSA key")])
     return key
 
 

@@ -23,7 +23,7 @@ app = App(
     help="""Make the network of platforms and stations: who is on it, and what each may do. Every link is encrypted, and
     both ends show a certificate of the network's own authority; the rules follow from the role that it stands for.
 
-    For example, for a vehicle with two computers, an operator and somebody who looks on:
+    For example, for a vehicle with two computers, an operator and an observer:
 
     - `gloc3 network init yard`
     - `gloc3 network add yard pelican.main --role platform --listen 192.168.1.10:7447`
@@ -47,17 +47,17 @@ MOST_DAYS = 36500
 
 @app.command
 def init(folder: Path, /, *, name: str | None = None, days: Days = AUTHORITY_DAYS) -> int:
-    """Make a network without members: its authority, whose key stays in this folder.
+    """Create a network without members: its certificate authority, whose key stays in this folder.
 
     Args:
-        folder: Where it goes; its name is the network's.
-        name: Another name for the network.
+        folder: The folder to create; its name is the network's.
+        name: The network's name, if not the folder's.
         days: How long the authority is valid.
     """
     folder = folder.expanduser()
     _check(days)
     register.found(folder, name or folder.absolute().name, utc_now(), timedelta(days=days))
-    narrate(f"{folder} holds a network; keep authority.key secret: who has it can make members")
+    narrate(f"{folder} holds a network; keep authority.key secret: anyone with it can add members")
     return 0
 
 
@@ -74,7 +74,7 @@ def add(
     days: Days = MEMBER_DAYS,
     renew: Annotated[bool, Parameter(negative=())] = False,
 ) -> int:
-    """Take a member in: make its folder with key, certificate and network file, and write the others' files anew.
+    """Add a member: make its folder with key, certificate and network file, and rewrite the others' files.
 
     Args:
         folder: The network.
@@ -83,10 +83,10 @@ def add(
         listen: HOST:PORT that it opens for others, or quic/HOST:PORT, over UDP, for links that lose packets; may be
             given again. The first host of a platform that listens is the one to which its other hosts and the stations
             connect.
-        reached_at: HOST:PORT at which others reach that, where it is another (0.0.0.0, or behind a router).
-        to: The member that it connects to, where it is another; may be given again.
+        reached_at: HOST:PORT at which others reach it, if different (0.0.0.0, or behind a router).
+        to: The member that it connects to, if not the default; may be given again.
         days: How long its certificate is valid.
-        renew: It is a member already, and gets a new key and certificate; the old ones count no more.
+        renew: Give an existing member a new key and certificate; the old ones are no longer valid.
     """
     folder = folder.expanduser()
     entry = register.NetworkMember(
@@ -94,47 +94,47 @@ def add(
     )
     _check(days)
     changed = register.add(folder, member, entry, utc_now(), timedelta(days=days), is_renewed=renew)
-    narrate(f"{folder / member} is for {member} alone; its certificate is valid for {days} days")
+    narrate(f"{folder / member} is for {member} only; its certificate is valid for {days} days")
     if not entry.listen and not register.read_register(folder).connections(member):
-        narrate(f"nobody listens yet to whom {member} could connect: add a platform with --listen")
+        narrate(f"no member listens yet for {member} to connect to: add a platform with --listen")
     _narrate(name for name in changed if name != member)
     return 0
 
 
 @app.command
 def revoke(folder: Path, member: str, /) -> int:
-    """Take a member's certificate off all lists: nothing of it is read or taken any more.
+    """Revoke a member: remove its certificate from all network files, so that it can no longer connect.
 
     Args:
         folder: The network.
-        member: Whose.
+        member: The member to revoke.
     """
     folder = folder.expanduser()
     changed = register.revoke(folder, member)
-    narrate(f"{member} is on no list any more")
+    narrate(f"{member} is revoked and removed from all network files")
     _narrate(changed)
     return 0
 
 
 @app.command
 def check(file: Path, /) -> int:
-    """Check a network file, its certificate and its key, and tell until when it is good.
+    """Check a network file, its certificate and its key.
 
     Args:
         file: A member's network.yaml.
     """
     membership = read_network(file.expanduser(), utc_now())
-    narrate(f"{file} is right: {membership.file.member}, {membership.file.own.role}, on {membership.file.network}")
+    narrate(f"{file} is valid: {membership.file.member}, {membership.file.own.role}, on {membership.file.network}")
     return 0
 
 
 @app.command
 def show(file: Path, /, *, json: Annotated[bool, Parameter(negative=())] = False) -> int:
-    """Tell what a network file lets pass, member by member.
+    """Show what a network file permits, member by member.
 
     Args:
         file: A member's network.yaml.
-        json: As the rules that Zenoh gets.
+        json: Print the rules given to Zenoh.
     """
     membership = read_network(file.expanduser(), utc_now())
     own = membership.file
@@ -154,10 +154,10 @@ def _words(membership: Membership) -> list[str]:
     for other in own.others:
         lines.append(f"{other.member}, {other.role}, certificate {other.certificate}")
         texts = {
-            ("ingress", "say"): "may say here",
-            ("egress", "say"): "is told",
-            ("ingress", "ask"): "may ask for",
-            ("egress", "ask"): "is asked for",
+            ("ingress", "say"): "may put here",
+            ("egress", "say"): "receives",
+            ("ingress", "ask"): "may query",
+            ("egress", "ask"): "is queried for",
         }
         lines += [f"  {texts[grant.flow, grant.speech]}: {', '.join(grant.keys)}" for grant in grants(own.own, other)]
     return [*lines, "child processes of this computer's user: everything; anybody else: nothing"]
@@ -166,7 +166,7 @@ def _words(membership: Membership) -> list[str]:
 def _narrate(changed: Iterable[str]) -> None:
     names = ", ".join(changed)
     if names:
-        narrate(f"network.yaml is new for {names}: copy it there, and send SIGHUP to what runs with it")
+        narrate(f"network.yaml changed for {names}: copy it there, and send SIGHUP to the processes that use it")
 
 
 def _check(days: int) -> None:

@@ -1,4 +1,4 @@
-"""The network file of one member: who it is, where it listens and connects, and whom it accepts in which role."""
+"""The network file of one member: its identity, its endpoints, and the members and roles that it accepts."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MOST_PORT: Final = 65535
 
 
 class NetworkFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What stands in `network.yaml`; paths are relative to it."""
+    """Content of `network.yaml`; paths are relative to it."""
 
     network: str
     member: str
@@ -55,7 +55,7 @@ class NetworkFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 
 class Membership(NamedTuple):
-    """A network file that was read and found right."""
+    """A network file that was read and is valid."""
 
     path: Path
     file: NetworkFile
@@ -127,10 +127,10 @@ def _findings(document: Document, file: NetworkFile) -> list[Finding]:
         if problem:
             found.append(document.finding(("accepts", index, "member"), problem))
         if entry.member in names[:index]:
-            found.append(document.finding(("accepts", index, "member"), f"{entry.member} is accepted already"))
+            found.append(document.finding(("accepts", index, "member"), f"{entry.member} is already accepted"))
     if file.member not in names:
         hint = nearest(file.member, names)
-        found.append(document.finding(("member",), f"{file.member!r} is not among those that are accepted", hint))
+        found.append(document.finding(("member",), f"{file.member!r} is not in its own list of accepted members", hint))
     for where in ("listen", "connect"):
         for index, address in enumerate(getattr(file, where)):
             problem = address_problem(address)
@@ -149,11 +149,11 @@ def member_problem(member: str, role: MemberRole) -> str:
     """What is wrong with a member's name; empty where nothing is."""
     parts = member.split(".")
     if not all(NAME.fullmatch(part) for part in parts):
-        return f"{member!r} is no name: small letters, digits, _ and -, at most 31 of them"
+        return f"{member!r} is not a valid name: lower-case letters, digits, _ and -, at most 31 of them"
     if role is MemberRole.PLATFORM and len(parts) != 2:
-        return f"{member!r} is no host of a platform: write PLATFORM.HOST, such as {parts[0]}.main"
+        return f"{member!r} is not a host of a platform: write PLATFORM.HOST, such as {parts[0]}.main"
     if role is not MemberRole.PLATFORM and len(parts) != 1:
-        return f"{member!r} is no name of a station: write it without a dot"
+        return f"{member!r} is not a station name: write it without a dot"
     return ""
 
 
@@ -171,5 +171,5 @@ def address_problem(address: str) -> str:
     """What is wrong with an address; empty where nothing is."""
     match = ADDRESS.fullmatch(address)
     if match is None:
-        return f"{address!r} is no address"
-    return "" if 0 < int(match[2]) <= MOST_PORT else f"{match[2]} is no port: 1 to {MOST_PORT}"
+        return f"{address!r} is not an address"
+    return "" if 0 < int(match[2]) <= MOST_PORT else f"{match[2]} is not a port: 1 to {MOST_PORT}"

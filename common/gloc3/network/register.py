@@ -38,7 +38,7 @@ class NetworkMember(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 
 
 class Register(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Everybody who is or was on the network."""
+    """All current and former members of the network."""
 
     network: str
     members: dict[str, NetworkMember] = {}
@@ -72,13 +72,13 @@ class Register(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 def found(folder: Path, network: str, now: datetime, valid: timedelta) -> None:
-    """Founds a network: its authority, and a register without members.
+    """Creates a network: its authority, and a register without members.
 
     Raises:
         Refused: there is one already.
     """
     if (folder / REGISTER).exists():
-        raise Refused(f"{folder} holds a network already")
+        raise Refused(f"{folder} already holds a network")
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     make_authority(folder, network, now, valid)
     _write(folder, Register(network=network))
@@ -96,7 +96,7 @@ def read_register(folder: Path) -> Register:
 def add(
     folder: Path, name: str, member: NetworkMember, now: datetime, valid: timedelta, *, is_renewed: bool
 ) -> list[str]:
-    """Takes a member in, with a new key and certificate, and writes everybody's network file anew.
+    """Adds a member with a new key and certificate, and rewrites all network files.
 
     Returns:
         The members whose files are others now, itself among them.
@@ -110,7 +110,7 @@ def add(
     for problem in filter(None, problems):
         raise Refused(problem)
     if name in register.current() and not is_renewed:
-        raise Refused(f"{name} is a member already; --renew gives it a new key and certificate")
+        raise Refused(f"{name} is already a member; --renew gives it a new key and certificate")
     for target in member.to:
         if target not in register.current():
             raise Refused(f"there is no member {target!r}; {nearest(target, list(register.current()))}")
@@ -123,7 +123,7 @@ def add(
 
 
 def revoke(folder: Path, name: str) -> list[str]:
-    """Takes a member's certificate off all lists, and writes everybody's network file anew.
+    """Removes a member's certificate from all lists, and rewrites all network files.
 
     Returns:
         The members whose files are others now.
@@ -173,8 +173,8 @@ authority: {AUTHORITY}
 listen: [{", ".join(map(_quoted, member.listen))}]
 connect: [{", ".join(map(_quoted, register.connections(name)))}]
 
-# Who is accepted, in which role, with which certificate; nobody else is told anything or taken anything from.
-# `gloc3 network show` tells what each may do. After a change: SIGHUP to the process that runs with it.
+# Who is accepted, in which role, with which certificate; everyone else is refused.
+# `gloc3 network show` shows the permissions. After a change: SIGHUP to the processes that use it.
 accepts:
 {listed}"""
 

@@ -1,4 +1,4 @@
-"""Stations on the network: their requests come on keys that only they may write, so that the key proves the author.
+"""Requests of stations on the network, on keys that only the sender may write, so that the key proves the sender.
 
 A station sends commands on `PLATFORM/ci/request/STATION` and what only looks on `PLATFORM/ci/ask/STATION`; inside a
 process both are `PLATFORM/ci/request`, as on every middleware.
@@ -39,13 +39,13 @@ DEMANDS: Final = "demand"
 
 
 def key_of(station: str, envelope: Envelope[CiRequest]) -> str:
-    """Where a station's request to a platform goes."""
+    """The key of a station's request to a platform."""
     platform = envelope.topic.partition("/")[0]
     return f"{platform}/ci/{QUESTIONS if isinstance(envelope.payload.body, QUERIES) else COMMANDS}/{station}"
 
 
 def presence(station: str) -> str:
-    """The token by which platforms know that a station is there."""
+    """The liveliness token of a station."""
     return f"stations/{station}"
 
 
@@ -57,7 +57,7 @@ def join_platforms(
     carries: Callable[[Envelope[Any]], bool] = lambda _: True,
     is_new: Callable[[Envelope[Any]], bool] = lambda _: True,
 ) -> Unsubscribe:
-    """Joins a station to all platforms on the network: its requests go out, what they tell stations comes in.
+    """Joins a station to all platforms on the network: it sends requests and receives their downlink.
 
     Args:
         network: the exchanger that reaches them.
@@ -98,7 +98,7 @@ def join_platforms(
 
 
 class StationBridge:
-    """The platform's end: takes stations' requests off the network, and gives them on if they are what they say.
+    """The platform's end: receives stations' requests, and forwards them if their sender is genuine.
 
     Args:
         network: the exchanger that reaches the stations, and on which the command interface server is.
@@ -136,7 +136,7 @@ class StationBridge:
         self._timer = loop.call_later(CONTACT_S, self._tick)
 
     def close(self) -> None:
-        """Takes nothing any more."""
+        """Stops receiving."""
         self._timer.cancel()
         for end in self._undo:
             end()
@@ -174,13 +174,13 @@ class StationBridge:
 def _wrong(request: Any, kind: str, station: str, role: MemberRole | None) -> str:
     """Why a request is not what its key says; empty where it is."""
     if not isinstance(request, VelocityDemand if kind == DEMANDS else CiRequest):
-        return f"{type(request).__name__} is no request"
+        return f"{type(request).__name__} is not a request"
     if role not in STATION_ROLES:
-        return f"{station} is no station of this network"
+        return f"{station} is not a station of this network"
     if request.sender != station:
         return f"it says that it is of {request.sender!r}"
     if isinstance(request, VelocityDemand):
-        return "" if role is MemberRole.OPERATOR else "an observer steers nothing"
+        return "" if role is MemberRole.OPERATOR else "an observer may not command"
     if isinstance(request.body, QUERIES) != (kind == QUESTIONS):
         return f"{type(request.body).__name__} came as a {'question' if kind == QUESTIONS else 'command'}"
     return ""

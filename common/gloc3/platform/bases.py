@@ -1,4 +1,4 @@
-"""Platform files that extend others: `extends: multirotor`, and then only what differs.
+"""Platform files that extend others: `extends: multirotor`, then only the differences.
 
 Mappings are merged key by key, components row by row (by name); lists and single values replace what the base says, and
 null takes it out. Every value keeps the file, line and column where it stands, so that findings point there.
@@ -57,7 +57,7 @@ def completed(document: Document, extending: tuple[Path, ...] = ()) -> Document:
         raise InputError([document.finding((EXTENDS,), f"the files extend each other: {names}")])
     base = completed(parse(load_bytes(base_file), str(base_file)), chain)
     if not (isinstance(base.root.value, dict) and isinstance(document.root.value, dict)):
-        raise InputError([document.finding((EXTENDS,), f"{base_file.name} is no mapping")])
+        raise InputError([document.finding((EXTENDS,), f"{base_file.name} is not a mapping")])
     _move_calibrations(base, file)
     for node in base.root.descendants():
         node.file = node.file or base.file

@@ -1,4 +1,4 @@
-"""What must hold in a platform file beyond its types: names that refer to each other, classes, ports and settings."""
+"""Checks of a platform file beyond its types: references between names, classes, ports and settings."""
 
 from collections.abc import Collection, Iterator
 from typing import Final
@@ -22,7 +22,7 @@ _POLICY_CAPABILITIES = ("hold", "land", "return_home")
 def findings_of(
     platform: Platform, document: Document, *, is_loading_classes: bool, devices: Collection[str] | None = None
 ) -> list[Finding]:
-    """Everything that is wrong with a platform whose types fit."""
+    """All errors in a platform file whose types are valid."""
     found = [
         *_components(platform, document, is_loading_classes, devices),
         *_capabilities(platform, document),
@@ -56,7 +56,7 @@ def _devices(platform: Platform, document: Document) -> Iterator[Finding]:
     for name, source in platform.devices.items():
         is_of_pair = any(url.startswith("pair:") and name in url for url in platform.devices.values())
         if name not in used and not is_of_pair:
-            message = f"no component uses a device {name!r}, so nothing is taken from {source}"
+            message = f"no component uses a device {name!r}, so {source} is not read"
             yield document.finding(("devices", name), message, nearest(name, used), at_key=True, is_warning=True)
 
 
@@ -90,10 +90,10 @@ def _place_problems(platform: Platform) -> Iterator[Problem]:
             owner, there = owners.setdefault(used, (row.name, place))
             if there != place:
                 message = f"{owner} has the device {used!r} open in {there}, and {row.name} runs in {place}"
-                yield Problem(index, ("devices",), message, "a device has one process: put both there")
+                yield Problem(index, ("devices",), message, "a device belongs to one process: run both there")
         primary = by_name.get(row.standby_for or "")
         if primary is not None and row.process and place_of(platform, primary) == place:
-            message = f"what ends the process {place} ends {primary.name} and this standby of it"
+            message = f"if the process {place} ends, {primary.name} and this standby of it both end"
             yield Problem(index, ("process",), message, "give it another process", is_warning=True)
 
 
@@ -118,7 +118,7 @@ def _capabilities(platform: Platform, document: Document) -> Iterator[Finding]:
             yield document.finding(where, message, f"claims: [{claims}]", at_key=True)
         if name in ActionFile.__struct_fields__:
             hint = "give it another name"
-            yield document.finding(where, f"{name!r} is a key of every action, and no capability", hint, at_key=True)
+            yield document.finding(where, f"{name!r} is a key of every action, not a capability", hint, at_key=True)
         if row.performed_by not in names and (row.performed_by or row.arguments != "wait"):
             hint = nearest(row.performed_by, names)
             yield document.finding((*where, "performed_by"), f"no component {row.performed_by!r}", hint)
@@ -128,7 +128,7 @@ def _capabilities(platform: Platform, document: Document) -> Iterator[Finding]:
                 yield document.finding(
                     ("capabilities",),
                     f"the capability {name!r} is missing",
-                    "the policies of missions are flown with it",
+                    "mission policies use it",
                 )
 
 
@@ -138,4 +138,4 @@ def _needs(platform: Platform, document: Document) -> Iterator[Finding]:
         for index, need in enumerate(row.needs):
             if need not in known:
                 where = ("capabilities", name, "needs", index)
-                yield document.finding(where, f"nothing here is called {need!r}", nearest(need, known))
+                yield document.finding(where, f"no topic, capability or component {need!r}", nearest(need, known))

@@ -1,4 +1,4 @@
-"""Limits and power model of a platform: what its motion and its energy are checked against and held to."""
+"""Limits and power model of a platform, against which motion and energy are checked."""
 
 from typing import Annotated
 

@@ -65,7 +65,7 @@ def choose_host(platform: Platform, wanted: str | None) -> str:
     """
     names = host_names(platform)
     if wanted is None and len(names) > 1:
-        raise Refused(f"{platform.platform} has the hosts {', '.join(names)}: say which this is, --host {names[0]}")
+        raise Refused(f"{platform.platform} has the hosts {', '.join(names)}: choose one, such as --host {names[0]}")
     if wanted is not None and wanted not in names:
         raise Refused(f"{platform.platform} has no host {wanted!r}; {nearest(wanted, names)}")
     return wanted or names[0]

@@ -99,7 +99,7 @@ class HostRow(PlatformRow, frozen=True, kw_only=True):
 
 
 class Platform(PlatformRow, frozen=True, kw_only=True):
-    """A vehicle with all that is known of it before it starts."""
+    """A vehicle with everything known about it before it starts."""
 
     platform: Name
     """Its name; the first part of all its topics."""

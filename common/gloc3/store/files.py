@@ -1,4 +1,4 @@
-"""Small files that survive: replaced whole or appended to, and a thread that waits for the disk."""
+"""Crash-safe small files: replaced whole or appended to, and a thread that syncs them to disk."""
 
 import errno
 import io

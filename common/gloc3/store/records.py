@@ -1,4 +1,4 @@
-"""Records that survive: one after the other, each with its checksum, in a file that is whole whenever the power goes."""
+"""Crash-safe records: appended with a checksum each, in a file that stays readable after a power cut."""
 
 import os
 import struct

@@ -65,7 +65,7 @@ class Headless:
             for name in names:
                 missing = await flights.await_ready(station, name, max(wait_s, flights.READY_WITHIN_S))
                 if missing:
-                    self.narrate(f"{name} still lacks {', '.join(missing)}; it will say itself whether it starts")
+                    self.narrate(f"{name} still lacks {', '.join(missing)}; the vehicle decides whether it starts")
             await flights.stream_to_all(station, names, plan)
             began_s = station.now_s()
             end = await flights.follow_all(station, await flights.start_all(station, names, override, author))

@@ -15,7 +15,7 @@ from gloc3.errors import Gloc3Error, NoContact, Refused
 from gloc3.messages.command_interface import LogOnboard
 from gloc3.messages.envelope import Severity
 from gloc3_groundstation.services.saving import part_of
-from gloc3_groundstation.store.pace import amount
+from gloc3_groundstation.store.download_progress import amount
 from gloc3_groundstation.store.pull_progress import PullProgress
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def pull(
     station_id: int = STATION_ID,
     signing_key: Path | None = None,
 ) -> int:
-    """Fetch logs from a vehicle; what has come is kept, and the same command goes on after a break or Ctrl-C.
+    """Fetch logs from a vehicle; partial downloads are kept, and the same command resumes them.
 
     The vehicle calculates the SHA-256 digest of each log. When what has come has the same, the log takes its name in
     OUT/PLATFORM, and is deleted on the vehicle; until then it is OUT/PLATFORM/LOG.BYTES.part. While the link is lost the
@@ -145,7 +145,7 @@ async def fetch(puller: "LogPuller", name: str, wanted: PullRequest, progress: P
         try:
             await puller.cut()
         except Declined as error:
-            narrate(f"the log that is being written is not ended: {error}", Severity.WARNING)
+            narrate(f"the current log was not closed: {error}", Severity.WARNING)
     listed, folder = await puller.list(), wanted.out / name
     if wanted.is_list:
         for log in listed:
@@ -157,19 +157,19 @@ async def fetch(puller: "LogPuller", name: str, wanted: PullRequest, progress: P
     for number, log in enumerate(chosen, 1):
         progress.begin(f"{log.name} ({number} of {len(chosen)})" if len(chosen) > 1 else log.name)
         if share := _share(log, folder):
-            narrate(f"{log.name}: goes on from {share:.0f} % of {amount(log.size)}")
+            narrate(f"{log.name}: resumes at {share:.0f} % of {amount(log.size)}")
         try:
             pulled = await puller.pull(log, folder, is_kept=wanted.is_kept)
         except asyncio.CancelledError:
             share = _share(log, folder)
-            here = f"{share:.0f} % of it is here, and kept; " if share else ""
-            narrate(f"{log.name}: {here}the same command goes on with it")
+            here = f"{share:.0f} % is here and kept; " if share else ""
+            narrate(f"{log.name}: {here}the same command resumes it")
             raise
         except Gloc3Error as error:
             failed += 1
             narrate(f"{log.name}: {error}", ERROR)
             continue
-        drops = f", the way was lost {counted(pulled.drops, 'time')}" if pulled.drops else ""
+        drops = f", link lost {counted(pulled.drops, 'time')}" if pulled.drops else ""
         left = "deleted onboard" if pulled.is_deleted else "left onboard"
         narrate(f"{log.name}: {amount(pulled.size)}, digest equal, {left}{drops}")
         print(pulled.path)  # noqa: T201
@@ -189,7 +189,7 @@ def _chosen(platform: str, listed: list[LogOnboard], wanted: PullRequest) -> lis
         if name not in known:
             raise Gloc3Error(f"{platform} has no log {name!r}; it has {', '.join(known) or 'none'}")
         if known[name].is_open:
-            raise Gloc3Error(f"{name} is still being written; without --no-cut it is ended first")
+            raise Gloc3Error(f"{name} is still being written; without --no-cut it is closed first")
     finished = [log for log in listed if not log.is_open]
     if wanted.names:
         return [log for log in finished if log.name in wanted.names]

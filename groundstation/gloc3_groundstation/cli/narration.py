@@ -1,4 +1,4 @@
-"""What a headless station says: the changes between two snapshots of a fleet, and a line of progress now and then."""
+"""Narration of a headless station: changes between two snapshots of a fleet, and periodic progress."""
 
 from collections.abc import Iterator
 from typing import Any, Final
@@ -14,7 +14,7 @@ LOUDEST_UNTOLD: Final = Severity.INFO
 
 
 class NarrationLine(msgspec.Struct, frozen=True, kw_only=True):
-    """One thing that is told: a sentence for people, the same as data for programs."""
+    """One line of narration: a sentence for people, and the same as data for programs."""
 
     t_s: float
     """Seconds since the station's start."""
@@ -36,7 +36,7 @@ class ChangeNarrator:
         self._start_s = start_s
 
     def changes(self, before: Fleet, after: Fleet, now_s: float) -> Iterator[NarrationLine]:
-        """What is worth telling of the difference between two snapshots."""
+        """The lines that describe the difference between two snapshots."""
         for event in after.events_after(before.event_count):
             if event.source and event.severity >= LOUDEST_UNTOLD:
                 continue

@@ -32,7 +32,7 @@ INTERRUPTED: Final = 128 + signal.SIGINT
 
 
 class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """What was asked for on the command line."""
+    """Options of the command line."""
 
     urls: tuple[str, ...] = ()
     """The links."""
@@ -167,7 +167,7 @@ class Session:
                 narrate("warning: the configuration file cannot be written: this session is not kept")
             kept = app.desk.missions.keep_unsaved(unsaved_folder())
             if kept is not None:
-                narrate(f"the changes that were not saved are in {kept}")
+                narrate(f"unsaved changes are in {kept}")
             for line in _summary(station):
                 narrate(line)
             if end is None:
@@ -242,7 +242,7 @@ def reporter(desk: "Desk") -> Notify:
     def reported(text: str, is_watched: bool) -> None:
         armed = [] if is_watched else desk.armed_in_our_control()
         if armed:
-            text = f"{text}; {', '.join(armed)}: armed and in this station's control, on_link_loss does not begin"
+            text = f"{text}; {', '.join(armed)}: armed and controlled by this station, on_link_loss does not start"
         desk.station.note("", Severity.WARNING if armed else Severity.NOTICE, text)
         narrate(text)
 

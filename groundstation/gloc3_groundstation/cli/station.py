@@ -26,23 +26,23 @@ app = App(
     name="gloc3 station",
     help="""Watch and command vehicles: the terminal, or --headless for scripts.
 
-    The terminal shows the vehicle, its components, its mission and what happens; its keys stand in the last line. Without
+    The terminal shows the vehicle, its components, its mission and events; the last line lists its keys. Without
     --link it listens on UDP port 14550, where simulators, companions and telemetry routers send.
 
     A first flight in simulation: start `gloc3 sitl`, `gloc3 onboard pelican_rtk` and `gloc3 station`, each in a terminal of
     its own. In the station:
 
     - `3`, then `o`: opens a mission; the digits are the screens
-    - `8`: tells whether it may start, and if not, what to do
-    - `s`: streams it and starts it, after a question
+    - `8`: shows whether it may start, and if not, what to do
+    - `s`: streams it and starts it, after a confirmation
     - `p` pauses, `r` resumes, `a` aborts
-    - `space`: the vehicle holds at once, wherever you are
+    - `space`: the vehicle holds at once, on every screen
     - `?` explains the screen and its keys, `^p` finds every command by name, `q` quits
 
     For example:
 
-    - `gloc3 station`: watch whoever is heard
-    - `gloc3 station --mission inspection`: bring a mission over; the key s starts it
+    - `gloc3 station`: watch all vehicles in reach
+    - `gloc3 station --mission inspection`: stream a mission; the key s starts it
     - `gloc3 station --headless --mission my.yaml --json`: fly it from a script; stdout is data, stderr is narration
     - `gloc3 station --link serial:///dev/ttyUSB0:57600`: over a telemetry radio
     - `gloc3 station --web`: in a browser, with the same keys
@@ -57,69 +57,69 @@ app["--help"].group = "Parameters"
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class StationOptions:
-    """What `gloc3 station` is asked for; each field is an option."""
+    """Options of `gloc3 station`, one for each field."""
 
     mission: str | None = None
-    """A mission file, or the name of an example; it is checked before anything else, and brought to the
-    platform as soon as that is heard. With --headless it is started too. In the terminal, one with errors is
-    opened at the first of them."""
+    """A mission file, or the name of an example; it is checked first, and streamed to the
+    platform as soon as it is heard. With --headless it is started too. In the terminal, one with errors is
+    opened at the first error."""
     link: Annotated[list[str] | None, Parameter(negative=())] = None
-    """Where MAVLink comes from: udpin://HOST:PORT, udpout://, tcpin://, tcpout://, or serial:///dev/PORT:BAUD;
+    """MAVLink link: udpin://HOST:PORT, udpout://, tcpin://, tcpout://, or serial:///dev/PORT:BAUD;
     may be given again. Default: those of the configuration file, else udpin://0.0.0.0:14550."""
     platform: str | None = None
     """The platform to command, by name; otherwise the first that is heard."""
     headless: Annotated[bool, FLAG] = False
     """No terminal: narrate on stderr. Without --mission it watches until Ctrl-C."""
     json: Annotated[bool, FLAG] = False
-    """With --headless: one JSON object a line on stdout, for everything that is narrated."""
+    """With --headless: one JSON object a line on stdout, for each line of narration."""
     start: Annotated[bool, FLAG] = False
     """Start the mission without waiting for the key, once the platform is ready."""
     exit_when_done: Annotated[bool, FLAG] = False
     """Close the terminal when the mission has ended."""
     override: str = ""
-    """With --headless: why the mission shall start although pre-flight checks are red; it is logged onboard
+    """With --headless: the reason to start the mission although pre-flight checks are red; it is logged onboard
     with your name."""
     at_contact: Annotated[bool, FLAG] = False
-    """With --headless: bring the mission over at the next contact with --platform, however long that takes, and
-    start nothing. In the terminal the key u queues it while nothing is heard of the vehicle."""
+    """With --headless: stream the mission at the next contact with --platform, without a time limit, and do not
+    start it. In the terminal the key u queues it while the vehicle is out of contact."""
     wait: float = 60.0
-    """With --headless: give up when the platform is not heard within so many seconds; it may take as long again
+    """With --headless: give up if the platform is not heard within this time, s; it may take the same time again
     to be ready."""
     station_id: int | None = None
     """The MAVLink system of this station: 255, and 254, 253 for further ones. Default: that of the
     configuration file, else 255."""
     signing_key: Path | None = None
-    """A file with the MAVLink signing key of all links, which nobody else may read: 64 hexadecimal digits, or
+    """A file with the MAVLink signing key of all links, readable only by you: 64 hexadecimal digits, or
     `passphrase: ...`. Then frames without its signature are dropped and counted. Default: that of the
     configuration file, else links are not signed."""
     network: Path | None = None
-    """The network file of this station, which gloc3 network makes: it reaches the platforms encrypted, under
-    the name and in the role of its certificate, beside the links. Then without --link no MAVLink link is
+    """The network file of this station, made by gloc3 network: an encrypted connection to the platforms, with
+    the name and role of its certificate, beside the links. Without --link no MAVLink link is then
     opened."""
     acoustic: Annotated[list[str] | None, Parameter(negative=())] = None
-    """An acoustic modem, as PLATFORM=URL with udpin://, udpout:// or serial://; may be given again. Summaries
-    of a vehicle that is out of contact come there, and the emergency key's hold and land go there when nothing
-    else leads to it. ?key=FILE tags its frames."""
+    """An acoustic modem, as PLATFORM=URL with udpin://, udpout:// or serial://; may be given again. It
+    receives summaries of a vehicle out of contact, and sends the emergency key's hold and land if no other link
+    reaches it. ?key=FILE tags its frames."""
     config: Path | None = None
-    """The configuration file (TOML), made when the terminal closes if there is none: theme, links, station_id,
-    signing_key, downloads, and where the last session was. Default: gloc3/station.toml in the XDG configuration
+    """The configuration file (TOML), written when the terminal closes if missing: theme, links, station_id,
+    signing_key, downloads, and the state of the last session. Default: gloc3/station.toml in the XDG configuration
     directory."""
     no_record: Annotated[bool, FLAG] = False
-    """Record nothing. Otherwise events, all that is heard (MCAP) and every MAVLink frame (.tlog) are kept in
+    """Record nothing. Otherwise events, all received messages (MCAP) and every MAVLink frame (.tlog) are kept in
     gloc3/station in the XDG state directory."""
     foxglove: Annotated[bool, FLAG] = False
-    """Serve what the vehicles tell to Foxglove while it happens, to be looked at only: open a connection to
-    ws://127.0.0.1:8765 there. A topic is asked for while somebody looks at it."""
+    """Serve the vehicles' topics live and read-only to Foxglove: open a connection to
+    ws://127.0.0.1:8765 there. A topic is requested while a panel shows it."""
     foxglove_port: int = 8765
-    """The port for that; 0 takes any free one."""
+    """The port for Foxglove; 0 takes any free one."""
     web: Annotated[bool, FLAG] = False
-    """Show the terminal in a browser, at the address that is told. The station runs on when the browser's
-    window is closed, until Ctrl-C here or the key q there; one window has it at a time."""
+    """Show the terminal in a browser, at the address that is printed. The station keeps running when the browser
+    window is closed, until Ctrl-C here or the key q there; one window shows it at a time."""
     web_host: str = HOST
-    """The address that the browser reaches it at. Anything but this computer's own lays the vehicles open to
-    whoever has the address that is told; nothing is encrypted."""
+    """The address that the page is served on. Any address but this computer's own gives control of the
+    vehicles to everyone who has the printed URL; nothing is encrypted."""
     web_port: int = PORT
-    """The port for that; 0 takes any free one."""
+    """The port of the page; 0 takes any free one."""
 
 
 @app.default

@@ -1,4 +1,4 @@
-"""What an operator can do now, and doing it: missions, components, the fleet, vehicle services, steering by hand.
+"""The operator's actions: missions, components, the fleet, vehicle services, teleoperation.
 
 A desk is given the station; screens and the headless station call it.
 """

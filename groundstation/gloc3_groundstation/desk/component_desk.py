@@ -1,4 +1,4 @@
-"""What can be asked of a component: the commands that its state allows, and its functions, typed."""
+"""Requests to a component: the commands that its state allows, and its typed functions."""
 
 import re
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ from gloc3_groundstation.station.station import Station
 
 
 class ComponentReply(msgspec.Struct, frozen=True, kw_only=True):
-    """What became of something that was asked of a component."""
+    """Result of a request to a component."""
 
     requested: str
     """`initialize`, `set_rate`."""
@@ -44,7 +44,7 @@ class ComponentDesk:
         self._wirings: dict[tuple[str, tuple[str, ...]], Wiring | None] = {}
 
     def answer(self, platform: str, component: str) -> ComponentReply | None:
-        """What became of what was asked of a component last."""
+        """Reply to the last request to a component."""
         return self._answers.get((platform, component))
 
     # --- commands ---
@@ -55,7 +55,7 @@ class ComponentDesk:
         if component.health is None:
             return {}
         if component.health is Health.ABSENT:
-            return {CREATE: "its host makes it anew"}
+            return {CREATE: "its host restarts it"}
         state = State(component.health.value)
         return {command.value: _effect(state, command) for command in allowed(state)}
 

@@ -1,4 +1,4 @@
-"""The operator's desk: what can be asked of a platform now, and doing it with the outcome noted as an event."""
+"""The operator's desk: available requests to a platform, and sending them with the outcome as an event."""
 
 import asyncio
 from collections.abc import Awaitable, Sequence
@@ -29,7 +29,7 @@ PRESSED_AGAIN_S: Final = 20.0
 
 
 class Move(StrEnum):
-    """What the operator can ask for."""
+    """A request that the operator can make."""
 
     STREAM = "stream"
     CONTROL = "control"
@@ -40,7 +40,7 @@ class Move(StrEnum):
 
 
 class Order(StrEnum):
-    """What is asked of a selection of vehicles."""
+    """A command to a selection of vehicles."""
 
     HOLD = "hold"
     PAUSE = "pause"
@@ -96,14 +96,14 @@ class Desk:
         return self.missions.plan
 
     def alerts(self) -> Alerts:
-        """What the operator has to take note of, as it is now."""
+        """The current alerts."""
         before, self._alerts = self._alerts, alerts.update(self._alerts, self.station.fleet, self.station.now_s())
         for alert in alerts.began(self._alerts, before, alerts.LINK):  # of all else the vehicle itself tells an event
             self.station.note(alert.platform, Severity.NOTICE, alert.text)
         return self._alerts
 
     def acknowledge(self, key: tuple[str, str] | None = None) -> None:
-        """Takes note of one alert, or of all."""
+        """Acknowledges one alert, or all."""
         self._alerts = alerts.acknowledge(self._alerts, key)
 
     def moves(self, platform: PlatformSnapshot) -> frozenset[Move]:
@@ -132,7 +132,7 @@ class Desk:
         if self.plan is not None:
             return self.plan.title
         name = platform.mission.value.name if platform.mission is not None else ""
-        return name if self.missions.draft is None else f"{name}, as it is aboard (the one at hand has errors),"
+        return name if self.missions.draft is None else f"{name}, as loaded onboard (the open one has errors),"
 
     async def make(self, name: str, move: Move) -> None:
         """Asks a platform for something."""
@@ -180,9 +180,7 @@ class Desk:
         """
         crew = self._crew(name)
         for one in filter(self._is_silent, crew):
-            text = (
-                "start: nothing is heard of it, and a start is never kept for later; u queues the mission for contact"
-            )
+            text = "start: the vehicle is out of contact, and a start is never queued; u queues the mission for contact"
             self.station.note(one, Severity.ERROR, text)
             return {}
         if self.plan is not None and any(self._needs_streaming(one) for one in crew):
@@ -252,7 +250,7 @@ class Desk:
         """Hold, land or disarm, without asking who is in control."""
         platform = self.station.fleet.get(name)
         if platform is not None and not platform.has_companion:
-            text = f"emergency {verb}: {name} has no companion of ours to do it; use its remote control"
+            text = f"emergency {verb}: {name} has no GLOC3 companion; use its remote control"
             self.station.note(name, Severity.ALERT, text)
             return False
         self._held_s[name] = self.station.now_s()

@@ -1,4 +1,4 @@
-"""What can be done with events: keep them all, look for some, write them to a file."""
+"""Events on the desk: store all, search, export to a file."""
 
 import asyncio
 from functools import partial

@@ -14,7 +14,7 @@ from gloc3_groundstation.station.station import Station
 
 
 class LinkStore(Protocol):
-    """Whoever holds the station's links."""
+    """Interface to the station's links."""
 
     def snapshots(self, platforms: Iterable[str]) -> tuple[LinkSnapshot, ...]:
         """All links, with those of these platforms that are behind each."""
@@ -106,7 +106,7 @@ class FleetDesk:
                 and state.requested_by
                 and (previous is None or previous.requested_by != state.requested_by)
             ):
-                requester = f"station {state.requested_by} asks for control; grant or refuse it on the screen Fleet"
+                requester = f"station {state.requested_by} requests control; grant or refuse it on the screen Fleet"
                 self._station.note(platform.name, Severity.WARNING, requester)
             elif previous is not None and previous.holder == own and state.holder != own:
                 whose = f"station {state.holder} has control now" if state.holder else "nobody has control now"

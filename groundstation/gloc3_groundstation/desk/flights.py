@@ -79,7 +79,7 @@ async def await_ready(station: Station, platform: str, within_s: float = READY_W
 
     def is_ready() -> bool:
         known = station.fleet.get(platform)
-        lacks[:] = missing(known, station.now_s()) if known else ["any word from it"]
+        lacks[:] = missing(known, station.now_s()) if known else ["a message from it"]
         return not lacks
 
     if not is_ready():
@@ -106,8 +106,8 @@ async def request_control(station: Station, platform: str) -> None:
             await until(station, lambda: _holder(station, platform) == station.id)
     except TimeoutError:
         holder = _holder(station, platform)
-        whose = f"station {holder} keeps it" if holder else reply.reason or "the platform says nothing more"
-        raise Refused(f"control of {platform} was asked for and not given: {whose}") from None
+        whose = f"station {holder} keeps it" if holder else reply.reason or "the platform gave no reason"
+        raise Refused(f"control of {platform} was requested and not granted: {whose}") from None
     station.note(platform, Severity.INFO, "this station has control")
 
 

@@ -107,7 +107,7 @@ class Gamepad:
             self._end(error.strerror or "it cannot be read")
             return
         if not data:
-            self._end("it has gone")
+            self._end("it is disconnected")
             return
         self._state.feed(data)
         self._moved(self._state)

@@ -1,4 +1,4 @@
-"""The operator's table for missions: the one that is open, those that vehicles hold, and what is asked of their parts."""
+"""Missions on the desk: the open one, those onboard vehicles, and commands to their tasks and actions."""
 
 import asyncio
 from collections.abc import Mapping
@@ -38,7 +38,7 @@ class MissionDesk:
         Args:
             station: hears and commands the platforms.
             plan: the mission at hand, checked; None without one.
-            recent: the files opened lately, the last one first.
+            recent: the files opened last, the last one first.
         """
         self.station: Final = station
         self.recent = recent

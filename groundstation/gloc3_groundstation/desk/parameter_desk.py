@@ -1,4 +1,4 @@
-"""What an operator does with a vehicle's parameters: fetch, edit, compare with a file, write what differs, save."""
+"""Parameters on the desk: fetch, edit, compare with a file, write what differs, save."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -15,7 +15,7 @@ FORCE = "!"
 
 
 class Judged(NamedTuple):
-    """What is to be thought of a value that was typed."""
+    """Verdict on a typed value."""
 
     value: float = 0.0
     is_forced: bool = False
@@ -60,7 +60,7 @@ class ParameterDesk:
             del report
             before = self.table[name].text
             row = await self._service.set(name, value, force=force)
-            restart = "; it holds after the vehicle was restarted" if row.info.needs_restart else ""
+            restart = "; it takes effect after a vehicle restart" if row.info.needs_restart else ""
             return f"{name} is {row.text} now (was {before}){restart}"
 
         self._begin(ServiceKind.PARAMETERS, f"setting {name}", work, is_change=True)
@@ -144,5 +144,5 @@ def judge(table: ParameterTable, name: str, typed: str) -> Judged:
     try:
         table.check(name, value, force=is_forced)
     except Refused as error:
-        return Judged(reason=f"{error}; {text}{FORCE} sets it all the same")
+        return Judged(reason=f"{error}; {text}{FORCE} sets it anyway")
     return Judged(value=value, is_forced=is_forced)

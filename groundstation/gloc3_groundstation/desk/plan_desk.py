@@ -1,4 +1,4 @@
-"""What an operator does with the plans on an autopilot: download, open a file, upload, verify, save, clear."""
+"""Plans on the desk: download, open a file, upload, verify, save, clear."""
 
 from pathlib import Path
 
@@ -68,7 +68,7 @@ class PlanDesk:
             self.found, self.differences = None, None
             self.differences = await self._service.upload(file.plan, report)
             if self.differences:
-                raise Refused(f"{file.name} was uploaded, but {len(self.differences)} things are not as they should be")
+                raise Refused(f"{file.name} was uploaded, but {len(self.differences)} items differ")
             return f"{file.name} is on the vehicle, read back and compared"
 
         self._begin(ServiceKind.PLANS, f"uploading {file.name}", work, is_change=True)
@@ -83,7 +83,7 @@ class PlanDesk:
             self.differences = None
             self.differences = await self._service.verify(file.plan, report)
             if self.differences:
-                raise Refused(f"the vehicle's plan is not {file.name}: {len(self.differences)} differences")
+                raise Refused(f"the vehicle's plan differs from {file.name}: {len(self.differences)} differences")
             return f"the vehicle has {file.name}"
 
         self._begin(ServiceKind.PLANS, f"comparing with {file.name}", work)
@@ -106,8 +106,8 @@ class PlanDesk:
         async def work(report: OnProgress) -> str:
             self.found, self.differences = None, None
             if await self._service.upload(ForeignPlan(entries=(), raw={}), report):
-                raise Refused("the plan was not cleared: something of it is still there")
-            return "mission, fence and rally points are off the vehicle"
+                raise Refused("the plan was not cleared: some items are left")
+            return "mission, fence and rally points are cleared"
 
         self._begin(ServiceKind.PLANS, "clearing the plan", work, is_change=True)
 

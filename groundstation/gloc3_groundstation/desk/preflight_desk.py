@@ -1,4 +1,4 @@
-"""The pre-flight lists of the platforms: asked for, kept with their age, and completed by what only the station knows."""
+"""Pre-flight lists of the platforms: requested, kept with their age, completed with the station's checks."""
 
 import asyncio
 from collections.abc import Iterator
@@ -113,7 +113,7 @@ def station_checks(
     if round_trip_s is None:
         yield Check(Group.LINK, "round trip", Verdict.UNKNOWN, "not measured yet")
     elif round_trip_s > SLOW_S:
-        advice = "commands come late: take a faster link, or show less of the vehicle"
+        advice = "commands arrive late: take a faster link, or show less of the vehicle"
         yield Check(Group.LINK, "round trip", Verdict.WARNING, f"{round_trip_s:.1f} s", advice)
     else:
         yield Check(Group.LINK, "round trip", Verdict.OK, f"{1000.0 * round_trip_s:.0f} ms")
@@ -121,7 +121,7 @@ def station_checks(
         return
     yield compared("versions", Software(reported.report.version, reported.report.protocol), "onboard")
     if reported.report.utc_s is None:
-        yield Check(Group.LINK, "clocks", Verdict.UNKNOWN, "the platform has not told its time of day")
+        yield Check(Group.LINK, "clocks", Verdict.UNKNOWN, "the platform has not reported its time")
         return
     offset_s = reported.report.utc_s + (round_trip_s or 0.0) / 2.0 - reported.utc_s
     if abs(offset_s) > CLOCKS_AGREE_S:
@@ -135,13 +135,13 @@ def station_checks(
 def _loss(platform: PlatformSnapshot, now_s: float) -> Check:
     if platform.is_quiet_link(now_s):
         finding = f"nothing heard for {duration(platform.age_s(now_s))}"
-        return Check(Group.LINK, "loss", Verdict.RED, finding, "find out why before anything takes off")
+        return Check(Group.LINK, "loss", Verdict.RED, finding, "find the cause before takeoff")
     loss = platform.link.loss
     finding = f"{100.0 * loss:.0f} % of the status is lost"
     if loss > MUCH_LOSS:
         advice = "move the antenna, or another station's transmitter"
         return Check(Group.LINK, "loss", Verdict.WARNING, finding, advice)
     if loss > LITTLE_LOSS:
-        advice = "it will be worse farther away"
+        advice = "it gets worse with distance"
         return Check(Group.LINK, "loss", Verdict.WARNING, finding, advice)
     return Check(Group.LINK, "loss", Verdict.OK, finding)

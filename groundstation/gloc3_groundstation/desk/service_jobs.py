@@ -1,4 +1,4 @@
-"""What is under way with a vehicle's services, one thing a service, and how the last one ended: in words, always."""
+"""Jobs of a vehicle's services, one at a time for each service, and their last outcome in words."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -24,7 +24,7 @@ class ServiceKind(StrEnum):
 
 
 class ServiceJob(msgspec.Struct, frozen=True, kw_only=True):
-    """Something that is under way."""
+    """A running job."""
 
     what: str
     fraction: float | None = None
@@ -33,7 +33,7 @@ class ServiceJob(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class JobOutcome(msgspec.Struct, frozen=True, kw_only=True):
-    """How something ended."""
+    """How a job ended."""
 
     text: str
     is_good: bool = True
@@ -46,7 +46,7 @@ Work: TypeAlias = Callable[[OnProgress], Awaitable[str]]
 
 
 class JobStarter(Protocol):
-    """Begins something for a service."""
+    """Starts a job for a service."""
 
     def __call__(self, service: ServiceKind, what: str, work: Work, *, is_change: bool = False) -> None:
         """Begins it; what changes the vehicle is told to everyone."""
@@ -72,7 +72,7 @@ class Jobs:
             done: is told how it ended.
         """
         if service in self._tasks:
-            busy = f"{what}: not begun, {self.running[service].what} is still under way (esc cancels that)"
+            busy = f"{what}: not started, {self.running[service].what} is still running (esc cancels it)"
             self.outcomes[service] = JobOutcome(text=busy, is_good=False)
             return
         self.outcomes.pop(service, None)
@@ -118,7 +118,7 @@ async def attempt(work: Awaitable[str]) -> JobOutcome:
     except InputError as error:
         lines = tuple(str(msgspec.structs.replace(one, file=Path(one.file).name)) for one in error.findings)
         return JobOutcome(
-            text=lines[0] if len(lines) == 1 else f"{len(lines)} things are wrong in it", is_good=False, lines=lines
+            text=lines[0] if len(lines) == 1 else f"{len(lines)} errors in the file", is_good=False, lines=lines
         )
     except Gloc3Error as error:
         return JobOutcome(text=str(error), is_good=False)

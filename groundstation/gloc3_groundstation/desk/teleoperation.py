@@ -1,4 +1,4 @@
-"""Steering by hand, the station's half: the demand goes out ten times a second while the dead-man's key is kept."""
+"""The station's half of teleoperation: sends demands at 10 Hz while the dead-man's key is held."""
 
 import asyncio
 from typing import Final, NamedTuple
@@ -11,7 +11,7 @@ RELEASES: Final = 3
 
 
 class StickDemand(NamedTuple):
-    """How far each way is asked for, -1 to 1."""
+    """Demand on each axis, -1 to 1."""
 
     surge: float = 0.0
     """Ahead."""
@@ -32,7 +32,7 @@ class FullSpeed(NamedTuple):
 
 
 class HandControl:
-    """One time at the keys of one platform.
+    """One teleoperation session of one platform.
 
     Args:
         client: sends, and knows the station.
@@ -60,7 +60,7 @@ class HandControl:
 
     @property
     def sticks(self) -> StickDemand:
-        """Where the sticks are."""
+        """Stick positions."""
         return self._sticks
 
     @property

@@ -1,4 +1,4 @@
-"""What an operator does with one vehicle's services: each request becomes a job whose end is told in words."""
+"""One vehicle's services on the desk: each request becomes a job whose outcome is reported in words."""
 
 import asyncio
 from contextlib import suppress
@@ -14,15 +14,15 @@ from gloc3.messages.envelope import Severity
 from gloc3_groundstation.desk.parameter_desk import ParameterDesk
 from gloc3_groundstation.desk.plan_desk import PlanDesk
 from gloc3_groundstation.desk.service_jobs import JobOutcome, Jobs, ServiceJob, ServiceKind, Work, attempt
-from gloc3_groundstation.services.facts import Firmware, ServicesSnapshot
 from gloc3_groundstation.services.files import Folder
 from gloc3_groundstation.services.logs import LogLine
 from gloc3_groundstation.services.progress import JobProgress, OnProgress
 from gloc3_groundstation.services.rates import RateTable
+from gloc3_groundstation.services.snapshot import Firmware, ServicesSnapshot
 from gloc3_groundstation.services.vehicle import VehicleServices
 from gloc3_groundstation.station.station import Station
+from gloc3_groundstation.store.download_progress import DownloadProgress
 from gloc3_groundstation.store.log_pull import FtpCarrier, LogPuller
-from gloc3_groundstation.store.pace import DownloadProgress
 
 COMPANION: Final = 191
 """The onboard computer among the components of its vehicle."""
@@ -155,7 +155,7 @@ class VehicleDesk:
             del report
             self._services.logs.erase_all()
             self.logs = None
-            return "the vehicle was asked to erase all its logs; list them again to see"
+            return "erasing all logs was requested; list them again to check"
 
         self.begin(ServiceKind.LOGS, "erasing the logs", work, is_change=True)
 
@@ -209,9 +209,9 @@ class VehicleDesk:
             await self._services.files.make_folder(path)
             if self.listing is not None:
                 await self._open_log(self.listing.path)
-            return f"{path} is made"
+            return f"{path} is created"
 
-        self.begin(ServiceKind.FILES, f"making {path}", work, is_change=True)
+        self.begin(ServiceKind.FILES, f"creating {path}", work, is_change=True)
 
     async def _open_log(self, path: str) -> str:
         self.listing = await self._services.files.list(path)
@@ -250,9 +250,9 @@ class VehicleDesk:
             del report
             await self._services.rates.request(name, rate_hz)
             wanted = "its usual rate" if rate_hz is None else f"{rate_hz:g} Hz" if rate_hz else "not at all"
-            return f"{name}: asked for, {wanted}"
+            return f"{name}: requested, {wanted}"
 
-        self.begin(ServiceKind.RATES, f"asking for {name}", work)
+        self.begin(ServiceKind.RATES, f"requesting {name}", work)
 
     async def close(self) -> None:
         """Stops everything."""

@@ -3,4 +3,4 @@
 Exactly one station heartbeat leaves on a link.
 """
 
-__all__ = ["acoustic_way", "link", "link_snapshot", "links", "network_way"]
+__all__ = ["acoustic_route", "link", "link_snapshot", "links", "network_route"]

@@ -10,7 +10,7 @@ import msgspec
 from gloc3.clock import Clock
 from gloc3.exchange.base import Exchange, Unsubscribe
 from gloc3.exchange.mavlink import MavlinkExchange, TunnelEndpoint, TunnelRole
-from gloc3.exchange.tunnel.happenings import Happening, TunnelTrouble, Undelivered
+from gloc3.exchange.tunnel.events import Happening, TunnelTrouble, Undelivered
 from gloc3.exchange.tunnel.pacing import LinkBudget
 from gloc3.mavlink.codec import Encoder, Frame, Parser, enums, shape
 from gloc3.mavlink.message import Address, MavlinkMessage
@@ -19,7 +19,7 @@ from gloc3.mavlink.router import Gaps
 from gloc3.mavlink.services.heartbeat import Heartbeat, MavlinkPeer, MavlinkPeers
 from gloc3.mavlink.signing import SignedOnly, Signing, timestamp
 from gloc3.messages.topics import TopicTable
-from gloc3_groundstation.links.ways import NETWORK, StationRoute, StationRoutes
+from gloc3_groundstation.links.station_routes import NETWORK, StationRoute, StationRoutes
 
 STATION_COMPONENT: Final = 190
 MOST_LOCKED: Final = 16
@@ -80,7 +80,7 @@ class LinkSettings(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class StationLinkCore:
-    """One link: frames in and out, without the socket; begins to send heartbeats and to look for platforms.
+    """One link without its socket: frames in and out, heartbeats, and platform discovery.
 
     Args:
         send: puts bytes on the link.
@@ -259,7 +259,7 @@ class StationLinkCore:
             self._locked.add(frame.system)
             who = f"{frame.system}/{frame.component}"
             self._report(
-                f"{who} signs what it sends, and this link has no key: it is seen, but takes nothing from here; "
+                f"{who} signs its messages, and this link has no key: it is heard, but ignores this station; "
                 "see --signing-key"
             )
 
@@ -267,4 +267,4 @@ class StationLinkCore:
         if not self._has_reported_double:
             self._has_reported_double = True
             system = self._own.system
-            self._report(f"somebody else is station {system}, or the link sends back what we send; see --station-id")
+            self._report(f"another station is {system}, or the link echoes our frames; see --station-id")

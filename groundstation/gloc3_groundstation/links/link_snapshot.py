@@ -1,4 +1,4 @@
-"""What a station knows of one of its links at one moment."""
+"""State of one of a station's links at one moment."""
 
 from typing import Final
 

@@ -1,4 +1,4 @@
-"""All links of a station with their sockets: opened and closed while it runs, measured, and asked together."""
+"""All links of a station with their sockets: opened, closed, measured and queried."""
 
 import asyncio
 from collections.abc import Iterable
@@ -14,8 +14,8 @@ from gloc3.mavlink.transport.memory import MemoryEnd
 from gloc3.network.file import Membership
 from gloc3_groundstation.links.link import LinkContext, LinkSettings, StationLinkCore
 from gloc3_groundstation.links.link_snapshot import LinkSnapshot
-from gloc3_groundstation.links.network_way import NetworkRoute
-from gloc3_groundstation.links.ways import LINE, NETWORK
+from gloc3_groundstation.links.network_route import NetworkRoute
+from gloc3_groundstation.links.station_routes import LINE, NETWORK
 
 MEASURE_EVERY_S: Final = 1.0
 

@@ -1,4 +1,4 @@
-"""What the map and the charts draw, without the terminal: histories, requested paths, and where everything lies.
+"""Data of the map and the charts, without the terminal: histories, requested paths, placements.
 
 Pure geometry and histories: the screens draw them.
 """

@@ -1,4 +1,4 @@
-"""What a mission asks for, as the map draws it: the way of each action, the waypoints with their numbers, the fence."""
+"""A mission's request as drawn on the map: path of each action, numbered waypoints, the fence."""
 
 from functools import lru_cache
 from itertools import pairwise
@@ -22,7 +22,7 @@ SAME_M = 0.05
 
 
 class ActionPath(NamedTuple):
-    """What one action flies."""
+    """Path of one action."""
 
     target: str
     """`TASK.ACTION`."""

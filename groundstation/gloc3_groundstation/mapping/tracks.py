@@ -1,4 +1,4 @@
-"""The past of every vehicle of the fleet: where it was and how it moved, followed from the changes of the fleet."""
+"""Tracks of all vehicles of the fleet: past positions and motion, updated from changes of the fleet."""
 
 from collections.abc import Iterator
 from enum import IntEnum
@@ -27,7 +27,7 @@ DRIFT: Final = 2e-4
 
 
 class TrackChannel(IntEnum):
-    """What is kept over time."""
+    """A quantity recorded over time."""
 
     X = 0
     Y = 1
@@ -50,7 +50,7 @@ class TrackChannel(IntEnum):
 
 
 class Track:
-    """One vehicle's past."""
+    """One vehicle's track."""
 
     def __init__(self) -> None:
         self.trail: Final = Trail()

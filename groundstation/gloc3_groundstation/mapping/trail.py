@@ -1,4 +1,4 @@
-"""Where a vehicle has been, over hours in bounded memory: the last points as they came, older ones as far as they matter.
+"""A vehicle's trail over hours in bounded memory: recent points as received, older ones thinned.
 
 Older points are thinned by Douglas and Peucker's rule (Cartographica 10, 1973): what is left out lies within a tolerance
 of the line that is left. When too many remain all the same, the tolerance is doubled. A row of NaN is a gap.

@@ -1,4 +1,4 @@
-"""A mission that is open at the station: its text, what is wrong with it, and where it is saved. Immutable."""
+"""A mission that is open at the station: its text, findings, and file. Immutable."""
 
 from pathlib import Path
 from typing import Final

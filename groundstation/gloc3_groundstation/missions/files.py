@@ -1,4 +1,4 @@
-"""Folders and mission files, for the one who looks for a mission to open."""
+"""Folders and mission files, for choosing a mission to open."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -33,7 +33,7 @@ _BEGINS: Final = {
 class FileGroup(StrEnum):
     """Where an entry comes from."""
 
-    RECENT = "opened lately"
+    RECENT = "recent"
     EXAMPLE = "examples"
     FOLDER = "folder"
 
@@ -78,7 +78,7 @@ def listing(folder: Path) -> Listing:
 
 
 def start_entries(recent: Sequence[str]) -> tuple[MissionEntry, ...]:
-    """What can be opened without looking for it: missions opened lately that are still there, and the examples."""
+    """Entries without browsing: recent missions that still exist, and the examples."""
     examples = example_missions()
     lately = [
         MissionEntry(

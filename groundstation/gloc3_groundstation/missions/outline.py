@@ -1,4 +1,4 @@
-"""What of a mission is drawn and told: its tasks and actions with their order, without positions."""
+"""Outline of a mission: tasks and actions with their order, without positions."""
 
 from collections.abc import Mapping
 from typing import Final

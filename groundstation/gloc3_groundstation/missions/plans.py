@@ -1,4 +1,4 @@
-"""A mission file before it goes anywhere: read, and checked as far as the platform is known here."""
+"""Reads and checks a mission file, as far as the platform is known here."""
 
 from collections.abc import Collection, Iterable
 from contextlib import suppress

@@ -1,4 +1,4 @@
-"""What an operator may do to a mission, one of its tasks or actions, by the table of states."""
+"""Commands allowed on a mission, task or action, by the state table."""
 
 from typing import Final
 

@@ -4,7 +4,6 @@ Desks start them as jobs; each service has one path to the vehicle.
 """
 
 __all__ = [
-    "facts",
     "files",
     "logs",
     "machines",
@@ -15,5 +14,6 @@ __all__ = [
     "progress",
     "rates",
     "saving",
+    "snapshot",
     "vehicle",
 ]

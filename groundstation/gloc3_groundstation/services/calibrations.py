@@ -12,8 +12,8 @@ from gloc3.errors import Refused
 from gloc3.mavlink.services.calibration import Calibration, CalibrationKind, CalibrationState
 from gloc3.mavlink.services.calibration_ardupilot import ArduPilotCalibration
 from gloc3.mavlink.services.calibration_px4 import Px4Calibration
-from gloc3_groundstation.services.facts import Firmware, SnapshotService
 from gloc3_groundstation.services.machines import Machines, Wire
+from gloc3_groundstation.services.snapshot import Firmware, SnapshotService
 
 LAST_LINES_S: Final = 2.0
 """How long a cancelled calibration may take to tell the vehicle."""
@@ -56,7 +56,7 @@ class CalibrationService:
             raise Refused("the vehicle is armed; sensors are calibrated on the ground, disarmed")
         machine = {Firmware.PX4: Px4Calibration, Firmware.ARDUPILOT: ArduPilotCalibration}.get(snapshot.firmware)
         if machine is None:
-            raise Refused("how to calibrate a vehicle of this firmware is not known")
+            raise Refused("calibration of this firmware is not supported")
         running = self._running = machine(self._wire.own, snapshot.address, kind)
         own = self._own = Machines(self._wire, snapshot.address.system, [running])
         if on_state is not None:

@@ -1,4 +1,4 @@
-"""One request to MAVSDK's process, and what that process says last when it ends."""
+"""One request to MAVSDK's process, and the last line of output when it ends."""
 
 import asyncio
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""What the station and its MAVSDK process tell each other over a pipe: length and msgpack, one after the other."""
+"""Messages between the station and its MAVSDK process over a pipe: length, then msgpack."""
 
 from typing import Final, TypeAlias
 

@@ -1,4 +1,4 @@
-"""Logs of a vehicle: listed, and downloaded with progress; a download that was cut off goes on where it ended.
+"""Logs of a vehicle: list, and download with progress; an interrupted download resumes.
 
 They go through our own log protocol, not MAVSDK's: that always begins at the first byte, and deletes what has come
 when it is cancelled. Over a radio a log takes an hour.
@@ -15,10 +15,10 @@ from gloc3.errors import Refused
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.files.log_client import LogClient, LogDownload, LogList, LogResult
 from gloc3.mavlink.services.files.log_server import LogEntry
-from gloc3_groundstation.services.facts import Firmware, SnapshotService
 from gloc3_groundstation.services.machines import Machines
 from gloc3_groundstation.services.progress import OnProgress, Quietly
 from gloc3_groundstation.services.saving import Saving
+from gloc3_groundstation.services.snapshot import Firmware, SnapshotService
 
 KEEP_EVERY_S: Final = 1.0
 """So often what has come is written to the disk."""

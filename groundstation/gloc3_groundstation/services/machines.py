@@ -1,4 +1,4 @@
-"""Runs microservices without I/O on one of the station's links, and lets coroutines wait for what becomes of them."""
+"""Runs microservices without I/O on one of the station's links, and lets coroutines await their results."""
 
 import asyncio
 from collections.abc import Callable, Iterable

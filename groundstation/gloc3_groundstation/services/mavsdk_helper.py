@@ -1,4 +1,4 @@
-"""MAVSDK in a process of its own: frames come and go over pipes, and requests are answered there.
+"""MAVSDK in its own process: exchanges frames and requests over pipes.
 
 It is a process because the library is native code that can end or hang the program that it lives in: a call under way
 when it is destroyed never returns and keeps asyncio from ending, `CalibrationAsync.cancel` and `get_all_params` can

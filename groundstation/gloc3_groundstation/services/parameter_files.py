@@ -184,11 +184,11 @@ class _Reader:
                 return
         before = self.found.get(name[0])
         if before is not None and before.value != read:
-            message = f"{name[0]} stands here again, with another value than in line {before.line}"
+            message = f"{name[0]} appears again, with another value than in line {before.line}"
             self._find(number, name[1], message, "take one of them out")
         elif before is not None:
             finding = Finding(
-                file=self._file, line=number, column=name[1], message=f"{name[0]} stands twice", is_warning=True
+                file=self._file, line=number, column=name[1], message=f"{name[0]} appears twice", is_warning=True
             )
             self.warnings.append(finding)
         else:

@@ -183,7 +183,7 @@ class ParameterTable(msgspec.Struct, frozen=True, kw_only=True):
             return wanted
         unit = f" {info.unit}" if info.unit else ""
         if info.is_read_only:
-            raise Refused(f"{name} is for reading only")
+            raise Refused(f"{name} is read-only")
         if info.minimum is not None and wanted.value < info.minimum and not _is_close(wanted.value, info.minimum):
             raise Refused(f"{name} must be at least {info.minimum:g}{unit}, not {spell(wanted)}")
         if info.maximum is not None and wanted.value > info.maximum and not _is_close(wanted.value, info.maximum):

@@ -15,13 +15,13 @@ from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange.base import Unsubscribe
 from gloc3.mavlink.services.parameter import Parameter
 from gloc3.mavlink.services.parameter_client import ParameterCall, ParameterClient, ParameterResult
-from gloc3_groundstation.services.facts import SnapshotService
 from gloc3_groundstation.services.files import FileService
 from gloc3_groundstation.services.machines import Machines
 from gloc3_groundstation.services.parameter_files import ParameterFormat, load_parameter_file, write_parameter_file
 from gloc3_groundstation.services.parameter_info import Infos, load_infos, read_infos
 from gloc3_groundstation.services.parameter_table import ParameterChange, ParameterDiff, ParameterRow, ParameterTable
 from gloc3_groundstation.services.progress import OnProgress, Quietly
+from gloc3_groundstation.services.snapshot import SnapshotService
 
 INFO_PATHS: Final = ("/etc/extras/parameters.json.xz",)
 """Where a PX4 vehicle has the description of its own parameters."""

@@ -1,4 +1,4 @@
-"""Plans between files and the wire: home, jumps and fences as either firmware wants them, and two plans compared.
+"""Converts plans between files and the wire: home, jumps and fences of either firmware; compares plans.
 
 ArduPilot keeps home as item 0 of a mission, PX4 has none; files number the items as if home were item 0. A jump names
 an item by number, so it moves with them.
@@ -16,7 +16,7 @@ from gloc3.mavlink.services.plan import PlanItem, PlanType
 from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
 from gloc3.plan_wire import from_wire as item_from_wire
 from gloc3.plan_wire import to_wire as item_to_wire
-from gloc3_groundstation.services.facts import Firmware
+from gloc3_groundstation.services.snapshot import Firmware
 
 DO_JUMP: Final = 177
 WAYPOINT: Final = 16

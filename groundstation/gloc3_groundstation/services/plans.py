@@ -17,11 +17,11 @@ from gloc3.mavlink.services.plan import PlanItem, PlanResult, PlanType
 from gloc3.mavlink.services.version import ProtocolCapability
 from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, load_plan, write_plan, write_wpl
 from gloc3.mission.formats.items import ForeignPlan
-from gloc3_groundstation.services.facts import ServicesSnapshot, SnapshotService
 from gloc3_groundstation.services.machines import Machines
 from gloc3_groundstation.services.plan_items import PlanDifference, PlanParts, differences, from_wire, to_wire
 from gloc3_groundstation.services.progress import OnProgress, Quietly
 from gloc3_groundstation.services.raw import MavsdkBehindLink
+from gloc3_groundstation.services.snapshot import ServicesSnapshot, SnapshotService
 
 KINDS: Final = (PlanType.MISSION, PlanType.FENCE, PlanType.RALLY)
 _NAMES: Final = {PlanType.MISSION: "mission", PlanType.FENCE: "fence", PlanType.RALLY: "rally points"}
@@ -104,7 +104,7 @@ class PlanService:
             items = parts.of(kind)
             if not _can(snapshot, kind):
                 if items:
-                    raise Refused(f"the vehicle takes no {_NAMES[kind]}")
+                    raise Refused(f"the vehicle does not support {_NAMES[kind]}")
                 continue
             what = f"uploading the {_NAMES[kind]}"
             report(what, 0.0, counted(len(items), "item"))

@@ -7,7 +7,7 @@ import msgspec
 
 
 class JobProgress(msgspec.Struct, frozen=True, kw_only=True):
-    """One moment of something that takes a while."""
+    """Progress of a running job."""
 
     what: str
     """What is under way, as "listing the parameters"."""

@@ -1,4 +1,4 @@
-"""Message rates of a vehicle: what comes how often, measured on the link, and asking for one more or less often."""
+"""Message rates of a vehicle: measured on the link, and requests for other rates."""
 
 from collections import deque
 from typing import Final

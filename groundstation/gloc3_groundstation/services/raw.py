@@ -1,4 +1,4 @@
-"""MAVSDK behind the station's own link: it sees one vehicle's frames, and what it sends leaves as the station's.
+"""MAVSDK behind the station's own link: it receives one vehicle's frames, and sends in the station's name.
 
 The station owns each link once. MAVSDK therefore has no socket: a process of its own (see `mavsdk_helper`) gets the
 frames that its services need, under the station's ids, and its frames are numbered (and signed, where the link is) by
@@ -155,7 +155,7 @@ class MavsdkBehindLink:
             raise Refused("the services of this vehicle are closed")
         if self.is_running:
             return
-        await self._end("it is begun anew")
+        await self._end("it is restarted")
         own = self._wire.own
         self.starts += 1
         self._process = await asyncio.create_subprocess_exec(
@@ -174,9 +174,9 @@ class MavsdkBehindLink:
             await asyncio.wait_for(asyncio.shield(self._ready), START_S)
         except (TimeoutError, asyncio.CancelledError) as error:
             self._ready.cancel()
-            await self._end("it did not begin")
+            await self._end("it did not start")
             if isinstance(error, TimeoutError):
-                raise Refused("MAVSDK does not begin") from None
+                raise Refused("MAVSDK does not start") from None
             raise
 
     async def _end(self, reason: str) -> None:

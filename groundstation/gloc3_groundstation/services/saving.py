@@ -1,4 +1,4 @@
-"""A file that is being downloaded: parts of it are kept beside it, and it takes its name when it is whole."""
+"""A file being downloaded: kept as a part file beside it, and renamed when complete."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -58,7 +58,7 @@ class Saving:
         self._kept = whole_bytes
 
     def finish(self, data: bytes | bytearray) -> None:
-        """The file is whole: it takes its name.
+        """Renames the complete file to its final name.
 
         Raises:
             Refused: it cannot be written.
@@ -132,7 +132,7 @@ class PartFile:
         self._part.unlink(missing_ok=True)
 
     def finish(self) -> None:
-        """The file is whole: it takes its name.
+        """Renames the complete file to its final name.
 
         Raises:
             Refused: it cannot be written.

@@ -1,4 +1,4 @@
-"""Every service of one vehicle on one of the station's links, made when somebody first asks for it."""
+"""All services of one vehicle on one of the station's links, created at first use."""
 
 from types import TracebackType
 from typing import Final, Self
@@ -10,7 +10,6 @@ from gloc3.mavlink.services.files.log_client import LogClient
 from gloc3.mavlink.services.mission_client import MissionClient
 from gloc3.mavlink.services.parameter_client import ParameterClient
 from gloc3_groundstation.services.calibrations import CalibrationService
-from gloc3_groundstation.services.facts import ServicesSnapshot, SnapshotService
 from gloc3_groundstation.services.files import FileService
 from gloc3_groundstation.services.logs import LogService
 from gloc3_groundstation.services.machines import Machines, Wire
@@ -18,6 +17,7 @@ from gloc3_groundstation.services.parameters import ParameterService
 from gloc3_groundstation.services.plans import PlanService
 from gloc3_groundstation.services.rates import FrameRateMeter, RateService
 from gloc3_groundstation.services.raw import MavsdkBehindLink
+from gloc3_groundstation.services.snapshot import ServicesSnapshot, SnapshotService
 
 
 class VehicleServices:

@@ -1,4 +1,4 @@
-"""What the operator has to take note of: standing causes and warnings, each until it is acknowledged and over.
+"""Alerts for the operator: active causes and warnings, each kept until acknowledged and over.
 
 A cause that stands (a faulty component, an empty battery, a silent link) is an alert as long as it stands and until
 somebody has acknowledged it, whichever ends later. A warning that a platform sends is over as soon as it is said, and
@@ -36,7 +36,7 @@ KEPT: Final = 200
 
 
 class AlertCause(msgspec.Struct, frozen=True):
-    """Something that is wrong now."""
+    """An active problem."""
 
     platform: str
     what: str
@@ -46,7 +46,7 @@ class AlertCause(msgspec.Struct, frozen=True):
 
 
 class Alert(msgspec.Struct, frozen=True, kw_only=True):
-    """One thing to take note of."""
+    """One alert."""
 
     platform: str
     what: str
@@ -64,7 +64,7 @@ class Alert(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def key(self) -> tuple[str, str]:
-        """What it is known by."""
+        """Identity of the alert."""
         return self.platform, self.what
 
     @property
@@ -74,7 +74,7 @@ class Alert(msgspec.Struct, frozen=True, kw_only=True):
 
 
 TWO_OF_ONE_NAME: Final = (
-    "two platforms have this name: one of them is shown, and both obey; end one, then give it another name (platform file) "
+    "two platforms have this name: one is shown, and both obey; stop one, then give it another name (platform file) "
     "and system id (gloc3 onboard --system-id)"
 )
 
@@ -155,7 +155,7 @@ def began(alerts: Alerts, before: Alerts, what: str) -> list[Alert]:
 
 
 def causes(fleet: Fleet, now_s: float) -> Iterator[AlertCause]:
-    """What is wrong now, platform by platform."""
+    """Active problems, platform by platform."""
     for platform in fleet:
         for problem in platform.problems:
             yield AlertCause(platform.name, problem.what, problem.severity, problem.text)
@@ -176,7 +176,7 @@ def causes(fleet: Fleet, now_s: float) -> Iterator[AlertCause]:
                 yield AlertCause(platform.name, "versions", severity, f"versions differ: {ends.finding}; {ends.advice}")
         is_settled = now_s - platform.began_s >= SETTLE_S
         if is_settled and platform.link.loss >= LOSS_BAD:
-            yield AlertCause(platform.name, "loss", Severity.WARNING, "more than half of its status is lost on the way")
+            yield AlertCause(platform.name, "loss", Severity.WARNING, "more than half of its status messages are lost")
         yield from _vehicle_causes(platform, now_s, is_settled=is_settled)
         yield from _component_causes(platform, is_settled=is_settled)
 
@@ -184,11 +184,11 @@ def causes(fleet: Fleet, now_s: float) -> Iterator[AlertCause]:
 def _silence(*, is_flying: bool, has_companion: bool, is_overdue: bool) -> str:
     """That a vehicle is silent, what it does meanwhile, and what to do."""
     if is_overdue:
-        return "overdue: its planned silence is over, and nothing is heard of it; it keeps to the mission's on_overdue"
+        return "overdue: its planned silence is over, and it is not heard; it follows the mission's on_overdue"
     if not is_flying:
         return "nothing is heard of it any more: is it switched on, and its link open (Fleet)?"
-    policy = "it keeps to the mission's on_link_loss" if has_companion else "it keeps to its own failsafe"
-    return f"nothing is heard of it, and it was armed: {policy}; see to radio and antenna, and to its link (Fleet)"
+    policy = "it follows the mission's on_link_loss" if has_companion else "it follows its own failsafe"
+    return f"nothing is heard of it, and it was armed: {policy}; check radio, antenna and its link (Fleet)"
 
 
 def _vehicle_causes(platform: PlatformSnapshot, now_s: float, *, is_settled: bool) -> Iterator[AlertCause]:
@@ -201,7 +201,7 @@ def _vehicle_causes(platform: PlatformSnapshot, now_s: float, *, is_settled: boo
         severity = Severity.CRITICAL if is_critical else Severity.WARNING
         yield AlertCause(name, "battery", severity, f"battery at or below {limit} %")
     if is_settled and not vehicle.is_autopilot_connected:
-        text = "no autopilot: the companion does not hear it; see to its cable, and to gloc3 onboard --autopilot"
+        text = "no autopilot: the companion does not hear it; check its cable, and gloc3 onboard --autopilot"
         yield AlertCause(name, "autopilot", Severity.CRITICAL, text)
     if is_settled and vehicle.has_pilot_control:
         yield AlertCause(

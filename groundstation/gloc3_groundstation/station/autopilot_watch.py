@@ -1,4 +1,4 @@
-"""One autopilot as it is heard on one link: mode, arming, battery, place, and whether two of them share its address."""
+"""One autopilot as received on one link: mode, arming, battery, position, and address conflicts."""
 
 from collections import deque
 from typing import Final

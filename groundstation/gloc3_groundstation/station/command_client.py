@@ -1,4 +1,4 @@
-"""The command interface's client: what a station asks of platforms, over any exchange and in any kind of time."""
+"""Client of the command interface: a station's requests to platforms, over any exchange and clock."""
 
 import asyncio
 from typing import Any, Final
@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange.base import Exchange, Publisher
-from gloc3.exchange.tunnel.happenings import Undelivered
+from gloc3.exchange.tunnel.events import Undelivered
 from gloc3.messages.command_interface import (
     QUERIES,
     AnyBody,
@@ -163,7 +163,7 @@ class CommandClient:
             return reply
         if reply.outcome is Outcome.REFUSED:
             raise Declined(reply)
-        raise Unanswered(reply.reason or f"{platform} does not know what became of the request ({reply.outcome})")
+        raise Unanswered(reply.reason or f"{platform} does not know the outcome of the request ({reply.outcome})")
 
     def undelivered(self, lost: Undelivered) -> None:
         """Takes into account that the links have given a message up.

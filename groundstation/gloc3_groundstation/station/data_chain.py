@@ -1,4 +1,4 @@
-"""Where the data stops: samplers, processors, controllers, drivers, command interface, and who hands what to whom."""
+"""The data chain: samplers, processors, controllers, drivers, command interface, and their wiring."""
 
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
@@ -39,7 +39,7 @@ def delivers(component: ComponentSnapshot, others: Sequence[ComponentSnapshot]) 
 
 
 class Wiring:
-    """Which component takes what from which, from a platform's file."""
+    """Data flow between components, from a platform's file."""
 
     def __init__(self, makers: Mapping[str, Sequence[str]], takers: Mapping[str, Sequence[str]]) -> None:
         """The wiring.

@@ -1,4 +1,4 @@
-"""Events of platforms in their order, each shown once: what was told while a platform was out of contact is asked for."""
+"""Events of platforms in order, each shown once; those missed while out of contact are requested."""
 
 from collections.abc import Iterator, Mapping
 from typing import Final

@@ -1,4 +1,4 @@
-"""How a fleet's snapshot follows from the one before and a message: pure functions, told the time."""
+"""Updates of a fleet's snapshot by messages: pure functions of snapshot, message and time."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, Final
@@ -50,8 +50,8 @@ FORMER_KEPT: Final = 3
 LATE_MESSAGES: Final = 5
 """So many messages of a life that is over may come late."""
 RESTARTED: Final = (
-    "its onboard process has restarted: in flight it keeps to the mission's on_restart; look at mission and checks before "
-    "it goes on"
+    "its onboard process has restarted: in flight it follows the mission's on_restart; look at mission and checks before "
+    "it continues"
 )
 _COUNTED: Final = frozenset(name for name in CONTACT_TOPICS if TOPICS[name].rate_hz and name != "ci/motion")
 """The periodic topics: gaps in their sequences are losses, and what is older than what is here is dropped.
@@ -114,7 +114,7 @@ def by_sound(fleet: Fleet, name: str, summary: AcousticSummary, now_s: float) ->
         known = PlatformSnapshot(
             name=name, boot=0, first_received_s=now_s, received_s=now_s - QUIET_LINK_S, began_s=now_s
         )
-        fleet = note(fleet, name, Severity.NOTICE, "is heard by sound, and not otherwise", now_s)
+        fleet = note(fleet, name, Severity.NOTICE, "is heard by acoustic modem only", now_s)
     return with_platform(fleet, replace(known, acoustic=Timed(summary, now_s)))
 
 

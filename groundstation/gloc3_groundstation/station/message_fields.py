@@ -1,4 +1,4 @@
-"""A message as fields in its own order, each with its unit, as the names say it."""
+"""A message as a list of fields, each with the unit from its name."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any, Final, NamedTuple

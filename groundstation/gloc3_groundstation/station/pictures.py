@@ -1,4 +1,4 @@
-"""Previews unpacked for the screen. OpenCV comes in when the first is to be shown."""
+"""Decodes previews for the screen. OpenCV is imported with the first one."""
 
 import sys
 from typing import NamedTuple

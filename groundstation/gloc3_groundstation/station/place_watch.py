@@ -1,4 +1,4 @@
-"""Where an autopilot without a companion of ours is and how it moves, in the form in which platforms tell it."""
+"""Position and motion of an autopilot without a companion, in the platforms' message format."""
 
 from math import degrees, isfinite
 from typing import Final

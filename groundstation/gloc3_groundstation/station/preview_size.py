@@ -1,4 +1,4 @@
-"""How large a preview the link affords: larger while pictures come in time, smaller when they do not."""
+"""Preview size for a link: grows while pictures arrive in time, shrinks when they do not."""
 
 from typing import Final
 

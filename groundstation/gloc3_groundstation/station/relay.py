@@ -1,4 +1,4 @@
-"""Passes on, between the platforms of one mission, how far each of them is: from whoever commands those that wait for it."""
+"""Relays the progress of one mission between its platforms, by the station that commands them."""
 
 from typing import Final
 

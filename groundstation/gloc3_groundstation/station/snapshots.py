@@ -1,4 +1,4 @@
-"""What a station knows of a fleet at one moment: immutable snapshots, with the age of everything in them."""
+"""Immutable snapshots of a fleet as a station knows it, with the age of all data."""
 
 from collections.abc import Iterator, Mapping
 from typing import Final, Generic, TypeVar
@@ -59,7 +59,7 @@ class Timed(msgspec.Struct, Generic[M], frozen=True):
 
 
 class LinkStatistics(msgspec.Struct, frozen=True):
-    """How well a platform's status arrives."""
+    """Delivery statistics of a platform's status."""
 
     received: int = 0
     lost: int = 0
@@ -119,7 +119,7 @@ class AutopilotSnapshot(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class VehicleProblem(msgspec.Struct, frozen=True, kw_only=True):
-    """Something that the station has noticed of a vehicle, as long as it is so."""
+    """A problem of a vehicle detected by the station, while it lasts."""
 
     what: str
     """Names it among the vehicle's problems: `system id`."""
@@ -281,7 +281,7 @@ _ORDER: Final[Mapping[str, int]] = {kind.value: place for place, kind in enumera
 
 
 class FleetEvent(msgspec.Struct, frozen=True, kw_only=True):
-    """Something that happened, told by a platform or noticed by the station."""
+    """An event, reported by a platform or detected by the station."""
 
     number: int
     """Counts from 1 over all events of the fleet."""
@@ -294,7 +294,7 @@ class FleetEvent(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Fleet(msgspec.Struct, frozen=True, kw_only=True):
-    """Every platform that a station has heard, and what happened lately."""
+    """Every platform that a station has heard, and recent events."""
 
     utc_offset_s: float = 0.0
     """Add it to the station's time for seconds since 1970."""

@@ -1,4 +1,4 @@
-"""A base station: what it knows of its fleet, and its command client, on one exchange."""
+"""A base station: its fleet's snapshot and its command client, on one exchange."""
 
 import asyncio
 from collections.abc import Callable, Coroutine, Sequence
@@ -16,9 +16,9 @@ from gloc3_groundstation.station import fleet as reducers
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.command_client import CommandClient
 from gloc3_groundstation.station.event_feed import EventFeed, FeedEvent, with_age
+from gloc3_groundstation.station.fleet_monitor import FleetMonitor
 from gloc3_groundstation.station.relay import Relay
 from gloc3_groundstation.station.snapshots import Fleet
-from gloc3_groundstation.station.watcher import FleetMonitor
 
 HELLO_EVERY_S: Final = 3.0
 

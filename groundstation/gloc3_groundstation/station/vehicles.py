@@ -1,4 +1,4 @@
-"""Which vehicle is which: the autopilots that the links hear, joined to their platforms, or shown as bare vehicles.
+"""Identification of vehicles: autopilots heard on links, matched with platforms or shown as bare vehicles.
 
 A vehicle is known by the link on which it is heard and its MAVLink system there, never by the system alone: two
 vehicles may have the same one. One that is heard on several links is one vehicle all the same.
@@ -19,8 +19,8 @@ from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.heartbeat import AUTOPILOT_INVALID
 from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL
 from gloc3.messages.envelope import Severity
-from gloc3_groundstation.services.facts import FIRMWARES
 from gloc3_groundstation.services.machines import Wire
+from gloc3_groundstation.services.snapshot import FIRMWARES
 from gloc3_groundstation.station import fleet as reducers
 from gloc3_groundstation.station.autopilot_watch import BEATS_WITHIN_S, AutopilotWatch
 from gloc3_groundstation.station.snapshots import AutopilotSnapshot, Fleet, PlatformSnapshot, Timed, VehicleProblem
@@ -38,7 +38,7 @@ REPORTED_HZ: Final = 1.0
 MOST_VEHICLES: Final = 64
 _COMPANION: Final = 191
 _HEARTBEAT: Final = shape("HEARTBEAT").id
-RESTARTED: Final = "its autopilot has restarted: mode and home are those of a fresh start; look at them and at its plan before it flies"
+RESTARTED: Final = "its autopilot has restarted: mode and home are reset; check them and its plan before flight"
 _IDS_HINT: Final = "give one of them another id (PX4: MAV_SYS_ID, ArduPilot: SYSID_THISMAV or MAV_SYSID)"
 
 
@@ -244,7 +244,7 @@ class Vehicles:
             return reducers.with_platform(fleet, replace(known, autopilot=autopilot, problems=problems))
         if known is None:
             what = f"{autopilot.firmware} {autopilot.vehicle_type}".rstrip()
-            text = f"is heard: {what}, system {system}, without a companion of ours: services only"
+            text = f"is heard: {what}, system {system}, without a GLOC3 companion: services only"
             fleet = reducers.note(fleet, name, Severity.INFO, text, now_s)
         elif known.is_quiet_link(now_s) and watch.received_s > known.received_s:
             silence = duration(watch.received_s - known.received_s)
@@ -296,6 +296,6 @@ class Vehicles:
             if owner != name and other[1] == system and now_s - self._watches[other].beat_s < BEATS_WITHIN_S
         ]
         if others:
-            text = f"{others[0]} has the same system id {system}: each is spoken to on its own link; {_IDS_HINT}"
+            text = f"{others[0]} has the same system id {system}: each is addressed on its own link; {_IDS_HINT}"
             found.append(VehicleProblem(what="same system id", severity=Severity.WARNING, text=text))
         return found

@@ -1,4 +1,4 @@
-"""Who in this station looks at which topics, what platforms are asked for because of it, and what came.
+"""Topic subscriptions of the station's viewers, the requests to platforms they cause, and the data.
 
 A machine without I/O. What a viewer (a screen, Foxglove) wants stands until it says otherwise or its time is up; what
 all of them want together is asked of each platform at once, again before the lease ends, and once more with nothing
@@ -25,7 +25,7 @@ TOPICS_KEPT: Final = 12
 
 
 class Sight(NamedTuple):
-    """What is known of a topic that is looked at."""
+    """State of a watched topic."""
 
     topic: str
     """Below the platform's name."""
@@ -121,7 +121,7 @@ class _Platform:
 
 
 class Watches:
-    """Everything that this station looks at."""
+    """All topics that this station watches."""
 
     def __init__(self, types: TypeRegistry) -> None:
         self._types = types

@@ -1,4 +1,4 @@
-"""How a platform's state is put into words, the same for the narration and the terminal's panels."""
+"""A platform's state in words, shared by the narration and the terminal's panels."""
 
 from typing import Final, NamedTuple
 
@@ -155,7 +155,7 @@ def by_sound(platform: PlatformSnapshot, now_s: float) -> str:
     parts = received_by_sound(platform)
     if platform.acoustic is None or not parts:
         return ""
-    return f"; by sound {duration(platform.acoustic.age_s(now_s))} ago: {', '.join(parts)}"
+    return f"; acoustic {duration(platform.acoustic.age_s(now_s))} ago: {', '.join(parts)}"
 
 
 def received_by_sound(platform: PlatformSnapshot) -> list[str]:
@@ -219,9 +219,7 @@ def holder(platform: PlatformSnapshot, station: str) -> str:
 
 def bare(platform: PlatformSnapshot) -> str:
     """Why nothing is seen of the inside of a vehicle without our companion, and what is."""
-    return (
-        f"{platform.name} has no companion of ours, so nothing is known of its inside; Services (6) shows its autopilot"
-    )
+    return f"{platform.name} has no GLOC3 companion, so its components are unknown; Services (6) shows its autopilot"
 
 
 def farewell(fleet: Fleet) -> str:

@@ -6,12 +6,12 @@ Everything survives a crash.
 __all__ = [
     "configuration",
     "contact_queue",
+    "download_progress",
     "event_export",
     "event_search",
     "event_store",
     "kept_state",
     "log_pull",
-    "pace",
     "pull_progress",
     "recording",
 ]

@@ -1,4 +1,4 @@
-"""The station's configuration file: how it looks and listens, and where the last session was; TOML, kept as written.
+"""The station's configuration file: theme, links and last session; TOML, kept as written.
 
 What a person wrote stays: comments, order and unknown forms of a value. A file that cannot be read, or holds something
 that is wrong, is reported with its place and never written to.
@@ -24,7 +24,7 @@ RECENT_KEPT: Final = 10
 
 
 class LastSession(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Where the operator was; written by the station when it closes."""
+    """State of the last session; written by the station when it closes."""
 
     platform: str = ""
     """The vehicle in view; empty for the first that is heard."""

@@ -1,4 +1,4 @@
-"""Missions that wait in the station for the next contact with their platforms; each is sent once, whole, and in its turn.
+"""Missions queued for the next contact with their platforms; each is sent once, whole and in order.
 
 Nothing else waits. What moves a vehicle, and an emergency, mean the moment in which they are asked for: the link gives them
 up after some seconds, and nobody carries them out later behind the operator's back.
@@ -65,7 +65,7 @@ class ContactQueue:
         self._keep()
         turn = f", after {len(self.of(platform)) - 1} other(s)" if len(self.of(platform)) > 1 else ""
         self._note(
-            platform, Severity.NOTICE, f"{plan.title!r} waits for the next contact{turn}; nothing is started then"
+            platform, Severity.NOTICE, f"{plan.title!r} is queued for the next contact{turn}; it is not started then"
         )
         self._send_on_contact(self._station.fleet, self._station.fleet, self._station.now_s())
         return queued
@@ -116,13 +116,13 @@ class ContactQueue:
         while (waiting := self.of(name)) and not self._is_silent(name):
             queued = waiting[0]
             if self._is_sending(name):
-                self._note(name, Severity.INFO, f"{queued.plan.title!r} waits for the end of the mission under way")
+                self._note(name, Severity.INFO, f"{queued.plan.title!r} waits for the end of the running mission")
                 await flights.until(self._station, lambda: self._is_silent(name) or not self._is_sending(name))
                 continue
             try:
                 await self._bring(queued)
             except Unanswered as error:  # the contact is lost: it goes on at the next
-                self._note(name, Severity.WARNING, f"{queued.plan.title!r} waits on: {error}")
+                self._note(name, Severity.WARNING, f"{queued.plan.title!r} stays queued: {error}")
                 await flights.passed(self._station, AGAIN_S)
             except InputError as error:
                 self._refuse(queued, str(error.findings[0]))
@@ -160,7 +160,9 @@ class ContactQueue:
 
     def _refuse(self, queued: Queued, reason: str) -> None:
         self._end(queued, reason)
-        self._note(queued.platform, Severity.ERROR, f"{queued.plan.title!r} was refused, and waits no longer: {reason}")
+        self._note(
+            queued.platform, Severity.ERROR, f"{queued.plan.title!r} was refused, and is no longer queued: {reason}"
+        )
 
     def _end(self, queued: Queued, reason: str) -> None:
         self._waiting = [one for one in self._waiting if one.number != queued.number]
@@ -182,7 +184,7 @@ class ContactQueue:
         self._waiting = [replace(queued, number=number) for number, queued in enumerate(kept, 1)]
         self._count = len(kept)
         for queued in self._waiting:
-            self._note(queued.platform, Severity.NOTICE, f"{queued.plan.title!r} waits for contact since before")
+            self._note(queued.platform, Severity.NOTICE, f"{queued.plan.title!r} is queued from an earlier session")
 
     def _keep(self) -> None:
         if self._file is not None:
@@ -191,4 +193,4 @@ class ContactQueue:
 
     def _report_problem(self) -> None:
         if self._file is not None and self._file.problem:
-            self._note("", Severity.WARNING, f"what waits for contact: {self._file.problem}")
+            self._note("", Severity.WARNING, f"contact queue: {self._file.problem}")

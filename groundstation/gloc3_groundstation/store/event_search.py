@@ -1,4 +1,4 @@
-"""A filter over a store of events, evaluated in slices from the newest on, so that nobody ever waits for it."""
+"""A filter over a store of events, evaluated in slices from the newest on, so that it never blocks."""
 
 from array import array
 from bisect import bisect_left
@@ -18,7 +18,7 @@ STATION: Final = "station"
 
 
 class EventFilter(msgspec.Struct, frozen=True, kw_only=True):
-    """What an operator wants to see; the defaults let everything through."""
+    """Filter of events; the defaults match everything."""
 
     severity: Severity = Severity.DEBUG
     """At least as bad as this."""

@@ -1,4 +1,4 @@
-"""What a station keeps of its platforms over its restarts: planned silences, and up to where events have been shown."""
+"""State of platforms kept across restarts of the station: planned silences and event cursors."""
 
 import asyncio
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Fetches the logs of a platform: goes on where it was cut off, compares digests, and only then has them deleted onboard."""
+"""Fetches the logs of a platform: resumes, compares digests, and only then has them deleted onboard."""
 
 import asyncio
 import hashlib
@@ -57,7 +57,7 @@ OnFraction = Callable[[str, int, int], None]
 
 
 class Carrier(Protocol):
-    """A way on which the bytes of a log come."""
+    """A transport for the bytes of a log."""
 
     async def fetch(self, name: str, size: int, part: PartFile, on_bytes: Callable[[int], None]) -> None:
         """Fetches what is missing of a log.
@@ -130,7 +130,7 @@ class ChunkCarrier:
                     received_s = self._station.now_s()
                 except TimeoutError:
                     if self._station.now_s() - received_s >= LOST_S:
-                        raise Refused(f"no piece of {name} has come for {LOST_S:g} s") from None
+                        raise Refused(f"no data of {name} received for {LOST_S:g} s") from None
                 if problem:
                     raise Refused(f"{name}: {problem[0]}")
                 while at in came:
@@ -211,10 +211,10 @@ class LogPuller:
         try:
             logs = msgspec.convert(reply.result.get("logs", []), list[LogOnboard])
         except msgspec.ValidationError as error:
-            raise Refused(f"what {self._platform} tells of its logs cannot be read: {error}") from error
+            raise Refused(f"the log list of {self._platform} cannot be read: {error}") from error
         for log in logs:
             if not NAME.fullmatch(log.name):
-                raise Refused(f"{self._platform} tells of a log whose name is none: {log.name!r}")
+                raise Refused(f"{self._platform} lists a log with an invalid name: {log.name!r}")
         return sorted(logs, key=lambda log: (len(log.name), log.name))  # log, log-2, log-10
 
     async def pull(self, log: LogOnboard, folder: Path, *, is_kept: bool = False) -> Pulled:
@@ -244,9 +244,9 @@ class LogPuller:
                     part.finish()
                     break
                 part.discard()
-                self._reported(f"{log.name} came with another digest: {'once more' if attempt == 1 else 'given up'}")
+                self._reported(f"{log.name} arrived with another digest: {'once more' if attempt == 1 else 'given up'}")
             else:
-                raise Refused(f"{log.name} has the digest {wanted} onboard, and what came had {found}")
+                raise Refused(f"{log.name} has the digest {wanted} onboard, and the received file {found}")
         is_deleted = False
         if not is_kept:
             with _put_aside(path) if was_here else nullcontext():
@@ -281,7 +281,7 @@ class LogPuller:
                 if part.problem is not None or not self._has_been_silent():
                     await self._refuse_if_deleted(log, error)
                 drops += 1
-                self._reported(f"{error}; it goes on when {self._platform} is heard again")
+                self._reported(f"{error}; it resumes when {self._platform} is heard again")
                 await self._note_contact()
             else:
                 return drops
@@ -319,7 +319,7 @@ class LogPuller:
             except Gloc3Error as error:
                 if not isinstance(error, Unanswered) and "not delivered" not in str(error):
                     raise
-                self._reported(f"{error}; asked again when {self._platform} is heard")
+                self._reported(f"{error}; requested again when {self._platform} is heard")
                 await self._note_contact()
 
 

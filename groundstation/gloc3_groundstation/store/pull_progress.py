@@ -1,10 +1,10 @@
-"""Narrates how far a log has come that is fetched, now and then."""
+"""Narrates the progress of a log download."""
 
 import asyncio
 from typing import Final
 
 from gloc3.cli.narration import narrate
-from gloc3_groundstation.store.pace import DownloadProgress
+from gloc3_groundstation.store.download_progress import DownloadProgress
 
 REPORT_PERIOD_S: Final = 2.0
 

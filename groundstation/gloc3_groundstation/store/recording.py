@@ -1,4 +1,4 @@
-"""What a station keeps of a session on disk: its events, all that it heard (MCAP), and every MAVLink frame (`.tlog`).
+"""Recording of a session on disk: events, received messages (MCAP), and every MAVLink frame (`.tlog`).
 
 A session has a folder in the XDG state directory. Its logs are cut into parts of a bounded size, and the oldest parts
 of all sessions go when together they become too many.

@@ -1,4 +1,4 @@
-"""The station's terminal: the screens, the keys that are the same on all of them, and the five looks a second."""
+"""The station's terminal application: its screens, the keys common to all of them, and the 5 Hz refresh."""
 
 import os
 from collections.abc import Awaitable, Callable
@@ -44,7 +44,7 @@ MONOCHROME: Final = "mono"
 
 
 class Opening(msgspec.Struct, frozen=True, kw_only=True):
-    """How the terminal opens and closes."""
+    """Options for opening and closing the terminal."""
 
     platform: str | None = None
     """The one in view; None for the one of the last session, or the first that is heard."""
@@ -105,7 +105,7 @@ class StationApp(App[End | None]):
         desk.station.listen(self._tracks.follow)
 
     def on_mount(self) -> None:
-        """Begins to look at the fleet."""
+        """Starts following the fleet."""
         offer_themes(self)
         self.theme = MONOCHROME if self._is_monochrome else self._configuration.theme
         for row in SCREENS:
@@ -122,11 +122,11 @@ class StationApp(App[End | None]):
         return THEMES[0].variables
 
     def watch_theme(self, theme: str) -> None:
-        """Without colours, bold and reverse tell what they would."""
+        """Uses bold and reverse in a theme without colours."""
         self.set_class(theme == MONOCHROME, "-mono")
 
     def configuration(self) -> Configuration:
-        """What is to be found again next time."""
+        """The configuration to restore in the next session."""
         is_shown = self.current_mode in {row.name for row in SCREENS}  # also when the screens have gone, at the end
         screen = self.current_mode if is_shown else self._configuration.session.screen
         theme = self._configuration.theme if self._is_monochrome else cast("ThemeName", self.theme)
@@ -153,7 +153,7 @@ class StationApp(App[End | None]):
         return found if isinstance(found, StationScreen) else None
 
     def view(self) -> StationView:
-        """Everything that is known now."""
+        """The current view of the station."""
         station, platform = self.desk.station, self.platform
         return StationView(
             fleet=station.fleet,
@@ -218,19 +218,19 @@ class StationApp(App[End | None]):
             self.push_screen(help_for(self.base, SCREENS))
 
     def action_acknowledge(self, is_all: bool = False) -> None:
-        """Takes note of the alert that is shown, or of all."""
+        """Acknowledges the alert shown, or all."""
         pending = self.desk.alerts().pending
         if pending:
             self.desk.acknowledge(None if is_all else pending[0].key)
             self.show_fleet()
 
     def action_cycle(self, step: int) -> None:
-        """Looks at the next platform."""
+        """Shows the next platform."""
         self._in_view.cycle(self.desk.station.fleet, step)
         self.show_fleet()
 
     def show_vehicle(self, name: str) -> None:
-        """Looks at a platform."""
+        """Shows a platform."""
         self._in_view.show_vehicle(name)
         self.show_fleet()
 
@@ -288,13 +288,13 @@ class StationApp(App[End | None]):
             self.interrupt()
 
     def interrupt(self) -> None:
-        """Closes at once, asking nothing."""
+        """Closes at once, without asking."""
         self.exit(None, return_code=INTERRUPTED)
 
     # --- work that takes time ---
 
     def confirm(self, question: str, yes: str, work: Callable[[], object]) -> None:
-        """Asks before something that can hurt, and does it if the answer is yes."""
+        """Asks for confirmation of a dangerous command, and runs it if the answer is yes."""
 
         def answered(answer: bool | None) -> None:
             if answer:
@@ -303,7 +303,7 @@ class StationApp(App[End | None]):
         self.push_screen(YesNoQuestion(question, yes), answered)
 
     def do(self, work: Awaitable[Any]) -> None:
-        """Does what takes time; its end shows in the fleet."""
+        """Runs an operation in the background; its result appears in the fleet."""
         self.run_worker(work, exit_on_error=True)
 
     async def _open(self) -> None:

@@ -1,4 +1,4 @@
-"""Textual's driver for a browser: the terminal goes on while nobody looks, and is drawn anew for whoever comes."""
+"""Textual's driver for a browser: the terminal runs on without a client, and redraws for each new one."""
 
 from collections.abc import Callable
 from typing import Any, Final
@@ -43,11 +43,11 @@ class BrowserDriver(Driver):
         self._app.refresh(layout=True)
 
     def detach(self) -> None:
-        """Nobody looks any more; what is drawn is drawn nowhere."""
+        """Detaches the client; further output is discarded."""
         self._show = None
 
     def typed(self, text: str) -> None:
-        """Takes what a terminal sends for keys and the mouse."""
+        """Handles a terminal's input sequences for keys and mouse."""
         for event in self._parser.feed(text) if text else ():
             self.process_message(event)
         self._loop.call_later(1.1 * ESCAPE_DELAY, self._end_of_sequence)

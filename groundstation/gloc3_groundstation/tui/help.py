@@ -1,4 +1,4 @@
-"""The help of the screen in view, made of its text and its keys, so that it is never out of date."""
+"""The help of the current screen, generated from its text and its keys."""
 
 from collections.abc import Sequence
 from typing import Any, ClassVar
@@ -35,7 +35,7 @@ class HelpScreen(ModalScreen[None]):
         self.query_one(Panel).focus()
 
     def on_resize(self) -> None:
-        """Breaks the lines anew."""
+        """Wraps the lines again."""
         self.call_after_refresh(self._fill)
 
     def _fill(self) -> None:

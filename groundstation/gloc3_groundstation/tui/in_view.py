@@ -1,4 +1,4 @@
-"""Which vehicle is in view: the one asked for, that of the last session, or the first that is heard; then it stays."""
+"""The vehicle in view: the one requested, the last session's, or the first heard; it then stays selected."""
 
 from typing import Final
 

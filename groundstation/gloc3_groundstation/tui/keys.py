@@ -5,12 +5,12 @@ from typing import Final
 from textual.binding import Binding, BindingType
 
 MISSION_KEYS: Final[list[BindingType]] = [
-    Binding("s", "app.move('start')", "Start", tooltip="the mission; it is streamed first if need be"),
+    Binding("s", "app.move('start')", "Start", tooltip="the mission; streamed first if needed"),
     Binding("p", "app.move('pause')", "Pause"),
     Binding("r", "app.move('resume')", "Resume"),
-    Binding("a", "app.move('abort')", "Abort", tooltip="cancels all actions, then flies on_failure; asks first"),
-    Binding("u", "app.move('stream')", "Upload", tooltip="streams the mission at hand"),
-    Binding("c", "app.move('control')", "Control", tooltip="asks for control of the vehicle in view"),
+    Binding("a", "app.move('abort')", "Abort", tooltip="cancels all actions, then runs on_failure; asks first"),
+    Binding("u", "app.move('stream')", "Upload", tooltip="streams the open mission"),
+    Binding("c", "app.move('control')", "Control", tooltip="requests control of the vehicle in view"),
 ]
 """Steering the mission of the vehicle in view."""
 
@@ -25,12 +25,12 @@ GENERAL_KEYS: Final[list[BindingType]] = [
         priority=True,
         tooltip="the same, while typing too",
     ),
-    Binding("x", "acknowledge", "Acknowledge", tooltip="take note of the alert that is shown; X: of all"),
+    Binding("x", "acknowledge", "Acknowledge", tooltip="acknowledge the alert shown; X: all"),
     Binding("X", "acknowledge(True)", "Acknowledge all", show=False),
-    Binding("v", "cycle(1)", "Vehicle", tooltip="look at the next vehicle; V: at the one before"),
-    Binding("V", "cycle(-1)", "Vehicle before", show=False),
+    Binding("v", "cycle(1)", "Vehicle", tooltip="show the next vehicle; V: the previous one"),
+    Binding("V", "cycle(-1)", "Previous vehicle", show=False),
     Binding("question_mark", "help", "Help", tooltip="this page"),
-    Binding("ctrl+p,colon", "command_palette", "All commands", tooltip="everything, by name"),
+    Binding("ctrl+p,colon", "command_palette", "All commands", tooltip="all commands, by name"),
     Binding("q", "leave", "Quit"),
     Binding("ctrl+q", "leave", "Quit", show=False, priority=True),  # Textual's own asks nothing
     Binding(
@@ -39,7 +39,7 @@ GENERAL_KEYS: Final[list[BindingType]] = [
         "Quit",
         show=False,
         priority=True,
-        tooltip="asking nothing; in the editor it copies",
+        tooltip="without asking; in the editor it copies",
     ),
 ]
 """What works on every screen."""

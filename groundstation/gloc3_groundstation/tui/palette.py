@@ -1,4 +1,4 @@
-"""The command palette: all screens with what their keys do, what can be asked of the vehicle in view, vehicles, themes."""
+"""The command palette: screens with their keys, commands to the vehicle in view, vehicles, themes."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -17,13 +17,13 @@ MOVES = {
     Move.PAUSE: "Pause the mission",
     Move.RESUME: "Resume the mission",
     Move.ABORT: "Abort the mission",
-    Move.STREAM: "Upload the mission at hand",
-    Move.CONTROL: "Ask for control",
+    Move.STREAM: "Upload the open mission",
+    Move.CONTROL: "Request control",
 }
 
 
 class Commanded(Protocol):
-    """What the palette needs of the terminal; `StationApp` is one."""
+    """Interface of the terminal for the palette; `StationApp` implements it."""
 
     current_mode: str
 
@@ -82,18 +82,18 @@ class StationCommands(Provider):
             for move, title in MOVES.items():
                 if move in view.moves:
                     yield PaletteCommand(f"{platform.name}: {title}", "", partial(app.action_move, move))
-            yield PaletteCommand(f"{platform.name}: HOLD (emergency)", "at once, asking nothing", app.action_emergency)
+            yield PaletteCommand(f"{platform.name}: HOLD (emergency)", "at once, without asking", app.action_emergency)
         if view.alerts.pending:
             yield PaletteCommand("Acknowledge all alerts", "", partial(app.action_acknowledge, True))
         for name in view.fleet.platforms:
             if platform is None or name != platform.name:
-                yield PaletteCommand(f"Look at {name}", "brings it into view", partial(app.show_vehicle, name))
+                yield PaletteCommand(f"Show {name}", "brings it into view", partial(app.show_vehicle, name))
         for row in SCREENS:
             yield PaletteCommand(f"Screen: {row.title}", row.help, partial(app.action_go, row.name))
         for theme, text in DESCRIPTIONS.items():
             yield PaletteCommand(f"Theme: {theme}", text, partial(setattr, app, "theme", theme))
         yield PaletteCommand("Help", "the screen in view and its keys", app.action_help)
-        yield PaletteCommand("Quit", "asks while a vehicle is armed in our control", app.action_leave)
+        yield PaletteCommand("Quit", "asks while this station controls an armed vehicle", app.action_leave)
 
     def _elsewhere(self) -> Iterator[PaletteCommand]:
         """What the keys of the screens do that are not shown."""

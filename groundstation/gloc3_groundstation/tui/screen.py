@@ -1,4 +1,4 @@
-"""The base of all screens: title, screens and alert above, keys below, and between them what the screen itself shows."""
+"""Base class of all screens: title, tabs and alert above, keys below, and the screen's body between them."""
 
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Sequence
 from typing import Any, ClassVar, Final, NamedTuple
@@ -139,7 +139,7 @@ class StationScreen(Screen[None]):
         self.app.run_worker(work, exit_on_error=True)
 
     def confirm(self, question: str, yes: str, work: Callable[[], object]) -> None:
-        """Asks before something that can hurt, and does it if the answer is yes."""
+        """Asks for confirmation of a dangerous command, and runs it if the answer is yes."""
 
         def answered(answer: bool | None) -> None:
             if answer:

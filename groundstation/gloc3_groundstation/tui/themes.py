@@ -1,4 +1,4 @@
-"""The colours: few, and apart for those who see red and green alike (Okabe and Ito's palette). Words tell it all too."""
+"""The colours: few, and distinguishable by colour-blind operators (Okabe and Ito's palette); words say it too."""
 
 from typing import Any, Final
 

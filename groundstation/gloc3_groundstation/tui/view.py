@@ -1,4 +1,4 @@
-"""What a screen is given to show: everything that is known at one moment, immutable."""
+"""The data a screen shows: the station's state at one moment, immutable."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""Serves what vehicles tell to Foxglove while it happens: on loopback, to be looked at only.
+"""Live view for Foxglove: serves vehicles' topics on loopback, read-only.
 
 The channels are those of the logs, with the same names and schemas. What nobody has subscribed to is not asked for.
 """

@@ -41,7 +41,7 @@ HEADERS: Final = {
     "X-Frame-Options": "DENY",
 }
 REPLACED: Final = (
-    "\x1b[2J\x1b[H\r\n  The station is shown in another window.\r\n\r\n  Press enter to have it here; it is then no "
+    "\x1b[2J\x1b[H\r\n  The station is shown in another window.\r\n\r\n  Press enter to show it here; it is then no "
     "longer shown there.\r\n"
 )
 
@@ -60,7 +60,7 @@ class TerminalWindow(Protocol):
         """Draws nothing more."""
 
     def typed(self, text: str) -> None:
-        """Takes what a terminal sends for keys and the mouse."""
+        """Handles a terminal's input sequences for keys and mouse."""
 
     def resized(self, columns: int, lines: int) -> None:
         """Lays out for another size."""
@@ -276,14 +276,14 @@ class WebServer:
             window = self._window()
             if window is not None:
                 window.detach()
-            self._reported(f"{who} has gone; the station runs on, and nobody looks at it", False)
+            self._reported(f"{who} has disconnected; the station runs on without a viewer", False)
 
 
 def exposure(url: str, user: str) -> str:
     """What a page that other computers reach lays open, in words."""
     port = urlsplit(url).port
     return (
-        f"warning: whoever has the address {url} commands every vehicle of this station (start, abort, disarm, "
+        f"warning: anyone with the address {url} commands every vehicle of this station (start, abort, disarm, "
         f"parameters) and reads and writes mission files here as {user or 'this user'}; nothing is encrypted. Without "
         f"--web-host only this computer reaches it, and others by: ssh -L {port}:127.0.0.1:{port} THIS_COMPUTER"
     )

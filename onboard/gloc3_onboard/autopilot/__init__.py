@@ -9,7 +9,7 @@ __all__ = [
     "families",
     "health_words",
     "link",
-    "news",
+    "link_reports",
     "sensors",
     "signing_setup",
     "telemetry",

@@ -1,4 +1,4 @@
-"""Arm authorisation: whether the vehicle may be armed, by the platform's summaries, and the answer to the autopilot.
+"""Arm authorisation: checks the platform's summaries and answers the autopilot's requests to arm.
 
 PX4 asks the system of COM_ARM_AUTH_ID where COM_ARM_AUTH_REQ is set; the vehicle's own system id means this companion.
 MAVLink: an acceptance tells in `result_param2` for how many seconds it holds.
@@ -20,7 +20,7 @@ SILENT_S: Final = 3.0
 
 
 class ArmAuthority:
-    """Listens to the summaries; nobody is armed while there are none, or a required component is not well."""
+    """Follows the summaries; denies arming without them, or while a required component is not healthy."""
 
     def __init__(self, exchange: Exchange, platform: str) -> None:
         self._latest: Envelope[Summary] | None = None
@@ -34,11 +34,11 @@ class ArmAuthority:
         self._latest = envelope
 
     def why_not(self, now_s: float) -> str:
-        """Why the vehicle must not be armed now; empty where it may."""
+        """The reason why arming is denied now; empty if it is allowed."""
         if self._latest is None or now_s - self._latest.t_s > SILENT_S:
-            return "the companion's command interface does not work"
+            return "the companion's command interface is down"
         health = self._latest.payload.health
-        return "" if health in WELL else f"a component that the vehicle needs is {health}"
+        return "" if health in WELL else f"a required component is {health}"
 
 
 ARM_AUTHORIZATION_REQUEST: Final = 3001
@@ -51,7 +51,7 @@ WARNING: Final = 4
 
 
 class ArmPermissionRequest(Microservice[Never]):
-    """Answers the autopilot; the reason of a refusal goes out as a text beside it.
+    """Answers the autopilot's requests to arm; the reason of a refusal is sent as a status text.
 
     Args:
         own: as whom it answers.

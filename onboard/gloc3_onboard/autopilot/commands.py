@@ -1,4 +1,4 @@
-"""The commands to one autopilot: the newest of a kind wins at once, every one is answered, and none is sent late."""
+"""Commands to one autopilot: the newest of a kind replaces older ones, each is answered, and none is sent late."""
 
 import itertools
 from collections.abc import Callable
@@ -14,7 +14,7 @@ KEPT: Final = 64
 """Answers that are kept."""
 REASON_S: Final = 0.3
 """How long after a refusal its reason is waited for: autopilots say it in a text of its own."""
-NO_OWNER: Final = "there is no autopilot that could be commanded"
+NO_OWNER: Final = "no autopilot is connected"
 
 
 class CommandDesk:
@@ -58,7 +58,7 @@ class CommandDesk:
             return
         for older, (call, _) in list(self._calls.items()):
             if call.command == command.number:
-                self._drop(older, "overtaken by a later command")
+                self._drop(older, "superseded by a later command")
         call = self._client.send_long(target, command.number, command.parameters, now_s=now_s)
         self._calls[ticket] = (call, now_s)
 

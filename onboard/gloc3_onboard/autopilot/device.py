@@ -1,4 +1,4 @@
-"""The autopilot as samplers and drivers see it: telemetry, height, satellites, wheels, setup, and control.
+"""The autopilot as a device of samplers and drivers: telemetry, height, satellites, wheels, setup, and control.
 
 Its methods may be called from any thread: what is read is immutable, what is commanded is handed over to the link's loop.
 """
@@ -64,7 +64,7 @@ class AutopilotDevice:
     # --- telemetry ---
 
     def state(self) -> AutopilotState:
-        """Mode, arming, battery, as known now."""
+        """The latest mode, arming state and battery."""
         return self._link.telemetry.state
 
     def pose(self) -> Stamped | None:
@@ -76,11 +76,11 @@ class AutopilotDevice:
         return self._link.telemetry.height
 
     def fix(self) -> StampedFix | None:
-        """What the satellite receiver said last; None before the first."""
+        """The latest satellite fix; None before the first."""
         return self._link.sensors.satellites
 
     def wheels(self) -> StampedWheels | None:
-        """How far the wheels have turned; None before the first."""
+        """The latest wheel distances; None before the first."""
         return self._link.sensors.wheels
 
     def setup(self) -> AutopilotSetup:
@@ -88,28 +88,28 @@ class AutopilotDevice:
         return self._link.inspection.setup
 
     def on_setup(self, changed: Callable[[], None]) -> Unwatch:
-        """Has `changed` called when the setup has changed, or was read anew."""
+        """Calls `changed` when the setup has changed, or was read again."""
         return self._on_setup.listen(changed)
 
     def on_state(self, changed: Callable[[], None]) -> Unwatch:
-        """Has `changed` called when the state has changed."""
+        """Calls `changed` when the state has changed."""
         return self._on_state.listen(changed)
 
     def on_pose(self, ready: Callable[[], None]) -> Unwatch:
-        """Has `ready` called when a new estimate is there."""
+        """Calls `ready` on each new estimate."""
         return self._on_pose.listen(ready)
 
     def on_height(self, ready: Callable[[], None]) -> Unwatch:
-        """Has `ready` called when a new distance is there."""
+        """Calls `ready` on each new distance."""
         return self._on_height.listen(ready)
 
     def on_fix(self, ready: Callable[[], None]) -> Unwatch:
-        """Asks for satellite fixes, and has `ready` called when there is a new one."""
+        """Requests satellite fixes, and calls `ready` on each new one."""
         self._link.sensors.want("satellites", FIX_HZ)
         return self._link.sensors.fix_bell.listen(ready)
 
     def on_wheels(self, ready: Callable[[], None]) -> Unwatch:
-        """Asks for the encoders of the wheels, and has `ready` called when they have told."""
+        """Requests the wheel encoders, and calls `ready` on each new reading."""
         self._link.sensors.want("wheels", WHEELS_HZ)
         return self._link.sensors.wheels_bell.listen(ready)
 
@@ -134,7 +134,7 @@ class AutopilotDevice:
 
     @property
     def behaviour(self) -> AutopilotBehaviour:
-        """How the autopilot that is there now wants to be commanded."""
+        """How the connected autopilot is commanded."""
         return self._link.style.class_properties.behaviour
 
     def send_setpoint(self, setpoint: AutopilotSetpoint) -> None:
@@ -155,7 +155,7 @@ class AutopilotDevice:
         self._link.post(send)
 
     def send_pose(self, pose: Pose, t_s: float, attitude_std_rad: float, velocity_std_m_s: float) -> None:
-        """Tells the autopilot where it is, by a pose of the time `t_s`."""
+        """Sends the autopilot its pose at the time `t_s`."""
         spread = Spread(attitude_std_rad, velocity_std_m_s)
 
         def send() -> None:
@@ -170,18 +170,18 @@ class AutopilotDevice:
 
         def make() -> MavCommand | CommandAnswer:
             if self._link.style.style is not Style.ARDUPILOT:
-                return CommandAnswer(False, "PX4 has no sets of sources: EKF2_EV_CTRL and EKF2_GPS_CTRL choose them")
+                return CommandAnswer(False, "PX4 has no source sets: choose with EKF2_EV_CTRL and EKF2_GPS_CTRL")
             return MavCommand(SET_EKF_SOURCE_SET, (float(number), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 
         return self._command(make)
 
     def command_home(self, place_geo: tuple[float, float, float]) -> int:
-        """Tells the autopilot where home is, which it has from nobody without satellites."""
+        """Sends the autopilot its home position, which it cannot know without satellites."""
         latitude, longitude, altitude = place_geo
         return self._command(lambda: MavCommand(DO_SET_HOME, (0.0, 0.0, 0.0, 0.0, latitude, longitude, altitude)))
 
     def send_origin(self, origin_geo: tuple[float, float, float]) -> None:
-        """Tells the autopilot where the frame of the poses begins."""
+        """Sends the autopilot the origin of the frame of the poses."""
 
         def send() -> None:
             if self._link.target is not None:
@@ -190,25 +190,25 @@ class AutopilotDevice:
         self._link.post(send)
 
     def command_mode(self, mode: FlightMode) -> int:
-        """Asks for a mode."""
+        """Requests a mode."""
         return self._command(lambda: self._link.style.mode_command(mode))
 
     def command_arm(self) -> int:
-        """Asks to arm."""
+        """Requests arming."""
         return self._command(lambda: MavCommand(ARM_DISARM, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
 
     def command_disarm(self, *, is_forced: bool = False) -> int:
-        """Asks to disarm; the autopilot refuses it in flight, unless it is forced."""
+        """Requests disarming; the autopilot refuses it in flight, unless it is forced."""
         force = FORCE if is_forced else 0.0
         return self._command(lambda: MavCommand(ARM_DISARM, (0.0, force, 0.0, 0.0, 0.0, 0.0, 0.0)))
 
     def command_take_off(self, height_m: float) -> int:
-        """Asks to climb to a height above the present place."""
+        """Requests a take-off to a height above the current position."""
 
         def make() -> MavCommand | CommandAnswer:
             ground_m = self._link.telemetry.altitude_m
             if ground_m is None:
-                return CommandAnswer(False, "the autopilot has not told its altitude yet")
+                return CommandAnswer(False, "the autopilot has not sent its altitude yet")
             return self._link.style.take_off_command(height_m, ground_m)
 
         return self._command(make)
@@ -220,7 +220,7 @@ class AutopilotDevice:
         def begin() -> None:
             now_s = self._link.loop.time()
             if self._link.target is None:
-                self._link.commands.put(ticket, CommandAnswer(False, "the autopilot has not been heard"))
+                self._link.commands.put(ticket, CommandAnswer(False, "no autopilot heartbeat received"))
             else:
                 self._link.fence.begin(ticket, areas, self._link.target, now_s)
                 self._link.settle()
@@ -229,7 +229,7 @@ class AutopilotDevice:
         return ticket
 
     def command_plan(self, way: GeoPath) -> int:
-        """Uploads the plan of a way and reads it back."""
+        """Uploads the plan of a path and reads it back."""
         ticket = self._link.commands.ticket()
 
         def begin() -> None:
@@ -250,7 +250,7 @@ class AutopilotDevice:
 
     @property
     def places_reached(self) -> int:
-        """Places that the autopilot has passed of the way that it was given last."""
+        """The number of waypoints of the latest path that the autopilot has passed."""
         return self._link.plan.reached
 
     def answer(self, ticket: int) -> CommandAnswer | None:
@@ -258,9 +258,9 @@ class AutopilotDevice:
         return self._link.commands.answer(ticket)
 
     def abandon_commands(self) -> None:
-        """Sends nothing again that was commanded so far."""
-        self._link.post(lambda: self._link.commands.abandon("somebody else has control"))
+        """Cancels the commands that are under way."""
+        self._link.post(lambda: self._link.commands.abandon("control was taken over"))
 
     def read_setup(self, number: int) -> None:
-        """Reads these anew; the end is told with this number."""
+        """Reads them again; the end is reported with this number."""
         self._link.post(lambda: self._link.inspection.read(number, self._link.loop.time()))

@@ -1,4 +1,4 @@
-"""Which adapter an autopilot needs: told by its heartbeat."""
+"""Chooses the adapter for an autopilot by its heartbeat."""
 
 from typing import Final
 
@@ -10,11 +10,11 @@ from gloc3_onboard.autopilot.style import CLASSES, AutopilotStyle
 
 ARDUPILOT, PX4 = 3, 12
 """MAV_AUTOPILOT."""
-NOT_SUPPORTED: Final = "an autopilot of a kind that is not supported"
+NOT_SUPPORTED: Final = "an unsupported autopilot"
 
 
 def style_of(heartbeat: MavlinkMessage) -> AutopilotStyle | None:
-    """The adapter of an autopilot; None for one of which we would not know what its modes mean."""
+    """The adapter of an autopilot; None for an unsupported one, whose modes are not known."""
     vehicle = CLASSES.get(heartbeat.type)
     if vehicle is None:
         return None

@@ -1,4 +1,4 @@
-"""What an autopilot's health bits and its estimator's flags say, in words.
+"""Describes an autopilot's health bits and its estimator's flags in words.
 
 MAVLink: MAV_SYS_STATUS_SENSOR, ESTIMATOR_STATUS_FLAGS (PX4), EKF_STATUS_FLAGS (ArduPilot). The first ten bits of the
 last two are the same.
@@ -51,14 +51,14 @@ _RATIOS: Final = {
 
 
 def unhealthy(present: int, enabled: int, health: int) -> list[str]:
-    """The sensors that are there, in use, and not well."""
+    """The sensors that are present, enabled, and unhealthy."""
     return [name for bit, name in SENSORS.items() if present & enabled & bit and not health & bit]
 
 
 def estimator_problems(message: MavlinkMessage) -> list[str]:
-    """What ESTIMATOR_STATUS or EKF_STATUS_REPORT says against a start."""
+    """The problems in ESTIMATOR_STATUS or EKF_STATUS_REPORT that speak against a start."""
     return list(_flags(message)) + [
-        f"the estimator does not believe the {what} ({ratio:.1f} of 1)"
+        f"the estimator rejects the {what} (test ratio {ratio:.1f}, limit 1)"
         for field, what in _RATIOS[message.name].items()
         if (ratio := getattr(message, field)) >= MOST
     ]
@@ -67,16 +67,16 @@ def estimator_problems(message: MavlinkMessage) -> list[str]:
 def _flags(message: MavlinkMessage) -> Iterator[str]:
     flags, is_px4 = message.flags, message.name == "ESTIMATOR_STATUS"
     if not is_px4 and flags & ARDUPILOT_NOT_BEGUN:
-        yield "the estimator has not begun"
+        yield "the estimator has not started"
         return
     if not flags & ATTITUDE:
         yield "the estimator has no attitude"
     if not flags & (POSITION | PREDICTED):
-        still = ": it takes the vehicle for standing still" if flags & CONSTANT else ""
+        still = ": it assumes that the vehicle stands still" if flags & CONSTANT else ""
         yield f"the estimator has no horizontal position{still}"
     if not flags & HEIGHT:
         yield "the estimator has no height"
     if flags & (PX4_GLITCH if is_px4 else ARDUPILOT_GLITCH):
         yield "GPS glitches"
     if is_px4 and flags & PX4_ACCELERATION:
-        yield "the estimator sees an accelerometer error"
+        yield "the estimator reports an accelerometer error"

@@ -1,4 +1,4 @@
-"""Which autopilot is heard on a link, of which family and vehicle class, and when it is lost or another one."""
+"""Identifies the autopilot on a link: its family and vehicle class, and when it is lost or replaced."""
 
 from collections.abc import Callable, Iterator
 from enum import Enum, auto
@@ -13,7 +13,7 @@ from gloc3_onboard.autopilot.style import AutopilotStyle
 
 
 class IdentityChange(Enum):
-    """What has changed about the autopilot."""
+    """A change of the autopilot's identity."""
 
     FOUND = auto()
     """There was none before."""
@@ -27,7 +27,7 @@ class IdentityChange(Enum):
 
 
 class Identification:
-    """Finds the one autopilot to speak to by its heartbeats.
+    """Finds the autopilot of a link by its heartbeats.
 
     Args:
         own: as whom we speak; an autopilot of another system is taken after it has been alone for some seconds.
@@ -80,13 +80,11 @@ class Identification:
         self._kind = (heartbeat.autopilot, heartbeat.type)
         style = style_of(heartbeat)
         if style is None:
-            self._report(Severity.ERROR, f"the autopilot has become {NOT_SUPPORTED}: it is left alone")
+            self._report(Severity.ERROR, f"the autopilot is now {NOT_SUPPORTED}: it is ignored")
             self.target = None
             yield IdentityChange.UNSUPPORTED
         elif (style.style, style.class_properties.vehicle) != (self.style.style, self.style.class_properties.vehicle):
-            self._report(
-                Severity.WARNING, f"the autopilot is a {style.style} of a {style.class_properties.vehicle} now"
-            )
+            self._report(Severity.WARNING, f"the autopilot is now {style.style} on a {style.class_properties.vehicle}")
             self.style = style
             yield IdentityChange.REPLACED
 
@@ -102,8 +100,8 @@ class Identification:
         if style is None:
             self._unknown_sources.add(peer.address)
             number = f"MAV_AUTOPILOT {heartbeat.autopilot}, MAV_TYPE {heartbeat.type}"
-            self._report(Severity.ERROR, f"{name} is {NOT_SUPPORTED} ({number}): it is left alone")
+            self._report(Severity.ERROR, f"{name} is {NOT_SUPPORTED} ({number}): it is ignored")
             return False
         self.target, self.style, self._kind = peer.address, style, (heartbeat.autopilot, heartbeat.type)
-        self._report(Severity.INFO, f"{style.style} autopilot found as {name}, of a {style.class_properties.vehicle}")
+        self._report(Severity.INFO, f"{style.style} autopilot found as {name}, on a {style.class_properties.vehicle}")
         return True

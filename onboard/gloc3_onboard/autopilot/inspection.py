@@ -1,4 +1,4 @@
-"""Reads what an autopilot is and is set to: its version, its time of day, and the parameters that matter to us."""
+"""Reads an autopilot's setup: its version, its time of day, and the parameters that matter to us."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ REPORTED_SEVERITY: Final = ("AUTOPILOT_VERSION", "SYSTEM_TIME")
 
 
 class Inspection(Microservice[AutopilotSetup]):
-    """One reading at a time; a further one that is asked for meanwhile follows it.
+    """Reads the setup once at a time; a further request meanwhile follows it.
 
     What a parameter is set to between two readings is taken in too, as the autopilot tells of it. Parameters that the
     autopilot does not know are not asked for again until it has restarted.

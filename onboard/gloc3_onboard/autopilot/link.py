@@ -1,4 +1,4 @@
-"""The MAVLink conversation with one autopilot: what it tells, what is asked of it, and the answers to commands.
+"""The MAVLink conversation with one autopilot: telemetry, requests, and the replies to commands.
 
 It lives in the loop's thread; `gloc3_onboard.autopilot.device` is its face to samplers and drivers.
 """
@@ -41,7 +41,7 @@ ONE_RESTART_S: Final = 3.0
 
 
 class FrameLink(Protocol):
-    """A link that sends frames, as a routed link does."""
+    """A link that sends frames, such as a routed link."""
 
     def send(self, frame: Frame) -> None:
         """Sends one frame of our own."""
@@ -70,7 +70,7 @@ class AutopilotLink:
         system_id: int = 1,
         report: Callable[[Severity, str], None] = _report_nothing,
         signing: Signing | None = None,
-        why_not_arm: Callable[[], str] = lambda: "nobody here gives leave to arm",
+        why_not_arm: Callable[[], str] = lambda: "there is no arm authority here",
     ) -> None:
         own = self.own = Address(system_id, COMPANION)
         self.loop: Final = loop
@@ -205,7 +205,7 @@ class AutopilotLink:
                 self.telemetry.connected(False)
                 continue
             if change is IdentityChange.REPLACED:
-                self.commands.abandon("the autopilot has become another one")
+                self.commands.abandon("the autopilot was replaced by another one")
             self.telemetry.adopt(self.style)
             if (heartbeat := self._identification.heartbeat) is not None:
                 self.telemetry.receive(heartbeat, now_s)

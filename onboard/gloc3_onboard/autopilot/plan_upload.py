@@ -1,4 +1,4 @@
-"""Brings a plan to the autopilot, reads it back, and follows how it is flown: pure machines on the mission protocol."""
+"""Uploads a plan to the autopilot, reads it back, and follows its progress: mission protocol without I/O."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -60,9 +60,7 @@ class PlanUploader:
             self._transfer = self._client.download(transfer.target, now_s=now_s, kind=self._kind)
             return None
         if not self._is_same(transfer.items):
-            return self._ticket, CommandAnswer(
-                False, f"the autopilot holds another {self._words} than the one that was sent"
-            )
+            return self._ticket, CommandAnswer(False, f"the autopilot read back another {self._words} than was sent")
         return self._ticket, CommandAnswer(True, "")
 
     def _is_same(self, held: Sequence[PlanItem]) -> bool:
@@ -73,7 +71,7 @@ class PlanUploader:
 
 
 class PlanUpload(PlanUploader):
-    """The plan of a way, and how far the autopilot has come on it."""
+    """Upload of a path's plan, and the autopilot's progress on it."""
 
     def __init__(self, client: MissionClient) -> None:
         super().__init__(client, PlanType.MISSION, "plan")
@@ -107,7 +105,7 @@ class PlanUpload(PlanUploader):
         current = self._client.current.get(transfer.target)  # ArduPilot goes on to the first place at once
         if transfer.result is PlanResult.ACCEPTED or current == self._first:
             return self._ticket, CommandAnswer(True, "")
-        return self._ticket, CommandAnswer(False, f"the plan could not be begun: {transfer.result.words}")
+        return self._ticket, CommandAnswer(False, f"the plan could not be started: {transfer.result.words}")
 
     def follow(self, event: CurrentItem | ItemReached) -> None:
         """The autopilot tells where it is in its plan; a report that was lost is made up for by the next."""

@@ -1,4 +1,4 @@
-"""The sensors that are wired to an autopilot and told over MAVLink: inertial unit, ranges, scans, wheels, satellites.
+"""Sensors wired to an autopilot and received over MAVLink: inertial unit, ranges, scans, wheels, satellites.
 
 MAVLink, common: HIGHRES_IMU, SCALED_IMU, RAW_IMU, DISTANCE_SENSOR, OBSTACLE_DISTANCE, WHEEL_DISTANCE, GPS_RAW_INT. Messages are
 asked for once somebody uses them.
@@ -40,10 +40,10 @@ def scan_of_obstacles(message: MavlinkMessage, yaw_rad: float | None) -> LaserSc
     offset_deg = message.angle_offset
     reason = ""
     if not math.isfinite(step_deg) or step_deg == 0.0 or not math.isfinite(offset_deg):
-        reason, step_deg, offset_deg = "the scanner does not tell the directions of its beams", 1.0, 0.0
+        reason, step_deg, offset_deg = "the scanner does not report its beam directions", 1.0, 0.0
     if message.frame in NORTH_ALIGNED:
         if yaw_rad is None:
-            reason = reason or "its directions count from north, and the heading is not known"
+            reason = reason or "its directions are relative to north, and the heading is unknown"
         else:
             offset_deg -= math.degrees(yaw_rad)
     count = min(len(message.distances), max(1, round(360.0 / abs(step_deg))))
@@ -126,7 +126,7 @@ UTC_US: Final = 10**15
 
 
 class AutopilotTime(Protocol):
-    """What maps the autopilot's time, and knows its heading."""
+    """Provides the autopilot's time and heading."""
 
     @property
     def yaw_rad(self) -> float | None:

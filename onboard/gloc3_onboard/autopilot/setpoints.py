@@ -1,4 +1,4 @@
-"""Setpoints in the form that a vehicle takes: a moving position, a velocity that leads to it, or a place far ahead.
+"""Setpoints in the form that a vehicle accepts: a moving position, a velocity towards it, or a distant target.
 
 Masks: MAVLink, POSITION_TARGET_TYPEMASK. A rover of ArduPilot takes a velocity as a heading and a speed; with a yaw
 beside it, it turns to that yaw.
@@ -162,4 +162,4 @@ class ControlLead:
         """Setpoints that come too late are told: the autopilot has done something by itself meanwhile."""
         state = self._telemetry.state
         if limit_s < gap_s < FORGOTTEN_S and state.is_armed and state.mode is FlightMode.GUIDED:
-            self.gap = f"no setpoint for {gap_s:.1f} s: after {limit_s:g} s the autopilot has acted by itself"
+            self.gap = f"no setpoint for {gap_s:.1f} s: the autopilot acts after {limit_s:g} s without one"

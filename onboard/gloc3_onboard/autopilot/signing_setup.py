@@ -1,4 +1,4 @@
-"""Gives an autopilot the key of signed links, and looks whether it signs with it."""
+"""Sets the signing key of an autopilot, and checks that it signs with it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ OWN: Final = Address(255, 190)
 
 
 class Signs(StrEnum):
-    """How a frame of the autopilot is signed."""
+    """Signing states of the autopilot's frames."""
 
     NOT = "not signed"
     OURS = "signed with this key"
@@ -31,7 +31,7 @@ class Signs(StrEnum):
 
 
 class Setup:
-    """One autopilot at the other end of a direct link.
+    """Signing setup of one autopilot over a direct link.
 
     Args:
         endpoint: sends; its owner passes what it hears to `receive`.

@@ -21,7 +21,7 @@ SLOW: Final = 0.5
 
 
 class StreamRequests:
-    """Told what has been heard; asks through the client of its owner.
+    """Requests message rates, and repeats the requests for messages that stay away.
 
     A rate is asked for even if the message comes by itself: it would come at another rate.
     """
@@ -106,7 +106,7 @@ FIRST_S: Final = 4.0
 
 
 class PrearmQuestions:
-    """Asks through the client of its owner; an autopilot that does not know the question is not asked again."""
+    """Requests the reasons against arming; an autopilot that does not support this is not asked again."""
 
     def __init__(self, client: MavCommandClient) -> None:
         self._client = client

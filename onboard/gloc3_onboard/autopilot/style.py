@@ -16,7 +16,7 @@ Modes = Mapping[int, tuple[FlightMode, str]]
 
 
 class Form(StrEnum):
-    """In which form a vehicle is led."""
+    """Forms of setpoints."""
 
     POSITION = "position"
     """SET_POSITION_TARGET_LOCAL_NED with position, velocity as feed-forward, and yaw, as far as they are given."""
@@ -30,7 +30,7 @@ class Form(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ClassProperties:
-    """One family and class."""
+    """Properties of one autopilot family and vehicle class."""
 
     vehicle: VehicleClass
     modes: Modes

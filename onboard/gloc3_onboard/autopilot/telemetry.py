@@ -1,4 +1,4 @@
-"""What an autopilot tells in MAVLink, as our messages: state, pose, height."""
+"""Telemetry: converts an autopilot's MAVLink messages into our state, pose and height."""
 
 import math
 from collections import deque
@@ -287,7 +287,7 @@ CLOCKS_AGREE_S: Final = 0.25
 
 
 class ClockOffset:
-    """Sees a restart in the clock alone, and a clock that has stood still.
+    """Detects a restart by the clock alone, and a clock that has stopped.
 
     Args:
         own: as whom it asks.

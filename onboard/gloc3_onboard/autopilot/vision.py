@@ -1,4 +1,4 @@
-"""A pose of ours as the MAVLink message that PX4 and ArduPilot both fly by, and the origin of its frame.
+"""External vision: our pose as the MAVLink message that PX4 and ArduPilot both use, and the origin of its frame.
 
 Frames: ArduPilot takes only MAV_FRAME_LOCAL_FRD with a velocity in MAV_FRAME_BODY_FRD, and PX4 takes these as well. Our
 frame is a LOCAL_FRD whose x axis points north, so that it is the autopilot's NED where it takes its heading from us.
@@ -20,7 +20,7 @@ _ROWS: Final = (0, 6, 11, 15, 18, 20)
 
 
 class Spread(NamedTuple):
-    """Standard deviations of what a `Pose` does not tell of itself."""
+    """Standard deviations that a `Pose` does not contain."""
 
     attitude_rad: float = 0.02
     velocity_m_s: float = 0.05

@@ -35,7 +35,7 @@ def read_kitti(text: str, file: str, size: tuple[int, int] | None) -> dict[str, 
     if size is None:
         hint = "name a folder with its pictures, or write calib.txt?size=1226x370"
         raise InputError(
-            [Finding(file=file, message="KITTI's calibration does not tell the pictures' size", hint=hint)]
+            [Finding(file=file, message="KITTI's calibration does not contain the picture size", hint=hint)]
         )
     count = 0
     for line, text_line in enumerate(text.splitlines(), start=1):
@@ -71,17 +71,17 @@ class _Wrong(Exception):
 def _camera(text: str, size: tuple[int, int]) -> CameraModel:
     words = list(re.finditer(r"\S+", text))
     if len(words) != NUMBERS:
-        raise _Wrong(f"{len(words)} numbers, where {NUMBERS} belong", words[0].start() if words else 0)
+        raise _Wrong(f"{len(words)} numbers, expected {NUMBERS}", words[0].start() if words else 0)
     p: list[float] = []
     for word in words:
         try:
             p.append(float(word[0]))
         except ValueError:
-            raise _Wrong(f"{word[0]!r} is no number", word.start()) from None
+            raise _Wrong(f"{word[0]!r} is not a number", word.start()) from None
     width, height = size
     focal, is_projection = p[0], p[8:11] == [0.0, 0.0, 1.0] and p[1] == p[4] == 0.0
     if not is_projection or not all(abs(value) < 1e6 for value in p):
-        raise _Wrong("this is no rectified projection", words[0].start(), "fx 0 cx tx 0 fy cy ty 0 0 1 tz")
+        raise _Wrong("this is not a rectified projection", words[0].start(), "fx 0 cx tx 0 fy cy ty 0 0 1 tz")
     if not 0.05 * width < focal < width * 57.3 / NARROWEST_DEG or not 0.5 < p[5] / focal < 2.0:
         hint = f"pictures of {width} x {height}; were they made smaller?"
         raise _Wrong(f"focal lengths {p[0]:g} and {p[5]:g} pixels", words[0].start(), hint)

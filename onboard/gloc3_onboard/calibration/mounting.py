@@ -52,7 +52,7 @@ def transform_problem(matrix: Matrix) -> str:
         for other in range(one, 3):
             dot = sum(a * b for a, b in zip(columns[one], columns[other], strict=True))
             if abs(dot - (one == other)) > ORTHONORMAL:
-                return "its rotation is none: the columns are not of length 1 and square to each other"
+                return "its rotation is invalid: the columns are not of length 1 and perpendicular"
     a, b, c = columns
     mixed = sum(c[k] * (a[k - 2] * b[k - 1] - a[k - 1] * b[k - 2]) for k in range(3))
     if mixed < 0.0:

@@ -66,11 +66,11 @@ class Values:
             return None
         for index, item in enumerate(value):
             if isinstance(item, bool) or not isinstance(item, int | float) or not math.isfinite(item):
-                self.wrong((*where, index), f"{item!r} is no number")
+                self.wrong((*where, index), f"{item!r} is not a number")
                 return None
         if len(value) not in counts:
             wanted = " or ".join(str(count) for count in counts)
-            self.wrong(where, f"{what}: {len(value)} numbers, where {wanted} belong")
+            self.wrong(where, f"{what}: {len(value)} numbers, expected {wanted}")
             return None
         return [float(item) for item in value]
 
@@ -81,11 +81,11 @@ class Values:
             data = self.numbers((*where, "data"), (rows * columns,), what)
             size = (value.get("rows"), value.get("cols"))
             if data is not None and size != (rows, columns):
-                self.wrong(where, f"{what} is {size[0]} by {size[1]}, where {rows} by {columns} belongs")
+                self.wrong(where, f"{what} is {size[0]} by {size[1]}, expected {rows} by {columns}")
                 return None
             return None if data is None else [data[row * columns : (row + 1) * columns] for row in range(rows)]
         if isinstance(value, list) and len(value) != rows:
-            self.wrong(where, f"{what} has {len(value)} rows, where {rows} belong")
+            self.wrong(where, f"{what} has {len(value)} rows, expected {rows}")
             return None
         if not isinstance(value, list):
             self.wrong(where, f"{what} must be a matrix", f"{rows} rows of {columns} numbers")

@@ -98,7 +98,7 @@ def _camera(values: Values, number: str, name: str, mount: Transform) -> CameraM
     if matrix is None or given is None or size is None:
         return None
     if abs(matrix[0][1]) > 1e-6 * matrix[0][0] or matrix[2] != [0.0, 0.0, 1.0]:
-        values.wrong(at, "this is no camera matrix", "fx, 0, cx; 0, fy, cy; 0, 0, 1; skew is not supported")
+        values.wrong(at, "this is not a camera matrix", "fx, 0, cx; 0, fy, cy; 0, 0, 1; skew is not supported")
         return None
     return lens_model(
         values,

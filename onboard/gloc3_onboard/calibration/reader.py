@@ -76,7 +76,7 @@ def read_calibration(path: Path, *, axes: str = "", size: tuple[int, int] | None
             return _checked(file, "EuRoC", *read_euroc(document, body))
     if looks_like_opencv(text):
         return _checked(file, "OpenCV", *read_opencv(text, file))
-    raise InputError([Finding(file=file, message="this is no calibration that is known", hint=FORMS)])
+    raise InputError([Finding(file=file, message="this is not a known calibration format", hint=FORMS)])
 
 
 def read_reference(reference: str, folder: Path) -> tuple[CalibrationFile, CameraModel]:

@@ -1,4 +1,4 @@
-"""The pre-flight checks of a platform: pure functions from what is known to lines of the list.
+"""The pre-flight checks of a platform: pure functions from readings to lines of the list.
 
 `checklist` makes the whole list from `readings`; the tables name the parameters that matter.
 """

@@ -1,4 +1,4 @@
-"""Checks of the autopilot itself: it answers, would arm, is of a known version, and its parameters could be read."""
+"""Checks of the autopilot: connection, readiness to arm, version, and parameters."""
 
 from collections.abc import Iterator, Mapping
 from typing import Final
@@ -26,11 +26,11 @@ def autopilot_checks(readings: Readings) -> Iterator[Check]:
     """The lines about the autopilot; without one there is a single line."""
     state = readings.autopilot
     if state is None or not state.is_connected:
-        was = "its heartbeat has stopped" if state is not None and state.style is not None else "no heartbeat is heard"
-        advice = "is it powered, and does --autopilot name its port?"
+        was = "its heartbeat has stopped" if state is not None and state.style is not None else "no heartbeat received"
+        advice = "check its power, and that --autopilot names its port"
         yield Check(GROUP, "answers", Verdict.RED, was, advice)
         return
-    what = f"{state.style} of a {state.vehicle}" if state.vehicle is not None else str(state.style)
+    what = f"{state.style} on a {state.vehicle}" if state.vehicle is not None else str(state.style)
     yield Check(GROUP, "answers", Verdict.OK, f"{what}, mode {state.mode_name or 'unknown'}")
     yield from _vehicle(readings, state)
     yield _arming(state)
@@ -45,7 +45,7 @@ def _vehicle(readings: Readings, state: AutopilotState) -> Iterator[Check]:
     """Whether the autopilot steers what the platform file describes."""
     stated = readings.platform.vehicle.type
     if state.vehicle is not None and state.vehicle not in CLASSES[stated]:
-        finding = f"the autopilot steers a {state.vehicle}; the platform file says {stated}"
+        finding = f"the autopilot is set up for a {state.vehicle}; the platform file says {stated}"
         advice = "load the right firmware, or name the right platform file"
         yield Check(GROUP, "vehicle", Verdict.RED, finding, advice)
 
@@ -55,8 +55,8 @@ def _arming(state: AutopilotState) -> Check:
         return Check(GROUP, "ready to arm", Verdict.OK, "it is armed")
     if state.is_armable:
         return Check(GROUP, "ready to arm", Verdict.OK, "its own checks have passed")
-    reasons = "; ".join([*state.reasons, *state.doubts]) or "it does not say why"
-    advice = "do what it asks for" if state.reasons else "wait until it is ready; its own messages say more"
+    reasons = "; ".join([*state.reasons, *state.doubts]) or "it gives no reason"
+    advice = "correct what it reports" if state.reasons else "wait until it is ready; its own messages say more"
     return Check(GROUP, "ready to arm", Verdict.RED, reasons, advice)
 
 
@@ -64,7 +64,7 @@ def _estimator(state: AutopilotState) -> Iterator[Check]:
     """What its estimator says of itself, where it would arm all the same."""
     problems = [problem for problem in state.doubts if not problem.startswith(UNHEALTHY)]
     if problems and state.is_armable:
-        advice = "wait until it has settled; the autopilot would arm all the same"
+        advice = "wait until it has settled; the autopilot would arm anyway"
         yield Check(GROUP, "estimator", Verdict.WARNING, "; ".join(problems), advice)
 
 
@@ -73,7 +73,7 @@ def _battery(readings: Readings, state: AutopilotState) -> Check:
     reserve = power.reserve if power is not None else 0.0
     if left < 0.0:
         advice = "set up the autopilot's battery monitor: without it on_low_battery never acts"
-        return Check(GROUP, "battery", Verdict.WARNING, "it does not tell what is left", advice)
+        return Check(GROUP, "battery", Verdict.WARNING, "it does not report the remaining charge", advice)
     volts = f", {state.battery_v:.1f} V" if state.battery_v > 0.0 else ""
     if left < reserve:
         finding = f"{100.0 * left:.0f} %{volts}, below the platform's reserve of {100.0 * reserve:.0f} %"
@@ -84,7 +84,7 @@ def _battery(readings: Readings, state: AutopilotState) -> Check:
 def _firmware(readings: Readings) -> Check:
     setup = readings.setup
     if setup is None or setup.firmware is None or setup.style is None:
-        return Check(GROUP, "firmware", Verdict.UNKNOWN, "it has not told its version")
+        return Check(GROUP, "firmware", Verdict.UNKNOWN, "it has not reported its version")
     version = ".".join(map(str, setup.firmware))
     least = table_of(setup.style, setup.vehicle).least_firmware
     if setup.firmware < least:
@@ -92,7 +92,7 @@ def _firmware(readings: Readings) -> Check:
         advice = f"update to {needed} or later: modes and parameters of older ones differ"
         return Check(GROUP, "firmware", Verdict.WARNING, f"{setup.style} {version}", advice)
     if not setup.is_official:
-        advice = "fly a release, unless you know why not"
+        advice = "install a release, unless you need this version"
         return Check(GROUP, "firmware", Verdict.WARNING, f"{setup.style} {version}, not a release", advice)
     return Check(GROUP, "firmware", Verdict.OK, f"{setup.style} {version}")
 
@@ -101,17 +101,17 @@ def _parameters(readings: Readings) -> Check:
     setup = readings.setup
     if setup is None:
         advice = "add a component of gloc3_onboard.components.samplers.autopilot_setup to the platform file"
-        return Check(GROUP, "parameters", Verdict.UNKNOWN, "nothing on this platform reads them", advice)
+        return Check(GROUP, "parameters", Verdict.UNKNOWN, "no component of this platform reads them", advice)
     count = len(setup.parameters)
     if not setup.is_complete or not count:
-        advice = "check the link to the autopilot, then look again"
+        advice = "check the link to the autopilot, then check again"
         return Check(GROUP, "parameters", Verdict.UNKNOWN, "they have not been read yet", advice)
     if not readings.is_setup_fresh:
-        finding = f"{count} were read before, but did not come anew"
-        return Check(GROUP, "parameters", Verdict.WARNING, finding, "check the link to the autopilot, then look again")
+        finding = f"{count} were read earlier, but not for this check"
+        return Check(GROUP, "parameters", Verdict.WARNING, finding, "check the link to the autopilot, then check again")
     alternatives = table_of(setup.style, setup.vehicle).arming_checks if setup.style is not None else {}
     unread = [name for name in setup.unread if name not in alternatives]
-    without = f"; not there: {', '.join(unread)}" if unread else ""
+    without = f"; missing: {', '.join(unread)}" if unread else ""
     return Check(GROUP, "parameters", Verdict.OK, f"{count} read{without}")
 
 
@@ -124,7 +124,7 @@ def _arming_checks(readings: Readings) -> Iterator[Check]:
         value = setup.parameters.get(name)
         if value is not None:
             verdict = Verdict.OK if value == wanted else Verdict.WARNING
-            advice = "" if value == wanted else f"set {name} to {wanted:g}: it looks for what would end the flight"
-            finding = "all are made" if value == wanted else f"some are left out ({name} is {value:g})"
+            advice = "" if value == wanted else f"set {name} to {wanted:g}, which enables all arming checks"
+            finding = "all are enabled" if value == wanted else f"some are disabled ({name} is {value:g})"
             yield Check(GROUP, "arming checks", verdict, finding, advice)
             return

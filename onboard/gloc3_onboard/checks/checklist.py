@@ -1,4 +1,4 @@
-"""The whole list of a platform, from everything that is known of it."""
+"""The complete pre-flight list of a platform."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -51,7 +51,7 @@ def host_checks(readings: Readings) -> Iterator[Check]:
         if found is None or not found.is_here:
             rows = [row for row in platform.components if place_of(platform, row).host == host]
             verdict = Verdict.RED if any(row.required for row in rows) else Verdict.WARNING
-            advice = f"start gloc3 onboard there with --host {host}, and look at the network between"
+            advice = f"start gloc3 onboard there with --host {host}, and check the network"
             yield Check(Group.COMPONENTS, title, verdict, "nothing is heard of it", advice)
         elif found.status is not None:
             status = found.status
@@ -61,9 +61,9 @@ def host_checks(readings: Readings) -> Iterator[Check]:
 
 
 def _time(title: str, status: HostStatus) -> Check:
-    known = f"to within {status.clock_bound_s * 1e3:.1f} ms, asked {status.clock_age_s:.0f} s ago"
+    known = f"to within {status.clock_bound_s * 1e3:.1f} ms, measured {status.clock_age_s:.0f} s ago"
     if status.clock_bound_s > UNSURE_S or status.clock_age_s > FORGOTTEN_S:
-        advice = "look at the network between the hosts: answers are late, or do not come"
+        advice = "check the network between the hosts: time replies are late or missing"
         return Check(Group.COMPONENTS, f"{title}: time", Verdict.WARNING, known, advice)
     return Check(Group.COMPONENTS, f"{title}: time", Verdict.OK, known)
 
@@ -94,9 +94,9 @@ def _sensor(one: SensorCondition, is_required: bool) -> Check:
     if not one.is_open:
         return Check(GROUP, one.device, Verdict.OK, f"{one.source}, not opened")
     if one.age_s < 0.0:
-        return Check(GROUP, one.device, bad, f"nothing has come from {one.source}", "check its cable and power")
+        return Check(GROUP, one.device, bad, f"no data from {one.source}", "check its cable and power")
     if one.age_s > SILENT_S:
-        finding = f"silent for {one.age_s:.1f} s, {one.source}"
+        finding = f"no data for {one.age_s:.1f} s, {one.source}"
         return Check(GROUP, one.device, bad, finding, "check its cable and power")
     return Check(GROUP, one.device, Verdict.OK, f"alive, {one.source}")
 
@@ -126,11 +126,11 @@ def component_checks(readings: Readings) -> Iterator[Check]:
 
 
 def mission_checks(readings: Readings) -> Iterator[Check]:
-    """Whether there is something to start, and nobody else has the vehicle."""
+    """Checks that a mission is loaded, and that no pilot has control."""
     mission = readings.mission
     if readings.pilot_reason:
-        advice = "resume gives the vehicle back to the mission, when the pilot agrees"
-        yield Check(Group.MISSION, "control", Verdict.WARNING, f"a pilot has it: {readings.pilot_reason}", advice)
+        advice = "resume returns the vehicle to the mission; agree with the pilot first"
+        yield Check(Group.MISSION, "control", Verdict.WARNING, f"a pilot has control: {readings.pilot_reason}", advice)
     if readings.components is None:
         return
     if mission is None:

@@ -23,7 +23,7 @@ def computer_checks(readings: Readings) -> Iterator[Check]:
     computer = readings.computer
     if computer is None:
         advice = "add a component of gloc3_onboard.components.samplers.computer to the platform file"
-        yield Check(GROUP, "disk", Verdict.UNKNOWN, "nothing on this platform looks at it", advice)
+        yield Check(GROUP, "disk", Verdict.UNKNOWN, "no component of this platform checks it", advice)
         return
     if computer.is_simulated:
         yield Check(GROUP, "disk", Verdict.OK, "none: simulated")
@@ -55,7 +55,7 @@ def _disk(computer: ComputerState) -> Iterator[Check]:
         is_slow = verdict in (Verdict.RED, Verdict.WARNING)
         yield Check(GROUP, "disk speed", verdict, found, advice if is_slow else "")
     if computer.log_problem:
-        advice = "make room, then start gloc3 onboard anew: this flight would not be recorded"
+        advice = "free disk space, then restart gloc3 onboard: this flight would not be recorded"
         yield Check(GROUP, "log", Verdict.RED, computer.log_problem, advice)
     else:
         yield Check(GROUP, "log", Verdict.OK, "is being written")
@@ -66,7 +66,7 @@ def _clock(readings: Readings, computer: ComputerState) -> Check:
     theirs = readings.setup.utc_minus_t_s if readings.setup is not None else None
     ours = computer.utc_minus_t_s
     if theirs is None or ours is None:
-        return Check(GROUP, "clock", Verdict.UNKNOWN, "the autopilot has told no time of day to compare with")
+        return Check(GROUP, "clock", Verdict.UNKNOWN, "the autopilot has sent no time of day to compare with")
     offset_s = ours - theirs
     if abs(offset_s) > CLOCKS_AGREE_S:
         finding = f"{abs(offset_s):.1f} s {'ahead of' if offset_s > 0.0 else 'behind'} the autopilot's"

@@ -1,4 +1,4 @@
-"""Whether the autopilot's failsafes do what the platform file says, by which every mission was checked."""
+"""Compares the autopilot's failsafes with the platform file, against which missions are checked."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -49,7 +49,7 @@ def action_of(setup: AutopilotSetup, failsafe: Failsafe) -> str | None:
         name, bit = failsafe.exempt
         if int(setup.parameters.get(name, 0.0)) & bit:
             return CONTINUE
-    return failsafe.actions.get(int(value), f"something unknown ({failsafe.parameter} is {value:g})")
+    return failsafe.actions.get(int(value), f"an unknown action ({failsafe.parameter} is {value:g})")
 
 
 def _compared(
@@ -111,7 +111,7 @@ def _pose_lost(readings: Readings, setup: AutopilotSetup, failsafe: Failsafe) ->
         wanted = resolved(answer(mission.policies.on_pose_lost), mission.policies.on_failure)
         if SEVERITY[Policy(action)] > SEVERITY[wanted]:
             finding = f"{action}{source}; the mission says on_pose_lost: {wanted}"
-            advice = f"the autopilot may overrule the mission: say on_pose_lost: {action}"
+            advice = f"the autopilot may overrule the mission: set on_pose_lost: {action}"
             return Check(GROUP, name, Verdict.WARNING, finding, advice)
     return Check(GROUP, name, Verdict.OK, f"{action}{source}")
 

@@ -1,4 +1,4 @@
-"""Which of an autopilot's parameters matter before a start, and what their values mean: the form of the tables."""
+"""The form of the parameter tables: which autopilot parameters matter before a start, and what their values mean."""
 
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
@@ -30,7 +30,7 @@ class Failsafe(NamedTuple):
 
 
 class StyleTable(NamedTuple):
-    """What is read of an autopilot, and how it is understood."""
+    """The parameters that are read from an autopilot, and their meaning."""
 
     least_firmware: tuple[int, int, int]
     """The oldest version whose modes, commands and parameters are those that are used here."""

@@ -65,7 +65,7 @@ SUB: Final = COPTER._replace(
     low_battery=Failsafe("BATT_FS_LOW_ACT", {0: CONTINUE, 1: CONTINUE, 2: DISARM, 3: LAND}, *_BATTERY_LIMIT),
     pose_lost=Failsafe("FS_EKF_ACTION", {0: CONTINUE, 1: CONTINUE, 2: DISARM}),
     setpoints_lost=_FIXED_STOP,
-    doubtful={"FS_PILOT_INPUT": (2.0, "disarms under way when a joystick that was connected falls silent")},
+    doubtful={"FS_PILOT_INPUT": (2.0, "disarms under way when a connected joystick stops sending")},
 )
 """To *land* is to surface."""
 

@@ -1,4 +1,4 @@
-"""What the checks are made from: everything that is known at one moment."""
+"""The input of the checks: a snapshot of everything that is known."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -26,7 +26,7 @@ class ComponentCondition:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Readings:
-    """One moment; None is what is not known, or does not exist."""
+    """A snapshot; values that are unknown or do not exist are None."""
 
     platform: Platform
     now_s: float

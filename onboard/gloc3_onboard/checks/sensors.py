@@ -1,4 +1,4 @@
-"""Whether the vehicle's sensors are there, well and calibrated, and the position good enough to fly on."""
+"""Checks of the vehicle's sensors, their health and calibration, and of the position."""
 
 from collections.abc import Iterator, Mapping
 from typing import Final
@@ -22,7 +22,7 @@ def sensor_checks(readings: Readings) -> Iterator[Check]:
     if is_connected and setup is not None and setup.sensors_present:
         yield from _health(setup)
     elif is_connected:
-        yield Check(GROUP, "autopilot's sensors", Verdict.UNKNOWN, "it has not told how they are")
+        yield Check(GROUP, "autopilot's sensors", Verdict.UNKNOWN, "no health report received")
     if setup is not None and setup.style is not None and setup.is_complete:
         yield from _calibration(setup)
     if is_connected:
@@ -31,7 +31,7 @@ def sensor_checks(readings: Readings) -> Iterator[Check]:
         height = readings.height
         finding = f"{height.height_m:.2f} m above the ground" if height.is_valid else height.reason or "no echo"
         verdict = Verdict.OK if height.is_valid else Verdict.WARNING
-        yield Check(GROUP, "height", verdict, finding, "" if height.is_valid else "look at the range finder")
+        yield Check(GROUP, "height", verdict, finding, "" if height.is_valid else "check the range finder")
 
 
 def _health(setup: AutopilotSetup) -> Iterator[Check]:
@@ -69,12 +69,12 @@ def _calibration(setup: AutopilotSetup) -> Iterator[Check]:
 def _position(readings: Readings) -> Check:
     pose = readings.pose
     if pose is None:
-        return Check(GROUP, "position", Verdict.RED, "none has come", "wait for the estimate, or check its sources")
+        return Check(GROUP, "position", Verdict.RED, "no pose received", "wait for the estimate, or check its sources")
     if not readings.is_pose_fresh:
         finding = pose.reason or ("it is not valid" if not pose.is_valid else "it has stopped")
         return Check(GROUP, "position", Verdict.RED, finding, "wait for the estimate, or check its sources")
     sources = f" from {', '.join(pose.sources)}" if pose.sources else ""
     finding = f"quality {100.0 * pose.quality:.0f} %{sources}"
     if pose.quality < LEAST_QUALITY:
-        return Check(GROUP, "position", Verdict.WARNING, finding, "wait until it is better")
+        return Check(GROUP, "position", Verdict.WARNING, finding, "wait until it improves")
     return Check(GROUP, "position", Verdict.OK, finding)

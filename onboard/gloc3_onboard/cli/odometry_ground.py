@@ -92,5 +92,5 @@ def _process_frame(
     if pixels.size == 0:
         return odometer.without_picture(frame.t_s, "the picture cannot be read")
     if frame.ned_from_frd is None:
-        return odometer.without_picture(frame.t_s, "there is no attitude of the time of the picture")
+        return odometer.without_picture(frame.t_s, "there is no attitude at the time of the picture")
     return odometer.update(pixels, frame.t_s, frame.ned_from_frd, frame.height_m)

@@ -92,7 +92,7 @@ def _truth(corrected: LaserLog, log: LaserLog, name: str) -> Trajectory:
     """The poses of a corrected log, scan by scan where it has as many, else by its times."""
     poses = [scan.pose for scan in corrected.scans if scan.pose is not None]
     if len(poses) < len(corrected.scans):
-        raise Refused(f"{name} tells no poses of its scans")
+        raise Refused(f"{name} has no poses of its scans")
     is_same = len(poses) == len(log.scans)
     if not is_same and not (corrected.has_times and log.has_times):
         raise Refused(f"{name} has {len(poses)} scans, the data set {len(log.scans)}, and no times to compare them by")

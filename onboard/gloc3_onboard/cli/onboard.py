@@ -23,10 +23,10 @@ app = App(
     - `gloc3 onboard my.yaml --device ground_camera=v4l2:///dev/video0 --device laser=rplidar:///dev/ttyUSB0`
     - `gloc3 onboard auv --device dvl=a50://127.0.0.1:16171`: with the Doppler velocity log that `gloc3 sitl --vehicle auv --dvl` serves
 
-    It passes MAVLink on between the autopilot and all stations, so that QGroundControl and others reach the autopilot
+    It forwards MAVLink between the autopilot and all stations, so that QGroundControl and others reach the autopilot
     through it. Its log, every MAVLink frame, pictures and what must survive a restart go to the folder of --out.
 
-    `gloc3 onboard install my.yaml ...` has it started with the computer, as a service; docs/onboard-service.md.""",
+    `gloc3 onboard install my.yaml ...` makes it a service that starts with the computer; docs/onboard-service.md.""",
     help_format="markdown",
     usage="gloc3 onboard [OPTIONS] PLATFORM | gloc3 onboard COMMAND",
     version_flags=[],

@@ -23,18 +23,18 @@ class OnboardOptions:
     """The options of `gloc3 onboard`."""
 
     autopilot: str = DEFAULT_AUTOPILOT
-    """Where the autopilot is: udpin://HOST:PORT, udpout://, tcpin://, tcpout:// or serial:///dev/PORT:BAUD; with :auto
-    as BAUD the rate is found. ?key=FILE behind it signs the link with that key."""
+    """Link to the autopilot: udpin://HOST:PORT, udpout://, tcpin://, tcpout:// or serial:///dev/PORT:BAUD; with :auto
+    as BAUD the rate is detected. Append ?key=FILE to sign the link with that key."""
     station: Several = field(default_factory=list)
-    """Where ground stations are; may be given again. Default: udpout://127.0.0.1:14550. Behind it ?rate=BIT_S tells what
-    a radio on the way carries, ?key=FILE (or &key=FILE) goes before --signing-key, and with ?role=observer those on the
-    link may look, and command neither platform nor autopilot."""
+    """Link to ground stations; repeatable. Default: udpout://127.0.0.1:14550. Append ?rate=BIT_S for the bandwidth of
+    a radio link, ?key=FILE (or &key=FILE) to override --signing-key; with ?role=observer stations on the
+    link can watch, but command neither platform nor autopilot."""
     acoustic: str = ""
-    """Where an acoustic modem is, as udpout://HOST:PORT or serial:///dev/PORT:BAUD: while no station is heard otherwise, a
-    summary of 32 bytes goes there once a minute, and orders to hold or surface are taken. ?key=FILE tags its frames."""
+    """Acoustic modem link, as udpout://HOST:PORT or serial:///dev/PORT:BAUD: while no station is heard elsewhere, a
+    summary of 32 bytes is sent once a minute, and orders to hold or surface are accepted. ?key=FILE tags its frames."""
     device: Several = field(default_factory=list)
-    """Where a sensor's data comes from, as NAME=URL, such as ground_camera=v4l2:///dev/video0; may be given again. It
-    goes before what the platform file says. docs/sensors.md lists the URLs."""
+    """Source of a sensor's data, as NAME=URL, such as ground_camera=v4l2:///dev/video0; repeatable. It
+    overrides the platform file. docs/sensors.md lists the URLs."""
     host: str | None = None
     """Which of the platform's hosts this computer is; only the one with the autopilot has links to it and to stations.
     Default: the only one."""
@@ -46,17 +46,17 @@ class OnboardOptions:
     logs: Path | None = None
     """Another folder for logs and pictures; default: that of --out."""
     system_id: int = 1
-    """The vehicle's MAVLink system; this process is component 191 of it."""
+    """MAVLink system id of the vehicle; this process is its component 191."""
     signing_key: Path | None = None
-    """A file with the MAVLink signing key of the links to ground stations, which nobody else may read: 64 hexadecimal
-    digits, or `passphrase: ...`; the stations have the same. Then frames without its signature are dropped and told."""
+    """File with the MAVLink signing key of the links to ground stations, readable by its owner only: 64 hex
+    digits, or `passphrase: ...`; the stations use the same. Unsigned frames are then dropped and reported."""
     take_plans: Flag = False
-    """Plans that ground stations of others (QGroundControl, say) send to the autopilot become missions of this process,
+    """Plans that other ground stations (QGroundControl, say) send to the autopilot become missions of this process,
     and do not reach the autopilot. Without it they become missions only when sent to component 191."""
     log_size: float = 500.0
-    """A log of more megabytes is followed by the next file of the run; 0 for no limit."""
+    """Size of a log in megabytes at which the run continues in the next file; 0 for no limit."""
     log_total: float = 10_000.0
-    """Beyond so many megabytes of logs in the folder the oldest are deleted, never the one that is being written, and no
+    """Total size of the folder's logs in megabytes above which the oldest are deleted, never the current one and no
     pictures; 0 to keep all."""
     quiet: Flag = False
     """No narration on stderr."""

@@ -26,7 +26,7 @@ app = App(
 
     For example:
 
-    - `gloc3 platform new --autopilot serial:///dev/ttyACM0:57600`: asks, and writes a file from what the autopilot tells
+    - `gloc3 platform new --autopilot serial:///dev/ttyACM0:57600`: asks, and writes a file from the autopilot's data
     - `gloc3 platform check my.yaml`: everything that `gloc3 onboard` would refuse, with file, line and column
     - `gloc3 platform show my.yaml`; with `--full` the whole file, with what it extends
 
@@ -109,11 +109,11 @@ class NewOptions:
     """The options of `gloc3 platform new`; what one answers is not asked."""
 
     autopilot: str = DEFAULT_AUTOPILOT
-    """Where the autopilot is, as for gloc3 onboard."""
+    """Link to the autopilot, as for gloc3 onboard."""
     name: str | None = None
-    """Of the platform: small letters, digits and _."""
+    """Name of the platform: lower-case letters, digits and _."""
     type: str | None = None
-    """What it is, such as quadrotor or hexarotor."""
+    """Vehicle type, such as quadrotor or hexarotor."""
     mass_kg: float | None = None
     """Its mass, in kilograms."""
     speed_m_s: float | None = None
@@ -125,17 +125,17 @@ class NewOptions:
     arm: bool | None = None
     """Whether a mission may arm the vehicle."""
     on_stop: Literal["hold", "land"] | None = None
-    """In flight, when the onboard process is told to end."""
+    """Action in flight when the onboard process is told to end: hold or land."""
     camera: str | None = None
-    """Where the pictures of a camera come from that looks down, such as v4l2:///dev/video0; an empty text for none."""
+    """Source of a downward-looking camera, such as v4l2:///dev/video0; empty for none."""
     file: Path | None = None
-    """Where to write; default: NAME.yaml here. A file that is there is left alone."""
+    """Output file; default: NAME.yaml here. An existing file is not overwritten."""
     wait: float = 20.0
     """How long to listen to the autopilot, in seconds; it ends as soon as everything is known."""
     system_id: int = 1
     """The vehicle's MAVLink system."""
     yes: Flag = False
-    """Ask nothing: what no option answers is supposed, and told."""
+    """Ask nothing: assume what no option answers, and print it."""
 
     def check(self) -> None:
         """Refuses what cannot be.
@@ -167,12 +167,12 @@ def new(*, options: NewOptions = DEFAULTS) -> int:
     narrate(f"found {found.title}")
     kind = KINDS.get(found.setup.vehicle) if found.setup.vehicle is not None else None
     if kind is None or (found.setup.vehicle is VehicleClass.PLANE and found.setup.style is not Style.ARDUPILOT):
-        raise Refused(f"there are no components to begin with for {found.title}; see docs/autopilots.md")
+        raise Refused(f"no components are available for {found.title}; see docs/autopilots.md")
     request = _Prompt(may_prompt=not options.yes)
     answers = Answers(
         name=request("--name", "Name of the platform", options.name, f"my_{found.setup.vehicle}", _name),
         type=request(
-            "--type", f"What is it ({', '.join(kind.types)})", options.type, kind.types[0], _one_of(kind.types)
+            "--type", f"Vehicle type ({', '.join(kind.types)})", options.type, kind.types[0], _one_of(kind.types)
         ),
         mass_kg=request("--mass-kg", "Mass in kg", options.mass_kg, kind.mass_kg, _positive),
         speed_m_s=request("--speed-m-s", "Greatest speed in m/s", options.speed_m_s, kind.speed_m_s, _positive),
@@ -184,11 +184,11 @@ def new(*, options: NewOptions = DEFAULTS) -> int:
         ),
         arm=request("--arm", "May a mission arm it (yes, no)", options.arm, False, _yes_or_no),
         on_stop=request(
-            "--on-stop", "Told to end in flight (hold, land)", options.on_stop, "hold", _one_of(("hold", "land"))
+            "--on-stop", "Action at a stop in flight (hold, land)", options.on_stop, "hold", _one_of(("hold", "land"))
         ),
         camera=request(
             "--camera",
-            "Source of a camera that looks down (such as v4l2:///dev/video0, or nothing)",
+            "Source of a downward-looking camera (such as v4l2:///dev/video0, or nothing)",
             options.camera,
             "",
             _camera,
@@ -199,12 +199,12 @@ def new(*, options: NewOptions = DEFAULTS) -> int:
         with path.open("x") as stream:
             stream.write(platform_text(found, answers))
     except FileExistsError:
-        raise Refused(f"{path} is there already; --file names another, or move it away") from None
+        raise Refused(f"{path} already exists; move it, or name another with --file") from None
     report = report_on(str(path))
     for finding in report.findings:
         narrate(str(finding))
     narrate(
-        f"wrote {path}. Read it: limits and power are suppositions; the failsafes are what the autopilot's parameters say.\n"
+        f"wrote {path}. Read it: limits and power are assumptions; failsafes are those of the autopilot's parameters.\n"
         f"Then:  gloc3 platform check {path}   what would be refused\n"
         f"       gloc3 doctor {path} --autopilot {options.autopilot}   the checks before a start\n"
         f"       gloc3 onboard {path} --autopilot {options.autopilot}   fly it; install in place of it makes a service"
@@ -218,7 +218,7 @@ class _Prompt:
     def __init__(self, *, may_prompt: bool) -> None:
         self._may_prompt = may_prompt
         if may_prompt and not sys.stdin.isatty():
-            raise Refused("nobody can be asked here; answer by options, and let --yes suppose the rest")
+            raise Refused("there is no terminal to ask on; answer with options, and add --yes to assume the rest")
 
     def __call__(self, option: str, question: str, given: T | None, default: T, read: Callable[[str], T]) -> T:
         """The answer; raises `Refused` where an option's is none."""
@@ -233,7 +233,7 @@ class _Prompt:
             else f"{default:g}"
         )
         if not self._may_prompt:
-            narrate(f"supposed: {option} {shown}")
+            narrate(f"assumed: {option} {shown}")
             return default
         while True:
             text = input(f"{question} [{shown}]: ").strip()
@@ -245,7 +245,7 @@ class _Prompt:
 
 def _name(text: str) -> str:
     if not NAME.fullmatch(text):
-        raise ValueError(f"{text!r} is no name: small letters, digits and _, a letter first, at most 32")
+        raise ValueError(f"{text!r} is not a name: lower-case letters, digits and _, a letter first, at most 32")
     return text
 
 
@@ -253,7 +253,7 @@ def _number(text: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        raise ValueError(f"{text!r} is no number") from None
+        raise ValueError(f"{text!r} is not a number") from None
     if not -1e6 < value < 1e6:
         raise ValueError(f"{text} is too large")
     return value

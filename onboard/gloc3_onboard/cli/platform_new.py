@@ -74,9 +74,9 @@ KINDS: Final = {
         "fixed_wing", ("aircraft",), 3.0, 25.0, 3.0, 0.8, 2.0, (20.0, 100.0), 30.0,
         "hover_w: 200, per_m_s_w: 4, climb_w_per_m_s: 60, avionics_w: 12", 150.0, "ways",
         more=(
-            _noted("  survey_height_m: 50", "of take-offs and patterns that say none"),
-            _noted("  survey_speed_m_s: 18", "of ways that say none; AIRSPEED_CRUISE"),
-            _noted("  survey_acceptance_m: 30", "so near it comes to waypoints"),
+            _noted("  survey_height_m: 50", "of take-offs and patterns without one"),
+            _noted("  survey_speed_m_s: 18", "of paths without one; AIRSPEED_CRUISE"),
+            _noted("  survey_acceptance_m: 30", "acceptance radius of waypoints"),
             _noted("  speed_min_m_s: 13", "AIRSPEED_MIN"),
             _noted("  turn_radius_m: 80", "WP_LOITER_RAD"),
         ),
@@ -175,7 +175,7 @@ def platform_text(found: Found, answers: Answers) -> str:
     ]
     if answers.camera:
         lines += [
-            _noted("devices:", "where the data of sensors comes from"),
+            _noted("devices:", "sources of sensor data"),
             f"  ground_camera: {answers.camera!r}",
             "",
         ]
@@ -185,7 +185,7 @@ def platform_text(found: Found, answers: Answers) -> str:
 def _frame(origin_geo: tuple[float, float, float] | None) -> list[str]:
     if origin_geo is None:
         return [
-            "# The autopilot knew no position: without frames missions are flown in geographic coordinates only. Such as:",
+            "# The autopilot had no position: without frames, missions use geographic coordinates only. For example:",
             "# frames: {site: {origin: {geo: [39.5528, 2.6285, 2.0]}, x_axis_bearing_deg: 0}}",
         ]
     latitude, longitude, altitude = origin_geo
@@ -216,7 +216,7 @@ def _failsafes(setup: AutopilotSetup) -> Iterator[str]:
             notes.append(f"# {name}: {failsafe.parameter} could not be read")
         elif action != CONTINUE:
             notes.append(f"# {name}: it would {action}, which no mission can be checked against{source}")
-    yield _noted(f"failsafes:{'' if rows else ' {}'}", "as its parameters say; the checks before a start compare")
+    yield _noted(f"failsafes:{'' if rows else ' {}'}", "from its parameters; the pre-flight checks compare them")
     yield from [*rows, *notes]
 
 
@@ -228,7 +228,7 @@ def _source(setup: AutopilotSetup, failsafe: Failsafe) -> str:
 def _changes(kind: VehicleKind, answers: Answers) -> Iterator[str]:
     """What differs from the base: no camera, no arming, how briskly it moves."""
     if not answers.camera:
-        yield _noted("capabilities:", "beside the base's; null takes one out")
+        yield _noted("capabilities:", "in addition to the base's; null removes one")
         yield f"  {RECORD_IMAGES}: null"
     rows = [] if answers.camera else [f"{{name: {name}, class: null}}" for name in CAMERA]
     if not answers.arm:
@@ -238,5 +238,5 @@ def _changes(kind: VehicleKind, answers: Answers) -> Iterator[str]:
         rows += [f"{{name: waypoints, {limit}}}", f"{{name: hold, settings: {{braking_m_s2: {braking:g}}}}}"]
         rows.append(f"{{name: teleoperate, {limit}}}")
     if rows:
-        yield _noted("components:", "what differs from the base's, and further ones")
+        yield _noted("components:", "changes to the base's, and additional ones")
         yield from (f"  - {row}" for row in rows)

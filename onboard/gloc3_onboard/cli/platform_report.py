@@ -93,10 +93,10 @@ def described(platform: Platform) -> list[str]:
     lines = [f"{platform.platform}: {platform.vehicle.type}, {platform.vehicle.mass_kg:g} kg, missions {arms}"]
     lines.append(f"  limits     {speeds}, {heights}, {limits.fence_margin_m:g} m from the fence")
     if power is not None:
-        lines.append(f"  battery    {power.battery_wh:g} Wh, {100.0 * power.reserve:.0f} % of it are left to the end")
+        lines.append(f"  battery    {power.battery_wh:g} Wh, {100.0 * power.reserve:.0f} % kept as reserve")
     stated = msgspec.to_builtins(platform.failsafes)
     words = [f"{name.replace('_', ' ')}: {row['action']}" for name, row in stated.items() if row]
-    lines.append(f"  failsafes  {', '.join(words) or 'none'} (what the autopilot is set to do by itself)")
+    lines.append(f"  failsafes  {', '.join(words) or 'none'} (as set in the autopilot)")
     lines.append(f"  at a stop  {platform.on_stop}s in flight when the onboard process is told to end")
     for name, frame in platform.frames.items():
         latitude, longitude, altitude = frame.origin.geo

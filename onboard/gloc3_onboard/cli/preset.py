@@ -45,7 +45,7 @@ def list_presets() -> int:
 
     for name in preset_files():
         preset = load_preset(name)
-        print(f"{name:24} {preset.style} of a {preset.vehicle}, {len(preset.parameters)} parameters")  # noqa: T201
+        print(f"{name:24} {preset.style} on a {preset.vehicle}, {len(preset.parameters)} parameters")  # noqa: T201
     return 0
 
 
@@ -99,7 +99,7 @@ def apply(
 
 def _is_agreed() -> bool:
     if not sys.stdin.isatty():
-        raise Refused("nobody can be asked here; --yes applies it")
+        raise Refused("there is no terminal to ask on; add --yes to apply it")
     return input("Set these? Type yes: ").strip() == "yes"
 
 
@@ -141,9 +141,9 @@ async def _converse(
         begin_s = loop.time()
         while session.stage not in (stage, PresetStage.FAILED):
             if session.stage is PresetStage.LISTENING and loop.time() > begin_s + LISTEN_S:
-                raise NoContact(f"{autopilot}: no autopilot is heard: {endpoint.problem or 'no heartbeat comes'}")
+                raise NoContact(f"{autopilot}: no autopilot is heard: {endpoint.problem or 'no heartbeat received'}")
             if loop.time() > begin_s + TIMEOUT_S:
-                raise NoContact(f"{autopilot}: nothing more is heard of the autopilot, while {session.stage}")
+                raise NoContact(f"{autopilot}: the autopilot stopped responding while {session.stage}")
             node.tick(loop.time())
             for message in node.outgoing():
                 endpoint.send(encoder.encode(message))
@@ -160,7 +160,7 @@ async def _converse(
         if missing:
             narrate(f"the autopilot does not have {missing} of {len(session.changes)}")
         if not needed:
-            narrate("nothing is to be changed")
+            narrate("nothing to change")
             return 1 if missing else 0
         if not is_applying:
             return 1

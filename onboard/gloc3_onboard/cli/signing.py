@@ -29,24 +29,22 @@ app = App(
     name="gloc3 signing",
     help="""Make the key of signed MAVLink links, and give it to an autopilot, which then drops what is not signed with it.
 
-    For example, with the autopilot on a cable, and the same file for everybody who is to reach it:
+    For example, with the autopilot on a cable, and the same file on every computer that connects to it:
 
     - `gloc3 signing new radio.key`
     - `gloc3 signing set --autopilot serial:///dev/ttyACM0:115200 --key radio.key`
     - `gloc3 onboard my.yaml --autopilot 'serial:///dev/ttyAMA0:921600?key=radio.key' --signing-key radio.key`
     - `gloc3 station --signing-key radio.key`
 
-    Exit codes: 0 done; 1 the autopilot does not do it; 2 wrong use; 130 interrupted.""",
+    Exit codes: 0 done; 1 the autopilot did not accept it; 2 wrong use; 130 interrupted.""",
     help_format="markdown",
     version_flags=[],
 )
 
-Autopilot = Annotated[str, Parameter(help="Where the autopilot is, as for `gloc3 onboard`.")]
-Key = Annotated[Path, Parameter(help="The file with the key, which nobody else may read.")]
+Autopilot = Annotated[str, Parameter(help="Link to the autopilot, as for `gloc3 onboard`.")]
+Key = Annotated[Path, Parameter(help="File with the key, readable by its owner only.")]
 Yes = Annotated[bool, Parameter(negative=(), help="Do it without asking.")]
-OverNetwork = Annotated[
-    bool, Parameter(negative=(), help="Send the key over a network, where whoever listens can read it.")
-]
+OverNetwork = Annotated[bool, Parameter(negative=(), help="Send the key over a network, where others can read it.")]
 
 
 @app.command
@@ -62,13 +60,13 @@ def new(file: Path, /) -> int:
         raise Refused(f"{file} is there already; a key that is in use is not overwritten") from None
     with os.fdopen(number, "w") as out:
         out.write(f"{secrets.token_hex(KEY_BYTES)}\n")
-    narrate(f"{file} has a new key; everybody who is to reach the vehicle needs a copy of the file")
+    narrate(f"{file} has a new key; every computer that connects to the vehicle needs a copy of it")
     return 0
 
 
 @app.command
 def show(*, autopilot: Autopilot, key: Key) -> int:
-    """Tell how an autopilot signs what it sends; nothing is changed."""
+    """Show how an autopilot signs what it sends; nothing is changed."""
     return asyncio.run(_show(autopilot, read_signing_key(key.expanduser())))
 
 
@@ -81,7 +79,7 @@ def set_(
     yes: Yes = False,
     over_network: OverNetwork = False,
 ) -> int:
-    """Give an autopilot a key, after showing what that does, and look whether it signs with it."""
+    """Set the key of an autopilot, after showing what that does, and check that it signs with it."""
     _refuse_detour(autopilot, over_network)
     present = None if present_key is None else read_signing_key(present_key.expanduser())
     return asyncio.run(_set(autopilot, key, read_signing_key(key.expanduser()), present, is_requested=not yes))
@@ -89,7 +87,7 @@ def set_(
 
 @app.command
 def remove(*, autopilot: Autopilot, key: Key, yes: Yes = False) -> int:
-    """Have an autopilot forget its key, so that it takes unsigned frames again."""
+    """Remove the key of an autopilot, so that it accepts unsigned frames again."""
     return asyncio.run(_remove(autopilot, read_signing_key(key.expanduser()), is_requested=not yes))
 
 
@@ -116,9 +114,9 @@ def _confirmed(question: str) -> None:
         Refused: they said no, or there is nobody to ask.
     """
     if not sys.stdin.isatty():
-        raise Refused("there is nobody to ask; add --yes to do it without asking")
+        raise Refused("there is no terminal to ask on; add --yes to do it without asking")
     narrate(question)
-    if input("type yes to go on: ").strip().lower() != "yes":
+    if input("type yes to continue: ").strip().lower() != "yes":
         raise Refused("nothing was sent")
 
 
@@ -140,7 +138,7 @@ async def _received(url: str, key: bytes, present: bytes | None) -> AsyncIterato
             if setup.signs.total() > 1:
                 break
         if setup.autopilot is None:
-            why = endpoint.problem if not endpoint.is_connected and endpoint.problem else "no heartbeat comes"
+            why = endpoint.problem if not endpoint.is_connected and endpoint.problem else "no heartbeat received"
             raise NoContact(f"{url}: no autopilot is heard: {why}")
         yield setup
     finally:
@@ -154,7 +152,7 @@ def _who(setup: Setup) -> str:
 
 def _how(setup: Setup) -> str:
     """How what was heard is signed."""
-    return ", ".join(f"{count} {signs}" for signs, count in setup.signs.most_common()) or "nothing more was heard"
+    return ", ".join(f"{count} {signs}" for signs, count in setup.signs.most_common()) or "nothing more was received"
 
 
 async def _show(url: str, key: bytes) -> int:
@@ -167,15 +165,15 @@ async def _set(url: str, file: Path, key: bytes, present: bytes | None, *, is_re
     async with _received(url, key, present) as setup:
         narrate(f"{_who(setup)} at {url}: of its frames {_how(setup)}")
         if setup.is_armed:
-            raise Refused("it is armed; a key is set on the ground")
+            raise Refused("it is armed; disarm it to set a key")
         if setup.signs[Signs.OTHER] and not setup.signs[Signs.PRESENT]:
-            narrate("it has another key, and may take a new one only from who has that; see --present-key")
+            narrate("it has another key, and may accept a new one only if it is signed with that; see --present-key")
         narrate(f"it is sent the key of {file} (SETUP_SIGNING), unencrypted, over {url} alone")
         narrate(
             "it then signs all that it sends, and drops what is not signed with this key; ArduPilot: not on its USB port"
         )
         if is_requested:
-            _confirmed(f"keep {file}: without it only the autopilot's own means bring you in again")
+            _confirmed(f"keep {file}: without it only the autopilot's own means restore access")
         if setup.signs[Signs.PRESENT]:
             setup.sign_with(Signs.PRESENT)
         setup.give()
@@ -187,7 +185,7 @@ async def _set(url: str, file: Path, key: bytes, present: bytes | None, *, is_re
         narrate(f"{_who(setup)} now: of its frames {_how(setup)}")
         if setup.signs[Signs.OURS]:
             return 0
-        narrate("it has not taken the key: this firmware may have no signing, or has another key already")
+        narrate("it has not accepted the key: this firmware may not support signing, or has another key already")
         return FAILED
 
 
@@ -195,10 +193,10 @@ async def _remove(url: str, key: bytes, *, is_requested: bool) -> int:
     async with _received(url, key, None) as setup:
         narrate(f"{_who(setup)} at {url}: of its frames {_how(setup)}")
         if setup.is_armed:
-            raise Refused("it is armed; a key is removed on the ground")
-        narrate("it is told to forget its key; from then on it takes unsigned frames of everybody")
+            raise Refused("it is armed; disarm it to remove a key")
+        narrate("its key is removed; from then on it accepts unsigned frames from anyone")
         if is_requested:
-            _confirmed("whoever reaches its links can then command it")
+            _confirmed("anyone with access to its links can then command it")
         setup.sign_with(Signs.OURS)
         setup.remove_key()
         setup.sign_with(None)

@@ -1,4 +1,4 @@
-"""Permissions: which station holds control, who may ask for what, and velocities by hand that come in time.
+"""Permissions: the holder of control, the requests that each station may make, and the timing of manual velocities.
 
 A velocity that is late says what an operator wanted before the link stood still. The clocks of a station and of the
 vehicle have nothing in common, so its lateness is what it was longer on its way than the quickest one of its session.
@@ -41,7 +41,7 @@ MOST_PAST: Final = 64
 
 
 class AuthorityPorts(PortGroup):
-    """What tells of stations, and what they may do."""
+    """Inputs and outputs of the permissions."""
 
     heard = Input(StationHeard, Keep.ALL)
     velocity_demand = Input(VelocityDemand, Keep.ALL)
@@ -51,7 +51,7 @@ class AuthorityPorts(PortGroup):
 
 
 class ControlAuthority:
-    """Grants control, and knows when its holder was last heard."""
+    """Grants control, and keeps when its holder was last heard."""
 
     def __init__(self) -> None:
         self.holder = ""
@@ -87,7 +87,7 @@ class ControlAuthority:
         """Refuses a station that does not hold control."""
         if station != self.holder:
             held = f"station {self.holder} holds control" if self.holder else "no station holds control"
-            raise Refused(f"{held}; ask for control first")
+            raise Refused(f"{held}; request control first")
 
     def handle(self, station: str, body: Control, expires_after_s: float, now_s: float) -> str:
         """Carries out a request about control; returns what to tell the station.
@@ -105,7 +105,7 @@ class ControlAuthority:
             case ControlVerb.GRANT:
                 self.require(station)
                 if not self.requested_by or body.station not in ("", self.requested_by):
-                    raise Refused(f"station {body.station or '?'} has not asked for control")
+                    raise Refused(f"station {body.station or '?'} has not requested control")
                 self.holder, self.requested_by = self.requested_by, ""
                 return f"granted to station {self.holder}"
             case ControlVerb.REFUSE:
@@ -122,9 +122,9 @@ class ControlAuthority:
             return "granted"
         if self.silent_s(now_s) > expires_after_s:
             was, self.holder, self.requested_by = self.holder, station, ""
-            return f"granted: station {was} is gone"
+            return f"granted: station {was} is lost"
         if self.requested_by not in ("", station):
-            raise Refused(f"station {self.requested_by} has asked already, and waits for the answer")
+            raise Refused(f"station {self.requested_by} has already requested control and waits for the answer")
         self.requested_by, self._requested_s = station, now_s
         return f"station {self.holder} has been asked"
 
@@ -139,7 +139,7 @@ class ControlAuthority:
 
 
 class Authority:
-    """Knows the stations that ask, and decides who may command.
+    """Keeps the stations that send requests, and decides which may command.
 
     Args:
         kept_holder: held control when the process before ended in flight; empty where nobody did.
@@ -179,7 +179,7 @@ class Authority:
 
 
 class Senders:
-    """The lives of the stations that ask."""
+    """The boots of the stations that send requests."""
 
     def __init__(self) -> None:
         self._lives: dict[str, dict[int, int]] = {}
@@ -204,7 +204,7 @@ class Senders:
         if lives[boot] <= MOST_LATE or now_s < self._reported_s.get(station, float("-inf")) + DOUBLED_AGAIN_S:
             return ""
         self._reported_s[station] = now_s
-        return f"two stations have the id {station}, and both are obeyed as one: give one another (--station-id)"
+        return f"two stations have the id {station}, and their commands are mixed: change one of them (--station-id)"
 
 
 class _Session:
@@ -219,7 +219,7 @@ class _Session:
 
 
 class Demands:
-    """Judges demands.
+    """Accepts or ignores velocity demands.
 
     Args:
         authority: knows the holder of control.
@@ -263,7 +263,7 @@ class Demands:
         session.received_s = now_s
         late_s = elapsed_s - session.quickest_s
         if not late_s <= EXPIRES_S:
-            raise Refused(f"they come {late_s:.1f} s late; take to the keys anew if the link stays so slow")
+            raise Refused(f"they are {late_s:.1f} s late; press the keys anew if the link stays slow")
         return True
 
     def _session_of(self, demand: VelocityDemand, elapsed_s: float) -> _Session | None:
@@ -287,4 +287,4 @@ class Demands:
         if len(self._reported_s) > MOST_HEARD:
             self._reported_s.clear()
         self._reported_s[sender] = now_s
-        self._refuse_text(Severity.WARNING, f"velocities of station {sender} are not taken: {text}")
+        self._refuse_text(Severity.WARNING, f"velocities of station {sender} are ignored: {text}")

@@ -1,4 +1,4 @@
-"""What stations want of components: commands, functions and looks are handed on, and the replies are brought back."""
+"""Requests of stations to components: forwards commands, functions and queries, and returns the replies."""
 
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
@@ -27,7 +27,7 @@ class ForComponent(NamedTuple):
 
 
 class Answered(NamedTuple):
-    """The answer to a request that has waited for a component."""
+    """The reply to a request that waited for a component."""
 
     reply: CiReply
     is_kept: bool
@@ -41,7 +41,7 @@ class _Open(NamedTuple):
 
 
 class ComponentRequests:
-    """Keeps each request until its component has answered, or has not for too long."""
+    """Keeps each request until its component replies or times out."""
 
     def __init__(self, observing: Observing, report: Report) -> None:
         self.messages: list[ForComponent] = []
@@ -66,7 +66,7 @@ class ComponentRequests:
             try:
                 command = Command(body.command)
             except ValueError:
-                raise Refused(f"{body.command!r} is no command; known: {', '.join(Command)}, {CREATE}") from None
+                raise Refused(f"{body.command!r} is not a command; known: {', '.join(Command)}, {CREATE}") from None
             if state is None:
                 raise Refused(f"{command} is not accepted: the component is absent; accepted: {CREATE}")
             transition(state, command)
@@ -92,7 +92,7 @@ class ComponentRequests:
             return
         if not body.is_forced:
             raise Refused(f"{', '.join(users)} needs {body.component}; pause or abort it first, or {FORCE}")
-        reason = f"taken away by {body.command}, forced"
+        reason = f"ended by a forced {body.command}"
         executor.motion_lost(body.component, tuple(provides), reason, now_s)
 
     def call(self, request: CiRequest, body: CallFunction, now_s: float) -> None:
@@ -117,7 +117,7 @@ class ComponentRequests:
         body, life = request.body, (request.sender, request.boot)
         if isinstance(body, Watch):
             if request.sequence < self._watches.get(life, -1):
-                return answer(request, Outcome.REFUSED, "overtaken by a newer one")
+                return answer(request, Outcome.REFUSED, "superseded by a newer one")
             self._watches = {
                 **{each: n for each, n in self._watches.items() if each[0] != life[0]},
                 life: request.sequence,
@@ -132,7 +132,7 @@ class ComponentRequests:
     ) -> CiReply | None:
         name = next((name for name, row in self._book.rows.items() if function in row.load_class().functions), None)
         if name is None:
-            return answer(request, Outcome.REFUSED, "this platform shows no topics: it has no viewer")
+            return answer(request, Outcome.REFUSED, "this platform cannot show topics: it has no viewer")
         request_id = self._begin(_Open(request, now_s + ANSWER_S, is_kept=False))
         message = FunctionRequest(request_id=request_id, function=function, arguments=arguments)
         self.messages.append(ForComponent(name, message))

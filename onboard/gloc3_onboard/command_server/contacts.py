@@ -1,4 +1,4 @@
-"""Who is in contact: what a station is told first when it is heard after a silence, and what is kept while none is."""
+"""Contact with stations: the reports after a loss of contact, and those stored while no station is in contact."""
 
 from typing import Final
 
@@ -17,7 +17,7 @@ SOURCE: Final = "status"
 
 
 class Contacts:
-    """When which station was heard, and what follows from it.
+    """When each station was last heard, and the reports that follow.
 
     Args:
         reports: what the platform has told.

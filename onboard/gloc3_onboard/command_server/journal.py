@@ -1,4 +1,4 @@
-"""Remembers what stations have asked and what they were told, on disk, so that nothing is executed twice (DESIGN §7)."""
+"""Journal of the stations' requests and replies on disk, so that nothing is executed twice (DESIGN §7)."""
 
 from collections import OrderedDict
 from typing import Any, Final, NamedTuple
@@ -24,11 +24,11 @@ class _Record(msgspec.Struct, frozen=True, array_like=True):
     reply: CiReply | None
     """None: begun, and not known to have ended."""
     is_floor: bool = False
-    """Not a request: all up to this one are older than what is remembered."""
+    """Not a request: all up to this one are older than the stored requests."""
 
 
 class KnownRequest(NamedTuple):
-    """What the journal says of a request."""
+    """A request in the journal."""
 
     is_new: bool
     reply: CiReply | None = None
@@ -63,7 +63,7 @@ class Journal:
         if key in known:
             return KnownRequest(False, known[key] if known[key] is not None else self._unfinished(request))
         if request.sequence <= self._floors.get((request.sender, request.boot), -1):
-            return KnownRequest(False, _reply(request, Outcome.EXPIRED, "older than what is remembered"))
+            return KnownRequest(False, _reply(request, Outcome.EXPIRED, "older than the stored requests"))
         self._running.add((request.sender, *key))
         self._write(_Record(request.sender, request.boot, request.sequence, None))
         return KnownRequest(True)

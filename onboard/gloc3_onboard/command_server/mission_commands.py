@@ -67,7 +67,7 @@ class _FenceWait(NamedTuple):
 
 
 class MissionCommands:
-    """Checks what stations want of the mission, and has the executor do it.
+    """Checks the stations' mission commands, and passes them to the executor.
 
     Args:
         site: the platform, and the worker that checks missions.
@@ -164,7 +164,7 @@ class MissionCommands:
             if sender not in self._unknown_sources and len(self._unknown_sources) < MOST_UNKNOWN:
                 self._unknown_sources.add(sender)
                 self._report_text(
-                    Severity.WARNING, f"station {sender} tells of {body.platform} without control: not believed"
+                    Severity.WARNING, f"station {sender} reports {body.platform} without control: ignored"
                 )
             return
         tasks = {name: _STATES[state] for name, state in body.tasks.items() if state in _STATES}
@@ -212,11 +212,11 @@ class MissionCommands:
         """What missions are checked against onboard.
 
         Raises:
-            Refused: it is not known yet where the vehicle is.
+            Refused: the vehicle's position is not known yet.
         """
         snapshot = self._snapshot
         if snapshot.pose is None or snapshot.origin is None or snapshot.home_ned_m is None:
-            raise Refused("it is not known yet where the vehicle is")
+            raise Refused("the vehicle's position is not known yet")
         return Circumstances(
             platform=self._platform,
             origin=snapshot.origin,
@@ -336,7 +336,7 @@ class Checked(NamedTuple):
 
 
 class MissionChecks:
-    """Has a worker check missions, one after the other.
+    """Checks missions in a worker, one after the other.
 
     Args:
         worker: a thread in wall time; in virtual time, where nobody has to wait, `ImmediateExecutor`.
@@ -355,7 +355,7 @@ class MissionChecks:
             Refused: too many are waiting.
         """
         if len(self._waiting) >= MOST_CHECKS:
-            raise Refused(f"{MOST_CHECKS} missions are being checked already; ask again")
+            raise Refused(f"{MOST_CHECKS} missions are being checked already; try again later")
         checked = Checked(request, self._worker.submit(_check, text, name, circumstances), judge)
         if not self._waiting and checked.report.done():
             return checked.answer(now_s)

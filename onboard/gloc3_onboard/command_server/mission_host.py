@@ -1,4 +1,4 @@
-"""The mission host: takes the executor up, tells it the facts, and carries out what it asks of components."""
+"""The mission host: restores the executor, updates its state, and carries out its requests to components."""
 
 from typing import Any, Final
 
@@ -26,17 +26,17 @@ from gloc3.mission.model.policy import Policy
 from gloc3.mission.model.states import ActionState
 from gloc3.mission.reading.reader import MissionReferences, read_mission
 from gloc3_onboard.command_server.authority import ControlAuthority
-from gloc3_onboard.command_server.facts import VehicleState
 from gloc3_onboard.command_server.observing import OURS, TAKE_OVER_S, Observing
 from gloc3_onboard.command_server.site import Report, ServerSettings, Site
 from gloc3_onboard.command_server.summaries import RequestCounts
+from gloc3_onboard.command_server.vehicle_state import VehicleState
 
 COME_UP_S: Final = 30.0
 """After a restart: how long components that are still coming up are waited for before the mission is taken up."""
 
 
 class MissionPorts(PortGroup):
-    """What components report of actions, what they are asked, and who may move the vehicle."""
+    """Inputs and outputs of the mission host."""
 
     action_status = Input(ActionStatus, Keep.ALL, depth=256)
 
@@ -46,7 +46,7 @@ class MissionPorts(PortGroup):
 
 
 class MissionHost:
-    """Holds the executor, and is the only one that starts actions.
+    """Runs the executor, and is the only one that starts actions.
 
     Args:
         site: the platform, and where progress is kept.

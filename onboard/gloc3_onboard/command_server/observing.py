@@ -1,4 +1,4 @@
-"""What is known of the components and the vehicle, and the supervision that follows from it."""
+"""The state of the components and the vehicle, and their supervision."""
 
 from collections.abc import Iterable
 from math import inf
@@ -23,9 +23,9 @@ from gloc3.messages.vehicle import (
 from gloc3.mission.model.abilities import abilities
 from gloc3.platform.places import place_of
 from gloc3.platform.platform import Platform
-from gloc3_onboard.command_server.book import ComponentBook
-from gloc3_onboard.command_server.facts import KeptHome, VehicleState
+from gloc3_onboard.command_server.component_book import ComponentBook
 from gloc3_onboard.command_server.site import Report
+from gloc3_onboard.command_server.vehicle_state import KeptHome, VehicleState
 
 STOOD_STILL_S: Final = 0.3
 """A cycle that comes so long after the one before: less than the shortest silence from which anything follows."""
@@ -42,7 +42,7 @@ TAKE_OVER_S: Final = 2.0
 
 
 class ObservingPorts(PortGroup):
-    """What tells of components and of the vehicle, and the commands of the supervision."""
+    """Inputs of the observation, and the commands of the supervision."""
 
     status = Input(ComponentStatus, Keep.ALL, depth=512)
     reply = Input(CommandReply, Keep.ALL)
@@ -89,7 +89,7 @@ class Observing:
         """Takes everything in."""
         stood_s = self._standstill.tick(now_s)
         if stood_s:
-            self._report(Severity.WARNING, f"this process stood still for {stood_s:.1f} s")
+            self._report(Severity.WARNING, f"this process stalled for {stood_s:.1f} s")
         snapshot = self.snapshot
         for status in inbox.new(ObservingPorts.status):
             self.book.receive(status.payload, status.t_s)
@@ -249,7 +249,7 @@ class Availability:
 
 
 class Standstill:
-    """Follows the times of the cycles."""
+    """Detects that the process has stalled, by the times of its cycles."""
 
     def __init__(self) -> None:
         self._before_s, self._pause_s = inf, 0.0
@@ -274,7 +274,7 @@ class Standstill:
 
 
 class Handover:
-    """Tells a driver that has come up anew in flight from a pilot who has taken the vehicle over (DESIGN §7).
+    """Distinguishes a driver that restarted in flight from a pilot's takeover (DESIGN §7).
 
     A new driver finds an armed vehicle and cannot know whose it is. Who has seen the life before it can: where the mode
     is still the one that the vehicle was in, or the hold in which a failing driver leaves it, nobody has taken over.

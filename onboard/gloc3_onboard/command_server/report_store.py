@@ -128,7 +128,7 @@ class ReportStore:
                 else:
                     self._events.append(event.decode(data))
         except msgspec.MsgspecError as error:  # of another version of this program
-            self._unreadable = f"the kept events cannot be read: {error}"
+            self._unreadable = f"the stored events cannot be read: {error}"
             self._events.clear()
             records = []
         if not records:

@@ -1,4 +1,4 @@
-"""Reports to the stations: summaries that are due or have changed, events, and contacts, once what they say is kept."""
+"""Reports to the stations: summaries, events and contacts, sent once their content is on disk."""
 
 import math
 from collections import deque
@@ -43,7 +43,7 @@ REPORTED_EVENTS: Final = (CiReply, CiEvent, MissionSummary)
 
 
 class ReportingPorts(PortGroup):
-    """Components' events, and what stations, the limiter and the autopilot's fence are told."""
+    """Inputs and outputs of the reports."""
 
     event = Input(Event, Keep.ALL, depth=256)
 
@@ -89,7 +89,7 @@ class EventQueue:
 
 
 class Reporting:
-    """Makes the reports, and holds them back while what was kept before them is on its way to the disk.
+    """Makes the reports, and holds them back until the disk has what precedes them.
 
     Args:
         site: the platform and its files.
@@ -167,7 +167,7 @@ class Reporting:
             if problem not in self._unkept:
                 self._events.report(Severity.ERROR, f"{problem}; a restart would know an older state")
         if self._unkept and not problems:
-            self._events.report(Severity.NOTICE, "everything is kept on disk again")
+            self._events.report(Severity.NOTICE, "the state is written to disk again")
         self._unkept = problems
 
     def _contact(self, now_s: float, observing: Observing, host: MissionHost) -> list[ContactSummary]:
@@ -201,7 +201,7 @@ class Reporting:
 
 
 class ReportQueue:
-    """Remembers what was told when."""
+    """Keeps when each report was last sent."""
 
     def __init__(self) -> None:
         self._at_s: dict[str, float] = {}
@@ -234,7 +234,7 @@ class _Held(NamedTuple):
 
 
 class HeldBack:
-    """Keeps replies, events and the mission's state back while what was kept before them is on its way to the disk.
+    """Holds replies, events and the mission's state back until the disk has what precedes them.
 
     Args:
         site: what is kept there.
@@ -258,6 +258,6 @@ class HeldBack:
             is_kept = self._site.wait(held.mark, timeout_s)
             if not is_kept and now_s < held.until_s:
                 break
-            self.problem = "" if is_kept else "the disk takes more than a second to keep anything"
+            self.problem = "" if is_kept else "the disk takes more than a second for each write"
             passed += self._held.popleft().results
         return [*passed, *(result for result in results if not isinstance(result, REPORTED_EVENTS))]

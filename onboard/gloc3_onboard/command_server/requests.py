@@ -1,4 +1,4 @@
-"""Requests of stations: each is admitted once, and handed to what carries it out."""
+"""Requests of stations: admits each once, and passes it to its handler."""
 
 from collections import deque
 from collections.abc import Callable
@@ -51,7 +51,7 @@ OPEN_TO_ALL: Final = (ReadMission, Control, Emergency, Query, Hello)
 
 
 class RequestPorts(PortGroup):
-    """What stations ask for, and what follows from it."""
+    """Inputs and outputs of the request handler."""
 
     request = Input(CiRequest, Keep.ALL)
     function_reply = Input(FunctionReply, Keep.ALL)
@@ -161,13 +161,13 @@ class RequestHandler:
         if isinstance(request.body, Emergency):
             self._emergencies[life] = max(request.sequence, self._emergencies.get(life, -1))
         elif request.sequence < self._emergencies.get(life, -1):
-            raise Refused("overtaken by an emergency; ask again if it is still wanted")
+            raise Refused("superseded by an emergency; send it again if it is still wanted")
 
     def _query(self, request: CiRequest, body: Query) -> CiReply:
         outcome, reply = self._journal.query(request.sender, body.boot, body.sequence)
         if reply is not None:
             return answer(request, outcome, reply.reason, text=reply.text, result=reply.result)
-        return answer(request, outcome, "nothing is known of that request")
+        return answer(request, outcome, "that request is not known")
 
     def _carry_out(self, request: CiRequest, now_s: float) -> CiReply | None:
         body: AnyBody = request.body
@@ -197,7 +197,7 @@ class RequestHandler:
             case Hello():
                 self.wants_everything = True
                 return answer(request)
-        raise Refused("what only looks is answered elsewhere")
+        raise Refused("queries are answered elsewhere")
 
     # --- answers that come later ---
 

@@ -1,4 +1,4 @@
-"""What the command interface server is given: settings, the platform, and the files that survive the process."""
+"""The command interface server's settings, its platform, and the files that survive the process."""
 
 from collections.abc import Callable
 from concurrent.futures import Executor
@@ -11,9 +11,9 @@ from gloc3.messages.envelope import Severity
 from gloc3.mission.executing.snapshot import Snapshot
 from gloc3.platform.platform import Platform
 from gloc3.store import Records, RecordStore
-from gloc3_onboard.command_server.facts import KeptHome
 from gloc3_onboard.command_server.log_shelf import ImmediateExecutor, LogStoreBase, NoLogStore
 from gloc3_onboard.command_server.report_store import ReportStore
+from gloc3_onboard.command_server.vehicle_state import KeptHome
 
 Mark = tuple[int, ...]
 Report = Callable[[Severity, str], None]
@@ -21,7 +21,7 @@ Report = Callable[[Severity, str], None]
 
 
 class ServerSettings(Settings, frozen=True):
-    """How often it tells, and how long it listens."""
+    """Settings of the command interface server: report periods and waiting times."""
 
     summary_period_s: Annotated[float, Bounds(0.1, 10.0)] = 0.5
     """How often the components and the vehicle are summarised."""
@@ -49,7 +49,7 @@ class _Kept(msgspec.Struct, frozen=True):
 
 
 class Background(NamedTuple):
-    """What takes long, and is done beside the control loop."""
+    """Slow work that is done outside the control loop."""
 
     log_store: LogStoreBase = NoLogStore()
     """The logs that stations may fetch."""
@@ -101,7 +101,7 @@ class Site:
             try:
                 kept = msgspec.msgpack.decode(records[-1], type=_Kept)
             except (msgspec.DecodeError, msgspec.ValidationError) as error:
-                self.problem = f"the kept progress cannot be read: {error}"
+                self.problem = f"the stored mission progress cannot be read: {error}"
             else:
                 self.snapshot, self._home, self.holder = kept.snapshot, kept.home, kept.holder
                 if self.snapshot is not None and kept.computer != self._computer:

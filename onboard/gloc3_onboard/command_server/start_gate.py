@@ -32,7 +32,7 @@ class HeldRequest(NamedTuple):
 
 
 class RedChecks(Refused):
-    """A start is refused since checks are red."""
+    """Refuses a start because checks are red."""
 
     def __init__(self, checks: list[Check]) -> None:
         several = f"{len(checks)} checks are red" if len(checks) > 1 else "a check is red"
@@ -41,7 +41,7 @@ class RedChecks(Refused):
 
 
 class StartGate:
-    """Knows what the list is made from, and lets starts through."""
+    """Makes the list, and admits or refuses starts."""
 
     def __init__(self, platform: Platform, observing: Observing) -> None:
         self._platform, self._observing = platform, observing
@@ -111,7 +111,7 @@ class StartGate:
         author = getattr(body, "author", "").strip()
         who = f"{author} (station {request.sender})" if author else f"station {request.sender}"
         titles = "; ".join(f"{one.title} ({one.finding})" for one in bad)
-        return f"{who} starts in spite of red checks: {override!r}; red: {titles}"
+        return f"{who} starts despite red checks: {override!r}; red: {titles}"
 
     def _readings(
         self, mission: Mission | None, fence_problem: str, stations: Mapping[str, Software], now_s: float
@@ -134,7 +134,7 @@ class StartGate:
             stations=stations,
             hosts=known.hosts,
             fence_problem=fence_problem,
-            pilot_reason=(driver.pilot_reason or "it says no reason") if driver is not None and has_pilot else "",
+            pilot_reason=(driver.pilot_reason or "it gives no reason") if driver is not None and has_pilot else "",
         )
 
     def _conditions(self, now_s: float) -> list[ComponentCondition]:

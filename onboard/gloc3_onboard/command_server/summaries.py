@@ -1,4 +1,4 @@
-"""Summaries for the stations, in few bytes: the mission with what it takes, the vehicle, how it moves, where its frame lies."""
+"""Compact summaries for the stations: the mission and its cost, the vehicle, its motion, and its frame."""
 
 import math
 from functools import lru_cache
@@ -15,7 +15,7 @@ from gloc3.mission.formats.from_mission import fence_areas
 from gloc3.mission.model.model import GEO, digest_of
 from gloc3.mission.model.states import ENDED, ActionState
 from gloc3.platform.platform import Platform
-from gloc3_onboard.command_server.facts import VehicleState
+from gloc3_onboard.command_server.vehicle_state import VehicleState
 
 NOT_FLYING: Final = (VehicleClass.ROVER, VehicleClass.BOAT, VehicleClass.SUB)
 REASONS_MAX: Final = 6

@@ -1,4 +1,4 @@
-"""The platform's end of an acoustic modem: a summary now and then while no station is heard otherwise, and orders taken."""
+"""The platform's end of an acoustic modem: sends summaries while no other station is heard, and accepts orders."""
 
 import asyncio
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""The command protocol of the onboard computer: missions are steered, messages asked for; all else is refused, with why.
+"""The command protocol of the onboard computer: mission and message commands; others are refused with a reason.
 
 Only what is addressed to it alone is looked at: a command for everybody is the autopilot's, and must not be done twice.
 """
@@ -16,8 +16,8 @@ from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL, StreamSchedule
 from gloc3.mavlink.services.version import VersionServer
 from gloc3.messages.command_interface import AnyBody, CiReply, Outcome, RequestAction, Steer, Verb
 from gloc3.mission.model.states import ActionState
-from gloc3_onboard.companion.asking import NotInControl, PendingQuestions
 from gloc3_onboard.companion.operator_control import REQUEST_OPERATOR_CONTROL, OperatorControl
+from gloc3_onboard.companion.pending_requests import NotInControl, PendingRequests
 
 MISSION_START: Final = 300
 FASTEST_HZ: Final = 10.0
@@ -28,7 +28,7 @@ _OPEN: Final = (ActionState.RUNNING, ActionState.PAUSED)
 _NEVER: Final[Mapping[int, str]] = {
     176: "the onboard computer has no modes: ask the autopilot",
     185: "flights are not terminated by the onboard computer: ask the autopilot",
-    224: "a mission cannot be begun at an item",
+    224: "a mission cannot start at an item",
     400: "the onboard computer does not arm by command: start a mission, or ask the autopilot",
 }
 """What people may expect, and why it is not done."""
@@ -61,7 +61,7 @@ class Commands:
     def __init__(
         self,
         own: Address,
-        requesting: PendingQuestions,
+        requesting: PendingRequests,
         control: OperatorControl,
         streams: StreamScheduler,
         version: VersionServer,
@@ -102,7 +102,7 @@ class Commands:
         try:
             result = self._answer_query(request, now_s)
             if result is not None:
-                self._answer(request, result, "" if result is CommandResult.ACCEPTED else "it cannot be had")
+                self._answer(request, result, "" if result is CommandResult.ACCEPTED else "it is not available")
             elif request.command == REQUEST_OPERATOR_CONTROL:
                 running = self._begin(request, now_s)
                 self._control.request(request, lambda found, reason: self._end(running, found, reason))
@@ -201,11 +201,11 @@ class Commands:
                 return Steer(verb=Verb.PAUSE)
             case 1.0:
                 return Steer(verb=Verb.RESUME)
-        raise Refused(f"{request.params[0]:g} is neither 0, pause, nor 1, continue")
+        raise Refused(f"{request.params[0]:g} is neither 0 (pause) nor 1 (continue)")
 
     def _abort(self, request: MavCommandRequest) -> AnyBody:
         if request.params[0] != 1.0:
-            raise Refused(f"{request.params[0]:g} is not 1, abort")
+            raise Refused(f"{request.params[0]:g} is not 1 (abort)")
         return Steer(verb=Verb.ABORT)
 
     def _return(self, request: MavCommandRequest) -> AnyBody:
@@ -213,7 +213,7 @@ class Commands:
 
     def _land(self, request: MavCommandRequest) -> AnyBody:
         if not all(_is_unset(value) for value in request.params[4:6]):
-            raise Refused("it lands where it is: leave the place at 0")
+            raise Refused("it lands where it is: leave the position at 0")
         return RequestAction(capability="land", author=_author(request))
 
 

@@ -1,4 +1,4 @@
-"""Component 191 as other people's software sees it: the services, put on every link of the onboard process."""
+"""Component 191: the MAVLink services for other software, on every link of the onboard process."""
 
 import asyncio
 from collections import OrderedDict
@@ -21,13 +21,13 @@ from gloc3.mavlink.services.version import ProtocolCapability, Version, VersionS
 from gloc3.messages.envelope import Event, Severity
 from gloc3.messages.summaries import StationHeard
 from gloc3.platform.platform import Platform
-from gloc3_onboard.companion.asking import PendingQuestions
+from gloc3_onboard.companion.autopilot_reporter import computer_status
 from gloc3_onboard.companion.commands import Commands
-from gloc3_onboard.companion.herald import computer_status
 from gloc3_onboard.companion.metadata import Metadata
 from gloc3_onboard.companion.operator_control import OperatorControl
 from gloc3_onboard.companion.parameter_table import OwnParameter
 from gloc3_onboard.companion.parameters import CompanionParameters
+from gloc3_onboard.companion.pending_requests import PendingRequests
 from gloc3_onboard.companion.plans import PlanServer
 from gloc3_onboard.process.vitals import Vitals
 
@@ -94,7 +94,7 @@ class Companion:
         self._contact_topic = f"{platform.platform}/ci/heard"
         self._event_topic = f"{platform.platform}/components/companion/event"
         self.reasons: Final = Reasons(self._publish)
-        self._requesting = PendingQuestions(exchange, platform.platform, boot, self._loop.time, self._wake)
+        self._requesting = PendingRequests(exchange, platform.platform, boot, self._loop.time, self._wake)
         self.control: Final = OperatorControl(self._requesting, self._send)
         self._requesting.acted = self.control.holds
         self.parameters: Final = CompanionParameters(
@@ -281,7 +281,7 @@ PERIOD_S: Final = 5.0
 
 
 class Reasons:
-    """Tells reasons.
+    """Sends the reasons of refusals, limited in number.
 
     Args:
         tell: takes one.

@@ -1,4 +1,4 @@
-"""The files that stations of others see over MAVLink FTP: missions to read and write, logs and pictures to read, metadata.
+"""The files shared over MAVLink FTP: missions to read and write, logs and pictures to read, and metadata.
 
 Nothing else of the onboard computer's folder is there, neither its journal nor what it keeps for a restart.
 """
@@ -40,7 +40,7 @@ def shared_files(folder: Path, logs: Path, metadata: Mapping[str, bytes]) -> Fil
 
 
 class Folders:
-    """Some trees of files, each in a folder of its own; the top holds nothing else."""
+    """Several file trees, each in its own folder; the top holds nothing else."""
 
     def __init__(self, folders: Mapping[str, Files]) -> None:
         self._folders = folders
@@ -143,7 +143,7 @@ class MissionFolder(FolderFiles):
         name = path.strip("/")
         is_known = Path(name).suffix in (*MISSION_SUFFIXES, *PLAN_SUFFIXES, *WPL_SUFFIXES)
         if not is_known or not _MISSION.fullmatch(name):
-            raise PermissionError(f"{name!r} is no name of a mission file")
+            raise PermissionError(f"{name!r} is not a mission file name")
         return name
 
 

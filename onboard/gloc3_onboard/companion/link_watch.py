@@ -1,4 +1,4 @@
-"""Tells of links that lead nowhere."""
+"""Reports broken links and floods of requests."""
 
 import asyncio
 from collections.abc import Callable, Iterable, Sequence
@@ -15,7 +15,7 @@ POLL_PERIOD_S: Final = 1.0
 
 
 class LinkWatch:
-    """Looks at links now and then, and tells what is wrong with one, once, and when that changes.
+    """Checks links regularly, and reports the problem of each once, and when it changes.
 
     Args:
         loop: in which it looks.
@@ -57,7 +57,7 @@ PERIOD_S: Final = 1.0
 
 
 class RateWatch:
-    """Looks at what stations send.
+    """Measures the message rates of stations.
 
     Args:
         changed: called when the autopilot may send at other rates from now on.

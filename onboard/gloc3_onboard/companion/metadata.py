@@ -1,4 +1,4 @@
-"""What the onboard computer tells of itself in files: MAVLink's component metadata, served over MAVLink FTP.
+"""MAVLink component metadata of the onboard computer, served over MAVLink FTP.
 
 There is no file of events: what a component tells is a text, and MAVLink's events carry numbers for texts known before.
 """

@@ -1,4 +1,4 @@
-"""Control of the platform for stations of others: MAVLink's operator control, told and asked for.
+"""MAVLink operator control: other stations see and request control of the platform.
 
 It is the control of this component alone, which is what the missions obey; whom the autopilot obeys is its own affair.
 """
@@ -13,7 +13,7 @@ from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_server import MavCommandRequest
 from gloc3.messages.command_interface import CiReply, Control, ControlVerb, Outcome
-from gloc3_onboard.companion.asking import PendingQuestions
+from gloc3_onboard.companion.pending_requests import PendingRequests
 
 REQUEST_OPERATOR_CONTROL: Final = 32100
 TAKEOVER_ALLOWED: Final = 2
@@ -31,7 +31,7 @@ class OperatorControl:
         send: sends a message.
     """
 
-    def __init__(self, requesting: PendingQuestions, send: Callable[[MavlinkMessage], None]) -> None:
+    def __init__(self, requesting: PendingRequests, send: Callable[[MavlinkMessage], None]) -> None:
         self._requesting, self._send = requesting, send
         self._addresses: dict[int, Address] = {}
         """The last holder and requester that came by MAVLink, by system."""
@@ -55,9 +55,9 @@ class OperatorControl:
         action, lets_others, _, wanted = request.params[:4]
         system = request.sender.system
         if wanted not in (0.0, float(system)):
-            raise Refused(f"station {system} cannot ask for station {wanted:g}")
+            raise Refused(f"station {system} cannot request control for station {wanted:g}")
         if action not in (0.0, 1.0):
-            raise Refused(f"{action:g} is neither 0, release, nor 1, request")
+            raise Refused(f"{action:g} is neither 0 (release) nor 1 (request)")
         holder = self._requesting.control.holder
         if action == 0.0:
             self._requesting.require(system)
@@ -113,7 +113,7 @@ class OperatorControl:
     def _request(self, request: MavCommandRequest, lets_others: bool, answer: Answer) -> None:
         system, control = request.sender.system, self._requesting.control
         if control.requested_by not in ("", str(system)):
-            raise Refused(f"station {control.requested_by} has asked already, and waits for the answer")
+            raise Refused(f"station {control.requested_by} has already requested control and waits for the answer")
         self.holds(request.sender)
 
         def requested(reply: CiReply) -> None:

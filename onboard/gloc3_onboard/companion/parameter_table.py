@@ -52,10 +52,10 @@ class CompanionParameter(msgspec.Struct, frozen=True, kw_only=True):
     def problem(self, value: float) -> str:
         """What is wrong with a value; empty if nothing is."""
         if self.is_whole and value != int(value):
-            return f"{self.name} is a whole number, {value:g} is none"
+            return f"{self.name} must be a whole number, not {value:g}"
         if (self.low is not None and value < self.low) or (self.high is not None and value > self.high):
             low, high = ("" if one is None else f"{one:g}" for one in (self.low, self.high))
-            return f"{self.name} is from {low} to {high}, not {value:g}"
+            return f"{self.name} must be from {low} to {high}, not {value:g}"
         return ""
 
 
@@ -174,7 +174,7 @@ def own_parameters(report: Callable[[Severity], None], allow: Callable[[bool], N
         low=0.0,
         high=float(Severity.DEBUG),
         is_whole=True,
-        text="Events of components that are at least so severe are told as STATUSTEXT: 3 error, 4 warning, 6 information.",
+        text="Component events of at least this severity are sent as STATUSTEXT: 3 error, 4 warning, 6 information.",
     )
     writing = CompanionParameter(
         name="FTP_WRITE",

@@ -1,4 +1,4 @@
-"""The onboard computer's parameters: rates and settings of its components, changed by the way that our stations use.
+"""The onboard computer's parameters: rates and settings of its components, changed as our stations change them.
 
 A setting is adopted when its component initializes, so it can be changed while that is in standby (or idle, or faulty);
 a rate while it is working. The command interface server says no to everything else, and its reason is passed on.
@@ -24,8 +24,8 @@ from gloc3.mavlink.services.parameter_server import (
 from gloc3.messages.command_interface import AnyBody, CallFunction, CiReply, CommandComponent, Outcome
 from gloc3.messages.envelope import CommandReply, CommandRequest, Envelope, FunctionReply, FunctionRequest
 from gloc3.platform.platform import Platform
-from gloc3_onboard.companion.asking import NotInControl, PendingQuestions
 from gloc3_onboard.companion.parameter_table import CompanionParameter, OwnParameter, exact, rows_of, setting_value
+from gloc3_onboard.companion.pending_requests import NotInControl, PendingRequests
 
 MOST_AWAITED: Final = 64
 """Commands to components whose replies are awaited, to learn what they have adopted."""
@@ -47,7 +47,7 @@ class CompanionParameters:
     def __init__(
         self,
         own: Address,
-        requesting: PendingQuestions,
+        requesting: PendingRequests,
         exchange: Exchange,
         platform: Platform,
         own_parameters: Sequence[OwnParameter],

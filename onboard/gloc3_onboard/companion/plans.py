@@ -1,4 +1,4 @@
-"""Plans that ground stations of others upload to the onboard computer, as missions of ours; and ours as such plans.
+"""Converts plans that other ground stations upload into missions of ours, and our missions into plans.
 
 The loaded mission is the one thing that both sides see: an upload loads one, through the command interface server, which
 checks it as any other; a mission that a station of ours has loaded is given to who downloads, where it can be expressed.
@@ -23,7 +23,7 @@ from gloc3.mission.model.states import ActionState
 from gloc3.mission.reading.reader import MissionReferences, read_mission
 from gloc3.plan_wire import from_wire, to_wire
 from gloc3.platform.platform import Platform
-from gloc3_onboard.companion.asking import PendingQuestions
+from gloc3_onboard.companion.pending_requests import PendingRequests
 
 TIMEOUT_S: Final = 5.0
 """So long the command interface may take to load a mission."""
@@ -64,7 +64,7 @@ class PlanServer:
     def __init__(
         self,
         own: Address,
-        requesting: PendingQuestions,
+        requesting: PendingRequests,
         platform: Platform,
         serves: Callable[[Address], bool],
         report: Callable[[str], None],
@@ -95,7 +95,7 @@ class PlanServer:
                 case PlanOffered():
                     self._decide(event, now_s)
                 case SetCurrentRequested(sender=sender):
-                    self._report(f"station {sender.system}: a mission cannot be begun at an item; skip tasks instead")
+                    self._report(f"station {sender.system}: a mission cannot start at an item; skip tasks instead")
         for deciding in list(self._deciding.values()):
             if deciding.digest and deciding.before != self._requesting.mission.digest == deciding.digest:
                 self._conclude(deciding, PlanResult.ACCEPTED)  # loaded; its fence may be on its way to the autopilot
@@ -303,7 +303,7 @@ def _judge_item(item: PlanItem) -> Verdict | None:
     if abs(item.y) > 180 * UNITS_PER_DEGREE:
         return Verdict(PlanResult.INVALID_PARAM6_Y, f"longitude {item.y / UNITS_PER_DEGREE:g} is not on Earth")
     if not math.isfinite(item.z):
-        return Verdict(PlanResult.INVALID_PARAM7_Z, "its height is no number")
+        return Verdict(PlanResult.INVALID_PARAM7_Z, "its height is not a number")
     return None
 
 
@@ -335,7 +335,7 @@ def fence_of(items: Items) -> tuple[FenceArea, ...] | Verdict:
             elif not follows:
                 return Verdict(PlanResult.INVALID, f"item {number}: a polygon lacks corners")
         elif item.command != RETURN_POINT:
-            return Verdict(PlanResult.UNSUPPORTED, f"item {number}: command {item.command} is none of a fence")
+            return Verdict(PlanResult.UNSUPPORTED, f"item {number}: command {item.command} does not belong in a fence")
     return tuple(areas)
 
 

@@ -26,16 +26,16 @@ def discard(_url: str, _direction: Literal["in", "out"], _frame: bytes) -> None:
 
 
 class RoutedLink:
-    """One link: what it hears goes to a listener and to the other links, what is sent shares its line.
+    """One link: what it receives goes to listeners and to the other links, what is sent shares its line.
 
     Args:
         url: where it leads.
         router: the other links.
         loop: the process's loop.
-        listener: gets the frames that are heard and may be used; None where they are only passed on.
+        listeners: get the frames that are received and may be used, one after the other; none where they are only passed on.
         signed_only: tells which frames may be used and passed on; None where all may.
         keep: gets each frame that is heard, or is sent as our own, for a log.
-        withheld: tells which frames go to the listener alone; None where none does.
+        withheld: tells which frames go to the listeners alone; None where none does.
     """
 
     def __init__(
@@ -43,13 +43,13 @@ class RoutedLink:
         url: str,
         router: Router,
         loop: asyncio.AbstractEventLoop,
-        listener: Callable[[list[Frame]], object] | None = None,
+        listeners: Sequence[Callable[[list[Frame]], object]] = (),
         keep: Keep = discard,
         signed_only: SignedOnly | None = None,
         withheld: Callable[[Frame], bool] | None = None,
     ) -> None:
         self._withheld = withheld
-        self._loop, self._router, self._listener = loop, router, listener
+        self._loop, self._router, self._listeners = loop, router, listeners
         wanted = parse_url(url)
         self.url: Final = wanted.address
         self._keep, self._signed_only = keep, signed_only
@@ -86,13 +86,15 @@ class RoutedLink:
             self._router.route(self.routed, passed, now_s)
         for frame in frames:
             self._keep(self.url, "in", frame.raw)
-        if good and self._listener is not None:
-            self._listener(good)
+        if good:
+            for listener in self._listeners:
+                listener(good)
 
     def send(self, frame: Frame) -> None:
         """Sends a frame of our own."""
         self._keep(self.url, "out", frame.raw)
-        self.routed.put((frame,))
+        self._forward((frame,))
+        self.routed.count((frame,))
 
     def _forward(self, frames: Sequence[Frame]) -> None:
         """Frames that came together leave a network together: one datagram costs as much as one frame."""

@@ -12,7 +12,7 @@ from gloc3.exchange import Publisher
 from gloc3.exchange.base import Exchange
 from gloc3.exchange.mavlink import MavlinkExchange
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
-from gloc3.exchange.tunnel.happenings import Happening, TunnelTrouble
+from gloc3.exchange.tunnel.events import Happening, TunnelTrouble
 from gloc3.exchange.tunnel.layout import TunnelRole
 from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
 from gloc3.mavlink import codec

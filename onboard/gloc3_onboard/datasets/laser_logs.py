@@ -99,5 +99,5 @@ def read_laser_log(dataset: Path, range_max_m: float | None = None) -> LaserLog:
         raise Refused(f"there is no file {path}")
     reader = _READERS.get(path.suffix)
     if reader is None:
-        raise Refused(f"{path} is no laser log of a known kind: {', '.join(_READERS)}")
+        raise Refused(f"{path} is not a laser log of a known kind: {', '.join(_READERS)}")
     return reader(path) if range_max_m is None else reader(path, range_max_m)

@@ -175,7 +175,7 @@ class ChildProcess:
     def give_up_beginning(self) -> None:
         """Is not waited for any more: nothing that is asked of its components begins it again."""
         if self.phase is ChildPhase.BEGINNING and self._process is not None:
-            self._verdict = "was still beginning when everything was to end"
+            self._verdict = "was still starting at shutdown"
             self._process.kill()
 
     def _spawn(self, lives: Lives | None) -> None:
@@ -256,7 +256,7 @@ class ChildProcess:
         views = round(limit_s / POLL_PERIOD_S)
         if self._process is None or self.phase is ChildPhase.LEFT or self._silent <= views:
             return
-        self._verdict = f"did not turn its loop for {limit_s:g} s and was ended"
+        self._verdict = f"did not run its loop for {limit_s:g} s and was ended"
         is_last = self._silent > views + round(DUMP_S / POLL_PERIOD_S)
         self._process.send_signal(signal.SIGKILL if is_last else signal.SIGABRT)
 

@@ -18,7 +18,7 @@ from gloc3.messages.hosts import HOSTS
 from gloc3.messages.topics import TopicTable
 from gloc3.platform.places import ProcessPlace
 from gloc3.platform.reader import load_platform
-from gloc3_onboard.hosts.led import AgentExchange
+from gloc3_onboard.hosts.agent_exchange import AgentExchange
 from gloc3_onboard.hosts.loop import PlatformLoop
 from gloc3_onboard.hosts.node import HostNode, NodeOptions
 from gloc3_onboard.hosts.pipe import (

@@ -17,8 +17,8 @@ from gloc3.errors import Gloc3Error, InputError, Misuse, Refused
 from gloc3.messages.envelope import Severity
 from gloc3.platform.places import ProcessPlace, clock_host
 from gloc3.platform.platform import Platform
+from gloc3_onboard.hosts.host_agent import ClockState, HostAgent
 from gloc3_onboard.hosts.host_clock import STEP_S, HostClock
-from gloc3_onboard.hosts.keeper import ClockState, HostAgent
 from gloc3_onboard.hosts.loop import PlatformLoop
 from gloc3_onboard.hosts.node import HostNode, NodeOptions
 from gloc3_onboard.hosts.offset import OffsetEstimate
@@ -106,7 +106,7 @@ async def _first_offset(
                 views += 1
                 if views % round(REMIND_S / POLL_S) == 0:
                     manager.extend(3.0 * REMIND_S)
-                    report(Severity.WARNING, f"{clock_host(platform)} does not answer: it has the platform's time")
+                    report(Severity.WARNING, f"{clock_host(platform)} does not answer: it provides the platform's time")
                     manager.extend(3.0 * REMIND_S)
         finally:
             clock.close()
@@ -167,7 +167,7 @@ class HostProcess:
                 self._manager.stopping()
                 self._report(Severity.NOTICE, "stopping")
             else:
-                self._report(Severity.WARNING, "the platform's time has jumped: all components begin anew")
+                self._report(Severity.WARNING, "the platform's time has jumped: all components restart")
         finally:
             for task in (*tasks, *waits):
                 task.cancel()
@@ -192,11 +192,11 @@ class HostProcess:
                     self._agent.announce_renewal()
                     await asyncio.sleep(POLL_S)  # so that nobody notices the end before what is said of it
                     await renew(shared.exchange, shared.endpoint, self._platform, self._host, network, self._loop)
-                    self._report(Severity.NOTICE, f"{network} is read again")
+                    self._report(Severity.NOTICE, f"{network} is reloaded")
                 except (InputError, Refused) as error:
-                    self._report(Severity.ERROR, f"{error}: the network stays as it was")
+                    self._report(Severity.ERROR, f"{error}: the network is unchanged")
                 except Gloc3Error as error:
-                    self._report(Severity.ERROR, f"{error}: nobody else is reached")
+                    self._report(Severity.ERROR, f"{error}: other hosts are not reachable")
             self._manager.ready()
 
     async def _feed(self) -> None:

@@ -17,8 +17,9 @@ from gloc3.messages.topics import TopicTable
 from gloc3.platform.places import ProcessPlace, rows_at
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import find_platform, whole_text
-from gloc3_onboard.assembly import Hosting, devices_of, host_components, open_sensors
+from gloc3_onboard.assembly import host_components, watch_sensors
 from gloc3_onboard.hosts.boot_time import BootTime
+from gloc3_onboard.inputs import Hosting, devices_of, open_sensors
 from gloc3_onboard.parts import Parts
 from gloc3_onboard.process.event_narration import Report
 from gloc3_onboard.process.log_files import LogFiles, log_stem
@@ -75,7 +76,7 @@ class HostNode:
         boot = self.parts.add("boot time", BootTime(exchange, platform.platform))
         requested = [each for each in options.devices if each.partition("=")[0] in used]
         self._sensors = open_sensors(platform, used, requested, SourceHost(loop, folder, boot.t_s_of_boot))
-        self._watch = self._sensors.watch(self.parts, loop.time)
+        self._watch = watch_sensors(self.parts, self._sensors, loop.time)
         logs = options.logs
         try:
             logs.mkdir(parents=True, exist_ok=True)
@@ -101,7 +102,7 @@ class HostNode:
         """Makes the components; they take commands from now on."""
         pictures = PictureFolder(self._options.logs / self.log.stem.replace("log", "images", 1), self._sensors.rig)
         devices = {**self._sensors.devices, "rig": self._sensors.rig, "pictures": pictures}
-        hosting = Hosting(rows=self.rows, led=exchange)
+        hosting = Hosting(rows=self.rows, agents=exchange)
         self.onboard = host_components(self.parts, self._platform, self.context, devices, hosting)
         return self.onboard
 

@@ -10,13 +10,14 @@ from gloc3.messages.readiness import SensorCondition
 from gloc3.network.file import Membership
 from gloc3.network.stations import StationBridge
 from gloc3.platform.places import clock_host, host_names
-from gloc3_onboard.assembly import VehicleInputs, VehicleSide
-from gloc3_onboard.autopilot.news import LinkReports
+from gloc3_onboard.assembly import VehicleSide
+from gloc3_onboard.autopilot.link_reports import LinkReports
+from gloc3_onboard.hosts.host_agent import HostAgent
 from gloc3_onboard.hosts.host_clock import ClockServer
 from gloc3_onboard.hosts.host_watch import HostWatch
-from gloc3_onboard.hosts.keeper import HostAgent
 from gloc3_onboard.hosts.pipe import ChildSetup
 from gloc3_onboard.hosts.shared import SharedExchange, renew
+from gloc3_onboard.inputs import VehicleInputs
 from gloc3_onboard.process.options import ProcessOptions
 from gloc3_onboard.process.runner import HostMember
 
@@ -114,16 +115,16 @@ class OtherProcesses:
                 context.exchange, self._shared.endpoint, inputs.platform, self._host, network, context.loop
             )
         except (InputError, Refused) as error:
-            report(Severity.ERROR, f"{error}: the network stays as it was")
+            report(Severity.ERROR, f"{error}: the network is unchanged")
             return
         except Gloc3Error as error:
-            report(Severity.ERROR, f"{error}: nobody else is reached")
+            report(Severity.ERROR, f"{error}: other hosts are not reachable")
             return
         self._bridge.roles = member.file.roles
-        report(Severity.NOTICE, f"{network} is read again: {counted(len(member.file.others), 'other member')}")
+        report(Severity.NOTICE, f"{network} is reloaded: {counted(len(member.file.others), 'other member')}")
 
     def _forged(self, station: str, reason: str) -> None:
-        self._events.report(Severity.WARNING, f"a request of {station} is not taken: {reason}")
+        self._events.report(Severity.WARNING, f"a request of {station} is refused: {reason}")
 
     def _order(self, process: str, lives: dict[str, str | None] | None) -> ChildSetup:
         """What a child process is told."""

@@ -66,7 +66,7 @@ class HostComputer:
     def measure(self) -> None:
         """Measures the disk; blocks."""
         if self._folder.exists() and not self._folder.is_dir():
-            self._problem = f"{self._folder} is there already, and is no folder"
+            self._problem = f"{self._folder} exists already and is not a folder"
             return
         try:
             self._write_mb_s = write_speed_mb_s(self._place())

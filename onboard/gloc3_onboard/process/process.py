@@ -20,10 +20,11 @@ from gloc3.network.file import Membership, read_network
 from gloc3.platform.places import ProcessPlace, choose_host, clock_host, rows_at
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import find_platform, load_platform
-from gloc3_onboard.assembly import Attachment, Hosting, VehicleInputs, VehicleSide, devices_of, open_sensors
+from gloc3_onboard.assembly import VehicleSide, watch_sensors
 from gloc3_onboard.hosts.host_process import HostOptions, run_host
 from gloc3_onboard.hosts.other_processes import OtherProcesses
 from gloc3_onboard.hosts.shared import SharedExchange, alone, check_member, open_shared
+from gloc3_onboard.inputs import Attachment, Hosting, VehicleInputs, devices_of, open_sensors
 from gloc3_onboard.process.computer import HostComputer
 from gloc3_onboard.process.options import ProcessOptions
 from gloc3_onboard.process.process_storage import ProcessStorage, key_of
@@ -121,7 +122,7 @@ class OnboardProcess:
             loop, folder, autopilot.telemetry.t_s_of_boot, autopilot.sensors, self.vehicle.autopilot_device
         )
         self._sensors = open_sensors(platform, used, requested, source_host, partial(self.narrate, Severity.WARNING))
-        self._watch = self._sensors.watch(self.vehicle.parts, context.clock.now_s)
+        self._watch = watch_sensors(self.vehicle.parts, self._sensors, context.clock.now_s)
         self._others = OtherProcesses(options, inputs, shared, member, self.vehicle, self._watch.conditions)
         self._computer = HostComputer(
             storage.logs, context.clock, self._log_problem, self.vehicle.link_conditions, self._sensor_conditions
@@ -152,7 +153,7 @@ class OnboardProcess:
         storage = self._storage.open(lambda: vehicle.path.points_ned_m, self._sensors.rig, vehicle.parts)
         vehicle.share(self._storage.files(vehicle.companion.metadata.files))
         self._others.begin()
-        vehicle.host(self._sensors, self._computer, storage, Hosting(rows=self._rows, led=self._others.exchange))
+        vehicle.host(self._sensors, self._computer, storage, Hosting(rows=self._rows, agents=self._others.exchange))
         vehicle.begin()
         count, name = len(self.platform.components), self.platform.platform
         self.narrate(Severity.INFO, f"{name}: {count} components; log in {self._storage.log}")

@@ -17,9 +17,9 @@ from gloc3.platform.places import ProcessPlace
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import whole_text
 from gloc3.store import RecordFile
-from gloc3_onboard.assembly import Storage
 from gloc3_onboard.command_server.log_shelf import LogStore
 from gloc3_onboard.companion.files import shared_files
+from gloc3_onboard.inputs import Storage
 from gloc3_onboard.parts import Parts
 from gloc3_onboard.process.computer import start_of_computer
 from gloc3_onboard.process.event_narration import Report

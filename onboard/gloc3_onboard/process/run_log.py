@@ -106,7 +106,7 @@ class RunLog:
             Refused: the one before is being finished still, or nothing can be recorded any more.
         """
         if self._closing is not None and not self._closing.done():
-            raise Refused("the log before is being finished still")
+            raise Refused("the previous log is still being finished")
         if self.problem:
             raise Refused(self.problem)
         self._go_on()
@@ -166,7 +166,7 @@ class RunLog:
             path = self._files.next()
             self._recorder, self._traffic = self._begin(path, before.name)
         except (Gloc3Error, OSError) as error:
-            self._warn(f"{before.name} goes on beyond its size: {error}")
+            self._warn(f"{before.name} grows beyond its size limit: {error}")
             self._limits = msgspec.structs.replace(self._limits, file_mb=0.0)
             return
         self.path = path

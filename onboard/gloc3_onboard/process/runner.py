@@ -18,7 +18,7 @@ from gloc3.exchange.base import Exchange
 from gloc3.messages.envelope import CommandRequest, Kind
 from gloc3.messages.topics import TopicTable
 from gloc3.platform.platform import Platform
-from gloc3_onboard.process.caretaker import ServiceSupervisor
+from gloc3_onboard.process.service_supervisor import ServiceSupervisor
 
 HOST_DEVICES: Final = ("autopilot", "catalogue", "computer", "pictures", "rig", "site", "taps")
 """The devices that every host gives to the components, besides its sensors; a platform's rows are checked against them."""

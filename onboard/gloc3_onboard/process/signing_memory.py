@@ -66,7 +66,7 @@ class _Kept:
         if self._records.problem:
             reported, self._reported = self._reported, lambda _: None
             reported(
-                f"{self._records.problem}: after a restart, signed frames of the minute before it may be taken once more"
+                f"{self._records.problem}: after a restart, signed frames of the minute before it may be accepted again"
             )
 
     def _noted(self, stream: Stream) -> None:
@@ -82,7 +82,7 @@ class _Kept:
         except msgspec.DecodeError as error:
             problem = f"{self._path} cannot be read: {error}"
         if problem:
-            self._reported(f"{problem}: it is begun anew")
+            self._reported(f"{problem}: a new one is started")
         now, is_right = timestamp(clock.utc_s()), clock.is_utc_right()
         return {
             (system, component, link): time

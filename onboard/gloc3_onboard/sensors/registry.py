@@ -139,10 +139,10 @@ def _rows() -> tuple[Mapping[str, SensorKind], Mapping[str, SourceKind]]:
     for module in modules:
         for sensor in getattr(module, "SENSORS", ()):
             if sensors.setdefault(sensor.name, sensor) is not sensor:
-                raise Misuse(f"two modules bring a sensor called {sensor.name!r}")
+                raise Misuse(f"two modules define a sensor called {sensor.name!r}")
         for source in getattr(module, "SOURCES", ()):
             if schemes.setdefault(source.scheme, source) is not source:
-                raise Misuse(f"two modules bring a source called {source.scheme!r}")
+                raise Misuse(f"two modules define a source called {source.scheme!r}")
     return sensors, schemes
 
 
@@ -155,7 +155,7 @@ def sensor_of(device: str) -> SensorKind | None:
 def _sensor(device: str) -> SensorKind:
     sensor = sensor_of(device)
     if sensor is None:
-        raise Refused(f"device {device!r} is no sensor: its name ends in {', '.join(sensor_kinds())}")
+        raise Refused(f"device {device!r} is not a sensor: sensor names end in {', '.join(sensor_kinds())}")
     return sensor
 
 
@@ -175,10 +175,10 @@ def parse_source(device: str, text: str) -> SourceUrl:
     if not colon or name not in kinds:
         example = next(kind.example for kind in fitting.values() if kind.takes_place)
         hint = nearest(name, list(fitting)) if colon else f"write SCHEME://PLACE, such as {example}"
-        raise Refused(f"{device}: {text!r} is no source; {hint}")
+        raise Refused(f"{device}: {text!r} is not a source; {hint}")
     kind = kinds[name]
     if sensor.name not in kind.brings:
-        raise Refused(f"{device}: {name}:// brings {' or '.join(kind.brings)}, and this is a {sensor.name}")
+        raise Refused(f"{device}: {name}:// provides {' or '.join(kind.brings)}, but this is a {sensor.name}")
     if kind.is_verbatim:
         url = SourceUrl(text, name, rest, {}, "")
     else:

@@ -75,7 +75,7 @@ def option_problem(options: Options, name: str, text: str) -> str:
     try:
         value = float(text)
     except ValueError:
-        return f"{name}={text} is no number"
+        return f"{name}={text} is not a number"
     if bounds.is_whole and not value.is_integer():
         return f"{name}={text} must be a whole number"
     if not bounds.low <= value <= bounds.high:
@@ -90,7 +90,7 @@ def device_problem(path: Path, group: str) -> str:
     except OSError:
         return f"{path} is not there; is it plugged in? look into {path.parent}"
     if not S_ISCHR(status.st_mode):
-        return f"{path} is no device"
+        return f"{path} is not a device"
     if not os.access(path, os.R_OK | os.W_OK):
-        return f"{path} may not be used by this user: sudo usermod -aG {group} $USER, then log in anew"
+        return f"{path} may not be used by this user: sudo usermod -aG {group} $USER, then log in again"
     return ""

@@ -56,7 +56,7 @@ class ThreadedSource(ABC, Generic[T]):
         if self._thread is not None and self._thread.is_alive():
             self._thread.join(LEAVE_S)
             if self._thread.is_alive():
-                raise Gloc3Error(f"{self.name}: the device does not answer, so it cannot be opened anew; unplug it")
+                raise Gloc3Error(f"{self.name}: the device does not answer, so it cannot be reopened; unplug it")
         self._latest, self._is_disconnected, self._stop = None, "", threading.Event()
         tried = threading.Event()
         self._thread = threading.Thread(target=self._read, args=(self._stop, tried), name=self.name, daemon=True)
@@ -98,7 +98,7 @@ class ThreadedSource(ABC, Generic[T]):
                         if item is not None:
                             self._latest, lost_s = item, None
                             self._bell.ring()
-                problem = f"{self.name}: the device brings nothing any more"
+                problem = f"{self.name}: the device stopped delivering data"
             except (Gloc3Error, OSError) as error:
                 problem = str(error) if isinstance(error, Gloc3Error) else f"{self.name}: {error}"
             if not tried.is_set():

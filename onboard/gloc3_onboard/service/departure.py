@@ -82,7 +82,7 @@ class Departure:
             body=Emergency(verb=EmergencyVerb.LAND, author="service manager"),
         )
         self._publisher.publish(f"{self._topic}request", request, self._loop.time())
-        self._report(Severity.NOTICE, "the vehicle lands first; told to stop once more, it is left to its autopilot")
+        self._report(Severity.NOTICE, "the vehicle lands first; a second stop signal leaves it to its autopilot")
         end_s, down_s = self._loop.time() + LONGEST_S, self._loop.time()
         while not (reason := self._why_not()):
             now_s = self._loop.time()
@@ -125,7 +125,7 @@ class Departure:
         """Why nothing is to be landed, or waited for."""
         vehicle = self._vehicle
         if vehicle is None or self._is_silent:
-            return "nothing is told of it"
+            return "its state is not known"
         if not vehicle.is_armed:
             return "it is disarmed"
         return "a pilot has control" if vehicle.has_pilot_control else self._refusal

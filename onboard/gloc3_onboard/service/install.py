@@ -90,7 +90,7 @@ def rule(role: str, device: UsbDevice) -> str:
     sets = [f'SYMLINK+="{FOLDER}/{role}"']
     if device.subsystem == "tty":
         sets.append('ENV{ID_MM_DEVICE_IGNORE}="1"')
-    how = "by its serial number" if _is_unique(device.serial) else "by its plug: it has no serial number of its own"
+    how = "by its serial number" if _is_unique(device.serial) else "by its USB port: it has no serial number of its own"
     return f"# {device.title or 'a device'}, {how}\n" + ", ".join([*matches, *sets])
 
 
@@ -102,7 +102,7 @@ def _is_unique(serial: str) -> bool:
 def rules(name: str, devices: Sequence[tuple[DeviceNode, UsbDevice]]) -> str:
     """The file of rules of a service."""
     lines = [f"# Steady names for the devices of {name}; written by gloc3 onboard install --udev"]
-    lines += ["# (what is a tty is no modem: ModemManager would talk to the autopilot)"]
+    lines += ["# (ttys are marked as no modems: ModemManager would talk to the autopilot)"]
     return "\n".join([*lines, *(rule(node.role, device) for node, device in devices)]) + "\n"
 
 
@@ -111,9 +111,9 @@ def advice(node: DeviceNode, device: UsbDevice | None) -> str:
     if str(node.path).startswith(STEADY) or not node.kinds:
         return ""
     if device is None:
-        return f"{node.path} is not plugged in: plug it in and install again with --udev, and its name will stay"
+        return f"{node.path} is not plugged in: plug it in and install again with --udev for a stable name"
     return (
-        f"{node.path} ({device.title or 'a device'}) may be called otherwise tomorrow: --udev calls it "
+        f"{node.path} ({device.title or 'a device'}) may get another name at the next boot: --udev names it "
         f"/dev/{FOLDER}/{node.role}"
     )
 
@@ -174,7 +174,7 @@ def make_plan(
     """
     options.check()
     if not USER.fullmatch(user):
-        raise Refused(f"--user {user!r} is no name of a user: small letters, digits, _ and -, a letter or _ first")
+        raise Refused(f"--user {user!r} is not a user name: lower-case letters, digits, _ and -, a letter or _ first")
     for option, value in (("--out", options.out), ("--logs", options.logs)):
         if value is not None:
             raise Refused(f"{option}: a service has its folders below /var/lib/gloc3 and /var/log/gloc3")

@@ -83,7 +83,7 @@ class ServiceManager:
             self._socket.sendto(text.encode(), self._address)
         except OSError as error:
             if self._is_reached:
-                self._warn(f"the service manager cannot be told: {error.strerror or error}")
+                self._warn(f"the service manager cannot be notified: {error.strerror or error}")
             self._is_reached = False
         else:
             self._is_reached = True

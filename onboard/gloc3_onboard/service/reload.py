@@ -19,7 +19,7 @@ from gloc3.platform.platform import Platform
 
 REPLY_S: Final = 12.0
 """A component may take 5 s for each of its methods."""
-NEXT_START: Final = "counts from the next start"
+NEXT_START: Final = "takes effect at the next start"
 
 Report = Callable[[Severity, str], None]
 
@@ -86,9 +86,9 @@ class PlatformReload:
             if name in self._rows:
                 lines += [f"{name}: {text}" for text in await self._adopt(row, self._rows[name])]
         for line in lines:
-            self._report(Severity.NOTICE, f"read again: {line}")
+            self._report(Severity.NOTICE, f"reloaded: {line}")
         if not lines:
-            self._report(Severity.NOTICE, "read again: nothing has changed")
+            self._report(Severity.NOTICE, "reloaded: nothing has changed")
 
     def _receive_status(self, envelope: Envelope[ComponentStatus]) -> None:
         self._states[envelope.payload.name] = envelope.payload.state

@@ -14,7 +14,7 @@ _PLAIN: Final = re.compile(r"[A-Za-z0-9_@+=:,./?-]+")
 
 CHANGES: Final = """\
 Written by gloc3 onboard install.
-# To change what it is asked for, install it again; for anything else:"""
+# To change its options, install it again; for anything else:"""
 
 HARDENING: Final = """\
 NoNewPrivileges=yes
@@ -92,7 +92,7 @@ class SystemdUnit(msgspec.Struct, frozen=True, kw_only=True):
                     f"Description=GLOC3 onboard process of {self.name}",
                     "After=network.target " + " ".join(self._modules()),
                     f"Wants={' '.join(self._modules())}" if self.modules else "",
-                    "# A crash in flight is over in a second; what fails at once, again and again, is given up after some minutes.",
+                    "# Restarts within a second of a crash in flight; gives up after minutes of failed starts.",
                     "StartLimitIntervalSec=300",
                     "StartLimitBurst=60",
                 ),
@@ -106,7 +106,7 @@ class SystemdUnit(msgspec.Struct, frozen=True, kw_only=True):
                     "RestartSec=1",
                     "TimeoutStartSec=90",
                     f"TimeoutStopSec={STOP_S}",
-                    "# Fed from the supervised work alone: what hangs is ended, says where it hung, and comes back.",
+                    "# Fed by the supervised work only: a hanging process is ended, logs where, and restarts.",
                     f"WatchdogSec={WATCHDOG_S}",
                     "TimeoutAbortSec=5",
                     "KillMode=mixed",
@@ -122,7 +122,7 @@ class SystemdUnit(msgspec.Struct, frozen=True, kw_only=True):
                     "CacheDirectoryMode=0700",
                     f"WorkingDirectory={self.state}",
                     "",
-                    "# A component that eats the memory is ended alone, where it has a process of its own.",
+                    "# A component that exhausts the memory is ended alone, where it has a process of its own.",
                     "MemoryHigh=70%",
                     "MemoryMax=80%",
                     "OOMPolicy=continue",

@@ -1,4 +1,4 @@
-"""The embedded autopilot: a flight controller in the style of PX4 or of ArduPilot, without I/O and told the time.
+"""The embedded autopilot: a flight controller in the style of PX4 or ArduPilot, without I/O and without a clock.
 
 `autopilot` is stepped by the simulator; styles, control and behaviours are rooms of their own.
 """

@@ -1,4 +1,4 @@
-"""What the controller must know of the vehicle that it flies: thrust, its curve, and the gains that suit it."""
+"""Airframe data of the controller: thrust, thrust curve and default gains."""
 
 from dataclasses import dataclass, replace
 from typing import Final

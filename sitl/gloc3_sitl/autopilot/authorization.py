@@ -1,4 +1,4 @@
-"""PX4's arm authorization: another system is asked for leave before the motors start (mavlink.io, "Arm Authorization")."""
+"""PX4's arm authorization: another system must permit arming (mavlink.io, "Arm Authorization")."""
 
 from collections.abc import Callable
 from enum import Enum, auto
@@ -12,8 +12,8 @@ _TWO_STEPS: Final = 1
 """COM_ARM_AUTH_MET: the first attempt to arm asks only, the second arms."""
 _REASON_COMES_FROM_AUTHORIZER: Final = 1
 _REASONS: Final = {
-    2: "an item of the mission is not allowed",
-    3: "the authorizer had not the time to look",
+    2: "a mission item is not allowed",
+    3: "the authorizer had no time to check",
     4: "the airspace is in use",
     5: "the weather is bad",
 }
@@ -30,7 +30,7 @@ class ArmPermission(Enum):
 
 
 class Authorization:
-    """Asks, waits, and knows how long leave lasts.
+    """Requests authorization, waits for it, and keeps its validity.
 
     Args:
         craft: whose time it is, and who says what comes of it.
@@ -42,20 +42,20 @@ class Authorization:
         self._waits_until_s: float | None = None
         self._holds_until_s = 0.0
         self.send: Callable[[int], None] = lambda _: None
-        """Asks the system of this id for leave; its answer goes to `answered`."""
+        """Requests authorization from the system of this id; its answer goes to `answered`."""
 
     @property
     def is_given(self) -> bool:
-        """Whether leave was given and still holds."""
+        """Whether an authorization is still valid."""
         return self._craft.now_s < self._holds_until_s
 
     @property
     def is_awaited(self) -> bool:
-        """Whether an answer is to come."""
+        """Whether an answer is pending."""
         return self._waits_until_s is not None
 
     def leave(self) -> ArmPermission:
-        """Whether the vehicle may be armed now; asks where that is not known."""
+        """Returns whether the vehicle may be armed now; requests authorization if that is unknown."""
         if self._request is None or not self._request("COM_ARM_AUTH_REQ") or self.is_given:
             return ArmPermission.GIVEN
         if self.is_awaited:
@@ -63,32 +63,32 @@ class Authorization:
         self._waits_until_s = self._craft.now_s + self._request("COM_ARM_AUTH_TO")
         self.send(int(self._request("COM_ARM_AUTH_ID")))
         if self._request("COM_ARM_AUTH_MET") == _TWO_STEPS:
-            self._craft.send_text(Severity.INFO, "Arming: leave is asked for, arm again when it is given")
+            self._craft.send_text(Severity.INFO, "Arming: authorization requested; arm again then")
             return ArmPermission.REFUSED
         return ArmPermission.AWAITED
 
     def answered(self, result: int, reason: int, extra: int) -> None:
-        """The authorizer has answered.
+        """Handles the authorizer's answer.
 
         Args:
             result: MAV_RESULT.
             reason: `result_param1`, MAV_ARM_AUTH_DENIED_REASON.
-            extra: `result_param2`: for how many seconds leave is given.
+            extra: `result_param2`: for how many seconds the authorization is valid.
         """
         if not self.is_awaited or result == Result.IN_PROGRESS:
             return
         self._waits_until_s = None
         if result == Result.ACCEPTED:
             self._holds_until_s = self._craft.now_s + extra
-            self._craft.send_text(Severity.INFO, f"Arming: leave is given for {extra} s")
+            self._craft.send_text(Severity.INFO, f"Arming: authorized for {extra} s")
         elif result == Result.TEMPORARILY_REJECTED:
-            self._craft.send_text(Severity.CRITICAL, "Arming: leave is refused for now")
+            self._craft.send_text(Severity.CRITICAL, "Arming: authorization refused for now")
         elif reason != _REASON_COMES_FROM_AUTHORIZER:
             because = f": {_REASONS[reason]}" if reason in _REASONS else ""
-            self._craft.send_text(Severity.CRITICAL, f"Arming: leave is refused{because}")
+            self._craft.send_text(Severity.CRITICAL, f"Arming: authorization refused{because}")
 
     def tick(self) -> None:
-        """Waits no longer than it should."""
+        """Gives up waiting after the timeout."""
         if self._waits_until_s is not None and self._craft.now_s > self._waits_until_s:
             self._waits_until_s = None
-            self._craft.send_text(Severity.CRITICAL, "Arming: nobody answers who could give leave")
+            self._craft.send_text(Severity.CRITICAL, "Arming: no answer from the authorizer")

@@ -139,7 +139,7 @@ class Autopilot:
         return LogHeader(log=number, style=self.style.name, begins_s=round(now_s, 3), parameters=parameters)
 
     def log_record(self, now_s: float, texts: Sequence[str]) -> LogRecord:
-        """The next line of a log, with what was said since the one before."""
+        """Returns the next line of a log, with the status texts since the previous one."""
         inertial = self.estimator.inertial
         n, e, d = inertial.position_ned_m
         vn, ve, vd = inertial.velocity_ned_m_s
@@ -159,7 +159,7 @@ class Autopilot:
         )
 
     def choose_sources(self) -> None:
-        """Has the estimator use what the parameters say."""
+        """Sets the estimator's sources from the parameters."""
         request = self.parameters.__getitem__
         is_px4 = "EKF2_EN" in self.parameters
         self.estimator.sources = px4_sources(request) if is_px4 else ardupilot_sources(request, self.source_set)
@@ -176,7 +176,7 @@ class Autopilot:
     # -- the inner loops --------------------------------------------------------------------------------------------
 
     def step(self, readings: Sequence[Reading], now_s: float) -> Outputs:
-        """Takes in what the sensors say, and gives the outputs for the next 5 ms."""
+        """Handles sensor readings and returns the outputs for the next 5 ms."""
         self.craft.now_s = now_s
         estimator = self.estimator
         for reading in readings:

@@ -1,4 +1,4 @@
-"""Who decides: arming, modes, home, and what follows when a behaviour is done."""
+"""The commander: arming, modes, home, and the transition after a finished behaviour."""
 
 from collections.abc import Callable, Iterator
 from enum import IntFlag
@@ -22,13 +22,13 @@ from gloc3_sitl.autopilot.verdict import ACCEPTED, Author, RequestVerdict
 
 
 class Commander:
-    """Keeps the mode, and changes it when somebody may; every refusal says why."""
+    """Keeps the mode and changes it on permitted requests; every refusal gives a reason."""
 
     def __init__(self, craft: Craft, style: StyleTables, authorization: Authorization) -> None:
         self.craft: Final = craft
         self.authorization: Final = authorization
         self.on_arming_settled: Callable[[RequestVerdict], None] = lambda _: None
-        """Told how an attempt to arm has ended that had to wait for leave."""
+        """Called with the result of an arming attempt that waited for authorization."""
         self._arming: Author | None = None
         self.style: Final = style
         self.fence: Final = FenceMonitor()
@@ -37,7 +37,7 @@ class Commander:
         self.mode: Mode = mode
         self.activity: Activity = HoldPosition(craft)
         self.battery_share = 1.0
-        """Told by the battery monitor."""
+        """Set by the battery monitor."""
         self.is_terminated = False
         self.armed_s = -1e9
         self.mode_author: Author = Author.SELF
@@ -50,13 +50,13 @@ class Commander:
     # -- arming ---------------------------------------------------------------------------------------------------
 
     def problems(self, *, counts_mode: bool = True) -> list[str]:
-        """What speaks against arming now, worst first; the mode too, unless only the vehicle itself is asked about."""
+        """Returns the reasons against arming now, worst first, with or without those of the mode."""
         mask = self.craft.tuning.check_mask
         found = [
             text for check, text in arming_problems(self.craft, self.mode.behaviour, self.battery_share) if check & mask
         ]
         if counts_mode and not self.mode.can_arm:
-            found.append(f"mode {self.mode.name} cannot be armed in")
+            found.append(f"mode {self.mode.name} does not allow arming")
         if self.craft.home is not None and Check.FENCE & mask:
             breach = self.fence.breach(self.craft)
             if breach:
@@ -64,7 +64,7 @@ class Commander:
         return found
 
     def arm(self, author: Author, *, is_forced: bool = False) -> RequestVerdict:
-        """Starts the motors; IN_PROGRESS where somebody has to be asked for leave."""
+        """Starts the motors; IN_PROGRESS while an authorization is pending."""
         craft, style = self.craft, self.style
         if craft.is_armed:
             return ACCEPTED
@@ -81,7 +81,7 @@ class Commander:
                     self._arming = author
                     return RequestVerdict(Result.IN_PROGRESS)
                 case ArmPermission.REFUSED:
-                    return RequestVerdict(style.refused, "no leave to arm")
+                    return RequestVerdict(style.refused, "arming not authorized")
                 case ArmPermission.GIVEN:
                     pass
         craft.is_armed = True
@@ -95,7 +95,7 @@ class Commander:
         return ACCEPTED
 
     def disarm(self, author: Author, *, is_forced: bool = False) -> RequestVerdict:
-        """Stops the motors; in the air only by force."""
+        """Stops the motors; in the air only if forced."""
         craft = self.craft
         if not craft.is_armed:
             return ACCEPTED
@@ -118,7 +118,7 @@ class Commander:
         self.activity = activity_for(Behaviour.TERMINATED, self.craft, nan, self.style)
 
     def set_home(self, position_ned_m: Vector3 | None = None) -> RequestVerdict:
-        """Makes a place home; without one, here."""
+        """Sets home to a position, by default the current one."""
         craft = self.craft
         origin = craft.estimator.origin
         if origin is None or (position_ned_m is None and not craft.estimator.is_position_good(craft.now_s)):
@@ -133,7 +133,7 @@ class Commander:
         """Changes the mode; refused where the mode cannot be flown now."""
         mode = self.style.mode(custom_mode)
         if mode is None:
-            return RequestVerdict(self.style.unknown_mode, "no such mode")
+            return RequestVerdict(self.style.unknown_mode, "unknown mode")
         if mode is self.mode and author is not Author.FAILSAFE:
             self.mode_author = author
             if mode.behaviour is Behaviour.HOLD and not self.craft.is_landed:
@@ -146,7 +146,7 @@ class Commander:
         return ACCEPTED
 
     def cannot_fly(self, mode: Mode) -> str:
-        """Why a mode cannot be entered now, in words; empty where it can."""
+        """Returns why a mode cannot be entered now; empty if it can."""
         craft = self.craft
         if self.is_terminated:
             return "flight was terminated"
@@ -166,11 +166,11 @@ class Commander:
 
     @property
     def has_pilot(self) -> bool:
-        """Whether a transmitter is heard."""
+        """Whether a transmitter is connected."""
         return self.craft.now_s - self.craft.pilot.last_seen_s <= self.craft.tuning.pilot_timeout_s
 
     def take_off(self, target_down_m: float) -> RequestVerdict:
-        """Climbs to a height (NED down); NaN means the usual one. The vehicle must be armed."""
+        """Climbs to a height (NED down); NaN means the default. The vehicle must be armed."""
         craft, style = self.craft, self.style
         if not craft.is_armed:
             return self._refuse("Take-off denied: not armed")
@@ -193,7 +193,7 @@ class Commander:
         return ACCEPTED
 
     def go_to(self, position_ned_m: Vector3, yaw_rad: float, speed_m_s: float) -> RequestVerdict:
-        """Flies to a place and holds there, in the style's mode for it."""
+        """Flies to a position and holds there, in the style's mode for it."""
         craft, style = self.craft, self.style
         if not craft.is_armed or craft.is_landed:
             return self._refuse("Go-to denied: not flying")
@@ -207,9 +207,9 @@ class Commander:
         return ACCEPTED
 
     def orbit(self, circle: OrbitCircle) -> RequestVerdict:
-        """Flies to a circle and goes round, where the style has a mode for that."""
+        """Flies to a circle and orbits on it, if the style has a mode for that."""
         if self.style.orbit_mode is None:
-            return RequestVerdict(Result.UNSUPPORTED, "there is no orbit")
+            return RequestVerdict(Result.UNSUPPORTED, "orbit is not supported")
         if not self.craft.is_armed or self.craft.is_landed:
             return self._refuse("Orbit denied: not flying")
         verdict = self.set_mode(self.style.orbit_mode, Author.COMMAND)
@@ -238,7 +238,7 @@ class Commander:
     # -- as time goes on ------------------------------------------------------------------------------------------
 
     def tick(self) -> Setpoint:
-        """50 times a second, after the failsafes: what the vehicle shall do."""
+        """Updates mode and activity, 50 times a second after the failsafes."""
         craft = self.craft
         estimator = craft.estimator
         if estimator.reset_count != self._resets:
@@ -268,7 +268,7 @@ class Commander:
             author, self._arming = self._arming, None
             is_given = self.authorization.is_given
             self.on_arming_settled(
-                self.arm(author) if is_given else RequestVerdict(self.style.refused, "no leave to arm")
+                self.arm(author) if is_given else RequestVerdict(self.style.refused, "arming not authorized")
             )
 
     def _mind_pilot(self) -> None:
@@ -287,7 +287,7 @@ class Commander:
             wanted = self.style.mode_named(pilot.mode_wanted)
             pilot.mode_wanted = None
             if wanted is None:
-                self._refuse("the switch asks for a mode that does not exist")
+                self._refuse("the mode switch selects an unknown mode")
             else:
                 self.set_mode(wanted.custom_mode, Author.PILOT)
         if pilot.arm_wanted is not None:
@@ -326,7 +326,7 @@ class Commander:
 
 
 class Check(IntFlag):
-    """Groups of checks that can be switched off."""
+    """Groups of pre-arm checks that can be disabled."""
 
     ATTITUDE = 1
     HEADING = 2
@@ -339,18 +339,18 @@ class Check(IntFlag):
 
 
 def arming_problems(craft: Craft, behaviour: Behaviour, battery_share: float) -> Iterator[tuple[Check, str]]:
-    """Everything that speaks against arming in a mode, worst first."""
+    """Yields the reasons against arming in a mode, worst first."""
     estimator, now_s = craft.estimator, craft.now_s
     if not estimator.is_aligned:
-        yield Check.ATTITUDE, "attitude is still being found"
+        yield Check.ATTITUDE, "attitude is still aligning"
         return
     roll, pitch, _ = estimator.euler_rad
     if hypot(roll, pitch) > 0.4:
-        yield Check.ATTITUDE, f"leaning by {degrees(hypot(roll, pitch)):.0f} degrees"
+        yield Check.ATTITUDE, f"tilted by {degrees(hypot(roll, pitch)):.0f} degrees"
     if not estimator.is_height_good(now_s):
-        yield Check.HEIGHT, "no height: barometer fails"
+        yield Check.HEIGHT, "no height: barometer failed"
     if not estimator.is_heading_good(now_s):
-        yield Check.HEADING, "no heading: compass fails"
+        yield Check.HEADING, "no heading: compass failed"
     needs_position = craft.tuning.needs_position_to_arm or behaviour in POSITIONED
     if needs_position and not estimator.is_position_good(now_s):
         yield Check.POSITION, "no position: waiting for a fix or odometry"

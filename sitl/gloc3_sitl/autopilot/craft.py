@@ -1,4 +1,4 @@
-"""What every behaviour sees of the vehicle that it flies."""
+"""The vehicle as behaviours see it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ from gloc3_sitl.autopilot.tuning import Tuning
 
 
 class TouchdownDetector:
-    """Landed after thrust, motion and wish have agreed for a while; in the air as soon as it climbs."""
+    """Land detector: landed after thrust, motion and setpoint agree for a while; in the air once it climbs."""
 
     __slots__ = ("_since_s", "is_landed", "landed_s")
 
@@ -81,7 +81,7 @@ Report = Callable[[Severity, str], None]
 
 
 class HomePosition(NamedTuple):
-    """Where the vehicle was armed, or where somebody put it."""
+    """Home: where the vehicle was armed, or where it was set."""
 
     place: GeoPoint
     position_ned_m: Vector3
@@ -105,7 +105,7 @@ class ReceivedSetpoint:
         self.received_s = now_s
 
     def is_fresh(self, now_s: float, timeout_s: float) -> bool:
-        """Whether the newest one is young enough."""
+        """Whether the newest one is within a maximum age."""
         return now_s - self.received_s <= timeout_s
 
     def is_streaming(self, now_s: float, least_hz: float) -> bool:
@@ -117,7 +117,7 @@ class ReceivedSetpoint:
 
 
 class FollowTarget(NamedTuple):
-    """Whom the vehicle follows, as he told it last."""
+    """Last reported state of the target to follow."""
 
     t_s: float
     position_ned_m: Vector3
@@ -126,7 +126,7 @@ class FollowTarget(NamedTuple):
 
 @dataclass(slots=True)
 class Craft:
-    """The vehicle: what it knows, what it may, where home is, and what time it is."""
+    """The vehicle: estimate, tuning, plans, home and time."""
 
     estimator: Estimator
     tuning: Tuning

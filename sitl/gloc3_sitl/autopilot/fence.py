@@ -23,7 +23,7 @@ def is_inside(point: Point, corners: Sequence[Point]) -> bool:
 
 
 class FenceMonitor:
-    """Judges the position; polygons are brought into NED once."""
+    """Checks the position against the fence; polygons are converted to NED once."""
 
     __slots__ = ("_circles", "_items", "_origin", "_polygons", "breach_s", "breaches", "is_broken")
 
@@ -48,16 +48,16 @@ class FenceMonitor:
         return broken
 
     def breach(self, craft: Craft) -> str:
-        """What is broken, in words; empty inside."""
+        """Returns which limit is breached; empty inside the fence."""
         tuning = craft.tuning
         if not tuning.fence_is_on:
             return ""
         n, e, _ = craft.estimator.inertial.position_ned_m
         height = craft.height_over_home_m
         if tuning.fence_height_m > 0.0 and height > tuning.fence_height_m:
-            return f"above the fence's height of {tuning.fence_height_m:.0f} m"
+            return f"above the fence height of {tuning.fence_height_m:.0f} m"
         if tuning.fence_depth_m > 0.0 and height < -tuning.fence_depth_m:
-            return f"below the fence's depth of {tuning.fence_depth_m:.0f} m"
+            return f"below the fence depth of {tuning.fence_depth_m:.0f} m"
         if craft.home is not None and tuning.fence_radius_m > 0.0:
             home_n, home_e, _ = craft.home.position_ned_m
             if hypot(n - home_n, e - home_e) > tuning.fence_radius_m:
@@ -71,13 +71,13 @@ class FenceMonitor:
         for corners, is_inclusion in self._polygons:
             inside = is_inside((n, e), corners)
             if not is_inclusion and inside:
-                return "inside an area that is closed"
+                return "inside an exclusion area"
             inclusions |= is_inclusion
             inside_any |= is_inclusion and inside
         for (centre_n, centre_e), radius, is_inclusion in self._circles:
             inside = hypot(n - centre_n, e - centre_e) <= radius
             if not is_inclusion and inside:
-                return "inside an area that is closed"
+                return "inside an exclusion area"
             inclusions |= is_inclusion
             inside_any |= is_inclusion and inside
         return "outside the fence" if inclusions and not inside_any else ""

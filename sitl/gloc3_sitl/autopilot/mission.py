@@ -1,4 +1,4 @@
-"""How far a mission has come; it outlives the mode, so that a mission that was left goes on where it was."""
+"""Mission progress, kept when the mode changes so that a mission resumes where it stopped."""
 
 from dataclasses import dataclass, field
 from enum import IntEnum

@@ -1,4 +1,4 @@
-"""Modes: what a vehicle can be doing, and the form of each style's table of them."""
+"""Flight modes, and the type of each style's mode table."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -95,7 +95,7 @@ class Mode:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StyleTables:
-    """Everything in which the two autopilots differ, as data."""
+    """All differences between the styles, as data."""
 
     name: str
     autopilot: int

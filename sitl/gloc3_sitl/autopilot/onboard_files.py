@@ -1,4 +1,4 @@
-"""The files of the simulated autopilot's memory card: kept in memory, the flight logs among them."""
+"""The simulated autopilot's SD card: files and flight logs, kept in memory."""
 
 from errno import EEXIST, ENOENT, ENOSPC, ENOTEMPTY, EPERM
 from os import strerror

@@ -31,7 +31,7 @@ _RANGES: Final = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AutopilotParameter:
-    """One parameter: what it is called, what it may be, and which figure it sets."""
+    """One parameter: name, type, bounds and the tuning figure that it sets."""
 
     name: str
     kind: ParameterKind
@@ -95,7 +95,7 @@ class ParameterStore:
     def __init__(self, rows: Sequence[AutopilotParameter], tuning: Tuning, derive: Derive | None = None) -> None:
         self.rows: Final = {row.name: row for row in sorted(rows, key=lambda row: row.name)}
         if len(self.rows) != len(rows):
-            raise Misuse("a parameter stands twice in the table")
+            raise Misuse("a parameter occurs twice in the table")
         self.tuning: Final = tuning
         self.on_change: list[Callable[[str, float], None]] = []
         """Called with name and value after each change."""
@@ -138,7 +138,7 @@ class ParameterStore:
                 raise Refused(f"{name} must be a whole number")
             low, high = _RANGES[row.kind]
             if not low <= value <= high:
-                raise Refused(f"{name} does not hold {value:g}")
+                raise Refused(f"{name} cannot store {value:g}")
         if not row.minimum <= value <= row.maximum:
             raise Refused(f"{name} must be from {row.minimum:g} to {row.maximum:g}")
         self._values[name] = value
@@ -149,13 +149,13 @@ class ParameterStore:
             listener(name, value)
 
     def load(self, other: "ParameterStore") -> None:
-        """Brings every value to that of another store of the same style."""
+        """Copies every value from another store of the same style."""
         for name in other:
             if other[name] != self[name]:
                 self.set(name, other[name])
 
     def reset(self) -> None:
-        """Brings every value back to its default."""
+        """Resets every value to its default."""
         for row in self.rows.values():
             if self._values[row.name] != row.default:
                 self.set(row.name, row.default)

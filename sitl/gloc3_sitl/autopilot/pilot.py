@@ -6,7 +6,7 @@ from math import inf
 
 @dataclass(slots=True)
 class Pilot:
-    """What the receiver would say. Nobody holds a transmitter until `switch_on` is called or a stick is moved."""
+    """State of the receiver. The transmitter is off until `switch_on` is called or a stick is moved."""
 
     is_on: bool = False
     """Whether the transmitter is switched on and in range."""

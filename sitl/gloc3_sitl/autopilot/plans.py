@@ -1,4 +1,4 @@
-"""What ground stations upload: mission, fence and rally points, as the vehicle keeps and checks them."""
+"""Uploaded mission, fence and rally points, and their checks."""
 
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -126,7 +126,7 @@ class StoredItem:
 
     @property
     def has_place(self) -> bool:
-        """Whether it says where; zero and zero stand for "here"."""
+        """Whether it has a position; zero and zero mean the current one."""
         return isfinite(self.latitude_deg) and (self.latitude_deg != 0.0 or self.longitude_deg != 0.0)
 
     @property
@@ -136,9 +136,9 @@ class StoredItem:
 
 
 def check_fence_item(item: StoredItem) -> tuple[PlanResult, str]:
-    """Judges an item of a fence."""
+    """Returns why a fence item is invalid; empty if it is valid."""
     if item.command not in FENCE_COMMANDS:
-        return PlanResult.UNSUPPORTED, f"command {item.command} is no part of a fence"
+        return PlanResult.UNSUPPORTED, f"command {item.command} is not a fence item"
     if item.frame not in _RELATIVE | _ABSOLUTE:
         return PlanResult.UNSUPPORTED_FRAME, f"frame {item.frame} is not supported"
     is_round = item.command in (MissionCommand.FENCE_CIRCLE_INCLUSION, MissionCommand.FENCE_CIRCLE_EXCLUSION)
@@ -148,9 +148,9 @@ def check_fence_item(item: StoredItem) -> tuple[PlanResult, str]:
 
 
 def check_rally_item(item: StoredItem) -> tuple[PlanResult, str]:
-    """Judges a rally point."""
+    """Returns why a rally point is invalid; empty if it is valid."""
     if item.command != MissionCommand.RALLY_POINT:
-        return PlanResult.UNSUPPORTED, f"command {item.command} is no rally point"
+        return PlanResult.UNSUPPORTED, f"command {item.command} is not a rally point"
     return _check_place(item)
 
 

@@ -1,4 +1,4 @@
-"""What the autopilot can ask of the simulation that it is in: things that no real one could do."""
+"""Requests of the autopilot to its simulation: power, true state, injected failures."""
 
 from enum import IntEnum
 from typing import Protocol
@@ -8,7 +8,7 @@ from gloc3_sitl.physics.truth import Truth
 
 
 class SupplyState(IntEnum):
-    """What becomes of the autopilot's supply, numbered as the first parameter of MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN."""
+    """Power commands of the autopilot, numbered as the first parameter of MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN."""
 
     REBOOT = 1
     SHUTDOWN = 2
@@ -41,7 +41,7 @@ class Surroundings(Protocol):
     """The simulation, as the autopilot sees it."""
 
     def switch(self, power: SupplyState) -> None:
-        """Boots the autopilot anew, or leaves it without power, as soon as its answer has gone out."""
+        """Reboots the autopilot or powers it off, once its answer is sent."""
 
     def truth(self) -> Truth:
         """What the vehicle really does."""
@@ -51,7 +51,7 @@ class Surroundings(Protocol):
 
 
 class Nowhere:
-    """Surroundings that take everything and do nothing: for an autopilot on a bench of its own."""
+    """Surroundings without effect, for an autopilot without a simulation."""
 
     def switch(self, power: SupplyState) -> None:
         """Does nothing."""
@@ -62,7 +62,7 @@ class Nowhere:
         Raises:
             LookupError: always.
         """
-        raise LookupError("there is no simulation")
+        raise LookupError("no simulation")
 
     def inject(self, unit: FailureUnit, failure: FailureKind) -> RequestVerdict:
         """Does nothing."""

@@ -1,4 +1,4 @@
-"""What the parameters of either style come down to: one set of figures in SI units, and actions with one meaning."""
+"""Tuning common to both styles: figures in SI units and failsafe actions, set by the parameters."""
 
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -11,7 +11,7 @@ from gloc3_sitl.autopilot.control.wing_gains import WingGains
 
 
 class FailsafeAction(IntEnum):
-    """What a failsafe does, the more severe the higher."""
+    """Failsafe actions by increasing severity."""
 
     NONE = 0
     WARN = 1

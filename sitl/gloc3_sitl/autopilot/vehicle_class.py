@@ -1,4 +1,4 @@
-"""What the autopilot must know of the class of vehicle that it steers, and cannot find in its parameters."""
+"""Properties of a vehicle class that the autopilot's parameters do not hold."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace

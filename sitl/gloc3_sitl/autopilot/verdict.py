@@ -1,4 +1,4 @@
-"""Who asks the autopilot for something, and how that ends."""
+"""Requests to the autopilot: their authors and results."""
 
 from enum import StrEnum
 from typing import Final, NamedTuple
@@ -7,7 +7,7 @@ from gloc3_sitl.autopilot.modes import Result
 
 
 class Author(StrEnum):
-    """Who asks for a change."""
+    """Author of a request."""
 
     COMMAND = "command"
     PILOT = "pilot"

@@ -13,17 +13,17 @@ from gloc3.errors import InputError, NotFound
 app = App(
     name="gloc3 demo",
     help="""Fly a mission with three real processes on this machine: the simulated vehicle, the onboard companion process
-    and the ground station, over UDP on loopback. On a terminal the station shows its screen, otherwise it narrates.
+    and the ground station, over UDP on loopback. On a terminal the station shows its screens, otherwise it narrates.
 
     For example:
 
     - `gloc3 demo`: the inspection of a cargo hold
     - `gloc3 demo --platform pelican`: the same without satellites, by its own cameras and laser scanner
-    - `gloc3 demo survey --platform boat`: a survey on the water; rover and auv do it, too
-    - `gloc3 demo my.plan --out runs/mine`: a plan of QGroundControl, at its own place on Earth
+    - `gloc3 demo survey --platform boat`: a survey on the water; also with rover and auv
+    - `gloc3 demo my.plan --out runs/mine`: a QGroundControl plan, at its own place on Earth
 
-    The folder of --out holds log.mcap (opens in Foxglove), truth.mcap, report.json, path.svg, images, and what the
-    processes said. Exit codes: 0 done; 1 the mission failed or did not pass the check; 2 wrong use; 130 interrupted.""",
+    The folder of --out holds log.mcap (opens in Foxglove), truth.mcap, report.json, path.svg, images and the
+    processes' output. Exit codes: 0 done; 1 the mission failed or did not pass the check; 2 wrong use; 130 interrupted.""",
     help_format="markdown",
     usage="gloc3 demo [OPTIONS] [MISSION]",
     version_flags=[],
@@ -45,12 +45,12 @@ def demo(
 
     Args:
         mission: A mission file (.yaml, .plan, WPL), or an example by its name.
-        platform: A platform file, or the name of one that is installed; else the one that the mission names, or the
-            Pelican, with a receiver for satellites where the mission is on Earth.
-        autopilot: The style of the simulated autopilot; else the usual one of the vehicle.
-        firmware: A real autopilot in its place, whose program is on PATH; see docs/firmware.md.
-        out: Folder for everything that the flight leaves, in place of an earlier flight's.
-        headless: Narrate, also on a terminal.
+        platform: A platform file, or the name of an installed platform; by default the one that the mission names, or
+            the Pelican, with a satellite receiver if the mission is on Earth.
+        autopilot: Style of the simulated autopilot; by default the vehicle's usual one.
+        firmware: Real firmware instead, whose program must be on PATH; see docs/firmware.md.
+        out: Folder for all files of the flight; those of an earlier flight are replaced.
+        headless: Narrate even on a terminal.
     """
     from gloc3.platform.reader import load_platform
     from gloc3_sitl.demo.demo import DemoOptions, run_demo

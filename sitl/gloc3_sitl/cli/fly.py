@@ -23,21 +23,21 @@ app = App(
 
     For example:
 
-    - `gloc3 fly hop`: the shortest mission there is
-    - `gloc3 fly inspection --out runs/inspection`: leaves log.mcap, report.json, path.svg and images there
+    - `gloc3 fly hop`: the shortest example mission
+    - `gloc3 fly inspection --out runs/inspection`: writes log.mcap, report.json, path.svg and images there
     - `gloc3 fly my.plan --autopilot ardupilot --wind 6 --seed 7 --json`
-    - `gloc3 fly survey --platform boat --waves 0.3 --current 0.2 --wind 5`: the same survey is for `rover`, too
+    - `gloc3 fly survey --platform boat --waves 0.3 --current 0.2 --wind 5`: also with `--platform rover`
     - `gloc3 fly patrol --fault link_loss@30..60 --fault crash:limiter@80`
 
     Faults are written KIND[:TARGET][=VALUE[/SIZE]][@BEGIN[..[END]]], with times in seconds of the flight:
 
-    - `link_loss`, `cable_loss`: of the station's radio, of the autopilot's cable; `=SHARE` for a part of the messages
+    - `link_loss`, `cable_loss`: loss on the station's radio or the autopilot's cable; `=SHARE` for some of the messages
     - `wind=SPEED/FROM`, `battery=SHARE`, `sensor:NAME=lost|stuck|biased|noisy|late|old`
     - `device:NAME=lost|stuck|late|old|scaled|step|garbage`…: cameras (`black`, `white`, `torn`…), laser scanner, external
       tracker (`dark`, `twin`), `imu`
     - `crash:COMPONENT`, `hang:COMPONENT`, `slow:COMPONENT=SECONDS`, `restart` of the onboard process
     - `pilot:MODE|arm|disarm|kill|on|off`: the human pilot's switches
-    - `topic:TOPIC=lost|late|stale|nan|jump|foreign`: what becomes of its messages; in short `no_setpoints`,
+    - `topic:TOPIC=lost|late|stale|nan|jump|foreign`: a topic's messages; short forms are `no_setpoints`,
       `stale_setpoints`, `nan_setpoints`, `far_setpoints`, `foreign_setpoints`, `pose_jump`
 
     Narration goes to stderr, the report to stdout. Exit codes: 0 done; 1 the mission failed or did not pass the check;
@@ -50,34 +50,34 @@ app = App(
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class FlyCommandOptions:
-    """What `gloc3 fly` is asked for; each field is an option."""
+    """The options of `gloc3 fly`, one field each."""
 
     platform: str | None = None
-    """A platform file, or the name of one that is installed; else the one that the mission names, or the
-    Pelican, with a receiver for satellites where the mission is on Earth."""
+    """A platform file, or the name of an installed platform; by default the one that the mission names, or the
+    Pelican, with a satellite receiver if the mission is on Earth."""
     autopilot: Literal["px4", "ardupilot"] | None = None
-    """The style of the simulated autopilot; else the usual one of the vehicle."""
+    """Style of the simulated autopilot; by default the vehicle's usual one."""
     firmware: Literal["ardupilot"] | None = None
-    """A real autopilot in its place, in step with the flight's clock, whose program is on PATH; see
+    """Real firmware instead, in lockstep with the flight's clock; its program must be on PATH. See
     docs/firmware.md."""
     seed: int = 0
-    """Of all chance: sensor noise, turbulence, links, boot numbers."""
+    """Seed of all randomness: sensor noise, turbulence, links, boot numbers."""
     wind: float = 0.0
     """Mean wind in m/s from the west, gusty; 0 is calm air."""
     waves: float = 0.0
-    """Significant height of waves from the west, in metres, for what swims."""
+    """Significant height of waves from the west, in metres; for boats and underwater vehicles."""
     current: float = 0.0
-    """Of the water in m/s, to the north, for what swims."""
+    """Water current to the north, in m/s; for boats and underwater vehicles."""
     fault: Annotated[list[str], Parameter(negative=())] | None = None
-    """Something that goes wrong, such as link_loss@30..60; may be given several times."""
+    """A fault to inject, such as link_loss@30..60; may be repeated."""
     world: str = ""
-    """World to fly in: the name of one of ours, such as hold_hard or hold_busy, or a world file; else the one
+    """World: the name of a built-in one, such as hold_hard or hold_busy, or a world file; by default the one
     that the mission's frame belongs to."""
     out: Path | None = None
-    """Folder for log.mcap, report.json, path.svg and images, in place of an earlier flight's; without it
+    """Folder for log.mcap, report.json, path.svg and images; those of an earlier flight are replaced. Without it
     nothing is kept."""
     json: Annotated[bool, Parameter(negative=())] = False
-    """The report on stdout as JSON."""
+    """Print the report on stdout as JSON."""
     quiet: Annotated[bool, Parameter(negative=())] = False
     """No narration on stderr."""
 

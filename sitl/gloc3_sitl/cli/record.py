@@ -16,12 +16,12 @@ LEAST_CLEARANCE_M: Final = 0.3
 MOST_LAP_M: Final = 100.0
 """Sides of the default lap."""
 MOST_S: Final = 3600.0
-"""Nobody wants to wait for more, unless it is asked for."""
+"""Longest recording without `--seconds`."""
 _POLL_PERIOD_S: Final = 0.1
 
 
 class DataSetFormat(StrEnum):
-    """In which form a data set is written."""
+    """Format of a recorded data set."""
 
     KITTI = "kitti"
     """Rectified stereo pictures, as the odometry benchmark has them."""
@@ -46,52 +46,52 @@ def record(
     seconds: float | None = None,
     seed: int = 0,
 ) -> int:
-    """Fly smoothly through a world, without physics, and write what is seen there as a data set with its truth.
+    """Fly smoothly through a world, without physics, and record the sensor data with ground truth as a data set.
 
     For example:
 
     - `gloc3 sitl record euroc hold`: a lap of the cargo hold for `gloc3 odometry stereo hold`
     - `gloc3 sitl record carmen tank.log --world tank --seconds 60`: a minute of laser scans for `gloc3 odometry laser`
-    - `gloc3 sitl record ground down --way 3,3,2 --way 12,3,2 --way 12,8,2`: along a way of your own
+    - `gloc3 sitl record ground down --way 3,3,2 --way 12,3,2 --way 12,8,2`: along a path of your own
 
     Args:
         form: kitti (rectified stereo), euroc (stereo with distortion, inertial unit), ground (pictures straight down, attitude,
             height along the body's down axis) or carmen (laser).
-        out: A folder that is not there or empty; with carmen a file NAME.log that is not there.
-        world: World to fly in: the name of one of ours, or a world file.
-        way: A corner of the way as X,Y,HEIGHT in the world's frame; given again for each. Default: a lap in the middle.
-        speed: Between the corners, in m/s.
+        out: A new or empty folder; with carmen a new file NAME.log.
+        world: World: the name of a built-in one, or a world file.
+        way: A corner of the path as X,Y,HEIGHT in the world's frame; repeated for each. Default: a lap in the middle.
+        speed: Speed between the corners, in m/s.
         height: Height of the default lap over the floor, in metres.
         rate: Pictures or scans per second; default 15, or 10 for carmen.
-        seconds: End after so much time.
+        seconds: Time after which to end, in seconds.
         seed: Seed of all noise.
     """
     if not 0.0 < speed <= 5.0:
-        raise Refused("--speed must be above 0, and 5 m/s at most")
+        raise Refused("--speed must be above 0 and at most 5 m/s")
     if rate is not None and not 0.0 < rate <= 100.0:
-        raise Refused("--rate must be above 0, and 100 at most")
+        raise Refused("--rate must be above 0 and at most 100 Hz")
     if seconds is not None and not seconds > 0.0:
         raise Refused("--seconds must be above 0")
     if seed < 0:
         raise Refused("--seed must be 0 or more")
     if form is DataSetFormat.CARMEN and out.suffix not in (".log", ".clf"):
-        raise Refused(f"call a CARMEN log {out}.log, so that gloc3 odometry laser and carmen:// know what it is")
+        raise Refused(f"name the CARMEN log {out}.log, so that gloc3 odometry laser and carmen:// recognise it")
     if out.exists() and (form is DataSetFormat.CARMEN or not out.is_dir() or any(out.iterdir())):
-        raise Refused(f"{out} is there already, and not empty")
+        raise Refused(f"{out} already exists and is not empty")
     place = World.load(world)
     flight = SmoothFlight(place, [_corner(text) for text in way] if way else lap(place, height), speed)
     duration_s = min(flight.duration_s, seconds or flight.duration_s)
     if duration_s > MOST_S and seconds is None:
-        raise Refused(f"the way takes {duration_s:.0f} s; say with --seconds how much of it is wanted")
+        raise Refused(f"the path takes {duration_s:.0f} s; limit it with --seconds")
     _check_clear(place, flight, duration_s)
     count = _write(form, out, place, flight, duration_s, rate, seed)
     what = {DataSetFormat.CARMEN: "scans", DataSetFormat.GROUND: "pictures"}.get(form, "pairs of pictures")
-    narrate(f"record: {count} {what} in {duration_s:.1f} s, {flight.length_m:.1f} m of way in all, to {out}")
+    narrate(f"record: {count} {what} in {duration_s:.1f} s, {flight.length_m:.1f} m path in all, written to {out}")
     return 0
 
 
 def lap(world: World, height_m: float) -> list[Vector3]:
-    """Once round in the middle of a world's floor.
+    """Returns a lap in the middle of a world's floor.
 
     Raises:
         Refused: it has no surface called *floor*.
@@ -123,14 +123,14 @@ def _corner(text: str) -> Vector3:
 
 
 def _check_clear(world: World, flight: SmoothFlight, duration_s: float) -> None:
-    """Refuses a way that leads into something."""
+    """Refuses a path that comes too near to an obstacle."""
     for number in range(int(duration_s / _POLL_PERIOD_S) + 1):
         t_s = number * _POLL_PERIOD_S
         place = flight.place_m(t_s)
         clearance_m = world.geometry.clearance_m(place, t_s)
         if clearance_m < LEAST_CLEARANCE_M:
             where = ", ".join(f"{part:.1f}" for part in place)
-            raise Refused(f"the way comes within {clearance_m:.2f} m of something, at {where} after {t_s:.1f} s")
+            raise Refused(f"the path passes within {clearance_m:.2f} m of an obstacle, at {where} after {t_s:.1f} s")
 
 
 def _write(

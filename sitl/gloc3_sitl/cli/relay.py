@@ -1,4 +1,4 @@
-"""`gloc3 relay`: passes bytes between two addresses as a bad link would: slowly, late, and not all of them."""
+"""`gloc3 relay`: passes datagrams between two addresses over a simulated link with limited rate, latency and loss."""
 
 import asyncio
 import signal
@@ -22,7 +22,7 @@ HALF_DUPLEX: Final = ("radio", "acoustic")
 
 app = App(
     name="gloc3 relay",
-    help="""Pass datagrams between two addresses as a bad link would, until Ctrl-C.
+    help="""Pass datagrams between two addresses over a simulated link, until Ctrl-C.
 
     For example, an acoustic modem between an onboard process and a station, all on this machine:
 
@@ -30,7 +30,7 @@ app = App(
     - `gloc3 relay udpin://127.0.0.1:15001 udpout://127.0.0.1:15002 --link acoustic`
     - `gloc3 station --acoustic auv=udpin://127.0.0.1:15002`
 
-    Orders go back the same way once a summary has come.""",
+    Commands go back over the same link once a summary has arrived.""",
     help_format="markdown",
     version_flags=[],
 )
@@ -52,13 +52,13 @@ def relay(
 
     Args:
         one: A MAVLink-style URL: udpin://HOST:PORT, udpout://, tcpin://, tcpout:// or serial://.
-        other: The other one.
-        link: What lies between them: perfect, radio (57,600 baud, 30 ms, 2 % lost) or acoustic (80 bit/s, 2 to 3 s, 10 %
+        other: The URL of the other end.
+        link: Kind of link: perfect, radio (57,600 baud, 30 ms, 2 % lost) or acoustic (80 bit/s, 2 to 3 s, 10 %
             lost); in the last two both directions share the line.
-        rate: Bits per second, in place of the link's; 0 for no limit.
-        latency: Seconds on the way, in place of the link's.
-        loss: Share of the datagrams that is lost, 0 to 1, in place of the link's.
-        seed: Of chance.
+        rate: Bit rate in bit/s, instead of the link's; 0 for no limit.
+        latency: Latency in seconds, instead of the link's.
+        loss: Share of the datagrams that is lost, 0 to 1, instead of the link's.
+        seed: Seed of losses and delays.
     """
     conditions = KINDS[link]
     for name, value, most in (("--rate", rate, 1e12), ("--latency", latency, 3600.0), ("--loss", loss, 1.0)):
@@ -85,8 +85,8 @@ async def _relay(one: str, other: str, conditions: Conditions, seed: int, *, is_
     finally:
         for endpoint in endpoints:
             await endpoint.close()
-    passed = f"{way.a.sent + way.b.sent} datagrams; {way.a.lost + way.b.lost} lost on the way"
-    narrate(f"{passed}, {way.a.dropped + way.b.dropped} had no room")
+    passed = f"{way.a.sent + way.b.sent} datagrams; {way.a.lost + way.b.lost} lost"
+    narrate(f"{passed}, {way.a.dropped + way.b.dropped} dropped from full queues")
     return 0
 
 

@@ -1,4 +1,4 @@
-"""The command `gloc3 sitl`: the simulated vehicle on real sockets, in wall time."""
+"""The command `gloc3 sitl`: the simulated vehicle on real sockets, in real time."""
 
 import asyncio
 import signal
@@ -45,19 +45,19 @@ app = App(
 
     Without --link it sends to 127.0.0.1:14550, where ground stations listen (QGroundControl; MAVSDK as
     udpin://0.0.0.0:14550), and to 127.0.0.1:14540, where companions listen (MAVSDK as udpin://0.0.0.0:14540,
-    gloc3 onboard); in ArduPilot's style it also listens on TCP 127.0.0.1:5760, where MAVProxy and pymavlink look.
-    What it does and what the autopilot says goes to stderr.
+    gloc3 onboard); in ArduPilot's style it also listens on TCP 127.0.0.1:5760, where MAVProxy and pymavlink connect.
+    Narration and the autopilot's status texts go to stderr.
 
     For example:
 
-    - `gloc3 sitl`: the Pelican in a cargo hold, as `gloc3 onboard pelican_rtk` and `gloc3 station` look for it
-    - `gloc3 sitl --autopilot ardupilot --world open --home 47.3977,8.5456,488,90 --wind 6`: for ground stations of others
+    - `gloc3 sitl`: the Pelican in a cargo hold, on the default ports of `gloc3 onboard pelican_rtk` and `gloc3 station`
+    - `gloc3 sitl --autopilot ardupilot --world open --home 47.3977,8.5456,488,90 --wind 6`: for other ground stations
     - `gloc3 sitl --vehicle boat --home 63.4396,10.399,0,0 --waves 0.3`: the Otter in the fjord, for `gloc3
       onboard boat`; `--vehicle rover` is a Jackal, `plane` an Aerosonde
     - `gloc3 sitl --vehicle auv --dvl a50://127.0.0.1:16171`: with its Doppler velocity log, for `gloc3 onboard
-      auv --device dvl=a50://127.0.0.1:16171`; `--vehicle rov`, too
+      auv --device dvl=a50://127.0.0.1:16171`; also with `--vehicle rov`
     - `gloc3 sitl --no-gps --sensors 7010`: with cameras and laser scanner, for `gloc3 onboard pelican --device`
-    - `gloc3 sitl --firmware ardupilot`: a real ArduPilot in this world, see docs/firmware.md""",
+    - `gloc3 sitl --firmware ardupilot`: a real ArduPilot in this world; see docs/firmware.md""",
     help_format="markdown",
     usage="gloc3 sitl [OPTIONS] | gloc3 sitl COMMAND",
     version_flags=[],
@@ -68,14 +68,14 @@ app.command(record)
 
 
 class LinkRow(NamedTuple):
-    """A link that was asked for."""
+    """A requested MAVLink link."""
 
     url: str
     kind: LinkKind
 
 
 def read_link(text: str) -> LinkRow:
-    """Reads a link: a URL, with `station=` or `companion=` before it where the port does not tell.
+    """Reads a link: a URL, with `station=` or `companion=` before it where the port does not imply one.
 
     Raises:
         Refused: the word before the URL is neither.
@@ -99,9 +99,9 @@ def read_home(text: str) -> tuple[GeoPoint, float]:
     try:
         latitude, longitude, altitude, heading = (float(part) for part in text.split(","))
     except ValueError:
-        raise Refused(f"home {text!r} must be LAT,LON,ALT,HEADING, as 47.3977,8.5456,488,90") from None
+        raise Refused(f"home {text!r} must be LAT,LON,ALT,HEADING, such as 47.3977,8.5456,488,90") from None
     if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and abs(altitude) < 1e5 and abs(heading) <= 360.0):
-        raise Refused(f"home {text!r} is no place on Earth")
+        raise Refused(f"home {text!r} is not a place on Earth")
     return GeoPoint(latitude, longitude, altitude), heading
 
 
@@ -121,19 +121,19 @@ def read_parameter(text: str) -> tuple[str, float]:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class SitlOptions:
-    """What `gloc3 sitl` is asked for; each field is an option."""
+    """The options of `gloc3 sitl`, one field each."""
 
     vehicle: str = PELICAN
-    """Model of the vehicle."""
+    """Vehicle model."""
     autopilot: str | None = None
-    """Style of the autopilot: px4 or ardupilot; else the usual one of the vehicle."""
+    """Autopilot style: px4 or ardupilot; by default the vehicle's usual one."""
     world: str | None = None
-    """World to be in: the name of one of ours, or a world file; else hold for the Pelican, bay for what dives,
-    and open for the others."""
+    """World: the name of a built-in one, or a world file; by default hold for multirotors, bay for underwater
+    vehicles, and open for the others."""
     home: str | None = None
-    """Place of departure as LAT,LON,ALT,HEADING; for worlds that can be moved."""
+    """Home position as LAT,LON,ALT,HEADING; for worlds without a fixed place on Earth."""
     speed: float = 1.0
-    """How many times faster than real time."""
+    """Simulation speed, as a multiple of real time."""
     seed: int = 0
     """Seed of sensor noise and turbulence."""
     wind: float = 0.0
@@ -141,39 +141,39 @@ class SitlOptions:
     wind_from: float = 0.0
     """Bearing that the wind blows from, in degrees."""
     waves: float = 0.0
-    """Significant height of waves from there, in metres, for what swims."""
+    """Significant height of waves from the same bearing, in metres; for boats and underwater vehicles."""
     current: float = 0.0
-    """Of the water in m/s, to the north, for what swims."""
+    """Water current to the north, in m/s; for boats and underwater vehicles."""
     plain_gps: bool = False
-    """Metre-level fixes in place of RTK-grade ones."""
+    """Metre-level fixes instead of RTK-grade ones."""
     no_gps: Annotated[bool, Parameter(negative=())] = False
-    """No satellites: the autopilot is set to fly by the ODOMETRY that it is sent."""
+    """No satellites: the autopilot's parameters are set for external odometry (ODOMETRY)."""
     battery: float = 1.0
-    """Charge at the start, 1 to 0."""
+    """Battery charge at the start, 0 to 1."""
     param: Annotated[list[str] | None, Parameter(negative=())] = None
-    """An autopilot parameter as NAME=VALUE; may be given again."""
+    """An autopilot parameter as NAME=VALUE; may be repeated."""
     link: Annotated[list[str] | None, Parameter(negative=())] = None
-    """Where MAVLink goes, as udpout://HOST:PORT, udpin://, tcpin://, tcpout:// or serial://; may be given
-    again. `station=` or `companion=` before the URL chooses which telemetry begins by itself; ports 14540 to
-    14549 are companions' without it."""
+    """A MAVLink link, as udpout://HOST:PORT, udpin://, tcpin://, tcpout:// or serial://; may be repeated.
+    `station=` or `companion=` before the URL chooses the default telemetry streams; without it, ports 14540 to
+    14549 are companion links."""
     seconds: float | None = None
-    """End after so much simulated time."""
+    """Simulated time after which to end, in seconds."""
     sensors: int | None = None
-    """TCP port on 127.0.0.1 that serves cameras and laser scanner (0: any), as sources tcp://127.0.0.1:PORT of
-    `gloc3 onboard --device`."""
+    """TCP port on 127.0.0.1 that serves cameras and laser scanner (0: any free one); `gloc3 onboard --device` reads
+    them from tcp://127.0.0.1:PORT."""
     dvl: str | None = None
-    """Where a Doppler velocity log is served, as a50://HOST:PORT or pd6://HOST:PORT: the same is the source of
+    """Address that serves a Doppler velocity log, as a50://HOST:PORT or pd6://HOST:PORT; the same URL is the source in
     `gloc3 onboard auv --device dvl=…`."""
     out: Path | None = None
-    """Folder for truth.mcap, the log of where the vehicle truly was."""
+    """Folder for truth.mcap, the log of the vehicle's true motion."""
     firmware: str | None = None
-    """A real autopilot, ardupilot or px4, in place of ours; see docs/firmware.md."""
+    """Real firmware, ardupilot or px4, instead of the embedded autopilot; see docs/firmware.md."""
     firmware_binary: Path | None = None
-    """Its program; else arducopter or px4 on PATH."""
+    """The firmware's program; by default arducopter or px4 (or the vehicle's ArduPilot program) on PATH."""
     firmware_running: Annotated[bool, Parameter(negative=())] = False
-    """It is started by somebody else, and waited for."""
+    """Wait for a firmware that you start yourself."""
     firmware_port: int | None = None
-    """Where our physics listens for it, in place of UDP 9002 (ArduPilot) or TCP 4560 (PX4)."""
+    """Port on which the physics waits for it, instead of UDP 9002 (ArduPilot) or TCP 4560 (PX4)."""
 
 
 @app.default
@@ -188,7 +188,7 @@ def sitl(options: SitlOptions = SitlOptions()) -> int:
     if options.firmware is not None:
         return _run_firmware(options.firmware, options, world, air, dvl)
     if options.firmware_binary is not None or options.firmware_running or options.firmware_port is not None:
-        raise Refused("--firmware-binary, -running and -port need --firmware ardupilot or --firmware px4")
+        raise Refused("--firmware-binary, --firmware-running and --firmware-port need --firmware ardupilot or px4")
     simulator = Simulator(
         world,
         SimulatorSettings(
@@ -215,7 +215,7 @@ def _check(options: SitlOptions) -> None:
         Refused: one is not.
     """
     if not 0.0 < options.speed <= 1000.0:
-        raise Refused("--speed must be above 0, and 1000 at most")
+        raise Refused("--speed must be above 0 and at most 1000")
     if not 0.0 <= options.wind <= 30.0:
         raise Refused("--wind must be from 0 to 30 m/s")
     check_sea(options.vehicle, options.waves, options.current)
@@ -330,7 +330,7 @@ async def _open(simulator: Simulator, row: LinkRow, loop: asyncio.AbstractEventL
 async def _watch(
     simulator: Simulator, endpoints: Sequence[Endpoint], stopped: asyncio.Event, seconds: float | None
 ) -> None:
-    """Tells what the autopilot says and what keeps a link from working, until it is over."""
+    """Narrates the autopilot's status texts and the links' problems, until the end."""
     reported = 0
     late = 0
     problems: dict[str, str] = {}
@@ -347,7 +347,7 @@ async def _watch(
             problems[endpoint.url] = endpoint.problem
         if simulator.late > late and late == 0:
             late = simulator.late
-            _narrate("this computer is too slow for the speed asked for; simulated time goes slower")
+            _narrate("this computer is too slow for the requested speed; simulated time falls behind")
         if simulator.is_off:
             _narrate("the autopilot was shut down")
             return

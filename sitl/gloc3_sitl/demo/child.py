@@ -1,4 +1,4 @@
-"""One of the processes of the demonstration, with what it says in a file of its own."""
+"""One process of the demonstration, with its output in its own file."""
 
 import asyncio
 import sys
@@ -25,7 +25,7 @@ class DemoProcess:
         self._process: asyncio.subprocess.Process | None = None
 
     async def start(self, arguments: Sequence[str]) -> None:
-        """Starts it out of reach of the terminal's Ctrl-C; what it says goes to the file."""
+        """Starts it out of reach of the terminal's Ctrl-C, with its output in the file."""
         with self._file.open("wb") as file:
             self._process = await asyncio.create_subprocess_exec(
                 *_command(arguments),
@@ -36,7 +36,7 @@ class DemoProcess:
             )
 
     async def show(self, arguments: Sequence[str], *, is_interactive: bool) -> None:
-        """Starts it with our output for its own, and with the terminal's keys if it is to have them."""
+        """Starts it on this process's output, and if interactive also on the terminal's input."""
         self._process = await asyncio.create_subprocess_exec(
             *_command(arguments),
             stdin=None if is_interactive else asyncio.subprocess.DEVNULL,
@@ -54,7 +54,7 @@ class DemoProcess:
         return self._process is not None and self._process.returncode is None
 
     async def await_line(self, text: str) -> str:
-        """Waits until it has said something.
+        """Waits for a line of its output.
 
         Raises:
             Gloc3Error: it ended first, or took too long; with its last words.
@@ -70,12 +70,12 @@ class DemoProcess:
         raise Gloc3Error(f"{self.name} did not start: {self.last_lines()}")
 
     def last_lines(self) -> str:
-        """The last lines that it has said."""
+        """Returns the last lines of its output."""
         lines = self._file.read_text(errors="replace").splitlines() if self._file.exists() else []
-        return "\n".join(lines[-LAST_LINES:]) or "it said nothing"
+        return "\n".join(lines[-LAST_LINES:]) or "no output"
 
     async def stop(self) -> None:
-        """Ends it: asks first, then does not ask. While it is still loading it has nothing to see to, and ends at once."""
+        """Terminates it, and kills it if it does not end in time; while still loading it ends at once."""
         process = self._process
         if process is None:
             return
@@ -89,7 +89,7 @@ class DemoProcess:
             await process.wait()
 
     def kill(self) -> None:
-        """Ends it at once."""
+        """Kills it."""
         if self._process is not None:
             with suppress(ProcessLookupError):
                 self._process.kill()

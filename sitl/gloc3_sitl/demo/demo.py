@@ -1,4 +1,4 @@
-"""The main job: simulated vehicle, onboard process and ground station as three real processes over UDP on loopback."""
+"""Runs simulated vehicle, onboard process and ground station as three real processes over UDP on loopback."""
 
 import asyncio
 import signal
@@ -41,7 +41,7 @@ PATIENCE: Final = 3.0
 
 
 class DemoOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """What the demonstration flies."""
+    """Options of the demonstration."""
 
     mission: Path
     """A file of any format."""
@@ -160,24 +160,24 @@ class Demo:
         for end in done:
             if ends[end] is self._station:
                 return end.result()
-            narrate(f"gloc3 demo: {ends[end].name} has ended by itself: {ends[end].last_lines()}")
+            narrate(f"gloc3 demo: {ends[end].name} ended unexpectedly: {ends[end].last_lines()}")
         if not done:
             narrate(f"gloc3 demo: not ended within {limit_s:.0f} s")
         return EXIT_FAILED
 
     async def stop(self) -> None:
-        """Ends all of them, the vehicle last."""
+        """Stops all processes, the vehicle last."""
         for child in (self._station, self._onboard, self._vehicle):
             await child.stop()
 
     def kill(self) -> None:
-        """Ends all of them at once."""
+        """Kills all processes."""
         for child in (self._station, self._onboard, self._vehicle):
             child.kill()
 
 
 def free_ports(count: int, kind: socket.SocketKind) -> list[int]:
-    """Ports on loopback that nobody has."""
+    """Returns free ports on loopback."""
     sockets = [socket.socket(socket.AF_INET, kind) for _ in range(count)]
     for opened in sockets:
         opened.bind(("127.0.0.1", 0))
@@ -188,7 +188,7 @@ def free_ports(count: int, kind: socket.SocketKind) -> list[int]:
 
 
 def sensed(platform: Platform, port: int, dvl_port: int) -> list[str]:
-    """Where the sensors of a platform are that a simulated vehicle has, as NAME=URL.
+    """Returns the URLs of the platform's sensors that a simulated vehicle has, as NAME=URL.
 
     Args:
         platform: whose components use them.
@@ -219,13 +219,13 @@ def _report(options: DemoOptions, mission: Mission, limits: Limits, total_s: flo
     try:
         lines = write_report(options.out, mission, limits, options.autopilot, total_s)
     except Gloc3Error as error:
-        narrate(f"gloc3 demo: no report, because nothing was flown: {error}")
+        narrate(f"gloc3 demo: no report, because there was no flight: {error}")
         return
     print("\n".join(lines))  # noqa: T201
 
 
 def write_report(out: Path, mission: Mission, limits: Limits, autopilot: str, total_s: float) -> list[str]:
-    """Writes `report.json` and `path.svg`; returns the summary for a person.
+    """Writes `report.json` and `path.svg`; returns the readable summary.
 
     Raises:
         InputError: a log is missing, or is none.

@@ -1,4 +1,4 @@
-"""Faults of a simulated flight as data, and what each does to devices, messages, components and links.
+"""Faults of a simulated flight as data, and their effects on devices, messages, components and links.
 
 `faults` reads them from text and schedules them.
 """

@@ -1,4 +1,4 @@
-"""What goes wrong with cameras and scanners: what their faults make of what they take, and of what they took."""
+"""Faults of cameras and scanners: how they corrupt frames and scans, new or already taken."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -48,7 +48,7 @@ class Bottom(NamedTuple):
 
 
 class DeviceFault(NamedTuple):
-    """What is wrong with a device."""
+    """A fault of a device."""
 
     word: str
     """A key of `ALL`, or of `CAMERA` or `LASER`."""
@@ -64,17 +64,17 @@ is too long by a share; it tells that it is farther north than it is."""
 
 
 def size_of(fault: DeviceFault) -> float:
-    """The size of a fault, that of `SIZES` where none was given."""
+    """Returns the size of a fault, by default from `SIZES`."""
     return SIZES[fault.word] if fault.size is None else fault.size
 
 
 def late_by_s(fault: DeviceFault | None) -> float:
-    """How late a device is."""
+    """Returns the delay of a device."""
     return size_of(fault) if fault is not None and fault.word in ("late", "old") else 0.0
 
 
 def seen_from(truth: Truth, fault: DeviceFault | None, begin: Truth) -> Truth:
-    """From where a device looks that is scaled or has made a step: not from where it is.
+    """Returns the truth from which a scaled or displaced device looks.
 
     Args:
         truth: what the vehicle does.
@@ -100,17 +100,17 @@ def _moved(truth: Truth, by_ned_m: Vector3) -> Truth:
 
 
 def is_silent(fault: DeviceFault | None) -> bool:
-    """Whether nothing comes."""
+    """Whether the device delivers no data."""
     return fault is not None and fault.word == "lost"
 
 
 def is_stuck(fault: DeviceFault | None) -> bool:
-    """Whether the last comes again and again."""
+    """Whether the device repeats its last data."""
     return fault is not None and fault.word == "stuck"
 
 
 def corrupted(used: T, fault: DeviceFault | None) -> T:
-    """What a fault makes of what was taken."""
+    """Returns the data as the fault corrupts it."""
     if isinstance(used, Bottom):
         return used._replace(bottom=_corrupted_bottom(used.bottom, fault))
     if fault is None or (fault.word in ALL and not (isinstance(used, FaultyScan) and fault.word == "scaled")):

@@ -1,4 +1,4 @@
-"""What the kinds of faults do to a flight: one table, each row with its form in text and how it begins and ends."""
+"""Effects of the kinds of faults on a flight: a table with the text form, the begin and the end of each."""
 
 from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
@@ -32,7 +32,7 @@ def _fits(flight: Flight, given: Parsed) -> None:
 
 
 class Effect(NamedTuple):
-    """A row of the table."""
+    """One kind of fault: its text form, its check and its effect."""
 
     form: FaultForm
     begin: Callable[[Flight, Parsed, bool], Ended]
@@ -85,12 +85,12 @@ def _corrupt_sensor(flight: Flight, given: Parsed, _: bool) -> Ended:
 
 def _check_sensor(flight: Flight, given: Parsed) -> None:
     if given.target not in SENSORS:
-        raise Refused(f"there is no sensor {given.target!r}; {nearest(given.target, SENSORS)}")
+        raise Refused(f"no sensor {given.target!r}; {nearest(given.target, SENSORS)}")
     _check_ours(flight, given.target)
     if not flight.plan.is_firmware and given.target not in flight.simulator.sensors.names:
         raise Refused(f"the {vehicle_of(flight.platform)} has no {given.target}")
     if given.word == FaultMode.SCALED and given.target not in SCALED:
-        raise Refused("only the height and the ways of wheels can be scaled")
+        raise Refused("only the height and the wheel encoders can be scaled")
 
 
 def _check_battery(flight: Flight, _: Parsed) -> None:
@@ -99,7 +99,7 @@ def _check_battery(flight: Flight, _: Parsed) -> None:
 
 def _check_ours(flight: Flight, sensor: str) -> None:
     if flight.plan.is_firmware and sensor not in FLOWN_BY:
-        raise Refused(f"a real firmware simulates its own {sensor}; of ours it has {' and '.join(FLOWN_BY)}")
+        raise Refused(f"the real firmware simulates its own {sensor}; only {' and '.join(FLOWN_BY)} can fail here")
 
 
 # --- components ---
@@ -155,7 +155,7 @@ def _modes(style: StyleTables) -> dict[str, str]:
 def _check_pilot(flight: Flight, given: Parsed) -> None:
     known = [*_modes(flight.simulator.autopilot.style), *_SWITCHES]
     if given.target.lower() not in known:
-        raise Refused(f"a pilot cannot {given.target!r} here; {nearest(given.target.lower(), known)}")
+        raise Refused(f"unknown pilot action {given.target!r}; {nearest(given.target.lower(), known)}")
 
 
 def _pilot(flight: Flight, given: Parsed, _: bool) -> Ended:
@@ -206,7 +206,7 @@ def _check_device(flight: Flight, given: Parsed) -> None:
         raise Refused(f"the world has no device {given.target!r}; {nearest(given.target, list(devices))}")
     words = _words(given.target, devices[given.target])
     if given.word not in words:
-        raise Refused(f"{given.word!r} is none of {given.target}'s: {', '.join(words)}")
+        raise Refused(f"{given.word!r} is not a fault of {given.target}; its faults: {', '.join(words)}")
 
 
 def _corrupt_device(flight: Flight, given: Parsed, _: bool) -> Ended:
@@ -230,12 +230,12 @@ _SHARE: Final = (0.0, 1.0)
 EFFECTS: Final[Mapping[str, Effect]] = {
     "link_loss": Effect(
         FaultForm(
-            text="link_loss[=SHARE]", does="the station's radio loses that share, or all", bounds=_SHARE, default=1.0
+            text="link_loss[=SHARE]", does="the station's radio loses this share, or all", bounds=_SHARE, default=1.0
         ),
         _lose_radio,
     ),
     "cable_loss": Effect(
-        FaultForm(text="cable_loss[=SHARE]", does="the autopilot's cable does", bounds=_SHARE, default=1.0), _lose_cable
+        FaultForm(text="cable_loss[=SHARE]", does="the autopilot's cable, too", bounds=_SHARE, default=1.0), _lose_cable
     ),
     "wind": Effect(
         FaultForm(
@@ -247,7 +247,7 @@ EFFECTS: Final[Mapping[str, Effect]] = {
         _blow,
     ),
     "battery": Effect(
-        FaultForm(text="battery=SHARE", does="so much charge is left, 0 to 1", bounds=_SHARE, is_event=True),
+        FaultForm(text="battery=SHARE", does="remaining charge, 0 to 1", bounds=_SHARE, is_event=True),
         _drain,
         _check_battery,
     ),
@@ -274,12 +274,12 @@ EFFECTS: Final[Mapping[str, Effect]] = {
         _check_device,
     ),
     "hang": Effect(
-        FaultForm(text="hang:COMPONENT", does="its cycles do not end", has_target=True), _hang, _check_component
+        FaultForm(text="hang:COMPONENT", does="its cycle never returns", has_target=True), _hang, _check_component
     ),
     "slow": Effect(
         FaultForm(
             text="slow:COMPONENT=SECONDS",
-            does="each of its cycles takes so much longer",
+            does="each of its cycles takes this much longer",
             has_target=True,
             bounds=(0.0, 3600.0),
         ),
@@ -289,7 +289,7 @@ EFFECTS: Final[Mapping[str, Effect]] = {
     "crash": Effect(
         FaultForm(
             text="crash:COMPONENT",
-            does="its next cycle raises an error; with END every one does",
+            does="its next cycle raises an error; with END every cycle does",
             has_target=True,
             is_event=True,
             may_last=True,
@@ -308,7 +308,7 @@ EFFECTS: Final[Mapping[str, Effect]] = {
     "pilot": Effect(
         FaultForm(
             text="pilot:MODE|" + "|".join(_SWITCHES),
-            does=f"the pilot's switches; modes: {', '.join(_BEHAVIOURS)}, or in the autopilot's words",
+            does=f"the pilot's switches; modes: {', '.join(_BEHAVIOURS)}, or the autopilot's mode names",
             has_target=True,
             is_event=True,
         ),
@@ -318,7 +318,7 @@ EFFECTS: Final[Mapping[str, Effect]] = {
     "topic": Effect(
         FaultForm(
             text="topic:TOPIC=lost|late|stale|nan|jump|foreign[/SIZE]",
-            does="what becomes of its messages; sizes in s (late, stale) and m (jump); foreign adds a stranger's",
+            does="corrupts its messages; sizes in s (late, stale) and m (jump); foreign adds another sender's",
             has_target=True,
             words=TOPIC_WORDS,
             size_of=("late", "stale", "jump"),

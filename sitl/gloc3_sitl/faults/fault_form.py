@@ -1,4 +1,4 @@
-"""How faults are written, kind by kind: a target, a word or a number, a size."""
+"""Text forms of the kinds of faults: a target, a word or a number, a size."""
 
 import math
 from collections.abc import Callable
@@ -14,7 +14,7 @@ Ended = Callable[[], None]
 
 
 class Parsed(NamedTuple):
-    """What stands in a fault's text, apart from its times."""
+    """The parts of a fault's text, without its times."""
 
     target: str
     word: str
@@ -25,7 +25,7 @@ class Parsed(NamedTuple):
 
 
 class FaultForm(msgspec.Struct, frozen=True, kw_only=True):
-    """How a kind of fault is written."""
+    """Text form of one kind of fault."""
 
     text: str
     """For people."""
@@ -53,7 +53,7 @@ class FaultForm(msgspec.Struct, frozen=True, kw_only=True):
             Refused: what is wrong.
         """
         if self.has_target != (target is not None):
-            raise Refused("it lacks a name after the colon" if self.has_target else f"{target!r} is not expected")
+            raise Refused("a name is missing after the colon" if self.has_target else f"{target!r} is not expected")
         word, number = "", 0.0
         if self.words:
             word = value or ""
@@ -74,11 +74,11 @@ class FaultForm(msgspec.Struct, frozen=True, kw_only=True):
         assert self.bounds is not None
         if value is None:
             if self.default is None:
-                raise Refused("it lacks a number")
+                raise Refused("a number is missing")
             return self.default
         number, (low, high) = finite(value), self.bounds
         if not low <= number <= high:
-            raise Refused(f"{number:g} is not from {low:g} to {high:g}")
+            raise Refused(f"{number:g} is not within {low:g} to {high:g}")
         return number
 
 
@@ -93,5 +93,5 @@ def finite(text: str) -> float:
     except ValueError:
         number = nan
     if not math.isfinite(number):
-        raise Refused(f"{text!r} is no number")
+        raise Refused(f"{text!r} is not a finite number")
     return number

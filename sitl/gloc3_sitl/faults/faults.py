@@ -1,4 +1,4 @@
-"""Faults of a simulated flight as data: read from text such as `link_loss@30..60`, begun and ended at their times.
+"""Timed faults of a simulated flight: read from text such as `link_loss@30..60`, begun and ended at their times.
 
     KIND[:TARGET][=VALUE[/SIZE]][@BEGIN[..[END]]]
 
@@ -35,7 +35,7 @@ _TEXT: Final = re.compile(
 
 
 class TimedFault(msgspec.Struct, frozen=True, kw_only=True):
-    """Something that goes wrong, and when."""
+    """A fault with its times of begin and end."""
 
     text: str
     """As it was asked for."""
@@ -56,17 +56,17 @@ def read_fault(text: str) -> TimedFault:
     word, at, span = text.strip().partition("@")
     match = _TEXT.fullmatch(SHORT.get(word, word) + at + span)
     if match is None:
-        raise Refused(f"fault {text!r} cannot be read; it is written KIND[:TARGET][=VALUE[/SIZE]]{_SPAN}")
+        raise Refused(f"fault {text!r} cannot be read; its form is KIND[:TARGET][=VALUE[/SIZE]]{_SPAN}")
     kind = match["kind"]
     if kind not in EFFECTS:
-        raise Refused(f"fault {text!r}: there is no fault {kind!r}; {nearest(kind, [*EFFECTS, *SHORT])}")
+        raise Refused(f"fault {text!r}: unknown kind {kind!r}; {nearest(kind, [*EFFECTS, *SHORT])}")
     form = EFFECTS[kind].form
     try:
         given = form.read(match["target"], match["value"], match["size"])
         begin_s, lasts_s = _read_span(match["span"], form)
     except Refused as problem:
         span = "[@TIME]" if form.is_event and not form.may_last else _SPAN
-        raise Refused(f"fault {text!r}: {problem}; it is written {form.text}{span}") from None
+        raise Refused(f"fault {text!r}: {problem}; its form is {form.text}{span}") from None
     return TimedFault(text=text.strip(), kind=kind, given=given, begin_s=begin_s, lasts_s=lasts_s)
 
 
@@ -80,10 +80,10 @@ def _read_span(text: str | None, form: FaultForm) -> tuple[float | None, float |
     if not dots:
         return begin_s, lasts_s
     if form.is_event and not form.may_last:
-        raise Refused("it happens at one time, and does not last")
+        raise Refused("it happens at one time and has no end")
     end_s = _seconds(last) if last else inf
     if end_s <= begin_s:
-        raise Refused(f"it ends at {end_s:g} s, not after its begin at {begin_s:g} s")
+        raise Refused(f"its end at {end_s:g} s is not after its begin at {begin_s:g} s")
     return begin_s, end_s - begin_s
 
 
@@ -91,14 +91,14 @@ def _seconds(text: str) -> float:
     try:
         seconds = float(text)
     except ValueError:
-        raise Refused(f"{text!r} is no time in seconds") from None
+        raise Refused(f"{text!r} is not a time in seconds") from None
     if not 0.0 <= seconds < inf:
-        raise Refused(f"{text!r} is no time in seconds")
+        raise Refused(f"{text!r} is not a time in seconds")
     return seconds
 
 
 class Injection:
-    """One fault of one flight: begins and ends at its times, or earlier when it is told to."""
+    """One fault of one flight: begins and ends at its times, or earlier by `end`."""
 
     def __init__(self, flight: Flight, fault: TimedFault) -> None:
         """Checks the fault against the flight and puts it on its clock.
@@ -118,7 +118,7 @@ class Injection:
         loop, now_s = flight.loop, flight.loop.time()
         begin_s = now_s if fault.begin_s is None else fault.begin_s
         if begin_s < now_s:
-            raise Refused(f"fault {fault.text!r}: it is {now_s:.1f} s already")
+            raise Refused(f"fault {fault.text!r}: its begin has passed, it is {now_s:.1f} s already")
         if begin_s > now_s:
             loop.call_at(begin_s, self._begin)
         else:

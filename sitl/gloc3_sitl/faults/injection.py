@@ -1,4 +1,4 @@
-"""Failures that a ground station may ask for (MAV_CMD_INJECT_FAILURE), as faults of the simulated sensors."""
+"""Failures that a ground station injects (MAV_CMD_INJECT_FAILURE), as faults of the simulated sensors."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -27,7 +27,7 @@ _NOT_HERE: Final = RequestVerdict(Result.UNSUPPORTED, "this failure is not simul
 
 
 def inject(sensors: SensorSuite, autopilot: Autopilot, unit: FailureUnit, failure: FailureKind) -> RequestVerdict:
-    """Makes something fail, or repairs it; unsupported where there is no such fault."""
+    """Injects a failure or repairs it; unsupported if the failure is not simulated."""
     if unit in _SENSORS:
         if failure is FailureKind.OK:
             sensors.repair(_SENSORS[unit])

@@ -1,4 +1,4 @@
-"""What the harness of a flight does to the onboard process from outside: dear cycles, crashes, spoilt messages."""
+"""Fault injection into the onboard process: slow cycles, crashes, corrupted messages."""
 
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
@@ -21,18 +21,18 @@ CycleCost = Callable[[str, float], float]
 
 
 class InjectedFault(Gloc3Error):
-    """What a crashed component raises."""
+    """The error of an injected crash."""
 
 
 class TappedExchange(LocalExchange):
-    """The local middleware with taps on its topics; everyone, the recorder too, gets what the taps let through."""
+    """The local middleware with taps on its topics; all receivers, the recorder too, get what the taps pass."""
 
     def __init__(self) -> None:
         super().__init__()
         self._taps: dict[str, list[Tap]] = {}
 
     def tap(self, topic: str, tap: Tap) -> Unsubscribe:
-        """Puts a tap on a topic (the platform's name included), behind those that are there."""
+        """Adds a tap to a topic (with the platform's name), after the existing ones."""
         self._taps.setdefault(topic, []).append(tap)
 
         def remove() -> None:
@@ -43,7 +43,7 @@ class TappedExchange(LocalExchange):
         return remove
 
     def publish(self, envelope: Envelope[Any]) -> None:
-        """Hands on what the topic's taps let through."""
+        """Publishes what the topic's taps pass."""
         taps = self._taps.get(envelope.topic)
         if taps is None:
             super().publish(envelope)
@@ -55,12 +55,12 @@ class TappedExchange(LocalExchange):
             super().publish(one)
 
     def deliver(self, envelope: Envelope[Any]) -> None:
-        """Hands a message on past the taps."""
+        """Publishes a message without the taps."""
         super().publish(envelope)
 
 
 class FaultInjector:
-    """Decides what cycles cost and which of them crash, in every life of the onboard process.
+    """Sets how long cycles take and which of them crash, also after a restart of the onboard process.
 
     Args:
         loop: gives the time.
@@ -77,16 +77,16 @@ class FaultInjector:
     # --- what faults switch on ---
 
     def slow(self, component: str, cost_s: float) -> Unsubscribe:
-        """Has each cycle cost so much more; infinite for cycles that never end."""
+        """Makes each cycle take this much longer; infinite for cycles that never end."""
         self._costs_s.setdefault(component, []).append(cost_s)
         return lambda: self._costs_s[component].remove(cost_s)
 
     def hang(self, component: str) -> Unsubscribe:
-        """Has no cycle end any more."""
+        """Makes cycles never end."""
         return self.slow(component, inf)
 
     def crash(self, component: str, *, is_once: bool) -> Unsubscribe:
-        """Has the next cycle raise, or every one."""
+        """Makes the next cycle raise an error, or every one."""
         crashes = self._crashes.setdefault(component, [])
         crashes.append(is_once)
 
@@ -99,13 +99,13 @@ class FaultInjector:
     # --- what the harness asks ---
 
     def cost_s(self, component: str, now_s: float) -> float:
-        """What a cycle costs: the fault model of the hosts."""
+        """Returns the duration of a cycle: the fault model of the hosts."""
         base_s = self._base_s(component, now_s) if self._base_s is not None else 0.0
         costs_s = self._costs_s.get(component)
         return base_s + sum(costs_s) if costs_s else base_s
 
     def create(self, row: ComponentRow, devices: Mapping[str, Any]) -> Component[Any]:
-        """Makes a component whose cycles can be made to crash."""
+        """Creates a component whose cycles can be crashed."""
         component = row.create(devices)
         work = component.work
 
@@ -114,7 +114,7 @@ class FaultInjector:
             if crashes:
                 if crashes[0]:
                     crashes.pop(0)
-                raise InjectedFault(f"an injected crash of {row.name}")
+                raise InjectedFault(f"injected crash of {row.name}")
             return work(now_s, inbox)
 
         component.work = with_faults  # type: ignore[method-assign] # this one object is wrapped, not its class

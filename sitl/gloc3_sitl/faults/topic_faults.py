@@ -1,4 +1,4 @@
-"""Faults of messages on their way: lost, late, with wrong stamps or numbers, or with a stranger's beside them."""
+"""Faults of messages in transit: loss, delay, wrong stamps or numbers, messages of another sender."""
 
 from collections.abc import Sequence
 from math import nan
@@ -23,12 +23,12 @@ _JUMP_M: Final = 2.0
 def _message_type(flight: Flight, topic: str) -> type[Message]:
     row = flight.context.topics.row(f"{flight.name}/{topic}")
     if row is None:
-        raise Refused(f"there is no topic {topic!r}; {nearest(topic, [name for name, _ in flight.context.topics])}")
+        raise Refused(f"no topic {topic!r}; {nearest(topic, [name for name, _ in flight.context.topics])}")
     return row.message
 
 
 def check_topic(flight: Flight, given: Parsed) -> None:
-    """Whether there is such a topic, and the fault fits its messages.
+    """Checks that the topic exists and that the fault fits its messages.
 
     Raises:
         Refused: neither.
@@ -40,7 +40,7 @@ def check_topic(flight: Flight, given: Parsed) -> None:
 
 
 def corrupt_topic(flight: Flight, given: Parsed, _: bool) -> Ended:
-    """Puts a tap on the topic."""
+    """Taps a topic and corrupts its messages."""
     return flight.exchange.tap(f"{flight.name}/{given.target}", _tap(flight, given))
 
 

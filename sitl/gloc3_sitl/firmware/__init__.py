@@ -1,4 +1,4 @@
-"""Real autopilot firmwares on our physics, sensors and worlds.
+"""Real autopilot firmwares on GLOC3's physics, sensors and worlds.
 
 `run` serves a real firmware in wall time, `in_step` in the clock of a flight.
 """

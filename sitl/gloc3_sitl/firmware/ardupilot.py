@@ -1,4 +1,4 @@
-"""ArduPilot on our physics: answers each servo packet with the state one step later, in strict lock-step."""
+"""ArduPilot bridge: answers each servo packet with the state one step later, in strict lock-step."""
 
 from collections.abc import Hashable, Sequence
 from typing import Final
@@ -14,7 +14,7 @@ NO_ECHO_M: Final = 1000.0
 
 
 class ArduPilotBridge:
-    """Steps a vehicle by the servo packets that it is given, and says what is to be answered.
+    """Steps a vehicle by the received servo packets and returns the replies.
 
     The firmware speaks first and counts what it has accepted, so:
 
@@ -37,9 +37,9 @@ class ArduPilotBridge:
         self.skips = 0
         """Counts that never came."""
         self.restarts = 0
-        """Times that the firmware has started anew."""
+        """Number of restarts of the firmware."""
         self.refused = 0
-        """Packets that are none, or come from a second firmware."""
+        """Packets that are invalid or from a second firmware."""
         self._body: Final = body
         self._sender: Hashable | None = None
         self._frame = -1
@@ -49,7 +49,7 @@ class ArduPilotBridge:
 
     @property
     def is_alone(self) -> bool:
-        """Whether no firmware has been heard yet."""
+        """Whether no firmware has connected yet."""
         return self._sender is None
 
     @property

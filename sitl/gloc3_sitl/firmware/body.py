@@ -1,4 +1,4 @@
-"""A simulated vehicle without an autopilot: physics and sensors in a world, stepped by whoever drives the motors."""
+"""A simulated vehicle without an autopilot: physics and sensors in a world, stepped by motor outputs."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -79,7 +79,7 @@ class SensedBody:
             self.sensors.fail("fix", "lost")
 
     def restart(self) -> None:
-        """Begins anew: at home, at rest, at time 0."""
+        """Restarts: at home, at rest, at time 0."""
         self._make()
 
     def step(self, outputs: Sequence[float]) -> list[Reading]:

@@ -1,4 +1,4 @@
-"""The messages of PX4's simulator interface that we send (MAVLink common, HIL_*)."""
+"""Messages sent to PX4 over its simulator interface (MAVLink common, HIL_*)."""
 
 from math import atan2, degrees, hypot
 from typing import Final

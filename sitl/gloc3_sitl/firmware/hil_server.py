@@ -1,4 +1,4 @@
-"""PX4's simulator interface on a TCP socket, at the pace of the wall clock."""
+"""PX4's simulator interface on a TCP socket, in real time."""
 
 import asyncio
 import errno
@@ -6,14 +6,14 @@ import socket
 from typing import Final
 
 from gloc3.errors import Gloc3Error, Refused
-from gloc3_sitl.firmware.pace import RealTimePacer
 from gloc3_sitl.firmware.px4 import Px4Bridge
+from gloc3_sitl.firmware.real_time_pacer import RealTimePacer
 
 DEFAULT_PORT: Final = 4560
 
 
 class HilServer:
-    """Has one PX4 connect, and steps the vehicle for it.
+    """Accepts one PX4, and steps the vehicle for it.
 
     Args:
         bridge: what is served.
@@ -32,18 +32,18 @@ class HilServer:
 
     @property
     def port(self) -> int:
-        """The port that it really has."""
+        """The port in use."""
         assert self._server is not None
         return int(self._server.sockets[0].getsockname()[1])
 
     @property
     def is_connected(self) -> bool:
-        """Whether a PX4 is there."""
+        """Whether a PX4 is connected."""
         return self._client is not None
 
     @property
     def slips(self) -> int:
-        """Times that the flight has fallen behind its pace for good."""
+        """Number of times that the flight has fallen behind real time for good."""
         return self._pace.slips
 
     async def open(self, port: int) -> None:
@@ -55,11 +55,11 @@ class HilServer:
         try:
             self._server = await self._loop.create_server(lambda: _Connection(self), "127.0.0.1", port)
         except OSError as error:
-            reason = "another program has it" if error.errno == errno.EADDRINUSE else error.strerror
+            reason = "in use by another program" if error.errno == errno.EADDRINUSE else error.strerror
             raise Refused(f"TCP port {port} for the firmware: {reason}") from error
 
     async def close(self) -> None:
-        """Serves no more."""
+        """Stops serving."""
         self._stop()
         if self._client is not None:
             self._client.abort()
@@ -67,7 +67,7 @@ class HilServer:
             self._server.close()
 
     def connected(self, client: asyncio.Transport) -> None:
-        """A PX4 is there; a second one is turned away."""
+        """Handles a connection; a second PX4 is rejected."""
         if self._client is not None:
             client.abort()
             return
@@ -76,14 +76,14 @@ class HilServer:
         self._turn()
 
     def received(self, client: asyncio.Transport, data: bytes) -> None:
-        """It has said something: perhaps what the next step has waited for."""
+        """Handles data from PX4, which may release the next step."""
         if client is self._client:
             self._bridge.receive(data)
             if self._timer is None:
                 self._turn()
 
     def is_disconnected(self, client: asyncio.Transport) -> None:
-        """It has gone; another may come."""
+        """Handles a disconnection; another PX4 may connect."""
         if client is self._client:
             self._client = None
             self._stop()
@@ -115,7 +115,7 @@ class _Connection(asyncio.Protocol):
         self._transport: asyncio.Transport
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Frames go out at once."""
+        """Sends frames without delay (TCP_NODELAY)."""
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
         transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -1,4 +1,4 @@
-"""A real ArduPilot in step with a flight in virtual time: it stands where a simulator with an autopilot of ours would.
+"""A real ArduPilot in lockstep with a flight in virtual time, in place of the simulator with its autopilot.
 
 It waits for physics after each of its steps, and we step only when the flight's clock asks for it; so cameras that take
 long, and a computer that is busy, cost wall time and nothing else.
@@ -90,7 +90,7 @@ class FirmwareInStep:
     # -- time ---------------------------------------------------------------------------------------------------------
 
     def start(self, loop: AbstractEventLoop) -> None:
-        """Has an event loop advance it from now on."""
+        """Lets an event loop advance it from now on."""
         begin_s = loop.time()
 
         def turn() -> None:
@@ -134,7 +134,7 @@ class FirmwareInStep:
                 return
             if self._program.exit_code is not None:
                 break
-        why = "says nothing" if self._program.exit_code is None else "has ended by itself"
+        why = "does not respond" if self._program.exit_code is None else "has exited"
         raise Gloc3Error(f"ArduPilot {why}: {self._program.last_lines()}")
 
     # -- the outside --------------------------------------------------------------------------------------------------
@@ -173,7 +173,7 @@ class FirmwareInStep:
 
     @property
     def sensors(self) -> SensorSuite:
-        """All of them; it flies by `SENSORS`."""
+        """All sensors; the firmware uses `SENSORS`."""
         return self._body.sensors
 
     @property
@@ -213,7 +213,7 @@ class FirmwareInStep:
 
 
 def _none_of_ours() -> NoReturn:
-    raise Refused("a real firmware has no pilot of ours, and no power switch")
+    raise Refused("a real firmware has no simulated pilot and no power switch")
 
 
 def _listen() -> socket.socket:

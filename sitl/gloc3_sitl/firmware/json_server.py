@@ -1,4 +1,4 @@
-"""ArduPilot's JSON interface on a UDP socket, at the pace of the wall clock."""
+"""ArduPilot's JSON interface on a UDP socket, in real time."""
 
 import asyncio
 import errno
@@ -9,7 +9,7 @@ from typing import Any, Final, TypeAlias
 
 from gloc3.errors import Gloc3Error, Refused
 from gloc3_sitl.firmware.ardupilot import ArduPilotBridge
-from gloc3_sitl.firmware.pace import RealTimePacer
+from gloc3_sitl.firmware.real_time_pacer import RealTimePacer
 
 SocketAddress: TypeAlias = tuple[Any, ...]
 
@@ -22,7 +22,7 @@ _MOST_EARLY_S: Final = 0.004
 
 
 class JsonServer:
-    """Answers each servo packet to where it came from; while it is early the next one waits in the socket.
+    """Replies to the sender of each servo packet; packets that are early wait in the socket.
 
     Args:
         bridge: what answers.
@@ -40,18 +40,18 @@ class JsonServer:
 
     @property
     def port(self) -> int:
-        """The port that it really has."""
+        """The port in use."""
         assert self._socket is not None
         return int(self._socket.getsockname()[1])
 
     @property
     def is_connected(self) -> bool:
-        """Whether a firmware has been heard."""
+        """Whether a firmware has connected."""
         return not self._bridge.is_alone
 
     @property
     def slips(self) -> int:
-        """Times that the flight has fallen behind its pace for good."""
+        """Number of times that the flight has fallen behind real time for good."""
         return self._pace.slips
 
     async def open(self, port: int) -> None:
@@ -65,14 +65,14 @@ class JsonServer:
             opened.bind(("127.0.0.1", port))
         except OSError as error:
             opened.close()
-            reason = "another program has it" if error.errno == errno.EADDRINUSE else error.strerror
+            reason = "in use by another program" if error.errno == errno.EADDRINUSE else error.strerror
             raise Refused(f"UDP port {port} for the firmware: {reason}") from error
         opened.setblocking(False)
         self._socket = opened
         self._loop.add_reader(opened, self._read)
 
     async def close(self) -> None:
-        """Answers no more."""
+        """Stops answering."""
         if self._timer is not None:
             self._timer.cancel()
         if self._socket is not None:
@@ -106,7 +106,7 @@ class JsonServer:
 
 
 def newest(opened: socket.socket) -> Iterator[tuple[bytes, SocketAddress]]:
-    """What is in a socket that does not block; what has come several times, because nobody has answered, comes once."""
+    """Returns the packets in a non-blocking socket; of repeated ones, unanswered by then, only one."""
     before: tuple[bytes, SocketAddress] | None = None
     for _ in range(_AT_ONCE):
         try:

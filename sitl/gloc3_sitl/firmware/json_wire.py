@@ -63,7 +63,7 @@ def state_text(state: JsonState) -> bytes:
     """
     t_s, (p, q, r), (fx, fy, fz), (n, e, d), (w, x, y, z), (vn, ve, vd), range_m = state
     if not isfinite(t_s + p + q + r + fx + fy + fz + n + e + d + w + x + y + z + vn + ve + vd + (range_m or 0.0)):
-        raise Misuse(f"the physics says what is no number: {state}")
+        raise Misuse(f"the physics state contains a value that is not finite: {state}")
     text = (
         f'\n{{"timestamp":{t_s:.6f},'
         f'"imu":{{"gyro":[{p:.7f},{q:.7f},{r:.7f}],"accel_body":[{fx:.6f},{fy:.6f},{fz:.6f}]}},'

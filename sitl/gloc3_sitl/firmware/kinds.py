@@ -1,4 +1,4 @@
-"""The firmwares that can be had on our physics: how each is started, for which vehicle, with which parameters."""
+"""The supported firmwares: how each is started, for which vehicle and with which parameters."""
 
 import socket
 from collections.abc import Callable, Mapping, Sequence
@@ -21,7 +21,7 @@ _INSTANCES: Final = 10
 
 
 class FirmwareOptionsWanted(msgspec.Struct, frozen=True, kw_only=True):
-    """What a firmware is started for."""
+    """Inputs of a firmware start: world, vehicle, links, parameters."""
 
     world: World
     vehicle: str
@@ -39,14 +39,14 @@ class FirmwareOptionsWanted(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FirmwareStart(msgspec.Struct, frozen=True, kw_only=True):
-    """How a program is to be called."""
+    """Command line and environment of a firmware."""
 
     arguments: Sequence[str]
     environment: Mapping[str, str]
 
 
 class FirmwareKind(msgspec.Struct, frozen=True, kw_only=True):
-    """One firmware."""
+    """One kind of firmware."""
 
     title: str
     programs: Mapping[str, Sequence[str]]
@@ -64,7 +64,7 @@ class FirmwareKind(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def kind_named(name: str) -> FirmwareKind:
-    """The firmware of that name.
+    """Returns the firmware of that name.
 
     Raises:
         Refused: there is none.
@@ -96,7 +96,7 @@ def _start_ardupilot(options: FirmwareOptionsWanted) -> FirmwareStart:
         write_parameters(options.folder / "given.parm", options.parameters)
     (options.folder / "eeprom.bin").unlink(missing_ok=True)
     if len(options.links) > _MOST_LINKS:
-        raise Refused(f"ArduPilot has {_MOST_LINKS} MAVLink lines here, not {len(options.links)}")
+        raise Refused(f"ArduPilot takes at most {_MOST_LINKS} MAVLink links, not {len(options.links)}")
     lines = [_ardupilot_line(url) for url in options.links]
     lines += ["none:0"] * (_MOST_LINKS - len(lines))
     latitude, longitude, altitude = options.world.home
@@ -131,16 +131,16 @@ def _ardupilot_line(url: str) -> str:
             return f"tcpclient:{socket.gethostbyname(there.host)}:{there.port}"
         case "serial" if there.baud is not None:
             return f"uart:{there.device}:{there.baud}"
-    raise Refused(f"link {url!r}: ArduPilot opens udpout://, tcpin://, tcpout:// and serial:// with a rate")
+    raise Refused(f"link {url!r}: ArduPilot opens udpout://, tcpin://, tcpout:// and serial:// with a baud rate")
 
 
 def _start_px4(options: FirmwareOptionsWanted) -> FirmwareStart:
     """A PX4 whose parameters are in its environment; its own start script opens 14550 and 14540."""
     if options.links:
-        raise Refused("PX4 opens its links by itself: 127.0.0.1:14550 for stations, 127.0.0.1:14540 for companions")
+        raise Refused("omit --link: PX4 opens 127.0.0.1:14550 for stations and 127.0.0.1:14540 for companions")
     instance = options.port - HIL_PORT
     if not 0 <= instance < _INSTANCES:
-        raise Refused(f"PX4 connects to a port from {HIL_PORT} to {HIL_PORT + _INSTANCES - 1}, not {options.port}")
+        raise Refused(f"PX4 connects to a TCP port from {HIL_PORT} to {HIL_PORT + _INSTANCES - 1}, not {options.port}")
     parameters: dict[str, float] = {}
     for name in (f"px4_{options.vehicle}.params", *(["px4_odometry.params"] if options.is_without_gps else [])):
         parameters |= read_parameters(preset_text(name), name)
@@ -197,14 +197,14 @@ _FOLDER = "presets"
 
 
 def preset_text(name: str) -> str:
-    """The parameter file of that name.
+    """Returns the text of a parameter preset.
 
     Raises:
         Refused: there is none.
     """
     file = files("gloc3_sitl.firmware") / _FOLDER / name
     if not file.is_file():
-        raise Refused(f"there is no parameter file {name} for this vehicle")
+        raise Refused(f"no parameter file {name} for this vehicle")
     return file.read_text()
 
 

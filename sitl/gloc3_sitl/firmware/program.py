@@ -1,4 +1,4 @@
-"""A firmware's program: found, started in a folder of its own, and ended."""
+"""A firmware's program: finding it, starting it in its own folder, and stopping it."""
 
 import asyncio
 import os
@@ -18,7 +18,7 @@ _POLL_PERIOD_S: Final = 0.02
 
 
 def find_binary(names: Sequence[str], given: Path | None) -> Path:
-    """The program of a firmware.
+    """Finds the program of a firmware.
 
     Args:
         names: as which it is looked for on PATH.
@@ -36,13 +36,13 @@ def find_binary(names: Sequence[str], given: Path | None) -> Path:
         if found is not None:
             return Path(found).absolute()
     raise Refused(
-        f"there is no {' or '.join(names)} on PATH: docs/firmware.md says where it comes from. gloc3 sitl also takes it "
-        "as --firmware-binary FILE, or waits for one that you start yourself with --firmware-running"
+        f"{' or '.join(names)} is not on PATH; docs/firmware.md says how to get it. For gloc3 sitl, give "
+        "--firmware-binary FILE, or start the firmware yourself with --firmware-running"
     )
 
 
 class FirmwareProcess:
-    """A firmware that we have started; what it says is in `firmware.txt` in its folder.
+    """A firmware process; its output is in `firmware.txt` in its folder.
 
     Args:
         command: with all arguments.
@@ -56,7 +56,7 @@ class FirmwareProcess:
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self) -> None:
-        """Starts it out of reach of the terminal's Ctrl-C; it ends with us even where we are killed.
+        """Starts it in its own session, out of reach of Ctrl-C; it ends with this process even if that is killed.
 
         Raises:
             Refused: the system will not run it.
@@ -75,21 +75,21 @@ class FirmwareProcess:
                     start_new_session=True,
                 )
         except OSError as error:
-            raise Refused(f"{self.command[0]} does not start: {error.strerror}") from error
+            raise Refused(f"{self.command[0]} cannot be started: {error.strerror}") from error
 
     @property
     def exit_code(self) -> int | None:
-        """With what it has ended; None while it runs."""
+        """Exit code; None while it runs."""
         return None if self._process is None else self._process.poll()
 
     def last_lines(self) -> str:
-        """The last lines that it has said."""
+        """Returns the last lines of its output."""
         file = self._folder / "firmware.txt"
         lines = file.read_bytes()[-_LAST_BYTES:].decode(errors="replace").splitlines() if file.exists() else []
-        return "\n".join(line for line in lines[-LAST_LINES:] if line.strip()) or "it said nothing"
+        return "\n".join(line for line in lines[-LAST_LINES:] if line.strip()) or "no output"
 
     async def stop(self) -> None:
-        """Ends it: asks first, then does not ask."""
+        """Terminates it, and kills it if it does not end in time."""
         if self._process is None:
             return
         self._process.terminate()
@@ -100,7 +100,7 @@ class FirmwareProcess:
         self.kill()
 
     def kill(self) -> None:
-        """Ends it at once."""
+        """Kills it."""
         if self._process is not None:
             self._process.kill()
             self._process.wait()

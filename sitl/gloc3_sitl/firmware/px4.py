@@ -1,4 +1,4 @@
-"""PX4 on our physics, by its simulator interface: a HIL_SENSOR is a step, and the next waits for its HIL_ACTUATOR_CONTROLS.
+"""PX4 bridge: one step for each HIL_SENSOR, and the next after PX4's HIL_ACTUATOR_CONTROLS.
 
 Not yet flown against the real firmware: written from its documentation and from the source of its `simulator_mavlink`.
 """
@@ -61,7 +61,7 @@ class Px4Bridge:
         self.connected()
 
     def connected(self) -> None:
-        """A PX4 has connected: it, and the vehicle with it, begin anew."""
+        """Handles a connection of PX4 and restarts the vehicle."""
         if self.steps:
             self._body.restart()
         self.steps = self.answers = self.repeats = 0
@@ -117,7 +117,7 @@ class Px4Bridge:
                 self._truth_every_s = every_us * 1e-6 if every_us > 0.0 else None
 
     def step(self) -> bytes:
-        """Advances by one step; gives what PX4 is to be told.
+        """Advances by one step; returns the messages for PX4.
 
         HIL_SENSOR comes last, because PX4's time goes on with it: what else is new was true before.
         """

@@ -1,4 +1,4 @@
-"""Runs a firmware on our physics until it is told to stop: what `gloc3 sitl --firmware` does."""
+"""Runs real firmware on the simulated vehicle until it is stopped, as `gloc3 sitl --firmware` does."""
 
 import asyncio
 import signal
@@ -26,7 +26,7 @@ from gloc3_sitl.vehicles.sensor_server import SensorServer
 from gloc3_sitl.world import World
 
 EXIT_FAILED: Final = 1
-TOO_SLOW: Final = "this computer is too slow, or too busy, for this pace: the flight falls behind again and again"
+TOO_SLOW: Final = "this computer is too slow or too busy for this speed: the flight repeatedly falls behind real time"
 CATCHING_UP: Final = 4.0
 """We keep the pace, and the firmware may be so much faster after a delay."""
 SILENT_S: Final = 2.0
@@ -37,7 +37,7 @@ _POLL_PERIOD_S: Final = 0.1
 
 
 class FirmwareOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """What `gloc3 sitl --firmware` was asked for."""
+    """The options of `gloc3 sitl --firmware`."""
 
     firmware: str
     world: World
@@ -56,7 +56,7 @@ class FirmwareOptions(msgspec.Struct, frozen=True, kw_only=True):
 
 
 async def run_firmware(options: FirmwareOptions) -> int:
-    """Opens everything, starts the firmware, and lets it run until a signal or its end.
+    """Opens the servers, starts the firmware, and runs until a signal or its end.
 
     Raises:
         Refused: something cannot be had; the text says what.
@@ -67,7 +67,7 @@ async def run_firmware(options: FirmwareOptions) -> int:
         raise Refused(f"{kind.title} has no parameters for the vehicle {vehicle!r} yet")
     if options.is_running and (options.links or options.parameters or options.binary is not None):
         raise Refused(
-            f"a {kind.title} that runs already has its own links and parameters: no --link, --param or binary"
+            f"--firmware-running: {kind.title} keeps its own links and parameters; omit --link, --param and binary"
         )
     if options.body.is_plain_gps and not kind.uses_fixes:
         raise Refused(f"--plain-gps: {kind.title} simulates its own satellite receiver; see docs/firmware.md")
@@ -101,7 +101,7 @@ async def run_firmware(options: FirmwareOptions) -> int:
                 folder.mkdir(parents=True, exist_ok=True)
             program = _program(options, kind, binary, server.port, folder)
             stack.push_async_callback(program.stop)
-            _narrate(f"{kind.title} {binary.name} started, on our physics: {vehicle}, world {options.world.name}")
+            _narrate(f"{kind.title} {binary.name} started on simulated {vehicle}, world {options.world.name}")
         else:
             _narrate(f"waiting for {kind.title} on port {server.port}: {kind.by_hand.format(port=server.port)}")
         code = await _Watch(body, server, program, kind.title).until(stopped, options.seconds)
@@ -133,7 +133,7 @@ def _program(options: FirmwareOptions, kind: FirmwareKind, binary: Path, port: i
 
 
 class _Watch:
-    """Tells what becomes of the firmware."""
+    """Narrates the state of the firmware."""
 
     def __init__(
         self, body: SensedBody, server: JsonServer | HilServer, program: FirmwareProcess | None, title: str
@@ -152,17 +152,17 @@ class _Watch:
                 _narrate(str(server.failure))
                 return EXIT_FAILED
             if program is not None and program.exit_code is not None:
-                _narrate(f"{self._title} has ended by itself ({program.exit_code}): {program.last_lines()}")
+                _narrate(f"{self._title} exited with code {program.exit_code}: {program.last_lines()}")
                 return EXIT_FAILED
             if body.now_s < last_s:
-                _narrate(f"{self._title} has started anew: the vehicle is at home again, and its time begins at 0")
+                _narrate(f"{self._title} restarted: the vehicle is at home again and its time starts at 0")
             if body.now_s != last_s:
                 if not is_stepping:
-                    _narrate(f"{self._title} is there; it keeps the time")
+                    _narrate(f"{self._title} connected; it drives the simulated time")
                 last_s, received_s, is_stepping = body.now_s, loop.time(), True
             elif is_stepping and loop.time() - received_s > SILENT_S:
                 is_stepping = False
-                _narrate(f"{self._title} says nothing any more: the time of the flight stands at {body.now_s:.1f} s")
+                _narrate(f"{self._title} no longer responds: simulated time is stopped at {body.now_s:.1f} s")
             if server.slips >= SLIPS and not is_slow:
                 is_slow = True
                 _narrate(f"{TOO_SLOW}; see docs/firmware.md")

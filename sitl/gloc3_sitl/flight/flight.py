@@ -158,7 +158,7 @@ class Flight:
         self.log.close()
 
     def start_station(self, boot: int) -> None:
-        """Starts the ground station, the first time or after it was closed."""
+        """Starts the ground station, also after it was closed."""
         self.ground = GroundStation(StationSetup(boot=boot))
         self.ground.attach(self.links.radio.a)
         if self.plan.modem_period_s:
@@ -181,7 +181,7 @@ class Flight:
         within_s = READY_WITHIN_S if self.plan.is_firmware else flights.READY_WITHIN_S
         missing = await flights.await_ready(self.station, self.name, within_s)
         if missing:
-            raise Gloc3Error(f"{self.name} still lacks {', '.join(missing)}")
+            raise Gloc3Error(f"{self.name} is not ready; missing: {', '.join(missing)}")
         plan = CheckedPlan(name=self.mission_file.name, title=self.mission.name, text=self.mission.text)
         await flights.stream(self.station, self.name, plan)
         return await flights.start(self.station, self.name)
@@ -196,7 +196,7 @@ class Flight:
             return await flights.follow(self.station, self.name, follower)
 
     async def expect(self, topic: str, predicate: Callable[[Any], bool], within_s: float) -> Message:
-        """Waits for a message on a topic (below the platform's name) that fits.
+        """Waits for a matching message on a topic below the platform's name.
 
         Raises:
             TimeoutError: none has come by then; the text names the topic.
@@ -212,7 +212,7 @@ class Flight:
             async with asyncio.timeout(within_s):
                 return await found
         except TimeoutError:
-            raise TimeoutError(f"nothing fitting came on {topic} within {within_s:g} s") from None
+            raise TimeoutError(f"no matching message on {topic} within {within_s:g} s") from None
         finally:
             unsubscribe()
 
@@ -228,5 +228,5 @@ def _fitting(world: World, mission: Mission) -> World:
         Refused: it is another place.
     """
     if mission.frame != world.frame_name:
-        raise Refused(f"the mission is in frame {mission.frame!r}, and the world {world.name} has {world.frame_name!r}")
+        raise Refused(f"the mission's frame is {mission.frame!r}, that of world {world.name} is {world.frame_name!r}")
     return world

@@ -27,7 +27,7 @@ PATIENCE: Final = 3.0
 
 
 class FlyOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """What is flown, and how."""
+    """Options of a flight in virtual time."""
 
     mission: Path
     """A file of any format."""
@@ -48,7 +48,7 @@ class FlyOptions(msgspec.Struct, frozen=True, kw_only=True):
 
 
 async def fly_mission(options: FlyOptions, platform: Platform, narrate: Narrate | None, begin_s: float) -> FlightReport:
-    """Flies a mission to its end, whatever that is.
+    """Flies a mission to its end, successful or not.
 
     Args:
         options: what is flown.
@@ -142,7 +142,7 @@ async def _to_the_end(flight: Flight, estimate_s: float) -> tuple[str, str]:
     try:
         end = await flight.await_end(follower, within_s=PATIENCE * estimate_s + 60.0)
     except TimeoutError:
-        return "failed", f"not ended after {PATIENCE:g} times the estimate of {estimate_s:.0f} s, and a minute"
+        return "failed", f"not ended within {PATIENCE:g} times the estimate of {estimate_s:.0f} s plus 60 s"
     return end.state, end.reason
 
 

@@ -13,7 +13,7 @@ FLUSH_S: Final = 1.0
 
 
 class FlightRecording:
-    """Writes what passes the flight's exchange, where there is a folder; it outlives the onboard process.
+    """Logs the flight's exchange into a folder, if any; it outlives the onboard process.
 
     Args:
         folder: of the log; None to write none.

@@ -1,4 +1,4 @@
-"""What only a simulated flight can tell: the truth, and the faults that were injected."""
+"""Messages of simulated flights only: ground truth and injected faults."""
 
 from collections.abc import Mapping
 from typing import Final

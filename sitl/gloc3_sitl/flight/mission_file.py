@@ -1,4 +1,4 @@
-"""A mission of any format before a simulated flight: found, converted into our format, and checked."""
+"""Mission files before a simulated flight: finding, converting and checking them."""
 
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -25,7 +25,7 @@ UNKNOWN_DURATION_S: Final = 600.0
 
 
 class FlyableMission(NamedTuple):
-    """A mission that may fly."""
+    """A mission that passed the check."""
 
     file: str
     """In our format."""
@@ -37,7 +37,7 @@ class FlyableMission(NamedTuple):
 
 
 def find_file(name: str) -> Path:
-    """The file of a mission: a path, or the name of an example.
+    """Finds the file of a mission by its path or the name of an example.
 
     Raises:
         InputError: there is no example of that name.
@@ -50,7 +50,7 @@ def find_file(name: str) -> Path:
 
 
 def platform_for(path: Path) -> str:
-    """The platform that a mission is flown with where none is named."""
+    """Returns the default platform of a mission."""
     if path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
         return OUTDOORS
     try:
@@ -73,7 +73,7 @@ class FlightSite(NamedTuple):
 
 
 def place_for(mission: Mission, platform: Platform, vehicle: str) -> FlightSite:
-    """The world that a mission's frame belongs to.
+    """Returns the world of a mission's frame.
 
     For frames of the platform that is the open, ground or water, at their origin; for missions on Earth the vehicle's,
     at the first place of the mission.
@@ -90,7 +90,7 @@ def place_for(mission: Mission, platform: Platform, vehicle: str) -> FlightSite:
 
 
 def is_without_satellites(platform: Platform) -> bool:
-    """Whether a platform's autopilot flies by the pose that the platform sends it, and by that alone."""
+    """Whether a platform's autopilot has no position source but the pose that the platform sends."""
     kinds = {kind.__name__ for row in platform.components for kind in row.load_class().__mro__}
     return "VisionPoseDriver" in kinds and "SatellitesSampler" not in kinds
 
@@ -113,7 +113,7 @@ def read_mission_file(path: Path, platform: Platform, folder: Path) -> FlyableMi
 
 
 def faces_down(platform: Platform, mission: Mission) -> bool:
-    """Whether pictures of the ground are used: one costs as much as everything else together."""
+    """Whether the platform uses a downward camera, whose pictures double the cost of a flight."""
     if any(action.capability == "record_images" for action in mission.actions().values()):
         return True
     recorder = platform.capabilities.get("record_images")
@@ -129,7 +129,7 @@ DEFAULT_ALTITUDE_M = 488.0
 
 
 def home_of(mission: Mission) -> GeoPoint:
-    """The first place of a mission in frame geo, on the ground.
+    """Returns the first position of a mission in frame geo, on the ground.
 
     Raises:
         Gloc3Error: the mission has no position.
@@ -140,4 +140,4 @@ def home_of(mission: Mission) -> GeoPoint:
             if value:
                 latitude, longitude = (value[0] if isinstance(value[0], tuple) else value)[:2]
                 return GeoPoint(latitude, longitude, DEFAULT_ALTITUDE_M)
-    raise Gloc3Error(f"the mission {mission.name!r} names no place on Earth")
+    raise Gloc3Error(f"the mission {mission.name!r} has no position on Earth")

@@ -10,8 +10,9 @@ from gloc3.mavlink.transport.memory import ACOUSTIC, Conditions, MemoryEnd, Memo
 from gloc3.mission.model.model import Mission
 from gloc3.platform.platform import Platform
 from gloc3.store import MemoryRecords
-from gloc3_onboard.assembly import Attachment, Hosting, Sensors, Storage, VehicleInputs, VehicleSide
+from gloc3_onboard.assembly import VehicleSide, watch_sensors
 from gloc3_onboard.companion.files import LOGS, Folders, LogFolder
+from gloc3_onboard.inputs import Attachment, Hosting, Sensors, Storage, VehicleInputs
 from gloc3_onboard.process.computer import SimulatedComputer
 from gloc3_onboard.process.runner import Create, Onboard
 from gloc3_onboard.process.storage import NoPictures, PictureFolder
@@ -126,7 +127,7 @@ class FlightProcess:
         if plan.out is not None:
             vehicle.share(Folders({LOGS: LogFolder(plan.out, is_writable=False)}))
         sensors = self._sensors()
-        watch = sensors.watch(vehicle.parts, self._context.loop.time)
+        watch = watch_sensors(vehicle.parts, sensors, self._context.loop.time)
         computer = SimulatedComputer(self._context.clock, watch.conditions)
         self.onboard = vehicle.host(sensors, computer, self._storage, Hosting(create=self._create))
         vehicle.begin()

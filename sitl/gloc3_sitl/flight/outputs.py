@@ -1,4 +1,4 @@
-"""The folder that a simulated flight leaves its files in."""
+"""The output folder of a simulated flight."""
 
 import re
 from pathlib import Path
@@ -24,7 +24,7 @@ _PICTURE: Final = re.compile(r"[a-z0-9_]+-\d{5,}\.png|poses\.jsonl")
 
 
 def recreate(folder: Path) -> None:
-    """Makes a folder, or takes away what an earlier flight has left in it; anything else in it is left alone.
+    """Creates a folder, or removes the files of an earlier flight from it; other files stay.
 
     Raises:
         Refused: the folder cannot be had.

@@ -1,4 +1,4 @@
-"""How well a flight kept to the way that was asked for: the figures by which flights are judged.
+"""Path error of a flight against the requested path.
 
 The error of a sample is the distance of the true position to the requested polyline at or after the progress already
 made; progress may grow by at most `LOOK_AHEAD_M` (more for what turns wide) between two samples, so that a leg cannot be skipped unseen.
@@ -21,14 +21,14 @@ PASSED_M: Final = 0.3
 
 
 class TruthSample(msgspec.Struct, frozen=True):
-    """Where the vehicle truly was."""
+    """True position of the vehicle at a time."""
 
     t_s: float
     position_ned_m: Vector3
 
 
 class LegResult(msgspec.Struct, frozen=True):
-    """One leg of the way, as it was flown."""
+    """One leg of the path as flown."""
 
     length_m: float
     duration_s: float
@@ -59,7 +59,7 @@ class PathResult(msgspec.Struct, frozen=True):
 
 
 def path_error(samples: Sequence[TruthSample], polyline: Sequence[Vector3], near_m: float = PASSED_M) -> PathResult:
-    """Compares a flight with the way that was asked for.
+    """Compares a flight with the requested path.
 
     Args:
         samples: the true positions, in time order (10 Hz is meant).

@@ -1,4 +1,4 @@
-"""What is flown in virtual time, and in which circumstances."""
+"""Plan of a flight in virtual time: mission, platform, weather and faults."""
 
 from pathlib import Path
 from typing import Final
@@ -13,7 +13,7 @@ STATION_RADIO: Final = Conditions(latency_s=0.03)
 
 
 class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):
-    """What is flown, and in which circumstances."""
+    """Mission, platform, weather and faults of a flight."""
 
     mission: str
     """A file, or the name of an example."""

@@ -1,4 +1,4 @@
-"""The report of a simulated flight: what became of the mission, and how well the path was kept."""
+"""The report of a simulated flight: result of the mission and path error."""
 
 import itertools
 import math
@@ -121,7 +121,7 @@ def as_json(report: FlightReport) -> bytes:
 
 
 def as_lines(report: FlightReport) -> list[str]:
-    """The report for a person."""
+    """Returns the report as readable text."""
     lines = [f"{report.mission}: {report.mission_state}" + (f" ({report.reason})" if report.reason else "")]
     lines.append(f"  flown    {report.flight_time_s:.1f} s, {report.distance_m:.1f} m")
     if report.path_rms_error_m is not None:

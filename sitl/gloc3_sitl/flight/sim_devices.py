@@ -33,7 +33,7 @@ _KEPT: Final = 64
 
 
 class CaptureTrigger:
-    """Says when a device takes data, at a steady rate, while it is open.
+    """Triggers a device at a steady rate while it is open.
 
     Args:
         loop: whose time it goes by.
@@ -48,12 +48,12 @@ class CaptureTrigger:
         self._timer: TimerHandle | None = None
 
     def start(self) -> None:
-        """Goes off from now on."""
+        """Starts triggering."""
         if self._timer is None:
             self._set()
 
     def stop(self) -> None:
-        """Goes off no more."""
+        """Stops triggering."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None

@@ -1,4 +1,4 @@
-"""The inertial unit as the onboard process gets it, with what goes wrong on the way: the autopilot's own goes on well."""
+"""The IMU of the onboard process, with faults that do not affect the autopilot's own IMU."""
 
 from asyncio import AbstractEventLoop
 from collections import deque

@@ -1,4 +1,4 @@
-"""Everything of the world that an onboard process in the simulator's own process senses besides the autopilot."""
+"""Simulated devices of an onboard process in the simulator's own process."""
 
 from asyncio import AbstractEventLoop
 from collections.abc import Callable

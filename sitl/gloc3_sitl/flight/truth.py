@@ -1,4 +1,4 @@
-"""The truth of a flight in virtual time: where the vehicle really is, for its log and its tests."""
+"""Ground truth of a flight in virtual time, for its log and its tests."""
 
 import asyncio
 from collections.abc import Callable
@@ -64,11 +64,11 @@ class FlightTruth:
         self._timer = self._loop.call_later(TRUTH_PERIOD_S, self.begin)
 
     def publish_fault(self, fault: SimFault) -> None:
-        """Has the log say that a fault begins or ends."""
+        """Publishes the begin or end of a fault."""
         self._publisher.publish(f"{self._platform}/sim/fault", fault, self._loop.time())
 
     def close(self) -> None:
-        """Publishes nothing any more."""
+        """Stops publishing."""
         if self._timer is not None:
             self._timer.cancel()
 

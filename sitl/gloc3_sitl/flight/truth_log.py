@@ -1,4 +1,4 @@
-"""Logs where a simulated vehicle truly is, beside processes that must not know it."""
+"""Logs a simulated vehicle's ground truth, separately from the processes that must not know it."""
 
 import asyncio
 from pathlib import Path

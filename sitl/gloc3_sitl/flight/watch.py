@@ -13,7 +13,7 @@ Narrate = Callable[[str], None]
 
 
 class FlightWatch:
-    """Collects what the report tells from a platform's topics, live or out of a log, and narrates."""
+    """Collects the report's data from a platform's topics, live or from a log, and narrates."""
 
     def __init__(
         self,
@@ -42,7 +42,7 @@ class FlightWatch:
         subscribe(f"{name}/image_recorded", self._image)
 
     def land(self, now_s: float) -> None:
-        """The vehicle has landed, or nobody looks any more."""
+        """Ends the collection after landing or at the end."""
         if self._airborne_s is not None:
             self.report.flight_time_s = round(self.report.flight_time_s + now_s - self._airborne_s, 3)
             self._airborne_s = None

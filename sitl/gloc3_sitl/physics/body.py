@@ -1,4 +1,4 @@
-"""The seam between the simulator and a vehicle's physics: what every body must be able to do."""
+"""The interface between the simulator and a vehicle's physics."""
 
 from collections.abc import Callable, Sequence
 from typing import Protocol
@@ -12,7 +12,7 @@ from gloc3_sitl.physics.wind import CALM, Wind
 
 
 class Situation(msgspec.Struct, frozen=True, kw_only=True):
-    """Where and in what a body begins."""
+    """Initial position and environment of a body."""
 
     home: GeoPoint
     """The ground (or the surface of the water) at the place of departure, and the origin of NED."""

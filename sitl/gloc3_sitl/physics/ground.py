@@ -1,4 +1,4 @@
-"""The ground under a simulated vehicle: that of the world, where the vehicle is."""
+"""Ground height under a simulated vehicle, from the world."""
 
 from typing import Final
 

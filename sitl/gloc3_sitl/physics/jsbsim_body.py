@@ -1,4 +1,4 @@
-"""Physics on JSBSim (its only importer): what bodies on it share, and the quadrotor, stepped with four throttles."""
+"""Physics on JSBSim (its only importer): the common body, and the quadrotor, stepped with four throttles."""
 
 import os
 from collections.abc import Sequence
@@ -75,7 +75,7 @@ class JsbsimBody:
     def __init__(self, aircraft: str, foot_depth_m: float, springs_n_m: float, situation: Situation) -> None:
         rate_hz = situation.rate_hz
         if rate_hz < 120:
-            raise Misuse(f"contacts need at least 120 steps per second, not {rate_hz}")
+            raise Misuse(f"ground contacts need at least 120 steps per second, not {rate_hz}")
         self.home: Final = GeoPoint(*situation.home)
         self.rate_hz: Final = rate_hz
         self.steps = 0
@@ -268,7 +268,7 @@ class Quadrotor(JsbsimBody):
         heading_deg: float = 0.0,
     ) -> None:
         if model not in MULTIROTORS:
-            raise Misuse(f"no vehicle named {model!r}; there are: {', '.join(sorted(MULTIROTORS))}")
+            raise Misuse(f"unknown vehicle {model!r}; known: {', '.join(sorted(MULTIROTORS))}")
         self.model: Final[MultirotorModel] = MULTIROTORS[model]
         made = self.model
         situation = Situation(home=home, wind=wind, seed=seed, rate_hz=rate_hz, heading_deg=heading_deg)

@@ -1,4 +1,4 @@
-"""What bodies that stay on the ground or on the water have in common: a place on the map, a heading, a small lean."""
+"""Base of bodies on the ground or on the water: horizontal position, heading and a small tilt."""
 
 from math import cos, sin
 from typing import Final

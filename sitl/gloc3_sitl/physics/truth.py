@@ -1,4 +1,4 @@
-"""What a simulated vehicle really does: the truth that sensors blur and flight tests judge by."""
+"""Ground truth of a simulated vehicle, for sensors and flight tests."""
 
 from typing import Protocol
 
@@ -8,7 +8,7 @@ from gloc3.messages.frames import Quaternion, Vector3
 
 
 class Truth(msgspec.Struct, frozen=True, kw_only=True):
-    """What the vehicle does at one instant.
+    """Ground truth at one instant.
 
     Positions are those of the *standing point*: straight below the centre of gravity by as much as the centre is over
     the ground when the vehicle stands level. So height is 0 on the ground, while velocities and accelerations are those

@@ -1,4 +1,4 @@
-"""Water: where its surface and floor are, how it flows, and how it waves."""
+"""Water: surface and floor, current and waves."""
 
 from typing import Annotated, Final
 

@@ -39,7 +39,7 @@ class Pack(Protocol):
 
     @property
     def cells(self) -> int:
-        """Cells of the lithium-polymer battery in series."""
+        """Number of lithium-polymer cells in series."""
         ...
 
     @property

@@ -1,4 +1,4 @@
-"""The heading reference of a vehicle that dives by dead reckoning: what it is off by counts with every metre of its way."""
+"""The heading reference of underwater dead reckoning: its error grows with the distance travelled."""
 
 from gloc3.messages.frames import GeoPoint
 from gloc3_sitl.sensors.magnetometer import Magnetometer

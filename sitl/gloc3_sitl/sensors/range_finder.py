@@ -1,4 +1,4 @@
-"""What range finders that look along the body's down axis have in common: their readings, and their faults."""
+"""Common part of range finders along the body's down axis: readings and faults."""
 
 from collections.abc import Callable
 from typing import ClassVar, Final

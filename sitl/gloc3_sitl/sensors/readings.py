@@ -1,4 +1,4 @@
-"""What the simulated sensors report: one structure a sensor, each with the time at which it was true."""
+"""Readings of the simulated sensors, one type for each sensor, with their times of validity."""
 
 from enum import IntEnum
 

@@ -1,4 +1,4 @@
-"""What every simulated sensor has: a rate, a latency, noise of its own, and faults that can be switched on."""
+"""Base of the simulated sensors: rate, latency, noise and injectable faults."""
 
 from abc import ABC, abstractmethod
 from collections import deque
@@ -94,7 +94,7 @@ class SimulatedSensor(ABC, Generic[R]):
     def scale(self, reading: R, factor: float) -> R:
         """The same reading times a factor."""
         del reading, factor
-        raise Misuse(f"there is no scale of the {self.name}")
+        raise Misuse(f"the {self.name} cannot be scaled")
 
     def without_signal(self, reading: R) -> R | None:
         """What is reported when the sensor is lost: nothing, unless the device itself can say so."""

@@ -90,7 +90,7 @@ class SensorSuite:
             direction: Axes that a bias acts on.
         """
         if mode not in list(FaultMode):
-            raise Misuse(f"no fault mode {mode!r}; there are: {', '.join(FaultMode)}")
+            raise Misuse(f"unknown fault mode {mode!r}; known: {', '.join(FaultMode)}")
         self._named(name).fail(FaultMode(mode), size, direction)
 
     def repair(self, name: str) -> None:
@@ -99,5 +99,5 @@ class SensorSuite:
 
     def _named(self, name: str) -> SimulatedSensor[Any]:
         if name not in self._sensors:
-            raise Misuse(f"no sensor {name!r}; there are: {', '.join(self._sensors)}")
+            raise Misuse(f"unknown sensor {name!r}; known: {', '.join(self._sensors)}")
         return self._sensors[name]

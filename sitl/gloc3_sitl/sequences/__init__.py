@@ -1,4 +1,4 @@
-"""Rendered sequences as data sets in the forms that others use: KITTI odometry, EuRoC, CARMEN.
+"""Rendered sequences as data sets in common formats: KITTI odometry, EuRoC, CARMEN.
 
 `gloc3 sitl record` writes them; the readers are in the onboard package.
 """

@@ -1,4 +1,4 @@
-"""Writes what a camera that looks down sees, with attitude and height, in the form that `gloc3 odometry ground` reads."""
+"""Writes pictures of a downward camera, with attitude and height, in the format of `gloc3 odometry ground`."""
 
 from collections.abc import Iterable
 from math import radians

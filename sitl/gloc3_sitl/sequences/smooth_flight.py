@@ -1,4 +1,4 @@
-"""A flight without physics: a smooth way through a world as a function of time, with what an inertial unit feels on it."""
+"""A flight without physics: a smooth path through a world as a function of time, with IMU data."""
 
 from itertools import pairwise
 from math import atan2, ceil, dist, hypot, pi

@@ -1,4 +1,4 @@
-"""The vehicles that can be simulated: what each is made of, and the table of all of them.
+"""The simulated vehicles: their models and the table of all of them.
 
 `table` has a row for each vehicle, `simulator` advances one with its autopilot.
 """

@@ -1,4 +1,4 @@
-"""Serves the simulated Doppler velocity log over TCP, as the real ones serve theirs."""
+"""Serves the simulated Doppler velocity log over TCP in the protocols of real devices."""
 
 import asyncio
 import re
@@ -22,7 +22,7 @@ _POLL_PERIOD_S: Final = 0.01
 
 
 class DvlAddress(NamedTuple):
-    """Where it listens, and what it speaks there."""
+    """Address and protocol of the server."""
 
     wire: str
     """A key of `WIRES`."""
@@ -45,7 +45,7 @@ def read_dvl(text: str) -> DvlAddress:
 
 
 class DvlServer:
-    """Tells every client the velocity over the floor, at the device's rate, whatever it sends.
+    """Sends every client the velocity over the floor at the device's rate.
 
     Args:
         scene: the vehicle.
@@ -65,7 +65,7 @@ class DvlServer:
 
     @property
     def url(self) -> str:
-        """The source that reads it."""
+        """URL of the source that reads it."""
         assert self._server is not None
         return f"{self._address.wire}://{self._address.host}:{self._server.sockets[0].getsockname()[1]}"
 
@@ -84,7 +84,7 @@ class DvlServer:
         return self
 
     async def close(self) -> None:
-        """Serves no more."""
+        """Stops serving."""
         if self._timer is not None:
             self._timer.cancel()
         for client in self._clients:

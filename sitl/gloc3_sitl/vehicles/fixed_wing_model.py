@@ -1,4 +1,4 @@
-"""What the physics must be told about a fixed-wing aircraft beside its mass and contacts, which are in its JSBSim file."""
+"""Physical model of a fixed-wing aircraft, without mass and contacts, which are in its JSBSim file."""
 
 import msgspec
 

@@ -1,4 +1,4 @@
-"""What the physics must be told about a skid-steered rover."""
+"""Physical model of a skid-steered rover."""
 
 import msgspec
 

@@ -1,4 +1,4 @@
-"""What the physics must be told about a multirotor beside its mass and contacts, which are in its JSBSim file."""
+"""Physical model of a multirotor, without mass and contacts, which are in its JSBSim file."""
 
 import msgspec
 

@@ -1,4 +1,4 @@
-"""A simulated vehicle in its world, as those need it who look at it and do not steer it."""
+"""A simulated vehicle in its world, for read-only use."""
 
 from typing import Protocol
 

@@ -27,7 +27,7 @@ class Feed(NamedTuple):
 
 
 class SensorServer:
-    """Sends each client the sensors that it wishes for, at their rates; one that is too slow misses some.
+    """Sends each client its requested sensors at their rates; slow clients miss data.
 
     A sensor that nobody wishes for costs nothing. Two that have the same rate look at the same instant.
     """
@@ -43,7 +43,7 @@ class SensorServer:
 
     @property
     def port(self) -> int:
-        """The port that it really has."""
+        """The port in use."""
         assert self._server is not None
         return int(self._server.sockets[0].getsockname()[1])
 
@@ -63,7 +63,7 @@ class SensorServer:
         return self
 
     async def close(self) -> None:
-        """Serves no more."""
+        """Stops serving."""
         if self._timer is not None:
             self._timer.cancel()
         for client in self._clients:

@@ -1,4 +1,4 @@
-"""A simulated vehicle, whole: physics, sensors and autopilot, advanced in time, with MAVLink links to the outside."""
+"""A complete simulated vehicle: physics, sensors and autopilot, advanced in time, with MAVLink links."""
 
 from asyncio import AbstractEventLoop, TimerHandle
 from collections import deque
@@ -168,7 +168,7 @@ class Simulator:
         self._outputs = outputs
 
     def start(self, loop: AbstractEventLoop, speed: float = 1.0) -> None:
-        """Has an event loop advance it from now on, `speed` times as fast as the loop's clock."""
+        """Lets an event loop advance it from now on, `speed` times as fast as the loop's clock."""
         begin_s = loop.time()
         offset_s = self.now_s
 
@@ -187,7 +187,7 @@ class Simulator:
         self._timer = loop.call_at(begin_s + PERIOD_S / speed, turn)
 
     def stop(self) -> None:
-        """Ends what `start` began."""
+        """Stops the advance that `start` began."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -242,7 +242,7 @@ class Simulator:
         return self.is_down and self._up_s == inf
 
     def switch(self, power: SupplyState) -> None:
-        """Boots the autopilot anew, or leaves it without power, from the next step on."""
+        """Reboots the autopilot or powers it off, from the next step on."""
         self._up_s = self.now_s + BOOT_S if power is SupplyState.REBOOT else inf
         self._step = self._go_down
 

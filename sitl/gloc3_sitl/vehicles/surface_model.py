@@ -1,4 +1,4 @@
-"""What the physics must be told about a vessel with two pontoons and a propeller behind each."""
+"""Physical model of a vessel with two pontoons and a propeller behind each."""
 
 import msgspec
 

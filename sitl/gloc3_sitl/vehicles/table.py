@@ -1,4 +1,4 @@
-"""The vehicles that can be simulated: one row each, which names all in which they differ."""
+"""The table of simulated vehicles, one row each."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -206,7 +206,7 @@ STYLES: Final = sorted({style for row in VEHICLES.values() for style in row.styl
 
 
 def vehicle_of(platform: Platform) -> str:
-    """The vehicle that stands for a platform: the airframe that it names, or that of its type.
+    """Returns the simulated vehicle of a platform: the airframe that it names, or the one of its type.
 
     Raises:
         Misuse: it names one that there is not.
@@ -218,18 +218,18 @@ def vehicle_of(platform: Platform) -> str:
 
 
 def vehicle_named(name: str) -> VehicleRow:
-    """The row of a vehicle.
+    """Returns the row of a vehicle.
 
     Raises:
         Misuse: there is none.
     """
     if name not in VEHICLES:
-        raise Misuse(f"no vehicle {name!r}; {nearest(name, list(VEHICLES))}")
+        raise Misuse(f"unknown vehicle {name!r}; {nearest(name, list(VEHICLES))}")
     return VEHICLES[name]
 
 
 def check_sea(vehicle: str, waves_m: float, current_m_s: float) -> None:
-    """Checks the sea that is asked for.
+    """Checks the requested waves and current.
 
     Args:
         vehicle: which is in it.
@@ -245,11 +245,11 @@ def check_sea(vehicle: str, waves_m: float, current_m_s: float) -> None:
         raise Refused(f"--current must be from -{MOST_CURRENT_M_S:g} to {MOST_CURRENT_M_S:g} m/s")
     if (waves_m or current_m_s) and not vehicle_named(vehicle).swims:
         swimmers = ", ".join(name for name, row in VEHICLES.items() if row.swims)
-        raise Refused(f"--waves and --current are for what swims ({swimmers}), not for {vehicle!r}")
+        raise Refused(f"--waves and --current need a vehicle in water ({swimmers}), not {vehicle!r}")
 
 
 def style_of(vehicle: str, wanted: str | None) -> str:
-    """The autopilot of a vehicle: the one that is wanted, or its usual one.
+    """Returns the autopilot style of a vehicle: the requested one, or its default.
 
     Raises:
         Misuse: there is none of that name, or it does not steer such vehicles here.
@@ -258,7 +258,7 @@ def style_of(vehicle: str, wanted: str | None) -> str:
     if wanted is None:
         return next(iter(styles))
     if wanted not in STYLES:
-        raise Misuse(f"no autopilot {wanted!r}; {nearest(wanted, STYLES)}")
+        raise Misuse(f"unknown autopilot {wanted!r}; {nearest(wanted, STYLES)}")
     if wanted not in styles:
-        raise Misuse(f"no autopilot {wanted!r} for {vehicle!r}: it is steered by {' or '.join(styles)}")
+        raise Misuse(f"autopilot {wanted!r} does not support {vehicle!r}; use {' or '.join(styles)}")
     return wanted

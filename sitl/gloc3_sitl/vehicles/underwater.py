@@ -1,4 +1,4 @@
-"""What the physics must be told about an underwater vehicle: Fossen's model in SNAME's coefficients, and its actuators."""
+"""Physical model of an underwater vehicle: Fossen's model in SNAME's coefficients, and its actuators."""
 
 import msgspec
 

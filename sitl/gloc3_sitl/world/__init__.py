@@ -1,4 +1,4 @@
-"""Simulated worlds: their place, their ground, and what a camera sees of them.
+"""Simulated worlds: position, ground, and camera views.
 
 `world` reads a world file; cameras, scanners and probes look into it.
 """

@@ -1,4 +1,4 @@
-"""A simulated camera on a vehicle: where it sits, what it sees, and whether the tag is in view."""
+"""A simulated camera on a vehicle: pose, pictures, and visibility of the tag."""
 
 from math import ceil, dist, hypot
 from typing import Final

@@ -1,4 +1,4 @@
-"""A texture at full, half, quarter… resolution, repeated as far as a picture can need it."""
+"""A texture pyramid at full, half, quarter… resolution, with tiling."""
 
 from functools import lru_cache
 from math import log2

@@ -1,4 +1,4 @@
-"""How a camera takes pictures, and what it gives."""
+"""Exposure settings of a camera, and its pictures."""
 
 from typing import Annotated
 
@@ -9,7 +9,7 @@ from gloc3_sitl.world.texture import Image
 
 
 class Imager(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How a camera takes pictures, besides what its lens is."""
+    """Exposure settings of a camera, without its lens."""
 
     name: str
     """The camera's name."""

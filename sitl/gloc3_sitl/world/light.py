@@ -1,4 +1,4 @@
-"""How bright a picture is: lamps, haze and the gain of the camera, on a coarse grid over each patch."""
+"""Brightness of a picture: lamps, haze and camera gain, on a coarse grid over each patch."""
 
 from math import cos, log, radians
 from typing import Any, Final, NamedTuple

@@ -1,4 +1,4 @@
-"""The world file: what can stand in it."""
+"""The schema of the world file."""
 
 from math import cos, tau
 from typing import Annotated

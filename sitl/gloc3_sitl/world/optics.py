@@ -1,4 +1,4 @@
-"""What a lens makes of a scene: the scene is drawn without distortion, on one to five canvases, and bent once.
+"""Lens distortion: the scene is drawn undistorted on one to five canvases and warped once.
 
 A canvas is a pinhole picture at the resolution of the middle of the lens. One looks ahead; a lens that sees more than
 60 degrees beside its axis has four more, on the sides of a cube round the eye.

@@ -1,4 +1,4 @@
-"""What a camera sees of a world, as patches: parts of rectangles in the order in which a painter draws them."""
+"""Visible patches of a world: parts of rectangles in painter's order."""
 
 from collections.abc import Iterator
 from math import floor, sqrt
@@ -20,7 +20,7 @@ _EDGE_M: Final = 1e-9
 
 
 class PatchView(NamedTuple):
-    """From where and when a picture is drawn."""
+    """Pose and time of a picture."""
 
     rdf_from_local: Floats
     """Rotation, 3 by 3."""
@@ -72,7 +72,7 @@ class PatchFinder:
         self._plane_rows: Floats = np.array(self._planes)
 
     def patches(self, view: PatchView) -> Iterator[Patch]:
-        """Everything that is seen, from far to near."""
+        """Returns all visible patches, from far to near."""
         sheets, eye = self._sheets, np.array(view.eye_m)
         corners = sheets.corners_at(view.t_s)
         in_camera = (corners - eye) @ view.rdf_from_local.T

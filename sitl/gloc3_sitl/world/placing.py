@@ -1,4 +1,4 @@
-"""Where the vehicle and what is mounted on it are in the frame of a world."""
+"""Poses of the vehicle and its mounted devices in the frame of a world."""
 
 from math import radians
 from typing import Final, NamedTuple

@@ -1,4 +1,4 @@
-"""What a range finder that looks down the body meets in a world."""
+"""Range of a downward range finder in a world."""
 
 from typing import Final
 

@@ -1,4 +1,4 @@
-"""What the example vehicles carry: their cameras and their laser scanner, with the lenses that they have in flight.
+"""Cameras, lenses and laser scanner of the example vehicles.
 
 The platform files name the same calibration; a real vehicle has files of its own.
 """

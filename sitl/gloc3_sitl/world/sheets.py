@@ -1,4 +1,4 @@
-"""The rectangles of a world as arrays: where they are at a time, and in which order a painter draws them."""
+"""The rectangles of a world as arrays: corners at a time, and painter's order."""
 
 from typing import Final
 

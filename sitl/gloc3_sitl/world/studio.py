@@ -1,4 +1,4 @@
-"""Takes the pictures of one camera: draws the scene, blurs it, bends it as the lens does, exposes it, adds noise."""
+"""Renders the pictures of one camera: drawing, blur, lens distortion, exposure and noise."""
 
 from math import floor
 from typing import Any, Final

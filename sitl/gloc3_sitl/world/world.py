@@ -1,4 +1,4 @@
-"""A world: where it is on Earth, where the vehicle starts, how high the ground is, and what there is to see."""
+"""A world: place on Earth, start of the vehicle, ground heights and visible surfaces."""
 
 from functools import cached_property
 from importlib.resources import files
@@ -82,7 +82,7 @@ class World:
         findings: list[Finding] = []
         file = _parsed(name, data, findings)
         if file is not None and home is not None and not file.is_movable:
-            message = f"the world {file.world} has its own place on Earth and cannot be moved to a home"
+            message = f"the world {file.world} has a fixed place on Earth and cannot be moved to a home"
             findings.append(Finding(file=name, message=message, hint="use the world open"))
         if findings or file is None:
             raise InputError(sorted(findings))
@@ -186,7 +186,7 @@ _TOUCH_M: Final = 1e-3
 
 
 def doubts(document: Document, file: WorldFile) -> list[Finding]:
-    """Everything that is wrong although each value by itself is allowed."""
+    """Returns inconsistencies between values that are valid individually."""
     found = []
     if file.spawn.frame not in file.frames:
         hint = nearest(file.spawn.frame, list(file.frames))
@@ -213,12 +213,12 @@ def _crossings(document: Document, file: WorldFile) -> list[Finding]:
             max(a, b) - min(c, d) for a, b, c, d in zip(box.min_m, beside.min_m, box.max_m, beside.max_m, strict=True)
         ]
         if max(gaps) < -_TOUCH_M:
-            found.append(document.finding(("boxes", other), f"it is partly inside the box {name}", "cut one in two"))
+            found.append(document.finding(("boxes", other), f"it is partly inside the box {name}", "split one in two"))
     for surface, row in file.surfaces.items():
         for name, box in file.boxes.items():
             if clip_all(_corners(row), _inside(box)):
-                message = f"it passes through the box {name}"
-                found.append(document.finding(("surfaces", surface), message, "cut it in two, beside the box"))
+                message = f"it intersects the box {name}"
+                found.append(document.finding(("surfaces", surface), message, "split it in two beside the box"))
     return found
 
 

@@ -105,7 +105,7 @@ def test_on_a_platform_a_component_is_described_as_it_is_deployed(
     capsys: pytest.CaptureFixture[str], platform: str
 ) -> None:
     text = run(capsys, "describe", "doubler", "--platform", platform)
-    assert "here: doubler, 10 Hz, begun by given, begins working" in text
+    assert "here: doubler, 10 Hz, triggered by given, begins working" in text
     assert "doubled" in text
     found = json.loads(run(capsys, "describe", "spare", "--platform", platform, "--json"))
     assert found["outputs"][0]["topics"] == ["doubled"]
@@ -132,7 +132,7 @@ def test_without_installed_components_it_says_how_they_come(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(component_description, "installed_points", lambda group: [])
-    assert "entry points gloc3.components" in run(capsys, "list")
+    assert "gloc3.components entry points" in run(capsys, "list")
     assert json.loads(run(capsys, "list", "--json")) == []
 
 

@@ -128,11 +128,11 @@ def test_a_good_deployment_has_no_findings() -> None:
         ([listener(ports={"event": "evnt"})], "ports.event: unknown topic 'evnt'"),
         (
             [source(), listener(ports={"given": "result", "event": "components/source/event"})],
-            "warning: ports.given: nobody here brings 'result'",
+            "warning: ports.given: no component publishes 'result'",
         ),
         (
             [source(), listener(ports={"event": "components/sorce/event"})],
-            "warning: ports.event: nobody here brings 'components/sorce/event' (did you mean 'components/source/event'",
+            "warning: ports.event: no component publishes 'components/sorce/event' (did you mean 'components/source/event'",
         ),
     ],
 )

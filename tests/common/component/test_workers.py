@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gloc3.clock import run_virtual
-from gloc3.component.guard import guard
-from gloc3.component.workers import InlineWorker, JobQueue, ThreadWorker
+from gloc3.component.workers import InlineWorker, JobQueue, ThreadWorker, guard
 
 
 @settings(max_examples=60)

@@ -44,7 +44,7 @@ def test_a_disk_that_is_far_too_slow_is_told(tmp_path: Path, monkeypatch: pytest
     file.write(bytes(900_000))
     file.flush()
     file.write(bytes(200_000))
-    with pytest.raises(OSError, match="the disk is too slow: 1 MB wait for it"):
+    with pytest.raises(OSError, match="the disk is too slow: 1 MB are waiting"):
         file.flush()
     may_write.set()
     with pytest.raises(OSError, match="too slow"):

@@ -141,7 +141,7 @@ def test_what_cannot_be_reported_is_refused_with_the_reason(tmp_path: Path) -> N
         read_recording(tmp_path)
     write_pictures(tmp_path / "images")
     (tmp_path / "images/cameras.json").unlink()
-    with pytest.raises(Refused, match="nothing is known of the camera 'front'"):
+    with pytest.raises(Refused, match="unknown camera 'front'"):
         run(tmp_path, "--wall", WALL)
     with pytest.raises(Refused, match="write each corner as x,y,height"):
         read_wall("1,2 3,4", {})

@@ -38,7 +38,7 @@ def test_info_tells_what_a_log_holds(file: Path, capsys: pytest.CaptureFixture[s
     assert pose.split()[1:5] == ["Pose", "81", "10.0", "20"]
     assert pose.endswith("slow")
     assert "camera: OSError: no frame (x1, 2.000 s to 2.000 s)" in text
-    assert "and 1 of no concern" in text
+    assert "and 1 routine" in text
 
 
 def test_info_for_programs_is_json(file: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -88,7 +88,7 @@ def test_a_damaged_chunk_is_named_with_the_time_that_is_lost(file: Path) -> None
     found, losses = envelopes(file, bytes(data))
     assert [envelope for envelope in SENT if envelope in found] == found
     assert len(SENT) - len(found) == len(Scan(FINISHED).messages(chunk))
-    lost = f"{chunk.end - chunk.offset} bytes are lost, of the time after 0.600 s and before 0.900 s"
+    lost = f"{chunk.end - chunk.offset} bytes are lost, after 0.600 s and before 0.900 s"
     assert losses == [f"a damaged chunk at byte {chunk.offset}: {lost}"]
 
 
@@ -108,7 +108,7 @@ def test_a_log_without_its_channels_takes_them_from_the_index(file: Path) -> Non
     found, losses = envelopes(file, bytes(data))
     assert len(found) == whole_chunks(FINISHED, len(FINISHED)) - len(Scan(FINISHED).messages(Scan(FINISHED).chunks[0]))
     assert found == SENT[-len(found) :]
-    assert "the log's own description is lost: times count from 1970" in losses
+    assert "the log's description record is lost: times count from 1970" in losses
 
 
 def test_unknown_and_changed_types_are_read_as_dictionaries(file: Path) -> None:
@@ -122,7 +122,7 @@ def test_unknown_and_changed_types_are_read_as_dictionaries(file: Path) -> None:
 @pytest.mark.parametrize("data", [b"MCAP", b"not a log at all", MAGIC[:-1] + b"x" * 100])
 def test_what_is_no_log_is_said_to_be_none(file: Path, data: bytes) -> None:
     file.write_bytes(data)
-    with pytest.raises(InputError, match="is no log"):
+    with pytest.raises(InputError, match="is not a log"):
         LogReader(file)
 
 

@@ -113,7 +113,7 @@ def test_other_settings_show_their_effect(tmp_path: Path) -> None:
     ("name", "row", "reason"),
     [
         ("smother", PERIODIC, "did you mean 'smoother'"),
-        ("smoother", msgspec.structs.replace(PERIODIC, devices={"device": "camera"}), "works on a device \\(camera\\)"),
+        ("smoother", msgspec.structs.replace(PERIODIC, devices={"device": "camera"}), "reads a device \\(camera\\)"),
         ("other", msgspec.structs.replace(PERIODIC, name="other"), "did not start in this log"),
     ],
 )

@@ -32,13 +32,18 @@ def test_a_key_is_read_in_each_form(tmp_path: Path, data: bytes, key: bytes) -> 
 @pytest.mark.parametrize("mode", [0o644, 0o640, 0o604, 0o620])
 def test_a_key_that_others_may_use_is_refused_with_what_to_do(tmp_path: Path, mode: int) -> None:
     path = written(tmp_path / "key", KEY, mode)
-    with pytest.raises(InputError, match=f"others than its owner may use this key .mode {mode:04o}.*chmod 600 {path}"):
+    with pytest.raises(InputError, match=f"other users can access this key .mode {mode:04o}.*chmod 600 {path}"):
         read_signing_key(path)
 
 
 @pytest.mark.parametrize(
     ("data", "words"),
-    [(b"", "no signing key"), (b"ab" * 31, "no signing key"), (b"passphrase: ab", "at least 8"), (b"\xff" * 40, "no")],
+    [
+        (b"", "not a signing key"),
+        (b"ab" * 31, "not a signing key"),
+        (b"passphrase: ab", "at least 8"),
+        (b"\xff" * 40, "no"),
+    ],
 )
 def test_what_is_no_key_is_refused(tmp_path: Path, data: bytes, words: str) -> None:
     with pytest.raises(InputError, match=words):

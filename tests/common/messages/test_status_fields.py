@@ -9,8 +9,8 @@ import pytest
 from gloc3.component.lci import State
 from gloc3.exchange.tunnel import status as packing
 from gloc3.exchange.tunnel.body import unpack_payload, unpack_status
+from gloc3.exchange.tunnel.events import Counters
 from gloc3.exchange.tunnel.frames import Status, SummaryRows
-from gloc3.exchange.tunnel.happenings import Counters
 from gloc3.exchange.tunnel.status import StatusReceiver, StatusSender
 from gloc3.messages.envelope import ComponentStatus, Envelope, Kind, Message, Source
 from gloc3.messages.status_fields import COLUMN_FIELDS, ROW_FIELDS, STATUS_FIELDS, StatusField

@@ -56,14 +56,14 @@ def test_ways_are_flown_as_plans_and_everything_else_as_ever(pelican: Platform) 
 @pytest.mark.parametrize(
     ("action", "problem"),
     [
-        ("hold: {duration_s: 3}", "plans are made of ways through places only"),
-        ("go_to: {position_m: [3, 1, 2], heading: {look_at: [0, 0, 1]}}", "a plan says no heading 'look at'"),
+        ("hold: {duration_s: 3}", "plans consist of waypoints only"),
+        ("go_to: {position_m: [3, 1, 2], heading: {look_at: [0, 0, 1]}}", "a plan cannot express heading 'look at'"),
         (
             "follow_wall: {wall_m: [[0, 3], [6, 3]], side: left, standoff_m: 2, height_m: 1.5, is_measured: true}",
-            "it keeps no distance from a wall",
+            "it cannot keep a distance from a wall",
         ),
-        ("go_to: {position_m: [3, 1, 2], heading: hold}", "a plan says no heading 'hold'"),
-        ("go_to: {position_m: [3, 1, 2], altitude_m: 2}", "it keeps no height over the ground"),
+        ("go_to: {position_m: [3, 1, 2], heading: hold}", "a plan cannot express heading 'hold'"),
+        ("go_to: {position_m: [3, 1, 2], altitude_m: 2}", "it cannot hold a height above ground"),
     ],
 )
 def test_what_no_plan_can_say_is_found_at_its_place(pelican: Platform, action: str, problem: str) -> None:
@@ -76,8 +76,8 @@ def test_a_task_that_moves_nothing_and_a_platform_without_plans_are_told() -> No
     text = TEXT.replace("      way: {ACTION}\n", "").replace(", until: way", "")
     report = check_text(text, "m", Circumstances(platform=pelican))
     reported = [str(finding) for finding in report.findings]
-    assert "m:7:15: box moves nothing that the autopilot could fly (leave out flown_by)" in reported
-    assert any("m:7:15: the autopilot of pelican is given no plans" in one for one in findings(indoors))
+    assert "m:7:15: box has no motion that the autopilot could fly (leave out flown_by)" in reported
+    assert any("m:7:15: the autopilot of pelican accepts no plans" in one for one in findings(indoors))
 
 
 def test_a_dive_is_left_out_of_a_plan_with_a_word() -> None:
@@ -87,4 +87,4 @@ def test_a_dive_is_left_out_of_a_plan_with_a_word() -> None:
     text = f"mission: m\nframe: {frame}\ntasks: {{a: {{actions: {actions}}}}}\n"
     mission = read_mission(text, "m", MissionReferences.of(auv))
     _, warnings = exported(mission, ".plan", "m", auv.local_frames())
-    assert [one.message for one in warnings] == ["a.d is left out: plans know no dive"]
+    assert [one.message for one in warnings] == ["a.d is left out: plans have no dive"]

@@ -49,18 +49,18 @@ def test_every_way_can_keep_a_height_over_the_floor(platform: str, way: str) -> 
 def test_one_that_is_too_low_for_the_platform_is_found_at_its_place() -> None:
     way = "transit: {to_m: [[9, 0]], altitude_m: 1}"
     (found,) = findings("auv", way)
-    assert found.startswith("m:8:51: 1 m over the ground are less than the platform's 2 m")
+    assert found.startswith("m:8:51: 1 m above ground is below the platform's limit of 2 m")
     assert not findings("rov", way)
 
 
 @pytest.mark.parametrize("platform", ["rover", "submarine"])
 def test_a_platform_that_hears_of_no_height_cannot_keep_one(platform: str) -> None:
     found = findings(platform, "transit: {to_m: [[9, 0]], altitude_m: 2}")
-    assert any(f"waypoints of {platform} keeps no height over the ground: it hears of none" in one for one in found)
+    assert any(f"waypoints of {platform} cannot hold a height above ground: it receives none" in one for one in found)
 
 
 def test_a_plan_of_the_autopilots_cannot_say_it() -> None:
     text = TEXT.replace("ACTION", WAYS[2]).replace("FRAME", "bay")
     mission = read_mission(text, "m", MissionReferences.of(load_platform("auv")))
-    with pytest.raises(InputError, match="a plan keeps no height over the ground"):
+    with pytest.raises(InputError, match="a plan cannot hold a height above ground"):
         exported(mission, ".plan", "m", load_platform("auv").local_frames())

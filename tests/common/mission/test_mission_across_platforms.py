@@ -116,7 +116,7 @@ def test_each_task_names_its_platform_or_none_does(pelican: Platform) -> None:
 def test_a_mission_without_a_task_for_it_is_refused(pelican: Platform) -> None:
     text = TEXT.replace("pelican", "albatross")
     report = check_text(text, "mission.yaml", Circumstances(platform=pelican, frames=FRAMES))
-    assert [finding.message for finding in report.findings if not finding.is_warning] == ["no task is for pelican"]
+    assert [finding.message for finding in report.findings if not finding.is_warning] == ["no task names pelican"]
 
 
 def test_a_silent_platform_is_lost_after_its_time_and_the_policy_holds(pair: Pair) -> None:
@@ -127,7 +127,7 @@ def test_a_silent_platform_is_lost_after_its_time_and_the_policy_holds(pair: Pai
     assert pair.pelican.executor.policy == ""
     pair.pelican.pass_s(0.2)
     assert pair.pelican.executor.policy == "hold"
-    assert "platform lost: hummingbird: nothing heard of it for 10 s; policy: hold" in pair.pelican.log
+    assert "platform lost: hummingbird: no report for 10 s; policy: hold" in pair.pelican.log
     pair.pass_s(1)
     assert "platform lost: over" in pair.pelican.log
     pair.pelican.steer("resume")
@@ -208,7 +208,7 @@ def test_a_failure_there_that_waits_for_an_operator_is_waited_for(pair: Pair) ->
 def test_a_task_of_another_platform_can_only_be_skipped_here(pair: Pair) -> None:
     looked(pair)
     for verb in ("abort", "pause", "start"):
-        with pytest.raises(Refused, match="follow is hummingbird's; it is steered there"):
+        with pytest.raises(Refused, match="follow belongs to hummingbird; command it there"):
             pair.pelican.steer(verb, "follow")
     pair.pelican.steer("skip", "follow")
     assert pair.pelican.running() == ["back.home"]
@@ -234,7 +234,7 @@ def test_what_was_told_survives_a_restart_and_the_others_must_be_heard_anew(pair
     assert again.state("follow") == "running"
     again.steer("resume")
     again.pass_s(10.1)
-    assert "platform lost: hummingbird: nothing heard of it for 10 s; policy: hold" in again.log
+    assert "platform lost: hummingbird: no report for 10 s; policy: hold" in again.log
     again.executor.elsewhere("hummingbird", ActionState.DONE, {"follow": ActionState.DONE}, again.now_s)
     again.steer("resume")
     assert again.running() == ["back.home"]
@@ -255,7 +255,7 @@ def test_each_part_is_checked_for_its_own_platform_and_all_findings_come_at_once
     known = {"pelican": pelican, "hummingbird": hummingbird}
     report = check_text(text, "mission.yaml", Circumstances(known=known.get, frames=FRAMES))
     heights = [(finding.line, finding.message) for finding in report.findings if "above home" in finding.message]
-    assert [(line, message.partition(",")[0]) for line, message in heights[:2]] == [
+    assert [(line, message.partition(";")[0]) for line, message in heights[:2]] == [
         (12, "waypoint 1 is 200.0 m above home"),
         (16, "climb's end is 99.0 m above home"),
     ]

@@ -57,7 +57,7 @@ def test_a_row_that_does_not_claim_what_its_kind_needs_is_refused_with_what_to_w
 
 
 def test_a_capability_with_the_name_of_a_key_of_actions_is_refused(platform_text: str) -> None:
-    with pytest.raises(InputError, match=r"p:9:3: 'until' is a key of every action, and no capability"):
+    with pytest.raises(InputError, match=r"p:9:3: 'until' is a key of every action, not a capability"):
         read_platform(platform_text.replace("  take_off:", "  until:"), "p")
 
 
@@ -89,7 +89,7 @@ tasks:
 
 def test_kinds_that_are_none_are_told_with_the_entry_point(install: Install) -> None:
     install({"sink": "json:loads"})
-    with pytest.raises(Misuse, match=r"entry point sink of gloc3\.capabilities is no subclass of Arguments"):
+    with pytest.raises(Misuse, match=r"entry point sink of gloc3\.capabilities is not a subclass of Arguments"):
         argument_kinds()
 
 
@@ -101,7 +101,7 @@ def test_a_kind_that_cannot_be_loaded_is_told_with_the_reason(install: Install) 
 
 def test_two_packages_may_not_bring_one_name(install: Install) -> None:
     install({"go_to": "gloc3.mission.model.arguments:Hold"})
-    with pytest.raises(Misuse, match="two packages bring arguments called 'go_to'"):
+    with pytest.raises(Misuse, match="two packages define arguments called 'go_to'"):
         argument_kinds()
 
 

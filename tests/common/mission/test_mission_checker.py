@@ -77,30 +77,30 @@ def test_a_good_mission_has_figures_and_no_findings(pelican: Platform) -> None:
         ("[16, 1, 2]", "[19.7, 1, 2]",
          "m:13:60: waypoint 2 is 0.30 m inside the fence, less than the margin of 0.5 m (move it inwards)"),
         ("[[2, 1, 2], [16, 1, 2]]", "[[4, 8, 2], [12, 8, 2]]",
-         "m:13:60: the straight way to waypoint 2 leaves the fence or its margin of 0.5 m (add a waypoint that leads round)"),
+         "m:13:60: the straight path to waypoint 2 leaves the fence or its margin of 0.5 m (add a waypoint to go around)"),
         ("[2, 1, 2]", "[2, 1, 8.2]", "m:13:49: waypoint 1 is 0.2 m outside the fence (move it inwards)"),
         ("[2, 1, 2]", "[2, 1, 0.1]",
-         "m:13:49: waypoint 1 is 0.1 m above home, less than the platform's 0.3 m (fly higher)"),
+         "m:13:49: waypoint 1 is 0.1 m above home; the platform's limit is 0.3 m (fly higher)"),
         ("height_m: 1.5", "height_m: 7.8",
          "m:8:37: climb's end is 0.20 m inside the fence, less than the margin of 0.5 m (move it inwards)"),
         ("speed_m_s: 0.5", "speed_m_s: 5",
-         "m:13:84: 5 m/s are more than the platform's limit of 3 m/s (fly slower)"),
+         "m:13:84: 5 m/s exceeds the platform's limit of 3 m/s (fly slower)"),
         ("deadline_s: 120", "deadline_s: 20",
-         "m:11:17: about 33 s are needed, but deadline_s is 20 (fly faster, leave out something, or allow more time)"),
+         "m:11:17: about 33 s are needed, but deadline_s is 20 (fly faster, shorten the mission, or raise deadline_s)"),
         (", until: wall", "",
-         "m:14:7: sweep.photos never ends by itself (give it until with its companion, or a duration or count)"),
+         "m:14:7: sweep.photos never ends (set until, or a duration or count)"),
         ("camera: ground", "camera: front",
          "m:14:40: camera 'front' is not possible on pelican (known: ground)"),
         ("    after: [sweep]\n", "",
-         "m:18:7: recover.down and depart.climb may run at the same time, and both claim motion (put one after the other)"),
+         "m:18:7: recover.down and depart.climb may run at the same time, and both claim motion (order them with after)"),
         (", after: [home]", "",
-         "m:19:7: recover.down and recover.home may run at the same time, and both claim motion (put one after the other)"),
+         "m:19:7: recover.down and recover.home may run at the same time, and both claim motion (order them with after)"),
         ("follow_waypoints", "folow_waypoints",
          "m:13:16: unknown capability 'folow_waypoints' (did you mean 'follow_waypoints'?)"),
         ("on_failure: land", "on_low_battery: continue",
-         "m:4:17: on_low_battery is continue, but at 20 % the autopilot does return by itself"),
+         "m:4:17: on_low_battery is continue, but at 20 % the autopilot's failsafe is return"),
         ("on_failure: land", "on_pose_lost: return",
-         "m:4:15: return_home needs the pose, and cannot be flown when that is lost (say on_pose_lost: land)"),
+         "m:4:15: return_home needs the pose and cannot be flown without it (set on_pose_lost: land)"),
         ("down:   {land: {}, after: [home]}", "down:   {hold: {duration_s: 1}, after: [home]}",
          "m:5:1: warning: the mission ends in the air, and the vehicle stays there (end with land)"),
         ("climb:  {take_off: {height_m: 1.5}}", "climb:  {wait: {duration_s: 5}}",
@@ -144,7 +144,7 @@ def test_a_mission_beyond_the_battery_is_refused_with_figures(pelican: Platform)
     )
     found = reported(check_text(text, "m", Circumstances(platform=pelican, home_ned_m=HOME)))
     assert found == [
-        "m:1:10: about 61.6 Wh are needed, but only 53.2 Wh of 71 Wh may be used (reserve 25 %) (make it shorter, or several missions)"
+        "m:1:10: about 61.6 Wh are needed, but only 53.2 Wh of 71 Wh may be used (reserve 25 %) (shorten the mission, or split it into several)"
     ]
 
 
@@ -157,7 +157,7 @@ def test_returning_must_be_possible_on_the_reserve(platform_text: str) -> None:
     )
     found = reported(check_text(MISSION, "m", Circumstances(platform=small, home_ned_m=HOME)))
     assert len(found) == 1
-    assert "to return from the farthest place takes" in found[0]
+    assert "the return from the farthest place takes" in found[0]
 
 
 @pytest.mark.parametrize(
@@ -167,14 +167,14 @@ def test_returning_must_be_possible_on_the_reserve(platform_text: str) -> None:
         (
             "action: return, after_s: 10",
             "continue",
-            "on_link_loss is continue, but 10 s without a station the autopilot does return",
+            "on_link_loss is continue, but after 10 s the autopilot's failsafe is return",
         ),
-        ("action: return, after_s: 10", "hold", "on_link_loss is hold, but 10 s without"),
+        ("action: return, after_s: 10", "hold", "on_link_loss is hold, but after 10 s"),
         ("action: return, after_s: 10", "land", ""),
         (
             "action: return, after_s: 3",
             "land",
-            "the autopilot does return after 3 s without a station, before land at 5 s",
+            "the autopilot's return after 3 s of link loss precedes land at 5 s",
         ),
         ("action: return, after_s: 3", "return", ""),
         ("action: land, after_s: 9", "abort", ""),
@@ -217,7 +217,7 @@ def test_errors_of_all_kinds_are_told_together(pelican: Platform) -> None:
     found = reported(check_text(text, "m", Circumstances(platform=pelican, home_ned_m=HOME)))
     assert [line.partition(": ")[2][:30] for line in found] == [
         "waypoint 2 is 1.0 m outside th",
-        "5 m/s are more than the platfo",
+        "5 m/s exceeds the platform's l",
         "'camera' is missing in record_",
         "unknown key 'camra' (did you m",
     ]

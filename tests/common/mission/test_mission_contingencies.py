@@ -184,7 +184,7 @@ def test_a_mission_that_cannot_go_on_afterwards_holds_and_says_why(pelican: Plat
     looked_round(rig)
     assert rig.state() == "paused"
     assert rig.executor.policy == "hold"
-    assert "the mission does not go on: follow_waypoints is not available: it lacks laser" in rig.log
+    assert "the mission cannot continue: follow_waypoints is not available: it lacks laser" in rig.log
 
 
 @pytest.mark.parametrize(
@@ -192,8 +192,8 @@ def test_a_mission_that_cannot_go_on_afterwards_holds_and_says_why(pelican: Plat
     [
         (mission(on_link_loss="{task: look_around}"), "there is no contingency 'look_around' (did you mean 'look_round'?)"),
         (mission(on_pose_lost="{task: alcove}"), "away cannot be flown when the pose is lost"),
-        (mission().replace("  alcove:", "  sweep:"), "'sweep' is the name of a task, too"),
-        (mission().replace("  alcove:\n", "  alcove:\n    after: [look_round]\n"), "a contingency comes after nothing"),
+        (mission().replace("  alcove:", "  sweep:"), "'sweep' is also the name of a task"),
+        (mission().replace("  alcove:\n", "  alcove:\n    after: [look_round]\n"), "a contingency cannot have after"),
         (mission().replace("after: [away]", "after: [away], on_failure: hold"), "on_failure: hold inside a contingency"),
         (mission().replace("after: [away]", "after: [way]"), "no action 'way' here"),
         (mission().replace("[0, 1, 2]", "[0, 1, 99]"), "99.0 m above home"),
@@ -213,4 +213,4 @@ def test_contingencies_are_drawn_and_written_back(pelican: Platform) -> None:
     assert checked(write_mission(read), pelican).flyable() == read
     shown = drawing(report, Circumstances(platform=pelican).capabilities(), pelican)
     assert "link loss look_round then resume" in shown
-    assert "when something befalls it:\n" in shown
+    assert "failsafe policies:\n" in shown

@@ -100,11 +100,11 @@ def test_a_finding_in_a_used_task_names_the_place_of_the_value_and_that_of_the_d
         ("end: [4, 5, 2]}, after: [dep", "stop: [4, 5, 2]}, after: [dep", "'lane' needs 'end', a point: [x, y]"),
         ("speed: 1.5", "sped: 1.5", "'lane' has no parameter 'sped' (it is defined at m.yaml:4:3) (did you mean 'speed'?)"),
         ("speed: 1.5", "speed: fast", "speed: 'fast' is not a number in m/s (it is defined at m.yaml:4:3)"),
-        ("speed: 1.5", "speed: 0.01", "speed: 0.01 is less than 0.1, the least that is possible"),
+        ("speed: 1.5", "speed: 0.01", "speed: 0.01 is below the minimum of 0.1"),
         ("end: [4, 5, 2], sp", "end: 4, sp", "end: '4' is not a point"),
         ("position_m: $begin", "position_m: $start", "'lane' has no parameter 'start'"),
         ('"${speed}"', '"${speed} m/s"', "a parameter inside the text '${speed} m/s' (a parameter stands for a whole value)"),
-        ("with: {begin: [6, 2, 3]", "actions: {}, with: {begin: [6, 2, 3]", "'west' has actions of its own beside use"),
+        ("with: {begin: [6, 2, 3]", "actions: {}, with: {begin: [6, 2, 3]", "'west' has both use and actions"),
         ("default: 0.5", "default: slow", "speed: 'slow' is not a number in m/s"),
         ("{kind: point}\n      end", "{kind: place}\n      end", "'place' is not possible here"),
         ("    actions:\n      to:", "    action:\n      to:", "unknown key 'action'"),
@@ -127,14 +127,14 @@ def test_a_library_that_is_not_there_or_is_none_is_told_where_it_is_included(
     library.write_text("define: {lane: {actions: {}}}\ntasks: {}\n")
     app(["check", str(lanes)], exit_on_error=False, result_action="return_value")
     reported = capsys.readouterr().out
-    assert "lanes.yaml:2:1: a library defines tasks, and has no 'tasks'" in reported
+    assert "lanes.yaml:2:1: a library has no key 'tasks'" in reported
     lanes.write_text(MISSION.replace("lanes.yaml", "/etc/passwd"))
     app(["check", str(lanes)], exit_on_error=False, result_action="return_value")
-    assert "/etc/passwd is no relative path" in capsys.readouterr().out
+    assert "/etc/passwd is not a relative path" in capsys.readouterr().out
 
 
 def test_a_text_whose_libraries_are_not_with_it_says_so_and_opens_no_file() -> None:
-    assert any("the libraries that are included are not at hand" in one for one in found(MISSION))
+    assert any("the included libraries are missing" in one for one in found(MISSION))
 
 
 @pytest.mark.thorough

@@ -132,14 +132,14 @@ def test_where_the_way_past_what_a_guard_leaves_out_leaves_the_fence_is_warned_o
     report = checked(CORNER.replace("GUARD", GUARD), pelican)
     assert report.is_ok
     assert reported(report) == [
-        "warning: the straight way to far's end leaves the fence or its margin of 0.5 m, where guards leave out what they may"
+        "warning: the straight path to far's end leaves the fence or its margin of 0.5 m, if guards skip all that they can"
     ]
 
 
 def test_a_contingency_that_cannot_be_flown_to_straight_from_everywhere_is_warned_of(pelican: Platform) -> None:
     assert reported(checked(READY.replace("X", "17"), pelican)) == []
     assert reported(checked(READY.replace("X", "0"), pelican)) == [
-        "warning: from the end of a leg of out.go the straight way to refuge.away leaves the fence"
+        "warning: from the end of a leg of out.go the straight path to refuge.away leaves the fence"
     ]
 
 

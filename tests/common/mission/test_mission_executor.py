@@ -96,7 +96,7 @@ def test_an_action_paused_by_itself_stays_paused_when_the_mission_is_resumed(rig
     sweep(rig)
     rig.steer("pause", "sweep.photos")
     rig.steer("pause")
-    with pytest.raises(Refused, match="the mission is paused; resume that"):
+    with pytest.raises(Refused, match="the mission is paused; resume it first"):
         rig.steer("resume", "sweep.photos")
     rig.steer("resume")
     assert rig.running() == ["sweep.wall"]
@@ -181,7 +181,7 @@ def test_aborting_an_action_is_followed_by_the_mission_s_on_failure(
         ("retry", "sweep.wall", "retry is not accepted in running"),
         ("pause", "depart", "pause is not accepted in done; accepted: nothing"),
         ("pause", "recover", "pause is not accepted in waiting"),
-        ("start", "recover", "recover starts when what it comes after has ended; start the mission"),
+        ("start", "recover", "recover starts when its predecessors have ended; start the mission"),
         ("pause", "swep", "there is no 'swep'; did you mean 'sweep'?"),
         ("finish", "", "no command 'finish'; known: start, pause, resume, skip, abort, retry"),
     ],
@@ -199,7 +199,7 @@ def test_commands_that_make_no_sense_are_refused_and_change_nothing(
 
 def test_a_mission_starts_only_from_where_its_first_action_can_begin(rig: Rig, pelican: Platform) -> None:
     rig.fly()
-    with pytest.raises(Refused, match="in the air already"):
+    with pytest.raises(Refused, match="already in the air"):
         rig.start()
     rig.fly(is_airborne=False)
     rig.executor.available({"record_images": ("ground_camera",)}, 0.0)

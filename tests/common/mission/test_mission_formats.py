@@ -38,10 +38,10 @@ OUTCOMES: dict[str, tuple[int, int, int] | str] = {
     "mavsdk/qgroundcontrol_sample_with_structured_scan.plan": "48:36: item 2, a StructureScan, does not store the items",
     "mavsdk/qgroundcontrol_sample_with_survey.plan": (13, 0, 0),
     "mavsdk/qgroundcontrol_sample_with_survey_missing_items.plan": "33:13: item 2, a survey, lacks the items",
-    "mavsdk/qgroundcontrol_sample_with_survey_wrong_version.plan": "303:28: item 2: a survey of version 9 is not known",
+    "mavsdk/qgroundcontrol_sample_with_survey_wrong_version.plan": "303:28: item 2: a survey of version 9 is not supported",
     "mavsdk/qgroundcontrol_sample_without_mission.plan": "1:1: there is no mission in it",
-    "mavsdk/qgroundcontrol_sample_wrong_mission_version.plan": "53:20: missions of version 7 are not known, only 2",
-    "mavsdk/qgroundcontrol_sample_wrong_overall_version.plan": "60:16: plan files of version 42 are not known, only 1",
+    "mavsdk/qgroundcontrol_sample_wrong_mission_version.plan": "53:20: mission version 7 is not supported, only 2",
+    "mavsdk/qgroundcontrol_sample_wrong_overall_version.plan": "60:16: plan file version 42 is not supported, only 1",
     "px4/MC_mission_box.plan": (6, 0, 0),
     "px4/multicopter_mission_geofence_avoid.plan": (5, 9, 0),
     "qgc/MissionPlanner.waypoints": (6, 0, 0),
@@ -55,12 +55,12 @@ OWN_OUTCOMES: dict[str, tuple[int, int, int] | str] = {
     "box.waypoints": (4, 0, 0),
     "box_in_a_fence.plan": (5, 5, 1),
     "fence.txt": "1:1: this is a list of fence points, not a mission",
-    "mission_of_another_version.plan": "6:14: missions of version 7 are not known, only 2",
-    "plan_of_another_version.plan": "3:13: plan files of version 42 are not known, only 1",
+    "mission_of_another_version.plan": "6:14: mission version 7 is not supported, only 2",
+    "plan_of_another_version.plan": "3:13: plan file version 42 is not supported, only 1",
     "rally.txt": "1:1: this is a list of rally points, not a mission",
     "structure_scan.plan": "34:24: item 2, a StructureScan, does not store the items",
     "survey.plan": (8, 0, 0),
-    "survey_of_another_version.plan": "35:16: item 2: a survey of version 9 is not known",
+    "survey_of_another_version.plan": "35:16: item 2: a survey of version 9 is not supported",
     "survey_without_items.plan": "32:4: item 2, a survey, lacks the items",
     "without_mission.plan": "1:1: there is no mission in it",
 }
@@ -129,7 +129,7 @@ def test_a_plan_with_a_survey_becomes_a_mission_that_flies_its_lanes() -> None:
 def test_a_real_plan_becomes_a_mission_that_flies_the_same_way() -> None:
     _, text, warnings = mission_text(str(MISSIONS / "px4/MC_mission_box.plan"), speed_limit_m_s=3.0)
     assert [str(warning).partition("plan: ")[2] for warning in warnings] == [
-        "warning: 5 m/s are reduced to the platform's 3 m/s"
+        "warning: 5 m/s is reduced to the platform's 3 m/s"
     ]
     report = check_text(text, "box", Circumstances())
     assert [str(finding) for finding in report.findings] == []
@@ -226,21 +226,21 @@ def test_a_mission_in_a_local_frame_is_not_made_a_plan() -> None:
 @pytest.mark.parametrize(
     ("path", "value", "reason"),
     [
-        ("fileType", "Parameters", "this is no plan file: fileType is not 'Plan'"),
+        ("fileType", "Parameters", "not a plan file: fileType is not 'Plan'"),
         ("mission.items", None, "the mission has no list of items"),
-        ("mission.items.0", 3, "item 1 is no mapping"),
+        ("mission.items.0", 3, "item 1 is not a mapping"),
         ("mission.items.0.type", "NewItem", "item 1 is of the unknown type 'NewItem'"),
-        ("mission.items.0.command", "fly", "the item's command or frame is no number of MAVLink"),
+        ("mission.items.0.command", "fly", "the item's command or frame is not a MAVLink number"),
         ("mission.items.0.params", [1, 2], "seven numbers (or null) are expected, or four and a coordinate"),
         ("mission.items.0.params", [1, 2, 3, 4, 5, 6, "7"], "seven numbers (or null) are expected"),
         ("mission.items.0.autoContinue", "yes", "true or false is expected here"),
-        ("mission.plannedHomePosition", [95, 0, 0], "95, 0 is no latitude and longitude"),
-        ("mission.plannedHomePosition", [5, 0], "here 3 numbers are expected"),
-        ("geoFence.version", 3, "fences of version 3 are not known, only 2"),
-        ("geoFence.polygons.0.polygon", [[1, 2]], "a polygon of the fence has less than three corners"),
+        ("mission.plannedHomePosition", [95, 0, 0], "95, 0 is not a latitude and longitude"),
+        ("mission.plannedHomePosition", [5, 0], "3 numbers are expected here"),
+        ("geoFence.version", 3, "fence version 3 is not supported, only 2"),
+        ("geoFence.polygons.0.polygon", [[1, 2]], "a polygon of the fence has fewer than three corners"),
         ("geoFence.circles.0.circle.radius", 0, "the circle has no radius"),
-        ("rallyPoints.version", 9, "rally points of version 9 are not known"),
-        ("rallyPoints.points.0", [1], "here 3 numbers are expected"),
+        ("rallyPoints.version", 9, "rally points version 9 is not supported"),
+        ("rallyPoints.points.0", [1], "3 numbers are expected here"),
     ],
 )
 def test_plans_that_cannot_be_read_are_refused_with_the_place(path: str, value: Any, reason: str) -> None:
@@ -258,8 +258,8 @@ def test_plans_that_cannot_be_read_are_refused_with_the_place(path: str, value: 
         (b'{"a": NaN}', "f: not usable JSON: NaN is not a finite number"),
         (b"[" * 100_000, "f: not usable JSON: nested too deeply"),
         (b'{"fileType": "Plan", "version": ' + b"1" * 5000 + b"}", "f: not usable JSON: "),
-        (b" " * 5_000_001, "f: 5.0 MB are too much: at most 5 MB are read (is this the right file?)"),
-        (b"[]", "f:1:1: this is no plan file"),
+        (b" " * 5_000_001, "f: 5.0 MB is too large: the limit is 5 MB (is this the right file?)"),
+        (b"[]", "f:1:1: not a plan file"),
     ],
     ids=lambda value: repr(value[:12]),
 )
@@ -277,7 +277,7 @@ def test_what_is_no_plan_at_all_is_refused(data: bytes, finding: str) -> None:
             [MavItem(command=16, frame=3, x=1.0, y=1.0, z=1.0), MavItem(command=16, frame=10, x=1.0, y=1.0, z=1.0)],
             "item 2: its height counts from ground, those before from home",
         ),
-        ([MavItem(command=206, frame=2)], "there is nothing in it that moves the vehicle"),
+        ([MavItem(command=206, frame=2)], "it has no item that moves the vehicle"),
     ],
 )
 def test_what_a_mission_cannot_express_is_told(items: list[MavItem], reason: str) -> None:
@@ -289,15 +289,15 @@ def test_what_a_mission_cannot_express_is_told(items: list[MavItem], reason: str
 @pytest.mark.parametrize(
     ("text", "finding"),
     [
-        ("", "f:1:1: this is no file of waypoints (its first line is 'QGC WPL 110')"),
-        ("QGC WPL 100\n", "f:1:1: WPL version 100 is not known, only 110 (save it as version 110)"),
+        ("", "f:1:1: not a waypoint file (its first line is 'QGC WPL 110')"),
+        ("QGC WPL 100\n", "f:1:1: WPL version 100 is not supported, only 110 (save it as version 110)"),
         ("QGC WPL 110\n0\n", "f:2:1: 1 column, but an item has 12 (index, current, frame"),
         ("QGC WPL 110\n0 1 3\n", "f:2:1: 3 columns, but an item has 12 (index, current, frame"),
         ("QGC WPL 110\n1 0 3 16 0 0 0 0 1 2 3 1\n", "f:2:1: item 1 stands where item 0 is expected"),
-        ("QGC WPL 110\n0 0 3 16 0 0 0 x 1 2 3 1\n", "f:2:1: 'x' is no number"),
-        ("QGC WPL 110\n0 0 3 16 0 0 0 inf 1 2 3 1\n", "f:2:1: 'inf' is no number"),
-        ("QGC WPL 110\n0 0 3 1.5 0 0 0 0 1 2 3 1\n", "f:2:1: '1.5' is no whole number"),
-        ("QGC WPL 110\n0 0 3 70000 0 0 0 0 1 2 3 1\n", "f:2:1: frame 3 or command 70000 is no number of MAVLink"),
+        ("QGC WPL 110\n0 0 3 16 0 0 0 x 1 2 3 1\n", "f:2:1: 'x' is not a number"),
+        ("QGC WPL 110\n0 0 3 16 0 0 0 inf 1 2 3 1\n", "f:2:1: 'inf' is not a number"),
+        ("QGC WPL 110\n0 0 3 1.5 0 0 0 0 1 2 3 1\n", "f:2:1: '1.5' is not a whole number"),
+        ("QGC WPL 110\n0 0 3 70000 0 0 0 0 1 2 3 1\n", "f:2:1: frame 3 or command 70000 is not a MAVLink number"),
     ],
 )
 def test_waypoint_files_that_cannot_be_read_are_refused_by_line(text: str, finding: str) -> None:

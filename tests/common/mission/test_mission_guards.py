@@ -87,7 +87,7 @@ def test_a_wait_that_takes_too_long_fails_and_says_what_it_waited_for(pelican: P
     when = "when: {pose_quality: {above: 0.8}}, otherwise: wait, deadline_s: 20, on_failure: continue"
     rig = guarded(pelican, when, pose_quality=0.5)
     rig.pass_s(21.0)
-    assert "sweep.photos failed: deadline passed: it waited for pose quality above 80 %" in rig.log
+    assert "sweep.photos failed: deadline passed while waiting for pose quality above 80 %" in rig.log
 
 
 def test_a_pause_and_a_restart_stop_the_clock_of_a_wait(pelican: Platform) -> None:
@@ -201,8 +201,8 @@ def test_a_loop_s_deadline_counts_all_laps_and_an_action_s_each_one(pelican: Pla
 @pytest.mark.parametrize(
     ("when", "expected"),
     [
-        ("when: {battery: {above: 0.4}}, otherwise: wait", "a wait that nothing may ever end"),
-        ("otherwise: fail", "there is no when"),
+        ("when: {battery: {above: 0.4}}, otherwise: wait", "this wait may never end"),
+        ("otherwise: fail", "no effect without when"),
         ("when: {batery: {above: 0.4}}", "unknown key 'batery' (did you mean 'battery'?)"),
         ("when: {battery: {}}", "above or below must be given"),
         ("when: {battery: {above: 0.4, below: 0.3}}", "above must be less than below"),
@@ -234,7 +234,7 @@ def test_a_platform_that_does_not_measure_what_a_guard_asks_for_is_named() -> No
     text = LOOP.replace("{battery: {below: 0.5}}", "{altitude_m: {below: 1}}")
     rover = load_platform("rover")
     report = check_text(text.replace("hold", "site", 1), "m", Circumstances(platform=rover))
-    assert any("altitude is not known on rover: nothing there tells 'height'" in str(one) for one in report.findings)
+    assert any("altitude is not known on rover: no component publishes 'height'" in str(one) for one in report.findings)
 
 
 def test_guards_and_loops_are_written_back_as_they_were_and_have_no_place_in_a_plan(pelican: Platform) -> None:
@@ -243,8 +243,8 @@ def test_guards_and_loops_are_written_back_as_they_were_and_have_no_place_in_a_p
     assert checked(write_mission(mission), pelican).flyable() == mission
     with pytest.raises(InputError) as caught:
         exported(read_mission(text.replace("hold", "geo", 1).replace("position_m", "position"), "m"), ".plan", "m")
-    assert "laps is repeated, which a plan cannot say" in str(caught.value)
-    assert "laps.look has a guard, which a plan cannot say" in str(caught.value)
+    assert "laps is repeated, which a plan cannot express" in str(caught.value)
+    assert "laps.look has a guard, which a plan cannot express" in str(caught.value)
 
 
 readings = st.dictionaries(st.sampled_from(sorted(QUANTITIES)), st.floats(-10, 10))

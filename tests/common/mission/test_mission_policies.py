@@ -82,7 +82,7 @@ def test_hold_waits_for_an_operator_and_then_lands(rig: Rig) -> None:
     assert rig.running() == ["policy.land"]
     assert rig.state() == "failed"
     assert rig.executor.mission is not None
-    assert rig.executor.mission.reason == ("sweep failed: wall failed: no luck; nobody acted for 30 s: land")
+    assert rig.executor.mission.reason == ("sweep failed: wall failed: no luck; no operator command for 30 s: land")
 
 
 @pytest.mark.parametrize("verb", ["resume", "retry", "skip"])
@@ -181,7 +181,7 @@ def test_a_component_that_does_not_answer_or_goes_silent_has_failed(pelican: Pla
     rig.pass_s(4.9)
     assert rig.state("sweep.wall") == "running"
     rig.pass_s(1)
-    assert "sweep.wall failed: waypoints has gone silent" in rig.log
+    assert "sweep.wall failed: waypoints has stopped reporting" in rig.log
 
 
 def test_a_component_that_turns_faulty_fails_its_actions(rig: Rig) -> None:

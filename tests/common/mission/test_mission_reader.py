@@ -179,7 +179,7 @@ def test_actions_that_wait_for_what_they_end_with_are_a_cycle() -> None:
 def test_too_many_actions_are_refused() -> None:
     many = "".join(f"      a{i}: {{land: }}\n" for i in range(501))
     assert findings(f"mission: m\nframe: hold\ntasks:\n  t:\n    actions:\n{many}") == [
-        "m:3:1: more than 500 actions (make it several missions)"
+        "m:3:1: more than 500 actions (split the mission)"
     ]
 
 

@@ -143,11 +143,11 @@ def test_conversions_go_by_suffix(tmp_path: Path, platform_file: Path, capsys: p
         "      home: {return_home: {}, after: [go]}\n      down: {land: {}, after: [home]}\n"
     )
     assert run("convert", source, tmp_path / "geo.plan") == 0
-    assert "the fence's ceiling has no place in a plan" in capsys.readouterr().err
+    assert "a plan cannot hold the fence's ceiling" in capsys.readouterr().err
     assert run("convert", tmp_path / "geo.plan", tmp_path / "geo.waypoints") == 0
-    assert "the fence and rally points have no place in a file of waypoints" in capsys.readouterr().err
+    assert "a waypoint file cannot hold the fence and rally points" in capsys.readouterr().err
     assert run("convert", tmp_path / "geo.waypoints", tmp_path / "again.yaml", "--platform", platform_file) == 0
-    assert "9 m/s are reduced to the platform's 3 m/s" in capsys.readouterr().err
+    assert "9 m/s is reduced to the platform's 3 m/s" in capsys.readouterr().err
     assert run("check", tmp_path / "again.yaml", "--platform", platform_file) == 0
     assert run("check", tmp_path / "geo.plan") == 0
     assert run("convert", source, tmp_path / "copy.yaml") == 0

@@ -125,11 +125,11 @@ def test_the_checker_knows_what_does_not_fit_a_silence(pelican: Platform) -> Non
     dive = DIVE
     assert "silence" not in findings(dive, pelican)
     watched = replace(pelican, failsafes=Failsafes(link_loss=LinkLossFailsafe(action="land", after_s=30.0)))
-    assert "100 s of silence are planned, but 30 s without a station the autopilot does land" in findings(dive, watched)
+    assert "a silence of 100 s is planned, but after 30 s the autopilot's failsafe is land" in findings(dive, watched)
     short = dive.replace("expected_s: 100", "expected_s: 4")
     assert "a silence of 4 s ends before link_loss_after_s (5 s)" in findings(short, pelican)
     assert "s are needed, but contact is due after 6 s" in findings(dive.replace("100", "6"), pelican)
     careless = dive.replace("on_overdue: return", "on_overdue: continue")
     assert "nothing is done onboard when contact is overdue (on_overdue: continue)" in findings(careless, pelican)
     idle = dive.replace("    silence: {expected_s: 100}\n", "")
-    assert "no task or action plans a silence" in findings(idle, pelican)
+    assert "no task or action has a planned silence" in findings(idle, pelican)

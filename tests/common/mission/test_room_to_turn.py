@@ -60,12 +60,12 @@ def test_its_room_to_turn_may_be_told_and_what_has_none_is_flown_line_by_line() 
     [
         (
             "follow_waypoints: {waypoints_m: [[500, 0, 60]], speed_m_s: 12}",
-            "12 m/s are less than the 18 m/s that keep it",
+            "12 m/s is below the minimum of 18 m/s that keeps it",
         ),
-        ("follow_waypoints: {waypoints_m: [[500, 0, 60]], heading: 90}", "points where it flies"),
-        ("follow_waypoints: {waypoints_m: [[500, 0, 60], [700, 0, 119]]}", "59 m up or down on the 200 m"),
-        ("follow_waypoints: {waypoints_m: [[500, 0, 10]]}", "waypoint 1 is 10.0 m above home, less than"),
-        ("go_to: {position_m: [500, 0, 60], speed_m_s: 40}", "40 m/s are more than"),
+        ("follow_waypoints: {waypoints_m: [[500, 0, 60]], heading: 90}", "cannot choose its heading"),
+        ("follow_waypoints: {waypoints_m: [[500, 0, 60], [700, 0, 119]]}", "59 m up or down on 200 m"),
+        ("follow_waypoints: {waypoints_m: [[500, 0, 10]]}", "waypoint 1 is 10.0 m above home; the platform's limit is"),
+        ("go_to: {position_m: [500, 0, 60], speed_m_s: 40}", "40 m/s exceeds"),
     ],
 )
 def test_what_it_cannot_fly_is_found_with_a_reason(action: str, what: str) -> None:
@@ -77,7 +77,7 @@ def test_it_lands_where_its_autopilot_lands_and_is_kept_inside_by_its_autopilots
     assert "at home, along its runway" in problem(away, end="land: {at_m: [10, 10]}")
     fenced = report(away, fence="geofence: {circle_m: {center_m: [0, 0], radius_m: 900}}")
     assert fenced.is_ok
-    assert "is given no fence in a local frame" in str(fenced.findings[0])
+    assert "has no fence in a local frame" in str(fenced.findings[0])
 
 
 def test_where_it_turns_or_circles_there_is_room_to_the_fence() -> None:

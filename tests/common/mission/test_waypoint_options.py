@@ -43,7 +43,7 @@ def test_what_a_component_does_not_keep_it_refuses() -> None:
     order = FollowWaypointsOrder(waypoints_ned_m=((5.0, 0.0, 0.0),), speed_m_s=1.0, wall_distance_m=2.0, hold_s=1.0)
     assert {"acceptance_m", "hold_s"} <= IN_PLANS
     refuse_unkept(order, frozenset({"hold_s", "wall_distance_m"}), "it")
-    with pytest.raises(Refused, match="what flies on wings keeps no distance from a wall"):
+    with pytest.raises(Refused, match="what flies on wings cannot keep a distance from a wall"):
         refuse_unkept(order, IN_PLANS, "what flies on wings")
 
 
@@ -54,6 +54,6 @@ def test_what_a_platform_does_not_keep_is_found_before_the_flight(platform: str,
     report = check_text(mission, "m", Circumstances(platform=load_platform(platform)))
     found = [str(finding) for finding in report.findings if who in finding.message]
     assert len(found) == 2
-    assert f"{who} keeps no height over the ground" in found[0] + found[1]
-    assert f"{who} keeps no distance from a wall" in found[0] + found[1]
+    assert f"{who} cannot hold a height above ground" in found[0] + found[1]
+    assert f"{who} cannot keep a distance from a wall" in found[0] + found[1]
     assert all(line.startswith("m:7:") for line in found)

@@ -25,13 +25,13 @@ def test_a_network_is_made_by_a_few_commands_and_only_its_own_folder_holds_the_a
     yard = tmp_path / "yard"
     assert network("init", yard) == 0
     assert network("add", yard, "alice", "--role", "operator") == 0
-    assert "nobody listens yet" in capsys.readouterr().err
+    assert "no member listens yet" in capsys.readouterr().err
     listen = ("--listen", "0.0.0.0:7447", "--reached-at", "192.168.1.10:7447")
     assert network("add", yard, "pelican.main", "--role", "platform", *listen) == 0
-    assert "network.yaml is new for alice" in capsys.readouterr().err
+    assert "network.yaml changed for alice" in capsys.readouterr().err
     assert network("add", yard, "pelican.vision", "--role", "platform") == 0
     assert network("add", yard, "bob", "--role", "observer") == 0
-    assert "new for pelican.main, pelican.vision:" in capsys.readouterr().err
+    assert "changed for pelican.main, pelican.vision:" in capsys.readouterr().err
     for name in ("alice", "pelican.vision"):
         assert read_network(yard / name / NETWORK_FILE, NOW).file.connect == ["192.168.1.10:7447"]
     main = read_network(yard / "pelican.main" / NETWORK_FILE, NOW).node()
@@ -48,15 +48,15 @@ def test_a_network_is_made_by_a_few_commands_and_only_its_own_folder_holds_the_a
     assert network("show", yard / "pelican.main" / NETWORK_FILE) == 0
     shown = capsys.readouterr().out
     assert (
-        "may say here: pelican/ci/request/alice, pelican/demand/alice, pelican/ci/ask/alice, stations/alice/**" in shown
+        "may put here: pelican/ci/request/alice, pelican/demand/alice, pelican/ci/ask/alice, stations/alice/**" in shown
     )
-    assert "may say here: pelican/ci/ask/bob, stations/bob/**" in shown
+    assert "may put here: pelican/ci/ask/bob, stations/bob/**" in shown
     assert network("revoke", yard, "bob") == 0
     assert "bob" not in (yard / "pelican.main" / NETWORK_FILE).read_text()
     assert network("revoke", yard, "bob") == 2
     assert network("add", yard, "alice", "--role", "operator") == 2
-    assert "alice is a member already" in capsys.readouterr().err
-    with pytest.raises(Refused, match="holds a network already"):
+    assert "alice is already a member" in capsys.readouterr().err
+    with pytest.raises(Refused, match="already holds a network"):
         found(yard, "yard", NOW, LONG)
 
 
@@ -64,16 +64,20 @@ def test_a_network_is_made_by_a_few_commands_and_only_its_own_folder_holds_the_a
     ("old", "new", "finding"),
     [
         ("member: ", "membr: ", r":4:1: unknown key 'membr' \(did you mean 'member'\?\)"),
-        ('member: "alice"', 'member: "alicia"', r":4:9: 'alicia' is not among those .*did you mean 'alice'"),
+        ('member: "alice"', 'member: "alicia"', r":4:9: 'alicia' is not in its own list .*did you mean 'alice'"),
         ("role: operator", "role: pilot", r":\d+:\d+: .*operator"),
-        ("7447", "74470", r":14:11: 74470 is no port"),
-        ("connect: [", "connect: [nowhere, ", r":14:11: 'nowhere' is no address"),
-        ("connect: [", "connect: [udp/10.0.0.1:7447, ", r":14:11: 'udp/10.0.0.1:7447' is no address .*quic/HOST:PORT"),
-        ('member: "pelican.main"', 'member: "pelican"', r":\d+:\d+: 'pelican' is no host of a platform"),
+        ("7447", "74470", r":14:11: 74470 is not a port"),
+        ("connect: [", "connect: [nowhere, ", r":14:11: 'nowhere' is not an address"),
+        ("connect: [", "connect: [udp/10.0.0.1:7447, ", r":14:11: 'udp/10.0.0.1:7447' is not an address .*quic/HOST"),
+        ('member: "pelican.main"', 'member: "pelican"', r":\d+:\d+: 'pelican' is not a host of a platform"),
         ("- {", "- {serial: 1, ", r"unknown key 'serial'"),
         ("key: key.pem", "key: nothing.pem", "nothing.pem: cannot be read: No such file"),
-        ("key: key.pem", "key: authority.pem", "authority.pem: .*(others than its owner|no private key)"),
-        ("certificate: certificate.pem", "certificate: authority.pem", "it is of 'yard authority', not of 'alice/"),
+        ("key: key.pem", "key: authority.pem", "authority.pem: .*(other users can access|not a private key)"),
+        (
+            "certificate: certificate.pem",
+            "certificate: authority.pem",
+            "it belongs to 'yard authority', not to 'alice/",
+        ),
     ],
 )
 def test_a_network_file_that_is_wrong_is_refused_at_the_place(tmp_path: Path, old: str, new: str, finding: str) -> None:
@@ -91,10 +95,10 @@ def test_keys_and_certificates_that_do_not_fit_or_are_open_to_others_are_refused
     file = yard.folder / "alice" / NETWORK_FILE
     key = file.with_name("key.pem")
     key.chmod(0o640)
-    with pytest.raises(InputError, match=r"key\.pem: others than its owner may use this key \(mode 0640\)"):
+    with pytest.raises(InputError, match=r"key\.pem: other users can access this key \(mode 0640\)"):
         read_network(file, NOW)
     key.chmod(0o600)
-    with pytest.raises(InputError, match=r"certificate\.pem: it has expired on .*renew"):
+    with pytest.raises(InputError, match=r"certificate\.pem: it expired on .*renew"):
         read_network(file, NOW + 2 * LONG)
     with pytest.raises(InputError, match="is this computer's clock right"):
         read_network(file, NOW - timedelta(days=400))

@@ -86,9 +86,9 @@ async def test_requests_that_are_not_what_they_say_are_counted_told_and_not_carr
         ("request/alice", request("bob", 0, START), "it says that it is of 'bob'"),
         ("ask/bob", request("bob", 1, START), "Steer came as a question"),
         ("request/alice", request("alice", 2, Hello()), "Hello came as a command"),
-        ("request/mallory", request("mallory", 3, START), "mallory is no station of this network"),
-        ("request/pelican.main", request("pelican.main", 4, START), "pelican.main is no station of this network"),
-        ("ask/alice", event, "CiEvent is no request"),
+        ("request/mallory", request("mallory", 3, START), "mallory is not a station of this network"),
+        ("request/pelican.main", request("pelican.main", 4, START), "pelican.main is not a station of this network"),
+        ("ask/alice", event, "CiEvent is not a request"),
     ]
     for key, message, _ in sent:
         stranger.publish(f"pelican/ci/{key}", message, 0.0)
@@ -130,9 +130,9 @@ async def test_velocities_that_are_asked_for_by_hand_come_under_the_name_of_an_o
         await asyncio.sleep(0.1)
         assert len(used) == count
         assert [reason for _, reason in server.reported] == [
-            "an observer steers nothing",
+            "an observer may not command",
             "it says that it is of 'bob'",
-            "mallory is no station of this network",
+            "mallory is not a station of this network",
         ]
         part()
         server.bridge.close()

@@ -67,7 +67,7 @@ def test_a_platform_without_hosts_is_one_process_that_is_called_main() -> None:
 
 
 def test_which_host_this_is_must_be_said_where_there_are_several() -> None:
-    with pytest.raises(Refused, match="has the hosts vision, vehicle, base: say which this is, --host vision"):
+    with pytest.raises(Refused, match="has the hosts vision, vehicle, base: choose one, such as --host vision"):
         choose_host(read(), None)
     with pytest.raises(Refused, match="has no host 'vison'; did you mean 'vision'"):
         choose_host(read(), "vison")
@@ -96,7 +96,7 @@ def test_which_host_this_is_must_be_said_where_there_are_several() -> None:
         (
             "rate_hz: 20, host: base",
             "rate_hz: 20, devices: {pair: stereo_camera}, host: base",
-            "p:9:73: camera has the device 'stereo_camera' open in vision/eyes, and odometer runs in base (a device has one process: put both there)",
+            "p:9:73: camera has the device 'stereo_camera' open in vision/eyes, and odometer runs in base (a device belongs to one process: run both there)",
         ),
     ],
     ids=["unknown host", "server in a child", "server elsewhere", "autopilot's sensor elsewhere", "one device twice"],
@@ -118,4 +118,4 @@ def test_a_standby_that_ends_with_its_primary_is_doubted() -> None:
     doubts: list[Finding] = []
     text = PLATFORM.replace("standby_for: pose}", "standby_for: pose, host: vehicle, process: fusion}")
     read_platform(text, "p", warn=doubts.append)
-    assert "what ends the process vehicle/fusion ends pose and this standby of it" in str(doubts[-1])
+    assert "if the process vehicle/fusion ends, pose and this standby of it both end" in str(doubts[-1])

@@ -72,9 +72,7 @@ def test_wrong_types_and_unknown_keys_are_found_at_their_places() -> None:
 
 def test_a_platform_that_moves_needs_the_capabilities_that_policies_are_flown_with() -> None:
     lines = [line for line in PELICAN.splitlines() if "return_home" not in line]
-    assert findings("\n".join(lines)) == [
-        "p:9:3: the capability 'return_home' is missing (the policies of missions are flown with it)"
-    ]
+    assert findings("\n".join(lines)) == ["p:9:3: the capability 'return_home' is missing (mission policies use it)"]
 
 
 def test_a_height_band_without_room_is_refused() -> None:
@@ -103,7 +101,7 @@ def test_ports_settings_and_needs_are_checked_against_the_classes() -> None:
     )
     found = findings(text, is_loading_classes=True)
     assert [line.partition(": ")[2].partition(" (known: a")[0] for line in found] == [
-        "nothing here is called 'poze' (did you mean 'pose'?)",
+        "no topic, capability or component 'poze' (did you mean 'pose'?)",
         "unknown topic 'out'",
         "Steady has no port 'outt' (did you mean 'out'?)",
         "unknown key 'gian' (did you mean 'gain'?)",
@@ -164,8 +162,8 @@ def test_what_is_doubtful_but_can_fly_is_told_as_a_warning(tmp_path: Path) -> No
     reported: list[Finding] = []
     load_platform(str(path), is_loading_classes=True, warn=reported.append)
     assert [(finding.line, finding.message) for finding in reported] == [
-        (unused, "no component uses a device 'ground_camra', so nothing is taken from v4l2:///dev/video0"),
-        (line, "nobody here brings 'camera/ground'"),
+        (unused, "no component uses a device 'ground_camra', so v4l2:///dev/video0 is not read"),
+        (line, "no component publishes 'camera/ground'"),
     ]
 
 

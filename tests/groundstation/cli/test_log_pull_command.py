@@ -13,7 +13,7 @@ from tests.groundstation.store.test_log_pull import Vessel
 from gloc3.clock import VirtualLoop
 from gloc3.errors import Gloc3Error, Refused
 from gloc3_groundstation.cli.log_pull import PullRequest, fetch, pull
-from gloc3_groundstation.store.pace import DownloadProgress
+from gloc3_groundstation.store.download_progress import DownloadProgress
 from gloc3_groundstation.store.pull_progress import PullProgress
 
 SIZE = 6_000_000
@@ -61,7 +61,7 @@ def test_it_tells_how_far_and_how_fast_and_after_an_interruption_where_it_goes_o
         fetched(there, tmp_path, play=interrupt)
     text = capsys.readouterr().err
     assert re.search(r"log.mcap: \d+ % of 6.0 MB, \d+ kB/s, \d+ s to go\n", text), text
-    left = re.search(r"log.mcap: (\d+) % of it is here, and kept; the same command goes on with it\n", text)
+    left = re.search(r"log.mcap: (\d+) % is here and kept; the same command resumes it\n", text)
     assert left is not None, text
     assert fetched(there, tmp_path, {"is_list": True, "is_uncut": True}) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -69,7 +69,7 @@ def test_it_tells_how_far_and_how_fast_and_after_an_interruption_where_it_goes_o
     assert lines[1].split() == ["log-2.mcap", "5", "bytes", "is", "being", "written"]
     assert fetched(there, tmp_path) == 0
     out, text = capsys.readouterr()
-    assert f"log.mcap: goes on from {left[1]} % of 6.0 MB" in text
+    assert f"log.mcap: resumes at {left[1]} % of 6.0 MB" in text
     assert "log.mcap: 6.0 MB, digest equal, deleted onboard" in text
     assert out == f"{tmp_path / 'auv' / 'log.mcap'}\n"
     assert not (there / "log.mcap").exists()
@@ -83,7 +83,7 @@ def test_a_station_that_may_only_look_fetches_what_is_finished_and_deletes_nothi
 
     assert fetched(there, tmp_path, play=allow) == 0
     text = capsys.readouterr().err
-    assert "the log that is being written is not ended: station 255 may look and not command" in text
+    assert "the current log was not closed: station 255 may look and not command" in text
     assert "log.mcap: 6.0 MB, digest equal, left onboard" in text
     assert (there / "log.mcap").read_bytes() == (tmp_path / "auv" / "log.mcap").read_bytes()
 
@@ -91,7 +91,7 @@ def test_a_station_that_may_only_look_fetches_what_is_finished_and_deletes_nothi
 def test_logs_that_are_not_there_or_not_finished_are_refused_with_what_to_do(there: Path, tmp_path: Path) -> None:
     with pytest.raises(Gloc3Error, match=r"auv has no log 'log-3.mcap'; it has log.mcap, log-2.mcap"):
         fetched(there, tmp_path, {"names": ("log-3.mcap",)})
-    with pytest.raises(Gloc3Error, match=r"log-2.mcap is still being written; without --no-cut it is ended first"):
+    with pytest.raises(Gloc3Error, match=r"log-2.mcap is still being written; without --no-cut it is closed first"):
         fetched(there, tmp_path, {"names": ("log-2.mcap",), "is_uncut": True})
 
 

@@ -77,7 +77,7 @@ def test_the_help_teaches_a_first_flight_with_keys_that_are_so(capsys: pytest.Ca
     reported = " ".join(capsys.readouterr().out.split())
     for words in (
         "3, then o: opens",
-        "8: tells whether",
+        "8: shows whether",
         "s: streams it and starts it",
         "p pauses, r resumes, a aborts",
     ):

@@ -111,7 +111,7 @@ def test_control_of_a_second_vehicle_is_asked_for_and_granted() -> None:
         assert await stage.other.fleet.control("egret", ControlVerb.REQUEST)
         requesting = asyncio.ensure_future(stage.own.fleet.control("egret", ControlVerb.REQUEST))
         await asyncio.sleep(1.0)
-        assert "egret: station 255 asks for control; grant or refuse it on the screen Fleet" in stage.reported(
+        assert "egret: station 255 requests control; grant or refuse it on the screen Fleet" in stage.reported(
             stage.other
         )
         egret = stage.stations[1].fleet.platforms["egret"]

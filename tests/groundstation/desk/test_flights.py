@@ -138,5 +138,5 @@ def test_control_that_another_station_keeps_is_not_taken_for_granted() -> None:
         platform.answer_next(Control, lambda request: reply_to(request, reason="station 254 has been asked"))
         await flights.stream(station, "heron", PLAN)
 
-    with pytest.raises(Refused, match="control of heron was asked for and not given: station 254 keeps it"):
+    with pytest.raises(Refused, match="control of heron was requested and not granted: station 254 keeps it"):
         with_station(play)

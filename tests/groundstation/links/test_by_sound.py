@@ -19,8 +19,8 @@ from gloc3.messages.command_interface import CiReply, CiRequest, Emergency, Emer
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.summaries import MissionSummary
 from gloc3.messages.topics import TopicTable
-from gloc3_groundstation.links import acoustic_way
-from gloc3_groundstation.links.acoustic_way import open_modem
+from gloc3_groundstation.links import acoustic_route
+from gloc3_groundstation.links.acoustic_route import open_modem
 from gloc3_onboard.companion.acoustic_link import AcousticLink
 
 pytestmark = pytest.mark.sockets
@@ -72,7 +72,7 @@ def reported(here: Scene, text: str) -> bool:
 async def test_what_dives_is_seen_and_stopped_by_sound_through_a_relay(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(acoustic_way, "AGAIN_S", 0.3)
+    monkeypatch.setattr(acoustic_route, "AGAIN_S", 0.3)
     water = ("--link", "acoustic", "--rate", "0", "--latency", "0", "--loss", "0.3")
     async with scene(None) as here:
         modem = await open_modem("heron", "udpin://127.0.0.1:0", here.station, here.exchange, 11)
@@ -84,13 +84,13 @@ async def test_what_dives_is_seen_and_stopped_by_sound_through_a_relay(
             diver = Diver()
             async with diver.sounding(f"udpout://127.0.0.1:{found[1]}"):
                 await here.until("title", "heron")
-                await here.until("facts", "nothing is heard but by sound")
-                assert re.search(r"by sound  x 0.0  y 0.0  h 0.0 m\n +\d+ s ago: running", here.shown("facts"))
+                await here.until("facts", "acoustic messages only")
+                assert re.search(r"acoustic  x 0.0  y 0.0  h 0.0 m\n +\d+ s ago: running", here.shown("facts"))
                 await here.press("space")
-                await here.wait(lambda: reported(here, "heron has taken the order: hold (by sound)"))
+                await here.wait(lambda: reported(here, "heron has accepted command hold (acoustic)"))
             relay.interrupt()
             assert await asyncio.to_thread(relay.end) == 0
-            assert re.fullmatch(r"\d+ datagrams; \d+ lost on the way, 0 had no room", relay.lines[-1])
+            assert re.fullmatch(r"\d+ datagrams; \d+ lost, 0 dropped from full queues", relay.lines[-1])
         await modem.close()
     assert set(diver.orders) == {EmergencyVerb.HOLD}
     assert len(diver.orders) == 1, "an order that is repeated is carried out once"

@@ -123,7 +123,7 @@ def test_who_is_heard_is_told_and_a_second_station_of_the_same_id_too() -> None:
         scene.inject(b"\xfd garbage \xfe\xfd")
         await flights.await_platform(scene.station, None)
         assert scene.link.received() == ["autopilot 1/1"]
-        assert scene.reported == ["somebody else is station 255, or the link sends back what we send; see --station-id"]
+        assert scene.reported == ["another station is 255, or the link echoes our frames; see --station-id"]
 
     over(Conditions(), play)
 

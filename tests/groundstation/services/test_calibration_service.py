@@ -197,7 +197,7 @@ def test_what_cannot_begin_is_refused_or_failed_with_the_reason() -> None:
 
 def test_a_firmware_that_is_not_known_is_not_calibrated() -> None:
     async def play(scene: Scene) -> None:
-        with pytest.raises(Refused, match="this firmware is not known"):
+        with pytest.raises(Refused, match="calibration of this firmware is not supported"):
             await scene.services.calibration.run(CalibrationKind.GYRO)
 
     over(play, autopilot=4)

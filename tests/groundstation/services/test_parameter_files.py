@@ -69,7 +69,7 @@ def test_the_files_of_three_programs_are_read() -> None:
         ),
         ("1\t1\tA\t1.5\t6\n", "a.params:1:7: 1.5 is not whole, but A is an integer"),
         ("1\t1\tA\t1\t12\n", "a.params:1:9: '12' is no type of a parameter (1 to 6, or 9 for a float)"),
-        ("A 1\nA 2\n", "a.params:2:1: A stands here again, with another value than in line 1 (take one of them out)"),
+        ("A 1\nA 2\n", "a.params:2:1: A appears again, with another value than in line 1 (take one of them out)"),
         ("LONGER_THAN_16_CHARS 1\n", "a.params:1:1: 'LONGER_THAN_16_CHARS' is no name of a parameter"),
         ("@INCLUDE other.parm\n", "a.params:1:1: @INCLUDE is not followed (copy the lines of that file into this one)"),
         ("# nothing\n", "a.params: there are no parameters in it"),
@@ -89,7 +89,7 @@ def test_all_that_is_wrong_is_told_at_once_but_not_without_end() -> None:
 def test_a_parameter_that_stands_twice_with_one_value_is_a_warning() -> None:
     file = read_parameter_file(b"A 1\nA 1.0\n", "a.parm")
     assert [one.name for one in file.parameters] == ["A"]
-    assert [str(finding) for finding in file.warnings] == ["a.parm:2:1: warning: A stands twice"]
+    assert [str(finding) for finding in file.warnings] == ["a.parm:2:1: warning: A appears twice"]
 
 
 def test_six_decimals_are_taken_for_rounded_and_more_are_not() -> None:

@@ -68,7 +68,7 @@ def test_a_change_is_seen_until_it_is_taken_back() -> None:
     [
         ("NAV_DLL_ACT", 4, "NAV_DLL_ACT must be at most 3, not 4"),
         ("MPC_XY_VEL", 0.0, "MPC_XY_VEL must be at least 0.1 m/s, not 0"),
-        ("SERIAL_NO", 78, "SERIAL_NO is for reading only"),
+        ("SERIAL_NO", 78, "SERIAL_NO is read-only"),
         ("RC1_MIN", 40_000, "cannot be 40000"),
         ("RC1_MIN", 1.5, "is an integer"),
         ("MPC_Z_VELO", 1, "no parameter 'MPC_Z_VELO': did you mean 'MPC_Z_VEL'"),

@@ -12,8 +12,8 @@ from gloc3.errors import Refused
 from gloc3.mavlink.services.plan import PlanItem, PlanType
 from gloc3.mission.formats import load_plan, read_plan, read_wpl, write_plan
 from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
-from gloc3_groundstation.services.facts import Firmware
 from gloc3_groundstation.services.plan_items import DO_JUMP, PlanParts, differences, from_wire, to_wire
+from gloc3_groundstation.services.snapshot import Firmware
 
 WPL = (
     "QGC WPL 110\n"

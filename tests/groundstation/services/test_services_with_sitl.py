@@ -17,9 +17,9 @@ from gloc3.mavlink.services.plan import PlanType
 from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
 from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.links.link import StationLinkCore
-from gloc3_groundstation.services.facts import Firmware
 from gloc3_groundstation.services.parameter_table import ParameterChange
 from gloc3_groundstation.services.progress import JobProgress
+from gloc3_groundstation.services.snapshot import Firmware
 from gloc3_groundstation.services.vehicle import Garage, VehicleServices
 
 pytestmark = [pytest.mark.sockets, pytest.mark.flight]

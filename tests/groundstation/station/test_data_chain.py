@@ -49,7 +49,7 @@ def test_a_standby_that_has_taken_over_keeps_it_whole() -> None:
 
 
 def test_what_is_not_required_does_not_break_it_but_is_told() -> None:
-    assert drawn(with_states(ground_camera=Health.ABSENT))[1].endswith("not required, and not well: ground_camera")
+    assert drawn(with_states(ground_camera=Health.ABSENT))[1].endswith("optional, not well: ground_camera")
 
 
 def test_the_wiring_tells_who_takes_what_from_whom_and_who_gets_nothing() -> None:

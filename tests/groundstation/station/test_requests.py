@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from gloc3.clock import run_virtual
 from gloc3.exchange import LocalExchange
 from gloc3.exchange.base import Publisher
-from gloc3.exchange.tunnel.happenings import Undelivered
+from gloc3.exchange.tunnel.events import Undelivered
 from gloc3.messages.command_interface import (
     AnyBody,
     CiReply,

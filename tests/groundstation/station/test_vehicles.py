@@ -33,7 +33,7 @@ def test_a_bare_autopilot_appears_with_mode_arming_battery_and_place() -> None:
         assert (vehicle.landed, vehicle.heading_deg, vehicle.geo) == ("in_air", 90, (47.3977, 8.5456, 500.0))
         assert not bare.has_companion
         assert scene.vehicles.reach("ardupilot-1") == (scene.links[0][1], Address(1, 1))
-        text = "is heard: ArduPilot quadrotor, system 1, without a companion of ours: services only"
+        text = "is heard: ArduPilot quadrotor, system 1, without a GLOC3 companion: services only"
         assert scene.texts() == [text]
         assert list(alerts.causes(scene.station.fleet, scene.station.now_s())) == []
         autopilot.is_on = False
@@ -57,7 +57,7 @@ def test_a_bare_vehicle_gets_no_commands_and_says_so() -> None:
         (*_, event) = scene.station.fleet.events
         assert (event.severity, event.text) == (
             Severity.ALERT,
-            "emergency hold: px4-1 has no companion of ours to do it; use its remote control",
+            "emergency hold: px4-1 has no GLOC3 companion; use its remote control",
         )
         with pytest.raises(TimeoutError):
             async with asyncio.timeout(2.0):
@@ -121,7 +121,7 @@ def test_two_vehicles_of_one_system_id_on_two_links_are_told_and_each_is_reached
             ("px4-1@2", "same system id"),
         ]
         assert reported[0].text.startswith(
-            "px4-1@2 on udpin://0.0.0.0:14551 has the same system id 1: each is spoken to"
+            "px4-1@2 on udpin://0.0.0.0:14551 has the same system id 1: each is addressed"
         )
 
     over(play)

@@ -119,7 +119,7 @@ def test_what_waits_is_sent_once_and_in_its_order_and_what_is_refused_is_told() 
 
     far = played(steps)
     assert far.loads == ["one", "two", "three"]
-    assert any("'two' was refused, and waits no longer: the mission is running" in text for text in far.shown())
+    assert any("'two' was refused, and is no longer queued: the mission is running" in text for text in far.shown())
     assert not [request for request in far.requests if isinstance(request.body, Steer)], "nothing is started"
 
 
@@ -163,7 +163,7 @@ def test_what_waits_lets_the_mission_under_way_end_first() -> None:
         far.is_here = True
         await asyncio.sleep(20.0)
         assert far.loads == []
-        assert "'one' waits for the end of the mission under way" in far.shown()
+        assert "'one' waits for the end of the running mission" in far.shown()
         far.state = "done"
         assert await queue.ended(queued) == ""
         queue.close()
@@ -186,4 +186,4 @@ def test_a_start_never_waits_for_contact() -> None:
     far = played(steps)
     assert far.loads == ["one"]
     assert not [request for request in far.requests if isinstance(request.body, Steer)]
-    assert any("a start is never kept for later" in text for text in far.shown())
+    assert any("a start is never queued" in text for text in far.shown())

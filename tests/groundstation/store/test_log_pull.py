@@ -170,7 +170,7 @@ def test_what_came_damaged_is_fetched_once_more_and_never_confirmed(there: Path,
     async def steps() -> Pulled:
         vessel, text = Vessel(there), list[str]()
         pulled = await _whole(vessel.puller(text.append), here)
-        assert "log.mcap came with another digest: once more" in text
+        assert "log.mcap arrived with another digest: once more" in text
         vessel.close()
         return pulled
 
@@ -258,7 +258,7 @@ def test_a_platform_cannot_have_a_file_written_elsewhere_by_what_it_calls_its_lo
             vessel.close()
 
     with (
-        pytest.raises(Refused, match=r"a log whose name is none|cannot be read"),
+        pytest.raises(Refused, match=r"a log with an invalid name|cannot be read"),
         asyncio.Runner(loop_factory=VirtualLoop) as runner,
     ):
         runner.run(steps())

@@ -110,7 +110,7 @@ def test_a_platform_that_is_heard_by_sound_alone_is_in_view_without_an_alarm_or_
             worst=Severity.INFO,
         )
         Publisher(life.exchange, "auv", "acoustic", 3).publish("auv/acoustic", summary, 0.0)
-        assert "by sound 0 s ago: x 1.0  y 2.0  h -8.0 m, running, battery 80 %" in life.shown()
+        assert "acoustic 0 s ago: x 1.0  y 2.0  h -8.0 m, running, battery 80 %" in life.shown()
         idle = replace(summary, state="", battery_percent=-1)
         Publisher(life.exchange, "auv", "acoustic", 3).publish("auv/acoustic", idle, 0.0)
         assert life.shown().endswith("h -8.0 m, no mission")
@@ -118,7 +118,7 @@ def test_a_platform_that_is_heard_by_sound_alone_is_in_view_without_an_alarm_or_
         await asyncio.sleep(60.0)
         assert life.alarms() == []
         life.receive(DIVE)
-        assert life.reported() == ["is heard by sound, and not otherwise", "is heard"]
+        assert life.reported() == ["is heard by acoustic modem only", "is heard"]
         life.end()
 
     played(steps)

@@ -40,17 +40,17 @@ async def test_u_queues_a_mission_while_nothing_is_heard_x_takes_it_back_and_con
         here.station.now_s = lambda: now_s() + later_s  # type: ignore[misc]
         await here.until("title", "SILENT")
         await here.press("u")
-        await here.until("position", "'cargo hold' waits for contact, x withdraws it")
+        await here.until("position", "'cargo hold' is queued for contact, x withdraws it")
         await here.press("x")
         await here.wait(lambda: shown(here, "'cargo hold' is withdrawn: it is not sent"))
         assert "waits" not in here.shown("position")
         await here.press("u")
-        await here.until("position", "waits for contact")
+        await here.until("position", "queued for contact")
         assert len(here.requested(LoadMission)) == 1
         later_s = 0.0
         here.platform.speak()
         await here.wait(lambda: len(here.requested(LoadMission)) == 2)
-        await here.wait(lambda: "waits for contact" not in here.shown("position"))
+        await here.wait(lambda: "queued for contact" not in here.shown("position"))
     assert len(here.requested(LoadMission)) == 2
 
 

@@ -41,7 +41,7 @@ def journey(screen: RealTerminal, folder: Path) -> None:
     screen.press("^s")
     wait(screen, lambda _: "height_m: 1.0" in (folder / "look.yaml").read_text(), "the file is saved")
     screen.press("escape")
-    until(screen, "at hand: look.yaml")
+    until(screen, "open: look.yaml")
     screen.press("8")
     until(screen, "nothing is red")
     screen.press("3", "u")

@@ -14,8 +14,8 @@ from gloc3_groundstation.station.snapshots import Fleet
 from gloc3_groundstation.tui.views import components as view
 from gloc3_groundstation.tui.widgets.lines import Tone, text_of
 from gloc3_groundstation.tui.widgets.tables import Column
-from gloc3_onboard.command_server import book as observing
-from gloc3_onboard.command_server.book import ComponentBook
+from gloc3_onboard.command_server import component_book as observing
+from gloc3_onboard.command_server.component_book import ComponentBook
 
 MADE_UP = StatusField(
     name="made_up",
@@ -37,12 +37,12 @@ def test_one_declaration_takes_a_value_to_its_column(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(view, "STATUS_FIELDS", (*STATUS_FIELDS, MADE_UP))
     monkeypatch.setattr(view, "COLUMNS", (*view.COLUMNS[:-1], Column("up", 6, is_right=True), view.COLUMNS[-1]))
     rows = [msgspec.convert({"name": name, "class": "x:Y"}, ComponentRow) for name in ("camera", "laser", "height")]
-    book = ComponentBook(rows)
+    component_book = ComponentBook(rows)
     for name, values in (("camera", {"made_up": 84.6}), ("laser", {"made_up": 41.5}), ("height", {})):
         status = ComponentStatus(name=name, kind=Kind.SAMPLER, state=State.WORKING, values=values)
-        book.receive(status, 0.0)
-    fleet = received(Fleet(), "table", book.table())
-    fleet = received(fleet, "summary", book.summary(Health.WORKING, 0.0))
+        component_book.receive(status, 0.0)
+    fleet = received(Fleet(), "table", component_book.table())
+    fleet = received(fleet, "summary", component_book.summary(Health.WORKING, 0.0))
     platform = fleet.get("heron")
     assert platform is not None
     assert text_of(view.components_header(120)).split()[-3:] == ["up", "last", "error"]

@@ -152,9 +152,9 @@ async def test_help_tells_the_keys_of_the_screen_and_those_that_work_everywhere(
         screen = here.app.screen
         assert isinstance(screen, HelpScreen)
         text = "\n".join(text_of(line) for line in screen.query_one(Panel).lines)
-        assert "a         Abort: cancels it, then flies on_failure; asks first" in text
+        assert "a         Abort: cancels it, then runs on_failure; asks first" in text
         assert "space     HOLD: the vehicle holds at once" in text
-        assert "1         Overview: is everything all right?" in text
+        assert "1         Overview: fleet, vehicle in view, alerts and events" in text
         await here.press("escape")
         await here.wait(lambda: here.app.screen is not screen)
     assert all(row.screen.HELP.strip() for row in SCREENS), "every screen says what it is for"

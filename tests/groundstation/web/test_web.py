@@ -114,7 +114,7 @@ async def test_a_browser_sees_the_station_and_its_keys_mouse_and_size_count() ->
     async with served() as here, here.page() as page:
         await page.until("heron   HOLD   disarmed")
         await page.press("s")
-        await page.until("It arms and sets off.")
+        await page.until("It arms and starts moving.")
         await page.press("y")
         await page.until("the mission is started")
         assert len([body for body in here.platform.requests if isinstance(body, Steer)]) == 1
@@ -123,7 +123,7 @@ async def test_a_browser_sees_the_station_and_its_keys_mouse_and_size_count() ->
         page.terminal.resize(70, 20)
         await page.report("resize", {"width": 70, "height": 20})
         await page.until("This terminal has 70 × 20 characters.")
-        await page.until("The station needs 80 × 24: load the page again")
+        await page.until("The station needs 80 × 24: reload the page")
         await page.press(" ")
         async with asyncio.timeout(5.0):
             while not any(isinstance(body, Emergency) for body in here.platform.requests):
@@ -160,7 +160,7 @@ async def test_the_station_runs_on_when_its_window_is_closed_and_is_whole_for_th
             await page.press("2")
             await page.until("the data flows from end to end")
         async with asyncio.timeout(5.0):
-            while "has gone" not in here.reported[-1]:
+            while "has disconnected" not in here.reported[-1]:
                 await asyncio.sleep(0.01)
         here.platform.fly(mode="OFFBOARD")
         async with here.page(80, 24) as page:
@@ -183,7 +183,7 @@ async def test_that_nobody_looks_at_an_armed_vehicle_is_a_warning(monkeypatch: p
         report("it has gone", False)
     reported = [event for event in station.fleet.events if event.text.startswith("it ")]
     assert [event.severity for event in reported] == [Severity.NOTICE] * 3 + [Severity.WARNING]
-    assert "heron: armed and in this station's control" in reported[-1].text
+    assert "heron: armed and controlled by this station" in reported[-1].text
     platform.is_deaf = True
     station.close()
 

@@ -48,7 +48,7 @@ EVERY = [*ardupilot.CLASSES.values(), *px4.CLASSES.values()]
 def test_the_adapter_is_chosen_by_autopilot_and_type(style: str, number: int, vehicle: str) -> None:
     with Rig(style, vehicle_type=number) as rig:
         rig.run(2.0)
-        assert rig.reported[0] == f"{style} autopilot found as 1/1, of a {vehicle}"
+        assert rig.reported[0] == f"{style} autopilot found as 1/1, on a {vehicle}"
         assert (rig.device.state().style, rig.device.state().vehicle) == (Style(style), VehicleClass(vehicle))
         assert rig.device.behaviour.vehicle is VehicleClass(vehicle)
         assert rig.device.setup().vehicle is VehicleClass(vehicle)
@@ -58,7 +58,7 @@ def test_the_adapter_is_chosen_by_autopilot_and_type(style: str, number: int, ve
 def test_a_class_whose_modes_are_not_known_is_left_alone(style: str, number: int) -> None:
     with Rig(style, vehicle_type=number) as rig:
         rig.run(5.0)
-        assert rig.reported[0].endswith(f"MAV_TYPE {number}): it is left alone")
+        assert rig.reported[0].endswith(f"MAV_TYPE {number}): it is ignored")
         assert rig.autopilot.ran == []
 
 
@@ -74,7 +74,7 @@ def test_it_is_chosen_anew_when_another_firmware_speaks() -> None:
         rig.autopilot.style, rig.autopilot.vehicle_type = "px4", 10
         rig.autopilot.boot()
         rig.run(4.0)
-        assert "the autopilot is a px4 of a rover now" in rig.reported
+        assert "the autopilot is now px4 on a rover" in rig.reported
         assert rig.device.behaviour == px4.ROVER.behaviour
         assert rig.autopilot.rate_hz("ESTIMATOR_STATUS") == pytest.approx(1.0), "asked for what PX4 has"
         rig.autopilot.vehicle_type = 7

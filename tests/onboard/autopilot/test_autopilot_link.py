@@ -72,7 +72,7 @@ class Rig:
 def test_it_is_found_told_apart_and_asked_for_everything_that_is_needed(style: str) -> None:
     with Rig(style) as rig:
         rig.run(4.0)
-        assert rig.reported[0] == f"{style} autopilot found as 1/1, of a copter"
+        assert rig.reported[0] == f"{style} autopilot found as 1/1, on a copter"
         assert rig.device.state().style is Style(style)
         for stream in COMMON_STREAMS:
             name = codec.name_of(stream.message_id)
@@ -180,8 +180,8 @@ def test_when_a_station_asks_for_all_streams_ours_are_asked_for_right_behind_it(
 def test_an_autopilot_of_another_kind_is_left_alone() -> None:
     with Rig("paparazzi") as rig:
         rig.run(5.0)
-        kind = "an autopilot of a kind that is not supported (MAV_AUTOPILOT 4, MAV_TYPE 2)"
-        assert rig.reported == [f"1/1 is {kind}: it is left alone"]
+        kind = "an unsupported autopilot (MAV_AUTOPILOT 4, MAV_TYPE 2)"
+        assert rig.reported == [f"1/1 is {kind}: it is ignored"]
         ticket = rig.device.command_arm()
         rig.device.send_setpoint(AutopilotSetpoint((0.0, 0.0, 0.0), None, None))
         rig.run(1.0)
@@ -195,7 +195,7 @@ def test_an_autopilot_of_another_system_is_taken_when_it_has_been_alone() -> Non
         rig.run(2.0)
         assert rig.reported == []
         rig.run(2.0)
-        assert rig.reported == ["px4 autopilot found as 7/1, of a copter"]
+        assert rig.reported == ["px4 autopilot found as 7/1, on a copter"]
 
 
 def test_something_else_that_calls_itself_an_autopilot_does_not_keep_it_from_ours() -> None:
@@ -203,7 +203,7 @@ def test_something_else_that_calls_itself_an_autopilot_does_not_keep_it_from_our
         gimbal = codec.Encoder(1, 154).encode(codec.message("HEARTBEAT", type=26, autopilot=0))
         rig.routed.receive(gimbal)
         rig.run(2.0)
-        assert rig.reported[0] == "px4 autopilot found as 1/1, of a copter"
+        assert rig.reported[0] == "px4 autopilot found as 1/1, on a copter"
 
 
 def test_a_command_before_there_is_an_autopilot_is_refused_and_never_sent_later() -> None:
@@ -242,7 +242,7 @@ def test_a_take_off_before_the_altitude_is_known_is_refused() -> None:
         rig.autopilot.refuses[511] = CommandResult.DENIED, "no"
         rig.run(4.0)
         ticket = rig.device.command_take_off(2.0)
-        assert rig.device.answer(ticket) == (False, "the autopilot has not told its altitude yet")
+        assert rig.device.answer(ticket) == (False, "the autopilot has not sent its altitude yet")
 
 
 @STYLES
@@ -285,7 +285,7 @@ def test_hold_never_waits_behind_an_older_mode_command(style: str) -> None:
             m for m in reversed(rig.autopilot.received) if m.name == "COMMAND_LONG" and m.command == SET_MODE
         )
         assert (message.param1, message.param2, message.param3) == wanted
-        assert rig.device.answer(guided) == (False, "overtaken by a later command")
+        assert rig.device.answer(guided) == (False, "superseded by a later command")
         assert rig.device.answer(hold) is None
 
 
@@ -302,7 +302,7 @@ def test_after_the_pilot_has_taken_over_nothing_is_sent_again(style: str) -> Non
         assert not [
             m for m in rig.autopilot.received if m.name == "COMMAND_LONG" and m.command in (SET_MODE, ARM_DISARM)
         ]
-        assert all(rig.device.answer(ticket) == (False, "somebody else has control") for ticket in tickets)
+        assert all(rig.device.answer(ticket) == (False, "control was taken over") for ticket in tickets)
 
 
 def test_a_command_that_is_never_answered_is_told_in_good_time() -> None:

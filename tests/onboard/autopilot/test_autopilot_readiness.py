@@ -26,27 +26,27 @@ GOOD = 0x3F
     [
         ("EKF_STATUS_REPORT", {"flags": GOOD}, []),
         ("EKF_STATUS_REPORT", {"flags": 0x01 | 0x20 | 0x300}, []),
-        ("EKF_STATUS_REPORT", {"flags": 0x400}, ["the estimator has not begun"]),
+        ("EKF_STATUS_REPORT", {"flags": 0x400}, ["the estimator has not started"]),
         (
             "EKF_STATUS_REPORT",
             {"flags": 0x01 | 0x20 | 0x80},
-            ["the estimator has no horizontal position: it takes the vehicle for standing still"],
+            ["the estimator has no horizontal position: it assumes that the vehicle stands still"],
         ),
         ("EKF_STATUS_REPORT", {"flags": GOOD & ~0x20}, ["the estimator has no height"]),
         ("EKF_STATUS_REPORT", {"flags": GOOD | 0x8000}, ["GPS glitches"]),
         (
             "EKF_STATUS_REPORT",
             {"flags": GOOD, "compass_variance": 1.3},
-            ["the estimator does not believe the compass (1.3 of 1)"],
+            ["the estimator rejects the compass (test ratio 1.3, limit 1)"],
         ),
         ("ESTIMATOR_STATUS", {"flags": GOOD}, []),
         ("ESTIMATOR_STATUS", {"flags": GOOD & ~0x01}, ["the estimator has no attitude"]),
         ("ESTIMATOR_STATUS", {"flags": GOOD | 0x400}, ["GPS glitches"]),
-        ("ESTIMATOR_STATUS", {"flags": GOOD | 0x800}, ["the estimator sees an accelerometer error"]),
+        ("ESTIMATOR_STATUS", {"flags": GOOD | 0x800}, ["the estimator reports an accelerometer error"]),
         (
             "ESTIMATOR_STATUS",
             {"flags": GOOD, "pos_horiz_ratio": 2.0},
-            ["the estimator does not believe the horizontal position (2.0 of 1)"],
+            ["the estimator rejects the horizontal position (test ratio 2.0, limit 1)"],
         ),
     ],
 )
@@ -105,7 +105,7 @@ def test_a_reason_that_is_not_repeated_is_over() -> None:
         assert rig.device.state().reasons == ["PreArm: Battery 1 low voltage failsafe"]
 
 
-@pytest.mark.parametrize("why_not", ["", "a component that the vehicle needs is faulty"])
+@pytest.mark.parametrize("why_not", ["", "a required component is faulty"])
 def test_leave_to_arm_is_given_or_refused_with_its_reason(why_not: str) -> None:
     with Rig() as rig:
         rig.why_not_arm = why_not
@@ -121,7 +121,7 @@ def test_leave_to_arm_is_given_or_refused_with_its_reason(why_not: str) -> None:
         assert acks
         if why_not:
             assert acks[0].result == CommandResult.DENIED
-            assert texts[0].startswith("Arming not authorised: a component")
+            assert texts[0].startswith("Arming not authorised: a required")
         else:
             assert (acks[0].result, acks[0].result_param2) == (CommandResult.ACCEPTED, 10)
             assert texts == []
@@ -146,12 +146,12 @@ def test_leave_follows_the_summaries_of_the_command_interface() -> None:
     exchange, loop = LocalExchange(), VirtualLoop()
     authority = ArmAuthority(exchange, "pelican")
     publisher = Publisher(exchange, "pelican", "command_server", 1)
-    assert "does not work" in authority.why_not(0.0)
+    assert "is down" in authority.why_not(0.0)
     publisher.publish("pelican/ci/summary", Summary(table=1, health=Health.WORKING, lines=[]), 10.0)
     assert authority.why_not(11.0) == ""
-    assert "does not work" in authority.why_not(14.0)
+    assert "is down" in authority.why_not(14.0)
     publisher.publish("pelican/ci/summary", Summary(table=1, health=Health.FAULTY, lines=[]), 14.0)
-    assert authority.why_not(14.5) == "a component that the vehicle needs is faulty"
+    assert authority.why_not(14.5) == "a required component is faulty"
     authority.close()
     loop.close()
 

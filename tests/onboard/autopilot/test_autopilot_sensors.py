@@ -81,7 +81,7 @@ def test_directions_that_count_from_north_are_turned_by_the_heading_or_not_valid
     distances = [300] + [UNKNOWN] * 71
     assert toward(obstacles(math.radians(90.0), distances=distances, frame=0), 90.0) == 3.0, "north is to the left"
     assert "heading" in obstacles(None, distances=distances, frame=0).reason
-    assert obstacles(None, distances=distances, increment=0).reason.startswith("the scanner does not tell")
+    assert obstacles(None, distances=distances, increment=0).reason.startswith("the scanner does not report")
 
 
 def test_fine_steps_an_offset_and_a_scan_to_the_other_side_are_understood() -> None:

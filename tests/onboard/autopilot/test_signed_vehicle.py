@@ -78,7 +78,7 @@ def test_with_the_key_a_station_reaches_the_autopilot_and_without_it_nobody_does
             time.sleep(2.0)  # what was asked several times is answered as often
             stranger = asyncio.run(answers(station, None, reported, 3.0))
             assert not stranger["1/1 AUTOPILOT_VERSION"]
-            assert any("signs what it sends, and this link has no key" in text for text in reported)
+            assert any("signs its messages, and this link has no key" in text for text in reported)
             onboard.interrupt()
             assert onboard.end() == 0, onboard.text
         assert run(["signing", "remove", *link, "--yes"]) == 0

@@ -135,7 +135,7 @@ def test_an_autopilot_that_does_not_take_the_key_is_told(
 ) -> None:
     autopilot = begin(is_deaf=True)
     assert run(["signing", "set", "--autopilot", autopilot.url, "--key", file_of(tmp_path, KEY), "--yes"]) == 1
-    assert "it has not taken the key" in capsys.readouterr().err
+    assert "it has not accepted the key" in capsys.readouterr().err
 
 
 def test_nothing_is_sent_to_the_armed_nor_without_a_yes_nor_over_a_network(

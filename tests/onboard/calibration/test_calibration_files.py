@@ -165,7 +165,7 @@ def changed(tmp_path: Path, previous: str, new: str) -> Path:
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("[458.6, 457.3, 367.2, 248.4]", "[458.6, 457.3, 367.2]", "FILE:11:15: intrinsics: 3 numbers, where 4 belong"),
+        ("[458.6, 457.3, 367.2, 248.4]", "[458.6, 457.3, 367.2]", "FILE:11:15: intrinsics: 3 numbers, expected 4"),
         ("[458.6, 457.3, 367.2, 248.4]", "[4.6, 4.6, 367.2, 248.4]", "FILE:11:15: a focal length of 4.6 pixels is"),
         ("[458.6, 457.3, 367.2, 248.4]", "[4e5, 4e5, 367.2, 248.4]", "field of view of 0.1 degrees"),
         ("[458.6, 457.3, 367.2, 248.4]", "[458.6, 857.3, 367.2, 248.4]", "differ by 1.87 times"),
@@ -175,18 +175,18 @@ def changed(tmp_path: Path, previous: str, new: str) -> Path:
             "[458.6, 457.3, 967.2, 248.4]",
             "FILE:11:15: the optical axis at 967.2, 248.4",
         ),
-        ("-0.28, 0.07,", "-0.28, wide,", "FILE:9:30: 'wide' is no number"),
+        ("-0.28, 0.07,", "-0.28, wide,", "FILE:9:30: 'wide' is not a number"),
         ("-0.28, 0.07,", "-0.28, .nan,", "FILE:9:"),
-        ("-0.28, 0.07, 0.0002, 0.00002", "-0.28, 0.07", "FILE:9:22: distortion_coeffs: 2 numbers, where 4 or 5 belong"),
+        ("-0.28, 0.07, 0.0002, 0.00002", "-0.28, 0.07", "FILE:9:22: distortion_coeffs: 2 numbers, expected 4 or 5"),
         ("-0.28, 0.07, 0.0002", "-2.8, 0.07, 0.0002", "FILE:9:22: the lens radtan with these coefficients cannot show"),
         ("distortion_model: radtan", "distortion_model: fov", "FILE:10:21: the lens 'fov' is not supported"),
         ("camera_model: pinhole", "camera_model: omni", "FILE:8:17: the camera model 'omni' is not supported"),
         ("[752, 480]", "[752, 0]", "FILE:12:15: a picture of 752 x 0 pixels"),
-        ("[752, 480]", "[752]", "FILE:12:15: resolution: 1 numbers, where 2 belong"),
+        ("[752, 480]", "[752]", "FILE:12:15: resolution: 1 numbers, expected 2"),
         ("resolution: [752, 480]", "resolutoin: [752, 480]", "'resolution' is missing (did you mean 'resolutoin'?)"),
-        ("[0.0, -1.0, 0.0, 0.02]", "[0.0, -2.0, 0.0, 0.02]", "FILE:3:3: T_cam_imu: its rotation is none"),
+        ("[0.0, -1.0, 0.0, 0.02]", "[0.0, -2.0, 0.0, 0.02]", "FILE:3:3: T_cam_imu: its rotation is invalid"),
         ("[0.0, -1.0, 0.0, 0.02]", "[0.0, 1.0, 0.0, 0.02]", "T_cam_imu: its rotation mirrors"),
-        ("  - [0.0, 0.0, 0.0, 1.0]\n", "", "FILE:3:3: T_cam_imu has 3 rows, where 4 belong"),
+        ("  - [0.0, 0.0, 0.0, 1.0]\n", "", "FILE:3:3: T_cam_imu has 3 rows, expected 4"),
         ("intrinsics: [458.6", "intrinsics: 458.6 #[", "intrinsics must be a list of numbers"),
     ],
 )
@@ -203,7 +203,7 @@ def test_the_last_two_mistakes_of_a_file_are_told_at_once(tmp_path: Path) -> Non
     ("text", "told"),
     [
         ("", "empty"),
-        ("just text", "no calibration that is known"),
+        ("just text", "not a known calibration"),
         ("a: 1\n", "OpenCV (YAML, XML), Kalibr camchain, EuRoC sensor.yaml, KITTI calib.txt"),
         ("cam0: {camera_model: [", "not YAML"),
         ("<?xml version='1.0'?><opencv_storage><K>1</opencv_storage>", "FILE:1:"),
@@ -222,7 +222,10 @@ def test_a_projection_that_is_none_is_told_with_line_and_column(tmp_path: Path) 
     with pytest.raises(InputError) as found:
         read_calibration(path, size=(1226, 370))
     reported = str(found.value).replace(str(path), "FILE")
-    assert reported.splitlines() == ["FILE:2:22: P1: 'x' is no number", "FILE:3:5: P2: 3 numbers, where 12 belong"]
+    assert reported.splitlines() == [
+        "FILE:2:22: P1: 'x' is not a number",
+        "FILE:3:5: P2: 3 numbers, expected 12",
+    ]
     with pytest.raises(InputError, match="outside pictures of 320 x 100"):
         read_calibration(written(tmp_path, good, "calib.txt"), size=(320, 100))
 

@@ -328,7 +328,7 @@ def host(name: str, **reported: Any) -> HostPresence:
 def test_another_host_is_here_speaks_as_we_do_and_knows_the_time() -> None:
     lines = found(platform=with_hosts(), hosts={"vision": host("vision"), "base": host("base")})
     assert lines["components: host vision"].verdict is Verdict.OK
-    assert lines["components: host vision: time"].finding == "to within 2.0 ms, asked 1 s ago"
+    assert lines["components: host vision: time"].finding == "to within 2.0 ms, measured 1 s ago"
     assert "components: host vehicle" not in lines, "it is the one that looks"
 
 

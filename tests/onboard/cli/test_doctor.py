@@ -80,7 +80,7 @@ def test_exit_codes_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert {"group": "autopilot", "name": "answers", "verdict": "red"}.items() <= lines[0].items()
     assert _call(app, ["pelican_rtk", *silent]) == 1
-    assert "red      autopilot: answers: no heartbeat is heard\n         -> is it powered" in capsys.readouterr().out
+    assert "red      autopilot: answers: no heartbeat received\n         -> check its power" in capsys.readouterr().out
     for wrong in (
         ["pelikan"],
         ["pelican_rtk", "--autopilot", "nowhere"],
@@ -116,4 +116,4 @@ def test_a_file_where_the_folder_should_be_is_told(tmp_path: Path) -> None:
     computer = HostComputer(tmp_path / "out", Clock(loop))
     computer.measure()
     loop.close()
-    assert computer.state().disk_problem.endswith("out is there already, and is no folder")
+    assert computer.state().disk_problem.endswith("out exists already and is not a folder")

@@ -71,7 +71,7 @@ def test_a_file_from_a_connected_autopilot_says_what_that_is_set_to(
         assert run(options) == 0, capsys.readouterr().err
         text = capsys.readouterr().err
         assert run([*options, "--camera", "v4l2:///dev/video9"]) == 2
-        assert f"{file} is there already" in capsys.readouterr().err
+        assert f"{file} already exists" in capsys.readouterr().err
     assert failsafe in file.read_text()
     platform = load_platform(str(file), is_loading_classes=True)
     assert (platform.platform, platform.vehicle.mass_kg, platform.arm, platform.on_stop) == (
@@ -81,7 +81,7 @@ def test_a_file_from_a_connected_autopilot_says_what_that_is_set_to(
         "land",
     )
     assert platform.frames["site"].origin.geo[:2] == pytest.approx((39.5528, 2.6285), abs=1e-3)
-    assert "supposed: --speed-m-s 3" in text
+    assert "assumed: --speed-m-s 3" in text
     assert "record_images" not in platform.capabilities
 
 
@@ -144,7 +144,7 @@ def test_everything_that_is_wrong_is_told_at_once_with_its_place(
     report = json.loads(capsys.readouterr().out)
     assert not report["is_ok"]
     found = [(one["line"], one["column"], one["message"]) for one in report["findings"] if not one["is_warning"]]
-    assert (3, 26, "ground_camera: 'v4l3:///dev/video0' is no source") in found
+    assert (3, 26, "ground_camera: 'v4l3:///dev/video0' is not a source") in found
     assert any("nowhere.yaml" in one["file"] + one["message"] for one in report["findings"])
     assert run(["platform", "check", str(file)]) == 1
     assert capsys.readouterr().out.splitlines()[-1] == f"{file} cannot be used: 2 errors"

@@ -33,7 +33,7 @@ def test_a_preset_is_shown_and_set_only_when_told_to(tmp_path: Path) -> None:
         assert codes == [2, 0, 1], texts
     for text in texts[:2]:
         assert "- NAV_DLL_ACT 0\n+ NAV_DLL_ACT 2   # it returns" in text
-    assert "nobody can be asked here; --yes applies it" in texts[0]
+    assert "there is no terminal to ask on; add --yes to apply it" in texts[0]
     assert "2 set and read again" in texts[1]
     assert "the autopilot does not have 1 of 3" in texts[2]
 

@@ -6,9 +6,9 @@ import pytest
 from gloc3.component.lci import State
 from gloc3.messages.envelope import ComponentStatus, Kind
 from gloc3.platform.reader import load_platform
-from gloc3_onboard.command_server.book import ComponentBook
-from gloc3_onboard.command_server.facts import VehicleState
+from gloc3_onboard.command_server.component_book import ComponentBook
 from gloc3_onboard.command_server.observing import Availability
+from gloc3_onboard.command_server.vehicle_state import VehicleState
 
 NAME = "record_images"
 

@@ -10,7 +10,7 @@ from gloc3.messages.command_interface import Control, ControlVerb
 from gloc3.messages.envelope import ComponentStatus, Kind
 from gloc3.messages.summaries import ComponentLine, Health
 from gloc3_onboard.command_server.authority import ANSWER_S, MOST_HEARD, ControlAuthority
-from gloc3_onboard.command_server.book import ComponentBook
+from gloc3_onboard.command_server.component_book import ComponentBook
 
 GONE_S = 5.0
 
@@ -30,7 +30,7 @@ def test_the_first_who_asks_is_granted_and_asking_again_changes_nothing() -> Non
     authority = held()
     assert request(authority, "255", ControlVerb.REQUEST) == "granted"
     authority.require("255")
-    with pytest.raises(Refused, match="station 255 holds control; ask for control first"):
+    with pytest.raises(Refused, match="station 255 holds control; request control first"):
         authority.require("254")
     with pytest.raises(Refused, match="no station holds control"):
         ControlAuthority().require("255")
@@ -42,7 +42,7 @@ def test_the_holder_is_asked_and_grants_or_refuses() -> None:
     assert request(authority, "255", ControlVerb.REFUSE) == "refused"
     assert authority.state().requested_by == ""
     request(authority, "254", ControlVerb.REQUEST)
-    with pytest.raises(Refused, match="station 253 has not asked"):
+    with pytest.raises(Refused, match="station 253 has not requested"):
         request(authority, "255", ControlVerb.GRANT, about="253")
     assert request(authority, "255", ControlVerb.GRANT, about="254") == "granted to station 254"
     assert authority.holder == "254"
@@ -51,7 +51,7 @@ def test_the_holder_is_asked_and_grants_or_refuses() -> None:
 def test_a_second_request_does_not_push_the_first_aside() -> None:
     authority = held()
     request(authority, "254", ControlVerb.REQUEST)
-    with pytest.raises(Refused, match="station 254 has asked already"):
+    with pytest.raises(Refused, match="station 254 has already requested"):
         request(authority, "253", ControlVerb.REQUEST)
     assert authority.requested_by == "254"
     assert request(authority, "254", ControlVerb.REQUEST) == "station 255 has been asked"
@@ -69,7 +69,7 @@ def test_only_the_holder_answers_and_releases() -> None:
 
 def test_who_is_gone_loses_control_to_who_asks() -> None:
     authority = held()
-    assert request(authority, "254", ControlVerb.REQUEST, 6.0) == "granted: station 255 is gone"
+    assert request(authority, "254", ControlVerb.REQUEST, 6.0) == "granted: station 255 is lost"
 
 
 @pytest.mark.parametrize("is_gone", [True, False])

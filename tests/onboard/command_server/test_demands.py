@@ -47,8 +47,8 @@ def test_nobody_but_an_operator_who_holds_control_is_obeyed_and_that_is_told_now
     assert desk.take(1, sender="254") == []
     assert desk.take(0, role=StationRole.OBSERVER) == []
     assert desk.reported == [
-        "velocities of station 254 are not taken: station 255 holds control; ask for control first",
-        "velocities of station 255 are not taken: it is an observer",
+        "velocities of station 254 are ignored: station 255 holds control; request control first",
+        "velocities of station 255 are ignored: it is an observer",
     ]
     assert desk.take(2, sender="254", now_s=1000.0 + AGAIN_S) == []
     assert len(desk.reported) == 3
@@ -62,7 +62,7 @@ def test_what_the_link_held_up_is_not_carried_out_whatever_the_clocks_say() -> N
     held_up = [desk.take(n, sent_s=0.1 * n, now_s=1003.0) for n in range(2, 20)]
     assert held_up == [[]] * 18
     assert desk.reported == [
-        "velocities of station 255 are not taken: they come 2.7 s late; take to the keys anew if the link stays so slow"
+        "velocities of station 255 are ignored: they are 2.7 s late; press the keys anew if the link stays slow"
     ]
     assert desk.take(30, sent_s=3.0, now_s=1003.1) == [30]
 

@@ -6,8 +6,8 @@ from typing import Any
 import msgspec
 import pytest
 
+from gloc3.exchange.tunnel.events import Counters
 from gloc3.exchange.tunnel.frames import Status
-from gloc3.exchange.tunnel.happenings import Counters
 from gloc3.exchange.tunnel.layout import MAX_PAYLOAD
 from gloc3.exchange.tunnel.status import StatusSender
 from gloc3.messages.envelope import Envelope, Source
@@ -17,8 +17,8 @@ from gloc3.messages.vehicle import AutopilotState, Pose, Setpoint
 from gloc3.messages.wire import type_name
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform
-from gloc3_onboard.command_server.facts import KeptHome, VehicleState
 from gloc3_onboard.command_server.summaries import motion_summary, site_summary, vehicle_summary
+from gloc3_onboard.command_server.vehicle_state import KeptHome, VehicleState
 
 ORIGIN = (39.5528, 2.6285, 2.0)
 POSE = Pose(

@@ -295,7 +295,7 @@ def test_no_mission_starts_while_nothing_is_heard_of_the_autopilots_state(desk: 
     desk.snapshot.expire(60.0)
     reply = desk.reported(Steer(verb=Verb.START))
     assert reply.outcome is Outcome.REFUSED
-    assert reply.reason == "nothing is heard of the autopilot's state"
+    assert reply.reason == "no state is received from the autopilot"
 
 
 def asked_of_viewer(desk: Desk) -> FunctionRequest:
@@ -342,7 +342,7 @@ def test_an_older_want_does_not_come_after_a_newer_one(desk: Desk) -> None:
     asked_of_viewer(desk)
     late = desk.reported(Watch(wants=[Want("pose")]), sequence=30)
     assert late.outcome is Outcome.REFUSED
-    assert "overtaken" in late.reason
+    assert "superseded" in late.reason
     assert desk.handler.components.messages == []
     assert desk.request(Watch(wants=[Want("pose")]), sequence=0, boot=8) is None, "a station that was started anew"
 

@@ -9,7 +9,7 @@ def test_requests_of_two_lives_in_turn_are_two_stations_told_once_a_minute() -> 
     senders = Senders()
     reported = [senders.receive("255", 1 + n % 2, float(n)) for n in range(20)]
     assert [text for text in reported if text] == [
-        "two stations have the id 255, and both are obeyed as one: give one another (--station-id)"
+        "two stations have the id 255, and their commands are mixed: change one of them (--station-id)"
     ]
     assert senders.receive("255", 1, AGAIN_S + 10.0)
 

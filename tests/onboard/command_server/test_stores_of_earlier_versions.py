@@ -9,9 +9,9 @@ from gloc3.mavlink.signing import timestamp
 from gloc3.messages.command_interface import CiRequest, Hello, Outcome
 from gloc3.platform.reader import find_platform, load_platform
 from gloc3.store import RecordFile
-from gloc3_onboard.command_server.facts import KeptHome
 from gloc3_onboard.command_server.journal import Journal
 from gloc3_onboard.command_server.site import Site
+from gloc3_onboard.command_server.vehicle_state import KeptHome
 from gloc3_onboard.process.signing_memory import SigningMemory
 
 DATA = next(folder for folder in Path(__file__).parents if folder.name == "tests") / "data" / "stores"

@@ -12,7 +12,7 @@ from gloc3.exchange.base import LocalExchange, Publisher
 from gloc3.messages.command_interface import CiReply, CiRequest, Emergency, EmergencyVerb, Outcome
 from gloc3.messages.envelope import Envelope
 from gloc3.store import MemoryRecords
-from gloc3_groundstation.links.acoustic_way import AcousticRoute, ModemContext
+from gloc3_groundstation.links.acoustic_route import AcousticRoute, ModemContext
 from gloc3_onboard.command_server.journal import Journal, answer
 from gloc3_onboard.companion.acoustic_link import AcousticLink
 

@@ -72,8 +72,8 @@ def test_a_short_name_is_like_the_long_one_and_a_short_one_is_kept() -> None:
 
 def test_bounds_and_whole_numbers_are_kept_and_floats_are_as_they_were_written() -> None:
     row = CompanionParameter(name="A", component="", setting="a_m_s", value=1.0, low=0.0, high=7.0, is_whole=True)
-    assert (row.unit, row.problem(7.0), row.problem(1.5)) == ("m/s", "", "A is a whole number, 1.5 is none")
-    assert row.problem(8.0) == "A is from 0 to 7, not 8"
+    assert (row.unit, row.problem(7.0), row.problem(1.5)) == ("m/s", "", "A must be a whole number, not 1.5")
+    assert row.problem(8.0) == "A must be from 0 to 7, not 8"
     assert exact(0.10000000149011612) == 0.1
 
 

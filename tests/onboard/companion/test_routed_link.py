@@ -53,7 +53,7 @@ def links(
     received: list[list[Frame]] = [[] for _ in urls]
     gate = None if signing is None else SignedOnly(signing, lambda _: None)
     routed = [
-        RoutedLink(url, router, loop, into.extend, signed_only=None if number else gate)
+        RoutedLink(url, router, loop, [into.extend], signed_only=None if number else gate)
         for number, (url, into) in enumerate(zip(urls, received, strict=True))
     ]
     wires = [Wire(loop) for _ in urls]
@@ -223,9 +223,13 @@ def test_what_is_withheld_goes_to_the_listener_alone() -> None:
         router, received = Router(Address(1, 191)), list[Frame]()
         withheld = message("MISSION_COUNT").id
         station = RoutedLink(
-            "udpin://0.0.0.0:14550", router, loop, received.extend, withheld=lambda frame: frame.message_id == withheld
+            "udpin://0.0.0.0:14550",
+            router,
+            loop,
+            [received.extend],
+            withheld=lambda frame: frame.message_id == withheld,
         )
-        autopilot = RoutedLink("udpin://0.0.0.0:14540", router, loop, lambda frames: None)
+        autopilot = RoutedLink("udpin://0.0.0.0:14540", router, loop)
         wire = Wire(loop)
         autopilot.open(wire)
         station.receive(STATION.encode(message("MISSION_COUNT")) + STATION.encode(message("HEARTBEAT")))

@@ -70,7 +70,7 @@ class Ends:
             "udpin://:14551",
             Router(Address(1, 191)),
             self.loop,
-            self.platform.receive_frames,
+            [self.platform.receive_frames],
             signed_only=self.platform.signed_only,
         )
         self.memory.b.on_data = self.routed.receive
@@ -118,7 +118,7 @@ def test_stations_are_taken_by_their_key(platform_key: bytes | None, station_key
             assert ends.events[0].startswith(f"a frame from 255/190 is dropped ({refused})")
         else:
             assert ends.events == []
-        locked_out = [text for text in ends.reported if "takes nothing from here; see --signing-key" in text]
+        locked_out = [text for text in ends.reported if "ignores this station; see --signing-key" in text]
         assert len(locked_out) == (platform_key is not None and station_key is None), "and the operator is told, once"
         assert bool(ends.station.genuine) == (platform_key == station_key is not None)
         assert bool(ends.station.refusals) == (station_key is not None and not is_heard)

@@ -79,7 +79,7 @@ def test_a_revoked_member_is_shut_out_while_it_runs_and_its_mission_goes_on_by_r
             alice.await_line(lambda line: "mission is started" in line)
             made(yard, "network", "revoke", "yard", "alice")
             onboard.process.send_signal(signal.SIGHUP)
-            onboard.await_line(lambda line: "is read again: 1 other member" in line)
+            onboard.await_line(lambda line: "is reloaded: 1 other member" in line)
             assert alice.end() == 0, alice.text
         assert alice.text.count(" is heard") == 1, "it never fell silent: " + alice.text
         with station(yard, "alice", "--mission", "hop", "--wait", "6") as again:

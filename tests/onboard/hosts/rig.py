@@ -17,7 +17,7 @@ from gloc3.platform.reader import read_platform, whole_text
 from gloc3.store import MemoryRecords
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.hosts.child import ChildProcess
-from gloc3_onboard.hosts.keeper import HostAgent
+from gloc3_onboard.hosts.host_agent import HostAgent
 from gloc3_onboard.hosts.pipe import ChildSetup
 from gloc3_onboard.hosts.shared import open_shared
 from gloc3_onboard.process.run_log import LogLimits

@@ -84,7 +84,7 @@ async def test_a_child_whose_loop_does_not_turn_is_ended_and_its_dump_tells_wher
         fate.write_text("hang")
         await found.until(lambda: found.state("ticker") is State.FAULTY, "it is faulty")
         cause = found.child("one").cause
-        assert cause.startswith("process one did not turn its loop for 2 s and was ended: Aborted")
+        assert cause.startswith("process one did not run its loop for 2 s and was ended: Aborted")
         await found.until(lambda: found.state("ticker") is State.QUIET, "it comes back")
 
 

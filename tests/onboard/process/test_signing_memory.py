@@ -70,4 +70,4 @@ def test_a_file_that_cannot_be_kept_or_read_is_told_and_keeps_nobody_out(tmp_pat
     assert new is SigningVerdict.GENUINE
     assert len(reported) == 4, "each of the two once"
     assert "cannot be read" in reported[0]
-    assert "may be taken once more" in reported[1]
+    assert "may be accepted again" in reported[1]

@@ -56,8 +56,8 @@ def test_a_sensor_that_is_alive_and_calibrated_is_well() -> None:
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        ({"age_s": 3.2}, "silent for 3.2 s"),
-        ({"age_s": -1.0}, "nothing has come"),
+        ({"age_s": 3.2}, "no data for 3.2 s"),
+        ({"age_s": -1.0}, "no data from"),
         ({"source": "none://"}, "no source is given"),
         ({"problem": "laser: /dev/ttyUSB0 is not there; is it plugged in?"}, "/dev/ttyUSB0 is not there"),
     ],
@@ -143,7 +143,7 @@ def test_a_model_may_stand_in_the_platform_file_itself(tmp_path: Path) -> None:
         ("laser", "hokuyo:///dev/ttyACM99", "/dev/ttyACM99 is not there"),
         ("laser", "carmen://ground.yaml", ""),
         ("laser", "hokuyo://192.168.0.10:10940", ""),
-        ("laser", "what://", "is no source"),
+        ("laser", "what://", "is not a source"),
     ],
 )
 def test_what_can_be_told_of_a_source_without_opening_it(tmp_path: Path, device: str, url: str, told: str) -> None:

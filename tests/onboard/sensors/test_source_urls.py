@@ -66,15 +66,15 @@ def test_the_example_of_every_scheme_is_understood_and_made_for_every_sensor_tha
         ("ground_camera", "v4l:///dev/video0", "did you mean 'v4l2'"),
         ("ground_camera", "v4l2://", "names nothing behind"),
         ("ground_camera", "gst://", "names nothing behind"),
-        ("ground_camera", "carmen://aces.log", "brings laser, and this is a camera"),
-        ("laser", "euroc://V1_01", "brings camera or stereo_camera or imu, and this is a laser"),
+        ("ground_camera", "carmen://aces.log", "provides laser, but this is a camera"),
+        ("laser", "euroc://V1_01", "provides camera or stereo_camera or imu, but this is a laser"),
         ("ground_camera", "v4l2:///dev/video0?widht=640", "did you mean 'width'"),
-        ("ground_camera", "v4l2:///dev/video0?width=wide", "width=wide is no number"),
+        ("ground_camera", "v4l2:///dev/video0?width=wide", "width=wide is not a number"),
         ("ground_camera", "v4l2:///dev/video0?width=640.5", "must be a whole number"),
         ("ground_camera", "v4l2:///dev/video0?exposure_s=100", "must be from 1e-06 to 10"),
         ("ground_camera", "v4l2:///dev/video0?gain=nan", "gain=nan must be from"),
         ("ground_camera", "v4l2:///dev/video0#left", "takes nothing behind #"),
-        ("speaker", "none://", "no sensor"),
+        ("speaker", "none://", "not a sensor"),
         ("imu", "autopilot://px4", "takes no place"),
     ],
 )
@@ -179,7 +179,7 @@ def test_a_package_brings_a_kind_of_source(monkeypatch: pytest.MonkeyPatch) -> N
         loop.close()
         module.SENSORS = (sensor_kinds()["laser"]._replace(),)  # type: ignore[attr-defined]
         registry._rows.cache_clear()
-        with pytest.raises(Misuse, match="two modules bring a sensor called 'laser'"):
+        with pytest.raises(Misuse, match="two modules define a sensor called 'laser'"):
             sensor_kinds()
     finally:
         monkeypatch.undo()

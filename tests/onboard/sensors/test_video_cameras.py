@@ -135,7 +135,7 @@ def test_a_device_file_without_rights_names_the_group(tmp_path: Path, monkeypatc
     assert device_problem(Path("/dev/null"), "video") == ""
     monkeypatch.setattr(os, "access", lambda *_: False)
     assert "sudo usermod -aG video $USER" in device_problem(Path("/dev/null"), "video")
-    assert "is no device" in device_problem(tmp_path, "video")
+    assert "is not a device" in device_problem(tmp_path, "video")
 
 
 # --- loss and return ---

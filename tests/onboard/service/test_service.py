@@ -127,7 +127,7 @@ def test_what_a_manager_is_told_stands_in_lines_and_one_that_is_away_is_lamented
     assert manager.watchdog_s is None, "it is another process that is watched"
     manager.ready()
     manager.status("away")
-    assert said == ["the service manager cannot be told: No such file or directory"]
+    assert said == ["the service manager cannot be notified: No such file or directory"]
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as received:
         received.bind(str(tmp_path / "notify"))
         manager.extend(10.0)
@@ -166,12 +166,12 @@ def test_a_reload_has_the_components_adopt_what_they_may_and_a_wrong_file_change
         reloaded(manager, bench, ("rate_hz: 10, required: true, s", "rate_hz: 20, required: true, timeout_s: 4, s"))
         assert (bench / "depth_m").read_text() == "2.5"
     text = [line for line in manager.journal.splitlines() if line.startswith(("<3>", "<5>"))]
-    text = text[next(number for number, line in enumerate(text) if "read again" in line) :]
+    text = text[next(number for number, line in enumerate(text) if "reloaded: " in line) :]
     assert text == [
-        "<5>onboard: read again: stuck: settings: adopted",
+        "<5>onboard: reloaded: stuck: settings: adopted",
         "<3>onboard: bench.yaml:4:105: depth_m: expected a number <= 5.0 (7.5)",
         "<3>onboard: the platform file cannot be used: nothing was changed",
-        "<5>onboard: read again: nothing has changed",
-        "<5>onboard: read again: stuck: rate_hz: adopted",
-        "<5>onboard: read again: stuck: timeout_s: counts from the next start",
+        "<5>onboard: reloaded: nothing has changed",
+        "<5>onboard: reloaded: stuck: rate_hz: adopted",
+        "<5>onboard: reloaded: stuck: timeout_s: takes effect at the next start",
     ]

@@ -130,7 +130,7 @@ def test_each_host_has_the_devices_of_its_share_and_nothing_without_a_network(tm
     wanted = replace(CABLES, device=[], station=["udpout://10.0.0.1:14550"])
     assert [node.role for node in nodes(platform, replace(wanted, host="main"))] == ["autopilot"]
     assert [node.role for node in nodes(platform, replace(wanted, host="vision"))] == ["ground_camera"]
-    with pytest.raises(Refused, match="two has the hosts main, vision: say which this is"):
+    with pytest.raises(Refused, match="two has the hosts main, vision: choose one"):
         make_plan(str(file), wanted, "gloc3")
     with pytest.raises(Refused, match="--network"):
         make_plan(str(file), replace(wanted, host="vision"), "gloc3")
@@ -186,7 +186,7 @@ def test_with_rules_the_service_uses_the_names_that_they_give(tmp_path: Path) ->
     plugged(tmp_path, "video0", "1-4", serial="", index="0")
     bare = make_plan("copter", CABLES, "gloc3", sys_folder=tmp_path)
     assert bare.rules == ""
-    assert any("/dev/ttyACM0 (3D Robotics PX4 FMU) may be called otherwise tomorrow" in text for text in bare.advice)
+    assert any("/dev/ttyACM0 (3D Robotics PX4 FMU) may get another name" in text for text in bare.advice)
     plan = make_plan("copter", CABLES, "gloc3", with_udev=True, sys_folder=tmp_path)
     words = plan.unit.command
     assert "--autopilot=serial:///dev/gloc3/autopilot:57600" in words
@@ -217,6 +217,6 @@ def test_a_device_is_named_by_its_serial_number_or_else_by_its_plug(tmp_path: Pa
         "camera", other
     )
     assert advice(autopilot, found) == (
-        "/dev/ttyACM0 (3D Robotics PX4 FMU) may be called otherwise tomorrow: --udev calls it /dev/gloc3/autopilot"
+        "/dev/ttyACM0 (3D Robotics PX4 FMU) may get another name at the next boot: --udev names it /dev/gloc3/autopilot"
     )
     assert usb_device(DeviceNode("radio", Path("/dev/ttyUSB7"), "dialout"), tmp_path) is None

@@ -73,10 +73,10 @@ def test_leave_holds_as_long_as_was_said() -> None:
 @pytest.mark.parametrize(
     ("result", "reason", "text"),
     [
-        (Result.DENIED, 0, "Arming: leave is refused"),
+        (Result.DENIED, 0, "Arming: authorization refused"),
         (Result.DENIED, 1, ""),
-        (Result.DENIED, 5, "Arming: leave is refused: the weather is bad"),
-        (Result.TEMPORARILY_REJECTED, 0, "Arming: leave is refused for now"),
+        (Result.DENIED, 5, "Arming: authorization refused: the weather is bad"),
+        (Result.TEMPORARILY_REJECTED, 0, "Arming: authorization refused for now"),
     ],
 )
 def test_without_leave_it_does_not_arm_and_says_why_unless_the_authorizer_does(
@@ -99,7 +99,7 @@ def test_nobody_waits_longer_than_the_parameter_says_and_force_asks_nobody() -> 
     assert bench.results() == []
     bench.run(0.2)
     assert bench.results() == [Result.TEMPORARILY_REJECTED]
-    assert bench.texts[-1] == "Arming: nobody answers who could give leave"
+    assert bench.texts[-1] == "Arming: no answer from the authorizer"
     bench.answer(Result.ACCEPTED, extra=60)
     bench.run(1.0)
     assert not bench.is_armed, "too late"

@@ -188,5 +188,5 @@ def test_the_rovers_wheels_tell_how_far_they_have_turned_and_the_boat_has_none()
 
 
 def test_px4_does_not_steer_it() -> None:
-    with pytest.raises(Exception, match="'boat': it is steered by ardupilot"):
+    with pytest.raises(Exception, match="does not support 'boat'; use ardupilot"):
         Bench("px4", vehicle="boat")

@@ -88,7 +88,7 @@ def test_a_key_is_changed_and_forgotten_only_by_who_has_it_and_on_the_ground(sty
     knows.sign(KEY)
     sim.autopilot.craft.is_armed = True
     knows.set_up(OTHER)
-    assert sim.texts[-1][2] == "the signing key is not changed while armed"
+    assert sim.texts[-1][2] == "the signing key cannot be changed while armed"
     sim.autopilot.craft.is_armed = False
     assert knows.is_served()
     knows.set_up(OTHER)

@@ -187,10 +187,10 @@ def test_the_fence_has_a_depth() -> None:
     dive.autopilot.parameters.set("FENCE_ALT_MIN", -3.0)
     dive.arm()
     dive.go_to((0.0, 0.0, 6.0), 20.0)
-    assert "Failsafe: below the fence's depth of 3 m" in [text for _, _, text in dive.simulator.texts]
+    assert "Failsafe: below the fence depth of 3 m" in [text for _, _, text in dive.simulator.texts]
     assert dive.simulator.truth().position_ned_m[2] < 4.0
 
 
 def test_other_autopilots_do_not_steer_submarines() -> None:
-    with pytest.raises(Misuse, match="it is steered by ardupilot"):
+    with pytest.raises(Misuse, match="use ardupilot"):
         Simulator(World.load("bay"), SimulatorSettings(vehicle="auv", style="px4"))

@@ -124,7 +124,7 @@ def test_a_flight_that_never_starts_ends_with_1_and_a_report(
     code, report, _ = fly(capsys, "hop", "--fault", "cable_loss@0", "--out", str(tmp_path))
     assert code == 1
     assert report["mission_state"] == "failed"
-    assert report["reason"].startswith("not started: pelican still lacks the autopilot")
+    assert report["reason"].startswith("not started: pelican is not ready; missing: the autopilot")
     assert report["flight_time_s"] == 0.0
     assert (tmp_path / "report.json").exists()
 

@@ -83,15 +83,15 @@ def test_ranges_become_nothing_the_greatest_no_number_too_long_or_garbage() -> N
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("device:laser=black", "'black' is none of laser's"),
-        ("device:ground_camera=nan", "'nan' is none of ground_camera's"),
-        ("device:ground_camera=dark", "'dark' is none of ground_camera's"),
+        ("device:laser=black", "'black' is not a fault of laser"),
+        ("device:ground_camera=nan", "'nan' is not a fault of ground_camera"),
+        ("device:ground_camera=dark", "'dark' is not a fault of ground_camera"),
         ("device:lazer=lost", "did you mean 'laser'"),
         ("device:laser=broken", "'broken' is unknown"),
         ("device:laser=lost/3", "/3 is not expected"),
         ("device:laser=late/-1", "negative"),
-        ("device:imu=black", "'black' is none of imu's"),
-        ("sensor:fix=scaled", "only the height and the ways of wheels can be scaled"),
+        ("device:imu=black", "'black' is not a fault of imu"),
+        ("sensor:fix=scaled", "only the height and the wheel encoders can be scaled"),
     ],
 )
 def test_what_does_not_fit_a_device_is_refused(text: str, says: str) -> None:

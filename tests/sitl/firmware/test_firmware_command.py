@@ -16,7 +16,7 @@ from tests.sitl.firmware.px4_peer import Px4Peer
 
 from gloc3.errors import Refused
 from gloc3_sitl.cli.sitl import app
-from gloc3_sitl.firmware import pace
+from gloc3_sitl.firmware import real_time_pacer
 from gloc3_sitl.firmware.body import BodySettings
 from gloc3_sitl.firmware.kinds import preset_text, read_parameters
 from gloc3_sitl.firmware.run import FirmwareOptions, run_firmware
@@ -91,7 +91,7 @@ async def test_ardupilot_is_started_with_its_parameters_links_and_home_and_ended
     assert read[2] == {"WPNAV_SPEED": 200.0}
     assert not (tmp_path / "firmware" / "eeprom.bin").exists()
     text = capsys.readouterr().err
-    assert "ArduPilot is there; it keeps the time" in text
+    assert "ArduPilot connected; it drives the simulated time" in text
     assert "s of simulated time" in text
 
 
@@ -143,7 +143,7 @@ async def test_a_firmware_that_runs_already_is_waited_for_in_words(capsys: pytes
 async def test_a_flight_that_falls_behind_again_and_again_is_told_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(pace, "MOST_BEHIND_S", 0.01)
+    monkeypatch.setattr(real_time_pacer, "MOST_BEHIND_S", 0.01)
     port, peer = PX4_PORT + 2, Px4Peer(boot_steps=0)
     running = asyncio.ensure_future(run_firmware(options("px4", is_running=True, port=port, seconds=0.1)))
     await asyncio.sleep(0.1)
@@ -153,7 +153,7 @@ async def test_a_flight_that_falls_behind_again_and_again_is_told_once(
         await asyncio.sleep(0.03)
     writer.close()
     assert await running == 0
-    assert capsys.readouterr().err.count("too slow, or too busy, for this pace") == 1
+    assert capsys.readouterr().err.count("too slow or too busy for this speed") == 1
 
 
 async def ended(reader: asyncio.StreamReader) -> bool:
@@ -190,9 +190,9 @@ async def test_a_px4_that_is_gone_may_come_again_and_a_second_one_is_turned_away
         (["--firmware", "ardupilot", "--firmware-binary", "/none/arducopter"], "is not a program"),
         (["--firmware", "ardupilot", "--battery", "0.5"], "its own battery"),
         (["--firmware", "ardupilot", "--plain-gps"], "its own satellite receiver"),
-        (["--firmware", "ardupilot", "--firmware-running", "--link", "udpout://127.0.0.1:1"], "runs already"),
+        (["--firmware", "ardupilot", "--firmware-running", "--link", "udpout://127.0.0.1:1"], "keeps its own links"),
         (["--firmware", "ardupilot", "--firmware-binary", sys.executable, "--link", "udpin://0.0.0.0:1"], "udpout://"),
-        (["--firmware", "px4", "--firmware-binary", sys.executable, "--link", "udpout://127.0.0.1:1"], "by itself"),
+        (["--firmware", "px4", "--firmware-binary", sys.executable, "--link", "udpout://127.0.0.1:1"], "omit --link"),
         (["--firmware", "px4", "--firmware-binary", sys.executable, "--firmware-port", "9"], "from 4560"),
         (["--firmware-running"], "need --firmware"),
         (["--firmware", "px4", "--firmware-port", "99999"], "from 0 to 65535"),
@@ -205,7 +205,7 @@ def test_what_makes_no_sense_is_refused(arguments: list[str], reason: str) -> No
 
 def test_without_the_program_it_is_said_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "/nowhere")
-    with pytest.raises(Refused, match=r"no arducopter on PATH: docs/firmware\.md"):
+    with pytest.raises(Refused, match=r"arducopter is not on PATH; docs/firmware\.md"):
         app(["--firmware", "ardupilot", "--world", "open"], result_action="return_value")
 
 

@@ -50,7 +50,7 @@ def test_time_goes_on_only_when_it_is_asked_to_and_the_link_goes_both_ways(
 def test_a_firmware_that_ends_is_told_with_its_last_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     flown = made(tmp_path, monkeypatch, "neither")
     try:
-        with pytest.raises(Gloc3Error, match="ended by itself: stand-in: Failed to find location"):
+        with pytest.raises(Gloc3Error, match="has exited: stand-in: Failed to find location"):
             flown.advance(0.1)
     finally:
         flown.stop()
@@ -58,17 +58,17 @@ def test_a_firmware_that_ends_is_told_with_its_last_words(tmp_path: Path, monkey
 
 def test_a_flight_with_a_firmware_needs_its_program(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(Path(sys.executable).parent / "nowhere"))
-    with pytest.raises(Refused, match="no arducopter on PATH"):
+    with pytest.raises(Refused, match="arducopter is not on PATH"):
         FirmwareInStep(World.load("open"), BodySettings(), {})
 
 
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("sensor:fix=lost", "simulates its own fix; of ours it has imu and height"),
+        ("sensor:fix=lost", "simulates its own fix; only imu and height can fail here"),
         ("sensor:magnetometer=stuck", "its own magnetometer"),
         ("battery=0.1", "its own battery"),
-        ("pilot:LOITER", "no pilot of ours"),
+        ("pilot:LOITER", "no simulated pilot"),
     ],
 )
 def test_faults_of_what_a_firmware_simulates_by_itself_are_refused(text: str, reason: str) -> None:

@@ -63,5 +63,5 @@ def test_the_firmwares_scanner_reads_what_is_written(
 
 def test_what_is_no_number_never_leaves() -> None:
     zero = (0.0, 0.0, 0.0)
-    with pytest.raises(Misuse, match="no number"):
+    with pytest.raises(Misuse, match="not finite"):
         state_text(JsonState(1.0, zero, zero, (0.0, float("nan"), 0.0), (1.0, 0.0, 0.0, 0.0), zero))

@@ -169,7 +169,7 @@ def test_a_scaled_height_is_too_much_and_nothing_else_can_be_scaled(still: Still
         10.0 * mean(reading.distance_m for reading in sound), rel=0.2
     )
     suite.fail("imu", "scaled")
-    with pytest.raises(Misuse, match="no scale of the imu"):
+    with pytest.raises(Misuse, match="the imu cannot be scaled"):
         run(suite, still(), 1.0, start_s=2.0)
 
 

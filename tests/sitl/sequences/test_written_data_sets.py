@@ -130,13 +130,13 @@ def test_the_command_writes_each_form_and_refuses_what_makes_no_sense(tmp_path: 
     assert record(DataSetFormat.CARMEN, tmp_path / "c.log", seconds=0.5, world="corridor") == 0
     assert len(list((tmp_path / "k" / "image_1").glob("*.png"))) == 2
     assert len(list((tmp_path / "e" / "mav0" / "cam1" / "data").glob("*.png"))) == 2
-    with pytest.raises(Refused, match="is there already"):
+    with pytest.raises(Refused, match="already exists"):
         record(DataSetFormat.KITTI, tmp_path / "k", seconds=0.1)
-    with pytest.raises(Refused, match="is there already"):
+    with pytest.raises(Refused, match="already exists"):
         record(DataSetFormat.CARMEN, tmp_path / "c.log", seconds=0.1)
-    with pytest.raises(Refused, match=r"the way comes within 0.\d\d m of something"):
+    with pytest.raises(Refused, match=r"the path passes within 0.\d\d m of an obstacle"):
         record(DataSetFormat.KITTI, tmp_path / "x", way=["16,5,1.5", "16,12.5,1.5"])
-    with pytest.raises(Refused, match=r"the way takes [0-9]+ s; say with --seconds"):
+    with pytest.raises(Refused, match=r"the path takes [0-9]+ s; limit it with --seconds"):
         record(DataSetFormat.KITTI, tmp_path / "x", way=["1,1,1.5", "18,9,1.5"], speed=0.005)
     with pytest.raises(Refused, match="must be X,Y,HEIGHT"):
         record(DataSetFormat.KITTI, tmp_path / "x", way=["16,5"])

@@ -45,5 +45,5 @@ def test_a_platform_names_the_airframe_that_stands_for_it() -> None:
     assert vehicle_of(load_platform("hummingbird")) == "hummingbird"
     assert vehicle_of(load_platform("pelican")) == "pelican"
     known = load_platform("hummingbird")
-    with pytest.raises(Misuse, match="no vehicle 'humingbird'"):
+    with pytest.raises(Misuse, match="unknown vehicle 'humingbird'"):
         vehicle_of(replace(known, vehicle=replace(known.vehicle, airframe="humingbird")))

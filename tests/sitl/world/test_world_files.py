@@ -89,7 +89,7 @@ def test_a_vehicle_can_stand_at_the_home_of_a_world(tmp_path: Path) -> None:
         (
             "table: {min_m: [1, 0, 0]",
             "table: {min_m: [1, 0, -0.5]",
-            r"yard.yaml:6:\d+: it passes through the box table",
+            r"yard.yaml:6:\d+: it intersects the box table",
         ),
         ("[2.5, 0, 0.5]", "[2.5, 0, 0.2]", r"yard.yaml:9:\d+: it is partly inside the box table"),
         ("heading_deg: 45", "headingdeg: 45", r"yard.yaml:4:\d+: .*heading"),

@@ -13,4 +13,4 @@ What is promised: a message that was acknowledged has been handed over; none is 
 that is given up is told with a reason, and whether it is certain that it was not handed over.
 """
 
-__all__ = ["endpoint", "happenings", "layout", "pacing", "routes"]
+__all__ = ["endpoint", "events", "layout", "pacing", "routes"]

@@ -1,4 +1,4 @@
-"""What stands in a message's frames behind its channel: time, payload, and for reliable ones a check sum."""
+"""Body of a message's frames behind its channel: time, payload, and a checksum for reliable messages."""
 
 from __future__ import annotations
 

@@ -6,10 +6,14 @@ from typing import Any, Final
 
 from gloc3.errors import Misuse, Refused
 from gloc3.exchange.tunnel.body import ReliableBody, pack_reliable, unpack_reliable, unpack_status
+from gloc3.exchange.tunnel.events import Acknowledged, Counters, Delivered, Happening, Undelivered
 from gloc3.exchange.tunnel.frames import (
     MAX_NAME_BYTES,
     MAX_TOKENS,
+    Ack,
+    Data,
     OtherVersion,
+    Refusal,
     Status,
     StatusPart,
     SummaryRows,
@@ -20,13 +24,11 @@ from gloc3.exchange.tunnel.frames import (
     decode,
 )
 from gloc3.exchange.tunnel.gate import NotAccepted, TunnelGate
-from gloc3.exchange.tunnel.happenings import Acknowledged, Counters, Delivered, Happening, Undelivered
 from gloc3.exchange.tunnel.layout import MAX_PAYLOAD, PAYLOAD_TYPE, Lane, TunnelRole
-from gloc3.exchange.tunnel.outbox import Outbox
+from gloc3.exchange.tunnel.outbox import EVERYBODY, Outbox
 from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget, Pacer
 from gloc3.exchange.tunnel.peers import Peer, TunnelPeers
 from gloc3.exchange.tunnel.reader import TunnelFrameError
-from gloc3.exchange.tunnel.reliable_frames import Ack, Data, Refusal
 from gloc3.exchange.tunnel.routes import REQUEST_TIMEOUT_S, route, urgency
 from gloc3.exchange.tunnel.sending import OutgoingMessage
 from gloc3.exchange.tunnel.status import unpack_summary
@@ -77,7 +79,7 @@ class TunnelEndpoint:
         self._table = OwnTable()
         self._events: list[Happening] = []
         self._peers = TunnelPeers(role, name, own, self.counters, self._events.append)
-        self._outbox = Outbox(role, name, self.boot, self._pacer, self._peers, self._table, self.counters)
+        self._outbox = Outbox(role, name, self._pacer, self._peers, self._table, self.counters)
         self._published: dict[str, int] = {}
         self._homeless: list[tuple[Envelope[Any], float, float]] = []
         """What waits for somebody to be heard: since when, and until when."""
@@ -162,7 +164,21 @@ class TunnelEndpoint:
 
     def outgoing(self, now_s: float) -> list[tuple[int, int, bytes]]:
         """What may leave now: target system and component (0 for all), and the payload of a TUNNEL message."""
-        return self._outbox.outgoing(now_s)
+        pacer, counters, sent = self._pacer, self.counters, list[tuple[int, int, bytes]]()
+        pacer.fill(now_s)
+        pacer.set_busy(self._outbox.is_busy(now_s))
+        while pacer.line.is_open and (chosen := self._outbox.choose(now_s)) is not None:
+            target, frame, share = chosen
+            payload = frame.encode(self.boot)
+            size_bytes = pacer.spend(len(payload), share)
+            counters.sent_frames += 1
+            counters.sent_bytes += size_bytes
+            if share is pacer.views:
+                counters.view_bytes += size_bytes
+            elif target is EVERYBODY:
+                counters.status_bytes += size_bytes
+            sent.append((target.system, target.component, payload))
+        return sent
 
     def events(self) -> list[Happening]:
         """What has happened, in order; asking empties it."""

@@ -1,4 +1,4 @@
-"""What is taken from a peer: known topics in the right direction, of a type that both ends know alike."""
+"""Filter of messages from a peer: known topics in the right direction, of a type common to both ends."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ class TunnelGate:
         way = route(name, row)
         expected = self._name if self._role is TunnelRole.PLATFORM else peer.name
         if row is None or way is None or way.sender is not peer.role or way.is_reliable is not is_reliable:
-            raise NotAccepted(f"{channel.topic} is not taken from a {peer.role.name.lower()}")
+            raise NotAccepted(f"{channel.topic} is not accepted from a {peer.role.name.lower()}")
         if platform != expected:
-            raise NotAccepted(f"{channel.topic} is not taken from {peer.name}: it belongs to {platform}")
+            raise NotAccepted(f"{channel.topic} is not accepted from {peer.name}: it belongs to {platform}")
         found = self._topics.types.find(channel.type)
         if found is not row.message:
             raise NotAccepted(f"{channel.topic} carries {row.message.__name__}, not {found.__name__}")
@@ -69,7 +69,7 @@ class TunnelGate:
     def envelope(channel: TunnelChannel, sequence: int, t_s: float, payload: Any) -> Envelope[Any]:
         """The envelope, as it was published."""
         if channel.source is None:
-            raise WireError(f"{channel.topic} is no topic")
+            raise WireError(f"{channel.topic} is not a topic")
         return Envelope(channel.topic, channel.source, sequence, t_s, channel.frame, channel.type, payload)
 
 

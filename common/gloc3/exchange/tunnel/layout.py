@@ -1,4 +1,4 @@
-"""What all frames of the tunnel share: version, kinds, header, sizes, roles and lanes."""
+"""Common layout of the tunnel's frames: version, kinds, header, sizes, roles and lanes."""
 
 from __future__ import annotations
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
+from gloc3.exchange.tunnel.events import Counters
 from gloc3.exchange.tunnel.frames import MAX_ECHOES, TunnelFrame, TunnelHello, TunnelTable
-from gloc3.exchange.tunnel.happenings import Counters
 from gloc3.exchange.tunnel.layout import DUTIES, Lane, TunnelRole
 from gloc3.exchange.tunnel.pacing import Bucket, Pacer
 from gloc3.exchange.tunnel.peers import Peer, TunnelPeers
@@ -30,7 +30,7 @@ BUSY_AFTER_S: Final = 3.0
 
 VIEWS: Final = (Lane.VIEW,)
 
-_Chosen = tuple[Address, TunnelFrame, Bucket | None]
+Chosen = tuple[Address, TunnelFrame, Bucket | None]
 """To whom, what, and of which share of the line."""
 
 
@@ -40,18 +40,16 @@ class Outbox:
     Args:
         role: of this end.
         name: of this end.
-        boot: of this process.
         pacer: the link's budget.
         peers: to whom, with what waits for each.
         table: the numbers of this end.
-        counters: where sent frames are counted.
+        counters: where dropped messages are counted.
     """
 
     def __init__(
         self,
         role: TunnelRole,
         name: str,
-        boot: int,
         pacer: Pacer,
         peers: TunnelPeers,
         table: OwnTable,
@@ -59,7 +57,6 @@ class Outbox:
     ) -> None:
         self._role = role
         self._name = name
-        self._boot = boot
         self._pacer = pacer
         self._peers = peers
         self._table = table
@@ -67,7 +64,6 @@ class Outbox:
         """What waits for everybody."""
         self.views: Final = StatusSender(counters)
         """What somebody looks at; it waits until everything else has left."""
-        self._counters = counters
         self._hello_s = 0.0
         self._last_hello_s = -HELLO_SPACING_S
         self._turn = 0
@@ -81,30 +77,6 @@ class Outbox:
     def send_hello_soon(self) -> None:
         """Somebody needs to hear who we are."""
         self._hello_s = min(self._hello_s, self._last_hello_s + HELLO_SPACING_S)
-
-    def outgoing(self, now_s: float) -> list[tuple[int, int, bytes]]:
-        """What may leave now: target system and component, and the payload of a TUNNEL message."""
-        pacer, counters = self._pacer, self._counters
-        pacer.fill(now_s)
-        if any(peer.sender.is_open(Lane.BULK) or peer.receiver.is_receiving_bulk(now_s) for peer in self._peers):
-            self._busy_until_s = now_s + BUSY_AFTER_S
-        pacer.set_busy(now_s < self._busy_until_s)
-        sent = []
-        while pacer.line.is_open:
-            chosen = self._choose(now_s)
-            if chosen is None:
-                break
-            target, frame, share = chosen
-            payload = frame.encode(self._boot)
-            size_bytes = pacer.spend(len(payload), share)
-            counters.sent_frames += 1
-            counters.sent_bytes += size_bytes
-            if share is pacer.views:
-                counters.view_bytes += size_bytes
-            elif target is EVERYBODY:
-                counters.status_bytes += size_bytes
-            sent.append((target.system, target.component, payload))
-        return sent
 
     def next_s(self) -> float:
         """When there will be something to send."""
@@ -135,7 +107,14 @@ class Outbox:
         ]
         return min((t_s for t_s in times_s if t_s is not None), default=None)
 
-    def _choose(self, now_s: float) -> _Chosen | None:
+    def is_busy(self, now_s: float) -> bool:
+        """Whether a large message is under way, or was a moment ago."""
+        if any(peer.sender.is_open(Lane.BULK) or peer.receiver.is_receiving_bulk(now_s) for peer in self._peers):
+            self._busy_until_s = now_s + BUSY_AFTER_S
+        return now_s < self._busy_until_s
+
+    def choose(self, now_s: float) -> Chosen | None:
+        """What leaves next."""
         first = self._answer(now_s) or self._introduce(now_s)
         if first is not None or all(peer.sender.is_idle for peer in self._peers):
             return first or self._best_effort() or self._view(now_s)
@@ -149,7 +128,7 @@ class Outbox:
             or self._view(now_s)
         )
 
-    def _answer(self, now_s: float) -> _Chosen | None:
+    def _answer(self, now_s: float) -> Chosen | None:
         for peer in self._peers:
             ack_s = peer.receiver.ack_s()
             if ack_s is not None and now_s >= ack_s:
@@ -159,7 +138,7 @@ class Outbox:
                 return peer.address, refusal, None
         return None
 
-    def _introduce(self, now_s: float) -> _Chosen | None:
+    def _introduce(self, now_s: float) -> Chosen | None:
         if now_s >= self._hello_s:
             is_lonely = not any(peer.is_alive for peer in self._peers)
             self._hello_s = now_s + (LONELY_PERIOD_S if is_lonely else HELLO_PERIOD_S[self._role])
@@ -187,13 +166,13 @@ class Outbox:
         del numbers[:count]
         return TunnelTable(rows)
 
-    def _best_effort(self) -> _Chosen | None:
+    def _best_effort(self) -> Chosen | None:
         if not self._pacer.status.is_open:
             return None
         frame = self.status.next_frame()
         return None if frame is None else (EVERYBODY, frame, self._pacer.status)
 
-    def _view(self, now_s: float) -> _Chosen | None:
+    def _view(self, now_s: float) -> Chosen | None:
         """Large samples and small ones; where both wait, two frames of the large ones to one of the small."""
         share = self._pacer.views
         if not share.is_open:
@@ -208,7 +187,7 @@ class Outbox:
         chosen = chosen or self._copy(now_s, is_idle=True, lanes=VIEWS)
         return None if chosen is None else (chosen[0], chosen[1], share)
 
-    def _data(self, lane: Lane, now_s: float) -> _Chosen | None:
+    def _data(self, lane: Lane, now_s: float) -> Chosen | None:
         for peer in self._in_turn():
             if peer.sender.has_work(lane):
                 data = peer.sender.next_data(lane, now_s)
@@ -216,7 +195,7 @@ class Outbox:
                     return peer.address, data, None
         return None
 
-    def _copy(self, now_s: float, *, is_idle: bool, lanes: Sequence[Lane] = DUTIES) -> _Chosen | None:
+    def _copy(self, now_s: float, *, is_idle: bool, lanes: Sequence[Lane] = DUTIES) -> Chosen | None:
         for peer in self._in_turn():
             if peer.is_alive:
                 data = peer.sender.next_copy(now_s, is_idle=is_idle, lanes=lanes)

@@ -1,4 +1,4 @@
-"""How fast frames may leave: a budget in bytes a second, adapted to what the link turns out to carry.
+"""Pacing of frames: a budget in bytes a second, adapted to the bandwidth of the link.
 
 The rate falls when round trips become longer than the shortest ones (something queues before the link), or when most
 of what is sent is lost; it rises again up to the rate that was configured. Loss alone is no reason: radios lose.

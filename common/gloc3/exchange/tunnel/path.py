@@ -1,4 +1,4 @@
-"""What is known of the way to one peer: round trips, loss, and the difference of the clocks."""
+"""State of the path to one peer: round-trip time, loss, and clock offset."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All peers of one end: who comes, goes silent, restarts, or uses a name twice."""
+"""All peers of one end: detects new, silent and restarted peers, and duplicate names."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Final
 
+from gloc3.exchange.tunnel.events import Counters, Happening, PeerChanged, TokenChanged, TunnelTrouble, Undelivered
 from gloc3.exchange.tunnel.frames import Echo, TableRequest, TunnelHello
-from gloc3.exchange.tunnel.happenings import Counters, Happening, PeerChanged, TokenChanged, TunnelTrouble, Undelivered
 from gloc3.exchange.tunnel.layout import TunnelRole
 from gloc3.exchange.tunnel.path import PeerClock, RoundTrips
 from gloc3.exchange.tunnel.receiving import ReliableReceiver

@@ -1,4 +1,4 @@
-"""The receiver of reliable messages from one life of one peer: puts them together and hands each over once, in order.
+"""The receiver of reliable messages from one life of one peer: reassembles them and delivers each once, in order.
 
 A message counts as done, and is acknowledged as such, when the layer above has it; while one cannot be handed over
 yet, it stays here, complete, and those behind it wait. A message that is refused is done when its sender has dropped
@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from typing import Final
 
-from gloc3.exchange.tunnel.happenings import Counters
+from gloc3.exchange.tunnel.events import Counters
+from gloc3.exchange.tunnel.frames import CHUNK, Ack, Data, LaneReport, Refusal
 from gloc3.exchange.tunnel.layout import Lane
 from gloc3.exchange.tunnel.reader import unwrap
-from gloc3.exchange.tunnel.reliable_frames import CHUNK, Ack, Data, LaneReport, Refusal
 from gloc3.exchange.tunnel.sending import MAX_FRAGMENTS, WINDOW
 
 MAX_BUFFERED: Final = 160 * 1024

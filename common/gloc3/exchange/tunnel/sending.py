@@ -16,11 +16,11 @@ from typing import Any, Final
 
 import msgspec
 
-from gloc3.exchange.tunnel.happenings import Counters
+from gloc3.exchange.tunnel.events import Counters
+from gloc3.exchange.tunnel.frames import CHUNK, Ack, Data
 from gloc3.exchange.tunnel.layout import DUTIES, Lane
 from gloc3.exchange.tunnel.path import RoundTrips
 from gloc3.exchange.tunnel.reader import unwrap
-from gloc3.exchange.tunnel.reliable_frames import CHUNK, Ack, Data
 from gloc3.messages.envelope import Envelope
 
 MAX_FRAGMENTS: Final = 640

@@ -1,4 +1,4 @@
-"""Best effort: the latest message of each channel, cut into frames when sent, put together again when they come.
+"""Best effort: the latest message of each channel, split into frames by the sender, reassembled by the receiver.
 
 A message of three or more parts is followed by one with their parity, so that any one may be lost: at 20 % loss five
 parts arrive in 66 instead of 33 of 100 cases.
@@ -17,8 +17,8 @@ from typing import Any, Final
 from msgspec.structs import astuple, replace
 
 from gloc3.exchange.tunnel.body import pack_status
+from gloc3.exchange.tunnel.events import Counters
 from gloc3.exchange.tunnel.frames import Status, StatusPart, SummaryRows
-from gloc3.exchange.tunnel.happenings import Counters
 from gloc3.exchange.tunnel.layout import ROOM
 from gloc3.exchange.tunnel.reader import ByteReader, TunnelFrameError, varint
 from gloc3.messages.envelope import Envelope

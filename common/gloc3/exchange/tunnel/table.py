@@ -1,4 +1,4 @@
-"""The table behind the numbers: channels (topic, type, source, frame) and tokens, said once and again on request."""
+"""The table behind the numbers: channels (topic, type, source, frame) and tokens, sent once and again on request."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The path flown and the path requested, as a log tells them."""
+"""The path flown and the path requested, from a log."""
 
 import math
 from collections.abc import Iterator, Sequence

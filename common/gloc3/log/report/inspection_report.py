@@ -112,9 +112,9 @@ def _page(
     title = escape(f"Inspection: {mission or recording.name}")
     body = [f"<h1>{title}</h1>", _figure_lines(recording, figures, limits)]
     if drawing:
-        body += ["<h2>What was seen of the wall</h2>", drawing]
+        body += ["<h2>Wall coverage</h2>", drawing]
     if places:
-        body += ["<h2>From where</h2>", places]
+        body += ["<h2>Camera positions</h2>", places]
     if sheet is not None:
         data = base64.b64encode(sheet).decode()
         thinned = f" ({MOST} of {figures.pictures}, evenly chosen)" if figures.pictures > MOST else ""
@@ -145,7 +145,7 @@ def _figure_lines(recording: PictureRecording, figures: ReportFigures, limits: C
                 "Counts as seen",
                 (
                     f"in a picture from at most {limits.farthest_m:g} m and {limits.most_oblique_deg:g}° off the wall's "
-                    f"normal, on cells of {1000 * limits.cell_m:.0f} mm; what stands before the wall is not known"
+                    f"normal, on cells of {1000 * limits.cell_m:.0f} mm; obstacles in front of the wall are not considered"
                 ),
             ),
         ]

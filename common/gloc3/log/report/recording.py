@@ -1,4 +1,4 @@
-"""The pictures of a run: where each was taken from, by its log or by the list beside the pictures."""
+"""The pictures of a run with their poses, from its log or from the list beside the pictures."""
 
 from datetime import UTC, datetime
 from pathlib import Path

@@ -72,7 +72,7 @@ def plot_timelines(timelines: list[ComponentTimeline], file: Path, title: str = 
         Gloc3Error: matplotlib is not installed, or the file cannot be written.
     """
     if not timelines:
-        raise Refused("the log has no component's status")
+        raise Refused("the log has no component status")
     with drawing(file, 9.0, 1.5 + ROW_IN * len(timelines)) as figure:
         from matplotlib.patches import Patch
 

@@ -1,4 +1,4 @@
-"""How a wall is given on the command line: by its corners, or by a surface of a world file."""
+"""Walls given on the command line: by corners, or as a surface of a world file."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The MAVLink microservices, client and server beside each other, without I/O and told the time.
+"""The MAVLink microservices, client and server beside each other, without I/O or a clock of their own.
 
 Missions, parameters, files, logs, commands, calibration, time, versions, heartbeats and status texts.
 """

@@ -1,4 +1,4 @@
-"""Calibration of a vehicle's sensors as a station sees it: its states, and the frame in which either firmware runs.
+"""Sensor calibration as seen by a station: its states, and the base of both firmwares' procedures.
 
 PX4 tells what happens in status texts that begin with `[cal]`, ArduPilot in messages and commands of its own; each has
 a file. A calibration that is asked for again begins anew on some firmware, so a lost command is not sent twice where
@@ -144,7 +144,7 @@ class Calibration(Microservice[CalibrationState]):
         if not self.state.is_over and now_s >= self._received_s + SILENT_S:
             self._end(
                 CalibrationPhase.FAILED,
-                f"nothing was heard of it for {SILENT_S:.0f} s; its last word may have been lost",
+                f"nothing was heard of it for {SILENT_S:.0f} s; its last message may have been lost",
             )
 
     def next_tick_s(self) -> float | None:

@@ -1,4 +1,4 @@
-"""Calibration of an ArduPilot vehicle: gyro and level end with the answer, the others are led step by step."""
+"""Calibration of an ArduPilot vehicle: gyro and level end with the answer, the others are guided step by step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Calibration of a PX4 vehicle: begun by a command, told in status texts that begin with `[cal]`."""
+"""Calibration of a PX4 vehicle: started by a command, reported in status texts that begin with `[cal]`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands from the side that sends them: COMMAND_LONG and COMMAND_INT, until their COMMAND_ACK says how they ended."""
+"""Client of the command protocol: sends COMMAND_LONG and COMMAND_INT until a COMMAND_ACK reports the result."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands from the side that takes them: each comes out once, however often it is sent, and its answer is kept."""
+"""Server of the command protocol: delivers each command once, however often it is sent, and keeps its answer."""
 
 from __future__ import annotations
 

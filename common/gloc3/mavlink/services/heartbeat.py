@@ -1,4 +1,4 @@
-"""HEARTBEAT: sends ours, and knows who else is alive, which of them is an autopilot, and who has restarted."""
+"""HEARTBEAT: sends ours, and tracks which components are alive, are autopilots, or have restarted."""
 
 from __future__ import annotations
 

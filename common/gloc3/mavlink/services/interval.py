@@ -1,4 +1,4 @@
-"""Message intervals: which stream is due when, on the vehicle; asking for streams and keeping them, elsewhere."""
+"""Message intervals: schedules streams on the vehicle; requests and maintains streams elsewhere."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The receiving end of a plan, the same for upload and download: asks for one item after the other until all are there.
+"""The receiving end of a plan transfer, for upload and download: requests the items one by one.
 
 What is lost is asked for again after a time that follows the link's round trip. What may be lost is bounded for the
 whole transfer and not for an item, so that a long plan on a bad link is no worse off than a short one; a peer that is

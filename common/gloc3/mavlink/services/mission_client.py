@@ -1,4 +1,4 @@
-"""The mission protocol of who gives a vehicle its plans: upload, download, clear, set the current item."""
+"""Client of the mission protocol: uploads, downloads and clears plans, and sets the current item."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The mission protocol on the vehicle: takes plans, gives them, and tells where in the mission it is.
+"""Server of the mission protocol: receives plans, sends them, and reports the current item.
 
 A plan is replaced only when all of the new one is there and has been checked; after any failure the old one stands.
 """

@@ -1,4 +1,4 @@
-"""What a mission server knows of each transfer: a plan that comes in, is decided on, is over, or is read by somebody."""
+"""State of a mission server's transfers: a plan being received, decided on, finished, or downloaded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The parameter protocol of who reads and sets a vehicle's parameters; what is lost is asked for again."""
+"""Client of the parameter protocol: reads and sets a vehicle's parameters; lost messages are requested again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The parameter protocol on the vehicle: tells its parameters, and lets them be set."""
+"""Server of the parameter protocol: sends the vehicle's parameters, and sets them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the mission protocol carries: plans of three types, their items, and how a transfer ends."""
+"""Data of the mission protocol: plans of three types, their items, and results of transfers."""
 
 from __future__ import annotations
 

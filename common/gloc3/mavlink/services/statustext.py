@@ -1,4 +1,4 @@
-"""STATUSTEXT: texts for people, long ones in chunks of 50 bytes, put together again at the other end."""
+"""STATUSTEXT: texts for people, long ones split into chunks of 50 bytes and reassembled."""
 
 from __future__ import annotations
 

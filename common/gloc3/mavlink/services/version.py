@@ -1,4 +1,4 @@
-"""AUTOPILOT_VERSION: what a component is and can do, told on request and asked for."""
+"""AUTOPILOT_VERSION: version and capabilities of a component, sent on request and requested."""
 
 from __future__ import annotations
 

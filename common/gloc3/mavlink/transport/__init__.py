@@ -1,4 +1,4 @@
-"""Where MAVLink bytes come from and go to: UDP, TCP, serial lines and memory.
+"""Transports of MAVLink bytes: UDP, TCP, serial lines and memory.
 
 `endpoints` opens any of them by its URL, as MAVSDK writes them.
 """

@@ -1,4 +1,4 @@
-"""Where MAVLink bytes come from and go to: UDP, TCP and serial lines, opened by a URL as MAVSDK writes them.
+"""MAVLink endpoints: UDP, TCP and serial lines, opened by a URL in MAVSDK's form.
 
 udpin://0.0.0.0:14550          listens, and answers everyone it has heard from
 udpout://192.168.1.10:14550    sends there, and hears from there

@@ -1,4 +1,4 @@
-"""MAVLink over TCP: a server for several clients, and a client that connects again when it is cut off."""
+"""MAVLink over TCP: a server for several clients, and a client that reconnects."""
 
 from __future__ import annotations
 

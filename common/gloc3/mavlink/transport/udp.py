@@ -1,4 +1,4 @@
-"""MAVLink over UDP: a listener that answers everyone it has heard from, and a sender to one address."""
+"""MAVLink over UDP: a listener that replies to every known sender, and a sender to one address."""
 
 from __future__ import annotations
 

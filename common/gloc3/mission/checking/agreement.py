@@ -10,7 +10,7 @@ from gloc3.platform.platform import Platform
 
 
 def agreement_findings(mission: Mission, platform: Platform) -> list[Finding]:
-    """Where the autopilot would overrule the mission, and policies that cannot be carried out."""
+    """Findings where the autopilot's failsafes override the mission, and policies that cannot be carried out."""
     return [*_link_loss(mission, platform), *_low_battery(mission, platform), *_pose_lost(mission, platform)]
 
 
@@ -24,15 +24,15 @@ def _link_loss(mission: Mission, platform: Platform) -> Iterator[Finding]:
         yield _finding(
             mission,
             "on_link_loss",
-            f"on_link_loss is {wanted}, but {failsafe.after_s:g} s without a station the autopilot does {theirs} by itself",
-            f"set the autopilot's failsafe to {wanted}, or say on_link_loss: {theirs}",
+            f"on_link_loss is {wanted}, but after {failsafe.after_s:g} s the autopilot's failsafe is {theirs}",
+            f"set the autopilot's failsafe to {wanted}, or on_link_loss to {theirs}",
         )
     elif theirs is not Policy.CONTINUE and theirs is not wanted and failsafe.after_s <= after_s:
         yield _finding(
             mission,
             "on_link_loss",
-            f"the autopilot does {theirs} after {failsafe.after_s:g} s without a station, before {wanted} at {after_s:g} s",
-            f"give link_loss_after_s less than {failsafe.after_s:g}, or say on_link_loss: {theirs}",
+            f"the autopilot's {theirs} after {failsafe.after_s:g} s of link loss precedes {wanted} at {after_s:g} s",
+            f"set link_loss_after_s below {failsafe.after_s:g}, or on_link_loss to {theirs}",
         )
 
 
@@ -46,14 +46,14 @@ def _low_battery(mission: Mission, platform: Platform) -> Iterator[Finding]:
         yield _finding(
             mission,
             "on_low_battery",
-            f"on_low_battery is {wanted}, but at {100.0 * failsafe.at:.0f} % the autopilot does {theirs} by itself",
-            f"set the autopilot's failsafe to {wanted}, or say on_low_battery: {theirs}",
+            f"on_low_battery is {wanted}, but at {100.0 * failsafe.at:.0f} % the autopilot's failsafe is {theirs}",
+            f"set the autopilot's failsafe to {wanted}, or on_low_battery to {theirs}",
         )
     elif platform.power is not None and theirs not in (Policy.CONTINUE, wanted) and failsafe.at >= low:
         yield _finding(
             mission,
             "on_low_battery",
-            f"the autopilot does {theirs} at {100.0 * failsafe.at:.0f} % of the battery, before {wanted} at the reserve of "
+            f"the autopilot's {theirs} at {100.0 * failsafe.at:.0f} % battery precedes {wanted} at the reserve of "
             f"{100.0 * low:.0f} %",
             "raise the platform's reserve, or lower the autopilot's threshold",
         )
@@ -66,8 +66,8 @@ def _pose_lost(mission: Mission, platform: Platform) -> Iterator[Finding]:
         yield _finding(
             mission,
             "on_pose_lost",
-            f"on_pose_lost is {wanted}, but without a position the autopilot does {failsafe.action} by itself",
-            f"say on_pose_lost: {failsafe.action}",
+            f"on_pose_lost is {wanted}, but without a position the autopilot's failsafe is {failsafe.action}",
+            f"set on_pose_lost: {failsafe.action}",
         )
     capability = {Policy.RETURN: "return_home", Policy.HOLD: "hold"}.get(wanted)
     row = platform.capabilities.get(capability) if capability is not None else None
@@ -75,8 +75,8 @@ def _pose_lost(mission: Mission, platform: Platform) -> Iterator[Finding]:
         yield _finding(
             mission,
             "on_pose_lost",
-            f"{capability} needs the pose, and cannot be flown when that is lost",
-            "say on_pose_lost: land",
+            f"{capability} needs the pose and cannot be flown without it",
+            "set on_pose_lost: land",
         )
 
 
@@ -91,27 +91,27 @@ def _finding(mission: Mission, key: str, message: str, hint: str) -> Finding:
 
 
 def silence_findings(mission: Mission, figures: MissionEstimate, platform: Platform | None) -> Iterator[Finding]:
-    """Silences that the autopilot would end, that no policy watches over, or that are too short for what is done in them."""
+    """Planned silences that the autopilot would end, without an overdue policy, or too short for their task."""
     document, policies = mission.document, mission.policies
     if document is None:
         return
     failsafe = platform.failsafes.link_loss if platform is not None else None
     planned = {target: silence for target, silence, _ in _planned(mission, figures)}
     if policies.on_overdue is not None and not planned:
-        hint = "say silence: {expected_s: ...} in the task that is out of contact"
-        yield document.finding(("on_overdue",), "no task or action plans a silence", hint, is_warning=True)
+        hint = "set silence: {expected_s: ...} in the task that is out of contact"
+        yield document.finding(("on_overdue",), "no task or action has a planned silence", hint, is_warning=True)
     for target, expected_s, duration_s in _planned(mission, figures):
         where = (*where_of(target), "silence", "expected_s")
         if failsafe is not None and Policy(failsafe.action) is not Policy.CONTINUE and failsafe.after_s < expected_s:
             yield document.finding(
                 where,
-                f"{expected_s:g} s of silence are planned, but {failsafe.after_s:g} s without a station the autopilot does "
-                f"{failsafe.action} by itself",
-                "switch that failsafe of the autopilot off, or plan a shorter silence",
+                f"a silence of {expected_s:g} s is planned, but after {failsafe.after_s:g} s the autopilot's "
+                f"failsafe is {failsafe.action}",
+                "disable the autopilot's failsafe, or plan a shorter silence",
             )
         if expected_s <= policies.link_loss_after_s:
             message = f"a silence of {expected_s:g} s ends before link_loss_after_s ({policies.link_loss_after_s:g} s)"
-            yield document.finding(where, message, "leave it out, or state how long the vehicle is out of contact")
+            yield document.finding(where, message, "remove it, or state how long the vehicle is out of contact")
         if duration_s > expected_s:
             message = f"about {duration_s:.0f} s are needed, but contact is due after {expected_s:g} s"
             yield document.finding(where, message, "state a longer silence", is_warning=True)
@@ -120,7 +120,7 @@ def silence_findings(mission: Mission, figures: MissionEstimate, platform: Platf
         target = next(iter(planned))
         key = "on_overdue" if policies.on_overdue is not None else "on_link_loss"
         message = f"nothing is done onboard when contact is overdue ({key}: continue)"
-        hint = "say on_overdue: return, land, hold or abort"
+        hint = "set on_overdue: return, land, hold or abort"
         yield document.finding((*where_of(target), "silence"), message, hint, at_key=True, is_warning=True)
 
 

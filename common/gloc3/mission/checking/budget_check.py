@@ -1,4 +1,4 @@
-"""Whether a mission can be flown in the time and with the energy that there is."""
+"""Checks that a mission fits the available time and energy."""
 
 from collections.abc import Iterator
 
@@ -24,8 +24,8 @@ def time_findings(mission: Mission, figures: MissionEstimate) -> Iterator[Findin
         return
     for target, part in figures.actions.items():
         if part.is_endless:
-            hint = "give it until with its companion, or a duration or count"
-            yield document.finding(where_of(target), f"{target} never ends by itself", hint, at_key=True)
+            hint = "set until, or a duration or count"
+            yield document.finding(where_of(target), f"{target} never ends", hint, at_key=True)
         deadline_s = mission.actions()[target].options.deadline_s
         yield from _late(document, where_of(target), deadline_s, part.once_s, part.once_s)
     least = figures.least or figures
@@ -48,7 +48,7 @@ def _late(
     if deadline_s is not None and most_s > deadline_s:
         is_certain = least_s > deadline_s
         needed = f"about {least_s:.0f} s are needed" if is_certain else f"up to {most_s:.0f} s may be needed"
-        hint = "fly faster, leave out something, or allow more time"
+        hint = "fly faster, shorten the mission, or raise deadline_s"
         message = f"{needed}, but deadline_s is {deadline_s:g}"
         yield document.finding((*where, "deadline_s"), message, hint, is_warning=not is_certain)
 
@@ -69,14 +69,14 @@ def _energy(
             ("mission",),
             f"{needed}, but only {power.usable_wh:.1f} Wh of {power.battery_wh:g} Wh "
             f"may be used (reserve {100.0 * power.reserve:.0f} %)",
-            "make it shorter, or several missions",
+            "shorten the mission, or split it into several",
             is_warning=not is_certain,
         )
     reserve_wh = power.battery_wh * power.reserve
     if answer(mission.policies.on_low_battery) == "return" and figures.return_wh > reserve_wh:
         yield document.finding(
             ("on_low_battery",),
-            f"to return from the farthest place takes {figures.return_wh:.1f} Wh, more than the reserve "
+            f"the return from the farthest place takes {figures.return_wh:.1f} Wh, more than the reserve "
             f"of {reserve_wh:.1f} Wh",
-            "say on_low_battery: land, or keep a larger reserve",
+            "set on_low_battery: land, or a larger reserve",
         )

@@ -1,4 +1,4 @@
-"""Proves a mission against a platform before it goes anywhere, and again onboard: all findings at once."""
+"""Checks a mission against a platform before it is sent, and again onboard; reports all findings at once."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -54,7 +54,7 @@ class Circumstances:
     """Where the vehicle is; None for at home, on the ground."""
 
     def surroundings(self) -> MissionReferences:
-        """What the reader needs of it."""
+        """What the reader needs of the circumstances."""
         found = MissionReferences.of(
             self.platform, frames=self.frames, origin=self.origin, home_altitude_m=self.home_altitude_m
         )
@@ -201,7 +201,7 @@ def _space(mission: Mission, figures: MissionEstimate, circumstances: Circumstan
     if figures.least is None:
         return found
     shorter = space_findings(mission, figures.least, limits, home_ned_m=home_ned_m, start_ned_m=start_ned_m)
-    left_out = "where guards leave out what they may"
+    left_out = "if guards skip all that they can"
     return found + [
         structs.replace(one, message=f"{one.message}, {left_out}", is_warning=True)
         for one in set(shorter).difference(found)
@@ -240,7 +240,7 @@ def home_problem(mission: Mission, home_ned_m: Vector3) -> str:
 def _nothing_for(platform: Platform | None, mission: Mission, reading: Reading) -> Iterator[Finding]:
     """A mission for several platforms has something to do for this one."""
     if platform is not None and mission.platforms and platform.platform not in mission.platforms:
-        message = f"no task is for {platform.platform}"
+        message = f"no task names {platform.platform}"
         hint = f"it is for {', '.join(mission.platforms)}"
         yield reading.document.finding(("tasks",), message, hint, at_key=True)
 
@@ -272,7 +272,7 @@ def _capabilities(mission: Mission, circumstances: Circumstances) -> Iterator[Fi
                 message = f"{argument} {value!r} is not possible on {platform.platform}"
                 yield document.finding((*where, argument), message, hint)
         if isinstance(action.order, SetOff) and not platform.arm:
-            message = f"{platform.platform} does not arm by itself (arm: false)"
+            message = f"{platform.platform} is not armed by GLOC3 (arm: false)"
             yield document.finding(where, message, "a pilot has to arm it", at_key=True, is_warning=True)
 
 
@@ -288,6 +288,6 @@ def _resources(mission: Mission, order: PartialOrder, rows: Mapping[str, Capabil
                 yield mission.document.finding(
                     where_of(one),
                     f"{one} and {other} may run at the same time, and both claim {', '.join(shared)}",
-                    "put one after the other",
+                    "order them with after",
                     at_key=True,
                 )

@@ -1,4 +1,4 @@
-"""Whether the tasks that policies name are there, and can run when what they are for has happened."""
+"""Checks that the contingencies named by policies exist and can run under their condition."""
 
 from collections.abc import Iterator
 from math import dist
@@ -22,7 +22,7 @@ _ENDS_NOTHING: Final = (None, Policy.CONTINUE, Policy.SKIP, Policy.RETRY)
 
 
 def contingency_findings(mission: Mission) -> Iterator[Finding]:
-    """Tasks that are named and not there, or there and not named; and what has no sense in them."""
+    """Contingencies that are missing, unused, or hold options that make no sense there."""
     document = mission.document
     if document is None:
         return
@@ -34,9 +34,9 @@ def contingency_findings(mission: Mission) -> Iterator[Finding]:
     for name, task in mission.contingencies.items():
         where: Where = ("contingencies", name)
         if name in mission.tasks:
-            yield document.finding(where, f"{name!r} is the name of a task, too", "name it otherwise", at_key=True)
+            yield document.finding(where, f"{name!r} is also the name of a task", "give it another name", at_key=True)
         if name not in {answer.task for answer in wanted.values()}:
-            hint = f"say on_low_battery: {{task: {name}, then: land}}, say"
+            hint = f"use it in a policy, as on_low_battery: {{task: {name}, then: land}}"
             yield document.finding(where, f"no policy names {name!r}", hint, at_key=True, is_warning=True)
         yield from _senseless(document, name, task)
     lost = wanted.get("on_pose_lost")
@@ -45,27 +45,27 @@ def contingency_findings(mission: Mission) -> Iterator[Finding]:
             if action.order.moves and hasattr(action.order, "waypoints_ned_m"):
                 place = ("contingencies", lost.task, "actions", action.name)
                 message = f"{action.name} cannot be flown when the pose is lost"
-                yield document.finding(place, message, "land, or hold, or record", at_key=True)
+                yield document.finding(place, message, "use only land, hold or record_images", at_key=True)
 
 
 def _senseless(document: Document, name: str, task: Task) -> Iterator[Finding]:
     where: Where = ("contingencies", name)
     if task.options.after:
-        hint = "it begins when a policy says so"
-        yield document.finding((*where, "after"), "a contingency comes after nothing", hint, at_key=True)
+        hint = "a policy starts it"
+        yield document.finding((*where, "after"), "a contingency cannot have after", hint, at_key=True)
     items: list[tuple[Where, ItemFile]] = [(where, task.options)]
     items += [((*where, "actions", one.name), one.options) for one in task.actions.values()]
     for place, options in items:
         if options.on_failure not in _ENDS_NOTHING:
             message = f"on_failure: {options.on_failure} inside a contingency"
-            hint = "what follows it is said by then: in the policy; here continue, skip or retry"
+            hint = "use continue, skip or retry; what follows is set by then: in the policy"
             yield document.finding((*place, "on_failure"), message, hint)
 
 
 def path_findings(
     mission: Mission, name: str, figures: MissionEstimate, budget: Budget, platform: Platform | None
 ) -> Iterator[Finding]:
-    """Whether a contingency can be begun wherever the mission may be: warnings, since nobody knows where that will be.
+    """Warns where a contingency could not start, for every place where the mission may be.
 
     Its first way is straight from there: it may leave the fence; and with a low battery all of it, and what follows it,
     must be done with the reserve.
@@ -91,8 +91,8 @@ def path_findings(
         for target, leg in legs:
             is_inside = fence.clearance_m(leg.end) >= margin_m - TOLERANCE_M
             if is_inside and fence.leg_clearance_m(leg.end, begin) < margin_m - TOLERANCE_M:
-                message = f"from the end of a leg of {target} the straight way to {name}.{way.name} leaves the fence"
-                hint = "begin it with waypoints that lead round, or move its first one"
+                message = f"from the end of a leg of {target} the straight path to {name}.{way.name} leaves the fence"
+                hint = "begin with waypoints inside the fence, or move the first one"
                 yield document.finding(where, message, hint, at_key=True, is_warning=True)
                 break
     wanted = mission.policies.on_low_battery
@@ -107,7 +107,7 @@ def path_findings(
         message = (
             f"from the farthest place {name} takes {needed_wh:.1f} Wh, more than the reserve of {reserve_wh:.1f} Wh"
         )
-        hint = "make it shorter, or keep a larger reserve"
+        hint = "shorten it, or keep a larger reserve"
         yield document.finding(("on_low_battery",), message, hint, is_warning=True)
 
 

@@ -15,7 +15,7 @@ from gloc3.platform.limits import Power
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ActionEstimate:
-    """One action's part."""
+    """The estimate of one action."""
 
     start_s: float
     """From the start of the mission."""

@@ -14,7 +14,7 @@ from gloc3.platform.platform import Platform
 
 
 def guard_findings(mission: Mission, platform: Platform | None) -> Iterator[Finding]:
-    """Waits without an end, words without a guard, and conditions on what nobody on the platform measures."""
+    """Waits without an end, options without their guard, and conditions on unmeasured quantities."""
     document = mission.document
     if document is None:
         return
@@ -38,10 +38,10 @@ def _items(mission: Mission) -> Iterator[tuple[Where, ItemFile]]:
 
 def _guard(document: Document, where: Where, options: ItemFile) -> Iterator[Finding]:
     if options.when is None and "otherwise" in document.node(where).children:
-        message, hint = "otherwise says what is done where when does not hold, and there is no when", "add when"
+        message, hint = "otherwise has no effect without when", "add when"
         yield document.finding((*where, "otherwise"), message, hint, at_key=True)
     elif options.when is not None and options.otherwise == "wait" and options.deadline_s is None:
-        message, hint = "a wait that nothing may ever end", "give it deadline_s, which counts the wait too"
+        message, hint = "this wait may never end", "set deadline_s, which includes the wait"
         yield document.finding((*where, "otherwise"), message, hint)
 
 
@@ -51,8 +51,8 @@ def _measured(
     for name in sorted(condition.quantities):
         topic = QUANTITIES[name].topic
         if platform is not None and topics is not None and topic and topic not in topics:
-            message = f"{QUANTITIES[name].words} is not known on {platform.platform}: nothing there tells {topic!r}"
-            yield document.finding(where, message, "ask for something that it measures")
+            message = f"{QUANTITIES[name].words} is not known on {platform.platform}: no component publishes {topic!r}"
+            yield document.finding(where, message, "use a quantity that it measures")
 
 
 def unkept_findings(mission: Mission, platform: Platform | None) -> Iterator[Finding]:
@@ -92,7 +92,7 @@ def plan_findings(mission: Mission, platform: Platform | None) -> Iterator[Findi
             continue
         where = (*where_of(name), "flown_by")
         if platform is not None and FLY_PLAN not in platform.capabilities:
-            message = f"the autopilot of {platform.platform} is given no plans: it has no capability {FLY_PLAN}"
+            message = f"the autopilot of {platform.platform} accepts no plans: it lacks the capability {FLY_PLAN}"
             yield document.finding(where, message, "leave out flown_by")
             continue
         routes = [action for action in task.actions.values() if action.order.moves]
@@ -103,17 +103,17 @@ def plan_findings(mission: Mission, platform: Platform | None) -> Iterator[Findi
                 message = f"{name}.{action.name} cannot be flown by the autopilot alone: {problem}"
                 yield document.finding(place, message, "put it into a task of its own", at_key=True)
         if not routes:
-            message = f"{name} moves nothing that the autopilot could fly"
+            message = f"{name} has no motion that the autopilot could fly"
             yield document.finding(where, message, "leave out flown_by")
 
 
 def _plan_problem(action: Action) -> str:
     order = action.order
     if not isinstance(order, FollowWaypointsOrder):
-        return "plans are made of ways through places only"
+        return "plans consist of waypoints only"
     for _, option in given_options(order):
         if not option.is_in_plans:
             return f"it {option.unkept}"
     if order.heading.mode not in ("along", "fixed"):
-        return f"a plan says no heading {order.heading.mode.replace('_', ' ')!r}"
+        return f"a plan cannot express heading {order.heading.mode.replace('_', ' ')!r}"
     return ""

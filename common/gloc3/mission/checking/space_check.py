@@ -103,13 +103,13 @@ def space_findings(
         if limits is not None and isinstance(action.order, FollowWaypointsOrder | ReturnHome):
             speed_m_s = action.order.speed_m_s
             if speed_m_s is not None and speed_m_s > limits.speed_m_s:
-                message = f"{speed_m_s:g} m/s are more than the platform's limit of {limits.speed_m_s:g} m/s"
+                message = f"{speed_m_s:g} m/s exceeds the platform's limit of {limits.speed_m_s:g} m/s"
                 found.append(document.finding((*where, "speed_m_s"), message, "fly slower"))
     return found
 
 
 def place_of(where: Where, action: Action, leg: FlightLeg, document: Document) -> Where:
-    """The place in the file of what a leg leads to."""
+    """The location in the file of a leg's target."""
     for key in ("waypoints_m", "waypoints"):
         if getattr(action.arguments, key, None) is not None and leg.waypoint is not None:
             return (*where, key, leg.waypoint)
@@ -134,17 +134,17 @@ def _fence(
     elif is_start_known and fence.clearance_m(leg.start) >= margin_m - TOLERANCE_M:
         along_m = fence.leg_clearance_m(leg.start, leg.end)
         if along_m < margin_m - TOLERANCE_M:
-            message = f"the straight way to {name_of(place)} leaves the fence or its margin of {margin_m:g} m"
-            yield document.finding(place, message, "add a waypoint that leads round")
+            message = f"the straight path to {name_of(place)} leaves the fence or its margin of {margin_m:g} m"
+            yield document.finding(place, message, "add a waypoint to go around")
 
 
 def _height(point: Vector3, home: Vector3, limits: Limits, document: Document, place: Where) -> Iterator[Finding]:
     height_m = home[2] - point[2]
     if height_m > limits.height_max_m + TOLERANCE_M:
-        message = f"{name_of(place)} is {height_m:.1f} m above home, more than the platform's {limits.height_max_m:g} m"
+        message = f"{name_of(place)} is {height_m:.1f} m above home; the platform's limit is {limits.height_max_m:g} m"
         yield document.finding(place, message, "fly lower")
     elif height_m < limits.height_min_m - TOLERANCE_M:
-        message = f"{name_of(place)} is {height_m:.1f} m above home, less than the platform's {limits.height_min_m:g} m"
+        message = f"{name_of(place)} is {height_m:.1f} m above home; the platform's limit is {limits.height_min_m:g} m"
         yield document.finding(place, message, "fly higher")
 
 
@@ -154,7 +154,7 @@ def name_of(place: Where) -> str:
 
 
 def altitude_findings(mission: Mission, platform: Platform | None) -> Iterator[Finding]:
-    """An `altitude_m` on a platform that keeps none, or lower than it may be asked for."""
+    """An `altitude_m` on a platform that cannot hold it, or one below the platform's limit."""
     document = mission.document
     if document is None or platform is None:
         return
@@ -167,12 +167,12 @@ def altitude_findings(mission: Mission, platform: Platform | None) -> Iterator[F
         ability = known.get(action.ability)
         row = rows.get(ability.performed_by) if ability is not None else None
         if row is not None and "altitude_m" in kept_options(row) and not _has_height_source(row, topics):
-            message = f"{row.name} of {platform.platform} keeps no height over the ground: it hears of none"
-            yield document.finding(where, message, "say height_m, or bind its input to what a range finder tells")
+            message = f"{row.name} of {platform.platform} cannot hold a height above ground: it receives none"
+            yield document.finding(where, message, "set height_m, or bind its input to a range finder")
         least_m = platform.limits.altitude_min_m
         if order.altitude_m < least_m:
-            message = f"{order.altitude_m:g} m over the ground are less than the platform's {least_m:g} m"
-            yield document.finding(where, message, "keep higher")
+            message = f"{order.altitude_m:g} m above ground is below the platform's limit of {least_m:g} m"
+            yield document.finding(where, message, "raise altitude_m")
 
 
 def _has_height_source(row: ComponentRow, topics: set[str]) -> bool:

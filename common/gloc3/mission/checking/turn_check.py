@@ -1,4 +1,4 @@
-"""Whether what can neither stop nor turn on the spot, such as a plane, can fly the ways of a mission."""
+"""Checks that a vehicle that cannot stop or turn on the spot, such as a plane, can fly a mission's path."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -24,7 +24,7 @@ _SHORT_M: Final = 1.0
 
 
 def turn_findings(mission: Mission, figures: MissionEstimate, limits: Limits | None) -> Iterator[Finding]:
-    """Legs too short for the turns at their ends, too slow, too steep; places to circle at the fence; and what needs a stop."""
+    """Legs too short for their turns, too slow or too steep; circles too close to the fence; needed stops."""
     document = mission.document
     if document is None or limits is None or limits.turn_radius_m <= 0.0:
         return
@@ -39,7 +39,7 @@ def turn_findings(mission: Mission, figures: MissionEstimate, limits: Limits | N
         if not isinstance(action.order, LandOrder):
             yield from _circles(mission, action, where, routes or part.legs, limits, document)
     if mission.fence is not None and mission.frame != GEO:
-        message = "the autopilot, which flies its ways, is given no fence in a local frame: a breach is only noticed"
+        message = "the autopilot has no fence in a local frame: a breach is detected, but not prevented"
         yield document.finding(("geofence",), message, "write the mission in frame geo", at_key=True, is_warning=True)
 
 
@@ -48,17 +48,17 @@ def _impossible(action: Action, where: Where, limits: Limits, document: Document
     order = action.order
     if isinstance(order, LandOrder) and order.at_ned_m is not None:
         message = "the autopilot chooses where this vehicle lands: at home, along its runway"
-        yield document.finding(where, message, "leave the place out", at_key=True)
+        yield document.finding(where, message, "remove the place", at_key=True)
     if isinstance(order, TakeOff) and order.height_m < limits.height_min_m:
-        message = f"it takes off to {order.height_m:g} m, less than the platform's {limits.height_min_m:g} m"
+        message = f"take-off to {order.height_m:g} m is below the platform's limit of {limits.height_min_m:g} m"
         yield document.finding(where, message, "take off higher", at_key=True)
     speed_m_s = order.speed_m_s if isinstance(order, FollowWaypointsOrder | ReturnHome) else None
     if speed_m_s is not None and speed_m_s < limits.speed_min_m_s:
-        message = f"{speed_m_s:g} m/s are less than the {limits.speed_min_m_s:g} m/s that keep it in the air"
+        message = f"{speed_m_s:g} m/s is below the minimum of {limits.speed_min_m_s:g} m/s that keeps it in the air"
         yield document.finding((*where, "speed_m_s"), message, "fly faster")
     if isinstance(order, FollowWaypointsOrder) and order.heading.mode not in ("along", "hold"):
-        message = "what flies on wings points where it flies"
-        yield document.finding((*where, "heading"), message, "leave heading out")
+        message = "a fixed-wing vehicle cannot choose its heading"
+        yield document.finding((*where, "heading"), message, "remove heading")
 
 
 def _legs(
@@ -84,8 +84,8 @@ def _legs(
         possible_m = limits.climb_m_s * flat_m / order.speed_m_s
         if abs(rise_m) > possible_m + _SHORT_M and leg is not legs[0]:
             place = place_of(where, action, leg, document)
-            message = f"{abs(rise_m):.0f} m up or down on the {flat_m:.0f} m to {name_of(place)}: it manages {possible_m:.0f} m"
-            yield document.finding(place, message, "fly slower, or farther")
+            message = f"{abs(rise_m):.0f} m up or down on {flat_m:.0f} m to {name_of(place)}: limit {possible_m:.0f} m"
+            yield document.finding(place, message, "fly slower, or lengthen the leg")
             break
 
 

@@ -1,4 +1,4 @@
-"""Actions in the hands of components: who holds which resource, what was asked, and what has not been answered."""
+"""Actions assigned to components: held resources, requests, and pending replies."""
 
 from collections.abc import Iterator
 from enum import StrEnum

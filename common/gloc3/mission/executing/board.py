@@ -19,7 +19,7 @@ from gloc3.platform.platform import Capability, Platform
 
 
 class PolicyCondition(StrEnum):
-    """What can befall the vehicle, whatever it is doing."""
+    """Conditions that trigger a policy, whatever the vehicle is doing."""
 
     LINK_LOST = "link lost"
     OVERDUE = "overdue"
@@ -69,20 +69,20 @@ class OtherPlatform:
 
 
 class Missing(dict[str, tuple[str, ...]]):
-    """Capabilities that are not available, with what each lacks, and since when."""
+    """Unavailable capabilities, with what each lacks and since when."""
 
     def __init__(self) -> None:
         super().__init__()
         self.since_s: Final[dict[str, float]] = {}
 
     def replace(self, missing: Mapping[str, tuple[str, ...]], now_s: float) -> None:
-        """All others are available."""
+        """Sets the unavailable capabilities; all others are available."""
         for name in [name for name in self if name not in missing]:
             del self[name], self.since_s[name]
         self.add(missing, now_s)
 
     def add(self, missing: Mapping[str, tuple[str, ...]], now_s: float) -> None:
-        """These are not available, either."""
+        """Adds unavailable capabilities."""
         self.update(missing)
         for name in missing:
             self.since_s.setdefault(name, now_s)
@@ -198,7 +198,7 @@ class Board:
         return program
 
     def move(self, item: MissionItem, trigger: StateTrigger, now_s: float, reason: str = "") -> None:
-        """Moves an item along the table and tells of it.
+        """Moves an item to its next state and reports it.
 
         Raises:
             Refused: the table has no such row; nothing has changed.
@@ -216,7 +216,7 @@ class Board:
         """A task or action begins that states a silence; of several the one counts that lasts longest."""
         if self.silence is None or self.silence.until_s < now_s + expected_s:
             self.silence = PlannedSilence(target=target, began_s=now_s, until_s=now_s + expected_s)
-            self.report(Severity.NOTICE, f"from {target} on {expected_s:g} s of silence are planned")
+            self.report(Severity.NOTICE, f"{target} begins a planned silence of {expected_s:g} s")
 
     def report(self, severity: Severity, text: str) -> None:
         """Notes something for the operators and the log."""

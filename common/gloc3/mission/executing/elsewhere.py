@@ -19,12 +19,12 @@ GIVEN_UP: Final = (ActionState.FAILED, ActionState.ABORTED)
 
 
 def expect(board: Board, program: MissionProgram, now_s: float) -> None:
-    """The mission begins, or is taken up again: from now on the others must be heard of."""
+    """Starts the loss timeout of the other platforms, as the mission begins or resumes."""
     board.others = {name: OtherPlatform(now_s) for name in program.others}
 
 
 def reported(board: Board, name: str, state: ActionState, tasks: Mapping[str, ActionState], now_s: float) -> None:
-    """Takes what is told of another platform's part of the loaded mission.
+    """Handles a report on another platform's part of the loaded mission.
 
     Args:
         board: the executor's state.
@@ -51,7 +51,7 @@ def reported(board: Board, name: str, state: ActionState, tasks: Mapping[str, Ac
 
 
 def watch(board: Board, now_s: float) -> None:
-    """Another platform that tasks here wait for is lost, or is back."""
+    """Detects when another platform that tasks here wait for is lost, or is back."""
     program = board.mission
     lost = "" if program is None or not program.is_open else _lost(board, program, now_s)
     if (was := board.conditions.get(PolicyCondition.PLATFORM_LOST)) is not None and not lost:
@@ -66,7 +66,7 @@ def watch(board: Board, now_s: float) -> None:
 
 
 def due_s(board: Board) -> float:
-    """When another platform counts as lost, if nothing more is told of it."""
+    """When another platform counts as lost without a further report."""
     program = board.mission
     if program is None or program.state is not ActionState.RUNNING or PolicyCondition.PLATFORM_LOST in board.conditions:
         return inf
@@ -83,7 +83,7 @@ def _lost(board: Board, program: MissionProgram, now_s: float) -> str:
         if other.state in GIVEN_UP:
             return f"{name}: its mission is {other.state}"
         if now_s >= other.received_s + board.policies.platform_loss_after_s:
-            return f"{name}: nothing heard of it for {board.policies.platform_loss_after_s:g} s"
+            return f"{name}: no report for {board.policies.platform_loss_after_s:g} s"
     return ""
 
 

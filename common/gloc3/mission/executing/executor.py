@@ -1,4 +1,4 @@
-"""The mission executor: a pure machine that is told facts and the time, and returns requests.
+"""The mission executor: a pure state machine that gets events and the time, and returns requests.
 
 Facts go in by method, each with the time `now_s` in seconds; `take()` then returns what the caller has to do, in the
 order in which it has to be done. There is one executor on a platform, inside its command interface server. Missions,
@@ -60,13 +60,13 @@ class MissionExecutor:
         self.settle(now_s)
 
     def refuse_running(self) -> None:
-        """Refuses what would take the place of a mission that is under way."""
+        """Refuses to replace a mission that is under way."""
         loaded = self.board.mission
         if loaded is not None and loaded.is_open:
             raise Refused(f"the mission {loaded.mission.name!r} is {loaded.state}; abort it first")
 
     def clear(self, now_s: float) -> None:
-        """Forgets the loaded mission.
+        """Unloads the mission.
 
         Raises:
             Refused: it is under way.
@@ -98,7 +98,7 @@ class MissionExecutor:
             return
         item = board.find(target)
         if isinstance(item, TaskRun) and item.elsewhere and trigger is not StateTrigger.SKIP:
-            raise Refused(f"{item.target} is {item.elsewhere}'s; it is steered there, and can only be skipped here")
+            raise Refused(f"{item.target} belongs to {item.elsewhere}; command it there, or skip it here")
         if trigger not in item.accepted:
             raise Refused(
                 f"{trigger} is not accepted in {item.state}; accepted: {', '.join(item.accepted) or 'nothing'}"
@@ -140,11 +140,11 @@ class MissionExecutor:
         return name
 
     def emergency(self, kind: Literal["hold", "land"], author: str, now_s: float) -> None:
-        """The emergency key: goes before any policy and any mission."""
+        """The emergency command: overrides any policy and any mission."""
         policy = Policy.HOLD if kind == "hold" else Policy.LAND
         self.board.report(Severity.ALERT, f"emergency {kind} by {author}")
         if self.board.has_pilot:
-            self.board.report(Severity.WARNING, "the pilot has control: nothing is done")
+            self.board.report(Severity.WARNING, "the pilot has control: no action taken")
             return
         manoeuvres.apply(
             self.board, policy, f"emergency {kind} by {author}", now_s, StateTrigger.ABORT, is_ordered=True
@@ -159,7 +159,7 @@ class MissionExecutor:
     # facts
 
     def replied(self, action_id: str, verb: Verb, is_accepted: bool, reason: str, now_s: float) -> None:
-        """A component has answered a function message."""
+        """Handles a component's reply to a function message."""
         assignment = self.board.assignments.by_id.get(action_id)
         if assignment is None or (verb != assignment.verb and is_accepted):
             return
@@ -173,7 +173,7 @@ class MissionExecutor:
         self.settle(now_s)
 
     def reported(self, status: ActionStatus, now_s: float) -> None:
-        """A component has reported on an action."""
+        """Handles a component's report on an action."""
         assignment = self.board.assignments.by_id.get(status.action_id)
         if assignment is None:
             return
@@ -194,7 +194,7 @@ class MissionExecutor:
         self.settle(now_s)
 
     def available(self, missing: Mapping[str, tuple[str, ...]], now_s: float) -> None:
-        """Which capabilities are not available now, with what each lacks; all others are."""
+        """Sets which capabilities are unavailable, with what each lacks; all others are available."""
         if missing == self.board.missing:
             return
         self.board.missing.replace(missing, now_s)
@@ -252,7 +252,7 @@ class MissionExecutor:
         self.settle(now_s)
 
     def pilot(self, has_control: bool, reason: str, now_s: float) -> None:
-        """Whether a human pilot (or the autopilot by itself) has taken over, as the driver reports it."""
+        """Whether a human pilot or the autopilot has taken over, as the driver reports it."""
         board = self.board
         if has_control == self._is_pilot_reported:
             return
@@ -276,21 +276,21 @@ class MissionExecutor:
             self.settle(now_s)
 
     def sensed(self, readings: Readings, now_s: float) -> None:
-        """What is measured now of what conditions ask for; see `conditions.QUANTITIES`."""
+        """The measured values of the quantities in conditions; see `conditions.QUANTITIES`."""
         board = self.board
         board.readings = readings
         if self._is_guard_waited_for:
             self.settle(now_s)
 
     def link(self, silent_s: float, now_s: float) -> None:
-        """For how long nothing was heard from the holder of control; see `reactions.watch_link`."""
+        """Time since the last message from the station in control; see `reactions.watch_link`."""
         before = set(self.board.conditions)
         reactions.watch_link(self.board, silent_s, now_s)
         if set(self.board.conditions) != before:
             self.settle(now_s)
 
     def elsewhere(self, platform: str, state: ActionState, tasks: Mapping[str, ActionState], now_s: float) -> None:
-        """What is told of another platform's part of the mission.
+        """Handles a report on another platform's part of the mission.
 
         Args:
             platform: the other one.
@@ -302,18 +302,18 @@ class MissionExecutor:
         self.settle(now_s)
 
     def tick(self, now_s: float) -> None:
-        """Lets the time pass."""
+        """Advances the time."""
         if now_s >= self._due_s:
             self.settle(now_s)
 
     # what follows
 
     def next_tick_s(self) -> float | None:
-        """When `tick` has something to do; None if only facts can bring something."""
+        """When `tick` is due; None if only events can cause a change."""
         return None if self._due_s == inf else self._due_s
 
     def collect(self, now_s: float) -> list[Request]:
-        """What the caller has to do since the last time, in this order."""
+        """The requests since the last call, in order."""
         board = self.board
         requests: list[Request] = []
         if board.is_changed:
@@ -365,7 +365,7 @@ class MissionExecutor:
         return {name: assignment.label for name, assignment in self.board.assignments.claims.items()}
 
     def has_item(self, action_id: str) -> bool:
-        """Whether an action is in the hands of a component by this executor's leave."""
+        """Whether a component performs an action on this executor's request."""
         return action_id in self.board.assignments.by_id
 
     def in_use(self, component: str, provides: tuple[str, ...] = ()) -> list[str]:
@@ -385,7 +385,7 @@ class MissionExecutor:
         claimed = {task for program in programs if program.name in board.programs for task in program.tasks}
         for task in mission.tasks:
             if task in claimed:
-                raise Refused(f"a task {task!r} is there already")
+                raise Refused(f"task {task!r} already exists")
 
     def settle(self, now_s: float) -> None:
         """Does everything that can be done now."""

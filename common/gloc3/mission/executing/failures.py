@@ -1,4 +1,4 @@
-"""What follows from a failure: another attempt, the action's policy, the task's, the mission's."""
+"""Handling of failures: another attempt, or the policy of the action, task or mission."""
 
 from gloc3.messages.envelope import Severity
 from gloc3.mission.executing import manoeuvres

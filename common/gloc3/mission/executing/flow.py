@@ -1,4 +1,4 @@
-"""Moves programs on: ends what has ended, starts what may start, watches guards, loops, deadlines and availability."""
+"""Advances programs: ends and starts items, and watches guards, loops, deadlines and availability."""
 
 from enum import Enum, auto
 from math import inf
@@ -46,7 +46,7 @@ def advance(board: Board, now_s: float) -> None:
 def _silence(assignment: Assignment) -> str:
     if assignment.requested_s is not None:
         return f"{assignment.component} does not answer"
-    return f"{assignment.component} has gone silent"
+    return f"{assignment.component} has stopped reporting"
 
 
 def lose(board: Board, assignment: Assignment, reason: str, now_s: float, *, is_over: bool = False) -> None:
@@ -96,7 +96,7 @@ def _watch_obstacle(board: Board, now_s: float) -> None:
         board.blocked_since_s = None
     is_on = now_s >= obstacle_due_s(board)
     if is_on != (PolicyCondition.OBSTACLE in board.conditions):
-        reason = f"in the way for {board.policies.obstacle_after_s:g} s" if is_on else ""
+        reason = f"it blocks the path for {board.policies.obstacle_after_s:g} s" if is_on else ""
         reactions.set_condition(board, PolicyCondition.OBSTACLE, is_on, reason, now_s)
 
 
@@ -297,7 +297,7 @@ def guard_decision(board: Board, item: TaskRun | ActionRun, now_s: float) -> Gua
         board.end(item, StateTrigger.SKIP, now_s, missing)
         return GuardDecision.ENDED
     board.move(item, StateTrigger.START, now_s)
-    reason = missing if item.options.otherwise == "fail" else f"deadline passed: it waited for {guard}"
+    reason = missing if item.options.otherwise == "fail" else f"deadline passed while waiting for {guard}"
     if isinstance(item, TaskRun):
         fail_task(board, item, reason, now_s)
     else:

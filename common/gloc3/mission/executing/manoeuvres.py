@@ -67,7 +67,7 @@ def apply(
 
 
 def continue_policy(board: Board, policy: Policy, cause: str, land_at_s: float | None, now_s: float) -> None:
-    """Carries on with what was being carried out before a restart; a hold lasts no longer for it.
+    """Continues the policy of before a restart; the restart does not prolong a hold.
 
     Args:
         board: the executor's state.
@@ -102,7 +102,7 @@ def stop(board: Board, now_s: float) -> None:
     """Ends the policy that is being carried out, or the contingency."""
     if board.manoeuvre is not None:
         if board.manoeuvre.program is not None:
-            end_program(board, board.manoeuvre.program, StateTrigger.ABORT, now_s, "something else is done")
+            end_program(board, board.manoeuvre.program, StateTrigger.ABORT, now_s, "superseded")
         if board.manoeuvre.assignment is not None:
             board.assignments.drop(board.manoeuvre.assignment)
         board.manoeuvre = None
@@ -130,7 +130,7 @@ def advance(board: Board, now_s: float) -> None:
         board.report(Severity.INFO, f"policy {manoeuvre.policy} ended: the vehicle is on the ground")
         stop(board, now_s)
     elif manoeuvre.land_at_s is not None and now_s >= manoeuvre.land_at_s:
-        cause = f"{manoeuvre.cause}; nobody acted for {board.policies.hold_s:g} s"
+        cause = f"{manoeuvre.cause}; no operator command for {board.policies.hold_s:g} s"
         apply(board, Policy.LAND, cause, now_s)
         advance(board, now_s)
     elif manoeuvre.assignment is not None and now_s >= lost_at_s(board):

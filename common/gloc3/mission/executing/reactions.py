@@ -51,7 +51,7 @@ def apply_policy(board: Board, condition: PolicyCondition, reason: str, now_s: f
 
 
 def lose_component(board: Board, component: str, policy: Policy, reason: str, now_s: float) -> None:
-    """A component's function is lost for good, and its row says what is to be done; the mission may say more."""
+    """Reacts to the permanent loss of a component's function by its row's policy, or the mission's if it has one."""
     cause, wanted = f"{component} is lost ({reason})", board.policies.on_component_fault
     if isinstance(wanted, Contingency) and resolved(policy, board.policies.on_failure) is not Policy.LAND:
         board.report(Severity.ERROR, f"{cause}; contingency: {wanted.task}")
@@ -142,7 +142,7 @@ def end_contingency(board: Board, now_s: float) -> bool:
 
 
 def watch_link(board: Board, silent_s: float, now_s: float) -> None:
-    """Judges for how long nothing was heard from the holder of control: as planned, overdue, or a lost link.
+    """Judges the time since the last message from the station in control: planned, overdue or lost.
 
     The silence lasts until its time, also where the holder is heard meanwhile: he may be heard only for a moment. It ends
     before when he is heard after the mission has ended. Who is silent at its time is overdue until he is heard.
@@ -152,7 +152,7 @@ def watch_link(board: Board, silent_s: float, now_s: float) -> None:
     if planned is not None and now_s - board.kept_s >= KEEP_SILENCE_S:
         board.is_changed = True
     if planned is None:
-        set_condition(board, PolicyCondition.LINK_LOST, is_silent, f"nothing heard for {after_s:g} s", now_s)
+        set_condition(board, PolicyCondition.LINK_LOST, is_silent, f"no message for {after_s:g} s", now_s)
     elif not is_silent:
         set_condition(board, PolicyCondition.OVERDUE, False, "", now_s)
         set_condition(board, PolicyCondition.LINK_LOST, False, "", now_s)

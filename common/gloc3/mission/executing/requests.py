@@ -1,4 +1,4 @@
-"""What the mission executor asks its caller to do; to be carried out in the order in which it comes."""
+"""Requests of the mission executor to its caller, to be carried out in order."""
 
 from typing import Any
 
@@ -56,7 +56,7 @@ class Cancel(ToComponent, frozen=True, kw_only=True):
 
 
 class ReclaimMotion(Request, frozen=True, kw_only=True):
-    """An operator gave leave to go on after a pilot had control: tell the driver."""
+    """An operator resumes after a pilot had control; notify the driver."""
 
 
 class MissionEvent(Request, frozen=True, kw_only=True):

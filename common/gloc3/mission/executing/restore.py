@@ -1,4 +1,4 @@
-"""Brings the executor back after its process ended: progress from disk, `on_restart` for what goes on."""
+"""Brings the executor back after its process ended: progress from disk, then the `on_restart` policy."""
 
 from collections.abc import Callable
 
@@ -63,7 +63,7 @@ def restore(
     board.silence = restored_silence(snapshot.silence, now_s)
     mission = board.mission
     if snapshot.has_pilot:
-        executor.pilot(True, f"he had it before the {_RESTART}", now_s)
+        executor.pilot(True, f"as before the {_RESTART}", now_s)
     elif board.manoeuvre is not None and board.manoeuvre.program is not None:
         _continue_policy(executor, board.manoeuvre.program, now_s)
     elif snapshot.policy is not None and is_airborne:

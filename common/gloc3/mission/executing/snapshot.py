@@ -1,4 +1,4 @@
-"""What of the executor survives its process: the missions' texts and how far everything is."""
+"""The executor's state that survives its process: the missions' texts and their progress."""
 
 import msgspec
 from msgspec.structs import replace

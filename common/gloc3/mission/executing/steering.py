@@ -26,7 +26,7 @@ def start(board: Board, item: MissionItem, now_s: float, home_ned_m: Vector3 | N
         Refused: it cannot be started now; nothing has changed.
     """
     if not isinstance(item, MissionProgram):
-        raise Refused(f"{item.target} starts when what it comes after has ended; start the mission")
+        raise Refused(f"{item.target} starts when its predecessors have ended; start the mission")
     refuse_while_unfit(board)
     for condition, reason in board.conditions.items():
         if condition is not PolicyCondition.LINK_LOST:
@@ -41,7 +41,7 @@ def start(board: Board, item: MissionItem, now_s: float, home_ned_m: Vector3 | N
 
 
 def refuse_while_unfit(board: Board) -> None:
-    """Refuses what would move the vehicle while a pilot or a policy does.
+    """Refuses motion while a pilot or a policy moves the vehicle.
 
     Raises:
         Refused: with the reason.
@@ -79,13 +79,13 @@ def check_readiness(board: Board, mission: Mission) -> None:
     first = next((actions[one].order for one in targets if MOTION in board.rows[actions[one].ability].claims), None)
     if isinstance(first, SetOff) and board.is_airborne:
         at = "in the air" if isinstance(first, TakeOff) else "under way"
-        raise Refused(f"the vehicle is {at} already, and setting off comes first")
+        raise Refused(f"the vehicle is already {at}, but the mission begins with a departure")
     if first is not None and not isinstance(first, SetOff) and not board.is_airborne:
-        raise Refused("the vehicle is on the ground, and none of take_off, drive_off and dive comes first")
+        raise Refused("the vehicle is on the ground, but the mission does not begin with take_off, drive_off or dive")
 
 
 def take_back(board: Board, now_s: float) -> None:
-    """An operator says resume after a pilot had control."""
+    """Returns control to the mission when an operator resumes after a pilot."""
     mission = board.mission
     if mission is not None and mission.state is ActionState.PAUSED:
         check_resumable(board, mission)
@@ -101,7 +101,7 @@ def take_back(board: Board, now_s: float) -> None:
 
 
 def resume(board: Board, item: MissionItem, now_s: float) -> None:
-    """Has an item that is paused go on.
+    """Resumes a paused item.
 
     Raises:
         Refused: it cannot go on now; nothing has changed.
@@ -110,7 +110,7 @@ def resume(board: Board, item: MissionItem, now_s: float) -> None:
         raise Refused("the pilot has control; resume the mission to take it back")
     for parent in _parents(item):
         if parent.state is ActionState.PAUSED:
-            raise Refused(f"the {parent.level} is paused; resume that")
+            raise Refused(f"the {parent.level} is paused; resume it first")
     manoeuvre = board.manoeuvre
     if manoeuvre is not None and manoeuvre.contingency is not None:
         if item not in (manoeuvre.program, *(manoeuvre.program.items() if manoeuvre.program is not None else ())):
@@ -123,13 +123,13 @@ def resume(board: Board, item: MissionItem, now_s: float) -> None:
 
 
 def try_again(board: Board, item: MissionItem, now_s: float) -> None:
-    """Has a task or action that has failed be tried again.
+    """Retries a failed task or action.
 
     Raises:
         Refused: it cannot; nothing has changed.
     """
     if not isinstance(item, TaskRun | ActionRun):
-        raise Refused("a mission that has ended is not tried again; load it again")
+        raise Refused("a mission that has ended cannot be retried; load it again")
     if item.is_settled:
         raise Refused(f"the mission has gone on without {item.target}")
     manoeuvres.dismiss(board, now_s)
@@ -173,13 +173,13 @@ def _follow_abort(board: Board, program: MissionProgram, now_s: float, *, is_who
 
 
 def resume_mission(board: Board, now_s: float) -> None:
-    """Has the mission go on after a contingency; where it cannot, it holds."""
+    """Resumes the mission after a contingency, or holds if it cannot continue."""
     mission = board.mission
     assert mission is not None
     try:
         check_resumable(board, mission)
     except Refused as refusal:
-        board.report(Severity.WARNING, f"the mission does not go on: {refusal}")
+        board.report(Severity.WARNING, f"the mission cannot continue: {refusal}")
         manoeuvres.apply(board, Policy.HOLD, str(refusal), now_s)
         return
     go_on(board, mission, now_s)
@@ -199,7 +199,7 @@ def _paused_in(item: MissionItem) -> list[ActionRun]:
 
 
 def check_resumable(board: Board, item: MissionItem) -> None:
-    """Whether all that a resume would resume can go on now.
+    """Checks that everything that would resume can continue now.
 
     Raises:
         Refused: with the reason.

@@ -110,7 +110,7 @@ def lost_in_waypoints(plan: ForeignPlan, file: str) -> list[Finding]:
     """What of a plan a file of waypoints cannot carry."""
     if not (plan.fence or plan.rally):
         return []
-    message = "the fence and rally points have no place in a file of waypoints"
+    message = "a waypoint file cannot hold the fence and rally points"
     return [Finding(file=file, message=message, hint="convert it to .plan", is_warning=True)]
 
 

@@ -70,16 +70,16 @@ class _Converter:
         actions = mission.actions()
         for name, task in mission.tasks.items():
             if task.options.repeat is not None:
-                self._refuse(name, f"{name} is repeated, which a plan cannot say", "write its actions out")
+                self._refuse(name, f"{name} is repeated, which a plan cannot express", "write its actions out")
             if task.options.when is not None:
-                self._refuse(name, f"{name} has a guard, which a plan cannot say", "leave out when")
+                self._refuse(name, f"{name} has a guard, which a plan cannot express", "remove when")
         for target in PartialOrder.of(mission).targets:
             if actions[target].options.when is not None:
-                self._refuse(target, f"{target} has a guard, which a plan cannot say", "leave out when")
+                self._refuse(target, f"{target} has a guard, which a plan cannot express", "remove when")
             self._action(target, actions[target].filled)
         if mission.contingencies:
-            hint = "the autopilot does what its own failsafes are set to"
-            self._note("", "the contingencies have no place in a plan", hint, is_warning=True)
+            hint = "the autopilot's own failsafes apply"
+            self._note("", "a plan cannot hold the contingencies", hint, is_warning=True)
         fence = self._fence()
         if any(not finding.is_warning for finding in self._findings):
             raise InputError(sorted(self._findings))
@@ -110,8 +110,8 @@ class _Converter:
             case DriveOff():
                 pass  # an autopilot that is told to fly a plan sets off by itself
             case Dive():
-                hint = "the plan goes down on the way to its first place"
-                self._note(target, f"{target} is left out: plans know no dive", hint, is_warning=True)
+                hint = "the plan descends on the way to its first waypoint"
+                self._note(target, f"{target} is left out: plans have no dive", hint, is_warning=True)
                 return
             case Pattern():
                 self._action(target, arguments.way(GeoPlacement(_EARTH, self._mission.height_above)))
@@ -138,7 +138,7 @@ class _Converter:
                 self._note(target, "record_images is left out", "add it in QGroundControl", is_warning=True)
                 return
             case _:
-                self._refuse(target, f"{target} cannot be expressed in a plan", "plans know no such command")
+                self._refuse(target, f"{target} cannot be expressed in a plan", "plans have no such command")
         if self._returned and not isinstance(arguments, Land):
             self._refuse(target, f"{target} comes after return_home, which ends a plan with a landing", "put it before")
 
@@ -173,7 +173,7 @@ class _Converter:
         if geofence is None:
             return ()
         if geofence.ceiling_m is not None:
-            self._note("", "the fence's ceiling has no place in a plan", "set it in the autopilot", is_warning=True)
+            self._note("", "a plan cannot hold the fence's ceiling", "set it in the autopilot", is_warning=True)
         return fence_areas(geofence)
 
 

@@ -1,4 +1,4 @@
-"""Other people's missions as MAVLink sees them: items with frames and parameters, fence areas, rally points."""
+"""Foreign missions in MAVLink terms: items with frames and parameters, fence areas, rally points."""
 
 from typing import Any, Final
 

@@ -34,17 +34,17 @@ class _Reader:
         value = self._source.value
         if not isinstance(value, dict) or value.get("fileType") != "Plan":
             self._source.refuse(
-                ("fileType",), "this is no plan file: fileType is not 'Plan'", "choose a .plan of QGroundControl"
+                ("fileType",), "not a plan file: fileType is not 'Plan'", "choose a .plan of QGroundControl"
             )
         if value.get("version") != 1:
             self._source.refuse(
-                ("version",), f"plan files of version {value.get('version')!r} are not known, only 1", SAVE_AGAIN
+                ("version",), f"plan file version {value.get('version')!r} is not supported, only 1", SAVE_AGAIN
             )
         mission = value.get("mission")
         if not isinstance(mission, dict):
             self._source.refuse((), "there is no mission in it", "plan a mission in QGroundControl and save it again")
         if mission.get("version") != 2:
-            message = f"missions of version {mission.get('version')!r} are not known, only 2"
+            message = f"mission version {mission.get('version')!r} is not supported, only 2"
             self._source.refuse(("mission", "version"), message, SAVE_AGAIN)
         items = mission.get("items")
         if not isinstance(items, list):
@@ -72,7 +72,7 @@ class _Reader:
     def _entry(self, item: Any, where: Where) -> PlanEntry | None:
         number = int(where[-1]) + 1
         if not isinstance(item, dict):
-            self._source.find(where, f"item {number} is no mapping", SAVE_AGAIN)
+            self._source.find(where, f"item {number} is not a mapping", SAVE_AGAIN)
             return None
         if item.get("type") == "SimpleItem":
             simple = self._item(item, where)
@@ -92,7 +92,7 @@ class _Reader:
             )
             return None
         if version not in versions:
-            message = f"item {number}: a {kind} of version {version!r} is not known, only {_listed(versions)}"
+            message = f"item {number}: a {kind} of version {version!r} is not supported, only {_listed(versions)}"
             self._source.find((*where, "version"), message, SAVE_AGAIN)
             return None
         transect = item.get("TransectStyleComplexItem")
@@ -111,7 +111,7 @@ class _Reader:
             return None
         command, frame = item.get("command"), item.get("frame")
         if not is_whole(command, 65_535) or not is_whole(frame, 255):
-            self._source.find(where, "the item's command or frame is no number of MAVLink", SAVE_AGAIN)
+            self._source.find(where, "the item's command or frame is not a MAVLink number", SAVE_AGAIN)
             return None
         params = item.get("params")
         if isinstance(params, list) and len(params) == 4 and isinstance(item.get("coordinate"), list):
@@ -134,12 +134,12 @@ class _Reader:
             return ()
         where: Where = ("geoFence",)
         if not isinstance(fence, dict):
-            self._source.find(where, "the fence is no mapping", SAVE_AGAIN)
+            self._source.find(where, "the fence is not a mapping", SAVE_AGAIN)
             return ()
         if fence.get("version") == 1 and not fence.get("polygon"):
             return ()  # an old file without a fence
         if fence.get("version") != 2:
-            self._source.find(where, f"fences of version {fence.get('version')!r} are not known, only 2", SAVE_AGAIN)
+            self._source.find(where, f"fence version {fence.get('version')!r} is not supported, only 2", SAVE_AGAIN)
             return ()
         areas: list[FenceArea] = []
         for index, one in enumerate(rows(fence.get("circles"))):
@@ -156,7 +156,7 @@ class _Reader:
             place = (*where, "polygons", index)
             corners = [self._source.numbers(corner, 2, place) for corner in one.get("polygon") or ()]
             if len(corners) < 3:
-                self._source.find(place, "a polygon of the fence has less than three corners")
+                self._source.find(place, "a polygon of the fence has fewer than three corners")
             inside = one.get("inclusion") is not False
             areas.append(FenceArea(is_inclusion=inside, polygon=tuple((c[0], c[1]) for c in corners if c)))
         return tuple(areas)
@@ -167,11 +167,11 @@ class _Reader:
             return ()
         if rally.get("version") not in (1, 2):
             self._source.find(
-                ("rallyPoints",), f"rally points of version {rally.get('version')!r} are not known", SAVE_AGAIN
+                ("rallyPoints",), f"rally points version {rally.get('version')!r} is not supported", SAVE_AGAIN
             )
             return ()
         if not isinstance(points, list):
-            self._source.find(("rallyPoints",), "the rally points are no list", SAVE_AGAIN)
+            self._source.find(("rallyPoints",), "the rally points are not a list", SAVE_AGAIN)
             return ()
         found = [self._source.numbers(point, 3, ("rallyPoints", "points", index)) for index, point in enumerate(points)]
         return tuple((p[0], p[1], p[2]) for p in found if p)

@@ -1,4 +1,4 @@
-"""The JSON of a plan file: limits, findings with places, and numbers that are what they should be."""
+"""The JSON of a plan file: size limits, findings with positions, and checked numbers."""
 
 import json
 from math import isfinite
@@ -24,7 +24,7 @@ class PlanSource:
     def _json(self) -> Any:
         raw = self._data.encode("utf-8", "surrogatepass") if isinstance(self._data, str) else self._data
         if len(raw) > MAX_BYTES:
-            message = f"{len(raw) / 1e6:.1f} MB are too much: at most {MAX_BYTES / 1e6:g} MB are read"
+            message = f"{len(raw) / 1e6:.1f} MB is too large: the limit is {MAX_BYTES / 1e6:g} MB"
             raise InputError([Finding(file=self._file, message=message, hint="is this the right file?")])
         try:
             return json.loads(raw.decode("utf-8-sig"), parse_constant=_refuse_constant)
@@ -66,10 +66,10 @@ class PlanSource:
         if value is None and is_optional:
             return []
         if not isinstance(value, list) or len(value) != count or not all(is_number(one) for one in value):
-            self.find(where, f"here {count} numbers are expected")
+            self.find(where, f"{count} numbers are expected here")
             return []
         if abs(value[0]) > 90.0 or abs(value[1]) > 180.0:
-            self.find(where, f"{value[0]:g}, {value[1]:g} is no latitude and longitude")
+            self.find(where, f"{value[0]:g}, {value[1]:g} is not a latitude and longitude")
             return []
         return [float(one) for one in value]
 

@@ -1,4 +1,4 @@
-"""Makes a mission of GLOC3 from another program's plan, and says what of it cannot be expressed."""
+"""Converts another program's plan to a mission of GLOC3, and reports what cannot be expressed."""
 
 from collections.abc import Callable
 from math import cos, hypot, radians
@@ -96,7 +96,7 @@ class _Converter:
                 self._refuse(number, f"command {item.command} cannot be expressed in a mission")
         self._end_flight()
         if not self._actions:
-            self._findings.append(Finding(file=self._file, message="there is nothing in it that moves the vehicle"))
+            self._findings.append(Finding(file=self._file, message="it has no item that moves the vehicle"))
         written: dict[str, Any] = {"mission": self._name, "frame": "geo"}
         if self._height_above not in (None, HeightAbove.HOME):
             written["height_above"] = str(self._height_above)
@@ -166,7 +166,7 @@ class _Converter:
         height_m = item.z or 0.0
         if above is HeightAbove.SEA:
             if self._home is None:
-                self._refuse(number, "its height counts from the sea, and the planned home is not known")
+                self._refuse(number, "its height is above sea level, and the planned home is unknown")
                 return
             height_m -= self._home[2]
         if height_m <= 0.0:
@@ -226,9 +226,7 @@ class _Converter:
         inside = [area for area in self._plan.fence if area.is_inclusion]
         if len(inside) > 1:
             self._findings.append(
-                Finding(
-                    file=self._file, message=f"{len(inside)} areas to stay in", hint="a mission takes one; join them"
-                )
+                Finding(file=self._file, message=f"{len(inside)} inclusion areas", hint="a mission has one; merge them")
             )
         found: dict[str, Any] = _area(inside[0]) if inside else {}
         outside = [_area(area) for area in self._plan.fence if not area.is_inclusion]
@@ -242,7 +240,7 @@ class _Converter:
         """The speed to fly with, no faster than the platform."""
         if self._limit_m_s is None or self._speed_m_s <= self._limit_m_s:
             return self._speed_m_s
-        self._warn(f"{self._speed_m_s:g} m/s are reduced to the platform's {self._limit_m_s:g} m/s")
+        self._warn(f"{self._speed_m_s:g} m/s is reduced to the platform's {self._limit_m_s:g} m/s")
         self._speed_m_s = self._limit_m_s
         return self._speed_m_s
 

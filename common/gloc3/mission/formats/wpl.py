@@ -14,14 +14,14 @@ _NOT_A_NUMBER: Final = float("nan")
 
 
 def read_wpl(data: bytes | str, file: str) -> ForeignPlan:
-    """Reads a file of waypoints; fences and rally points do not stand in such files.
+    """Reads a file of waypoints; such files have no fences or rally points.
 
     Raises:
         InputError: with everything that is wrong in it.
     """
     raw = data.encode("utf-8", "surrogatepass") if isinstance(data, str) else data
     if len(raw) > MAX_BYTES:
-        message = f"{len(raw) / 1e6:.1f} MB are too much: at most {MAX_BYTES / 1e6:g} MB are read"
+        message = f"{len(raw) / 1e6:.1f} MB is too large: the limit is {MAX_BYTES / 1e6:g} MB"
         raise InputError([Finding(file=file, message=message, hint="is this the right file?")])
     try:
         lines = raw.decode("utf-8-sig").splitlines()
@@ -49,7 +49,7 @@ def read_wpl(data: bytes | str, file: str) -> ForeignPlan:
 
 
 def write_wpl(plan: ForeignPlan) -> str:
-    """The file of waypoints of a plan's items; a fence, rally points and speeds have no place in it."""
+    """The waypoint file of a plan's items, without fence, rally points and speeds."""
     lines = [HEADER]
     for index, item in enumerate(plan.items):
         numbers = [*item.params, item.x, item.y, item.z]
@@ -72,7 +72,7 @@ def _item(columns: list[str], expected: int) -> MavItem:
     if index != expected:
         raise _BadLine(f"item {index} stands where item {expected} is expected", "number the items from 0 without gaps")
     if not 0 <= frame <= 255 or not 0 <= command <= 65_535:
-        raise _BadLine(f"frame {frame} or command {command} is no number of MAVLink")
+        raise _BadLine(f"frame {frame} or command {command} is not a MAVLink number")
     p1, p2, p3, p4, x, y, z = (_number(text) for text in columns[4:11])
     return MavItem(
         command=command,
@@ -89,7 +89,7 @@ def _item(columns: list[str], expected: int) -> MavItem:
 def _whole(text: str) -> int:
     value = _number(text)
     if value is None or value != int(value) or abs(value) > 1e9:
-        raise _BadLine(f"{text!r} is no whole number")
+        raise _BadLine(f"{text!r} is not a whole number")
     return int(value)
 
 
@@ -99,7 +99,7 @@ def _number(text: str) -> float | None:
     except ValueError:
         value = None
     if value is None or (not isfinite(value) and not isnan(value)):
-        raise _BadLine(f"{text[:40]!r} is no number")
+        raise _BadLine(f"{text[:40]!r} is not a number")
     return None if isnan(value) else value
 
 
@@ -113,13 +113,13 @@ def _spell(value: float | None) -> str:
 def _no_mission(first: str, file: str) -> Finding:
     words = first.split()
     if words[:2] == ["QGC", "WPL"]:
-        message, hint = f"WPL version {' '.join(words[2:]) or '?'} is not known, only 110", "save it as version 110"
+        message, hint = f"WPL version {' '.join(words[2:]) or '?'} is not supported, only 110", "save it as version 110"
     elif words[:1] == ["RALLY"]:
         message, hint = "this is a list of rally points, not a mission", "choose the file with the waypoints"
     elif len(words) == 2 and all(_is_coordinate(word) for word in words):
         message, hint = "this is a list of fence points, not a mission", "choose the file with the waypoints"
     else:
-        message, hint = "this is no file of waypoints", f"its first line is {HEADER!r}"
+        message, hint = "not a waypoint file", f"its first line is {HEADER!r}"
     return Finding(file=file, line=1, column=1, message=message, hint=hint)
 
 

@@ -427,9 +427,9 @@ def argument_kinds() -> Mapping[str, type[Arguments]]:
     for point in installed_points("gloc3.capabilities"):
         found = _loaded(point)
         if kinds.setdefault(point.name, found) is not found:
-            raise Misuse(f"two packages bring arguments called {point.name!r}")
+            raise Misuse(f"two packages define arguments called {point.name!r}")
     if "wait" not in kinds:
-        raise Misuse("the installed gloc3 is older than its source and brings no capabilities: install it again")
+        raise Misuse("the installed gloc3 is older than its source and has no capabilities: install it again")
     return kinds
 
 
@@ -439,5 +439,5 @@ def _loaded(point: EntryPoint) -> type[Arguments]:
     except (ImportError, AttributeError) as error:
         raise Gloc3Error(f"entry point {point.name} of gloc3.capabilities cannot be loaded: {error}") from error
     if not (isinstance(found, type) and issubclass(found, Arguments)):
-        raise Misuse(f"entry point {point.name} of gloc3.capabilities is no subclass of Arguments")
+        raise Misuse(f"entry point {point.name} of gloc3.capabilities is not a subclass of Arguments")
     return found

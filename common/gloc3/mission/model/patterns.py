@@ -1,4 +1,4 @@
-"""Ways that a mission asks for by their shape: lines over an area, along a wall, through places; and setting off.
+"""Path patterns: lines over an area, along a wall, through places; and departure.
 
 A pattern says nothing that only one kind of vehicle can do: where its height and speed are left out, they are the
 platform's `survey_height_m` and `survey_speed_m_s`. What flies it gets waypoints.

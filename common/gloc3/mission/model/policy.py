@@ -1,4 +1,4 @@
-"""What is done when something goes wrong: the policies of missions, tasks and actions, ordered by severity."""
+"""Failure policies of missions, tasks and actions, ordered by severity."""
 
 from collections.abc import Mapping
 from enum import StrEnum

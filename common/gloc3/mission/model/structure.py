@@ -29,9 +29,7 @@ def structure_findings(reading: Tasks) -> list[Finding]:
     """Unknown names in `after` and `until`, cycles, and too many actions."""
     document = reading.document
     if len(reading.actions) > MAX_ACTIONS:
-        return [
-            document.finding(("tasks",), f"more than {MAX_ACTIONS} actions", "make it several missions", at_key=True)
-        ]
+        return [document.finding(("tasks",), f"more than {MAX_ACTIONS} actions", "split the mission", at_key=True)]
     found = list(_without_platform(reading.skeleton, document))
     for where, name, siblings in _references(reading.skeleton, reading.actions):
         if name not in siblings:
@@ -48,7 +46,7 @@ def _without_platform(tasks: Mapping[str, TaskOptions], document: Document) -> I
     named = sorted({task.platform for task in tasks.values() if task.platform is not None})
     for name, task in tasks.items():
         if named and task.platform is None:
-            hint = f"platform: {named[0]}, say"
+            hint = f"add platform: {named[0]}"
             message = f"task {name!r} names no platform, and others do"
             yield document.finding(where_of(name), message, hint, at_key=True)
 

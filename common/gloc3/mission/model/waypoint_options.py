@@ -1,4 +1,4 @@
-"""Options of ways: each is declared once, with what its reader, schema, estimate, checks and performers need of it.
+"""Waypoint options: each is declared once, for reader, schema, estimate, checks and components.
 
 A new one is a field of `WaypointOptions` here, and its name in `keeps` of each component that carries it out. Missions may
 then say it in `follow_waypoints` and `go_to`; it travels in the order, its rests count in the estimate and the check of
@@ -15,7 +15,7 @@ from gloc3.errors import Refused
 
 
 class WaypointOption(NamedTuple):
-    """What others need to know of an option, beside its type and its bounds."""
+    """Properties of an option beside its type and bounds."""
 
     unkept: str
     """What a component does that does not know it, as it says of itself: `keeps no height over the ground`."""
@@ -28,19 +28,19 @@ class WaypointOption(NamedTuple):
 Acceptance = Annotated[
     float,
     msgspec.Meta(gt=0.0, le=1_000.0),
-    WaypointOption("keeps no distance of its own to its waypoints", is_in_plans=True),
+    WaypointOption("cannot set an acceptance radius", is_in_plans=True),
 ]
 HoldTime = Annotated[
     float,
     msgspec.Meta(ge=0.0, le=86_400.0),
-    WaypointOption("does not stay at waypoints", is_in_plans=True, rest_s=float),
+    WaypointOption("cannot hold at waypoints", is_in_plans=True, rest_s=float),
 ]
 Altitude = Annotated[float, msgspec.Meta(ge=0.3, le=200.0)]
 """Over the ground or the floor of the water; as far as range finders see."""
-KeptAltitude = Annotated[Altitude | None, WaypointOption("keeps no height over the ground")]
+KeptAltitude = Annotated[Altitude | None, WaypointOption("cannot hold a height above ground")]
 WallDistance = Annotated[float, msgspec.Meta(ge=1.2, le=6.0)]
 """No nearer than the limiter keeps from obstacles, no farther than a wall is looked for."""
-KeptWallDistance = Annotated[WallDistance | None, WaypointOption("keeps no distance from a wall")]
+KeptWallDistance = Annotated[WallDistance | None, WaypointOption("cannot keep a distance from a wall")]
 
 S = TypeVar("S", bound=msgspec.Struct)
 
@@ -69,7 +69,7 @@ def options_of(kind: type[msgspec.Struct]) -> Mapping[str, WaypointOption]:
 
 
 def with_options(way: S, written: msgspec.Struct) -> S:
-    """A way with the options that something else has, as far as both know them."""
+    """A way with the options of another structure, as far as both have them."""
     shared = options_of(type(way)).keys() & options_of(type(written)).keys()
     return msgspec.structs.replace(way, **{name: getattr(written, name) for name in sorted(shared)})
 
@@ -88,7 +88,7 @@ def rest_s(way: msgspec.Struct) -> float:
 
 
 def refuse_unkept(way: msgspec.Struct, keeps: frozenset[str], who: str) -> None:
-    """Refuses options that a component does not keep.
+    """Refuses options that a component does not support.
 
     Raises:
         Refused: the way has one.

@@ -1,4 +1,4 @@
-"""Tasks that are defined once and used often: `define`, `use` and `with` become plain tasks before anything else is read.
+"""Expands task definitions: `define`, `use` and `with` become plain tasks before anything else is read.
 
 A parameter stands for a whole value (`$speed` or `${speed}`); what takes its place is a value of its kind, never text
 that is pasted. Every value keeps the place where it was written, so that findings name both the use and the definition.
@@ -46,7 +46,7 @@ class _Definition:
 
 
 def expanded(document: Document, findings: list[Finding]) -> Document:
-    """The document with every `use` replaced by what it stands for; what is wrong is appended to the findings."""
+    """The document with every `use` replaced by its definition; errors are appended to the findings."""
     definitions = _definitions(document, findings)
     root, room = _copy(document.root), [MAX_NODES]
     for key in TASKS:
@@ -80,7 +80,7 @@ def _definitions(document: Document, findings: list[Finding]) -> dict[str, _Defi
         for name, node in block.children.items():
             one = _Definition(str(name), node, source.file, block.key_places[str(name)])
             if (earlier := found.get(one.name)) is not None:
-                message = f"{one.name!r} is defined already, at {earlier.at}"
+                message = f"{one.name!r} is already defined at {earlier.at}"
                 findings.append(source.finding(("define", name), message, "give it another name", at_key=True))
                 continue
             found[one.name] = one
@@ -145,8 +145,8 @@ def _used(
         findings.append(document.finding((*where, "use"), f"nothing is defined as {use!r}", hint))
         return task
     if "actions" in task.children:
-        message = f"{where[-1]!r} has actions of its own beside use"
-        findings.append(document.finding((*where, "actions"), message, "make them a task of their own", at_key=True))
+        message = f"{where[-1]!r} has both use and actions"
+        findings.append(document.finding((*where, "actions"), message, "move the actions to another task", at_key=True))
         return task
     values = _values(where, task, one, document, findings)
     if values is None or not one.is_usable:
@@ -162,7 +162,7 @@ def _used(
             made.put(key, clone, one.node.key_places[str(key)])
     if room[0] < 0:
         findings.append(
-            document.finding(where, f"the uses of definitions make more than {MAX_NODES:,} values", at_key=True)
+            document.finding(where, f"the expanded definitions make more than {MAX_NODES:,} values", at_key=True)
         )
         return task
     return made
@@ -258,9 +258,9 @@ def _misfit(parameter: ParameterFile, value: Any) -> str:
     if not fits:
         return f"{str(value)[:40]!r} is not {parameter.wanted}"
     if is_number and parameter.at_least is not None and value < parameter.at_least:
-        return f"{value:g} is less than {parameter.at_least:g}, the least that is possible"
+        return f"{value:g} is below the minimum of {parameter.at_least:g}"
     if is_number and parameter.at_most is not None and value > parameter.at_most:
-        return f"{value:g} is more than {parameter.at_most:g}, the most that is possible"
+        return f"{value:g} is above the maximum of {parameter.at_most:g}"
     return ""
 
 

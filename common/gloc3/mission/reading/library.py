@@ -59,8 +59,8 @@ def library_documents(document: Document) -> list[Document]:
     if block is None or block.value is None:
         return []
     if not isinstance(block.value, dict):
-        message = "the libraries that are included are not at hand"
-        hint = "check, fly or stream the mission's file: its libraries go with it"
+        message = "the included libraries are missing"
+        hint = "use the mission's file: its libraries are sent with it"
         raise InputError([document.finding(("include",), message, hint)])
     found: list[Document] = []
     findings: list[Finding] = []
@@ -74,7 +74,7 @@ def library_documents(document: Document) -> list[Document]:
         if isinstance(library.value, dict):
             unknown = {key: node for key, node in library.root.children.items() if key not in ("define", "about")}
             for key in unknown:
-                message, hint = f"a library defines tasks, and has no {key!r}", "it takes define and about"
+                message, hint = f"a library has no key {key!r}", "its keys are define and about"
                 findings.append(library.finding((key,), message, hint, at_key=True))
             if "define" not in library.root.children:
                 schema.check(library.root, LibraryFile, library.file, findings)
@@ -88,7 +88,7 @@ def library_documents(document: Document) -> list[Document]:
 
 def _relative(name: object) -> str:
     if not isinstance(name, str) or not name or PurePosixPath(name).is_absolute():
-        raise Refused(f"{name} is no relative path")
+        raise Refused(f"{name} is not a relative path")
     return name
 
 

@@ -44,7 +44,7 @@ _EARTH: Final = GeoPoint(0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MissionReferences:
-    """What a mission file refers to without saying it."""
+    """Context of a mission file: names that it refers to but does not define."""
 
     platform: str | None = None
     """Whose tasks are read; those of others are known by name only. None for everybody's."""
@@ -188,10 +188,8 @@ def _tasks(
             if isinstance(action, Action) and isinstance(action.order, FollowWaypointsOrder):
                 waypoints += len(action.order.waypoints_ned_m)
                 if waypoints > MAX_WAYPOINTS:
-                    message = (
-                        f"up to here the mission has {waypoints:,} waypoints; at most {MAX_WAYPOINTS:,} are possible"
-                    )
-                    findings.append(document.finding(where, message, "make it several missions"))
+                    message = f"the mission has {waypoints:,} waypoints up to here; the limit is {MAX_WAYPOINTS:,}"
+                    findings.append(document.finding(where, message, "split the mission"))
             if isinstance(action, Action):
                 is_planned = options.flown_by == "autopilot" and _may_be_planned(
                     action.order, surroundings.capabilities
@@ -223,7 +221,7 @@ def _placement(document: Document, surroundings: MissionReferences, findings: li
             hint = "name a platform or world that declares it"
             findings.append(
                 document.finding(
-                    ("frame",), f"frame {frame!r} is not known here; x is taken as north", hint, is_warning=True
+                    ("frame",), f"frame {frame!r} is not known here; x is assumed to be north", hint, is_warning=True
                 )
             )
             return LocalPlacement(LocalFrame(_EARTH))
@@ -236,10 +234,10 @@ def _placement(document: Document, surroundings: MissionReferences, findings: li
     if above not in list(HeightAbove):
         return None
     if above == HeightAbove.GROUND:
-        message = "height above ground is taken as height above home: there is no terrain model"
+        message = "height above ground is treated as height above home: there is no terrain model"
         findings.append(document.finding(("height_above",), message, is_warning=True))
     if surroundings.origin is None and above == HeightAbove.SEA:
-        message = "the altitude of home is not known here; it is taken as 0"
+        message = "the altitude of home is not known here; 0 m is assumed"
         findings.append(document.finding(("height_above",), message, is_warning=True))
     return GeoPlacement(
         surroundings.origin or _first_position(document.value), HeightAbove(above), surroundings.home_altitude_m
@@ -288,7 +286,7 @@ def _action(
         return options
     try:
         if not height_is_known(placement, arguments):
-            raise Refused("height_m is missing: the mission's heights count from the sea, the platform's own from home")
+            raise Refused("height_m is missing: the mission's heights are above sea level, the platform's above home")
         filled = arguments.filled(surroundings.limits)
         order = filled.order(placement)
     except Refused as refusal:
@@ -328,7 +326,7 @@ def _capability(
 
 
 def read_fence(geofence: GeofenceFile, placement: Placement, document: Document, findings: list[Finding]) -> Fence:
-    """The fence in NED; what is wrong with it is appended to the findings."""
+    """Reads the fence in NED; errors are appended to the findings."""
     area = _area(geofence, placement, ("geofence",), document, findings, is_needed=geofence.ceiling_m is None)
     keep_out = [
         _area(one, placement, ("geofence", "keep_out", index), document, findings)

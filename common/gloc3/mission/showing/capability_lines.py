@@ -34,7 +34,7 @@ class ArgumentLine(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CapabilityLine(msgspec.Struct, frozen=True, kw_only=True):
-    """One capability."""
+    """A capability with its arguments."""
 
     name: str
     doc: str
@@ -67,7 +67,7 @@ def capability_lines(platform: Platform | None) -> tuple[CapabilityLine, ...]:
 
 
 def capability_line(name: str, platform: Platform | None) -> CapabilityLine:
-    """One of them.
+    """One capability of a platform, or one installed kind of arguments.
 
     Raises:
         Gloc3Error: there is none of that name.
@@ -113,7 +113,7 @@ def _arguments(kind: type[Arguments], options: Mapping[str, tuple[str, ...]]) ->
 
 
 def list_capabilities(lines: Sequence[CapabilityLine], platform: Platform | None) -> None:
-    """A row for each, and how to learn more."""
+    """Prints a row for each capability."""
     if platform is None:
         print_table(["kind", "package", "claims", "what it does"], [[*_first(line), line.summary] for line in lines])
     else:
@@ -125,11 +125,11 @@ def list_capabilities(lines: Sequence[CapabilityLine], platform: Platform | None
         print_table(columns, rows)
     on = f" --platform {platform.platform}" if platform is not None else ""
     shown = next((line.name for line in lines if line.arguments), lines[0].name)
-    console().print(f"\nwhat one of them takes: gloc3 mission capabilities {shown}{on}")
+    console().print(f"\nfor the arguments of one: gloc3 mission capabilities {shown}{on}")
 
 
 def explain(line: CapabilityLine, platform: Platform | None) -> None:
-    """One capability."""
+    """A capability with its arguments."""
     to = console()
     to.print(f"[bold]{line.name}[/bold], of the package {line.package}", highlight=False)
     to.print(line.doc, markup=False)

@@ -34,22 +34,22 @@ from gloc3.platform.reader import load_platform
 
 app = App(
     name="gloc3 mission",
-    help="""Make, check, show, simulate and convert mission files; tell what they can ask for.
+    help="""Make, check, show, simulate and convert mission files; list capabilities.
 
     For example:
 
-    - `gloc3 mission check my.yaml --platform pelican_rtk`: all that is wrong with it, with file, line and column
+    - `gloc3 mission check my.yaml --platform pelican_rtk`: all errors, with file, line and column
     - `gloc3 mission show inspection`: tasks and actions in their order, with estimated times
-    - `gloc3 mission new survey --platform boat`: a mission to begin with, right as it is
+    - `gloc3 mission new survey --platform boat`: a valid mission to start from
     - `gloc3 mission capabilities go_to --platform pelican`: what an action takes, with units, bounds and an example
-    - `gloc3 mission convert field.plan field.yaml`: from QGroundControl's plan; the other way and waypoints, too
+    - `gloc3 mission convert field.plan field.yaml`: a plan of QGroundControl; also back, and waypoints
 
-    Exit codes: 0 done; 1 it is not fit to fly, or cannot be converted; 2 wrong use.""",
+    Exit codes: 0 done; 1 not fit to fly, or not convertible; 2 wrong use.""",
     help_format="markdown",
     version_flags=[],
 )
 
-_BROUGHT: Final = {"simulate": "Fly a mission in simulation, and compare what it took with its estimate."}
+_BROUGHT: Final = {"simulate": "Fly a mission in simulation, and compare the flight with its estimate."}
 """What the list of commands says of those of other packages, without loading any of them."""
 
 for _point in installed_points("gloc3.mission_commands"):
@@ -72,13 +72,13 @@ def check(
     platforms: OnPlatforms = None,
     json_output: Annotated[bool, Parameter(name="--json")] = False,
 ) -> int:
-    """Prove a mission: its order, arguments, claims, space, time, energy and policies.
+    """Check a mission: its order, arguments, claims, space, time, energy and policies.
 
     Args:
-        mission: What to check.
-        platforms: What it is to fly on, a platform file or the name of an installed one; without it only the file
+        mission: The mission to check.
+        platforms: A platform file or the name of an installed platform to check against; without it only the file
             itself is checked. May be given again for a mission whose tasks are for several platforms; then the parts of
-            those that are not given are checked by themselves.
+            platforms that are not given are checked separately.
         json_output: Print the report as JSON.
     """
     try:
@@ -112,10 +112,10 @@ def show(
     """Draw the partial order of a mission, with estimated times.
 
     Args:
-        mission: What to draw.
-        platform: What it is to fly on, for better estimates.
+        mission: The mission to draw.
+        platform: The platform that flies it, for better estimates.
         mermaid_output: Draw a Mermaid flowchart instead.
-        svg: Draw its way in plan view and its order over time into this file instead.
+        svg: Draw its path in plan view and its order over time into this file instead.
     """
     try:
         path, on = find_mission(mission), _platform(platform)
@@ -140,12 +140,12 @@ def capabilities(
     platform: OnPlatform = None,
     json_output: Annotated[bool, Parameter(name="--json")] = False,
 ) -> int:
-    """Tell what missions can ask for: all capabilities, or one with its arguments, units, bounds and an example.
+    """List the capabilities that missions can use, or explain one: arguments, units, bounds, an example.
 
     Args:
-        name: The capability to explain; all are listed without it.
-        platform: Whose capabilities; without it the kinds that the installed packages bring.
-        json_output: For programs.
+        name: The capability to explain; default: list all.
+        platform: The platform whose capabilities are listed; default: all installed kinds.
+        json_output: Print JSON.
     """
     from gloc3.cli.tables import print_json
     from gloc3.mission.showing.capability_lines import capability_line, capability_lines, explain, list_capabilities
@@ -166,12 +166,12 @@ def capabilities(
 
 @app.command
 def new(template: str | None = None, /, *, platform: str = "pelican_rtk", file: Path | None = None) -> int:
-    """Make a mission file to begin with, and beside it the schema by which editors complete and check it.
+    """Make a mission file from a template, and beside it the schema by which editors complete and check it.
 
     Args:
-        template: What it is to be like; all are listed without it.
-        platform: What it is to fly on, a platform file or the name of an installed one.
-        file: Where to write; default: TEMPLATE.yaml here. A file that is there is left alone.
+        template: The template; default: list all.
+        platform: The platform that flies it: a platform file or the name of an installed one.
+        file: The file to write; default: TEMPLATE.yaml here. An existing file is never overwritten.
     """
     from gloc3.documents.json_schema import as_text
     from gloc3.mission.reading.mission_schema import mission_schema
@@ -190,11 +190,11 @@ def new(template: str | None = None, /, *, platform: str = "pelican_rtk", file: 
     beside = path.with_name(f"{on.platform}.mission.schema.json")
     text = mission_from(template, on, beside.name)
     if path.exists():
-        _report_problem(f"{path} is there already; --file names another, or move it away")
+        _report_problem(f"{path} already exists; choose another with --file")
         return WRONG_USE
     if (code := _write(path, text)) != OK or (code := _write(beside, as_text(mission_schema(on)))) != OK:
         return code
-    _print(f"wrote {path}, and {beside} for editors. Correct its places, and check it:")
+    _print(f"wrote {path}, and {beside} for editors. Adapt its positions, and check it:")
     _print(f"  gloc3 mission check {path} --platform {platform}")
     return OK
 
@@ -204,8 +204,8 @@ def schema(*, platform: OnPlatform = None, out: Path | None = None) -> int:
     """Print the JSON Schema of mission files, by which editors complete, explain and check them.
 
     Args:
-        platform: Whose capabilities, cameras and frames it knows; without it, the kinds that are installed.
-        out: The file to write it to, instead of printing it.
+        platform: The platform whose capabilities, cameras and frames it lists; default: all installed kinds.
+        out: The file to write; default: print the schema.
     """
     from gloc3.documents.json_schema import as_text
     from gloc3.mission.reading.mission_schema import mission_schema
@@ -225,10 +225,10 @@ def convert(source: Mission, target: Path, /, *, platform: OnPlatform = None) ->
     """Convert between missions (.yaml), plans (.plan) and waypoints (.waypoints, .txt), by suffix.
 
     Args:
-        source: What to convert.
-        target: Where to write it.
-        platform: Whose speed limit a converted plan keeps to; and whose frames have a place on Earth, so that a mission in
-            one of them can become a plan, which the autopilot flies by itself.
+        source: The file to convert.
+        target: The file to write.
+        platform: Its speed limit applies to a converted plan; its frames give local positions a place on Earth, so that
+            a mission in one of them can become a plan, which the autopilot flies alone.
     """
     known = (*MISSION_SUFFIXES, *PLAN_SUFFIXES, *WPL_SUFFIXES)
     if target.suffix not in known:

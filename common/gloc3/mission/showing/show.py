@@ -38,7 +38,7 @@ def drawing(report: CheckReport, capabilities: Mapping[str, Capability], platfor
         lines.append(" " * _LEFT + f" 0{f'{total_s:.0f} s':>{_BAR - 1}}")
     lines += _tasks(mission.tasks, report, capabilities, total_s)
     if mission.contingencies:
-        lines += ["", "when something befalls it:"]
+        lines += ["", "failsafe policies:"]
         lines += _tasks(mission.contingencies, report, capabilities, 0.0)
     return "\n".join(line.rstrip() for line in lines) + "\n"
 
@@ -62,7 +62,7 @@ def _head(mission: Mission, report: CheckReport, platform: Platform | None) -> I
 
 
 def answers(policies: Policies) -> list[str]:
-    """What the mission does when something befalls the vehicle, in words."""
+    """The mission's failsafe policies, in words."""
     reported = [f"on failure {policies.on_failure}", f"link loss {policies.on_link_loss}"]
     reported += [f"overdue {policies.on_overdue}"] if policies.on_overdue is not None else []
     reported += [f"low battery {policies.on_low_battery}", f"pose lost {policies.on_pose_lost}"]
@@ -108,7 +108,7 @@ def _relations(options: ItemFile) -> list[str]:
 
 
 def terms(options: ItemFile) -> list[str]:
-    """What is said of a task or action beside its order, in words."""
+    """The options of a task or action besides its order, in words."""
     found: list[str] = []
     if isinstance(options, TaskOptions) and options.repeat is not None:
         until = f", until {options.repeat.until}" if options.repeat.until is not None else ""
@@ -184,7 +184,7 @@ def mermaid(mission: Mission) -> str:
     lines = ["flowchart LR"]
     for task in (*mission.tasks.values(), *mission.contingencies.values()):
         reported = "".join(f"<br/>{term}" for term in terms(task.options))
-        reported += "<br/>when something befalls it" if task.name in mission.contingencies else ""
+        reported += "<br/>failsafe policies" if task.name in mission.contingencies else ""
         lines.append(
             f'    subgraph {_id(task.name)}["{task.name}{reported}"]'
             if reported

@@ -1,4 +1,4 @@
-"""Missions to begin with: each is right as it is for the platform that it is made for, and meant to be changed."""
+"""Mission templates: each is valid for its platform, and meant to be changed."""
 
 from pathlib import Path
 from typing import Final

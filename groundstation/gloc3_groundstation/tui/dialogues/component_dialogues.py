@@ -1,4 +1,4 @@
-"""What is asked before a component is commanded: which command or function, and a function's arguments."""
+"""Dialogues for commanding a component: choice of a command or function, and a function's arguments."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar, Final
@@ -18,7 +18,7 @@ from gloc3_groundstation.tui.widgets.lines import Span, Tone, cut
 from gloc3_groundstation.tui.widgets.panel import ListPanel, Row
 
 DOC_WIDTH: Final = 40
-FORCE_QUESTION: Final = "{} {}?\n{}\nForced, the actions that need it fail, and the mission's on_failure decides."
+FORCE_QUESTION: Final = "{} {}?\n{}\nIf forced, actions that need it fail, and the mission's on_failure policy applies."
 
 
 class ComponentMenu(ModalScreen[str | None]):
@@ -35,7 +35,7 @@ class ComponentMenu(ModalScreen[str | None]):
         with Vertical(classes="question"):
             yield Static(self._title, markup=False)
             yield ListPanel(id="menu", classes="plain")
-            yield choices(("enter", "do it"), ("esc", "leave it"))
+            yield choices(("enter", "do it"), ("esc", "cancel"))
 
     def on_mount(self) -> None:
         """Fills the list."""
@@ -85,7 +85,7 @@ class FunctionForm(ModalScreen[dict[str, str] | None]):
                 yield Static(_label(field), classes="label", markup=False)
                 yield Input(id=f"argument_{field.name}", placeholder=_default(field), compact=True)
             yield Static("", id="form_error", classes="wrong", markup=False)
-            yield choices(("enter", "send it"), ("tab", "next line"), ("esc", "leave it"))
+            yield choices(("enter", "send it"), ("tab", "next line"), ("esc", "cancel"))
 
     @on(Input.Submitted)
     def send(self) -> None:
@@ -111,5 +111,5 @@ def _label(field: FieldLine) -> str:
 
 def _default(field: FieldLine) -> str:
     if field.is_required:
-        return "must be given"
-    return "left as it is" if field.default is None else f"{field.default}".lower()
+        return "required"
+    return "empty: unchanged" if field.default is None else f"{field.default}".lower()

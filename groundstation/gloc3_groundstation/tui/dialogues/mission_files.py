@@ -1,4 +1,4 @@
-"""Opening and saving a mission with the dialogues that this takes, so that nothing is lost without a word."""
+"""Opening and saving a mission, with dialogues so that unsaved changes are never lost silently."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The dialogue that opens a mission: those opened lately, the examples, and the files of a folder."""
+"""Dialogue for opening a mission: recent files, examples, and the files of a folder."""
 
 from pathlib import Path
 from typing import ClassVar
@@ -41,7 +41,7 @@ class OpenMission(ModalScreen[str | None]):
         """A dialogue.
 
         Args:
-            recent: what was opened lately.
+            recent: what was recent.
             folder: where it begins.
         """
         super().__init__()
@@ -60,11 +60,11 @@ class OpenMission(ModalScreen[str | None]):
         """Says what this is and how to leave it."""
         sheet = self.query_one(Vertical)
         sheet.border_title = "open a mission"
-        sheet.border_subtitle = "enter opens   ↑ ↓ choose   backspace: the folder above   esc leaves it"
+        sheet.border_subtitle = "enter opens   ↑ ↓ choose   backspace: parent folder   esc cancels"
         self.query_one(ListPanel).can_focus = False
 
     def on_resize(self) -> None:
-        """Breaks the lines anew."""
+        """Wraps the lines again."""
         self.call_after_refresh(self._fill)
 
     @on(Input.Changed, "#typed")
@@ -128,7 +128,7 @@ class OpenMission(ModalScreen[str | None]):
                 rows.append(Row((Span(cut(f" {title}", files.width), Tone.DIM),)))
             rows.append(Row(_line(entry, files.width), key))
         if not self._entries:
-            rows = [Row((Span(" nothing of that name; enter opens it as a path", Tone.DIM),))]
+            rows = [Row((Span(" no match; enter opens it as a path", Tone.DIM),))]
         files.show_rows(rows)
         if is_new and self._entries:
             files.point_at("0")
@@ -138,7 +138,7 @@ class OpenMission(ModalScreen[str | None]):
 
 def _line(entry: MissionEntry, width: int) -> Line:
     if entry.is_folder:
-        name = "..  the folder above" if entry.name == ".." else f"{entry.name}/"
+        name = "..  parent folder" if entry.name == ".." else f"{entry.name}/"
         return (Span("   "), Span(cut(name, width - 4), Tone.BUSY))
     where = str(Path(entry.path).parent) if entry.group is FileGroup.RECENT else ""
     size = f"  {max(1, round(entry.size / 1000))} kB" if entry.size else ""

@@ -1,4 +1,4 @@
-"""What the operator is asked before something that can hurt."""
+"""Confirmations of dangerous commands."""
 
 from typing import Final
 
@@ -11,12 +11,12 @@ from textual.widgets import Input, Static
 
 from gloc3.messages.command_interface import EmergencyVerb
 
-START_QUESTION: Final = "Start {} on {}?\nIt arms and sets off."
-ABORT_QUESTION: Final = "Abort the mission of {}?\nIts actions are cancelled, then its on_failure policy is flown."
+START_QUESTION: Final = "Start {} on {}?\nIt arms and starts moving."
+ABORT_QUESTION: Final = "Abort the mission of {}?\nIts actions are cancelled, then its on_failure policy runs."
 LEAVE_QUESTION: Final = (
-    "{} is armed and in this station's control.\nWithout it, the mission's on_link_loss policy decides."
+    "{} is armed and controlled by this station.\nWithout it, the mission's on_link_loss policy applies."
 )
-UNSAVED_QUESTION: Final = "{} has changes that are not saved. They are put beside the station's own files."
+UNSAVED_QUESTION: Final = "{} has unsaved changes. They are kept in the station's state folder."
 
 
 def choices(*keys: tuple[str, str], hint: str = "") -> Static:
@@ -42,7 +42,7 @@ class YesNoQuestion(ModalScreen[bool]):
         """The question and the two keys."""
         with Vertical(classes="question"):
             yield Static(self._question, markup=False)
-            yield choices(("y", self._yes), ("n", "leave it"))
+            yield choices(("y", self._yes), ("n", "cancel"))
 
     def action_answer(self, answer: bool) -> None:
         """Closes with the answer."""
@@ -70,8 +70,8 @@ class EmergencyQuestion(ModalScreen[tuple[EmergencyVerb, str] | None]):
             yield choices(
                 ("space", "hold again"),
                 ("l", "land here"),
-                ("d", "DISARM: the motors stop, in flight it falls"),
-                ("esc", "leave it"),
+                ("d", "DISARM: motors stop; in flight it crashes"),
+                ("esc", "cancel"),
             )
 
     def action_choose(self, verb: str) -> None:
@@ -110,7 +110,7 @@ class TextQuestion(ModalScreen[str | None]):
         with Vertical(classes="question"):
             yield Static(self._question, markup=False)
             yield Input(self._value)
-            yield choices(("enter", "go on"), ("esc", "leave it"), hint=self._hint)
+            yield choices(("enter", "go on"), ("esc", "cancel"), hint=self._hint)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Closes with what was typed."""

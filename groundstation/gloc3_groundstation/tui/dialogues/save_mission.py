@@ -1,4 +1,4 @@
-"""The dialogue that saves or exports a mission: a file's name, and what that kind of file cannot carry."""
+"""Dialogue for saving or exporting a mission: the file name, and what that format cannot hold."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -57,10 +57,10 @@ class SaveMission(ModalScreen[bool]):
         """Says what this is and how to leave it."""
         sheet = self.query_one(Vertical)
         sheet.border_title = "save the mission, or export it"
-        sheet.border_subtitle = "enter writes   esc leaves it"
+        sheet.border_subtitle = "enter writes   esc cancels"
 
     def on_resize(self) -> None:
-        """Breaks the lines anew."""
+        """Wraps the lines again."""
         self.call_after_refresh(self._show_result)
 
     @on(Input.Changed, "#name")
@@ -82,7 +82,7 @@ class SaveMission(ModalScreen[bool]):
         problem = self._write(path)
         if problem:
             text = self.query_one("#said", Panel)
-            text.show(_text(f"It was not written: {problem}", Tone.BAD, text.width))
+            text.show(_text(f"Not written: {problem}", Tone.BAD, text.width))
         else:
             self.dismiss(True)
 
@@ -92,7 +92,7 @@ class SaveMission(ModalScreen[bool]):
 
     def _refusal(self, path: Path) -> str:
         if path.suffix not in KINDS:
-            return f"the name's ending tells the kind of file: {', '.join(KINDS)}"
+            return f"the file type follows the suffix: {', '.join(KINDS)}"
         if path.is_dir() or not path.absolute().parent.is_dir():
             return f"{path} is a folder" if path.is_dir() else f"there is no folder {path.absolute().parent}"
         try:
@@ -105,7 +105,7 @@ class SaveMission(ModalScreen[bool]):
         text = self.query_one("#said", Panel)
         path = self._path()
         if path is None:
-            text.show([(Span("a name is needed", Tone.DIM),)])
+            text.show([(Span("a file name is required", Tone.DIM),)])
             return
         refusal = self._refusal(path)
         if refusal:
@@ -114,7 +114,7 @@ class SaveMission(ModalScreen[bool]):
         lines: list[Line] = [(Span(f"written as: {KINDS[path.suffix]}", Tone.DIM),)]
         lost = self._lost(path)
         if lost:
-            lines += [EMPTY, (Span("This kind of file cannot carry all of it:", Tone.WARN),)]
+            lines += [EMPTY, (Span("This file type cannot hold everything:", Tone.WARN),)]
             for one in lost:
                 lines += _text(f"- {one}", Tone.TEXT, text.width)
         objection = self._objection(path)

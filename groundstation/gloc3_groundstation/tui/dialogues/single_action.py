@@ -20,7 +20,7 @@ from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel, Row
 
 
 class SingleAction(ModalScreen[None]):
-    """Stays open for the reply, so that it is read where it was asked for."""
+    """Dialogue that requests a single action and shows the reply."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("escape", "back", "Back"),
@@ -56,7 +56,7 @@ class SingleAction(ModalScreen[None]):
         self._show_form(None)
 
     def on_resize(self) -> None:
-        """Breaks the lines anew."""
+        """Wraps the lines again."""
         self.call_after_refresh(self._list)
 
     @on(ListPanel.Chosen, "#capabilities")
@@ -137,7 +137,7 @@ class SingleAction(ModalScreen[None]):
         except Gloc3Error as error:
             self._show_reply(f"refused: {error}", Tone.BAD)
         else:
-            self._show_reply(f"accepted: it runs as {name or capability}; esc leads back to its state", Tone.GOOD)
+            self._show_reply(f"accepted: running as {name or capability}; esc returns to its state", Tone.GOOD)
         finally:
             self._is_requesting = False
 
@@ -162,7 +162,7 @@ class SingleAction(ModalScreen[None]):
         box.mount(*(_field(field) for field in form.fields))
         claimed = self._claimed(form.claims)
         self._show_reply(
-            claimed or ("" if form.fields else "it takes no arguments: ^s sends"), Tone.WARN if claimed else Tone.DIM
+            claimed or ("" if form.fields else "no arguments: ^s sends"), Tone.WARN if claimed else Tone.DIM
         )
         if form.fields:
             box.call_after_refresh(lambda: next(iter(self.query(Input))).focus())
@@ -206,7 +206,7 @@ def _label(field: FormField) -> str:
 
 def _field(field: FormField) -> Horizontal:
     typed = Input(
-        field.default, placeholder="" if field.is_required else "may stay empty", id=f"field_{field.name}", compact=True
+        field.default, placeholder="" if field.is_required else "optional", id=f"field_{field.name}", compact=True
     )
     return Horizontal(Label(_label(field), markup=False), typed, classes="field")
 

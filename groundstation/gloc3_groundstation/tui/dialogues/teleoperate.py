@@ -1,4 +1,4 @@
-"""The dialogue for steering by hand: keys or a gamepad, and whether the vehicle follows.
+"""Dialogue for teleoperation by keys or gamepad; shows whether the vehicle follows.
 
 A terminal tells that a key is pressed and that it repeats, never that it is let go. So `enter` is the dead-man's key and
 counts as kept for `KEPT_S`, which its repetition renews; over a line that stands still the keys do not come, and the
@@ -81,12 +81,12 @@ class TeleoperateDialogue(ModalScreen[None]):
         with Vertical(classes="question helm"):
             yield Panel(id="helm", classes="plain", can_focus=False)
             yield choices(
-                ("enter", "begins; then HOLD it to go, let it go to rest"),
-                ("w s a d", "ahead, back, left, right: a step each"),
-                ("↑ ↓ ← →", "up, down, turn: a step each"),
-                ("z", "all sticks to the middle"),
-                ("space", "HOLD at once, as everywhere"),
-                ("esc", "ends it: the vehicle keeps its place"),
+                ("enter", "starts; then HOLD to move, release to stop"),
+                ("w s a d", "ahead, back, left, right: one step"),
+                ("↑ ↓ ← →", "up, down, turn: one step"),
+                ("z", "centre all sticks"),
+                ("space", "HOLD at once, as on all screens"),
+                ("esc", "ends it: the vehicle holds position"),
             )
 
     def on_mount(self) -> None:
@@ -192,5 +192,5 @@ class TeleoperateDialogue(ModalScreen[None]):
         if self._begun and state in ("aborted", "failed", "done", "skipped"):
             assert self._hand is not None
             self._hand.release()
-            self._problem = f"it has ended ({state}); enter asks for it anew"
+            self._problem = f"ended ({state}); enter requests it again"
             self._begun = ""

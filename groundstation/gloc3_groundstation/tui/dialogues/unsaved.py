@@ -1,4 +1,4 @@
-"""The question before unsaved changes of a mission would be lost."""
+"""Dialogue about unsaved changes of a mission."""
 
 from enum import StrEnum
 from typing import ClassVar
@@ -13,7 +13,7 @@ from gloc3_groundstation.tui.dialogues.questions import choices
 
 
 class Unsaved(StrEnum):
-    """What becomes of the changes."""
+    """What to do with the changes."""
 
     SAVE = "save"
     DISCARD = "discard"
@@ -36,7 +36,7 @@ class UnsavedQuestion(ModalScreen[Unsaved]):
     def compose(self) -> ComposeResult:
         """The question and the keys."""
         with Vertical(classes="question"):
-            yield Static(f"{self._name_of_mission} has changes that are not saved.", markup=False)
+            yield Static(f"{self._name_of_mission} has unsaved changes.", markup=False)
             yield choices(("s", "save them first"), ("d", "discard them"), ("esc", "stay here"))
 
     def action_answer(self, answer: str) -> None:

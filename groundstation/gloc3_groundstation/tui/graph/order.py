@@ -1,4 +1,4 @@
-"""A partial order as layers: who stands in which column, over whom lines pass, and which lines can be left out."""
+"""A partial order as layers: the column of each node, the layers that lines pass, and redundant lines."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise

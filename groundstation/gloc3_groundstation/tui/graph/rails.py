@@ -1,4 +1,4 @@
-"""The actions of one task, one under the other, with rails that tell which follow each other and which run abreast."""
+"""The actions of one task as a list, with rails that show which run in sequence and which in parallel."""
 
 from typing import NamedTuple
 

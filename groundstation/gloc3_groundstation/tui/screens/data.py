@@ -30,24 +30,23 @@ STEP: Final = 0.25
 class FlightDataScreen(StationScreen):
     """What the vehicle does, against what it should do."""
 
-    HELP = """How the vehicle in view flies: its attitude with an artificial horizon, and charts of what is (line) against
-    what should be (dotted). Edges of the charts are round and follow the values; all of them show the same time.
+    HELP = """How the vehicle in view flies: its attitude on an artificial horizon, and charts of measured values (line)
+    against setpoints (dotted). Chart limits are round numbers that follow the values; all charts show the same time.
 
-    f freezes the charts, to look at something; the vehicle's values beside them go on. ← and → go back and forth in
-    what is kept: every sample of the last ten minutes, lowest and highest of every 2 s for an hour, of every 30 s for
-    eight hours.
+    f freezes the charts; the values beside them stay live. ← and → move back and forward in the history: every sample
+    of the last 10 minutes, minimum and maximum of every 2 s for an hour and of every 30 s for 8 hours.
 
-    t steers the vehicle by hand, with keys or a gamepad, where it has that capability."""
+    t opens teleoperation, with keys or a gamepad, where the vehicle has that capability."""
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("f", "freeze", "Freeze", tooltip="the charts, or let them go on"),
+        Binding("f", "freeze", "Freeze", tooltip="freeze or resume the charts"),
         Binding("plus,equals_sign", "window(-1)", "Time", key_display="+ -", tooltip="shorter or longer, 10 s to 8 h"),
         Binding("minus,underscore", "window(1)", "Longer", show=False),
         Binding("left,h", "back(1)", "Back", key_display="← →", tooltip="go back and forth in time"),
-        Binding("right,l", "back(-1)", "Forth", show=False),
+        Binding("right,l", "back(-1)", "Forward", show=False),
         Binding("down,j", "scroll_charts(1)", "Charts", key_display="↑ ↓", tooltip="the charts below and above"),
         Binding("up,k", "scroll_charts(-1)", "Up", show=False),
-        Binding("t", "by_hand", "By hand", tooltip="steer the vehicle in view with keys or a gamepad"),
-        Binding("z", "live", "Live", show=False, tooltip="show now again"),
+        Binding("t", "by_hand", "Teleop", tooltip="teleoperate the vehicle in view with keys or a gamepad"),
+        Binding("z", "live", "Live", show=False, tooltip="return to live data"),
     ]
     AUTO_FOCUS = "#charts"
     _window = 2

@@ -1,4 +1,4 @@
-"""Everything that has happened, on all vehicles and in the station: looked through as one types, and written to files."""
+"""Events of all vehicles and the station: searched while typing, and exported to files."""
 
 from collections.abc import Sequence
 from typing import Any, Final
@@ -31,20 +31,19 @@ PAUSE_S: Final = 0.01
 class EventsScreen(StationScreen):
     """A filter, the events that fit, and the one under the cursor in full."""
 
-    HELP = """What the vehicles have told and what this station did, the newest last. Times count from the station's
-    start. The list follows the end until the cursor is moved up; the key end follows it again.
+    HELP = """Events of the vehicles and of this station, newest last. Times count from the station's start. The
+    list follows the newest event until the cursor is moved up; the key end follows it again.
 
-    What is searched for is looked up in the text and the names while you type; nothing is ever left out, also when
-    there are a million events. Export writes those that fit: to a table where the name ends in .csv, or one JSON object
-    a line where it ends in .jsonl."""
+    The search covers texts and names, while you type, over all events of the session, even a million. Export writes the
+    matching events: a table if the file name ends in .csv, one JSON object a line if it ends in .jsonl."""
     BINDINGS = [
         Binding("slash", "type", "Search", key_display="/", tooltip="while you type; enter goes back to the list"),
-        Binding("l", "severity(1)", "Severity", tooltip="shows only what is so bad, or worse; L: the other way"),
+        Binding("l", "severity(1)", "Severity", tooltip="raises the minimum severity; L: lowers it"),
         Binding("L", "severity(-1)", "Severity back", show=False),
-        Binding("n", "platform", "Vehicle", tooltip="shows only the next vehicle's, then all again"),
-        Binding("o", "component", "Component", tooltip="shows only that of the event under the cursor, or all again"),
-        Binding("e", "export", "Export", tooltip="writes those that fit to a file"),
-        Binding("escape", "clear", "All", tooltip="shows everything again"),
+        Binding("n", "platform", "Vehicle", tooltip="shows the next vehicle only, then all again"),
+        Binding("o", "component", "Component", tooltip="shows the component under the cursor only, or all again"),
+        Binding("e", "export", "Export", tooltip="writes the matching events to a file"),
+        Binding("escape", "clear", "All", tooltip="clears the filter"),
     ]
     AUTO_FOCUS = "#events"
 

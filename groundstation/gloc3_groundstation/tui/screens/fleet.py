@@ -1,4 +1,4 @@
-"""All vehicles and all links: orders for a selection, control of the vehicle in view, links opened and closed."""
+"""All vehicles and links: commands to a selection, control of the vehicle in view, opening and closing links."""
 
 from functools import partial
 
@@ -25,44 +25,44 @@ from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel, Row
 from gloc3_groundstation.tui.widgets.vehicle_rows import VehicleRows
 
 QUESTIONS = {
-    Order.HOLD: "Hold: {}?\nEach stops and keeps its place; missions are paused.",
+    Order.HOLD: "Hold: {}?\nEach stops and holds position; missions are paused.",
     Order.PAUSE: "Pause the missions of {}?",
-    Order.RESUME: "Resume the missions of {}?\nEach goes on where it was paused.",
+    Order.RESUME: "Resume the missions of {}?\nEach continues where it was paused.",
     Order.LAND: "Land now, where they are: {}?",
-    Order.START: "Start: {}?\nThe mission at hand is streamed first where it is not there yet. They arm and take off.",
+    Order.START: "Start: {}?\nThe open mission is streamed first if needed. They arm and take off.",
 }
 SINGLE_VEHICLE_ORDERS = (Order.LAND, Order.START)
 """Orders to the vehicle in view that are asked about too; those to marked ones always are."""
-OVERRIDE_QUESTION = "Take control of {} over from station {}?\nIt does not ask its operator; it is recorded."
-CLOSE_QUESTION = "Close {}?\n{} cannot be reached by it any more, and flies by its mission's on_link_loss."
+OVERRIDE_QUESTION = "Take over control of {} from station {}?\nIts operator is not asked; the takeover is logged."
+CLOSE_QUESTION = "Close {}?\n{} can no longer be reached over it; on_link_loss of its mission applies."
 
 
 class FleetScreen(StationScreen):
     """Vehicles above, control of the one in view, links below."""
 
-    HELP = """Every vehicle that is heard, and every link. The vehicle under the cursor is the one in view, to which the
-    keys of all screens lead.
+    HELP = """All vehicles that are heard, and all links. The vehicle under the cursor is the vehicle in view, which
+    receives the commands of all screens.
 
-    Marked vehicles are ordered together: hold, pause, resume, land, start, after a question that names them. Without a
-    mark the order goes to the vehicle in view, and only landing and starting are asked about.
+    Marked vehicles are commanded together: hold, pause, resume, land, start, after a confirmation that names them.
+    Without a mark the command goes to the vehicle in view, and only land and start ask for confirmation.
 
-    One station controls a vehicle at a time. Whoever has it is asked, and has 10 seconds to grant or to refuse; a
-    take-over does not wait for leave, and is recorded. Tab goes to the links."""
+    One station controls a vehicle at a time. The controlling station has 10 seconds to grant or refuse a request; a
+    takeover needs no permission, and is logged. Tab moves to the links."""
     BINDINGS = [
-        Binding("m", "mark", "Mark", tooltip="the vehicle under the cursor, for orders to several"),
+        Binding("m", "mark", "Mark", tooltip="the vehicle under the cursor, for commands to several"),
         Binding("M", "mark_all", "Mark all", show=False, tooltip="or none, if all are"),
         Binding("h", "order('hold')", "Hold", tooltip="the marked vehicles, or the one in view"),
         Binding("p", "order('pause')", "Pause"),
         Binding("r", "order('resume')", "Resume"),
         Binding("l", "order('land')", "Land", tooltip="here and now, as the emergency key does"),
-        Binding("s", "order('start')", "Start", tooltip="streams the mission at hand where need be, and starts it"),
-        Binding("c", "control('request')", "Control", tooltip="asks for control of the vehicle in view"),
-        Binding("g", "control('grant')", "Grant", tooltip="gives control to the station that asks"),
-        Binding("f", "control('refuse')", "Refuse", tooltip="keeps control; the station that asks is told"),
-        Binding("t", "control('take_over')", "Take over", tooltip="takes control without leave, after a question"),
+        Binding("s", "order('start')", "Start", tooltip="streams the open mission if needed, and starts it"),
+        Binding("c", "control('request')", "Control", tooltip="requests control of the vehicle in view"),
+        Binding("g", "control('grant')", "Grant", tooltip="gives control to the requesting station"),
+        Binding("f", "control('refuse')", "Refuse", tooltip="keeps control; the requesting station is notified"),
+        Binding("t", "control('take_over')", "Take over", tooltip="takes control without permission; asks first"),
         Binding("z", "control('release')", "Release", tooltip="gives control back"),
         Binding("n", "add_link", "New link", tooltip="udpin://, udpout://, tcpin://, tcpout://, serial://"),
-        Binding("delete", "remove_link", "Close link", tooltip="the one under the cursor of the links"),
+        Binding("delete", "remove_link", "Close link", tooltip="the link under the cursor"),
     ]
     AUTO_FOCUS = "#vehicles"
 

@@ -1,4 +1,4 @@
-"""The health of the vehicle in view: where the data stops, every component, and what can be asked of one."""
+"""Health of the vehicle in view: data flow, every component, and commands to a component."""
 
 from collections.abc import Iterable
 from functools import partial
@@ -35,22 +35,20 @@ LEAST: Final = 3
 class HealthScreen(StationScreen):
     """The chain, the components from the samplers to the command interface, and the one under the cursor in full."""
 
-    HELP = """Every component of the vehicle in view in the order of the data: SS samples, DP processes, CC controls,
-    AD drives, CI commands. The chain above them breaks where a required component hands nothing on and no other does
-    it in its place: ● working, ◐ quiet, ○ standby or idle, ✕ faulty, · absent.
+    HELP = """Every component of the vehicle in view in data-flow order: SS samplers, DP processors, CC controllers, AD
+    drivers, CI command interfaces. The chain above them breaks where a required component delivers no data and no
+    other replaces it: ● working, ◐ quiet, ○ standby or idle, ✕ faulty, · absent.
 
-    A vehicle of several processes or computers has its hosts below the chain: how each stands, its processes, how far its
-    clock is from the vehicle's and how well that is known, and the last words of the process that ended last.
+    A vehicle with several processes or computers lists its hosts below the chain: state, processes, clock offset from
+    the vehicle with its uncertainty, and the last output of the process that exited last.
 
     Rate is measured against nominal; load is the share of the period that a cycle takes; late counts the cycles that
-    did not end in time. The component under the cursor is told in full below, with its last error.
+    overran their period. Details of the component under the cursor are below, with its last error.
 
-    Enter offers the commands that its state allows, and its functions. What a running action needs is refused first;
-    then you are asked whether to force it."""
+    Enter offers the commands that its state allows, and its functions. A command to a component that a running action
+    needs is refused first; then you are asked whether to force it."""
     BINDINGS = [
-        Binding(
-            "k", "ask", "Command", key_display="enter", tooltip="what the component under the cursor can be told now"
-        ),
+        Binding("k", "ask", "Command", key_display="enter", tooltip="commands of the component under the cursor"),
         *MISSION_KEYS,
     ]
     AUTO_FOCUS = "#components"

@@ -25,7 +25,7 @@ from gloc3_groundstation.tui.views.mission.map import (
     position_of,
     tone_of_vehicle,
 )
-from gloc3_groundstation.tui.views.mission.map_facts import cursor_line, legend_lines, map_title, vehicle_lines
+from gloc3_groundstation.tui.views.mission.map_labels import cursor_line, legend_lines, map_title, vehicle_lines
 from gloc3_groundstation.tui.views.mission.profile import along_lines, time_lines
 from gloc3_groundstation.tui.widgets.canvas import CELL
 from gloc3_groundstation.tui.widgets.canvas_panel import CanvasPanel
@@ -44,16 +44,16 @@ CALM: Final = 0.3
 class MapScreen(StationScreen):
     """Plan view and height profile."""
 
-    HELP = """The path that is asked for (dashed), where the vehicles are and have been (each in its colour, with its
-    name), the fence, home, obstacles, and the ellipse in which the vehicle is with 95 %. The cross marks the setpoint.
+    HELP = """The requested path (dashed), the vehicles and their trails (each in its colour, with its name), the
+    fence, home, obstacles, and the 95 % ellipse of the position. The cross marks the setpoint.
 
-    The + in the middle is the cursor, and so is the mouse: its coordinates stand below the map, with distance and
-    bearing from the vehicle in view. The map shows everything until it is moved; z does so again."""
+    The + in the middle is the cursor, and so is the mouse: its coordinates are below the map, with distance and
+    bearing from the vehicle in view. The map fits everything until you move it; z fits it again."""
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("f", "follow", "Follow", tooltip="keep the vehicle in view on the map"),
         Binding("z", "fit", "Fit", tooltip="show everything"),
-        Binding("plus,equals_sign", "zoom(1)", "Zoom", key_display="+ -", tooltip="nearer and farther"),
-        Binding("minus,underscore", "zoom(-1)", "Farther", show=False),
+        Binding("plus,equals_sign", "zoom(1)", "Zoom", key_display="+ -", tooltip="in and out"),
+        Binding("minus,underscore", "zoom(-1)", "Zoom out", show=False),
         Binding("left,h", "pan(-1, 0)", "Move", show=False, key_display="← ↓ ↑ →", tooltip="the map; also h j k l"),
         Binding("right,l", "pan(1, 0)", "Right", show=False),
         Binding("up,k", "pan(0, 1)", "Up", show=False),

@@ -1,4 +1,4 @@
-"""The mission: its order as a graph with live states, its text with what is wrong in it, and the keys that steer it."""
+"""The mission: a graph with live states, its text with findings, and the keys that control it."""
 
 from typing import ClassVar, Final
 
@@ -34,44 +34,43 @@ from gloc3_groundstation.tui.widgets.panel import Panel
 
 CHECKED_AFTER_S: Final = 0.4
 """After the last key that changed the text it is checked."""
-ITEM_ABORT_QUESTION: Final = "Abort {} on {}?\nIt is cancelled; then the mission's on_failure policy may be flown."
+ITEM_ABORT_QUESTION: Final = "Abort {} on {}?\nIt is cancelled; then the mission's on_failure policy may run."
 
 
 class MissionScreen(StationScreen):
     """Graph or text of the mission on the vehicle in view, or of the one at hand."""
 
-    HELP = """The mission as a graph: each box is a task, in the order in which they run from left to right; in it stand
-    its actions. Those in one lane follow each other, those in lanes side by side may run at the same time. The cursor
-    is on the whole mission, a task or an action, and the keys that pause, resume, skip, retry and abort mean that one;
-    where it is over, pause and resume mean the mission.
+    HELP = """The mission as a graph: each box is a task, in running order from left to right, and contains its actions.
+    Actions in one lane run in sequence, actions in parallel lanes may run at the same time. The cursor is on the whole
+    mission, a task or an action, and the keys that pause, resume, skip, retry and abort apply to that item; if the item
+    is over, pause and resume apply to the mission.
 
-    Start streams the mission at hand first, if that has not been done. Pause ends every motion in a hold; resume goes
-    on from there. Skip leaves out what is named, and what comes after it runs. Abort cancels, then flies the mission's
-    on_failure policy.
+    Start streams the open mission first, if needed. Pause ends every motion in a hold; resume continues from there.
+    Skip leaves out the item, and what follows it runs. Abort cancels, then runs the mission's on_failure policy.
 
-    The text is checked while it is typed, for the vehicle in view. Plans of QGroundControl and waypoints become mission
-    YAML when they are opened; saved under a name that ends in .plan or .waypoints it is exported, and what such a file
-    cannot carry is said before. Single actions are asked for beside the mission."""
+    The text is checked while you type, for the vehicle in view. Plans of QGroundControl and waypoint files are
+    converted to mission YAML when opened; a file name that ends in .plan or .waypoints exports the mission, after
+    listing what such a file cannot hold. Single actions run outside the mission."""
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("s", "app.move('start')", "Start", tooltip="the mission; it is streamed first if need be"),
-        Binding("p", "steer('pause')", "Pause", tooltip="what the cursor is on; the mission, if that is over"),
+        Binding("s", "app.move('start')", "Start", tooltip="the mission; streamed first if needed"),
+        Binding("p", "steer('pause')", "Pause", tooltip="the item under the cursor; the mission, if it is over"),
         Binding("r", "steer('resume')", "Resume"),
-        Binding("k", "steer('skip')", "Skip", tooltip="leaves it out; what comes after it runs"),
-        Binding("t", "steer('retry')", "Try again", tooltip="what has failed"),
-        Binding("a", "steer('abort')", "Abort", tooltip="cancels it, then flies on_failure; asks first"),
+        Binding("k", "steer('skip')", "Skip", tooltip="skips it; what follows it runs"),
+        Binding("t", "steer('retry')", "Retry", tooltip="the failed item"),
+        Binding("a", "steer('abort')", "Abort", tooltip="cancels it, then runs on_failure; asks first"),
         Binding("o", "open", "Open", tooltip="a mission file, a plan, waypoints or an example"),
-        Binding("e", "text", "Edit", tooltip="the text of the mission at hand, and what is wrong in it"),
-        Binding("u", "app.move('stream')", "Upload", tooltip="streams the mission at hand"),
-        Binding("x", "withdraw", "Withdraw", show=False, tooltip="takes back what waits for contact"),
-        Binding("d", "single", "Do", tooltip="a single action, beside the mission"),
-        Binding("m", "other", "Other", tooltip="the mission on the vehicle, or the one at hand"),
-        Binding("w", "save_as", "Write as", tooltip="saves under another name, or exports (.plan, .waypoints)"),
-        Binding("n", "new", "New", show=False, tooltip="begins a new mission"),
-        Binding("c", "app.move('control')", "Control", tooltip="asks for control of the vehicle in view"),
-        Binding("escape", "graph", "Graph", tooltip="back from the text"),
+        Binding("e", "text", "Edit", tooltip="the text of the open mission, with findings"),
+        Binding("u", "app.move('stream')", "Upload", tooltip="streams the open mission"),
+        Binding("x", "withdraw", "Withdraw", show=False, tooltip="withdraws the last mission queued for contact"),
+        Binding("d", "single", "Do", tooltip="requests a single action outside the mission"),
+        Binding("m", "other", "Other", tooltip="the mission on the vehicle, or the open one"),
+        Binding("w", "save_as", "Save as", tooltip="saves under another name, or exports (.plan, .waypoints)"),
+        Binding("n", "new", "New", show=False, tooltip="creates a new mission"),
+        Binding("c", "app.move('control')", "Control", tooltip="requests control of the vehicle in view"),
+        Binding("escape", "graph", "Graph", tooltip="back to the graph"),
         Binding("ctrl+s", "save", "Save", key_display="^s"),
         Binding("ctrl+n", "finding(1)", "Next finding", key_display="^n"),
-        Binding("ctrl+b", "finding(-1)", "Finding before", key_display="^b"),
+        Binding("ctrl+b", "finding(-1)", "Previous finding", key_display="^b"),
     ]
     AUTO_FOCUS = "#graph"
 
@@ -106,7 +105,7 @@ class MissionScreen(StationScreen):
             line = text_line(draft)
         waiting = self.desk.queue.of(name) if name is not None else []
         if waiting:
-            line = (*line, Span(f"  {waiting[-1].plan.title!r} waits for contact, x withdraws it", Tone.WARN))
+            line = (*line, Span(f"  {waiting[-1].plan.title!r} is queued for contact, x withdraws it", Tone.WARN))
         self.panel("position").show([line])
         if self._is_text and draft is not None:
             text = self.query_one(MissionText)

@@ -1,4 +1,4 @@
-"""The overview: is everything all right?"""
+"""Overview: the fleet, the vehicle in view, alerts and recent events."""
 
 from functools import partial
 
@@ -27,11 +27,11 @@ from gloc3_groundstation.tui.widgets.vehicle_rows import VehicleRows
 class OverviewScreen(StationScreen):
     """The fleet, the vehicle in view with its mission, the alerts and what has just happened."""
 
-    HELP = """Is everything all right? Each vehicle has a line; ► marks the one in view, to which all keys lead. Below
-    it stand its facts, its mission, the alerts of all vehicles, and what has just happened.
+    HELP = """The state of the fleet at a glance. Each vehicle has a line; ► marks the vehicle in view, which receives
+    the commands. Below are its details, its mission, the alerts of all vehicles, and recent events.
 
-    What is shown in italics is old: it was so when the vehicle was heard last. An alert stays until it is acknowledged
-    and its cause is gone."""
+    Stale values are shown in italics: the last ones received. An alert stays until it is acknowledged and its cause is
+    gone."""
     BINDINGS = MISSION_KEYS
     AUTO_FOCUS = "#vehicles"
 

@@ -16,7 +16,7 @@ from gloc3_groundstation.tui.views.preflight import no_list_lines, preflight_hea
 from gloc3_groundstation.tui.widgets.lines import cut
 from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel, Row
 
-OVERRIDE_QUESTION: Final = "Start {} although it is not fit?\n{}\n\nSay why; it is logged with your name."
+OVERRIDE_QUESTION: Final = "Start {} although checks are red?\n{}\n\nGive a reason; it is logged with your name."
 LINE: Final = 56
 """Characters of each red line in the question."""
 SHOWN: Final = 4
@@ -26,18 +26,18 @@ SHOWN: Final = 4
 class PreflightScreen(StationScreen):
     """The list, each line ok or with what to do."""
 
-    HELP = """What is checked before every start of the vehicle in view: the autopilot and how it is set up, its failsafes
-    against the platform file, sensors, components, mission, computer, and the link. The autopilot's parameters are read
-    anew for each list; while it is shown, that is every 15 seconds.
+    HELP = """The checks before every start of the vehicle in view: autopilot and its setup, failsafes against the
+    platform file, sensors, components, mission, computer, and link. The autopilot's parameters are read again for each
+    list, every 15 seconds while it is shown.
 
-    A red line refuses the start. Do what stands behind the arrow, then look again. A start in spite of it needs a
-    reason, which is logged onboard with your name. A warning or an unknown line refuses nothing."""
+    A red line refuses the start. Follow the advice after the arrow, then refresh. Starting despite a red line needs a
+    reason, which is logged onboard with your name. Warnings and unknown lines do not refuse the start."""
     BINDINGS = [
-        Binding("r", "refresh", "Refresh", tooltip="makes the list anew"),
-        Binding("s", "app.move('start')", "Start", tooltip="the mission; it is streamed first if need be"),
-        Binding("o", "override", "Override", tooltip="starts although lines are red, with a typed reason"),
-        Binding("u", "app.move('stream')", "Upload", tooltip="streams the mission at hand"),
-        Binding("c", "app.move('control')", "Control", tooltip="asks for control of the vehicle in view"),
+        Binding("r", "refresh", "Refresh", tooltip="refreshes the list"),
+        Binding("s", "app.move('start')", "Start", tooltip="the mission; streamed first if needed"),
+        Binding("o", "override", "Override", tooltip="starts despite red lines, with a typed reason"),
+        Binding("u", "app.move('stream')", "Upload", tooltip="streams the open mission"),
+        Binding("c", "app.move('control')", "Control", tooltip="requests control of the vehicle in view"),
     ]
     AUTO_FOCUS = "#checks"
 

@@ -1,4 +1,4 @@
-"""The sensors of the vehicle in view: any of its topics, looked at for as long as this screen is shown."""
+"""Topics of the vehicle in view, subscribed to while this screen is shown."""
 
 import asyncio
 from typing import Any, Final
@@ -42,14 +42,13 @@ RATES_HZ: Final = (0.5, 1.0, 2.0, 5.0, 10.0)
 class SensorsScreen(StationScreen):
     """The topics, and the one under the cursor: its values, a plot, a picture or a plan."""
 
-    HELP = """Everything that the components of the vehicle in view tell each other. The topic under the cursor is
-    asked for, and sampled onboard at the rate that is shown, as far as the link affords it; when this screen is left,
-    nothing more is sent.
+    HELP = """All topics that the components of the vehicle in view publish. The topic under the cursor is requested,
+    and sampled onboard at the rate shown, as far as the link allows; nothing more is sent after you leave this screen.
 
-    What is typed and fits no topic of the list is asked for by its full name, such as components/pose/status.
+    A search text that matches no topic is requested as a full name, such as components/pose/status.
 
-    Hz is how often a topic speaks on the vehicle, “of” its nominal rate. Tab goes to the fields: the numbers under the
-    cursor are plotted. Pictures are made small onboard, and larger where the link carries them."""
+    Hz is the publishing rate on the vehicle, “of” the nominal rate. Tab moves to the fields: the numbers under the
+    cursor are plotted. Pictures are scaled down onboard, less so where the link has more bandwidth."""
     BINDINGS = [
         Binding("slash", "type", "Search", key_display="/", tooltip="topics by name, type or component"),
         Binding("plus,equals_sign", "rate(1)", "Faster", key_display="+", tooltip="more samples a second"),
@@ -148,7 +147,7 @@ class SensorsScreen(StationScreen):
     def _show_picture(self, preview: Preview, plot: PicturePanel) -> None:
         if not preview.is_valid or not pictures.is_loaded():
             plot.show_picture(None, preview_line(preview))
-            plot.show(text_lines(preview.reason or "the picture is being unpacked", plot.width))
+            plot.show(text_lines(preview.reason or "decoding the picture", plot.width))
             return
         drawn = preview, self.app.theme, plot.room
         if drawn != self._drawn or plot.picture is None:

@@ -36,13 +36,13 @@ PANES: Final[tuple[type[ServicePane], ...]] = (
 class ServicesScreen(StationScreen):
     """One pane a service; what is under way goes on while another one is looked at."""
 
-    HELP = """The services of the autopilot in view: PX4 and ArduPilot, with or without a companion of ours aboard.
-    Tab, or the arrows left and right, choose a service.
+    HELP = """The services of the autopilot in view: PX4 and ArduPilot, with or without a GLOC3 companion.
+    Tab, or the left and right arrow keys, choose a service.
 
-    Nothing is asked of the vehicle before a key says so. What is under way shows its progress below and goes on while
-    you look elsewhere; esc cancels it. Writing is confirmed while the vehicle is armed. A file of parameters is
-    compared with the vehicle first. ● was changed since the list was fetched, ≠ is not the firmware's default. A
-    download that was cut off goes on where it ended."""
+    Nothing is requested from the vehicle until you press a key. A running job shows its progress below and continues
+    while you use other screens; esc cancels it. Writing asks for confirmation while the vehicle is armed. A parameter
+    file is compared with the vehicle first. ● changed since the list was fetched, ≠ not the firmware's default. An
+    interrupted download resumes."""
     AUTO_FOCUS = "#parameters_list"
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding(
@@ -53,8 +53,8 @@ class ServicesScreen(StationScreen):
             tooltip="the next service; → does the same, shift+tab and ← go back",
         ),
         Binding("right", "service(1)", "Next service", show=False, priority=True),
-        Binding("shift+tab,left", "service(-1)", "Service before", show=False, priority=True),
-        Binding("escape", "back", "Cancel", show=False, tooltip="what is under way, else leaves search or comparison"),
+        Binding("shift+tab,left", "service(-1)", "Previous service", show=False, priority=True),
+        Binding("escape", "back", "Cancel", show=False, tooltip="the running job, else closes search or comparison"),
     ]
 
     _style_class: object = None

@@ -15,14 +15,14 @@ from gloc3_groundstation.tui.screens.sensors import SensorsScreen
 from gloc3_groundstation.tui.screens.services import ServicesScreen
 
 SCREENS: Final = (
-    ScreenRow("overview", "1", "Overview", "is everything all right?", OverviewScreen),
-    ScreenRow("health", "2", "Health", "every component, and where the data stops", HealthScreen),
-    ScreenRow("mission", "3", "Mission", "what is flown: tasks, actions and their states", MissionScreen),
-    ScreenRow("map", "4", "Map", "where the vehicles are, have been and should be", MapScreen),
-    ScreenRow("data", "5", "Data", "attitude, and what is against what should be over time", FlightDataScreen),
+    ScreenRow("overview", "1", "Overview", "fleet, vehicle in view, alerts and events", OverviewScreen),
+    ScreenRow("health", "2", "Health", "every component, and where the data flow stops", HealthScreen),
+    ScreenRow("mission", "3", "Mission", "tasks, actions and their states", MissionScreen),
+    ScreenRow("map", "4", "Map", "vehicles, their trails and requested paths", MapScreen),
+    ScreenRow("data", "5", "Data", "attitude, and setpoints against measured values", FlightDataScreen),
     ScreenRow("services", "6", "Services", "the autopilot's parameters, plans, logs, files, rates", ServicesScreen),
     ScreenRow("sensors", "7", "Sensors", "any topic of the vehicle: values, plots, pictures", SensorsScreen),
-    ScreenRow("preflight", "8", "Checks", "what is checked before every start, and what to do", PreflightScreen),
-    ScreenRow("events", "9", "Events", "everything that has happened", EventsScreen),
-    ScreenRow("fleet", "0", "Fleet", "all vehicles and links; orders for several; control", FleetScreen),
+    ScreenRow("preflight", "8", "Checks", "pre-flight checks, and what to do", PreflightScreen),
+    ScreenRow("events", "9", "Events", "all events, searched and exported", EventsScreen),
+    ScreenRow("fleet", "0", "Fleet", "all vehicles and links; commands to several; control", FleetScreen),
 )

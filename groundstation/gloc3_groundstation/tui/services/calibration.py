@@ -18,8 +18,8 @@ class CalibrationPane(ServicePane):
     service = ServiceKind.CALIBRATION
     detail_lines = 1
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("b", "begin", "Begin", tooltip="calibrates what is under the cursor; enter does the same"),
-        Binding("y", "measure", "Measure", tooltip="the vehicle lies as it was asked to"),
+        Binding("b", "begin", "Begin", tooltip="calibrates the sensor under the cursor; also enter"),
+        Binding("y", "measure", "Measure", tooltip="the vehicle lies as instructed"),
     ]
 
     def fill(self, vehicle: VehicleDesk) -> None:

@@ -21,9 +21,9 @@ class FilesPane(ServicePane):
     service = ServiceKind.FILES
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("f", "fetch", "List", tooltip="lists the folder again"),
-        Binding("backspace", "above", "Above", tooltip="the folder above"),
+        Binding("backspace", "above", "Above", tooltip="the parent folder"),
         Binding("d", "download", "Download", tooltip="the file under the cursor; enter does the same"),
-        Binding("u", "upload", "Upload", tooltip="a file of yours into this folder"),
+        Binding("u", "upload", "Upload", tooltip="a local file into this folder"),
         Binding("n", "new", "New folder"),
         Binding("delete", "remove", "Remove", tooltip="the file or empty folder under the cursor; asks first"),
     ]

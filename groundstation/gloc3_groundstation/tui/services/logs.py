@@ -19,10 +19,8 @@ class LogsPane(ServicePane):
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("f", "fetch", "List", tooltip="asks the vehicle which logs it has"),
         Binding("d", "download", "Download", tooltip="the log under the cursor; enter does the same"),
-        Binding(
-            "o", "pull", "Onboard", tooltip="fetches the onboard computer's logs, which it deletes when they are here"
-        ),
-        Binding("delete", "erase", "Erase all", tooltip="has the vehicle erase all its logs; asks first"),
+        Binding("o", "pull", "Onboard", tooltip="fetches the onboard computer's logs, then deletes them there"),
+        Binding("delete", "erase", "Erase all", tooltip="erases all logs of the vehicle; asks first"),
     ]
 
     def fill(self, vehicle: VehicleDesk) -> None:

@@ -36,17 +36,13 @@ class ParametersPane(ServicePane):
     detail_lines = 7
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("f", "fetch", "Fetch", tooltip="lists all parameters of the vehicle"),
-        Binding("slash", "search", "Search", tooltip="by name or title; * and ? stand for anything"),
+        Binding("slash", "search", "Search", tooltip="by name or title; * and ? are wildcards"),
         Binding("e", "edit", "Edit", tooltip="the parameter under the cursor; enter does the same"),
-        Binding("o", "open", "Load", tooltip="a file; what it would change is shown first"),
-        Binding("w", "write", "Write", tooltip="what differs from the file, but for what is left as it is"),
+        Binding("o", "open", "Load", tooltip="a file; its changes are shown first"),
+        Binding("w", "write", "Write", tooltip="the differences from the file, except excluded ones"),
         Binding("s", "save", "Save", tooltip="all parameters to .params, .parm or .param"),
-        Binding(
-            "m", "only", "Only", show=False, tooltip="those changed, those not as the firmware brings them, or all"
-        ),
-        Binding(
-            "i", "describe", "Describe", show=False, tooltip="takes titles and bounds from the vehicle or from a file"
-        ),
+        Binding("m", "only", "Only", show=False, tooltip="changed, not at default, or all parameters"),
+        Binding("i", "describe", "Describe", show=False, tooltip="loads titles and bounds from the vehicle or a file"),
     ]
 
     def __init__(self) -> None:
@@ -73,11 +69,11 @@ class ParametersPane(ServicePane):
         rows = self.rows(lambda: [Row(parameter_line(row, width), row.name) for row in found], found, width)
         if not rows:
             hints = (
-                ("No parameter is like that; esc shows all.",)
+                ("No parameter matches; esc shows all.",)
                 if table.is_complete
                 else (
                     "f fetches the parameters; over a slow radio that takes minutes.",
-                    "They are the vehicle's own: nothing is changed before you say so.",
+                    "Fetching changes nothing on the vehicle.",
                 )
             )
             rows = [Row(line) for line in hint_lines(*hints)]

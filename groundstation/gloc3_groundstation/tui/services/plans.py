@@ -19,12 +19,10 @@ class PlansPane(ServicePane):
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("f", "fetch", "Download", tooltip="mission, fence and rally points of the vehicle"),
         Binding("o", "open", "Open file", tooltip="a .plan or a file of waypoints"),
-        Binding("u", "upload", "Upload", tooltip="the file at hand; it is read back and compared"),
-        Binding("y", "verify", "Verify", tooltip="compares the vehicle's plan with the file at hand"),
+        Binding("u", "upload", "Upload", tooltip="the open file; it is read back and compared"),
+        Binding("y", "verify", "Verify", tooltip="compares the vehicle's plan with the open file"),
         Binding("s", "save", "Save", tooltip="the vehicle's plan, to .plan or .waypoints"),
-        Binding(
-            "delete", "clear", "Clear", tooltip="takes mission, fence and rally points off the vehicle; asks first"
-        ),
+        Binding("delete", "clear", "Clear", tooltip="clears mission, fence and rally points; asks first"),
     ]
 
     def fill(self, vehicle: VehicleDesk) -> None:
@@ -77,5 +75,5 @@ class PlansPane(ServicePane):
         """Clears, after a question: what is only on the vehicle is gone then."""
         if self.vehicle is not None:
             armed = " It is ARMED." if self.vehicle.is_armed else ""
-            question = f"Take mission, fence and rally points off {self.vehicle.name}?{armed}"
+            question = f"Clear mission, fence and rally points of {self.vehicle.name}?{armed}"
             self.confirm(question, "clear them", self.vehicle.plans.clear)

@@ -24,8 +24,8 @@ class RatesPane(ServicePane):
 
     service = ServiceKind.RATES
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("e", "set", "Rate", tooltip="asks for the message under the cursor at a rate; enter does the same"),
-        Binding("n", "name", "By name", tooltip="asks for a message that does not come yet"),
+        Binding("e", "set", "Rate", tooltip="requests a rate for the message under the cursor; also enter"),
+        Binding("n", "name", "By name", tooltip="requests a message that is not received yet"),
         Binding("slash", "search", "Search", tooltip="by name"),
         Binding("b", "busiest", "Busiest", tooltip="the most expensive first, or by name"),
     ]
@@ -53,7 +53,7 @@ class RatesPane(ServicePane):
             return [Row(rate_line(row, width), _key(row)) for row in ordered]
 
         rows = self.rows(make, self._table, self._text, self._is_busiest, width)
-        rows = rows or [Row(line) for line in hint_lines("Nothing like that comes from the vehicle.")]
+        rows = rows or [Row(line) for line in hint_lines("No received message matches.")]
         self.show(rates_header(width), rows, rates_title(self._table, len(found), self._text))
 
     def choose(self, key: str) -> None:
@@ -79,10 +79,10 @@ class RatesPane(ServicePane):
         """Asks for the name of a message."""
 
         def check(text: str) -> str:
-            return "" if text.strip() else "type the name of a message, as ATTITUDE, or its number"
+            return "" if text.strip() else "type the name of a message, such as ATTITUDE, or its number"
 
         self.prompt(
-            "which message?", lambda text: self._request(text.strip().upper()), hint="as ATTITUDE, or 30", check=check
+            "which message?", lambda text: self._request(text.strip().upper()), hint="ATTITUDE, or 30", check=check
         )
 
     def action_search(self) -> None:
@@ -104,7 +104,7 @@ class RatesPane(ServicePane):
         def work(text: str) -> None:
             vehicle.request_rate(name, _rate(text))
 
-        hint = "in Hz; 0: not at all; empty: as often as the vehicle does by itself"
+        hint = "in Hz; 0: off; empty: the vehicle's default rate"
         self.prompt(f"{name}: how often?", work, hint=hint, check=_wrong)
 
     @on(Input.Changed, "#rates_search")

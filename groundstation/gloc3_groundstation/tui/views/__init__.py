@@ -1,4 +1,4 @@
-"""What the screens show, as pure functions of a view: nothing here knows Textual, so that tests read it as text.
+"""The screens' content as pure functions of a view: nothing here uses Textual, so tests read it as text.
 
 Screens call them with a view and draw the lines that they return.
 """

@@ -1,4 +1,4 @@
-"""The chain from samplers to command interface, drawn, with the place where the data stops."""
+"""Drawing of the chain from samplers to command interface, marking where the data flow stops."""
 
 from collections.abc import Mapping, Sequence
 from typing import Final
@@ -51,7 +51,7 @@ def chain_lines(platform: PlatformSnapshot | None, wiring: Wiring | None, now_s:
 
 
 def wiring_lines(wiring: Wiring | None, name: str, width: int) -> list[Line]:
-    """What a component takes from whom, and gives to whom."""
+    """A component's inputs with their sources, and its outputs with their readers."""
     if wiring is None:
         return []
     lines: list[Line] = []
@@ -95,12 +95,12 @@ def _text(
         who = ", ".join(f"{each.name} is {each.health}" for each in stopped.stops)
         text, tone = f"the data stops at {stopped.kind}: {who}{_missing(starved)}", Tone.BAD
     elif starved:
-        text, tone = f"what is required works{_missing(starved)}", Tone.WARN
+        text, tone = f"all required components work{_missing(starved)}", Tone.WARN
     elif all(component.is_well or component.health is None for component in components):
         text, tone = "the data flows from end to end", Tone.GOOD
     else:
         unhealthy = ", ".join(each.name for each in components if not each.is_well and each.health is not None)
-        text, tone = f"the data flows; not required, and not well: {unhealthy}", Tone.WARN
+        text, tone = f"the data flows; optional, not well: {unhealthy}", Tone.WARN
     if is_stale:
         return (Span(cut(f" as last heard, {text}", width - 1), Tone.STALE),)
     return (Span(cut(f" {text}", width - 1), tone),)

@@ -1,4 +1,4 @@
-"""Strip charts: values over time in braille, with an axis in round steps, that change little from look to look."""
+"""Strip charts: values over time in braille, with a stable axis in round steps."""
 
 from collections.abc import Sequence
 from math import ceil, floor, log10

@@ -1,4 +1,4 @@
-"""What stands around every screen: the vehicle in view, the screens, the alert at hand, and the keys."""
+"""The frame of every screen: the vehicle in view, tabs, the current alert, and the keys."""
 
 from collections.abc import Sequence
 from typing import Final, NamedTuple
@@ -83,7 +83,7 @@ def link(view: StationView) -> Span:
     if planned is not None and platform.is_overdue(view.now_s):
         return Span(f"OVERDUE {wording.duration(view.now_s - planned.due_s)}", Tone.ALARM)
     if not platform.is_known:
-        return Span("by sound alone", Tone.WARN)
+        return Span("acoustic only", Tone.WARN)
     if platform.is_quiet_link(view.now_s):
         return Span(f"SILENT {wording.duration(platform.age_s(view.now_s))}", Tone.ALARM)
     if platform.link.loss >= wording.REPORTED_LOSS:
@@ -96,7 +96,7 @@ def control(view: StationView) -> Span:
     holder = view.platform.control.value.holder if view.platform is not None and view.platform.control else None
     requester = view.platform.control.value.requested_by if view.platform is not None and view.platform.control else ""
     if requester and view.is_in_control:
-        return Span(f"{requester} asks for control", Tone.WARN)
+        return Span(f"{requester} requests control", Tone.WARN)
     if view.is_in_control:
         return Span("in control", Tone.TEXT)
     if view.platform is not None and not view.platform.has_companion:
@@ -107,7 +107,7 @@ def control(view: StationView) -> Span:
 
 
 def tone_of(severity: Severity) -> Tone:
-    """How loud something of a severity is shown."""
+    """Tone of a severity."""
     if severity <= Severity.CRITICAL:
         return Tone.ALARM
     if severity is Severity.ERROR:
@@ -181,7 +181,7 @@ def key_at(keys: Sequence[Key], width: int, column: int) -> Key | None:
 
 def too_small_lines(width: int, height: int, needed: tuple[int, int], *, is_web: bool = False) -> list[Line]:
     """What is the matter with a small terminal, and what still works."""
-    advice = "load the page again: its letters then fit." if is_web else "enlarge it."
+    advice = "reload the page to fit its font." if is_web else "enlarge it."
     return [
         (Span(f"This terminal has {width} × {height} characters.", Tone.WARN),),
         (Span(f"The station needs {needed[0]} × {needed[1]}: {advice}"),),

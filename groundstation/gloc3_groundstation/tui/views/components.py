@@ -35,7 +35,7 @@ COLUMNS: Final = (
 
 
 def components_title(platform: PlatformSnapshot | None, now_s: float) -> str:
-    """How many are well, and who is not."""
+    """How many are well, and which are not."""
     components = platform.components(now_s) if platform is not None else ()
     if not components:
         return "components"
@@ -59,7 +59,7 @@ def component_rows(platform: PlatformSnapshot | None, now_s: float, width: int) 
     if not components:
         if platform is not None and not platform.has_companion:
             return [("", (Span(f" {text}", Tone.DIM),)) for text in wrapped(wording.bare(platform), width - 2)]
-        return [("", (Span(" asking for the components…" if platform else " no vehicle is heard", Tone.DIM),))]
+        return [("", (Span(" requesting the components…" if platform else " no vehicle is heard", Tone.DIM),))]
     table = table_of(COLUMNS, width)
     rows = []
     kind = ""
@@ -77,7 +77,7 @@ def component_lines(platform: PlatformSnapshot | None, name: str, now_s: float, 
         return []
     role = [KINDS.get(component.kind, component.kind), "required" if component.is_required else "not required"]
     if component.standby_for:
-        role.append(f"stands by for {component.standby_for}")
+        role.append(f"standby for {component.standby_for}")
     rate = f"{component.nominal_rate_hz:g} Hz" if component.nominal_rate_hz > 0.0 else ""
     pace = " when ".join(part for part in (rate, "triggered" if component.is_triggered else "") if part)
     role += [pace] if pace else []
@@ -88,14 +88,14 @@ def component_lines(platform: PlatformSnapshot | None, name: str, now_s: float, 
         lines += [(Span(f" last error{count}:", Tone.DIM),)]
         lines += [(Span(f"   {row}", tone),) for row in wrapped(component.cause, width - 4)]
     elif component.errors:
-        lines.append((Span(f" {component.errors} errors; what they were has not been sent yet", Tone.WARN),))
+        lines.append((Span(f" {component.errors} errors; details not received yet", Tone.WARN),))
     else:
         lines.append((Span(" no errors", Tone.DIM),))
     return lines
 
 
 def answer_lines(answer: ComponentReply | None, now_s: float, width: int) -> list[Line]:
-    """What became of what was asked of a component last."""
+    """Reply to the last request to a component."""
     if answer is None:
         return []
     rows = wrapped(f"{answer.requested}: {answer.text}", width - 18)

@@ -1,4 +1,4 @@
-"""What happened: one event after the other, the newest last; a table of those that fit a filter; one in full."""
+"""Events as lines, newest last; a table of those that match a filter; one in full."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -17,7 +17,7 @@ COLUMNS: Final = (
     Column("severity", 9),
     Column("vehicle", 8, rank=1, grows=1, most=16),
     Column("component", 14, grows=1, most=20),
-    Column("what happened", 30, grows=8),
+    Column("event", 30, grows=8),
 )
 SEVERITIES: Final = (Severity.DEBUG, Severity.NOTICE, Severity.WARNING, Severity.ERROR, Severity.CRITICAL)
 """What the filter can be set to, from everything to the worst."""
@@ -86,8 +86,8 @@ def event_rows(events: Sequence[FleetEvent], start_s: float, width: int) -> list
 def no_events_line(wanted: EventFilter, search: Search) -> Line:
     """Why nothing is shown."""
     if not search.is_done:
-        return (Span(" Looking…", Tone.DIM),)
-    text = "Nothing has happened yet." if wanted.is_everything else "No event fits; esc shows all."
+        return (Span(" Searching…", Tone.DIM),)
+    text = "Nothing has happened yet." if wanted.is_everything else "No event matches; esc shows all."
     return (Span(f" {text}", Tone.DIM),)
 
 

@@ -1,4 +1,4 @@
-"""What is wrong with a mission, each finding with its place."""
+"""Findings of the mission check, each with its position."""
 
 from typing import Final, NamedTuple
 
@@ -36,7 +36,7 @@ def finding_rows(draft: Draft | None, width: int) -> list[FindingRow]:
     if draft is None:
         return []
     if not draft.requested:
-        text = "nothing is wrong with it" if draft.platform else "nothing is wrong with the file itself"
+        text = "no findings" if draft.platform else "no findings in the file itself"
         return [FindingRow((Span(f" {text}", Tone.GOOD),), -1)]
     rows: list[FindingRow] = []
     for index, finding in enumerate(draft.requested):

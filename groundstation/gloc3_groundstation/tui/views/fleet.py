@@ -1,4 +1,4 @@
-"""The fleet in lines: its vehicles with marks, who controls the one in view, and the links with what passes on them."""
+"""The fleet as lines: vehicles with marks, control of the one in view, and links with their traffic."""
 
 from collections.abc import Container, Sequence
 from typing import Final
@@ -64,8 +64,8 @@ def fleet_title(view: StationView, marked: Sequence[str]) -> str:
     """How many vehicles there are, and whom orders go to."""
     count = counted(len(view.fleet.platforms), "vehicle")
     if marked:
-        return f"{count}: orders go to {', '.join(marked)}"
-    return f"{count}: orders go to {view.platform.name}" if view.platform is not None else count
+        return f"{count}: commands go to {', '.join(marked)}"
+    return f"{count}: commands go to {view.platform.name}" if view.platform is not None else count
 
 
 def control_lines(view: StationView, possible: Container[ControlVerb]) -> list[Line]:
@@ -80,7 +80,7 @@ def control_lines(view: StationView, possible: Container[ControlVerb]) -> list[L
     held = f" {wording.holder(platform, view.station)}"
     spans = [Span(held, stale or (Tone.GOOD if view.is_in_control else Tone.WARN))]
     if requester:
-        whose = "this station has asked for it" if requester == view.station else f"station {requester} asks for it"
+        whose = "this station has requested it" if requester == view.station else f"station {requester} requests it"
         spans.append(Span(f"; {whose}", stale or Tone.WARN))
     keys = [
         (key, label)
@@ -112,7 +112,7 @@ def link_lines(link: LinkSnapshot, width: int) -> list[Line]:
 def link_line(link: LinkSnapshot, width: int) -> Line:
     """One link."""
     is_lost = bool(link.problem) and not link.is_connected
-    behind = ", ".join((*link.platforms, *link.received)) or ("nobody is heard" if link.is_connected else "nobody yet")
+    behind = ", ".join((*link.platforms, *link.received)) or ("no system heard" if link.is_connected else "none yet")
     tone = Tone.WARN if link.refusals else Tone.TEXT if link.platforms or link.received else Tone.DIM
     if remark := link.note():
         behind = f"{remark}; {behind}" if link.refusals else f"{behind}; {remark}"

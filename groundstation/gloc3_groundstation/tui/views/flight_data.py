@@ -1,4 +1,4 @@
-"""Flight data: attitude and the other values of now, and strip charts of what should be against what is."""
+"""Flight data: attitude and current values, and strip charts of setpoints against measured values."""
 
 from collections.abc import Sequence
 from math import isnan, sqrt
@@ -85,7 +85,7 @@ def charts(
         height: lines.
     """
     if track is None:
-        return [(Span(" nothing is known of this vehicle yet", Tone.STALE),)]
+        return [(Span(" no data from this vehicle yet", Tone.STALE),)]
     columns = 2 if width >= TWO_COLUMNS else 1
     each = (width - 3 * (columns - 1)) // columns
     rows = CHARTS[first : first + shown_charts(width, height)]
@@ -159,13 +159,13 @@ def charts_title(track: Track | None, end_s: float, now_s: float, window_s: floa
     span, stale_s = duration(window_s), silent_s(track, now_s) if track is not None else 0.0
     if is_frozen:
         return f"{span}, FROZEN {duration(max(0.0, now_s - end_s))} ago"
-    return f"last {span}" + (f", nothing new for {duration(stale_s)}" if stale_s else "")
+    return f"last {span}" + (f", no data for {duration(stale_s)}" if stale_s else "")
 
 
 def attitude_lines(view: StationView, track: Track | None, width: int, height: int) -> list[Line]:
     """The horizon, and the values of now."""
     if track is None or track.latest_s is None:
-        return [(Span(" nothing is known yet", Tone.STALE),)]
+        return [(Span(" no data yet", Tone.STALE),)]
     latest, is_stale = track.latest, view.now_s - track.latest_s >= STALE_S
     values = {channel: float(latest[channel]) for channel in TrackChannel}
     snapshot = _figures(view, values)

@@ -1,4 +1,4 @@
-"""The hosts of a platform: how each stands, its processes, its clock, its load, and what ended last."""
+"""The hosts of a platform: state, processes, clock, load, and the last process exit."""
 
 from typing import Final
 
@@ -14,7 +14,7 @@ COLUMNS: Final = (
     Column("load", 5, is_right=True),
     Column("clock", 24, rank=2),
     Column("version", 12, rank=3),
-    Column("ended last", 18, rank=1, grows=4),
+    Column("last exit", 18, rank=1, grows=4),
 )
 UNKNOWN_MS: Final = 65_535
 BUSY_PERCENT: Final = 100
@@ -49,7 +49,7 @@ def _line(table: FittedTable, line: HostLine, words: HostWords, age_s: float) ->
     is_stale = age_s >= STALE_AFTER_S[HostSummary]
     rest = Tone.STALE if is_stale else None
     restarts = f", {line.restarts}× anew" if line.restarts else ""
-    away = f"{line.away} of {line.processes + line.away} away" if line.away else f"{line.processes} up"
+    away = f"{line.away} of {line.processes + line.away} down" if line.away else f"{line.processes} up"
     return table.line(
         [
             Span(words.name, rest or Tone.TEXT),

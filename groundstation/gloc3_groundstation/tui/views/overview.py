@@ -1,4 +1,4 @@
-"""The fleet at a glance: a line for each vehicle, what is worth knowing of the one in view, and the alerts."""
+"""The fleet at a glance: a line for each vehicle, details of the one in view, and the alerts."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -79,7 +79,7 @@ def detail_lines(view: StationView) -> list[Line]:
     ]
     timed = platform.vehicle
     if timed is None:
-        snapshot.append(("vehicle", Span("nothing is known of it yet", Tone.STALE)))
+        snapshot.append(("vehicle", Span("no data yet", Tone.STALE)))
     else:
         vehicle = timed.value
         stale = Tone.STALE if timed.is_stale(now_s) else None
@@ -157,7 +157,7 @@ def link_span(platform: PlatformSnapshot, now_s: float) -> Span:
     if platform.is_overdue(now_s):
         return Span("OVERDUE", Tone.BAD)
     if not platform.is_known:
-        return Span("by sound", Tone.WARN)
+        return Span("acoustic", Tone.WARN)
     if platform.is_quiet_link(now_s):
         return Span(f"silent {wording.roughly(platform.age_s(now_s))}", Tone.BAD)
     if platform.link.loss >= wording.REPORTED_LOSS:
@@ -173,7 +173,7 @@ def link_detail(view: StationView, platform: PlatformSnapshot) -> Span:
     if planned is not None and platform.is_overdue(view.now_s):
         return Span(f"OVERDUE by {wording.duration(view.now_s - planned.due_s)}", Tone.BAD)
     if not platform.is_known:
-        return Span("nothing is heard but by sound", Tone.WARN)
+        return Span("acoustic messages only", Tone.WARN)
     if platform.is_quiet_link(view.now_s):
         return Span(f"silent for {wording.duration(platform.age_s(view.now_s))}", Tone.BAD)
     loss, trip_s = platform.link.loss, view.round_trip_s
@@ -195,7 +195,7 @@ def _silence_figures(platform: PlatformSnapshot, now_s: float) -> list[tuple[str
     if platform.acoustic is not None and reported:
         place, doing, *more = reported
         snapshot += [
-            ("by sound", Span(place, Tone.TEXT)),
+            ("acoustic", Span(place, Tone.TEXT)),
             ("", Span(f"{wording.roughly(platform.acoustic.age_s(now_s))} ago: {doing}", Tone.TEXT)),
             *([("", Span(", ".join(more), Tone.TEXT))] if more else []),
         ]
@@ -287,7 +287,7 @@ def _source(vehicle: VehicleSummary, stale: Tone | None) -> Span:
     quality = vehicle.pose_quality_percent
     tone = Tone.TEXT if vehicle.is_pose_valid and quality >= GOOD_PERCENT else Tone.WARN if quality > 0 else Tone.BAD
     if quality < 0:
-        return Span("not told", stale or Tone.DIM)
+        return Span("not reported", stale or Tone.DIM)
     return Span(f"{' + '.join(vehicle.pose_sources) or 'nothing'}, quality {quality} %", stale or tone)
 
 

@@ -1,4 +1,4 @@
-"""The pre-flight list in lines: verdict, what was found, and below it what to do."""
+"""The pre-flight list as lines: verdict, finding, and advice below it."""
 
 from collections.abc import Mapping
 from typing import Final, NamedTuple
@@ -21,7 +21,7 @@ GROUP: Final = 11
 VERDICT: Final = 10
 NAME: Final = 20
 NOT_LOADED: Final = f"{Group.MISSION}: loaded"
-STREAM_IT: Final = "u streams the mission at hand"
+STREAM_IT: Final = "u streams the open mission"
 OPEN_ONE: Final = "open one: 3, then o"
 STALE_S: Final = 60.0
 """An older list is shown as what it is: old."""
@@ -38,7 +38,7 @@ def preflight_title(checks: CheckList) -> str:
     """How it stands, and how old that is."""
     if checks.age_s is None:
         return "checks"
-    requesting = ", being made anew…" if checks.is_requesting else ""
+    requesting = ", refreshing…" if checks.is_requesting else ""
     return f"checks: {summary(checks.checks)}, {duration(checks.age_s)} ago{requesting}"
 
 
@@ -56,20 +56,20 @@ def preflight_headline(
     if platform is None or checks is None:
         return EMPTY
     if not platform.has_companion:
-        return (Span(f" {platform.name} has no companion of ours, which would make the list", Tone.WARN),)
+        return (Span(f" {platform.name} has no GLOC3 companion, which provides the list", Tone.WARN),)
     if checks.problem:
         lack = "no list" if checks.age_s is None else "no newer list"
         return (Span(cut(f" {lack}: {checks.problem}", width), Tone.WARN),)
     if checks.age_s is None:
-        return (Span(f" {platform.name} is asked for its list…", Tone.DIM),)
+        return (Span(f" {platform.name}: requesting its list…", Tone.DIM),)
     bad = red(checks.checks)
     vehicle = platform.vehicle
     if vehicle is not None and vehicle.value.is_armed:
-        return (Span(" it is armed: this is how it stands now; nothing is refused in the air", Tone.DIM),)
+        return (Span(" armed: this is the current state; nothing is refused in the air", Tone.DIM),)
     if bad:
         lines = "1 line is red" if len(bad) == 1 else f"{len(bad)} lines are red"
         refused = Span(f" {lines}: the start is refused", Tone.BAD)
-        override = Span("   o", Tone.KEY), Span(" starts all the same, and is logged")
+        override = Span("   o", Tone.KEY), Span(" starts anyway, and is logged")
         return (refused, *override) if can_start else (refused,)
     if not can_start:
         return (Span(" nothing is red", Tone.GOOD), Span("   there is no mission to start now", Tone.DIM))
@@ -80,7 +80,7 @@ def no_list_lines(platform: PlatformSnapshot, problem: str, width: int) -> list[
     """What to do where there is no list."""
     if not platform.has_companion:
         advice = (
-            "Its autopilot is heard alone. Look at it with the screen Services, or, on the computer that is connected "
+            "Only its autopilot is heard. Use the screen Services, or, on the computer that is connected "
             "to it, with: gloc3 doctor PLATFORM --autopilot URL"
         )
         return [(Span(f" {text}", Tone.TEXT),) for text in wrapped(advice, max(20, width - 2))]

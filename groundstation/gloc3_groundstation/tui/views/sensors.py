@@ -70,10 +70,10 @@ def topic_rows(
 def no_topics_lines(entries: Sequence[TopicEntry], wanted: str, problem: str, width: int) -> list[Line]:
     """Why no topic is shown; the first line stands for what is asked for by its name."""
     if entries:
-        return [(Span(f" {wanted}"),), *text_lines("not in the list, asked for by its name", width)]
+        return [(Span(f" {wanted}"),), *text_lines("not listed, requested by name", width)]
     if problem:
         return text_lines(problem, width, Tone.WARN)
-    return text_lines("asking which topics there are…", width)
+    return text_lines("requesting the list of topics…", width)
 
 
 def sight_line(sight: Sight, wanted_hz: float, now_s: float, width: int) -> Line:
@@ -81,10 +81,10 @@ def sight_line(sight: Sight, wanted_hz: float, now_s: float, width: int) -> Line
     if sight.problem:
         return (Span(cut(f" {sight.problem}", width), Tone.WARN),)
     if sight.envelope is None:
-        return (Span(" nothing has come yet", Tone.DIM),)
+        return (Span(" nothing received yet", Tone.DIM),)
     age_s = now_s - sight.received_s
     is_stale = age_s > max(STALE_S, 3.0 / wanted_hz)
-    speaks = f" speaks {sight.source_rate_hz:.1f} Hz, seen {sight.rate_hz:.1f} of {wanted_hz:g} Hz"
+    speaks = f" publishes {sight.source_rate_hz:.1f} Hz, received {sight.rate_hz:.1f} of {wanted_hz:g} Hz"
     age = f"{wording.duration(age_s)} ago" if age_s >= 1.0 else "now"
     return spread(
         (Span(speaks, Tone.STALE if is_stale else Tone.DIM),),
@@ -114,7 +114,7 @@ def plot_lines(series: Sequence[tuple[float, tuple[float, ...]]], width: int, he
         height: lines.
     """
     if len(series) < 2 or height < 2:
-        return [(Span(" a plot follows when more has come" if height >= 1 else "", Tone.DIM),)]
+        return [(Span(" waiting for more samples to plot" if height >= 1 else "", Tone.DIM),)]
     count = min(len(series[-1][1]), max(1, height // 2))
     lines: list[Line] = []
     for index in range(count):
@@ -130,7 +130,7 @@ def plot_lines(series: Sequence[tuple[float, tuple[float, ...]]], width: int, he
 def scan_lines(points_ne_m: Sequence[tuple[float, float]], width: int, height: int) -> list[Line]:
     """What a scanner has hit, seen from above: north is up, the same scale both ways."""
     if not points_ne_m or height < 2:
-        return [(Span(" nothing was hit", Tone.DIM),)]
+        return [(Span(" no hits", Tone.DIM),)]
     canvas = CellCanvas(max(1, width), height - 1)
     across_dots, down_dots = canvas.size
     north = [point[0] for point in points_ne_m]

@@ -1,4 +1,4 @@
-"""What an operator sees who steers by hand: whether it is live, what is asked for, wanted and measured."""
+"""Teleoperation as lines: whether it is live, and requested, wanted and measured speeds."""
 
 from math import inf
 from typing import Final, NamedTuple
@@ -29,20 +29,20 @@ class TeleoperationView(NamedTuple):
 
 
 def state_line(platform: PlatformSnapshot | None, helm: TeleoperationView, now_s: float) -> Line:
-    """One word that tells everything: whether the vehicle follows now."""
+    """The state in a word or two: whether the vehicle follows now."""
     reported = _reported(platform, now_s)
     if not helm.is_begun:
-        return (Span("NOT BEGUN", Tone.STRONG), Span("  enter asks the vehicle to be steered by hand", Tone.DIM))
+        return (Span("NOT BEGUN", Tone.STRONG), Span("  enter requests teleoperation", Tone.DIM))
     if reported is None:
-        return (Span("NOT HEARD", Tone.ALARM), Span(f"  it rests {EXPIRES_S:g} s after the last demand", Tone.DIM))
+        return (Span("NOT HEARD", Tone.ALARM), Span(f"  it stops {EXPIRES_S:g} s after the last demand", Tone.DIM))
     is_ours = reported.session == helm.session
     if reported.is_live and is_ours:
-        note = "let go" if not helm.is_kept else reported.reason
+        note = "released" if not helm.is_kept else reported.reason
         return (Span("LIVE", Tone.GOOD), Span(f"  {note}" if note else "", Tone.WARN if reported.reason else Tone.DIM))
     if helm.is_kept:
         who = "" if is_ours or reported.session == 0 else ": it follows another session"
         return (Span("NOT FOLLOWED", Tone.ALARM), Span(f"  {reported.reason or 'it does not follow'}{who}", Tone.WARN))
-    return (Span("AT REST", Tone.WARN), Span("  hold enter to go", Tone.DIM))
+    return (Span("AT REST", Tone.WARN), Span("  hold enter to move", Tone.DIM))
 
 
 def helm_lines(
@@ -83,7 +83,7 @@ def _link_line(platform: PlatformSnapshot | None, round_trip_s: float | None, no
     age_s = platform.age_s(now_s) if platform is not None else inf
     text = "never heard" if age_s == inf else f"heard {age_s:.1f} s ago"
     if round_trip_s is not None:
-        text += f", there and back {round_trip_s * 1000.0:.0f} ms"
+        text += f", round trip {round_trip_s * 1000.0:.0f} ms"
     return (Span(f"link: {text}", Tone.BAD if age_s > REPORTED_S else Tone.DIM),)
 
 

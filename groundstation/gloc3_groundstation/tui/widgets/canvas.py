@@ -1,4 +1,4 @@
-"""A raster of braille dots with text on it: lines, areas and ellipses in, lines of spans out; clipped, and told no time.
+"""A raster of braille dots with text: draws lines, areas and ellipses, clipped, and gives lines of spans.
 
 A cell of the terminal holds 2 × 4 dots and one tone, that of what was drawn in it last. Coordinates are dots from the
 upper left corner, x to the right, y down; a dot is about as wide as it is high. NaN parts a line.

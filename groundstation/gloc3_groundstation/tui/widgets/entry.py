@@ -1,4 +1,4 @@
-"""A dialogue that asks for one line of text, says what is known about it, and keeps what is wrong from being entered."""
+"""Dialogue that asks for one line of text, shows what is known about it, and refuses invalid input."""
 
 from collections.abc import Callable, Sequence
 
@@ -50,11 +50,11 @@ class TextEntry(ModalScreen[str | None]):
         """Says in the border what this is, and how to leave it."""
         sheet = self.query_one(Vertical)
         sheet.border_title = self._title
-        sheet.border_subtitle = "enter takes it, esc leaves it"
+        sheet.border_subtitle = "enter confirms, esc cancels"
         self.query_one(Input).focus()
 
     def on_resize(self) -> None:
-        """Breaks the lines anew."""
+        """Wraps the lines again."""
         self.call_after_refresh(self._fill)
 
     def on_input_changed(self, event: Input.Changed) -> None:

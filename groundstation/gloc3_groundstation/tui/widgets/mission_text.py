@@ -1,4 +1,4 @@
-"""The text of a mission beside what is wrong in it; the cursor goes from finding to finding."""
+"""The text of a mission beside its findings; the cursor goes from finding to finding."""
 
 from textual import on
 from textual.app import ComposeResult

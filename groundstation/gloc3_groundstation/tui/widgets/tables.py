@@ -1,4 +1,4 @@
-"""Tables in lines: columns that keep their place, grow with the terminal, and give way in a stated order."""
+"""Tables as lines: columns keep their place, grow with the terminal, and are dropped in a given order."""
 
 from collections.abc import Sequence
 from functools import lru_cache

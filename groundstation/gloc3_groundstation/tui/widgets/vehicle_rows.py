@@ -1,4 +1,4 @@
-"""The rows of a list of vehicles, made only where something has changed: a key is answered at once among a hundred."""
+"""Rows of a list of vehicles, rebuilt only where something has changed, to stay fast with 100 vehicles."""
 
 from collections.abc import Callable
 from typing import Final

@@ -1,4 +1,4 @@
-"""Pose fusion: one pose from inertial measurements, odometers, an external tracker and a height, whichever are there.
+"""Pose fusion: one pose from an IMU, odometers, an external tracker and a height, whichever are available.
 
 `pose_fusion` is the estimator, `settings` what can be set; the rest are its parts.
 """

@@ -1,4 +1,7 @@
-"""The first attitude: level by gravity while the body stands still, heading as it is told."""
+"""Initial alignment at rest: roll and pitch from gravity, heading as declared.
+
+Source: Groves, *Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems*, 2nd edition, 2013, 5.6.
+"""
 
 from math import asin, atan2, sqrt
 from typing import Final, NamedTuple
@@ -15,7 +18,7 @@ _SHARE: Final = 0.1
 
 
 class StartPose(NamedTuple):
-    """Where the body is believed to be before anything was measured, by its declaration or by the autopilot."""
+    """Initial pose before any measurement, as declared or as the autopilot reports it."""
 
     state: InertialState
     position_std_m: float
@@ -25,7 +28,7 @@ class StartPose(NamedTuple):
 
 
 class RestMonitor:
-    """Tells from when on the body no longer stands still where it was aligned; that it moves once is for good."""
+    """Detects the first motion after alignment; once the body has moved, it no longer counts as standing."""
 
     def __init__(self) -> None:
         self.is_standing = False
@@ -34,13 +37,13 @@ class RestMonitor:
         self._rate: Vector3 = (0.0, 0.0, 0.0)
 
     def begin(self, force: Vector3) -> None:
-        """It stands, and feels this specific force."""
+        """Starts at rest with this specific force."""
         self.is_standing = True
         self._force_m_s2 = self._mean_m_s2 = sqrt(sum(value * value for value in force))
         self._rate = (0.0, 0.0, 0.0)
 
     def add(self, rate_frd_rad_s: Vector3, force: Vector3) -> None:
-        """Takes a sample in, its rate without the bias."""
+        """Adds a sample, its rate already corrected for bias."""
         if not self.is_standing:
             return
         size = sqrt(sum(value * value for value in force))
@@ -53,7 +56,7 @@ class RestMonitor:
 
 
 class RestAlignment:
-    """Averages the inertial unit while nothing moves."""
+    """Averages IMU samples while the body is at rest."""
 
     def __init__(self) -> None:
         self._restart(0.0)
@@ -64,8 +67,9 @@ class RestAlignment:
         self._force = self._rate = (0.0, 0.0, 0.0)
 
     def add(self, rate: Vector3, force: Vector3, t_s: float) -> bool:
-        """Takes a sample in; true when enough were taken at rest."""
+        """Adds a sample; true once there are enough at rest."""
         size = sqrt(sum(value * value for value in force))
+        # Gate: at rest while |w| and ||f| - g| are within their limits; else averaging restarts.
         if sum(value * value for value in rate) > _STILL_RAD_S**2 or abs(size - GRAVITY_M_S2) > _STILL_M_S2:
             self._restart(t_s)
             return False
@@ -85,12 +89,14 @@ class RestAlignment:
         return (x / self._count, y / self._count, z / self._count)
 
     def state(self, start: InertialState, t_s: float) -> tuple[InertialState, Vector3]:
-        """The state at rest, with the position and heading of `start`; and the gyroscopes' bias."""
+        """The aligned state, with the position and heading of `start`, and the gyroscope bias."""
         fx, fy, fz = self._force
+        # Leveling: at rest f = R^T (0, 0, -g): sin(pitch) = f_x / |f|, roll = atan2(-f_y, -f_z) (Groves 2013, 5.6).
         pitch = asin(max(-1.0, min(1.0, fx / sqrt(fx * fx + fy * fy + fz * fz))))
         roll = atan2(-fy, -fz)
         w, x, y, z = start.ned_from_frd
         heading = atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
         p, q, r = self._rate
+        # Gyroscope bias: the mean rate at rest; the Earth's rotation, 7.3e-5 rad/s, stays in it.
         bias = (p / self._count, q / self._count, r / self._count)
         return InertialState(t_s, start.position_ned_m, (0.0, 0.0, 0.0), from_euler(roll, pitch, heading)), bias

@@ -4,6 +4,8 @@ The error of the nominal state is (position 3, velocity 3, rotation vector 3, gy
 level of the floor 1), all but the biases in NED: true rotation = exp(error) @ believed rotation. Behind it stand
 the clones, six errors each (position, rotation) of a pose of the past (Roumeliotis and Burdick, *Stochastic Cloning*,
 ICRA 2002). The mean of the error is always zero: what an update finds is given back, for the nominal state to take.
+Sources: Solà, *Quaternion kinematics for the error-state Kalman filter*, 2017; Bar-Shalom, Li and Kirubarajan,
+*Estimation with Applications to Tracking and Navigation*, 2001.
 """
 
 from collections.abc import Callable
@@ -34,7 +36,7 @@ def skew(vector: Vector3) -> Matrix:
 
 
 def past_pose(age_s: float, ned_from_frd: Matrix, velocity_change_m_s: Vector3, distance_m: Vector3) -> Matrix:
-    """How the error of a pose that is `age_s` old follows from the error now, shape (6, 16).
+    """Jacobian of the error of a pose `age_s` ago by the error now, shape (6, 16).
 
     Args:
         age_s: how long ago.
@@ -45,6 +47,7 @@ def past_pose(age_s: float, ned_from_frd: Matrix, velocity_change_m_s: Vector3, 
     jacobian = np.zeros((CLONE, SIZE))
     jacobian[0, 0] = jacobian[1, 1] = jacobian[2, 2] = 1.0
     jacobian[3, 6] = jacobian[4, 7] = jacobian[5, 8] = 1.0
+    # dp(t - a) = dp - a dv + [d - a u]x dtheta - a^2/2 R db_a, dtheta(t - a) = dtheta + a R db_g.
     if age_s > 1e-6:
         jacobian[0, 3] = jacobian[1, 4] = jacobian[2, 5] = -age_s
         (x, y, z), (u, v, w) = distance_m, velocity_change_m_s
@@ -74,12 +77,12 @@ class ErrorState:
         return SIZE + CLONE * len(self.clones)
 
     def reset(self, deviations: Matrix) -> None:
-        """Begins with independent errors of these standard deviations, shape (16,), and no clones."""
+        """Starts with independent errors of these standard deviations, shape (16,), and no clones."""
         self.covariance = np.diag(deviations**2)
         self.clones = []
 
     def inflate(self, part: slice, std: float) -> None:
-        """Adds an error of its own to each row of a part."""
+        """Adds an independent error to each row of a part."""
         rows = range(self.size)[part]
         self.covariance[rows, rows] += std * std
 
@@ -91,7 +94,7 @@ class ErrorState:
         noise: tuple[float, float, float, float],
         floor_m2: float,
     ) -> None:
-        """Lets a time pass.
+        """Propagates the covariance over a time step.
 
         Args:
             duration_s: how long.
@@ -101,6 +104,7 @@ class ErrorState:
             floor_m2: what the floor's level gains in variance.
         """
         dt = duration_s
+        # Jacobian F of dv' = -[R f]x dtheta - R db_a, dtheta' = -R db_g (global angular error: Solà 2017, ch. 7).
         lever, turned = -dt * skew(force_ned_m_s2), -dt * ned_from_frd
         transition = _UNCHANGED.copy()
         transition[0, 3] = transition[1, 4] = transition[2, 5] = dt
@@ -108,6 +112,7 @@ class ErrorState:
         transition[VELOCITY, ROTATION] = lever
         transition[POSITION, ACCELEROMETER] = 0.5 * dt * turned
         transition[VELOCITY, ACCELEROMETER] = transition[ROTATION, GYROSCOPE] = turned
+        # Noise Q over dt: white rate and force noise, integrated; random walks of the biases and the floor.
         gyroscope, accelerometer, gyroscope_walk, accelerometer_walk = noise
         q = accelerometer * accelerometer * dt
         growth = np.zeros((SIZE, SIZE))
@@ -117,16 +122,18 @@ class ErrorState:
         diagonal[GYROSCOPE], diagonal[ACCELEROMETER] = gyroscope_walk**2 * dt, accelerometer_walk**2 * dt
         diagonal[FLOOR] = floor_m2
         growth[0, 3] = growth[1, 4] = growth[2, 5] = growth[3, 0] = growth[4, 1] = growth[5, 2] = 0.5 * q * dt
+        # Predict: P <- F P F^T + Q (Solà 2017, 5.4), after making P symmetric.
         whole = self.covariance = 0.5 * (self.covariance + self.covariance.T)
         own = whole[:SIZE, :SIZE]
         _, whole[:SIZE, :SIZE] = self._predict(_NO_ERROR, own, transition, growth)
         if self.clones:
+            # Clones stand still; only their correlation changes: P_xc <- F P_xc.
             cross = transition @ whole[:SIZE, SIZE:]
             whole[:SIZE, SIZE:] = cross
             whole[SIZE:, :SIZE] = cross.T
 
     def clone(self, name: str, jacobian: Matrix, noise: Matrix) -> None:
-        """Remembers a pose under a name, in place of the one that had it.
+        """Stores a pose as a clone, replacing any of the same name.
 
         Args:
             name: whose it is.
@@ -134,6 +141,7 @@ class ErrorState:
             noise: covariance of what is added to it, (6, 6).
         """
         self.drop(name)
+        # Augment: P <- [[P, P J^T], [J P, J P J^T + N]] (stochastic cloning, Roumeliotis and Burdick 2002).
         previous, n = self.covariance, self.size
         whole = np.empty((n + CLONE, n + CLONE))
         whole[:n, :n] = previous
@@ -145,7 +153,7 @@ class ErrorState:
         self.clones.append(name)
 
     def drop(self, name: str) -> None:
-        """Forgets a clone, if there is one."""
+        """Removes a clone, if there is one."""
         if name in self.clones:
             first = self.place_of(name)
             keep = np.r_[0:first, first + CLONE : self.size]
@@ -164,17 +172,19 @@ class ErrorState:
 
     def test(self, residual: Matrix, rows: Matrix, noise: Matrix) -> float:
         """Normalised innovation squared of a residual (m,) with its Jacobian (m, size) and covariance (m, m)."""
+        # Innovation: r^T S^-1 r, S = H P H^T + R, by Cholesky (Bar-Shalom, Li, Kirubarajan 2001, 5.4).
         _, solved, problem = self._solve(rows @ self.covariance @ rows.T + noise, residual)
         return float(residual @ solved) if problem == 0 else inf
 
     def update(self, residual: Matrix, rows: Matrix, noise: Matrix) -> Matrix:
-        """Takes a measurement in; gives the error that was found, shape (size,)."""
+        """Applies a measurement update; returns the estimated error, shape (size,)."""
+        # Update: K = P H^T S^-1, dx = K r, P <- (I - K H) P (I - K H)^T + K R K^T (Joseph form).
         found, covariance = self._update(np.zeros(self.size), self.covariance, residual, noise, rows)
         self.covariance = covariance
         return np.asarray(found, dtype=np.float64)
 
     def copy_floor(self, variance_m2: float) -> None:
-        """The floor is anew at the measured distance below: its error is that of the height and of the measurement."""
+        """Resets the floor to the measured distance below; its error is that of the height and of the range."""
         whole = self.covariance
         whole[FLOOR, :] = whole[2, :]
         whole[:, FLOOR] = whole[:, 2]

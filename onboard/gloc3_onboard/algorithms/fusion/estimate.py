@@ -43,7 +43,7 @@ _TILT_STD_RAD, _VELOCITY_STD_M_S, _GYRO_BIAS_STD, _FORCE_BIAS_STD = 0.008, 0.02,
 
 
 class Past(NamedTuple):
-    """A pose of the past, and how its error follows from the error now."""
+    """A past pose, with the Jacobian of its error by the error now."""
 
     state: InertialState
     jacobian: Matrix
@@ -52,7 +52,7 @@ class Past(NamedTuple):
 
 
 class PoseEstimate:
-    """State, biases, floor and covariance; and the poses of the past that are remembered as clones."""
+    """Nominal state, biases, floor level and covariance, and past poses kept as clones."""
 
     def __init__(self, settings: FusionSettings) -> None:
         self.inertial: Final = Inertial()
@@ -82,11 +82,11 @@ class PoseEstimate:
 
     @property
     def t_s(self) -> float:
-        """The time that it stands for."""
+        """Time of validity of the estimate."""
         return self.inertial.now.t_s
 
     def begin(self, start: StartPose, state: InertialState, gyroscope_bias: Vector3) -> None:
-        """Begins at a state."""
+        """Starts at a state."""
         self.inertial.gyroscope_bias_rad_s = gyroscope_bias
         self.inertial.accelerometer_bias_m_s2 = (0.0, 0.0, 0.0)
         self.inertial.place(state)
@@ -108,7 +108,7 @@ class PoseEstimate:
     # --- time ---
 
     def move(self, rate: Vector3, force: Vector3, t_s: float, *, is_blind: bool = False) -> None:
-        """Moves on with the mean rate and specific force until `t_s`; blind where these are only supposed."""
+        """Propagates to `t_s` with the mean rate and specific force; blind where these are assumed."""
         duration_s = t_s - self.t_s
         is_blind = is_blind or duration_s > LONGEST_S
         if is_blind != self._is_blind:
@@ -128,8 +128,9 @@ class PoseEstimate:
             self.predict()
 
     def coast(self, t_s: float, rate_frd_rad_s: Vector3 | None = None) -> None:
-        """Moves on without the inertial unit, at constant velocity, and with a rate that another tells or none."""
+        """Propagates without the IMU at constant velocity, with another source's turn rate or none."""
         now = self.inertial.now
+        # Constant velocity: assume f = R^T (0, 0, -g), and add the biases that the integration subtracts.
         level = rotate_back(now.ned_from_frd, (0.0, 0.0, -GRAVITY_M_S2))
         fx, fy, fz = (f + b for f, b in zip(level, self.inertial.accelerometer_bias_m_s2, strict=True))
         p, q, r = self.inertial.gyroscope_bias_rad_s
@@ -143,12 +144,12 @@ class PoseEstimate:
         self.sound_s = max(self.sound_s, t_s - _BLIND_PAST_S)
 
     def jolt(self, std_m_s: float) -> None:
-        """The velocity has changed by something that nobody has measured."""
+        """Inflates the velocity covariance after an unmeasured change."""
         self.predict()
         self.errors.inflate(VELOCITY, std_m_s)
 
     def predict(self) -> None:
-        """Brings the covariance to the present, where the state always is.
+        """Propagates the covariance to the time of the nominal state.
 
         One that stays behind when a measurement comes is of a body that stood elsewhere: then measurements of motion alone
         seem to tell a heading, which nobody knows.
@@ -169,17 +170,19 @@ class PoseEstimate:
         self._distance_m = 0.0
 
     def past(self, t_s: float) -> Past:
-        """The pose of a moment that the inertial solution knows."""
+        """The pose at a past time that the inertial solution covers."""
         state, now = self.inertial.at(t_s), self.inertial.now
         age_s = now.t_s - t_s
         if age_s < 1e-6:
             return Past(now, past_pose(0.0, _UNTURNED, _NONE, _NONE))
         if self._is_blind:
+            # Blind: white acceleration noise s gives s^2 t^3 / 3 in position, white rate noise w gives w^2 t in angle.
             place, angle = _BLIND[1] ** 2 * age_s**3 / 3.0, self._blind_turn**2 * age_s
             noise = np.array((place, place, place, angle, angle, angle))
             return Past(state, past_pose(age_s, _NOTHING, _NONE, _NONE), noise)
         (vn, ve, vd), (un, ue, ud) = now.velocity_ned_m_s, state.velocity_ned_m_s
         (pn, pe, pd), (qn, qe, qd) = now.position_ned_m, state.position_ned_m
+        # Integrals of the specific force since then: u = v - v_then - g a, d = p - p_then - v_then a - g a^2/2.
         fall = GRAVITY_M_S2 * age_s
         change = (vn - un, ve - ue, vd - ud - fall)
         way = (pn - qn - un * age_s, pe - qe - ue * age_s, pd - qd - ud * age_s - 0.5 * fall * age_s)
@@ -188,7 +191,7 @@ class PoseEstimate:
     # --- measurements ---
 
     def remember(self, name: str, t_s: float) -> None:
-        """Makes a clone of a past pose under a name."""
+        """Clones a past pose under a name."""
         self.predict()
         past = self.past(t_s)
         noise = np.zeros((CLONE, CLONE)) if past.noise is None else np.diag(past.noise)
@@ -203,7 +206,8 @@ class PoseEstimate:
             del self.clones[name]
 
     def rows(self, measured: Measured, past: Past, clone: str = "") -> Matrix:
-        """The Jacobian of a measurement by the whole error, (m, size)."""
+        """Jacobian of a measurement by the full error state, (m, size)."""
+        # Chain rule: H = H_pose J_past on the present error, H_reference on the clone.
         rows = np.zeros((measured.degrees, self.errors.size))
         rows[:, :SIZE] = measured.by_pose @ past.jacobian
         if measured.by_reference is not None:
@@ -212,8 +216,9 @@ class PoseEstimate:
         return rows
 
     def correct(self, residual: Matrix, rows: Matrix, noise: Matrix) -> None:
-        """Corrects everything by a measurement."""
+        """Updates state, biases, floor and clones by a measurement."""
         error = self.errors.update(residual, rows, noise).tolist()
+        # Inject: x <- x + dx, q <- exp(dtheta) * q (Solà 2017, ch. 7); the reset Jacobian is taken as I.
         moved = (error[0], error[1], error[2])
         inertial = self.inertial
         inertial.correct(moved, (error[3], error[4], error[5]), (error[6], error[7], error[8]))
@@ -240,41 +245,43 @@ class PoseEstimate:
             self._offset = (x - moved[0], y - moved[1], z - moved[2])
 
     def stand(self) -> None:
-        """The body does not move."""
+        """Applies a zero-velocity update."""
         self.predict()
+        # Zero-velocity update: residual 0 - v, H = I on the velocity (Groves 2013, ch. 15).
         rows = np.zeros((3, self.errors.size))
         rows[:, VELOCITY] = np.eye(3)
         self.correct(-np.array(self.inertial.now.velocity_ned_m_s), rows, _AT_REST)
 
     def measure_floor(self, height_m: float, down_m: float, variance_m2: float) -> None:
-        """The floor is where it was measured just now."""
+        """Sets the floor to the level just measured."""
         self.floor_down_m = down_m + height_m
         self.errors.copy_floor(variance_m2)
 
     # --- doubts ---
 
     def move_over(self, by_m: Vector3, covariance: Matrix) -> None:
-        """The body is elsewhere by so much, give or take a covariance (3, 3)."""
+        """Shifts the position by an offset of covariance (3, 3)."""
         self.inertial.correct(by_m, _NONE, _NONE)
         self.errors.loosen(POSITION.start, covariance)
         self._blend(by_m)
 
     def inflate_position(self, apart_m: Vector3) -> None:
-        """All places, those of the clones too, may be off together by so much along each axis."""
+        """Inflates all positions, clones included, by a common error along each axis."""
         for axis, size in enumerate(apart_m):
+            # Rank one: P <- P + s s^T, the same error in the present position and in every clone.
             shift = np.zeros(self.errors.size)
             shift[axis] = size
             shift[SIZE + axis :: CLONE] = size
             self.errors.covariance += np.outer(shift, shift)
 
     def lean(self, by_rad: Matrix, std_rad: float) -> None:
-        """Down is elsewhere: the attitude is turned by (2,) radians about north and east, and no better known than that."""
+        """Turns the attitude by (2,) radians about north and east, and inflates its tilt covariance."""
         north, east = by_rad.tolist()
         self.inertial.correct(_NONE, _NONE, (north, east, 0.0))
         self.errors.loosen(ROTATION.start, np.full(2, std_rad**2))
 
     def inflate_motion(self) -> None:
-        """Velocity, attitude and biases may be off: the sources agree on another motion."""
+        """Inflates velocity, attitude and biases, as the sources agree on another motion."""
         self.sound_s = self.t_s
         self.errors.loosen(VELOCITY.start, np.array((0.25, 0.25, 0.25, 2e-3, 2e-3, 2e-3)))
         self.errors.loosen(GYROSCOPE.start, np.array((1e-3, 1e-3, 1e-3, 0.25, 0.25, 0.25)))
@@ -283,7 +290,7 @@ class PoseEstimate:
 
     @property
     def reported_ned_m(self) -> Vector3:
-        """The position without steps."""
+        """The position with corrections blended in."""
         (x, y, z), (dx, dy, dz) = self.inertial.now.position_ned_m, self._offset
         return (x + dx, y + dy, z + dz)
 

@@ -1,4 +1,4 @@
-"""Which samples of the inertial unit can be believed."""
+"""Plausibility checks of IMU samples."""
 
 from math import hypot, isfinite
 from typing import Final, NamedTuple
@@ -24,7 +24,7 @@ _AHEAD_S: Final = 0.5
 
 
 class Mean(NamedTuple):
-    """Mean rate and specific force of the time until a sample."""
+    """Mean rate and specific force since the sample before."""
 
     rate_frd_rad_s: Vector3
     force_frd_m_s2: Vector3
@@ -34,7 +34,7 @@ class Mean(NamedTuple):
 
 
 class ImuWatch:
-    """Looks at every sample before it moves the estimate."""
+    """Checks every sample before it moves the estimate."""
 
     def __init__(self) -> None:
         self._last: tuple[Vector3, Vector3] | None = None
@@ -46,7 +46,7 @@ class ImuWatch:
         self._blind_s = _BLIND_S[0]
 
     def add_sample(self, rate: Vector3, force: Vector3, t_s: float, now_s: float, trust: Trust) -> Mean | None:
-        """The means since the last sample; None for a sample that says nothing.
+        """The means since the last sample; None for an unusable sample.
 
         Args:
             rate: of turn, rad/s.
@@ -85,13 +85,13 @@ class ImuWatch:
         return Mean(_middle(before[0], rate), _middle(before[1], force), is_believed, jolt_m_s)
 
     def distrust(self, now_s: float, reason: str, trust: Trust) -> None:
-        """Does not believe it for some seconds."""
+        """Distrusts the IMU for some seconds."""
         self._blind_until_s = now_s + self._blind_s
         self._blind_s = min(2.0 * self._blind_s, _BLIND_S[1])
         trust.turn_down(reason)
 
     def is_distrusted(self, now_s: float) -> bool:
-        """Whether it is not believed now."""
+        """Whether the IMU is distrusted now."""
         return now_s < self._blind_until_s
 
     def _measure_forces(self, force: Vector3, gap_s: float) -> None:
@@ -100,6 +100,7 @@ class ImuWatch:
         (x, y, z), (u, v, w) = force, self._last[1]
         change = min(hypot(x - u, y - v, z - w), _FASTEST[1])
         if change > _JOLT_M_S2:
+            # The trapezoid may be wrong by dv = |f - f_before| dt / 2.
             self._jolt_m_s += 0.5 * change * gap_s
 
     def _is_beyond_measure(self, rate: Vector3, force: Vector3) -> bool:

@@ -1,4 +1,4 @@
-"""The inertial solution: where the body is by its inertial unit, with its past, and places for corrections."""
+"""Strapdown inertial navigation, with its recent past, open to corrections."""
 
 from bisect import bisect_right
 from math import sqrt
@@ -21,7 +21,7 @@ _TRIM: Final = 400
 
 
 class InertialState(NamedTuple):
-    """Where the body is at a moment, and how it moves."""
+    """Position, velocity and attitude at a time."""
 
     t_s: float
     position_ned_m: Vector3
@@ -30,7 +30,7 @@ class InertialState(NamedTuple):
 
 
 class Inertial:
-    """Integrates rate and specific force, and lets every past state be asked as it is believed *now*.
+    """Integrates rate and specific force, and returns past states with all corrections made since.
 
     A correction moves the past too: by the position and, going back, by the velocity that it brings, and by its
     rotation. That is exact to first order but for gravity's share of a rotation (below 0.1 mm for 1 mrad over 0.1 s).
@@ -56,7 +56,7 @@ class Inertial:
         self.place(InertialState(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), IDENTITY))
 
     def place(self, state: InertialState) -> None:
-        """Begins at a state, without a past."""
+        """Starts at a state, without a past."""
         self.now = state
         self.rate_frd_rad_s: Vector3 = (0.0, 0.0, 0.0)
         self.force_ned_m_s2: Vector3 = (0.0, 0.0, -GRAVITY_M_S2)
@@ -70,13 +70,14 @@ class Inertial:
         self._states: list[InertialState] = [state]
 
     def move(self, rate_frd_rad_s: Vector3, force_frd_m_s2: Vector3, t_s: float) -> None:
-        """Moves on to `t_s` with the mean rate (rad/s) and specific force (m/s²) of the time until then."""
+        """Propagates to `t_s` with the mean rate (rad/s) and specific force (m/s²) since the last state."""
         then, (px, py, pz), (vx, vy, vz), (w, x, y, z) = self.now
         dt = t_s - then
         bx, by, bz = self.gyroscope_bias_rad_s
         p, q, r = rate_frd_rad_s[0] - bx, rate_frd_rad_s[1] - by, rate_frd_rad_s[2] - bz
         self.rate_frd_rad_s = (p, q, r)
         # Half of the turn, to rotate the force by the attitude in the middle of the step.
+        # Attitude: q <- q * (1, w dt/4), twice, then normalized; w is the rate less its bias.
         a, b, c = 0.25 * dt * p, 0.25 * dt * q, 0.25 * dt * r
         mw, mx, my, mz = (
             w - x * a - y * b - z * c,
@@ -94,6 +95,7 @@ class Inertial:
         middle = 1.0 / (mw * mw + mx * mx + my * my + mz * mz)
         bx, by, bz = self.accelerometer_bias_m_s2
         fx, fy, fz = force_frd_m_s2[0] - bx, force_frd_m_s2[1] - by, force_frd_m_s2[2] - bz
+        # Specific force into NED: f_n = R_mid (f_m - b_a) (strapdown equations: Groves 2013, ch. 5).
         tx = 2.0 * middle * (my * fz - mz * fy)
         ty = 2.0 * middle * (mz * fx - mx * fz)
         tz = 2.0 * middle * (mx * fy - my * fx)
@@ -101,6 +103,7 @@ class Inertial:
         fe = fy + mw * ty + mz * tx - mx * tz
         fd = fz + mw * tz + mx * ty - my * tx
         self.force_ned_m_s2 = (fn, fe, fd)
+        # Velocity and position: v <- v + (f_n + g) dt, p <- p + v dt + (f_n + g) dt^2/2.
         ad = fd + GRAVITY_M_S2
         half = 0.5 * dt
         self.now = InertialState(
@@ -128,17 +131,18 @@ class Inertial:
             del self._times[:keep], self._states[:keep]
 
     def covers(self, t_s: float) -> bool:
-        """Whether a moment is in the past that is kept."""
+        """Whether a time is within the stored past."""
         return self._times[0] - 1e-6 <= t_s <= self.now.t_s + 1e-6 and t_s >= self.now.t_s - KEPT_S
 
     def at(self, t_s: float) -> InertialState:
-        """What is believed now about a moment of the past that it `covers`."""
+        """The state at a past time that it `covers`, as estimated now."""
         times, states = self._times, self._states
         index = bisect_right(times, t_s)
         if index >= len(times):
             return self.now
         before, after = states[max(index - 1, 0)], states[index]
         dt = after.t_s - before.t_s
+        # Interpolate: position quadratic, velocity and normalized quaternion linear; then add the corrections.
         share = min(max((t_s - before.t_s) / dt, 0.0), 1.0) if dt > 0.0 else 0.0
         (sx, sy, sz), (ux, uy, uz) = self._shift, self._slope
         (ax, ay, az), (bx, by, bz) = before.position_ned_m, after.position_ned_m
@@ -166,6 +170,7 @@ class Inertial:
             t_s, (px + dx, py + dy, pz + dz), (vx + ex, vy + ey, vz + ez), normalize(multiply(turn, attitude))
         )
         (sx, sy, sz), (ux, uy, uz) = self._shift, self._slope
+        # Move the past along: p(t) by dp + dv (t - now), v by dv, attitude by exp(dtheta).
         self._shift = (sx + dx - ex * t_s, sy + dy - ey * t_s, sz + dz - ez * t_s)
         self._slope = (ux + ex, uy + ey, uz + ez)
         self._turn = normalize(multiply(turn, self._turn))

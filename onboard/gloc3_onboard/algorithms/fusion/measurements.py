@@ -1,4 +1,4 @@
-"""What each kind of measurement says of the error state: residual, Jacobian and covariance. Pure functions."""
+"""Measurement models of the error state: residual, Jacobian and covariance. Pure functions."""
 
 from math import isfinite
 from typing import Final, NamedTuple
@@ -28,7 +28,7 @@ class Measured(NamedTuple):
 
     @property
     def degrees(self) -> int:
-        """Of freedom."""
+        """Degrees of freedom."""
         return int(self.residual.shape[0])
 
 
@@ -45,8 +45,9 @@ def matrix_of(a_from_b: Quaternion) -> Matrix:
 
 
 def heading_gradient(ned_from_frd: Quaternion) -> Vector3:
-    """How the heading of the forward axis follows a small rotation vector in NED."""
+    """Gradient of the forward axis's heading by a small rotation vector in NED."""
     forward = rotate(ned_from_frd, (1.0, 0.0, 0.0))
+    # psi = atan2(f_e, f_n) and df = dtheta x f: dpsi/dtheta = (-f_d f_n, -f_d f_e, f_n^2 + f_e^2) / (f_n^2 + f_e^2).
     across = max(forward[0] * forward[0] + forward[1] * forward[1], 1e-6)
     return (-forward[2] * forward[0] / across, -forward[2] * forward[1] / across, 1.0)
 
@@ -65,7 +66,7 @@ def relative(
     *,
     is_level: bool,
 ) -> Measured | None:
-    """A motion since a reference, as an odometer tells it; None where it tells nothing.
+    """An odometer's motion since a reference; None where it measures nothing.
 
     Args:
         reference: believed position and attitude of the reference.
@@ -77,6 +78,7 @@ def relative(
     """
     (cx, cy, cz), attitude_then = reference
     (px, py, pz), attitude = pose
+    # Residual: z_p - A^T (p - c), log((A^T R)^T Z), with the reference's place c and axes A.
     way = (px - cx, py - cy, pz - cz)
     expected = rotate_back(axes, way)
     turned = multiply(conjugate(axes), attitude)
@@ -86,6 +88,7 @@ def relative(
         dtype=np.float64,
     )
     back, body = matrix_of(conjugate(axes)), matrix_of(conjugate(attitude))
+    # Jacobians: A^T, R^T by the pose; -A^T, A^T [p - c]x, -R^T by the reference (level: its heading alone).
     by_pose, by_reference = np.zeros((6, 6)), np.zeros((6, 6))
     by_pose[:3, :3] = back
     by_pose[3:, 3:] = body
@@ -103,7 +106,8 @@ def relative(
 def place(
     pose: tuple[Vector3, Quaternion], position_ned_m: Vector3, lever_frd_m: Vector3, covariance: Matrix
 ) -> Measured | None:
-    """A position of a place on the body, told from outside with its covariance (3, 3); None where it tells nothing."""
+    """An absolute position of a point on the body, with covariance (3, 3); None where it measures nothing."""
+    # Residual z - (p + R l), H = [I, -[R l]x].
     lever = rotate(pose[1], lever_frd_m)
     residual = np.array([z - p - a for z, p, a in zip(position_ned_m, pose[0], lever, strict=True)])
     by_pose = np.zeros((3, 6))
@@ -114,7 +118,8 @@ def place(
 
 
 def level_of(ned_from_frd: Quaternion, reported: Quaternion, std_rad: float) -> Measured:
-    """Where down is, by another attitude whose heading does not count."""
+    """Roll and pitch by another attitude, whose heading is ignored."""
+    # The other attitude's down in our NED is e_d - dtheta x e_d: (e, -n) measures dtheta about north and east.
     north, east, _ = rotate(ned_from_frd, rotate_back(reported, (0.0, 0.0, 1.0)))
     by_pose = np.zeros((2, 6))
     by_pose[0, 3] = by_pose[1, 4] = 1.0
@@ -122,7 +127,7 @@ def level_of(ned_from_frd: Quaternion, reported: Quaternion, std_rad: float) -> 
 
 
 class HeightMeasurement(NamedTuple):
-    """What a range to the floor says."""
+    """A range to the floor as a vertical distance."""
 
     vertical_m: float
     """Vertical distance to what was hit."""
@@ -136,13 +141,14 @@ def height_over(range_m: float, ned_from_frd: Quaternion, *, is_slant: bool) -> 
     by_pose[0, 2] = -1.0
     if not is_slant:
         return HeightMeasurement(range_m, by_pose)
+    # Along d = R (0, 0, 1): vertical r d_d; H = -1 on down, r (-d_e, d_n) on the rotation.
     north, east, down = rotate(ned_from_frd, (0.0, 0.0, 1.0))
     by_pose[0, 3], by_pose[0, 4] = -range_m * east, range_m * north
     return HeightMeasurement(range_m * down, by_pose)
 
 
 def covariance_of(numbers: list[float], rows: int, floor: Matrix) -> Matrix | None:
-    """The covariance of a message with at least the variances of `floor`; None where it is none at all.
+    """The covariance of a message with at least the variances of `floor`; None if it is not a covariance.
 
     One that is not positive definite is left with its variances alone: its correlations cannot be believed.
     """
@@ -174,6 +180,7 @@ def _reported(measured: Measured) -> Measured | None:
         kept = np.array([index for index, is_known in enumerate(known) if is_known])
         by_reference = None if measured.by_reference is None else measured.by_reference[kept]
         return Measured(measured.residual[kept], measured.by_pose[kept], by_reference, noise[np.ix_(kept, kept)])
+    # Keep the known eigenvectors V alone: V^T r, V^T H, diag(lambda).
     values, vectors = np.linalg.eigh(noise)
     is_reported = values < UNKNOWN_FROM
     if not is_reported.any():

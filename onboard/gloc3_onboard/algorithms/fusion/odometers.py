@@ -1,4 +1,4 @@
-"""Odometers' reports as measurements: the references that they count from, remembered as clones."""
+"""Odometer reports as measurements relative to references, which are kept as clones."""
 
 from math import isfinite
 from typing import Final
@@ -30,7 +30,7 @@ are after 0.5 to 1.3 s."""
 
 
 class OdometerReport:
-    """One report, checked: what it tells, and from when on."""
+    """One checked report of an odometer."""
 
     __slots__ = ("attitude", "covariance", "drift", "is_level", "position", "reference_t_s", "shared", "source", "t_s")
 
@@ -60,7 +60,7 @@ def read(message: Odometry, t_s: float) -> OdometerReport | str:
 
 
 class Reference:
-    """What the reports of one odometer are told from: the clone of a pose."""
+    """The reference pose of one odometer's reports, kept as a clone."""
 
     __slots__ = ("base", "granted", "reference_t_s", "reported_s")
 
@@ -102,16 +102,16 @@ class Odometers:
         self._references: dict[str, Reference] = {}
 
     def clear(self) -> None:
-        """Forgets all references."""
+        """Clears all references."""
         self._references.clear()
 
     def reset(self, source: str) -> None:
-        """The next report of a source begins anew."""
+        """Drops a source's reference; its next report sets a new one."""
         self._references.pop(source, None)
         self._estimate.drop(source)
 
     def rebase(self, report: OdometerReport) -> None:
-        """Counts the later reports of a source from this one on."""
+        """Makes this report the reference of the later ones."""
         estimate = self._estimate
         estimate.remember(report.source, report.t_s)
         base = (report.position, report.attitude)
@@ -121,7 +121,7 @@ class Odometers:
         self._loosen(report.source, more, from_yaw(0.0), report.attitude)
 
     def measure(self, report: OdometerReport, past: Past) -> Measured | None:
-        """What a report says of the error; None if it only begins, or is blind.
+        """A report as a measurement; None if it only sets a reference or measures nothing.
 
         Args:
             report: the report.
@@ -139,6 +139,7 @@ class Odometers:
             reported, covariance, is_level = _since(reference.base, report)
         axes = from_yaw(yaw_of(attitude)) if is_level else attitude
         state = past.state
+        # White part of the noise: (1 - shared) C; the shared part goes into the clone's covariance, once.
         measured = relative(
             (position, attitude),
             axes,
@@ -173,6 +174,7 @@ class Odometers:
 
 def _since(base: tuple[Vector3, Quaternion], report: OdometerReport) -> tuple[tuple[Vector3, Quaternion], Matrix, bool]:
     """What two reports from one reference say of the motion between them, in the body's axes at the first."""
+    # Difference of two reports: A^T (p - b) and A^T Z, with the first attitude A.
     (bx, by, bz), attitude = base
     x, y, z = report.position
     back = conjugate(attitude)
@@ -185,7 +187,7 @@ def _since(base: tuple[Vector3, Quaternion], report: OdometerReport) -> tuple[tu
 def source_of(
     before: OdometerReport, report: OdometerReport, ned_from_frd: Quaternion
 ) -> tuple[float, Vector3, bool] | None:
-    """How far a source says that the body came since its report before: since when, the way in NED, by a new reference.
+    """A source's motion since its report before: start time, displacement in NED, whether by a new reference.
 
     The axes of the reference are found from the believed attitude now, so nothing that the source told before counts.
     """

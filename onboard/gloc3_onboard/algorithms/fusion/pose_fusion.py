@@ -1,4 +1,4 @@
-"""The pose of the platform, fused from an inertial unit and whatever odometers, fixes and heights there are."""
+"""Pose of the platform, fused from an IMU and any odometers, position fixes and heights."""
 
 from collections.abc import Callable
 from math import hypot, isfinite
@@ -14,12 +14,12 @@ from gloc3_onboard.algorithms.fusion.error_state import FLOOR, SIZE, VELOCITY, M
 from gloc3_onboard.algorithms.fusion.estimate import Past, PoseEstimate
 from gloc3_onboard.algorithms.fusion.imu_watch import ImuWatch
 from gloc3_onboard.algorithms.fusion.inertial import InertialState
-from gloc3_onboard.algorithms.fusion.jury import SourceVoting
 from gloc3_onboard.algorithms.fusion.measurements import Measured, covariance_of, height_over, level_of, place
 from gloc3_onboard.algorithms.fusion.odometers import Odometers, read
 from gloc3_onboard.algorithms.fusion.settings import FusionSettings
+from gloc3_onboard.algorithms.fusion.source_reports import SourceReports
+from gloc3_onboard.algorithms.fusion.source_voting import SourceVoting
 from gloc3_onboard.algorithms.fusion.trust import Trust
-from gloc3_onboard.algorithms.fusion.ways import SourceReports
 
 IMU, HEIGHT, AUTOPILOT = "imu", "height", "autopilot"
 _IMU_LOST_S: Final = 0.1
@@ -71,7 +71,7 @@ class PoseFusion:
         """As the autopilot has told it last, and when."""
         self._askew = 0
         self._waiting: list[tuple[float, Measurement]] = []
-        self._source_reports: Final = SourceReports(self.estimate.inertial, self._voting.vote)
+        self._source_reports: Final = SourceReports(self.estimate.inertial, self._voting.isolation)
         self._height_misses = 0
         settings = self.settings
         if settings.start_ned_m is not None and settings.start_heading_deg is not None:
@@ -88,7 +88,7 @@ class PoseFusion:
         heading_std_rad: float | None = None,
         is_moving: bool = False,
     ) -> None:
-        """Says where the body is before anything was measured; once aligned, that is no longer asked for."""
+        """Sets the initial pose; has no effect once aligned."""
         if not self.is_aligned:
             heading_std = float(np.radians(self.settings.start_heading_std_deg))
             self._start = StartPose(
@@ -100,7 +100,7 @@ class PoseFusion:
 
     @property
     def is_prepared_in_flight(self) -> bool:
-        """Whether it was told a pose in flight to begin at."""
+        """Whether the initial pose is one in flight."""
         return self._start is not None and self._start.is_moving
 
     def _align(self, rate: Vector3, force: Vector3, t_s: float) -> None:
@@ -121,7 +121,7 @@ class PoseFusion:
     # --- what comes in ---
 
     def imu(self, rate_frd_rad_s: Vector3, force_frd_m_s2: Vector3, t_s: float) -> None:
-        """A sample of the inertial unit, felt at `t_s`."""
+        """Handles an IMU sample taken at `t_s`."""
         trust = self._voting.received(IMU, self._now_s)
         mean = self._imu.add_sample(rate_frd_rad_s, force_frd_m_s2, t_s, self._now_s, trust)
         if mean is None:
@@ -132,6 +132,7 @@ class PoseFusion:
             return
         if t_s <= self.estimate.t_s:
             return
+        # Predict with the IMU where it is trusted; else coast at constant velocity.
         if mean.is_believed:
             self.estimate.move(mean.rate_frd_rad_s, mean.force_frd_m_s2, t_s)
             if mean.jolt_m_s > 0.0:
@@ -148,19 +149,19 @@ class PoseFusion:
         self._use_waiting()
 
     def odometry(self, message: Odometry, t_s: float) -> None:
-        """A report of an odometer, valid at `t_s`."""
+        """Handles an odometer report valid at `t_s`."""
         self._arrive(message.source, message, t_s)
 
     def fix(self, message: PositionFix, t_s: float) -> None:
-        """A position from outside, valid at `t_s`."""
+        """Handles an absolute position valid at `t_s`."""
         self._arrive(message.source, message, t_s)
 
     def height(self, message: HeightAboveGround, t_s: float) -> None:
-        """A height above what is below, valid at `t_s`."""
+        """Handles a height above ground valid at `t_s`."""
         self._arrive(HEIGHT, message, t_s)
 
     def attitude(self, message: AutopilotPose, t_s: float) -> None:
-        """The autopilot's attitude, valid at `t_s`: the inertial unit is judged by it, and where that is not believed it stands in.
+        """Handles the autopilot's attitude at `t_s`: checks the IMU with it, and uses it while the IMU is distrusted.
 
         The rates are taken, and where down is. Not the heading, nor position and velocity: an autopilot that flies by
         our pose has them from here.
@@ -234,6 +235,7 @@ class PoseFusion:
         if isinstance(message, HeightAboveGround) and t_s - trust.valid_s < _HEIGHT_PERIOD_S:
             return
         trust.valid_s = t_s
+        # Delayed measurement: it updates the present error through the Jacobian of the pose at t_s.
         self.estimate.predict()
         match message:
             case Odometry():
@@ -261,7 +263,7 @@ class PoseFusion:
         numbers = (*message.position_m, *message.reference_from_frd)
         if trust.is_frozen(numbers, past.state.position_ned_m, self._restlessness > 5e-3):
             trust.turn_down("frozen: the same motion again and again")
-            self._voting.vote.record(report.source).reset()
+            self._voting.isolation.record(report.source).reset()
         measured = self._odometers.measure(report, past)
         if measured is None:
             self._source_reports.book_motion(report, past.state)
@@ -276,16 +278,18 @@ class PoseFusion:
 
     def _judge(self, trust: Trust, measured: Measured, rows: Matrix, past: Past) -> bool:
         """Gates a measurement and takes it in."""
+        # R scaled by what past innovations show; blind motion since t_s adds H N H^T.
         noise, t_s = measured.noise * trust.widening, past.state.t_s
         if past.noise is not None:
             noise = noise + (measured.by_pose * past.noise) @ measured.by_pose.T
+        # Gate by the normalized innovation squared (Bar-Shalom, Li, Kirubarajan 2001, 5.4), then update.
         innovation = self.estimate.errors.test(measured.residual, rows, noise)
         if self.on_innovation is not None:
             self.on_innovation(trust.name, innovation, measured.degrees)
         was_coarse = trust.is_coarse
         is_accepted = isfinite(innovation) and trust.judge(innovation, measured.degrees, t_s)
         if was_coarse and trust.is_used:  # what it told while it was plainly wrong is forgotten
-            self._voting.vote.record(trust.name).reset()
+            self._voting.isolation.record(trust.name).reset()
         if not is_accepted:
             return False
         self.estimate.correct(measured.residual, rows, noise)
@@ -313,13 +317,15 @@ class PoseFusion:
         state = past.state
         if trust.is_frozen(message.position_ned_m, state.position_ned_m, self._restlessness > 5e-3):
             trust.turn_down("frozen: the same position again and again")
-            self._voting.vote.record(message.source).reset()
+            self._voting.isolation.record(message.source).reset()
         pose = (state.position_ned_m, state.ned_from_frd)
         measured = place(pose, message.position_ned_m, message.lever_frd_m, covariance)
         was = self.estimate.inertial.now.position_ned_m
         if measured is not None and self._judge(trust, measured, self.estimate.rows(measured, past), past):
             self._voting.hold(t_s)
-            self._voting.vote.record(message.source).pull(_minus(self.estimate.inertial.now.position_ned_m, was), t_s)
+            self._voting.isolation.record(message.source).pull(
+                _minus(self.estimate.inertial.now.position_ned_m, was), t_s
+            )
         if not trust.has_slipped:
             self._source_reports.book_place(
                 message.source, message.position_ned_m, covariance, self.estimate.inertial.at(t_s)
@@ -339,6 +345,7 @@ class PoseFusion:
             self._height_misses = 0
             trust.let_in()
             return
+        # Height over the floor: residual h - (floor - down), H = H_range J_past, and 1 on the floor.
         rows = np.zeros((1, estimate.errors.size))
         rows[:, :SIZE] = reported.by_pose @ past.jacobian
         rows[0, FLOOR] += 1.0
@@ -350,7 +357,7 @@ class PoseFusion:
     # --- time passes ---
 
     def tick(self, now_s: float) -> None:
-        """Looks for what does not come, goes on without it, and takes the vote; some times a second."""
+        """Detects silent sources, coasts without the IMU and runs the vote; called a few times a second."""
         self._now_s = max(self._now_s, now_s)
         self._voting.check_silence(now_s)
         if not self.is_aligned:
@@ -374,7 +381,7 @@ class PoseFusion:
         return self._voting.witnesses
 
     def why_not_valid(self) -> str:
-        """Why the pose cannot be flown by; empty where it can."""
+        """Why the pose is not valid; empty if it is."""
         if not self.is_aligned:
             return "not aligned yet" if self._start is not None else "the start is not known yet"
         lost_s = self.estimate.t_s - self._voting.held_s
@@ -389,7 +396,7 @@ class PoseFusion:
         return ""
 
     def pose(self) -> Pose:
-        """The pose now, of the time `estimate.t_s`."""
+        """The current pose, valid at `estimate.t_s`."""
         reason = self.why_not_valid()
         inertial = self.estimate.inertial
         is_lost = bool(reason)
@@ -412,7 +419,7 @@ class PoseFusion:
         return (n, e, d)
 
     def state(self) -> FusionState:
-        """What the pose rests on."""
+        """State of the sources, and the IMU's biases."""
         sources: list[SourceState] = [trust.state() for trust in self._voting.trust.values()]
         inertial = self.estimate.inertial
         return FusionState(

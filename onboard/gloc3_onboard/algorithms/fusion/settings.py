@@ -1,4 +1,4 @@
-"""What the fusion can be set to."""
+"""Settings of the pose fusion."""
 
 from typing import Annotated
 

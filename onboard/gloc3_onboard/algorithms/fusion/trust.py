@@ -1,4 +1,4 @@
-"""How far one source is believed: its gate, its record, and when it is let in again."""
+"""Trust in one source: its gate, its record and its readmission."""
 
 from typing import Final
 
@@ -59,12 +59,12 @@ class Trust:
 
     @property
     def is_used(self) -> bool:
-        """Whether its measurements are taken in."""
+        """Whether its measurements are used."""
         return not self.reason
 
     @property
     def has_slipped(self) -> bool:
-        """Whether it is used, and its last measurement, or the last two, were turned down: that may happen to anybody."""
+        """Whether it is used although its last one or two measurements failed the gate."""
         return self.is_used and 0 < self._misses <= _SLIPS
 
     @property
@@ -74,22 +74,23 @@ class Trust:
 
     @property
     def may_vote(self) -> bool:
-        """Whether it is heard: used, or turned down by the estimate alone, which may be what is wrong."""
+        """Whether it may vote: used, or rejected by the estimate alone, which may be what is wrong."""
         return self.is_used or ((self.reason == DISAGREES or self.is_alone) and not self.is_voted_out)
 
     @property
     def widening(self) -> float:
-        """By how much its covariance is scaled: it claims to be better than its innovations show."""
+        """Factor on its covariance, where its innovations are larger than it claims."""
         return min(max(self.innovation / SOUND, 1.0), _WIDEST)
 
     def judge(self, innovation: float, degrees: int, t_s: float) -> bool:
-        """Books a measurement by its normalised innovation squared; true where it is to be taken in.
+        """Gates a measurement by its normalised innovation squared; true if it is to be used.
 
         Args:
             innovation: with the covariance as widened.
             degrees: of freedom.
             t_s: time of validity.
         """
+        # Gate: chi-square at 99.9 %; below, a low-pass of the innovation per degree of freedom, 1 where R is honest.
         passes = innovation <= CHI2_999[degrees]
         share = min(innovation / degrees, 4.0) * self.widening
         self.innovation += _SMOOTHING * (share - self.innovation)
@@ -109,6 +110,7 @@ class Trust:
         if not self.is_used:
             if self._good_since_s is None:
                 self._good_since_s = t_s
+            # Readmit after the probation without a miss, unless voted out or still unsound.
             is_sound = self.innovation < _SOUND_AGAIN or not self.is_alone
             if t_s - self._good_since_s < self._probation_s or self.is_voted_out or not is_sound:
                 return False
@@ -118,7 +120,7 @@ class Trust:
         return True
 
     def refuse(self, reason: str) -> None:
-        """Books a message that cannot be used at all."""
+        """Records an unusable message."""
         self.rejected += 1
         self._good_since_s = None
         self._misses += 1
@@ -126,13 +128,13 @@ class Trust:
             self.turn_down(reason)
 
     def step_back(self, reason: str) -> None:
-        """It is not there, or says itself that it cannot tell: used again with its first good measurement."""
+        """Suspends a silent or invalid source until its first good measurement."""
         if self.is_used:
             self._has_stepped_back = True
             self.reason = reason
 
     def turn_down(self, reason: str, *, is_voted_out: bool = False, is_alone: bool = False) -> None:
-        """Uses it no more; one that alone was off by more than it claims not before that is no longer so."""
+        """Stops using it; with `is_alone` until its innovations are sound again."""
         self.is_alone = self.is_alone or is_alone
         self._has_stepped_back = False
         self.reason = reason
@@ -140,7 +142,7 @@ class Trust:
         self._good_since_s = None
 
     def let_in(self) -> None:
-        """Uses it again."""
+        """Readmits it."""
         self.reason = ""
         self.is_voted_out = self.is_alone = False
         self._has_stepped_back = self.is_coarse = False
@@ -149,7 +151,7 @@ class Trust:
         self._good_since_s = None
 
     def is_frozen(self, numbers: tuple[float, ...], position: tuple[float, float, float], is_moving: bool) -> bool:
-        """Whether the same numbers have come again and again although the body has moved.
+        """Whether it repeats the same numbers although the body has moved.
 
         Args:
             numbers: what was told now.
@@ -166,7 +168,7 @@ class Trust:
         return way > 0.015**2 or (is_moving and self._same >= 5 * _SAME)
 
     def state(self) -> SourceState:
-        """As it is told."""
+        """Its state, as a message."""
         return SourceState(
             source=self.name,
             is_used=self.is_used,

@@ -1,4 +1,4 @@
-"""Tells what moves among obstacles: where something stands now that a scan of a moment ago saw through."""
+"""Detection of moving obstacles: hits where a recent scan saw free space."""
 
 import math
 from collections import deque
@@ -38,14 +38,14 @@ class _PastScan(NamedTuple):
 
 
 class Movers:
-    """Remembers some scans, and says where what moves in the newest will soon be."""
+    """Keeps recent scans and predicts where moving obstacles will be."""
 
     def __init__(self) -> None:
         self._polls: deque[_PastScan] = deque()
         self._resets = 0
 
     def add_scan(self, points_ne_m: Sequence[tuple[float, float]], at: Vector3, t_s: float, resets: int = 0) -> Points:
-        """Takes a new scan in.
+        """Adds a scan.
 
         Args:
             points_ne_m: what it has hit: north and east, in metres.
@@ -74,6 +74,7 @@ class Movers:
 
 def _soon(points: Array, before: _PastScan, duration_s: float) -> Points:
     """Where the points will be that have come to places which an earlier scan saw through."""
+    # Free-space violation: a hit nearer than what the earlier scan saw in that direction.
     offset = points - before.at_ne_m
     came = points[np.hypot(*offset.T) < before.ranges_m[_bins(offset)] - THROUGH_M]
     routes = came[:, None] - before.points_ne_m[None]

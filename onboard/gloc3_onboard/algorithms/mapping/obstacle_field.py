@@ -1,4 +1,4 @@
-"""Obstacles as points in the plane: how far they are, whether a way is free, and which way leads around them.
+"""Obstacles as points in the plane: clearance, free distance and detours.
 
 All places are (north, east, …) in NED; height does not count: what a level scanner has hit is taken for a post of any
 height.
@@ -35,7 +35,7 @@ REFUGES: Final = 24
 
 
 class ObstacleField:
-    """The points of one scan around a vehicle, and the distance that is kept from them.
+    """The points of one scan around a vehicle, and the distance to keep from them.
 
     Args:
         points_ne_m: what stands there.
@@ -70,7 +70,7 @@ class ObstacleField:
         return float(np.sqrt(((self._points - place[:2]) ** 2).sum(axis=1).min()))
 
     def leg_clearance_m(self, start: Vector3, end: Vector3) -> float:
-        """The smallest distance from any place on a straight way."""
+        """Smallest clearance along a straight leg."""
         if self.is_empty:
             return math.inf
         along = np.subtract(end[:2], start[:2])
@@ -82,7 +82,7 @@ class ObstacleField:
         return float(np.sqrt((offset**2).sum(axis=1).min()))
 
     def away(self, place: Vector3) -> tuple[float, float]:
-        """Unit vector away from the nearest point; nowhere when there is none."""
+        """Unit vector away from the nearest point; (0, 0) where there is none."""
         if self.is_empty:
             return (0.0, 0.0)
         offset = place[:2] - self._points
@@ -94,7 +94,7 @@ class ObstacleField:
         return (north, east)
 
     def pushed_out(self, place: Vector3, at: Vector3) -> Vector3:
-        """A place near to the wanted one that is far enough from everything; where one is already, if none is found."""
+        """A clear place near the wanted one; the present place if none is found."""
         for _ in range(12):
             missing_m = self.keep_m - self.clearance_m(place)
             if missing_m <= 0.0:
@@ -104,7 +104,7 @@ class ObstacleField:
         return (at[0], at[1], place[2])
 
     def refuge(self, at: Vector3) -> Vector3:
-        """The nearest place around that is far enough from everything, or else the one that is farthest from it."""
+        """The nearest clear place around, or else the one with the largest clearance."""
         angles = np.arange(REFUGES) * (2.0 * math.pi / REFUGES)
         routes = np.vstack([step_m * np.column_stack((np.cos(angles), np.sin(angles))) for step_m in REFUGE_STEPS_M])
         clearance = np.array([self.clearance_m((at[0] + n, at[1] + e, at[2])) for n, e in routes.tolist()])
@@ -113,7 +113,7 @@ class ObstacleField:
         return (at[0] + north, at[1] + east, at[2])
 
     def free_m(self, at: Vector3, headings_rad: Sequence[float]) -> list[float]:
-        """How far the way in each direction is free, with the distance that is kept; infinite where nothing is."""
+        """Free distance in each direction, for a path as wide as the distance to keep; infinite where nothing is."""
         if self.is_empty:
             return [math.inf] * len(headings_rad)
         now_m, least_m = self.clearance_m(at), self.keep_m - SLACK_M
@@ -129,7 +129,7 @@ class ObstacleField:
 
 
 class Detour:
-    """Chooses the direction around what is in the way, and stays with the side that it has chosen."""
+    """Chooses a direction around obstacles, and stays with the chosen side."""
 
     def __init__(self) -> None:
         self._side = self._closed = 0
@@ -139,7 +139,7 @@ class Detour:
     def heading(
         self, field: ObstacleField, at: Vector3, wanted_rad: float, distance_m: float, now_s: float
     ) -> tuple[float, float]:
-        """The direction nearest to the wanted one that is free for long enough, and how far it is free.
+        """The free direction nearest to the wanted one, and its free distance.
 
         Args:
             field: what is around.

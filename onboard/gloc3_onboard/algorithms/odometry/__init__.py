@@ -1,4 +1,4 @@
-"""Dead reckoning and wheel odometry, and odometer reports put end to end.
+"""Dead reckoning, wheel odometry, and odometer reports composed into a pose.
 
 Plain classes, told the time.
 """

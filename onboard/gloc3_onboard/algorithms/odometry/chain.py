@@ -1,4 +1,4 @@
-"""Reports of one odometer put end to end: where it believes the body is."""
+"""Reports of one odometer composed into a pose."""
 
 from typing import Final
 
@@ -20,7 +20,7 @@ _SMOOTHING_S: Final = 0.3
 
 
 class OdometryChain:
-    """Adds up motions that are told from moments of the past.
+    """Composes motions that are reported relative to past poses.
 
     Over a gap, after which an odometer begins with a new reference, the body is held to have gone on and turned as it did
     before, for two seconds.
@@ -42,7 +42,7 @@ class OdometryChain:
         """When the pose was last told, or a reference begun; and the pose."""
 
     def add(self, report: Odometry, t_s: float) -> bool:
-        """Takes a report of a time; whether it tells where the body is then: it is valid, or the first."""
+        """Adds a report; true if it gives the pose at its time: it is valid, or the first."""
         is_first = self._known is None
         if not report.is_valid:
             self.position_m, self.attitude = self._ahead(t_s)
@@ -51,6 +51,7 @@ class OdometryChain:
             return is_first
         if report.reference_t_s not in self._poses:
             self._begin(report.reference_t_s)
+        # Compose: T_now = T_reference T_report; a level report turns with the reference's heading alone.
         position, attitude = self._poses[report.reference_t_s]
         axes = from_yaw(yaw_of(attitude)) if report.is_level else attitude
         moved = rotate(axes, report.position_m)
@@ -81,6 +82,7 @@ class OdometryChain:
         if self._known is None:
             return self.position_m, self.attitude
         then_s, (x, y, z), attitude = self._known
+        # Bridge a gap at constant velocity and yaw rate, for two seconds at most.
         after_s = min(max(t_s - then_s, 0.0), _GOES_ON_S)
         u, v, w = self._speed_m_s
         return (x + u * after_s, y + v * after_s, z + w * after_s), multiply(

@@ -1,4 +1,4 @@
-"""Where a vehicle is by its velocity over the floor and its heading, from the last satellite fix on."""
+"""Dead reckoning from velocity over ground and heading since the last satellite fix."""
 
 from math import cos, exp, pi, sin, sqrt
 from typing import Final
@@ -15,7 +15,7 @@ _N, _E, _VN, _VE, _TURN, _SCALE = range(6)
 
 
 class Errors(msgspec.Struct, frozen=True, kw_only=True):
-    """What is known of the errors before a dive: standard deviations."""
+    """Error model before a dive: standard deviations."""
 
     heading_rad: float = 0.0175
     """Of heading and mounting angle together, constant for long."""
@@ -58,20 +58,20 @@ class DeadReckoner:
         """Of the state."""
 
     def begin(self, north_m: float, east_m: float, std_m: float) -> None:
-        """Begins at a place, with this standard deviation along each axis; what is known of the errors stays."""
+        """Sets the position, with this standard deviation along each axis; keeps the other errors."""
         self.x[_N], self.x[_E] = north_m, east_m
         self.covariance[:2, :] = 0.0
         self.covariance[:, :2] = 0.0
         self.covariance[_N, _N] = self.covariance[_E, _E] = std_m**2
 
     def inflate_velocity(self) -> None:
-        """Forgets what is known of the velocity: what has measured it was wrong."""
+        """Resets the velocity's covariance after a wrong measurement of it."""
         self.covariance[_VN : _VE + 1, :] = 0.0
         self.covariance[:, _VN : _VE + 1] = 0.0
         self.covariance[_VN, _VN] = self.covariance[_VE, _VE] = _UNKNOWN_M_S**2
 
     def predict(self, dt_s: float, *, is_measured: bool, commanded_m_s: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Goes on by a time.
+        """Propagates state and covariance over a time step.
 
         Args:
             dt_s: the time.
@@ -80,12 +80,14 @@ class DeadReckoner:
         """
         errors = self.errors
         step = np.eye(6)
+        # Transition F: p <- p + v dt; noise makes random walks of velocity, heading error and scale error.
         step[_N, _VN] = step[_E, _VE] = dt_s
         noise = np.zeros(6)
         if is_measured:
             noise[_VN] = noise[_VE] = errors.acceleration_m_s2**2 * dt_s
         else:
             # The belief follows what is asked; its error, the current above all, stays what it is.
+            # Unmeasured, a first-order lag: v <- v + (1 - exp(-dt / memory)) (commanded - v).
             change = 1.0 - exp(-dt_s / errors.memory_s)
             self.x[_VN] += change * (commanded_m_s[0] - self.x[_VN])
             self.x[_VE] += change * (commanded_m_s[1] - self.x[_VE])
@@ -93,17 +95,18 @@ class DeadReckoner:
                 noise[axis] = change * max(0.0, errors.adrift_m_s**2 - self.covariance[axis, axis])
         noise[_TURN] = errors.heading_walk_rad**2 * dt_s
         noise[_SCALE] = errors.scale_walk**2 * dt_s
+        # Predict: x <- F x, P <- F P F^T + Q.
         self.x = step @ self.x
         self.covariance = step @ self.covariance @ step.T + np.diag(noise)
 
     def turned(self, angle_rad: float) -> None:
-        """The vehicle has turned by an angle: a part of the heading's error is another one now."""
+        """Adds heading variance after a turn, as a compass's deviation depends on the heading."""
         self.covariance[_TURN, _TURN] += 2.0 * self.errors.deviation_rad**2 * min(1.0, abs(angle_rad) / pi)
 
     def use_velocity(
         self, forward_m_s: float, right_m_s: float, yaw_rad: float, std_m_s: float, side_std_m_s: float | None = None
     ) -> float:
-        """Takes in a velocity in the level plane of the body, by the DVL or by wheels.
+        """Updates with a velocity in the body's level plane, from the DVL or from wheels.
 
         Args:
             forward_m_s: ahead.
@@ -115,12 +118,14 @@ class DeadReckoner:
         Returns:
             The squared innovation over its gate (5 deviations); above 1 it was left out.
         """
+        # Measurement: z = (1 + s) R(psi + e)^T v, of scale error s and heading error e.
         vn, ve, turn, scale = self.x[_VN], self.x[_VE], self.x[_TURN], self.x[_SCALE]
         heading = yaw_rad + turn
         cosine, sine = cos(heading), sin(heading)
         along, across = cosine * vn + sine * ve, cosine * ve - sine * vn
         expected = (1.0 + scale) * np.array([along, across])
         h = np.zeros((2, 6))
+        # Jacobian H of z by velocity, heading error and scale error.
         h[0, _VN], h[0, _VE] = (1.0 + scale) * cosine, (1.0 + scale) * sine
         h[1, _VN], h[1, _VE] = -(1.0 + scale) * sine, (1.0 + scale) * cosine
         h[0, _TURN], h[1, _TURN] = (1.0 + scale) * across, -(1.0 + scale) * along
@@ -129,16 +134,18 @@ class DeadReckoner:
         return self._update(np.array([forward_m_s, right_m_s]) - expected, h, (std_m_s**2, side**2))
 
     def use_fix(self, north_m: float, east_m: float, std_m: float) -> float:
-        """Takes in a place, by satellites; returns as `use_velocity` does."""
+        """Updates with a satellite position; returns as `use_velocity` does."""
         h = np.zeros((2, 6))
         h[0, _N] = h[1, _E] = 1.0
         return self._update(np.array([north_m, east_m]) - self.x[:2], h, (std_m**2, std_m**2))
 
     def _update(self, innovation: Array, h: Array, variances: tuple[float, float]) -> float:
+        # Gate: y^T S^-1 y against 5^2, S = H P H^T + R.
         spread = h @ self.covariance @ h.T + np.diag(variances)
         ratio = float(innovation @ np.linalg.solve(spread, innovation)) / 25.0
         if ratio > 1.0:
             return ratio
+        # Update: K = P H^T S^-1, x <- x + K y, P <- (I - K H) P (I - K H)^T + K R K^T (Joseph form).
         gain = self.covariance @ h.T @ np.linalg.inv(spread)
         rest = np.eye(6) - gain @ h
         self.x = self.x + gain @ innovation
@@ -147,17 +154,17 @@ class DeadReckoner:
 
     @property
     def position_m(self) -> tuple[float, float]:
-        """North and east."""
+        """Position north and east."""
         return float(self.x[_N]), float(self.x[_E])
 
     @property
     def velocity_m_s(self) -> tuple[float, float]:
-        """North and east, over ground."""
+        """Velocity over ground, north and east."""
         return float(self.x[_VN]), float(self.x[_VE])
 
     @property
     def heading_error_rad(self) -> float:
-        """What must be added to the heading."""
+        """The correction to add to the heading."""
         return float(self.x[_TURN])
 
     @property

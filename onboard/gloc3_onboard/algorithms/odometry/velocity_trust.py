@@ -1,4 +1,4 @@
-"""Whether the velocity that wheels tell is believed: encoders that have failed go on telling, with the wheels at rest."""
+"""Plausibility check of wheel velocity: failed encoders go on reporting wheels at rest."""
 
 from typing import Final
 
@@ -13,7 +13,7 @@ STANDS_S: Final = 2.0
 
 
 class VelocityTrust:
-    """Told of each velocity and of each fix."""
+    """Checks wheel velocities against satellite fixes and commands."""
 
     def __init__(self) -> None:
         self._is_distrusted = False
@@ -22,7 +22,7 @@ class VelocityTrust:
         self._stands_since_s: float | None = None
 
     def fix(self, *, fits: bool) -> bool:
-        """A satellite fix; true if with this one the wheels are no longer believed."""
+        """Handles a satellite fix; true if it makes the wheels distrusted."""
         self._contradictions = 0 if fits else self._contradictions + 1
         if self._contradictions < CONTRADICTIONS:
             return False
@@ -32,7 +32,7 @@ class VelocityTrust:
     def why_not(
         self, speed_m_s: float, commanded_m_s: float, off_m_s: float, t_s: float, *, has_satellites: bool
     ) -> str:
-        """Why a velocity is not believed; empty where it is.
+        """Why a velocity is rejected; empty if it is not.
 
         Args:
             speed_m_s: what the wheels tell.

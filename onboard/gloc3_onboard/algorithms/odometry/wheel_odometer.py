@@ -1,4 +1,4 @@
-"""How a vehicle has moved by what its wheels have turned, and how far that can be believed: a plain algorithm.
+"""Wheel odometry of differential and skid-steered vehicles, with an estimate of slip: a plain algorithm.
 
 Left and right wheels that roll turn the body by the difference of their ways over the track. Those of a skid-steered body slide
 sideways as it turns: they turn it by less, 1/1.5 for the example rover (`turn_factor`; Mandow et al., "Experimental kinematics
@@ -13,7 +13,7 @@ import msgspec
 
 
 class Wheelbase(msgspec.Struct, frozen=True, kw_only=True):
-    """What must be known of the vehicle, and of how well its wheels hold."""
+    """Geometry of the vehicle, and error model of its wheels."""
 
     track_m: float = 0.37559
     """Between the middles of left and right wheels."""
@@ -32,7 +32,7 @@ class Wheelbase(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class WheelStep(NamedTuple):
-    """One step."""
+    """Motion between two readings of the encoders."""
 
     ahead_m: float
     turn_rad: float
@@ -47,14 +47,15 @@ class WheelStep(NamedTuple):
 
     @property
     def place_m(self) -> tuple[float, float]:
-        """Ahead and to the right of where it was: along an arc."""
+        """Displacement ahead and to the right, along an arc."""
         half = 0.5 * self.turn_rad
+        # Chord of an arc s with angle t: s sin(t/2) / (t/2), in the direction t/2; sin(x)/x is about 1 - x^2/6.
         chord_m = self.ahead_m * (1.0 - half * half / 6.0)
         return chord_m * cos(half), chord_m * sin(half)
 
 
 class WheelOdometer:
-    """Turns two ways into steps.
+    """Converts the distances of both sides into steps.
 
     Args:
         base: of the vehicle.
@@ -66,11 +67,11 @@ class WheelOdometer:
         self._last: tuple[float, float] | None = None
 
     def begin(self) -> None:
-        """The next ways are the first."""
+        """Restarts with the next distances."""
         self._last = None
 
     def update(self, left_m: float, right_m: float, seconds: float, measured_rad: float | None) -> WheelStep | None:
-        """The step since the ways that came before; None for the first, and where they do not go on.
+        """The step since the distances before; None for the first, and after a reset of the counters.
 
         Args:
             left_m: way of the left rim since the encoders began to count.
@@ -85,8 +86,10 @@ class WheelOdometer:
         if max(abs(left), abs(right)) > self._speed_max_m_s * seconds:
             return None
         base = self._base
+        # Differential drive: s = (l + r) / 2, turn = (l - r) / b, b the effective track (Mandow et al. 2007).
         ahead, arm_m = 0.5 * (left + right), base.track_m * base.turn_factor
         turn = (left - right) / arm_m
+        # Slip of the rims: b |turn - gyroscopes' turn| / 2; it widens the deviations below.
         slip_m = 0.0 if measured_rad is None else 0.5 * arm_m * abs(turn - measured_rad)
         slip_m_s = slip_m / seconds
         noise_m = base.noise_m_s * seconds

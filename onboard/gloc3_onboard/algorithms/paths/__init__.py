@@ -3,4 +3,4 @@
 Pure functions and small machines in NED.
 """
 
-__all__ = ["floor_keeper", "leader", "motion_limits", "path_follower", "setpoint_gate", "wall_keeper"]
+__all__ = ["floor_clearance", "motion_limits", "path_follower", "path_reference", "setpoint_gate", "wall_distance"]

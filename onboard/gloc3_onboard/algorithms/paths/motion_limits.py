@@ -46,7 +46,7 @@ _AT_REST: Final = (0.0, 0.0, 0.0)
 
 
 def careful_speed_m_s(quality: float, full_quality: float, hold_quality: float, careful_m_s: float) -> float:
-    """How fast a vehicle may fly with a pose of a quality: unlimited from `full_quality` on, not at all at a hold's.
+    """Speed limit for a pose quality: infinite from `full_quality` on, zero at `hold_quality`.
 
     Args:
         quality: of the pose, 0 to 1.
@@ -68,7 +68,7 @@ class Limited(NamedTuple):
 
 
 class SetpointLimiter:
-    """Limits a stream of setpoints; `set_vehicle` tells it where the vehicle is before each."""
+    """Limits a stream of setpoints; call `set_vehicle` with the vehicle's pose before each."""
 
     def __init__(self, limits: MotionLimits) -> None:
         self._at: Vector3 | None = None
@@ -94,7 +94,7 @@ class SetpointLimiter:
 
     @property
     def limits(self) -> MotionLimits:
-        """What is kept to; may be replaced at any time, and the stream goes on."""
+        """The limits in force; may be replaced at any time, and the stream goes on."""
         return self._limits
 
     @limits.setter
@@ -112,14 +112,14 @@ class SetpointLimiter:
         self._room: tuple[Vector3 | None, float] = (None, math.inf)
 
     def restart(self, position_ned_m: Vector3, velocity_ned_m_s: Vector3, now_s: float) -> None:
-        """Begins a new stream at a place."""
+        """Starts a new stream at a place."""
         self._at = self._vehicle_ned_m = self._ahead_ned_m = position_ned_m
         self._velocity = velocity_ned_m_s
         self._target = None
         self._last_s = now_s
 
     def set_vehicle(self, position_ned_m: Vector3, velocity_ned_m_s: Vector3, now_s: float, resets: int = 0) -> None:
-        """Says where the vehicle is.
+        """Sets position and velocity of the vehicle.
 
         A stream that has paused begins anew there. When the estimate has jumped, the point jumps with it, so that for
         the vehicle nothing changes.

@@ -1,4 +1,4 @@
-"""A point that moves along a polyline at a wanted speed: what the waypoint controller has the vehicle follow."""
+"""Path follower: a target point that moves along a polyline at a set speed."""
 
 import math
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ waits at twice as much."""
 
 
 class PathLeg(NamedTuple):
-    """One straight piece of the way."""
+    """One straight leg of the path."""
 
     start: Vector3
     along: Vector3
@@ -45,7 +45,7 @@ class PathLeg(NamedTuple):
 
 
 class PathTarget(NamedTuple):
-    """Where the vehicle shall be now."""
+    """The current target: position, velocity and bearing."""
 
     position_ned_m: Vector3
     velocity_ned_m_s: Vector3
@@ -124,7 +124,7 @@ class PathFollower:
 
     @property
     def travelled_m(self) -> float:
-        """Way made by the point."""
+        """Distance travelled by the point."""
         left_m = sum(leg.length_m for leg in self._legs[self._index :]) - self._on_leg_m
         return max(0.0, self.length_m - left_m)
 
@@ -140,11 +140,11 @@ class PathFollower:
     # --- moving on ---
 
     def halt(self) -> None:
-        """Begins again from rest, as after a pause."""
+        """Restarts from rest, as after a pause."""
         self._now_m_s = self.waited_s = 0.0
 
     def rejoin(self, position_ned_m: Vector3) -> None:
-        """Leads the vehicle back to where the point is, at the speed of the way, and on from there."""
+        """Leads the vehicle back to the point at the path's speed, and on from there."""
         self.halt()
         here = self._here().position_ned_m
         if self._index >= len(self._legs) or math.dist(here, position_ned_m) <= LEAD_M:
@@ -154,7 +154,7 @@ class PathFollower:
         self._lay(position_ned_m, [(next_waypoint, here), *rest])
 
     def advance(self, duration_s: float, position_ned_m: Vector3) -> PathTarget:
-        """Moves the point on and says where it is."""
+        """Advances the point and returns it."""
         here = self._here().position_ned_m
         behind_m = math.dist(here, position_ned_m)
         if self._is_staying:
@@ -228,7 +228,7 @@ class PathFollower:
 
 
 def next_ahead(position: Vector3, waypoints: Sequence[Vector3], first: int, within_m: float) -> int:
-    """The waypoint that a vehicle on its way has next, if it may have flown on unobserved.
+    """Index of the next waypoint of a vehicle that may have flown on unobserved.
 
     Args:
         position: where the vehicle is.

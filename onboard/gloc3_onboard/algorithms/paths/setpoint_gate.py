@@ -1,4 +1,4 @@
-"""Which setpoints may be obeyed: those of the owner of motion, finite, and young (DESIGN §7); the others are counted."""
+"""Setpoint gate: accepts finite, recent setpoints of the owner of motion (DESIGN §7), and counts the others."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -14,13 +14,13 @@ AHEAD_S: Final = 0.05
 
 
 class SetpointGate:
-    """Drops setpoints of anybody but the owner, those that are not finite, and those that are not of now."""
+    """Drops setpoints that are not the owner's, not finite, stale or from the future."""
 
     def __init__(self) -> None:
         self.foreign = self.not_finite = self.stale = 0
 
     def newest(self, envelopes: Sequence[Envelope[Setpoint]], owner: str, now_s: float) -> Envelope[Setpoint] | None:
-        """The last of some setpoints that may be obeyed; None if there is none."""
+        """The newest of the acceptable setpoints; None if there is none."""
         found = None
         for envelope in envelopes:
             if not owner or envelope.payload.action_id != owner:

@@ -1,4 +1,4 @@
-"""How a range scanner moved, told from its scans alone.
+"""Laser odometry: the motion of a range scanner from its scans alone.
 
 `laser_odometer` is the estimator; the rest are its steps.
 """

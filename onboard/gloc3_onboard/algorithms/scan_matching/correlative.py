@@ -1,4 +1,4 @@
-"""Looks for a scan in a map over a wide range of places and headings at once.
+"""Correlative scan matching over a window of positions and headings.
 
 Each candidate is scored by how many points fall where the map has walls (Olson, "Real-time correlative scan matching",
 ICRA 2009).
@@ -23,14 +23,14 @@ BEST: Final = 4
 
 
 class SearchWindow(NamedTuple):
-    """How far around a guess to look."""
+    """Search window around a guess."""
 
     distance_m: float
     heading_rad: float
 
 
 def candidates(points: Array, feet: Array, guess: Planar, window: SearchWindow) -> list[Planar]:
-    """Likely places of a scan in a map, the best first.
+    """Likely poses of a scan in a map, the best first.
 
     Args:
         points: of the scan; shape (n, 2).
@@ -41,10 +41,12 @@ def candidates(points: Array, feet: Array, guess: Planar, window: SearchWindow) 
     cell_m = min(max(window.distance_m / 4.0, 0.08), 0.2)
     voters = _spread(points, cell_m)
     reach = ceil(window.distance_m / cell_m)
+    # Look-up table: the map rasterized and blurred (Olson 2009).
     raster, corner = _raster(feet, guess, cell_m, reach)
     turns = ceil(window.heading_rad / HEADING_RAD)
     headings = np.asarray(guess.yaw_rad + HEADING_RAD * np.arange(-turns, turns + 1), np.float64)
     c, s = np.cos(headings)[:, None], np.sin(headings)[:, None]
+    # Rotate the points once for each heading; translations are then shifts by whole cells.
     rows = (c * voters[:, 0] - s * voters[:, 1] + (guess.x_m - corner[0])) / cell_m
     columns = (s * voters[:, 0] + c * voters[:, 1] + (guess.y_m - corner[1])) / cell_m
     height, width = raster.shape
@@ -53,6 +55,7 @@ def candidates(points: Array, feet: Array, guess: Planar, window: SearchWindow) 
     shifts = np.arange(-reach, reach + 1)
     offsets = (shifts[:, None] * width + shifts).ravel()
     base = row * width + column
+    # Score: for each heading and shift, the sum of the table's values at the points.
     scores = np.empty((len(headings), len(offsets)), np.int64)
     flat = raster.ravel()
     for number, row_base in enumerate(base):

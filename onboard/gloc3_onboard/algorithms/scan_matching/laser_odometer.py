@@ -1,4 +1,4 @@
-"""Laser odometry: each scan is fitted into a map of the walls that were seen on the last metres of the way."""
+"""Laser odometry: aligns each scan to a local map of the walls seen lately."""
 
 from typing import Annotated, Final, NamedTuple
 
@@ -81,7 +81,7 @@ class LaserOdometerSettings(Settings, frozen=True):
 
 
 class LaserMotion(msgspec.Struct, frozen=True, kw_only=True):
-    """How the body moved in the plane since a reference, on the level axes of the reference (x forward, y right)."""
+    """Planar motion of the body since a reference, on the level axes of the reference (x forward, y right)."""
 
     t_s: float
     reference_t_s: float
@@ -100,7 +100,7 @@ class LaserMotion(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LaserOdometer:
-    """Tells motion from scans. A bad scan gives a motion that is not valid, with a reason, and changes nothing."""
+    """Estimates motion from scans. A bad scan gives a motion that is not valid, with a reason, and changes nothing."""
 
     def __init__(self, settings: LaserOdometerSettings | None = None, mount: Mount = AT_BODY) -> None:
         self._settings = settings or LaserOdometerSettings()
@@ -128,7 +128,7 @@ class LaserOdometer:
         heading_rad: float | None = None,
         guess: Planar | None = None,
     ) -> LaserMotion:
-        """Takes in a scan.
+        """Processes a scan.
 
         Args:
             scan: it.
@@ -173,6 +173,7 @@ class LaserOdometer:
     def _expected(self, duration_s: float, heading_rad: float | None) -> "Expected":
         """The motion since the last good scan, and how wrong that may be."""
         settings, reported, velocity = self._settings, self._reported, self._velocity
+        # Constant velocity, within a window of a dt^2 / 2; a reported motion or heading may replace it.
         half_square = 0.5 * duration_s * duration_s
         distance_m = settings.acceleration_m_s2 * half_square
         turn_rad = settings.turn_acceleration_rad_s2 * half_square
@@ -210,6 +211,7 @@ class LaserOdometer:
         """Near the expected place if that is well known, else, or if it does not fit there, all around it."""
         guess, window = self._pose @ expected.motion, expected.window
         assert window is not None
+        # Local alignment where the window is small; else, or where it fits badly, correlative search.
         is_sure = window.distance_m <= SURE_M and window.heading_rad <= SURE_RAD
         near = align(points, self._map, guess, window.distance_m + NEAR_M) if is_sure else None
         if near is not None and near.share >= self._settings.good_share:
@@ -222,6 +224,7 @@ class LaserOdometer:
         self, points: ScanPoints, found: ScanAlignment, t_s: float, heading_rad: float | None, height_m: float | None
     ) -> LaserMotion:
         information = found.information._replace(sigma_m=CAUTION * found.information.sigma_m)
+        # Covariance of the fit, plus a floor, plus walls that lean where the height has changed.
         covariance = information.covariance(UNKNOWN_VARIANCE) + _FLOOR
         climb_m = _between(height_m, self._height_m)
         covariance[:2, :2] += max(0.0, LEAN * (abs(climb_m) - LEVEL_M)) ** 2 * np.eye(2)
@@ -230,6 +233,7 @@ class LaserOdometer:
         self._travelled_m += step.distance_m
         self._settle(found.pose, t_s, heading_rad)
         motion = self._key_pose.inverse() @ found.pose
+        # Report relative to the key pose; a new key where it is far, poorly observed or badly covered.
         report = LaserMotion(
             t_s=t_s,
             reference_t_s=self._key_t_s,
@@ -319,6 +323,7 @@ def _between(height_m: float | None, before_m: float | None) -> float:
 def _since(key: Planar, key_covariance: Array, pose: Planar, covariance: Array) -> Array:
     """Covariance of a pose as seen from another, with independent errors of both, on the axes of the other."""
     x, y = pose.x_m - key.x_m, pose.y_m - key.y_m
+    # C = R^T (C_pose + L C_key L^T) R, R the key's axes; L carries its heading error over the distance.
     lever = np.array(((1.0, 0.0, -y), (0.0, 1.0, x), (0.0, 0.0, 1.0)))
     turn = np.eye(3)
     turn[:2, :2] = key.rotation().T

@@ -1,4 +1,4 @@
-"""The straight piece of wall around each point of a scan: its direction, and how well it is known."""
+"""Line fits around each point of a scan: the wall's direction, and its uncertainty."""
 
 from typing import Final, NamedTuple
 
@@ -24,7 +24,7 @@ NOISE_M: Final = 0.005
 
 
 class Lines(NamedTuple):
-    """One piece of wall a point; the arrays are as long as the points."""
+    """One line fit per point; the arrays are as long as the points."""
 
     feet_m: Array
     """The point, moved onto its line; shape (n, 2)."""
@@ -75,6 +75,7 @@ def _fitted(points: Array, sums: _Sums, index: NDArray[np.intp], half: NDArray[n
     number = (high - low).astype(np.float64)
     sx, sy, sxx, sxy, syy = (sums.totals[:, high] - sums.totals[:, low]) / number
     vxx, vxy, vyy = sxx - sx * sx, sxy - sx * sy, syy - sy * sy
+    # Eigenvalues and axes of the 2 x 2 scatter matrix in closed form; the normal is the smaller one's axis.
     middle, spread = 0.5 * (vxx + vyy), np.hypot(0.5 * (vxx - vyy), vxy)
     along, across = middle + spread, np.maximum(middle - spread, NOISE_M**2)
     angle = 0.5 * np.arctan2(2.0 * vxy, vxx - vyy)

@@ -1,4 +1,4 @@
-"""The pieces of wall that a scanner has seen lately, each kept as it was seen first."""
+"""Local map of wall points seen lately, each kept as first seen."""
 
 from typing import Final, NamedTuple
 
@@ -12,7 +12,7 @@ SAME_M: Final = 0.05
 
 
 class Neighbours(NamedTuple):
-    """For each point that was asked for, its neighbour in the map."""
+    """Nearest map point of each query point."""
 
     feet_m: Array
     normals: Array
@@ -39,7 +39,7 @@ class LocalMap:
         return self._feet
 
     def add(self, lines: Lines, pose: Planar, travelled_m: float) -> None:
-        """Takes in what is new in a scan.
+        """Adds the new points of a scan.
 
         Args:
             lines: the pieces of wall of the scan.

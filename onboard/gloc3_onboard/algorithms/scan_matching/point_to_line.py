@@ -38,25 +38,27 @@ class Information(NamedTuple):
 
     @property
     def is_degenerate(self) -> bool:
-        """Whether there is anything that the fit does not tell."""
+        """Whether some direction is not observable."""
         return len(self.known.T) < 3
 
     def solve(self, gradient: Array) -> Array:
-        """The step that the fit asks for, without any part along a direction that is not known."""
+        """The Gauss-Newton step, within the observable directions."""
         if not self.is_degenerate:
             return np.asarray(np.linalg.solve(self.matrix, gradient), np.float64)
         known = self.known
+        # Degenerate: V (V^T A V)^-1 V^T g, V the observable directions (cf. Zhang, Kaess, Singh, ICRA 2016).
         step: Array = known @ np.linalg.solve(known.T @ self.matrix @ known, known.T @ gradient)
         return step
 
     def known_part(self, step: Array) -> Array:
-        """What of a step goes along directions that are known."""
+        """The part of a step along observable directions."""
         part: Array = self.known @ (self.known.T @ step)
         return part
 
     def covariance(self, unknown_variance: float) -> Array:
         """3 by 3 covariance of north, east and heading."""
         known = self.known
+        # C = sigma^2 V (V^T A V)^-1 V^T, and a large variance along I - V V^T.
         inverse = known @ np.linalg.inv(known.T @ self.matrix @ known) @ known.T
         result: Array = unknown_variance * (np.eye(3) - known @ known.T) + inverse * self.sigma_m**2
         return result
@@ -67,7 +69,7 @@ NOTHING: Final = Information(np.zeros((3, 3)), np.zeros((3, 0)), 1.0)
 
 
 def information_of(jacobian: Array, swings: Array, weights: Array, angle_std_rad: Array, sigma_m: float) -> Information:
-    """Sums up what some points on lines say.
+    """Builds the normal equations of point-to-line distances.
 
     Args:
         jacobian: of the distance to the line: its normal, and by the heading; shape (n, 3).
@@ -76,12 +78,14 @@ def information_of(jacobian: Array, swings: Array, weights: Array, angle_std_rad
         angle_std_rad: how well the direction of each line is known.
         sigma_m: standard deviation of the distances.
     """
+    # Information J^T W J; `sure` is without what uncertain normals alone may have brought.
     matrix = jacobian.T @ (jacobian * weights[:, None])
     doubts = EXCESS * weights * angle_std_rad * angle_std_rad
     sure = matrix - swings.T @ (swings * doubts[:, None])
     (nn, ne, nh), (_, ee, eh), (_, _, hh) = sure.tolist()
     turning = max(float(matrix[2, 2]), 1e-9)
     needed = max(SUPPORT, SUPPORT_SHARE * float(weights.sum()))
+    # Observability: eigenvalues of the position block, the heading eliminated (Schur complement).
     columns = [
         (n, e, 0.0)
         for value, n, e in _axes(nn - nh * nh / turning, ne - nh * eh / turning, ee - eh * eh / turning)
@@ -134,7 +138,7 @@ FINEST_M: Final = 0.005
 
 
 class ScanAlignment(NamedTuple):
-    """Where a scan fits into a map."""
+    """Pose of a scan in a map, and how well it fits."""
 
     pose: Planar
     information: Information
@@ -149,14 +153,14 @@ class ScanAlignment(NamedTuple):
         return self.share < CLEAR or self.information.is_degenerate
 
     def without_prediction(self, guess: Planar) -> Planar:
-        """The pose, but as guessed along what the walls do not tell."""
+        """The pose, with the guess along unobservable directions."""
         north, east, turn = self.pose.x_m - guess.x_m, self.pose.y_m - guess.y_m, self.pose.yaw_rad - guess.yaw_rad
         north, east, turn = self.information.known_part(np.array((north, east, wrap_pi(turn)))).tolist()
         return Planar(guess.x_m + north, guess.y_m + east, wrap_pi(guess.yaw_rad + turn))
 
 
 def align(points: Array, walls: LocalMap, guess: Planar, within_m: float, steps: int = STEPS) -> ScanAlignment:
-    """Fits points to a map.
+    """Aligns points to a map, point to line.
 
     Args:
         points: of the scan; shape (n, 2).
@@ -168,6 +172,7 @@ def align(points: Array, walls: LocalMap, guess: Planar, within_m: float, steps:
     pose, reach_m = guess, within_m
     found = ScanAlignment(pose, NOTHING, 0.0, 0.0)
     for _ in range(steps):
+        # Correspondences: nearest point of the map within reach, looked up in each step.
         turned = points @ pose.rotation().T
         here = np.array((pose.x_m, pose.y_m))
         near = walls.neighbours(turned + here, reach_m)
@@ -175,12 +180,15 @@ def align(points: Array, walls: LocalMap, guess: Planar, within_m: float, steps:
         if np.count_nonzero(is_near) < SOLVED:
             return ScanAlignment(pose, NOTHING, 0.0, 0.0)
         turned, n = turned[is_near], near.normals[is_near]
+        # Residual: n . (R p + t - foot), the distance across the wall (Censi 2008).
         off = np.einsum("ij,ij->i", n, turned + here - near.feet_m[is_near])
         size = np.abs(off)
+        # Weights: Cauchy, 1 / (1 + (r / 2 sigma)^2), sigma from the median of |r|.
         sigma = max(SPREAD * _median(size), FINEST_M)
         weights = 1.0 / (1.0 + (off / (2.0 * sigma)) ** 2)
         jacobian, swings = _jacobians(turned, n)
         known = information_of(jacobian, swings, weights, near.angle_std_rad[is_near], sigma)
+        # Gauss-Newton: (J^T W J) dx = -J^T W r.
         north, east, turn = known.solve(-jacobian.T @ (weights * off)).tolist()
         pose = Planar(pose.x_m + north, pose.y_m + east, wrap_pi(pose.yaw_rad + turn))
         found = ScanAlignment(pose, known, float(np.count_nonzero(size < FIT_M)) / len(points), sigma)
@@ -191,7 +199,7 @@ def align(points: Array, walls: LocalMap, guess: Planar, within_m: float, steps:
 
 
 def search(points: Array, walls: LocalMap, guess: Planar, window: SearchWindow) -> ScanAlignment:
-    """Fits points to a map from a guess that may be far off.
+    """Aligns points to a map from a guess that may be far off.
 
     Args:
         points: of the scan; shape (n, 2).
@@ -200,6 +208,7 @@ def search(points: Array, walls: LocalMap, guess: Planar, window: SearchWindow) 
         window: how wrong that may be.
     """
     few = points[:: max(1, len(points) // FEW)]
+    # Coarse: short fits from the guess, then from the correlative candidates; fine: a full fit of the best.
     best = align(few, walls, guess, COARSE_M, steps=TRIAL_STEPS)
     for place in candidates(points, walls.feet_m, guess, window) if best.is_doubtful else ():
         trial = align(few, walls, place, COARSE_M, steps=TRIAL_STEPS)
@@ -217,6 +226,7 @@ def search(points: Array, walls: LocalMap, guess: Planar, window: SearchWindow) 
 def _jacobians(points: Array, normals: Array) -> tuple[Array, Array]:
     """Of the distances across the lines, by north, east and heading; and the same along the lines."""
     px, py, nx, ny = *points.T, *normals.T
+    # dr/d(north, east, heading) = (n, n . (e_down x R p)); the other for n turned by a right angle.
     return np.column_stack((nx, ny, ny * px - nx * py)), np.column_stack((-ny, nx, nx * px + ny * py))
 
 

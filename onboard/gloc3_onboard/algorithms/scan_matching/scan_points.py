@@ -1,4 +1,4 @@
-"""From ranges to points: what of a scan is there, made level, and what is wrong with it."""
+"""Scan preprocessing: range checks, deskewing, leveling and removal of the floor."""
 
 from math import cos, sin
 from typing import Final, NamedTuple
@@ -17,7 +17,7 @@ FLOOR_SHARE: Final = 0.02
 
 
 class Tilt(NamedTuple):
-    """How the body stands in the world, but for its heading."""
+    """Roll, pitch and height of the body."""
 
     roll_rad: float = 0.0
     pitch_rad: float = 0.0
@@ -26,7 +26,7 @@ class Tilt(NamedTuple):
 
 
 class Mount(NamedTuple):
-    """Where the scanner sits on the body."""
+    """Mounting pose of the scanner on the body."""
 
     position_frd_m: Vector3 = (0.0, 0.0, 0.0)
     yaw_rad: float = 0.0
@@ -34,7 +34,7 @@ class Mount(NamedTuple):
 
 
 class ScanPoints(NamedTuple):
-    """What a scan has hit, in the level plane of the body: x forward, y right."""
+    """Hit points of a scan, in the level plane of the body: x forward, y right."""
 
     points_m: Array
     """In the order of the beams; shape (n, 2)."""
@@ -59,7 +59,7 @@ def _nothing_m(scan: LaserScan) -> float:
 
 
 def fault_of(scan: LaserScan) -> str:
-    """Why nothing can be told from a scan; empty when something can."""
+    """Why a scan cannot be used; empty if it can."""
     if not scan.is_valid:
         return scan.reason or "the scanner says that its scan is not valid"
     if len(scan.ranges_m) % 4 or len(scan.ranges_m) < 4 * FEWEST_BEAMS:
@@ -80,7 +80,7 @@ def fault_of(scan: LaserScan) -> str:
 
 
 def points_of(scan: LaserScan, tilt: Tilt, mount: Mount, motion: Planar) -> ScanPoints:
-    """The points of a scan without fault, where they were when it ended, without the floor.
+    """The points of a usable scan, as seen from its end, without the floor.
 
     Args:
         scan: it.
@@ -97,9 +97,11 @@ def points_of(scan: LaserScan, tilt: Tilt, mount: Mount, motion: Planar) -> Scan
     angles = mount.yaw_rad - (scan.angle_min_rad + scan.angle_step_rad * beams)
     x, y, z = mount.position_frd_m
     forward, right = ranges * np.cos(angles) + x, ranges * np.sin(angles) + y
+    # Deskew: each beam is moved by the share of the motion that came after it.
     if motion.distance_m > 0.0 or motion.yaw_rad:
         forward, right = _moved_back(forward, right, 1.0 - beams / (size - 1), motion)
     sr, cr, sp, cp = sin(tilt.roll_rad), cos(tilt.roll_rad), sin(tilt.pitch_rad), cos(tilt.pitch_rad)
+    # Level: R_pitch R_roll of each point, the vertical left out; hits near the floor are dropped.
     level = np.column_stack((cp * forward + sp * (sr * right + cr * z), cr * right - sr * z))
     if tilt.height_m is not None:
         below = cp * (sr * right + cr * z) - sp * forward

@@ -1,4 +1,4 @@
-"""Pictures into motion: features, stereo geometry and odometers, each a plain class.
+"""Visual odometry: features, stereo geometry and odometers, each a plain class.
 
 Stereo, ground and follower odometers, each built of small steps that can be used alone.
 """

@@ -1,4 +1,4 @@
-"""Bright spots in a dark picture, such as a lamp on a vehicle: where they are, to a fraction of a pixel."""
+"""Bright spots in a dark picture, such as a lamp on a vehicle, located to a fraction of a pixel."""
 
 from typing import Final, NamedTuple
 

@@ -1,4 +1,4 @@
-"""Corners that are worth tracking, spread over the picture: the best of each cell of a grid."""
+"""Corner detection: the best corner of each cell of a grid."""
 
 from typing import Final
 

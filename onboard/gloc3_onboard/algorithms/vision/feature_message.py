@@ -1,4 +1,4 @@
-"""Between features and motions as arrays, and the messages that carry them."""
+"""Conversion of features and motions between arrays and messages."""
 
 from typing import Final
 
@@ -28,7 +28,7 @@ def message_of(found: FeatureSet, camera: str) -> Features:
 
 
 def features_of(message: Features, t_s: float) -> FeatureSet | None:
-    """The set of features that a message carries; None where its parts do not fit each other."""
+    """The features of a message; None if its parts do not fit each other."""
     count = len(message.ids) // 4
     if len(message.ids) % 4 or len(message.pixels) != 8 * count or len(message.right_pixels) != 8 * count:
         return None

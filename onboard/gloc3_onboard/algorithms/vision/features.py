@@ -1,4 +1,4 @@
-"""FDM, feature detection and matching (paper §VI): points found once, followed, and matched in the right picture."""
+"""FDM, feature detection and matching (paper §VI): points detected once, tracked, and matched left to right."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -23,7 +23,7 @@ _MATCHED_SHARE: Final = 0.4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MatcherOptions:
-    """How a matcher works."""
+    """Options of the feature matcher."""
 
     cell_px: int = 40
     """One point in each square of this side."""
@@ -53,7 +53,7 @@ class FeatureSet:
 
 
 class FeatureMatcher:
-    """Follows points from pair to pair and matches them between the two pictures.
+    """Tracks points from pair to pair and matches them between the two pictures.
 
     Args:
         rig: the calibrated pair.
@@ -71,7 +71,7 @@ class FeatureMatcher:
         self.reset()
 
     def reset(self) -> None:
-        """Begins anew: what comes next has no points in common with what was."""
+        """Drops all points: later ones have nothing in common with them."""
         self._points.reset()
         self._offset_ids: Ids = self._points.ids
         self._offset_px: Pixels = NO_PIXELS
@@ -80,7 +80,7 @@ class FeatureMatcher:
         self._turned_back = 0
 
     def update(self, left: Picture, right: Picture, t_s: float) -> FeatureSet:
-        """The points of a pair of pictures that were taken at one time.
+        """The points of a pair of pictures taken at one time.
 
         Args:
             left: grey values, of the size that the calibration says.

@@ -1,4 +1,4 @@
-"""The height of a camera above the floor: a range finder's echoes, smoothed by what the pictures say of height changes."""
+"""Height of a camera above the floor: echoes of a range finder, filtered with the height changes seen."""
 
 import math
 from typing import Final
@@ -40,12 +40,12 @@ class GroundHeight:
         return math.hypot(math.sqrt(self._variance), self._scale_std * self._mean_m)
 
     def begin(self, height_m: float) -> None:
-        """Believes one echo, whatever was before."""
+        """Starts from one echo, whatever was before."""
         self._mean_m, self._variance = height_m, self._noise_m**2
         self._fitting_s = self._denied_s = 0.0
 
     def is_lost(self, coast_s: float) -> bool:
-        """Whether the echoes have denied the height for so long, or for longer than they confirmed it.
+        """Whether the echoes have contradicted the height for `coast_s`, or for longer than they confirmed it.
 
         Without echoes it is known as well as the pictures tell how it changes, until that is no longer well enough.
         """
@@ -53,16 +53,17 @@ class GroundHeight:
         return is_denied or math.sqrt(self._variance) > _LOST_SHARE * self._mean_m
 
     def reset(self) -> None:
-        """Knows nothing."""
+        """Makes the height unknown."""
         self._mean_m, self._variance = math.nan, math.inf
 
     def rise(self, ratio: float, ratio_std: float, floor_shift_m: float = 0.0) -> None:
-        """Moves to another place: the height there in heights here, and how far its floor lies below this one."""
+        """Predicts the height at another place: its height in heights here, and how far its floor lies below."""
+        # Predict: h <- r h + s, P <- r^2 P + (sigma_r h)^2.
         self._variance = ratio**2 * self._variance + (ratio_std * self._mean_m) ** 2
         self._mean_m = ratio * self._mean_m + floor_shift_m
 
     def update(self, height_m: float, ratio: float, reliefs_m: tuple[float, ...], period_s: float) -> bool:
-        """Takes an echo from a place where the height is `ratio` times the one that is filtered.
+        """Updates with an echo from a place where the height is `ratio` times the filtered one.
 
         Args:
             height_m: Vertical distance to what was hit.
@@ -76,11 +77,13 @@ class GroundHeight:
         candidates = [(height_m + relief_m) / ratio for relief_m in reliefs_m]
         used_m = min(candidates, key=lambda candidate: abs(candidate - self._mean_m))
         noise = (self._noise_m / ratio) ** 2
+        # Gate: |y| against 4 sqrt(P + R) plus 4 % of the height, y = z - h.
         away_m = used_m - self._mean_m
         gate_m = _GATE * math.sqrt(self._variance + noise) + _GATE_SHARE * self._mean_m
         if abs(away_m) > gate_m:
             self._denied_s += period_s
             return False
+        # Update: K = P / (P + R), h <- h + K y, P <- (1 - K) P.
         gain = self._variance / (self._variance + noise)
         self._mean_m += gain * away_m
         self._variance *= 1.0 - gain

@@ -1,4 +1,4 @@
-"""How far a vehicle has moved over the ground, by a camera that looks down, its attitude and its height."""
+"""Ground odometry from a camera that looks down, the attitude and the height."""
 
 import math
 from typing import Final, NamedTuple
@@ -51,7 +51,7 @@ _TURNED_BACK_AFTER: Final = 5
 
 
 class GroundSettings(NamedTuple):
-    """How a ground odometer is set up. Lengths in metres, on the body's axes."""
+    """Settings of a ground odometer. Lengths in metres, on the body's axes."""
 
     height_noise_m: float = 0.02
     """Standard deviation of one height."""
@@ -92,7 +92,7 @@ class _Key(NamedTuple):
 
 
 class GroundOdometer:
-    """Horizontal motion and turn over a floor, metric by the height, told from a key frame.
+    """Horizontal motion and turn over a floor, scaled by the height, relative to a key frame.
 
     The floor is a plane that may slope. What stands on it moves otherwise in the picture, is left out, and is used
     with its own height once that is known; so the height sensor's steps over boxes are understood, not flown.
@@ -124,7 +124,7 @@ class GroundOdometer:
         self._lost = self._turned_back = 0
 
     def update(self, picture: Picture, t_s: float, ned_from_frd: Quaternion, height_m: float) -> Odometry:
-        """Takes a picture.
+        """Processes a picture.
 
         Args:
             picture: Grey values, (rows, columns), 8 bit.
@@ -149,7 +149,7 @@ class GroundOdometer:
         return self._move(self._key, picture, held, height_m, period_s)
 
     def without_picture(self, t_s: float, reason: str) -> Odometry:
-        """What is told at a time when there is no picture that can be used."""
+        """The report for a time without a usable picture."""
         return self._invalid(t_s, reason)
 
     def _problem(self, picture: Picture, t_s: float, ned_from_frd: Quaternion) -> str:
@@ -205,6 +205,7 @@ class GroundOdometer:
 
     def _move(self, key: _Key, picture: Picture, held: BodyAttitude, height_m: float, period_s: float) -> Odometry:
         ahead_s = held.t_s - self._moved_s
+        # Predict: constant velocity, the attitude's turn as prior, the relief as depth; then track the points.
         expected_m = self._place + self._velocity * ahead_s
         depth = 1.0 - key.relief_m / self._height.mean_m
         turn = _about_down(held.yaw_rad - key.held.yaw_rad)
@@ -223,6 +224,7 @@ class GroundOdometer:
         is_floor_hit = self._use_height(motion, before, now, height_m, held, period_s)
         if not is_floor_hit and self._height.is_lost(self.settings.coast_s):
             return self._begin(picture, held, height_m, "the height does not fit what is seen")
+        # Scale: the translation is in heights of the key frame.
         place = motion.translation * self._height.mean_m
         self._velocity = (place - self._place) / ahead_s
         self._place, self._moved_s, self._lost = place, held.t_s, 0
@@ -242,6 +244,7 @@ class GroundOdometer:
 
     def _fit(self, before: Array, now: Array, depth: Array, prior: Prior, expected: Array) -> PlaneMotion:
         motion = ground_plane.fit(before, now, depth, prior, expected, self._noise)
+        # Fit from the prediction; with too few inliers again from a RANSAC start, and the better one counts.
         if motion.is_inlier.mean() >= 0.7:
             return motion
         begun = ground_plane.start(self._cv2, before, now, depth, prior, 2.0 * self._noise.most)

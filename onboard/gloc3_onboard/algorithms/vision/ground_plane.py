@@ -1,4 +1,4 @@
-"""How a camera moved over a plane: a robust fit of its motion, and of the slope, to points seen twice.
+"""Robust fit of a camera's motion over a plane, and of the plane's slope, to points seen twice.
 
 All lengths are in units of the camera's height above the plane at the key frame. Directions are *flat*, `(n, 2)`: forward
 and right at one unit down, in axes that are level with the heading of the body (forward, right, down). The plane is `down = 1 + slope . (forward, right)`.
@@ -29,7 +29,7 @@ _WEAK: Final = 1e-4
 
 
 class Prior(NamedTuple):
-    """What is known before looking."""
+    """Prior knowledge of turn and slope."""
 
     turn: Array
     """Rotation `level_key_from_level_now`, (3, 3)."""
@@ -41,20 +41,20 @@ class Prior(NamedTuple):
 
 
 class PlaneNoise(NamedTuple):
-    """What a coordinate's standard deviation can be, in flat units."""
+    """Bounds of a coordinate's standard deviation, in flat units."""
 
     least: float
     most: float
 
     def of(self, square: Array) -> float:
-        """That of one coordinate, from the squared distances (Rayleigh) of the better third."""
+        """Deviation of one coordinate, from the squared distances (Rayleigh) of the better third."""
         rank = int(_QUANTILE * len(square))
         found = math.sqrt(float(np.partition(square, rank)[rank]) / _SQUARE_AT_QUANTILE)
         return min(max(found, self.least), self.most)
 
 
 class PlaneMotion(NamedTuple):
-    """What the fit found."""
+    """Result of the fit."""
 
     translation: Array
     """Where the camera is now, (3,), in the key frame's level axes, in key heights."""
@@ -107,9 +107,11 @@ def fit(before: Array, now: Array, depth: Array, prior: Prior, translation: Arra
         residual, jacobian = _linearize(before, now, depth, translation, turn, slope)
         square = np.einsum("ij,ij->i", residual, residual)
         spread = noise.of(square)
+        # Weights: Geman-McClure, 1 / (1 + r^2/c^2)^2; c shrinks from round to round.
         weight = 1.0 / (1.0 + square / (scale * spread * 1.5) ** 2) ** 2 / spread**2
         weight[~np.isfinite(weight)] = 0.0
         information, gradient = _normal_equations(residual, jacobian, weight, turn, slope, prior)
+        # Gauss-Newton: (J^T W J + D) dx = J^T W r + D (prior - x), D the prior's information.
         step = np.asarray(np.linalg.solve(information, gradient))
         translation = translation + step[:3]
         turn = turn @ _turned(step[3:6])
@@ -119,12 +121,13 @@ def fit(before: Array, now: Array, depth: Array, prior: Prior, translation: Arra
     spread = noise.of(square)
     is_inlier = square < (INLIER * spread) ** 2
     information, _ = _normal_equations(residual, jacobian, is_inlier / spread**2, turn, slope, prior)
+    # Covariance: inverse of the inliers' and the prior's information.
     covariance = np.asarray(np.linalg.inv(information))
     return PlaneMotion(translation, turn, slope, covariance, np.sqrt(square), is_inlier, spread)
 
 
 def relief(before: Array, now: Array, motion: PlaneMotion) -> tuple[Array, Array, Array]:
-    """How far each point is, told by how it moved, as a share of the way to the plane.
+    """Depth of each point from its motion, as a share of the distance to the plane.
 
     Returns:
         The shares (n,), their standard deviations (n,), and what is left of the points' distances from where they
@@ -134,6 +137,7 @@ def relief(before: Array, now: Array, motion: PlaneMotion) -> tuple[Array, Array
     origin = motion.translation @ motion.turn
     along = now * flat[:, 2:] - flat[:, :2]
     moved = now * origin[2] - origin[:2]
+    # Triangulate: least squares for the depth share, (a . m) / (a . a).
     square = np.maximum(np.einsum("ij,ij->i", along, along), 1e-12)
     share = np.einsum("ij,ij->i", along, moved) / square
     down = np.maximum(np.abs(share * flat[:, 2] - origin[2]), 1e-3)
@@ -142,9 +146,10 @@ def relief(before: Array, now: Array, motion: PlaneMotion) -> tuple[Array, Array
 
 
 def start(cv2: Any, before: Array, now: Array, depth: Array, prior: Prior, reach: float) -> Array | None:
-    """A first translation (3,) from most points alone, without a prediction; None where they do not agree."""
+    """A first translation (3,) by RANSAC, without a prediction; None where the points do not agree."""
     points = on_plane(before, depth, prior.slope)
     turned = points @ prior.turn
+    # RANSAC: a similarity, whose scale is the change of height and whose shift the motion along the plane.
     found, _ = cv2.estimateAffinePartial2D(
         np.ascontiguousarray(turned[:, :2]),
         np.ascontiguousarray(now),

@@ -1,4 +1,4 @@
-"""What a fit over the ground means for the body, as a message of odometry."""
+"""Odometry message of the body from a fit over the ground."""
 
 import math
 from typing import Final, NamedTuple
@@ -26,7 +26,7 @@ _GOOD_POINTS: Final = 60
 
 
 class BodyAttitude(NamedTuple):
-    """How the body was held at a time."""
+    """Tilt and heading of the body at a time."""
 
     t_s: float
     level_from_frd: Quaternion
@@ -35,7 +35,7 @@ class BodyAttitude(NamedTuple):
 
     @staticmethod
     def of(t_s: float, ned_from_frd: Quaternion) -> "BodyAttitude":
-        """Takes an attitude apart."""
+        """Splits an attitude into tilt and heading."""
         yaw_rad = yaw_of(ned_from_frd)
         return BodyAttitude(t_s, normalize(multiply(conjugate(from_yaw(yaw_rad)), ned_from_frd)), yaw_rad)
 
@@ -63,6 +63,7 @@ def report(
     """
     yaw_rad = math.atan2(motion.turn[1, 0], motion.turn[0, 0])
     reference_from_frd = normalize(multiply(from_yaw(yaw_rad), now.level_from_frd))
+    # Lever arm: the camera's place changes by R l - R_key l as the body turns.
     swung = matrix(reference_from_frd) @ lever_frd_m - matrix(key.level_from_frd) @ lever_frd_m
     place = motion.translation * height.mean_m - swung
     covariance = _covariance(motion, height, key, now, level_std_rad)
@@ -90,6 +91,7 @@ def _covariance(
     scale = height.std_m / height.mean_m
     seen = motion.covariance * _CAUTION
     place = motion.translation * height.mean_m
+    # Scale: C h^2 + p p^T (sigma_h / h)^2.
     covariance[:3, :3] = seen[:3, :3] * height.mean_m**2 + np.outer(place, place) * scale**2
     # The axes of the reference are as level as its attitude was.
     north, east, down = place

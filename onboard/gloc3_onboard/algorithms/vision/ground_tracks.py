@@ -1,4 +1,4 @@
-"""Points of the ground, found in a key frame and followed in the pictures after it."""
+"""Points of the ground, detected in a key frame and tracked in later pictures."""
 
 import math
 from typing import Final
@@ -23,7 +23,7 @@ _FAR_LEVELS: Final = 4
 
 
 class GroundTracks:
-    """Grid-spread corners of a key frame, found again from the key frame itself, in evened light.
+    """Corners of a key frame, spread on a grid and tracked from the key frame itself, in evened light.
 
     Args:
         width: of the pictures.
@@ -55,7 +55,7 @@ class GroundTracks:
         return self._corners.find(self._key, kept_px.astype(np.float32)).astype(float)
 
     def follow(self, picture: Picture, points_px: Array, expected_px: Array, *, is_sure: bool) -> tuple[Array, Flags]:
-        """Finds the points of the key frame again.
+        """Tracks the points of the key frame.
 
         Args:
             picture: Grey values, (rows, columns), of the size of the key frame.

@@ -1,4 +1,4 @@
-"""Patches followed from one picture into another (Lucas and Kanade 1981; in pyramids: Bouguet 2000)."""
+"""Patch tracking from one picture to another (Lucas and Kanade 1981; in pyramids: Bouguet 2000)."""
 
 from typing import Final
 
@@ -15,7 +15,7 @@ _GREY: Final = 128.0
 
 
 class PatchTracker:
-    """Finds patches again.
+    """Tracks patches by pyramidal Lucas-Kanade.
 
     Args:
         window_px: side of a patch.
@@ -41,7 +41,7 @@ class PatchTracker:
     def find(
         self, of: Picture, points: Pixels, contrast: Pixels, into: Picture, guess: Pixels, levels: int
     ) -> tuple[Pixels, NDArray[np.bool_]]:
-        """Where patches around points are in another picture, (n, 2), and which of them were found.
+        """Positions of patches in another picture, (n, 2), and which of them were found.
 
         Args:
             of: the picture that the points are in.

@@ -1,4 +1,4 @@
-"""How one camera turned and which way it went, from picture to picture; how far it went a single camera cannot tell."""
+"""Monocular visual odometry: rotation and direction of motion from picture to picture, without scale."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -27,7 +27,7 @@ _SCALE_PX: Final = 0.3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MonoMotion:
-    """From one picture to the next."""
+    """Motion from one picture to the next."""
 
     t_s: float
     rotation: Array
@@ -40,7 +40,7 @@ class MonoMotion:
 
 
 class MonoTracker:
-    """Pictures of one calibrated camera in, turns and directions out."""
+    """Estimates rotation and direction from the pictures of one calibrated camera."""
 
     def __init__(self, camera: CameraModel) -> None:
         self._cv2 = load_opencv()
@@ -74,6 +74,7 @@ class MonoTracker:
     def _motion(self, before: Array, now: Array, t_s: float) -> MonoMotion:
         cv2, tight = self._cv2, _INLIER_PX / self._focal_px
         cv2.setRNGSeed(_SEED)
+        # Essential matrix by MAGSAC++ (Barath et al., CVPR 2020); recoverPose picks the pose with points ahead.
         essential, is_inlier = cv2.findEssentialMat(now, before, np.eye(3), cv2.USAC_MAGSAC, 0.999, tight)
         if essential is None or essential.shape != (3, 3):
             return _none(t_s, "the points do not tell a motion")
@@ -103,12 +104,14 @@ def _refined(before: Array, now: Array, rotation: Array, direction: Array, scale
         normal = np.cross(np.broadcast_to(direction, turned.shape), turned)
         back = np.cross(one, np.broadcast_to(direction, one.shape)) @ rotation
         length = np.sqrt(normal[:, 0] ** 2 + normal[:, 1] ** 2 + back[:, 0] ** 2 + back[:, 1] ** 2) + 1e-12
+        # Residual: Sampson's, x'^T E x over its gradient (Hartley and Zisserman 2004, eq. 11.9).
         error = np.sum(one * normal, axis=1) / length
         # one . (d x (R (v x other))) by v, and one . (b x turned) by b, for b on the two axes across the direction.
         by_turn = np.cross(other, back) / length[:, None]
         across = np.linalg.svd(direction[None])[2][1:]
         by_direction = np.cross(turned, one) @ across.T / length[:, None]
         slopes = np.column_stack([by_turn, by_direction])
+        # Geman-McClure weights; Gauss-Newton in 5: rotation, and direction on the unit sphere.
         weight = (1.0 / (1.0 + (error / scale) ** 2)) ** 2
         normal_matrix = (slopes * weight[:, None]).T @ slopes + 1e-12 * np.eye(5)
         step = -np.linalg.solve(normal_matrix, slopes.T @ (weight * error))

@@ -1,4 +1,4 @@
-"""Where a vehicle is, by an external camera that sees the bright lamp on it."""
+"""Position of a vehicle from an external camera that sees the bright lamp on it."""
 
 import math
 from typing import Final, NamedTuple
@@ -22,7 +22,7 @@ _TURNED_BACK_AFTER: Final = 5
 
 
 class FollowerSettings(NamedTuple):
-    """Where the camera stands, and what is known of the lamp."""
+    """Pose of the camera, and properties of the lamp."""
 
     position_ned_m: Vector3 = (0.0, 0.0, 0.0)
     """Origin of the stand."""
@@ -48,7 +48,7 @@ class FollowerSettings(NamedTuple):
 
 
 class OpticalFollower:
-    """Finds the lamp again in every picture and says where it is, with what is uncertain along the line of sight.
+    """Tracks the lamp and reports its position, with its uncertainty along the line of sight.
 
     One camera tells a direction. The lamp's height, if it is given, cuts it; what is left of the uncertainty along the
     ray is in the covariance. Two lights that may both be the lamp give no position.
@@ -72,7 +72,7 @@ class OpticalFollower:
         self._turned_back = 0
 
     def update(self, picture: Picture, t_s: float, down_m: float = math.nan, down_std_m: float = 0.1) -> PositionFix:
-        """Takes a picture.
+        """Processes a picture.
 
         Args:
             picture: Grey values, (rows, columns), 8 bit.
@@ -98,7 +98,7 @@ class OpticalFollower:
         return self._place(spot, down_m, down_std_m)
 
     def without_picture(self, reason: str) -> PositionFix:
-        """What is told when there is no picture that can be used."""
+        """The report without a usable picture."""
         return self._nowhere(reason)
 
     def _problem(self, picture: Picture, t_s: float) -> str:
@@ -134,6 +134,7 @@ class OpticalFollower:
         spot_std_px = self.settings.spot_std_px + _OF_LENGTH * max(0, spot.longer_px - 1)
         across_m = range_m * math.hypot(spot_std_px / min(self.camera.focal_px), self.settings.pointing_std_rad)
         along_m2 = range_std_m**2 if self.settings.is_range_reported else UNKNOWN_VARIANCE
+        # C = across^2 (I - r r^T) + along^2 r r^T, r the line of sight.
         covariance = across_m**2 * np.eye(3) + (along_m2 - across_m**2) * np.outer(ray, ray)
         if along_m2 < across_m**2:
             covariance = across_m**2 * np.eye(3)
@@ -151,6 +152,7 @@ class OpticalFollower:
         usual = self.settings.range_std_m**-2
         if not (math.isfinite(down_m) and math.isfinite(down_std_m)) or down_std_m <= 0.0:
             return self.settings.range_m, self.settings.range_std_m
+        # Mean by information of the usual range and of the range (down - eye) / slope.
         reported = (slope / down_std_m) ** 2
         mean_m = (usual * self.settings.range_m + slope * (down_m - float(self._eye[2])) / down_std_m**2) / (
             usual + reported
@@ -181,7 +183,7 @@ _VELOCITY_GAIN: Final = 0.4
 
 
 class SpotTrack:
-    """Follows one spot; a second one that comes near is never taken for it, nor is a choice made between two."""
+    """Tracks one spot; where a second one is near, it chooses neither."""
 
     def __init__(self) -> None:
         self._place: tuple[float, float] | None = None
@@ -195,11 +197,11 @@ class SpotTrack:
         return self._count >= CONFIRMED_AFTER
 
     def silent_s(self, t_s: float) -> float:
-        """For how long it was not seen."""
+        """Time since it was last seen."""
         return t_s - self._seen_s
 
     def reset(self) -> None:
-        """Expects nothing."""
+        """Drops the track."""
         self._place, self._count, self._velocity = None, 0, (0.0, 0.0)
 
     def update(self, spots: list[Spot], t_s: float, most_px_s2: float) -> tuple[Spot | None, str]:
@@ -219,6 +221,7 @@ class SpotTrack:
         if self._place is None:
             return self._first(spots, t_s)
         x, y = (self._place[i] + self._velocity[i] * ahead_s for i in (0, 1))
+        # Predict at constant velocity; gate: as far as the acceleration allows, a t^2 / 2.
         reach_px = _LOOSE_PX + 0.5 * most_px_s2 * ahead_s**2 + (0.0 if self._count > 1 else most_px_s2 * ahead_s)
         near = [spot for spot in spots if math.hypot(spot.column - x, spot.row - y) <= reach_px]
         if len(near) > 1:
@@ -241,6 +244,7 @@ class SpotTrack:
 
     def _follow(self, spot: Spot, ahead_s: float, t_s: float) -> None:
         previous, place = self._place or (spot.column, spot.row), (spot.column, spot.row)
+        # Alpha-beta filter with alpha = 1: v <- v + beta (dx / dt - v).
         gain = 1.0 if self._count == 1 else _VELOCITY_GAIN
         vx, vy = ((place[i] - previous[i]) / ahead_s for i in (0, 1))
         self._velocity = (

@@ -1,4 +1,4 @@
-"""Pictures before anything is looked for in them: whether they show anything, and their light evened out."""
+"""Preprocessing of pictures: whether they can be used, and evening out their light."""
 
 from typing import Final
 
@@ -21,7 +21,7 @@ _LOG_FROM: Final = 12.0
 
 
 def pixels_of(image: Image) -> Picture:
-    """The grey values of a camera's picture that is whole."""
+    """The grey values of a camera's complete picture."""
     return np.frombuffer(image.data, np.uint8).reshape(image.height, image.width)
 
 
@@ -42,7 +42,7 @@ def problem(picture: Picture, camera: CameraModel) -> str:
 
 
 class LightEvener:
-    """Takes out of pictures what lamps, exposure and shadows do to them, so that a patch looks the same in all.
+    """Removes the effects of lamps, exposure and shadows, so that a patch looks the same in all pictures.
 
     The logarithm makes factors of brightness into offsets; what is wider than the box is subtracted.
 

@@ -1,4 +1,4 @@
-"""Points of one camera followed from picture to picture, with numbers that stay theirs."""
+"""Point tracking from picture to picture of one camera, with lasting ids."""
 
 from typing import Final
 
@@ -24,7 +24,7 @@ _NEAR_SHARE: Final = 0.7
 
 
 class PointTracker:
-    """Follows points.
+    """Tracks points from an anchor picture.
 
     Patches are taken from one picture, the anchor, as long as enough of them are seen, so that errors do not add up from
     picture to picture.
@@ -45,7 +45,7 @@ class PointTracker:
         self.reset()
 
     def reset(self) -> None:
-        """Begins anew: what comes next has no points in common with what was."""
+        """Drops all points: later ones have nothing in common with them."""
         self.ids: Ids = np.zeros(0, np.int32)
         """Growing numbers, (n,)."""
         self.pixels: Pixels = NO_PIXELS
@@ -62,11 +62,11 @@ class PointTracker:
 
     @property
     def has_anchor(self) -> bool:
-        """Whether there is anything to look for."""
+        """Whether there is a picture to track from."""
         return self._anchor is not None
 
     def follow(self, picture: Picture, after_s: float) -> str:
-        """Finds the points in a picture that was taken some time after the last one; says why not.
+        """Tracks the points into a picture taken some time after the last one; returns why it could not.
 
         After some pictures in a row in which they are not found, there is no anchor any more, and no complaint.
         """
@@ -86,12 +86,12 @@ class PointTracker:
         return ""
 
     def undo(self, reason: str) -> str:
-        """Takes the last `follow` back, because the picture has turned out to be a bad one; says why, as that does."""
+        """Undoes the last `follow`, as the picture proved to be a bad one; returns why, as that does."""
         self.ids, self.pixels, self.contrast, self._anchor_px, self._speed_px_s = self._before
         return self._report_fault(reason)
 
     def accept(self) -> None:
-        """The last picture was a good one."""
+        """Accepts the last picture as a good one."""
         self._bad = 0
 
     def _report_fault(self, reason: str) -> str:
@@ -106,11 +106,12 @@ class PointTracker:
         assert self._anchor is not None
         start, contrast, find = self._anchor_px, self.contrast, self._patches.find
         found, is_good = find(self._anchor, start, contrast, picture, self.pixels, self._levels)
+        # Forward-backward error (Kalal, Mikolajczyk, Matas, ICPR 2010).
         back, is_back = find(picture, found, contrast, self._anchor, start - self.pixels + found, self._levels)
         return found, is_good & is_back & (np.abs(back - start).max(axis=1, initial=0.0) < _BACK_MAX_PX)
 
     def select(self, which: NDArray[np.bool_]) -> None:
-        """Forgets all other points."""
+        """Drops all other points."""
         self.ids, self.pixels, self._anchor_px = self.ids[which], self.pixels[which], self._anchor_px[which]
         self.contrast, self._speed_px_s = self.contrast[which], self._speed_px_s[which]
 

@@ -1,4 +1,4 @@
-"""The motion of a stereo camera between two views of the same points: robust least squares with the depths eliminated.
+"""Motion of a stereo camera between two views of the same points: robust least squares, depths eliminated.
 
 Points are rays and inverse depths in the first view. What is measured in the second is ray and disparity; what was
 measured in the first is the inverse depth, with its variance. Both poses and depths are estimated, the depths by the
@@ -29,7 +29,7 @@ _BEHIND: Final = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Points:
-    """Points of a first view, and what a second one measures of them. Rays are rectified, (n, 2)."""
+    """Points of a first view, and their measurements in a second one. Rays are rectified, (n, 2)."""
 
     rays: Array
     inverse_m: Array
@@ -50,7 +50,7 @@ class PoseFitNoise:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseFit:
-    """Where the second view is, in the axes of the first."""
+    """Pose of the second view in the axes of the first."""
 
     position_m: Array
     rotation: Array
@@ -83,6 +83,7 @@ def fit_pose(
         drift = inverse - prior
         squares = np.where(is_ahead, (weights * residual * residual).sum(axis=0) + drift * drift / variance, 1e6)
         gate = max(_GATE, _WIDE * float(np.median(squares)))
+        # Geman-McClure weights (c / (c + r^2))^2, r^2 over the variance, the depth's own prior included.
         robust = (gate / (gate + squares)) ** 2
         w = weights * robust
         wj_depth = w * j_depth
@@ -90,6 +91,7 @@ def fit_pose(
         cross = (wj_depth[:, :, None] * j_pose).sum(axis=0)
         pull = (wj_depth * residual).sum(axis=0) + robust * drift / variance
         wj_pose = (w[:, :, None] * j_pose).reshape(-1, 6)
+        # Schur complement: A - B D^-1 B^T, D the depths' diagonal block (Triggs et al., Bundle adjustment, 2000, 6.1).
         share = cross / own[:, None]
         information = j_pose.reshape(-1, 6).T @ wj_pose - share.T @ cross
         gradient = wj_pose.T @ residual.reshape(-1) - share.T @ pull
@@ -97,10 +99,12 @@ def fit_pose(
         if inverted is None:
             return None
         covariance = inverted
+        # Gauss-Newton step of the pose, then the depths by back-substitution.
         step = -(covariance @ gradient)
         inverse = np.maximum(inverse - (pull + cross @ step) / own, 1e-4)
         p = p + step[:3]
         r = _straight(r @ rotation_of(step[3:]))
+        # Converged: g^T A^-1 g, the squared step in its own standard deviations, is small.
         if -float(gradient @ step) < _STEP_MIN:
             has_converged = True
             break

@@ -1,4 +1,4 @@
-"""Points of a left picture found in the right one: searched along what the calibration allows, then followed exactly."""
+"""Left-right matching: a search along the epipolar line, then patch tracking."""
 
 from typing import Any, Final
 
@@ -40,7 +40,7 @@ class StereoMatcher:
         self._off_px: Any = np.zeros(0)
 
     def problem(self) -> str:
-        """What the last matches say against the calibration; empty if nothing."""
+        """Why the last matches contradict the calibration; empty if they do not."""
         if len(self._off_px) < _FEW:
             return ""
         off_px = float(np.median(self._off_px))
@@ -50,17 +50,18 @@ class StereoMatcher:
         return f"the calibration does not fit: matches are {abs(off_px):.1f} pixels off the line that it says"
 
     def match(self, left: Picture, points: Pixels, contrast: Pixels, right: Picture, guess: Pixels) -> Pixels:
-        """Places in the right picture, (n, 2), from a guess; not-a-number for points without a match."""
+        """Matches in the right picture, (n, 2), from a guess; not-a-number for points without a match."""
         found, is_good = self._tracker.find(left, points, contrast, right, np.nan_to_num(guess, nan=-100.0), 1)
         rays, other = self._rig.left_rays(points), self._rig.right_rays(found)
         away_px = (rays - other) * self._rig.focal_px
+        # Epipolar gate: the same rectified row, and a positive disparity.
         self._off_px = away_px[is_good, 1]
         is_good &= (np.abs(away_px[:, 1]) < _EPIPOLAR_MAX_PX) & (away_px[:, 0] > _DISPARITY_MIN_PX)
         found[~is_good] = np.nan
         return found
 
     def search(self, left: Picture, points: Pixels, right: Picture) -> Pixels:
-        """A guess for points of which nothing is known, to a few pixels; not-a-number where none is alone."""
+        """A guess to a few pixels for points without one; not-a-number where it is ambiguous."""
         if len(points) == 0:
             return points
         small_left, small_right = self._small(left), self._small(right)
@@ -70,6 +71,7 @@ class StereoMatcher:
         candidates = self._rig.right_pixels(rays).reshape(count, steps, 2)
         wanted, _ = _patches(small_left, points)
         there, is_inside = _patches(small_right, candidates)
+        # Zero-mean normalized cross-correlation along the epipolar line; a near-equal second peak rejects.
         alike = np.where(is_inside, np.einsum("np,nsp->ns", wanted, there), -1.0)
         best = alike.argmax(axis=1)
         value = alike[np.arange(count), best]

@@ -1,4 +1,4 @@
-"""How a stereo camera moved, from matched points: against a key frame, which lasts as long as enough of it is seen."""
+"""Motion of a stereo camera from matched points, relative to a key frame that lasts while enough of it is seen."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -32,7 +32,7 @@ BEGUN: Final = "motion is told from this picture on"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionOptions:
-    """How the odometer works."""
+    """Options of the odometer."""
 
     ray_px: float = 0.12
     """Standard deviation of where a point is found again, in pixels."""
@@ -50,7 +50,7 @@ class MotionOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeyFrameMotion:
-    """The body since a key frame."""
+    """Motion of the body since a key frame."""
 
     t_s: float
     reference_t_s: float
@@ -94,7 +94,7 @@ class StereoMotion:
         self.reset()
 
     def reset(self) -> None:
-        """Begins anew."""
+        """Drops the key frame and the motion."""
         self._key: _Key | None = None
         self._position: Array = np.zeros(3)
         self._rotation: Array = np.eye(3)
@@ -160,6 +160,7 @@ class StereoMotion:
 
     def _set_key(self, features: FeatureSet, seen: Array, is_placed: NDArray[np.bool_]) -> None:
         base = self._rig.baseline_m
+        # Triangulate: inverse depth w = disparity / baseline, variance (sigma_disparity / baseline)^2.
         self._key = _Key(
             t_s=features.t_s,
             ids=features.ids[is_placed],
@@ -182,6 +183,7 @@ class StereoMotion:
         speed = fit.rotation.T @ self._speed_m_s
         ray3 = np.column_stack([key.rays[of_key], np.ones(len(of_key))])
         ahead = ((ray3 - fit.inverse_m[:, None] * fit.position_m) @ fit.rotation)[:, 2]
+        # Transfer depths: w' = w / z, z = r_3 . (ray - w p); dw'/dw is about 1 / z^2.
         inverse = fit.inverse_m / ahead
         variance = self._floored(fit.inverse_variance / ahead**4)
         self._set_key(features, seen, is_placed)
@@ -201,6 +203,7 @@ class StereoMotion:
         return self._position + self._speed_m_s * ahead_s, turned
 
     def _fit(self, points: Points, t_s: float) -> PoseFit | None:
+        # Fit from the predicted pose; with too few inliers again from P3P with RANSAC, and the better one counts.
         fit = fit_pose(points, self._rig.baseline_m, self._noise, *self._predicted(t_s))
         if fit is not None and fit.is_inlier.mean() >= 0.6:
             return fit
@@ -282,6 +285,7 @@ class StereoMotion:
         turn = self._rig.frd_from_rectified
         rotation = turn @ fit.rotation @ turn.T
         lever = self._rig.position_frd_m
+        # Camera to body: p_b = l + T p - R l with R = T R_c T^T; the covariance by the Jacobian below.
         position = lever + turn @ fit.position_m - rotation @ lever
         # How the body's pose changes with the camera's: its lever turns with it.
         x, y, z = lever.tolist()

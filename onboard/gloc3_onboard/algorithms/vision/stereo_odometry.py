@@ -8,7 +8,7 @@ from gloc3_onboard.algorithms.vision.stereo_rig import StereoRig
 
 
 class StereoOdometer:
-    """Pictures in, motions out.
+    """Stereo odometer: pictures in, motions out.
 
     Args:
         left: the left camera, as calibrated.

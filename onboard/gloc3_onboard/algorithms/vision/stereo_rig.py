@@ -1,4 +1,4 @@
-"""Two cameras side by side, as one: rays in the axes of a rectified pair, where a match has the same row.
+"""Geometry of a stereo pair: rays in rectified axes, where a match has the same row.
 
 The rectified frame has its origin in the left camera, x to the right camera, z ahead, as near to both optical axes as x
 allows. Pictures are never warped; only points are.
@@ -48,6 +48,7 @@ class StereoRig:
             raise Refused("one camera of the stereo pair is behind the other")
         if float(across @ frd_from_left[:, 0]) < 0.0:
             raise Refused("the left camera of the stereo pair is on the right: exchange them")
+        # Rectified axes: x along the baseline, y = cross(ahead, x), z = cross(x, y).
         down = np.cross(ahead, across)
         down /= np.linalg.norm(down)
         self.frd_from_rectified: Final[Array] = np.column_stack([across, down, np.cross(across, down)])
@@ -78,7 +79,7 @@ class StereoRig:
 
 @lru_cache(maxsize=4)
 def stereo_rig(left: CameraModel, right: CameraModel) -> StereoRig:
-    """The rig of a pair, worked out once for all who ask for it; raises as `StereoRig` does."""
+    """The rig of a pair, cached; raises as `StereoRig` does."""
     return StereoRig(left, right)
 
 

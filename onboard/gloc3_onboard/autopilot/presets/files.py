@@ -1,4 +1,4 @@
-"""Presets of an autopilot's parameters: files, and what they would change on a vehicle. They are applied only when asked."""
+"""Preset files of autopilot parameters, and their differences from a vehicle. They are applied on request only."""
 
 import math
 from collections.abc import Mapping
@@ -56,7 +56,7 @@ class PresetChange(NamedTuple):
     def __str__(self) -> str:
         why = f"   # {self.why}" if self.why else ""
         if self.now is None:
-            return f"! {self.name}: {self.problem or 'it is not there'}"
+            return f"! {self.name}: {self.problem or 'the autopilot does not have it'}"
         if not self.is_needed:
             return f"  {self.name} {self.now:g}{why}"
         return f"- {self.name} {self.now:g}\n+ {self.name} {self.wanted:g}{why}"

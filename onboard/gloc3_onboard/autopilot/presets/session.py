@@ -1,4 +1,4 @@
-"""Reads an autopilot's parameters of a preset, sets those that differ, and reads them again: a machine without I/O."""
+"""Reads an autopilot's parameters of a preset, sets those that differ, and verifies them: no I/O."""
 
 from collections import deque
 from collections.abc import Iterable
@@ -18,7 +18,7 @@ AT_ONCE: Final = 4
 
 
 class PresetStage(StrEnum):
-    """What it is at."""
+    """Stages of a session."""
 
     LISTENING = "waiting for the autopilot"
     READING = "reading"
@@ -63,7 +63,7 @@ class PresetSession(Microservice[Never]):
         if self.stage is not PresetStage.READ:
             return
         if self._is_armed:
-            self._fail("the vehicle is armed; parameters are changed on the ground only")
+            self._fail("the vehicle is armed; disarm it to change parameters")
             return
         self.stage = PresetStage.SETTING
         self._waiting = deque(change.name for change in self.changes if change.is_needed)
@@ -107,8 +107,8 @@ class PresetSession(Microservice[Never]):
             if style is None:
                 continue
             if (style.style, style.class_properties.vehicle) != (self._preset.style, self._preset.vehicle):
-                found, meant = f"{style.style}, of a {style.class_properties.vehicle}", self._preset
-                self._fail(f"the autopilot is {found}; the preset is for {meant.style}, of a {meant.vehicle}")
+                found, meant = f"{style.style} on a {style.class_properties.vehicle}", self._preset
+                self._fail(f"the autopilot is {found}; the preset is for {meant.style} on a {meant.vehicle}")
                 return
             self.target = peer.address
             encoding = ParameterEncoding.BYTEWISE if style.style is Style.PX4 else ParameterEncoding.CAST

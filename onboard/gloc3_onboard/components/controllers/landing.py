@@ -15,8 +15,8 @@ from gloc3.messages.standard_topics import AUTOPILOT_SILENT_S
 from gloc3.messages.vehicle import AutopilotState, DriverState, Manoeuvre, ManoeuvreKind, ManoeuvreState, Pose, Setpoint
 from gloc3.mission.model.arguments import LandOrder
 from gloc3.mission.model.states import ActionState
-from gloc3_onboard.algorithms.paths.leader import PathReference
 from gloc3_onboard.algorithms.paths.path_follower import PathFollower
+from gloc3_onboard.algorithms.paths.path_reference import PathReference
 
 ACCEPTANCE_M: Final = 0.25
 """So near the vehicle comes to a landing place before it goes down."""

@@ -105,7 +105,7 @@ class Limiter(Controller[LimiterSettings]):
             self.reason = "the limits are not known yet"
             return []
         if pose is None or not pose.payload.is_valid or now_s - pose.t_s > self._settings.pose_limit_s:
-            self.reason = "there is no valid pose to keep the fence with"
+            self.reason = "there is no valid pose to check the fence with"
             return []
         place = pose.payload
         self._limiter.set_vehicle(place.position_ned_m, place.velocity_ned_m_s, pose.t_s, place.reset_counter)
@@ -120,7 +120,7 @@ class Limiter(Controller[LimiterSettings]):
         self.reason = limited.reason
         if limited.is_clamped and self._limiter.careful_m_s < math.inf:
             slow = f"no more than {self._limiter.careful_m_s:.2f} m/s" if self._limiter.careful_m_s else "it holds"
-            self.reason = f"the pose rests on too little (quality {place.quality:.2f}): {slow}"
+            self.reason = f"the pose quality is too low ({place.quality:.2f}): {slow}"
         return [self.setpoint.report(limited.setpoint, t_s=wanted.t_s)]
 
     def _limit_manoeuvre(self, manoeuvre: Manoeuvre, pose: Envelope[Pose] | None) -> Manoeuvre:

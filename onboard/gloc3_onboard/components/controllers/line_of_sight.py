@@ -15,7 +15,7 @@ from gloc3.messages.vehicle import DriverState, Pose, Setpoint
 from gloc3.mission.model.arguments import FollowWaypointsOrder, HeadingOrder, ReturnHome
 from gloc3.mission.model.states import ActionState
 from gloc3.mission.model.waypoint_options import refuse_unkept
-from gloc3_onboard.components.controllers.way_performer import WaypointPerformer
+from gloc3_onboard.components.controllers.waypoint_performer import WaypointPerformer
 
 DRIVER_S: Final = 0.5
 """What the driver said longer ago does not count."""
@@ -108,7 +108,7 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
         pose, order = self.wanted(arguments)
         refuse_unkept(order, self.keeps, "a vehicle that steers by its heading")
         if order.heading.mode not in ("along", "hold"):
-            raise Refused(f"a vehicle that steers by its heading has none to spare: heading {order.heading.mode}")
+            raise Refused(f"a vehicle that steers by its heading cannot choose it: heading {order.heading.mode}")
         self._order = order
         self._guide = LineOfSight(self._settings.integral)
         self._reset(now_s)

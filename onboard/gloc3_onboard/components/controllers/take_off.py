@@ -93,7 +93,7 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         if pose is None or not pose.is_valid:
             raise Refused("there is no valid pose")
         if autopilot is None:
-            raise Refused("nothing is heard of the autopilot's state")
+            raise Refused("no state is received from the autopilot")
         if not autopilot.is_connected:
             raise Refused("the autopilot does not answer")
         if autopilot.landed in (*IN_AIR, LandedState.LANDING):

@@ -19,7 +19,7 @@ STEP_S: Final = 0.1
 REPORT_S: Final = 0.2
 STANDING_M_S: Final = 0.1
 """A driven vehicle that shall go no faster turns on the spot."""
-ONLY_AHEAD: Final = "it goes ahead and turns; not to the side, up or back"
+ONLY_AHEAD: Final = "it only goes ahead and turns, not to the side, up or back"
 _STILL: Final = (0.0, 0.0, 0.0)
 
 

@@ -17,11 +17,11 @@ from gloc3.mission.model.arguments import FollowWaypointsOrder, HeadingOrder, Re
 from gloc3.mission.model.states import ActionState
 from gloc3.mission.model.waypoint_options import refuse_unkept
 from gloc3_onboard.algorithms.mapping.obstacle_field import ObstacleField
-from gloc3_onboard.algorithms.paths.floor_keeper import FloorClearance
-from gloc3_onboard.algorithms.paths.leader import PathReference
+from gloc3_onboard.algorithms.paths.floor_clearance import FloorClearance
 from gloc3_onboard.algorithms.paths.path_follower import PathFollower, PathTarget
-from gloc3_onboard.algorithms.paths.wall_keeper import WallDistance, wall_ahead
-from gloc3_onboard.components.controllers.way_performer import WaypointPerformer
+from gloc3_onboard.algorithms.paths.path_reference import PathReference
+from gloc3_onboard.algorithms.paths.wall_distance import WallDistance, wall_ahead
+from gloc3_onboard.components.controllers.waypoint_performer import WaypointPerformer
 
 DETOUR_M = 2.0
 """So much farther ahead the point that is followed may be while the vehicle goes around something."""
@@ -113,7 +113,7 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
         refuse_unkept(order, self.keeps, "this vehicle")
         order = replace(order, acceptance_m=max(order.acceptance_m, self._settings.comes_within_m))
         if order.wall_distance_m is not None and self._points is None:
-            raise Refused("nobody sees the wall to keep the distance from: there are no obstacles of a laser scanner")
+            raise Refused("no sensor sees the wall to keep the distance from: a laser scanner reports no obstacles")
         self._floor = None
         if order.altitude_m is not None:
             # Its heights are the floor's: the way is laid level, where the vehicle is if the floor is seen from there.
@@ -189,9 +189,9 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
         left_s = 0.0 if self._floor is None else self._floor.left_s
         problem = reference.problem(settle_s + left_s, self._settings.follow_s)
         if self._wall is not None and self._wall.blind_s > self._settings.wall_s:
-            problem = "it does not see the wall that it is to keep the distance from"
+            problem = "the wall to keep the distance from is out of sight"
         if self._floor is not None and self._floor.blind_s > self._settings.floor_s:
-            problem = "it does not see the floor that it is to keep the height over"
+            problem = "the floor to keep the height over is out of sight"
         self._turn(order.heading, target.bearing_rad, pose, now_s - self._last_s)
         if problem:
             why = ", an obstacle is in the way" if self._is_blocking else ""

@@ -283,7 +283,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
             self._requested = None
             self._machine.begin(envelope.payload, now_s, self._control.behaviour)
         if self._machine.action_id != self._owner:
-            self._machine.abandon("motion was given to somebody else")
+            self._machine.abandon("motion was granted to another owner")
         answer = self._control.answer(self._machine.ticket) if self._machine.ticket else None
         state = self._autopilot if self._is_autopilot_known else None
         self._check_rest(now_s)

@@ -99,7 +99,7 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[NoSettings]):
                 self._came_s = now_s
                 results += self._record(order, envelope, now_s)
         if self.is_running and self._order is not None and now_s - self._came_s > SILENT_S:
-            self.advance(now_s, self._progress(self._order), reason=f"no picture of {self._order.camera} comes")
+            self.advance(now_s, self._progress(self._order), reason=f"no picture of {self._order.camera} received")
         return [*results, *self.action_reports(now_s)]
 
     def _add_calibration(self, camera: str) -> None:
@@ -114,7 +114,7 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[NoSettings]):
         progress = self._progress(order)
         place = self._place(envelope.t_s)
         if place is None:
-            self.advance(now_s, progress, reason="there is no valid pose of the time of the picture")
+            self.advance(now_s, progress, reason="there is no valid pose at the time of the picture")
             return []
         position, ned_from_frd = place
         if not self._is_due(order, envelope.t_s, position):

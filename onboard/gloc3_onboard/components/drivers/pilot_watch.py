@@ -103,7 +103,7 @@ class PilotWatch:
         elif before is None:
             self._expected = state.mode
             if state.is_armed:
-                self.lose(f"the vehicle was armed, in mode {state.mode_name}, before this driver came")
+                self.lose(f"the vehicle was armed, in mode {state.mode_name}, before this driver started")
         else:
             self._compare(before, state, now_s, may_settle=may_settle)
 
@@ -130,5 +130,5 @@ class PilotWatch:
         self._expected = state.mode
 
     def _chosen(self, state: AutopilotState) -> str:
-        who = "the autopilot by itself (failsafe)" if state.is_failsafe else "somebody else"
+        who = "the autopilot (failsafe)" if state.is_failsafe else "somebody else"
         return f"mode {state.mode_name} was chosen by {who}"

@@ -150,11 +150,11 @@ class PlanFlier(ActionPerformer, Generic[S]):
         elif answer is not None:
             self._fail(answer.reason, now_s)
         elif now_s - self._since_s > self._settings.upload_s:
-            self._fail(f"the plan was not taken after {self._settings.upload_s:g} s", now_s)
+            self._fail(f"the plan was not accepted within {self._settings.upload_s:g} s", now_s)
         elif not self._is_sent:
             places = self._places(order, inbox.latest(self.pose), inbox.latest(self.autopilot_pose))
             if places is None:
-                self._report(now_s, "it is not known yet where the autopilot's frame lies on Earth")
+                self._report(now_s, "the position of the autopilot's frame on Earth is not known yet")
                 return []
             self._is_sent = True
             self._report(now_s)

@@ -210,8 +210,8 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         if not all(map(isfinite, numbers)):
             return "the pose is not finite"
         if pose.quality < self._settings.least_quality:
-            return f"its quality is {pose.quality:.2f} only"
-        return "" if t_s > self._sent_s else "its time does not go on"
+            return f"its quality is only {pose.quality:.2f}"
+        return "" if t_s > self._sent_s else "its time does not advance"
 
     def _must_send(self, origin_geo: tuple[float, float, float], inbox: Inbox, now_s: float) -> bool:
         """Whether the autopilot is heard, and has no origin or another one."""

@@ -75,7 +75,7 @@ class WingedPlan(PlanFlier[WingedPlanSettings], ActuatorDriver[WingedPlanSetting
                 order = arguments
         refuse_unkept(order, self.keeps, "what flies on wings")
         if order.heading.mode not in ("along", "hold"):
-            raise Refused(f"what flies on wings points where it flies: heading {order.heading.mode}")
+            raise Refused(f"a plane points where it flies: heading {order.heading.mode}")
         self._climbs = isinstance(arguments, TakeOff)
         within_m = min(max(order.acceptance_m, self._settings.comes_within_m), WIDEST_M)
         super().begin_action(capability, replace(order, acceptance_m=within_m), now_s)
@@ -87,7 +87,7 @@ class WingedPlan(PlanFlier[WingedPlanSettings], ActuatorDriver[WingedPlanSetting
         if autopilot.is_armed and autopilot.landed not in ON_THE_GROUND:
             raise Refused("the vehicle is in the air already")
         if arguments.height_m < least_m:
-            raise Refused(f"{arguments.height_m:g} m are too low to circle in: it takes off to {least_m:g} m or more")
+            raise Refused(f"{arguments.height_m:g} m is too low to circle at: take off to {least_m:g} m or more")
         if not autopilot.is_armed and not self._settings.arm:
             raise Refused("the vehicle is not armed, and the platform file does not allow arming")
         if not autopilot.is_armed and not autopilot.is_armable:

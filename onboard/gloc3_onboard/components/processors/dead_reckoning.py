@@ -325,11 +325,11 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         if not is_finite:
             return "the autopilot's estimate is not finite"
         if self._origin_geo is None:
-            return "the autopilot has not told its origin"
+            return "the autopilot has not sent its origin"
         if not self._is_begun:
-            return "where it begins is not known: no fixes yet"
+            return "the start position is not known: no fixes yet"
         if self.std_m > self._settings.lost_std_m:
-            return f"lost: it is known to {self.std_m:.0f} m only"
+            return f"lost: its standard deviation is {self.std_m:.0f} m"
         return ""
 
     def _adopt_origin(self, given: AutopilotPose) -> None:

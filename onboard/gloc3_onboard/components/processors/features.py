@@ -90,7 +90,7 @@ class FeatureProcessor(DataProcessor[FeatureSettings]):
             return [self._reported(self._nothing(f"there is no picture of {name} at the same time"), waiting[0])]
         if not self._silence.is_due(now_s):
             return []
-        return [self._reported(self._nothing("no pair of pictures comes"), now_s)]
+        return [self._reported(self._nothing("no pair of pictures received"), now_s)]
 
     def _ignore_until(self, t_s: float) -> None:
         self._lefts = {at_s: envelope for at_s, envelope in self._lefts.items() if at_s > t_s}

@@ -98,7 +98,7 @@ class GroundOdometryProcessor(DataProcessor[GroundOdometrySettings]):
             self._silence.end(now_s)
             results.append(self.odometry.report(self._reported(self._track(envelope)), t_s=envelope.t_s))
         if self._silence.is_due(now_s):
-            results.append(self._reported(self._odometer.without_picture(now_s, "no picture comes")))
+            results.append(self._reported(self._odometer.without_picture(now_s, "no picture received")))
         return results
 
     def _track(self, envelope: Envelope[Image]) -> Odometry:
@@ -109,7 +109,7 @@ class GroundOdometryProcessor(DataProcessor[GroundOdometrySettings]):
             return self._odometer.without_picture(t_s, reason)
         attitude = self._attitudes.at(t_s)
         if attitude is None:
-            return self._odometer.without_picture(t_s, "there is no attitude of the time of the picture")
+            return self._odometer.without_picture(t_s, "there is no attitude at the time of the picture")
         return self._odometer.update(self._pixels_of(image), t_s, attitude, self._heights.at(t_s))
 
     def _reported(self, found: Odometry) -> Odometry:

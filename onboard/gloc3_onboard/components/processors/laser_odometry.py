@@ -94,7 +94,7 @@ class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
             self._silence.end(now_s)
             results.append(self.odometry.report(self._reported(self._match(envelope)), t_s=envelope.t_s))
         if self._silence.is_due(now_s):
-            results.append(self._reported(no_motion(SOURCE, now_s, "no scan comes", is_level=True)))
+            results.append(self._reported(no_motion(SOURCE, now_s, "no scan received", is_level=True)))
         return results
 
     def _match(self, envelope: Envelope[LaserScan]) -> Odometry:
@@ -102,7 +102,7 @@ class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
         self.scans += 1
         attitude = self._attitudes.at(t_s)
         if attitude is None:
-            return no_motion(SOURCE, t_s, "there is no attitude of the time of the scan", is_level=True)
+            return no_motion(SOURCE, t_s, "there is no attitude at the time of the scan", is_level=True)
         roll, pitch, yaw = to_euler(attitude)
         found = self._odometer.update(scan, t_s, Tilt(roll, pitch, self._height_m(t_s, roll, pitch)), yaw)
         self.degenerate += found.is_degenerate

@@ -71,9 +71,9 @@ class ObstacleProcessor(DataProcessor[ObstacleSettings]):
     ) -> ObstacleScan:
         scan, settings = envelope.payload, self._settings
         if not scan.is_valid:
-            return ObstacleScan(points_ne_m=[], is_valid=False, reason=scan.reason or "the scanner says so")
+            return ObstacleScan(points_ne_m=[], is_valid=False, reason=scan.reason or "the scanner reports it")
         if pose is None or not pose.payload.is_valid or abs(envelope.t_s - pose.t_s) > settings.pose_limit_s:
-            return ObstacleScan(points_ne_m=[], is_valid=False, reason="there is no valid pose of the time of the scan")
+            return ObstacleScan(points_ne_m=[], is_valid=False, reason="there is no valid pose at the time of the scan")
         place = pose.payload
         roll, pitch, yaw = to_euler(place.ned_from_frd)
         above_m = None

@@ -101,7 +101,7 @@ class OpticalFollowerProcessor(DataProcessor[OpticalFollowerSettings]):
             fix = self._track(envelope, inbox.latest(self.pose))
             results.append(self.position_fix.report(self._reported(fix), t_s=envelope.t_s))
         if self._silence.is_due(now_s):
-            results.append(self._reported(self._follower.without_picture("no picture comes")))
+            results.append(self._reported(self._follower.without_picture("no picture received")))
         return results
 
     def _track(self, envelope: Envelope[Image], pose: Envelope[Pose] | None) -> PositionFix:

@@ -83,7 +83,7 @@ class PoseProcessor(DataProcessor[PoseSettings]):
             return self._lost("the autopilot's estimate is not finite")
         if self._plane is not None:
             if given.origin_geo is None:
-                self.reason = "the autopilot has not told its origin"
+                self.reason = "the autopilot has not sent its origin"
             elif given.origin_geo != self._offset_of:
                 self._move_to(given.origin_geo, self._plane)
         n, e, d = given.position_ned_m

@@ -145,12 +145,12 @@ class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
             self._begun_s = now_s
         state = inbox.latest(self.autopilot)
         if state is None or not state.payload.is_connected:
-            self.reason = "the autopilot has not told whether the vehicle stands"
+            self.reason = "the autopilot has not reported whether the vehicle stands"
             return now_s - self._begun_s >= self._settings.await_autopilot_s
         is_flying = state.payload.is_armed and state.payload.landed in _AIRBORNE
         self._begin_at(fusion, inbox, now_s, is_flying=is_flying)
         if is_flying and not fusion.is_prepared_in_flight:
-            self.reason = "in flight there is no pose to begin at"
+            self.reason = "in flight there is no pose to start from"
             return False
         return True
 

@@ -77,7 +77,7 @@ class StereoOdometryProcessor(DataProcessor[StereoOdometrySettings]):
             self.sets += 1
             results.append(self.odometry.report(self._reported(self._track(envelope)), t_s=envelope.t_s))
         if self._silence.is_due(now_s):
-            results.append(self._reported(no_motion(SOURCE, now_s, "no features come")))
+            results.append(self._reported(no_motion(SOURCE, now_s, "no features received")))
         return results
 
     def _track(self, envelope: Envelope[Features]) -> Odometry:

@@ -99,7 +99,7 @@ class WheelOdometryProcessor(DataProcessor[WheelOdometrySettings]):
         settings, routes = self._settings, wheels.distances_m
         before_s, before_rad = self._last_s, self._last_yaw_rad
         if not wheels.is_valid or max(settings.left, settings.right) >= len(routes):
-            self.reason = wheels.reason or f"{len(routes)} wheels are told of"
+            self.reason = wheels.reason or f"{len(routes)} wheels are reported"
             self._last_s = None
             self._odometer.begin()
             return [self.odometry.report(no_motion(SOURCE, t_s, self.reason), t_s=t_s)]

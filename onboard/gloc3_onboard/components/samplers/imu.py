@@ -103,15 +103,15 @@ class ImuCheck:
     def problem(self, sample: ImuSample) -> str:
         """Why the sample cannot be used; empty if it can."""
         if not sample.is_valid:
-            return sample.reason or "the unit says so"
+            return sample.reason or "the unit reports it"
         rate = math.hypot(*sample.rate_frd_rad_s)
         force = math.hypot(*sample.specific_force_frd_m_s2)
         if not math.isfinite(rate + force):
-            return "it is no number"
+            return "it is not a number"
         if rate > MOST_RATE_RAD_S:
-            return f"{rate:.0f} rad/s is more than can be"
+            return f"{rate:.0f} rad/s is out of range"
         if force > MOST_FORCE_M_S2:
-            return f"{force:.0f} m/s2 is more than can be"
+            return f"{force:.0f} m/s2 is out of range"
         self._equal = self._equal + 1 if sample == self._last else 0
         self._last = sample
         if self._equal >= STUCK_AFTER and not self._may_repeat:

@@ -33,7 +33,7 @@ class FrameSettings(Settings, frozen=True):
 def complaint(image: Image) -> str:
     """Why a processor cannot use a picture that a sampler reported; empty if it can."""
     if not image.is_valid:
-        return image.reason or "the camera says so"
+        return image.reason or "the camera reports it"
     return "" if len(image.data) == image.width * image.height else "the picture is torn"
 
 

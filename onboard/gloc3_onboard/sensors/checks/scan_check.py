@@ -39,7 +39,7 @@ def checked_scan(scan: LaserScan) -> LaserScan:
         what = "no beam is a number" if not is_number.any() else f"no beam reads more than {scan.range_min_m:g} m"
         return msgspec.structs.replace(scan, is_valid=False, reason=what)
     if _is_scattered(np.where(has_reading & (ranges < scan.range_max_m), ranges, np.nan)):
-        return msgspec.structs.replace(scan, is_valid=False, reason="its beams have nothing to do with each other")
+        return msgspec.structs.replace(scan, is_valid=False, reason="its beams are unrelated to each other")
     if has_reading.all():
         return scan
     clean = np.where(has_reading, ranges, np.float32(NO_READING)).astype("<f4")
@@ -61,13 +61,13 @@ def _is_scattered(ranges: "NDArray[np.floating]") -> bool:
 
 def _shape_problem(scan: LaserScan) -> str:
     if not scan.is_valid:
-        return scan.reason or "the scanner says so"
+        return scan.reason or "the scanner reports it"
     count, rest = divmod(len(scan.ranges_m), 4)
     if rest or count < LEAST_BEAMS:
-        return f"torn: {len(scan.ranges_m)} bytes are no beams"
+        return f"torn: {len(scan.ranges_m)} bytes are not whole beams"
     angles = (scan.angle_min_rad, scan.angle_step_rad)
     if not all(map(math.isfinite, angles)) or scan.angle_step_rad == 0.0:
         return "the directions of its beams are not known"
     if not 0.0 <= scan.range_min_m < scan.range_max_m:
-        return f"its ranges from {scan.range_min_m:g} to {scan.range_max_m:g} m cannot be"
+        return f"its ranges from {scan.range_min_m:g} to {scan.range_max_m:g} m are impossible"
     return ""

@@ -61,7 +61,7 @@ def _times(path: Path, count: int, rate_hz: float) -> list[float]:
         try:
             times.append(float(text))
         except ValueError as error:
-            message = f"{text[:40]!r} is no time"
+            message = f"{text[:40]!r} is not a time"
             raise InputError([Finding(file=str(path), line=line, column=1, message=message)]) from error
     return times
 

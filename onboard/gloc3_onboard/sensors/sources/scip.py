@@ -17,7 +17,7 @@ MOST_BYTES: Final = 1 << 16
 """Of one reply."""
 STAMP_MS: Final = 1 << 24
 """The scanner's clock wraps there."""
-FAILED: Final = "the scanner sends what is no SCIP 2"
+FAILED: Final = "the scanner does not send SCIP 2"
 
 
 class ScipError(Gloc3Error):
@@ -105,7 +105,7 @@ def _parameters(values: Mapping[str, str]) -> ScannerParameters:
         raise ScipError(f"it does not tell its parameters: {error}") from error
     found = ScannerParameters(values.get("MODL", "").strip(), *numbers)
     if not (0 <= found.first < found.last < 10_000 and 0 < found.steps_a_turn < 100_000 and found.turns_a_minute > 0):
-        raise ScipError("its parameters cannot be")
+        raise ScipError("its parameters are impossible")
     return found
 
 

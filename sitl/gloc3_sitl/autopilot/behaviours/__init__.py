@@ -1,4 +1,4 @@
-"""What the vehicle can do, one class each: told the time, it gives a setpoint every 20 ms.
+"""The vehicle's behaviours, one class each: a setpoint every 20 ms.
 
 `choice` says which class of vehicle has which; each is a small machine that returns setpoints.
 """

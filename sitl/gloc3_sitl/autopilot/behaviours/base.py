@@ -1,4 +1,4 @@
-"""The form of a behaviour, and the part that most share: a smooth way to a place with a heading."""
+"""The interface of a behaviour, and the shared part: a smooth trajectory to a position with a heading."""
 
 from abc import ABC, abstractmethod
 from math import atan2, hypot, nan, sqrt
@@ -16,7 +16,7 @@ _LAG_M = 1.0
 
 
 class Activity(ABC):
-    """One behaviour while it lasts; made when its mode is entered."""
+    """An active behaviour, created when its mode is entered."""
 
     __slots__ = ("craft",)
 
@@ -31,21 +31,21 @@ class Activity(ABC):
         """The setpoint for the next 20 ms."""
 
     def on_jump(self, jump_ned_m: Vector3) -> None:  # noqa: B027 # most have nothing to move
-        """The position estimate has jumped by this; the vehicle has not moved."""
+        """Handles a jump of the position estimate by this offset; the vehicle has not moved."""
 
 
 class GoesTo(Activity):
-    """A behaviour that can be told to go to a place and stay there."""
+    """A behaviour that accepts a target position."""
 
     __slots__ = ()
 
     @abstractmethod
     def go_to(self, position_ned_m: Vector3, yaw_rad: float = nan, speed_m_s: float = nan) -> None:
-        """Goes to a place and stays there; NaN leaves heading and speed as they are."""
+        """Sets the target position; NaN keeps heading and speed."""
 
 
 class Mover(Activity):
-    """Moves a smooth trajectory and a heading; its subclasses say where to."""
+    """Advances a smooth trajectory and a heading towards the subclass's target."""
 
     __slots__ = ("trajectory", "yaw_rad", "yaw_wanted_rad")
 

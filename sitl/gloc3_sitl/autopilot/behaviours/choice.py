@@ -1,4 +1,4 @@
-"""Which class flies which behaviour."""
+"""The class of each behaviour."""
 
 from gloc3.errors import Misuse
 from gloc3_sitl.autopilot.behaviours.base import Activity
@@ -27,7 +27,7 @@ class Terminated(Activity):
 
 
 def activity_for(behaviour: Behaviour, craft: Craft, takeoff_down_m: float, style: StyleTables) -> Activity:
-    """Begins a behaviour: the style's own way, or that of multirotors.
+    """Starts a behaviour: the style's own activity, or the one of multirotors.
 
     Args:
         behaviour: what to do.
@@ -68,4 +68,4 @@ def activity_for(behaviour: Behaviour, craft: Craft, takeoff_down_m: float, styl
         case Behaviour.TERMINATED:
             return Terminated(craft)
         case Behaviour.DIRECT | Behaviour.STEER | Behaviour.STOP | Behaviour.RETRACE:
-            raise Misuse(f"there is no way to {behaviour} for a multirotor")
+            raise Misuse(f"a multirotor does not support {behaviour}")

@@ -1,4 +1,4 @@
-"""What a rover or a boat does in each of its modes, as ArduPilot's Rover does it."""
+"""The modes of a rover or boat, as in ArduPilot's Rover."""
 
 from math import atan2, hypot, nan
 from typing import Final
@@ -187,7 +187,7 @@ class DriveHome(Activity):
 
 
 class Retrace(Activity):
-    """SmartRTL: back to home by the way on which it came, without its loops."""
+    """SmartRTL: back to home along the recorded path, without its loops."""
 
     __slots__ = ("_helm", "_places", "is_done")
 

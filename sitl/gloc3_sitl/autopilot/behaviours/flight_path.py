@@ -1,4 +1,4 @@
-"""What the modes of a plane share: a bank that leads along a line or around a place, and heights."""
+"""Path guidance shared by a plane's modes: bank along a line or around a point, and heights."""
 
 from math import atan, cos, hypot, isnan, nan, sin
 from typing import Final

@@ -1,4 +1,4 @@
-"""Follow: keeps a place beside somebody who tells where he is (PX4's follow-me)."""
+"""Follow: keeps a position relative to a target that reports its own (PX4's follow-me)."""
 
 from math import atan2, cos, hypot, radians, sin
 

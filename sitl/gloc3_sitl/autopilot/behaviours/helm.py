@@ -1,4 +1,4 @@
-"""Steers a vehicle that drives to places: along a straight way, round its corner, and to rest."""
+"""Steers a driven vehicle to targets: along a straight leg, round its corner, and to a stop."""
 
 from math import atan2, cos, hypot, pi
 from typing import Final

@@ -1,4 +1,4 @@
-"""Hold: stop, stay, and go to a place when told."""
+"""Hold: stop, stay, and go to a position on request."""
 
 from dataclasses import replace
 from math import nan

@@ -1,4 +1,4 @@
-"""Landing: straight down here, until the ground is felt."""
+"""Landing: straight down until touchdown."""
 
 from gloc3.messages.frames import Vector3
 from gloc3_sitl.autopilot.behaviours.base import PERIOD_S, Mover

@@ -1,4 +1,4 @@
-"""Orbit: fly to a circle and go round it, until somebody says something else."""
+"""Orbit: fly to a circle and follow it until the mode changes."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -29,7 +29,7 @@ class Facing(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrbitCircle:
-    """What is flown round."""
+    """The circle of an orbit."""
 
     centre_ned_m: Vector3
     """Its third part is the height to fly at, as NED down."""

@@ -1,4 +1,4 @@
-"""Flown by hand: stabilize, altitude and position, from the sticks."""
+"""Manual flight modes: stabilize, altitude and position."""
 
 from math import copysign, cos, hypot, nan, radians, sin, tan
 

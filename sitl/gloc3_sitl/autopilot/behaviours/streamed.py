@@ -1,4 +1,4 @@
-"""Streamed control: setpoints from outside, flown as they come (PX4) or shaped and never run away with (ArduPilot)."""
+"""Streamed control: external setpoints, tracked directly (PX4) or shaped and with a timeout (ArduPilot)."""
 
 from math import nan
 
@@ -10,7 +10,7 @@ from gloc3_sitl.autopilot.craft import Craft
 
 
 class Offboard(Mover):
-    """Flies the newest setpoint as it is; what happens when they end is the failsafe's."""
+    """Flies the newest setpoint as it is; the failsafe handles the loss of setpoints."""
 
     __slots__ = ("_yaw_hold_rad",)
 

@@ -1,4 +1,4 @@
-"""What submarines do in ArduSub's modes, where it differs from what multirotors do."""
+"""ArduSub's modes, where they differ from those of multirotors."""
 
 from math import cos, nan, sin
 

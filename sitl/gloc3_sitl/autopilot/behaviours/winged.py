@@ -1,4 +1,4 @@
-"""What a plane does in each of its modes, as ArduPilot's Plane does it; landings are in `touching_down.py`."""
+"""The modes of a plane, as in ArduPilot's Plane; landings are in `touching_down.py`."""
 
 from math import nan
 from typing import Final
@@ -131,7 +131,7 @@ class CircleLoiter(GoesTo):
 
 
 class ReturnToCircle(Activity):
-    """RTL: back to home or the nearest rally point at the height of returns, and round it until told otherwise."""
+    """RTL: back to home or the nearest rally point at the height of returns, and circles it until the mode changes."""
 
     __slots__ = ("_centre", "_path", "_radius_m", "is_done")
 

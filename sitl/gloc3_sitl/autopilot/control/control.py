@@ -1,4 +1,4 @@
-"""The seam between decisions and motors: what every class of vehicle must be able to do with a setpoint."""
+"""The interface between decisions and motors: how every class of vehicle handles a setpoint."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -29,7 +29,7 @@ class ControlLoops(Protocol):
         ...
 
     def follow(self, setpoint: Setpoint) -> None:
-        """Takes what the mode asks for, every 20 ms, and says in `craft.touchdown` whether the vehicle stands."""
+        """Handles the mode's setpoint every 20 ms, and updates `craft.touchdown`."""
         ...
 
     def outputs(self) -> Outputs:

@@ -1,4 +1,4 @@
-"""How a vehicle with a left and a right drive is controlled: turn rate and speed to two outputs, as Rover does."""
+"""Control of vehicles with a left and a right drive: turn rate and speed to two outputs, as in Rover."""
 
 from math import hypot, sqrt
 from typing import Final
@@ -53,7 +53,7 @@ class DriveControl:
             craft.track_points.clear()
             return
         if not isinstance(setpoint, DriveSetpoint):
-            raise Misuse(f"what drives takes no {type(setpoint).__name__}")
+            raise Misuse(f"a driven vehicle does not accept {type(setpoint).__name__}")
         self._add_track_point()
         if setpoint.is_direct:
             self._remainder()

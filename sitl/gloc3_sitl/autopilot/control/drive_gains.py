@@ -1,4 +1,4 @@
-"""Gains and limits of what drives."""
+"""Gains and limits of driven vehicles."""
 
 from dataclasses import dataclass
 

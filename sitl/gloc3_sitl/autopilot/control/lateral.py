@@ -1,4 +1,4 @@
-"""Ways over ground for what flies on wings, by a bank: L1 guidance (S. Park, J. Deyst, J. How 2004) and circles."""
+"""Lateral guidance of planes by bank: L1 guidance (S. Park, J. Deyst, J. How 2004) and circles."""
 
 from math import atan2, hypot, pi, sin, tau
 from typing import Final

@@ -1,4 +1,4 @@
-"""Collective thrust and three torques to four throttles, with what must give way when a rotor is at its limit."""
+"""Mixer: collective thrust and three torques to four throttles, with priorities at saturation."""
 
 from math import sqrt
 

@@ -1,4 +1,4 @@
-"""How a multirotor is controlled: position to attitude to rates to four throttles, and how touchdown is felt."""
+"""Multirotor control: position to attitude to rates to four throttles, and touchdown detection."""
 
 from typing import Final
 
@@ -62,7 +62,7 @@ class MultirotorControl:
     def follow(self, setpoint: Setpoint) -> None:
         """Looks for the ground, and turns a setpoint into an attitude (or rates) and a thrust."""
         if not isinstance(setpoint, MotionSetpoint | AttitudeSetpoint):
-            raise Misuse(f"a multirotor takes no {type(setpoint).__name__}")
+            raise Misuse(f"a multirotor does not accept {type(setpoint).__name__}")
         self._detect_touchdown(setpoint)
         tuning = self._tuning
         self._attitude.gain = (tuning.attitude_p_roll, tuning.attitude_p_pitch, tuning.attitude_p_yaw)

@@ -48,7 +48,7 @@ class PositionController:
         return self._velocity_wanted
 
     def reset(self) -> None:
-        """Forgets the integrals; called on the ground."""
+        """Resets the integrals; called on the ground."""
         self._integral = (0.0, 0.0, 0.0)
 
     def update(

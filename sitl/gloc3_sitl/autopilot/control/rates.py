@@ -23,7 +23,7 @@ class RateController:
         self._acceleration: Vector3 = (0.0, 0.0, 0.0)
 
     def reset(self) -> None:
-        """Forgets the integrals; called while on the ground."""
+        """Resets the integrals; called while on the ground."""
         self._integral = (0.0, 0.0, 0.0)
 
     def update(self, wanted_rad_s: Vector3, rate_frd_rad_s: Vector3, is_saturated: bool) -> Vector3:

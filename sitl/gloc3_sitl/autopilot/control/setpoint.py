@@ -1,4 +1,4 @@
-"""What the modes ask of the control loops: one setpoint per 20 ms, in NED or as an attitude."""
+"""Setpoints from the modes to the control loops: one every 20 ms, in NED or as an attitude."""
 
 from math import nan
 from typing import Final

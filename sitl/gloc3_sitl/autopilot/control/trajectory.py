@@ -1,4 +1,4 @@
-"""A smooth way to a place: position, velocity and acceleration that the vehicle can follow, from any start."""
+"""A smooth trajectory to a position, from any start: position, velocity and acceleration within limits."""
 
 from dataclasses import dataclass
 from math import hypot, sqrt
@@ -8,7 +8,7 @@ from gloc3.messages.frames import Vector3
 
 @dataclass(slots=True, kw_only=True)
 class TrajectoryLimits:
-    """How fast and how hard; m/s, m/s^2 and m/s^3."""
+    """Limits of speed, acceleration and jerk, in m/s, m/s^2 and m/s^3."""
 
     speed_xy_m_s: float = 5.0
     speed_up_m_s: float = 2.0

@@ -1,4 +1,4 @@
-"""How an underwater vehicle is controlled: position to velocity to force, heading and level to moment, both to thrusters and fins."""
+"""Underwater control: position to velocity to force, attitude to moment, both to thrusters and fins."""
 
 from collections.abc import Sequence
 from math import asin, atan2, cos, hypot, nan, sqrt
@@ -105,7 +105,7 @@ class UnderwaterControl:
         elif isinstance(setpoint, MotionSetpoint):
             self._follow_motion(setpoint)
         else:
-            raise Misuse("a submarine is not driven")
+            raise Misuse("a submarine does not accept drive setpoints")
 
     def _follow_attitude(self, setpoint: AttitudeSetpoint) -> None:
         """An attitude with a thrust upwards, 0.5 for none, as ArduSub takes SET_ATTITUDE_TARGET."""

@@ -1,4 +1,4 @@
-"""Gains and limits of what flies on wings."""
+"""Gains and limits of planes."""
 
 from dataclasses import dataclass
 from math import radians

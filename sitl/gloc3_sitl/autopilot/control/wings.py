@@ -1,4 +1,4 @@
-"""How a plane is controlled: bank, nose and throttle to ailerons, elevator, throttle and rudder, as Plane does."""
+"""Fixed-wing control: bank, pitch and throttle to ailerons, elevator, throttle and rudder, as in Plane."""
 
 from math import cos, hypot, isnan, sin, tan
 from typing import Final, NamedTuple
@@ -57,7 +57,7 @@ class WingControl:
             self._mind_ground(0.0)
             return
         if not isinstance(setpoint, WingSetpoint):
-            raise Misuse(f"what flies on wings takes no {type(setpoint).__name__}")
+            raise Misuse(f"a plane does not accept {type(setpoint).__name__}")
         self._setpoint = setpoint
         if not setpoint.is_direct:
             self._balance(setpoint)

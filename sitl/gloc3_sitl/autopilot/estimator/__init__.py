@@ -1,4 +1,4 @@
-"""Where the vehicle is and how it moves, from noisy sensors.
+"""State estimation from noisy sensors.
 
 `estimator` fuses what `sources` admit.
 """

@@ -1,4 +1,4 @@
-"""The first attitude: which way is down and north, found while the vehicle stands still, or rocks about its middle."""
+"""Initial alignment of the attitude, at rest or while the vehicle rocks about its mean."""
 
 from math import asin, atan2, sqrt
 

@@ -83,7 +83,7 @@ class Estimator:
             self.is_aligned = True
 
     def tick(self, now_s: float) -> None:
-        """50 times a second: what the estimate does when nothing corrects it."""
+        """Handles the lack of corrections, 50 times a second."""
         if not self.is_aligned:
             return
         inertial = self.inertial

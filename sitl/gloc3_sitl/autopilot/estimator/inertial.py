@@ -1,4 +1,4 @@
-"""The inertial solution: attitude, velocity and position from gyro and accelerometer, with places for corrections."""
+"""The inertial solution: attitude, velocity and position from gyro and accelerometer, with corrections."""
 
 from collections import deque
 from math import sqrt
@@ -144,7 +144,7 @@ class InertialSolution:
         self._velocity_shift = (n + velocity_m_s[0], e + velocity_m_s[1], d + velocity_m_s[2])
 
     def place(self, position_ned_m: Vector3, velocity_ned_m_s: Vector3) -> None:
-        """Puts the vehicle somewhere else, and the past with it."""
+        """Moves the position estimate, including its history."""
         n, e, d = self.position_ned_m
         vn, ve, vd = self.velocity_ned_m_s
         pn, pe, pd = position_ned_m

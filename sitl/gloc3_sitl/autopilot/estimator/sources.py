@@ -1,4 +1,4 @@
-"""What corrects the estimate: the sources, their measurements, and how each is doing."""
+"""Aiding sources of the estimate, their measurements and their states."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -34,7 +34,7 @@ DEFAULT_SOURCES: Final = AidingSource.FIX | AidingSource.BAROMETER | AidingSourc
 
 @dataclass(slots=True)
 class AidingState:
-    """How a source is doing."""
+    """State of an aiding source."""
 
     accepted_s: float = -1e9
     """Last time that a measurement was taken in."""

@@ -1,4 +1,4 @@
-"""Calibration as PX4 tells it: in status texts that begin with `[cal]`. Nothing is changed by it."""
+"""Calibration as PX4 reports it, in status texts that begin with `[cal]`; it changes nothing."""
 
 from enum import StrEnum
 from typing import Final
@@ -26,7 +26,7 @@ TIMEOUT_S: Final = 30.0
 
 
 class CalibrationRun:
-    """The one that is under way, if any."""
+    """The calibration in progress, if any."""
 
     def __init__(self, craft: Craft) -> None:
         self._craft: Final = craft
@@ -54,7 +54,7 @@ class CalibrationRun:
             self._send_text("calibration cancelled")
 
     def tick(self, now_s: float) -> None:
-        """Tells how it goes, and how it ends."""
+        """Reports its progress and its result."""
         subject = self._subject
         if subject is None:
             return

@@ -1,4 +1,4 @@
-"""Commands: one row for each MAV_CMD, with what it does and how it is answered."""
+"""MAVLink commands: one handler and one result for each MAV_CMD."""
 
 from collections.abc import Callable, Mapping
 from math import isfinite, nan, radians

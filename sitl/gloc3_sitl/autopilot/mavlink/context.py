@@ -1,4 +1,4 @@
-"""What commands and messages act on: the autopilot, its links, and the telemetry that streams on each of them."""
+"""State shared by commands and messages: the autopilot, its links, and the telemetry streams of each."""
 
 from collections.abc import Callable
 from typing import Final
@@ -15,7 +15,7 @@ from gloc3_sitl.autopilot.behaviours.mission import MissionFlight
 from gloc3_sitl.autopilot.mavlink import motion_telemetry
 from gloc3_sitl.autopilot.mavlink.links import AutopilotPort, AutopilotRouter, LinkKind, Receive, Send
 from gloc3_sitl.autopilot.mavlink.rates import GROUP_PARAMETERS, GROUPS, starting_rates
-from gloc3_sitl.autopilot.mavlink.signing_keeper import SigningSync
+from gloc3_sitl.autopilot.mavlink.signing_sync import SigningSync
 from gloc3_sitl.autopilot.mavlink.telemetry import producers
 from gloc3_sitl.autopilot.mavlink.version import version_of
 from gloc3_sitl.autopilot.modes import Result
@@ -155,7 +155,7 @@ class FrontContext:
         else:
             return RequestVerdict(Result.DENIED if self.is_px4 else Result.FAILED, "message is not produced here")
         if message is None:
-            return RequestVerdict(Result.TEMPORARILY_REJECTED, "nothing to tell yet")
+            return RequestVerdict(Result.TEMPORARILY_REJECTED, "no data yet")
         link = self.link_of(request.sender)
         if link is not None:
             link.send(link.encoder.encode(message))
@@ -202,7 +202,7 @@ class FrontContext:
         if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and abs(altitude_m) <= MOST_HEIGHT_M):
             return OUT_OF_RANGE
         if estimator.origin is not None:
-            return RequestVerdict(self.commander.style.refused, "the origin is set already")
+            return RequestVerdict(self.commander.style.refused, "the origin is already set")
         estimator.set_origin(place)
         return ACCEPTED
 

@@ -1,4 +1,4 @@
-"""The MAVLink front end: what comes in becomes requests to the autopilot, what it says and does goes out."""
+"""The MAVLink front end: turns received messages into requests, and sends telemetry and texts."""
 
 from typing import Any, Final
 
@@ -24,8 +24,8 @@ from gloc3_sitl.autopilot.mavlink import commands
 from gloc3_sitl.autopilot.mavlink.context import FrontContext
 from gloc3_sitl.autopilot.mavlink.links import LinkKind, Receive, Send
 from gloc3_sitl.autopilot.mavlink.listeners import LISTENERS
-from gloc3_sitl.autopilot.mavlink.parameter_keeper import ParameterSync
-from gloc3_sitl.autopilot.mavlink.plan_keeper import PlanSync
+from gloc3_sitl.autopilot.mavlink.parameter_sync import ParameterSync
+from gloc3_sitl.autopilot.mavlink.plan_sync import PlanSync
 from gloc3_sitl.autopilot.modes import Result
 from gloc3_sitl.autopilot.onboard_files import OnboardFiles
 from gloc3_sitl.autopilot.verdict import RequestVerdict
@@ -42,7 +42,7 @@ _IMU: Final = {codec.shape(name).id: name for name in ("HIGHRES_IMU", "SCALED_IM
 
 
 class Front:
-    """Speaks for an autopilot on any number of links.
+    """MAVLink interface of an autopilot on any number of links.
 
     Args:
         autopilot: whom it speaks for; its outer loop drives this too.

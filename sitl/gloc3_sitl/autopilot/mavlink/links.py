@@ -1,4 +1,4 @@
-"""The links of the autopilot: who is where, what is for us, and what goes on to others."""
+"""The autopilot's links: known peers, own messages, and forwarding between links."""
 
 from collections.abc import Callable
 from enum import StrEnum
@@ -26,7 +26,7 @@ class LinkKind(StrEnum):
 
 
 class AutopilotPort:
-    """One way to the outside: a parser, an encoder with its own sequence, and who has been heard there."""
+    """One link: a parser, an encoder with its own sequence, and the peers seen on it."""
 
     __slots__ = ("encoder", "is_datagram", "is_trusted", "kind", "parser", "peers", "send")
 

@@ -21,7 +21,7 @@ Listener = Callable[[FrontContext, MavlinkMessage, Address], None]
 _SHELL: Final = 10
 """SERIAL_CONTROL_DEV: the shell."""
 _SHELL_BYTES: Final = 70
-_NO_SHELL: Final = "gloc3 sitl: there is no shell here, nothing is run\n"
+_NO_SHELL: Final = "gloc3 sitl: there is no shell here; no command is run\n"
 _POLE_DEG: Final = 90.0
 _GO_NOW: Final = 2
 _OVER_SEA: Final = (0, 5)

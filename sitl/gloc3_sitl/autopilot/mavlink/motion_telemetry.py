@@ -1,4 +1,4 @@
-"""What the autopilot tells about its motion and its sensors: one producer a message."""
+"""Telemetry of motion and sensors, one producer for each message."""
 
 from math import atan2, degrees, hypot, isfinite, isnan, nan, tau
 from typing import TYPE_CHECKING, Any, Final

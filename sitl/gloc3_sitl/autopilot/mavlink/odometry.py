@@ -1,4 +1,4 @@
-"""Odometry from outside (vision, laser, motion capture): which messages and frames each style takes."""
+"""External odometry (vision, laser, motion capture): the messages and frames that each style accepts."""
 
 from math import isfinite, sqrt
 from typing import Final

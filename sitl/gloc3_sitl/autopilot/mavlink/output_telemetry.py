@@ -1,4 +1,4 @@
-"""What the autopilot tells of its outputs, of the sticks, of the air, and of where it truly is."""
+"""Telemetry of outputs, sticks, air data and ground truth."""
 
 from math import hypot, nan
 from typing import TYPE_CHECKING, Final

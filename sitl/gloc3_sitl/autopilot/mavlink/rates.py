@@ -1,4 +1,4 @@
-"""How often each message goes out on a link to begin with, and ArduPilot's groups of messages."""
+"""Default message rates of a link, and ArduPilot's message groups."""
 
 from collections.abc import Mapping
 from typing import Final

@@ -1,4 +1,4 @@
-"""Commands about the machine, not about the flight: power, calibration, failures, outputs."""
+"""Commands that do not concern the flight: power, calibration, failures, outputs."""
 
 from collections.abc import Callable, Mapping
 from typing import Final
@@ -47,11 +47,11 @@ def _calibrate(context: FrontContext, request: MavCommandRequest) -> RequestVerd
     gyro, magnetometer, _, _, accelerometer, *_ = request.params
     if not context.is_px4:
         if accelerometer == 1.0 or magnetometer:
-            return RequestVerdict(Result.FAILED, "nobody can turn the vehicle here")
+            return RequestVerdict(Result.FAILED, "the simulated vehicle cannot be turned")
         context.begin_calibration()
         return RequestVerdict(Result.IN_PROGRESS)
     if calibration.is_busy:
-        return RequestVerdict(Result.TEMPORARILY_REJECTED, "another calibration is under way")
+        return RequestVerdict(Result.TEMPORARILY_REJECTED, "another calibration is in progress")
     if gyro == 1.0:
         subject = Subject.GYRO
     elif magnetometer == 1.0:
@@ -84,7 +84,7 @@ def _set_servo(context: FrontContext, request: MavCommandRequest) -> RequestVerd
         return _UNSUPPORTED
     channel, pulse_us = request.params[:2]
     if not (_MOTORS < channel <= _CHANNELS and channel == int(channel) and 0.0 <= pulse_us < 2**16):
-        return RequestVerdict(Result.FAILED, "this output is a motor's, or there is none")
+        return RequestVerdict(Result.FAILED, "this output drives a motor or does not exist")
     context.autopilot.servo_us[int(channel)] = int(pulse_us)
     return ACCEPTED
 
@@ -92,17 +92,17 @@ def _set_servo(context: FrontContext, request: MavCommandRequest) -> RequestVerd
 def _set_relay(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     """There are no relays: ArduPilot fails to set them, PX4 has no such command."""
     del request
-    return _UNSUPPORTED if context.is_px4 else RequestVerdict(Result.FAILED, "there is no relay")
+    return _UNSUPPORTED if context.is_px4 else RequestVerdict(Result.FAILED, "relays are not supported")
 
 
 def _calibrate_compass(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
-    """ArduPilot has commands of its own for this, which end at once, as nobody can turn the vehicle here."""
+    """ArduPilot has commands of its own for this, which end at once, as the simulated vehicle cannot be turned."""
     if context.is_px4:
         return _UNSUPPORTED
     return (
         ACCEPTED
         if request.command == _CANCEL_COMPASS
-        else RequestVerdict(Result.FAILED, "nobody can turn the vehicle here")
+        else RequestVerdict(Result.FAILED, "the simulated vehicle cannot be turned")
     )
 
 

@@ -61,7 +61,7 @@ def motion_setpoint(message: MavlinkMessage, craft: Craft, style: StyleTables) -
             position = _add(here, position)
     if mask & 0o777 == 0o777:
         if style.streamed_needs_stream:
-            raise Refused("no axis is asked for")
+            raise Refused("the type mask selects no axis")
         position = here_if_free(craft)
     an, ae, ad = acceleration
     return MotionSetpoint(
@@ -82,7 +82,7 @@ def attitude_setpoint(message: MavlinkMessage, hover_thrust: float, style: Style
     mask = message.type_mask
     rates = (message.body_roll_rate, message.body_pitch_rate, message.body_yaw_rate)
     if mask & _THRUST_IGNORED or not isfinite(message.thrust):
-        raise Refused("a thrust is needed")
+        raise Refused("thrust is required")
     if not style.streamed_needs_stream:
         # ArduPilot reads 0.5 as "hold the height"; the nearest here is the thrust of hover.
         share = max(0.0, min(1.0, message.thrust))
@@ -93,7 +93,7 @@ def attitude_setpoint(message: MavlinkMessage, hover_thrust: float, style: Style
     rate_frd: Vector3 = (wanted[0], wanted[1], wanted[2])
     if mask & _ATTITUDE_IGNORED:
         if mask & _RATES_IGNORED == _RATES_IGNORED:
-            raise Refused("neither attitude nor rates are asked for")
+            raise Refused("the type mask selects neither attitude nor rates")
         return AttitudeSetpoint(rate_frd_rad_s=rate_frd, thrust=thrust)
     w, x, y, z = message.q
     size = w * w + x * x + y * y + z * z
@@ -133,10 +133,10 @@ def _global_position(message: MavlinkMessage, craft: Craft, mask: int) -> Vector
         return FREE
     origin = craft.estimator.origin
     if origin is None:
-        raise Refused("there is no global origin")
+        raise Refused("no global origin")
     latitude, longitude = message.lat_int * 1e-7, message.lon_int * 1e-7
     if abs(latitude) > 90.0 or abs(longitude) > 180.0:
-        raise Refused("the place is not on Earth")
+        raise Refused("the position is not on Earth")
     n, e, _ = origin.ned_from_geo(latitude, longitude, origin.origin.altitude_m)
     height = _number(message.alt, "altitude")
     base = 0.0 if craft.home is None else craft.home.position_ned_m[2]

@@ -1,4 +1,4 @@
-"""What the autopilot tells about its state: one producer a message."""
+"""Telemetry of the autopilot's state, one producer for each message."""
 
 from math import cos, nan, sin, sqrt
 from typing import TYPE_CHECKING, Final

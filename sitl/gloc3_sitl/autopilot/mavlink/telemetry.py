@@ -1,4 +1,4 @@
-"""Every message that the autopilot can tell about itself, by name and style."""
+"""All telemetry messages of the autopilot, by name and style."""
 
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Final
@@ -64,5 +64,5 @@ _NOT_REPORTED: Final[Mapping[str, frozenset[str]]] = {
 
 
 def producers(style: str) -> dict[str, Producer]:
-    """What a style can tell."""
+    """Returns the telemetry producers of a style."""
     return {name: produce for name, produce in _PRODUCERS.items() if name not in _NOT_REPORTED[style]}

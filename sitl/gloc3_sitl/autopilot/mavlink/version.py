@@ -1,4 +1,4 @@
-"""What the autopilot says of itself in AUTOPILOT_VERSION."""
+"""AUTOPILOT_VERSION: version, capabilities and ids of the autopilot."""
 
 from typing import Final
 

@@ -1,4 +1,4 @@
-"""The two styles of autopilot: PX4's and ArduPilot's modes, parameters and manners, as data.
+"""The two styles of autopilot: PX4's and ArduPilot's modes, parameters and behaviour, as data.
 
 One file a style, with its parameters.
 """

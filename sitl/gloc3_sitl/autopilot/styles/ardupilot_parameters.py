@@ -1,4 +1,4 @@
-"""ArduPilot's parameters that matter here, with the names, types and units of Copter 4.7.
+"""The supported ArduPilot parameters, with the names, types and units of Copter 4.7.
 
 Defaults are ArduPilot's where they decide what happens (failsafes, time-outs); gains, speeds and the battery's are the
 airframe's, with a return when it is low. Streams are those of its first link, and here act on every link.

@@ -1,4 +1,4 @@
-"""ArduPilot's style with what flies on wings: Plane's modes, its refusals, its Guided."""
+"""ArduPilot's style for planes: the modes and refusals of Plane, and its Guided mode."""
 
 from dataclasses import replace
 from typing import Final

@@ -1,4 +1,4 @@
-"""ArduPilot's parameters of Plane that matter here, with the names, types and units of Plane 4.7.
+"""The supported ArduPilot Plane parameters, with the names, types and units of Plane 4.7.
 
 Defaults are those of the Aerosonde where a plane has its own: gains, speeds, radii, the battery's.
 """

@@ -1,4 +1,4 @@
-"""PX4's parameters that matter here, with the names, types, bounds and meanings of its parameter reference (v1.16).
+"""The supported PX4 parameters, with the names, types, bounds and meanings of its parameter reference (v1.16).
 
 Defaults are PX4's where they decide what happens (failsafes, time-outs); gains, speeds and return heights are the
 airframe's, as an airframe file of PX4 would set them. So are two failsafes that PX4 leaves to its owner: it returns on a

@@ -1,4 +1,4 @@
-"""ArduPilot's style with what drives or floats: Rover's modes, its refusals, its Guided."""
+"""ArduPilot's style for rovers and boats: the modes and refusals of Rover, and its Guided mode."""
 
 from collections.abc import Mapping
 from dataclasses import replace

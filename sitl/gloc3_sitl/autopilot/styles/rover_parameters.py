@@ -1,4 +1,4 @@
-"""ArduPilot's parameters of Rover that matter here, with the names, types, units and defaults of Rover 4.7.
+"""The supported ArduPilot Rover parameters, with the names, types, units and defaults of Rover 4.7.
 
 Gains, speeds and the battery's are the vehicle's, which names those that differ.
 """

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from gloc3.exchange.base import Publisher
 from gloc3.exchange.mavlink import MavlinkExchange
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
-from gloc3.exchange.tunnel.happenings import Acknowledged, Counters, Happening, TunnelTrouble, Undelivered
+from gloc3.exchange.tunnel.events import Acknowledged, Counters, Happening, TunnelTrouble, Undelivered
 from gloc3.exchange.tunnel.layout import TunnelRole
 from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
 from gloc3.mavlink.codec import Encoder, Parser

@@ -12,7 +12,12 @@ from gloc3.clock import run_virtual
 from gloc3.exchange.tunnel import frames
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
 from gloc3.exchange.tunnel.frames import (
+    CHUNK,
+    Ack,
+    Data,
     Echo,
+    LaneReport,
+    Refusal,
     Status,
     StatusPart,
     SummaryRows,
@@ -25,7 +30,6 @@ from gloc3.exchange.tunnel.layout import MAX_PAYLOAD, PAYLOAD_TYPE, VERSION, Fra
 from gloc3.exchange.tunnel.outbox import EVERYBODY
 from gloc3.exchange.tunnel.peers import MAKE_ROOM_AFTER_S, MAX_PEERS
 from gloc3.exchange.tunnel.reader import ByteReader, unwrap, varint
-from gloc3.exchange.tunnel.reliable_frames import CHUNK, Ack, Data, LaneReport, Refusal
 from gloc3.mavlink.codec import message
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.messages.command_interface import LoadMission, Steer, Verb

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from tests.common.exchange.mavlink.ends import RADIO_CONDITIONS, Platform, Station, pair_on, text_of
 
 from gloc3.clock import run_virtual
-from gloc3.exchange.tunnel.happenings import PeerChanged
+from gloc3.exchange.tunnel.events import PeerChanged
 from gloc3.exchange.tunnel.routes import EMERGENCY_PATIENCE_S, REQUEST_TIMEOUT_S
 from gloc3.mavlink.message import Address
 from gloc3.messages.command_interface import Emergency, EmergencyVerb, LoadMission, Steer, Verb

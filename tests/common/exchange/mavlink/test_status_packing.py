@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from gloc3.exchange.tunnel import status as packing
 from gloc3.exchange.tunnel.body import unpack_payload, unpack_status
+from gloc3.exchange.tunnel.events import Counters
 from gloc3.exchange.tunnel.frames import Status, StatusPart, SummaryRows
-from gloc3.exchange.tunnel.happenings import Counters
 from gloc3.exchange.tunnel.layout import MAX_PAYLOAD
 from gloc3.exchange.tunnel.reader import TunnelFrameError
 from gloc3.exchange.tunnel.status import MAX_PARTS, StatusReceiver, StatusSender

@@ -116,7 +116,7 @@ def test_a_station_can_not_publish_what_only_a_platform_says() -> None:
 
     station, platform = run_virtual(fly())
     (undelivered,) = station.undelivered()
-    assert undelivered.reason == f"{PLATFORM}/ci/event is not taken from a station"
+    assert undelivered.reason == f"{PLATFORM}/ci/event is not accepted from a station"
     assert platform.counters.not_accepted >= 1
 
 

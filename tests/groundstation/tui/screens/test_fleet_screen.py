@@ -38,7 +38,7 @@ def test_a_links_line_tells_what_was_refused_or_did_not_come() -> None:
     )
     assert "autopilot 1/1; 5% lost or left out" in text_of(link_line(link, 140))
     refused = msgspec.structs.replace(link, refusals={"not signed": 12}, received=())
-    assert "12 refused: not signed; 5% lost or left out; nobody is heard" in text_of(link_line(refused, 200))
+    assert "12 refused: not signed; 5% lost or left out; no system heard" in text_of(link_line(refused, 200))
 
 
 def test_who_asks_for_control_is_told_with_the_keys_that_answer() -> None:
@@ -98,15 +98,15 @@ async def test_control_of_a_second_vehicle_is_requested_and_granted_between_two_
         await here.until("control", "station 254 in control")
         await here.press("c")
         await here.wait(lambda: egret.control == ControlState(holder="254", requested_by="255"))
-        await here.until("control", "this station has asked for it")
-        assert any("station 255 asks for control" in event.text for event in other.station.fleet.events)
+        await here.until("control", "this station has requested it")
+        assert any("station 255 requests control" in event.text for event in other.station.fleet.events)
         assert await other.fleet.control("egret", ControlVerb.GRANT)
         await here.until("control", "this station in control")
         egret.speak_every(0.5)  # and now the other way round
         here.app.run_worker(other.request_control("egret"))
-        await here.until("title", "254 asks for control")
-        await here.until("alert", "station 254 asks for control")
-        await here.until("control", "station 254 asks for it")
+        await here.until("title", "254 requests control")
+        await here.until("alert", "station 254 requests control")
+        await here.until("control", "station 254 requests it")
         await here.press("g")
         await here.until("control", "station 254 in control")
         await here.press("t")

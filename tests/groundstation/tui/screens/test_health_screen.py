@@ -83,7 +83,7 @@ async def test_a_functions_form_checks_what_is_typed_and_shows_the_reply() -> No
         await here.wait(lambda: isinstance(here.app.screen, FunctionForm) and bool(here.app.screen.query(Input)))
         form = here.app.screen
         typed = form.query_one(Input)
-        assert typed.placeholder == "must be given"
+        assert typed.placeholder == "required"
         await here.wait(lambda: here.app.focused is typed)
         typed.value = "0"
         await here.press("enter")

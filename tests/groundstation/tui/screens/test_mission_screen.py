@@ -81,12 +81,12 @@ async def test_a_file_is_found_by_typing_and_folders_are_gone_through_by_keys(tm
         typed.value = "inspec"
         await here.wait(lambda: "patrol" not in listed() and "inspection" in listed())
         await here.press("enter")
-        await here.until("position", "at hand: inspection.yaml")
+        await here.until("position", "open: inspection.yaml")
         assert "╭ ○ sweep" in here.shown("graph")
         assert missions(here).recent == ("inspection",)
         await open_typed(here, "/none/such.yaml")
         await here.wait(lambda: any("open: there is no file" in one.text for one in here.station.fleet.events))
-        await here.until("position", "at hand: inspection.yaml")
+        await here.until("position", "open: inspection.yaml")
         assert not here.requested(LoadMission), "opening streams nothing"
 
 
@@ -113,11 +113,11 @@ async def test_an_error_is_shown_at_its_line_mended_saved_and_what_is_not_saved_
         assert missions(here).plan is None
         for previous, new in (("[depart, nowhere]", "[depart]"), ("none}", "0.5}")):
             editor(here).load_text(editor(here).text.replace(previous, new))
-        await here.until("findings", "nothing is wrong with")
+        await here.until("findings", "no findings")
         assert "not saved" in here.shown("position")
         assert missions(here).plan is not None
         await here.press("escape")
-        await here.until("position", "at hand: m.yaml")
+        await here.until("position", "open: m.yaml")
         await here.press("o")
         await here.shows(UnsavedQuestion)
         await here.press("escape")
@@ -151,7 +151,7 @@ async def test_while_the_mission_at_hand_has_errors_a_start_says_that_it_is_the_
         await here.shows(YesNoQuestion)
         requested = here.app.screen
         assert isinstance(requested, YesNoQuestion)
-        assert "as it is aboard (the one at hand has errors), on heron?" in requested._question
+        assert "as loaded onboard (the open one has errors), on heron?" in requested._question
 
 
 async def test_a_file_that_another_program_changed_is_overwritten_only_with_another_word(tmp_path: Path) -> None:
@@ -196,7 +196,7 @@ async def test_an_export_tells_what_such_a_file_cannot_carry(tmp_path: Path) -> 
         typed.value = str(tmp_path / "x.plan")
         await here.wait(lambda: "no place on Earth" in text())
         typed.value = str(tmp_path / "x.doc")
-        await here.wait(lambda: "the name's ending tells the kind of file" in text())
+        await here.wait(lambda: "the file type follows the suffix" in text())
         typed.value = str(tmp_path / "x.yaml")
         await here.wait(lambda: "written as: mission" in text())
         await here.press("enter")
@@ -266,7 +266,7 @@ async def test_a_single_action_is_asked_for_by_a_form_and_its_reply_is_shown() -
         await here.press("ctrl+s")
         await here.wait(lambda: "refused: motion is claimed by sweep.wall" in text("reply"))
         await here.press("ctrl+s")
-        await here.wait(lambda: "accepted: it runs as command-7" in text("reply"))
+        await here.wait(lambda: "accepted: running as command-7" in text("reply"))
         sent = here.requested(RequestAction)
         assert sent[0] == sent[1]
         assert isinstance(sent[0], RequestAction)

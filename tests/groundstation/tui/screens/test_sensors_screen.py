@@ -35,7 +35,7 @@ async def test_the_topic_under_the_cursor_is_asked_for_shown_and_plotted_and_lef
         viewer.fly(20.0)
         await here.until("fields", "position ned")
         await here.until("topics", "20.0")
-        await here.until("sight", "speaks 20.0 Hz")
+        await here.until("sight", "publishes 20.0 Hz")
         here.app.screen.query_one("#fields", ListPanel).point_at("position_ned_m")
         await here.until("plot", "x")
         assert "4.000" in here.shown("plot")

@@ -207,7 +207,7 @@ async def test_rates_calibration_and_what_is_refused_are_told_in_words() -> None
         await here.press("n")
         await enter(here, "VFR_HUD")
         await enter(here, "5")
-        await here.until("job", "✓ VFR_HUD: asked for, 5 Hz")
+        await here.until("job", "✓ VFR_HUD: requested, 5 Hz")
         await here.press("n")
         await enter(here, "NONSENSE")
         await enter(here, "")
@@ -235,7 +235,7 @@ async def test_without_a_link_to_the_autopilot_the_screen_says_so_and_the_palett
 async def test_screens_that_a_vehicle_without_a_companion_cannot_fill_say_so_and_ask_nothing() -> None:
     async with services_scene() as here:
         for digit, panel, text in (
-            ("2", "components", "(6) shows its autopilot"),
+            ("2", "components", "no GLOC3 companion"),
             ("7", "topics", "its"),
             ("8", "checks", "doctor"),
         ):

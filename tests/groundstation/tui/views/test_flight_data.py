@@ -115,8 +115,8 @@ def test_the_values_of_now_have_units_and_what_they_should_be() -> None:
 
 def test_what_is_not_known_is_said_to_be_so() -> None:
     here = Followed()
-    assert "nothing is known" in text_of(attitude_lines(view_of(here, 0.0), None, 30, 20)[0])
-    assert "nothing is known" in text_of(charts(None, 0.0, 0.0, 60.0, 0, 60, 20)[0])
+    assert "no data" in text_of(attitude_lines(view_of(here, 0.0), None, 30, 20)[0])
+    assert "no data" in text_of(charts(None, 0.0, 0.0, 60.0, 0, 60, 20)[0])
     here.move(0.0, battery_cv=0, setpoint_cm=None)
     text = "\n".join(texts(charts(here.track, 1.0, 1.0, 60.0, 0, 60, 60)))
     assert "wanted ?" in text
@@ -219,7 +219,7 @@ def test_values_of_a_vehicle_that_is_silent_are_not_shown_as_those_of_now() -> N
     track = flown().track
     assert track.latest_s is not None
     now_s = track.latest_s + 14.0
-    assert charts_title(track, now_s, now_s, 60.0, is_frozen=False) == "last 1 min, nothing new for 14 s"
+    assert charts_title(track, now_s, now_s, 60.0, is_frozen=False) == "last 1 min, no data for 14 s"
     previous, live = (charts(track, at_s, at_s, 60.0, 0, 60, 20)[0] for at_s in (now_s, track.latest_s))
     assert "was" in text_of(previous)
     assert {span.tone for span in previous} <= {Tone.STRONG, Tone.DIM, Tone.STALE, Tone.TEXT}

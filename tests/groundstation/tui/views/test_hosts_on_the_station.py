@@ -65,8 +65,8 @@ def shown(found: HostBook, age_s: float = 0.0, width: int = 130) -> list[str]:
 def test_each_host_is_told_with_its_processes_clock_load_version_and_last_words() -> None:
     version = MAIN.version
     assert shown(book()) == [
-        "host state processes load clock version ended last",
-        f"main here 1 of 2 away, 2× anew 42 % the platform's {version} eyes: ended by SIGSEGV",
+        "host state processes load clock version last exit",
+        f"main here 1 of 2 down, 2× anew 42 % the platform's {version} eyes: ended by SIGSEGV",
         f"vision here 1 up 125 % -1234.57 s ± 2 ms {version}",
         "base expected 0 up 0 % not compared yet",
     ]
@@ -130,7 +130,7 @@ async def test_the_health_screen_shows_the_hosts_of_a_platform_that_has_several(
         here.platform.report("host_names", book().names())
         for summary in book().summaries():
             here.platform.report("hosts", summary)
-        await here.until("hosts", "1 of 2 away, 2× anew")
+        await here.until("hosts", "1 of 2 down, 2× anew")
         assert "vision" in here.shown("hosts")
 
 

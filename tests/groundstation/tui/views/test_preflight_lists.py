@@ -105,7 +105,7 @@ def shown(*checks: Check, age_s: float | None = 3.0, width: int = 80) -> str:
 def test_a_red_line_says_that_the_start_is_refused_and_what_to_do() -> None:
     text = shown(CHECKS[0], LINK_LOSS, CLOCK)
     assert text.splitlines()[0] == "checks: 1 red, 1 warning, 1 ok, 3 s ago"
-    assert "1 line is red: the start is refused   o starts all the same" in text
+    assert "1 line is red: the start is refused   o starts anyway" in text
     assert "failsafes  ✗ RED     link loss" in text
     assert "→ set NAV_DLL_ACT to 0" in text
 
@@ -122,12 +122,12 @@ def test_without_a_mission_no_key_is_offered_that_would_do_nothing() -> None:
     assert text_of(preflight_headline(HERON, bad, 80, can_start=False)).strip() == "1 line is red: the start is refused"
     none = fine._replace(checks=(Check(Group.MISSION, "loaded", Verdict.UNKNOWN, "none is loaded", "stream one"),))
     assert "→ open one: 3, then o" in text_of(preflight_rows(none, 80)[1].line)
-    assert "→ u streams the mission at hand" in text_of(preflight_rows(none, 80, has_plan=True)[1].line)
+    assert "→ u streams the open mission" in text_of(preflight_rows(none, 80, has_plan=True)[1].line)
 
 
 def test_of_a_vehicle_without_a_companion_no_list_is_waited_for() -> None:
     bare, none = replace(HERON, has_companion=False), CheckList((), None, is_requesting=False, problem="")
-    assert "no companion of ours" in text_of(preflight_headline(bare, none, 80))
+    assert "no GLOC3 companion" in text_of(preflight_headline(bare, none, 80))
     reported = " ".join(text_of(line).strip() for line in no_list_lines(bare, "", 60))
     assert "gloc3 doctor PLATFORM --autopilot URL" in reported
     assert not no_list_lines(HERON, "", 60)
@@ -143,5 +143,5 @@ def test_a_long_reason_is_whole_below_and_an_older_list_stays() -> None:
 
 def test_a_list_that_has_not_come_and_one_of_a_platform_that_refuses_say_so() -> None:
     requested = CheckList((), None, is_requesting=True, problem="")
-    assert "is asked for its list" in text_of(preflight_headline(HERON, requested, 80))
+    assert "requesting its list" in text_of(preflight_headline(HERON, requested, 80))
     assert "no list: not now" in text_of(preflight_headline(HERON, requested._replace(problem="not now"), 80))

@@ -47,7 +47,7 @@ def test_a_topic_that_has_fallen_silent_looks_so_and_one_that_speaks_now_and_the
 def test_topics_are_found_by_name_type_and_component() -> None:
     for wanted, name in (("INTERN", "components/pose/internal"), ("image", "camera/ground"), ("limiter", "setpoint")):
         assert [key for key, _ in topic_rows(TOPICS, None, wanted, 40)] == [name]
-    assert "asked for by its name" in " ".join(map(text_of, no_topics_lines(TOPICS, "nix", "", 80)))
+    assert "requested by name" in " ".join(map(text_of, no_topics_lines(TOPICS, "nix", "", 80)))
     assert "no viewer" in text_of(no_topics_lines([], "", "it has no viewer", 80)[0])
 
 
@@ -65,10 +65,10 @@ def test_the_line_above_tells_how_much_of_a_topic_is_seen() -> None:
     envelope = Envelope("heron/pose", Source("heron", "pose", 1), 0, 5.0, "ned", "Pose", pose(0.0))
     seen = Sight("pose", envelope, 100.0, 4.9, 20.0, "")
     assert text_of(sight_line(seen, 5.0, 100.2, 60)).split() == [
-        "speaks",
+        "publishes",
         "20.0",
         "Hz,",
-        "seen",
+        "received",
         "4.9",
         "of",
         "5",
@@ -104,7 +104,7 @@ def test_numbers_that_are_none_do_not_stop_a_plot() -> None:
     series = [(0.0, (math.nan,)), (1.0, (math.inf,)), (2.0, (1.0,)), (3.0, (2.0,))]
     assert dots(plot_lines(series, 40, 4)) > 10
     assert "no number" in text_of(plot_lines([(0.0, (math.nan,)), (1.0, (math.nan,))], 40, 4)[0])
-    assert "follows" in text_of(plot_lines([(0.0, (1.0,))], 40, 4)[0])
+    assert "waiting for more" in text_of(plot_lines([(0.0, (1.0,))], 40, 4)[0])
 
 
 def test_a_scan_is_seen_from_above_with_north_up_and_one_scale() -> None:
@@ -116,5 +116,5 @@ def test_a_scan_is_seen_from_above_with_north_up_and_one_scale() -> None:
     columns = [x for line in lines for x, char in enumerate(text_of(line)) if 0x2800 < ord(char) < 0x2900]
     assert rows == [0, 9]
     assert max(columns) - min(columns) <= 10, "as wide as high where it is half as wide as high: 2 × 4 dots a character"
-    assert "nothing" in text_of(scan_lines([], 40, 10)[0])
+    assert "no hits" in text_of(scan_lines([], 40, 10)[0])
     assert len(scan_lines([(1.0, 1.0)], 40, 10)) == 10

@@ -62,9 +62,9 @@ def test_what_is_under_way_has_a_bar_and_the_key_that_cancels_it() -> None:
 
 def test_how_it_ended_is_told_in_words_and_not_at_any_length() -> None:
     assert text(job_lines(None, JobOutcome(text="36 parameters"), 80)) == " ✓ 36 parameters"
-    wrong = JobOutcome(text="9 things are wrong in it", is_good=False, lines=tuple(f"f:{n}:1: bad" for n in range(9)))
+    wrong = JobOutcome(text="9 errors in the file", is_good=False, lines=tuple(f"f:{n}:1: bad" for n in range(9)))
     lines = job_lines(None, wrong, 80)
-    assert text(lines[:2]) == " ✗ 9 things are wrong in it\n   f:0:1: bad"
+    assert text(lines[:2]) == " ✗ 9 errors in the file\n   f:0:1: bad"
     assert text_of(lines[-1]) == "   and 5 lines more"
     assert "no link of this station" in text(unreachable_lines("no link of this station hears it", 80))
 
@@ -74,7 +74,7 @@ def test_a_parameter_is_told_in_full_and_marked_when_it_was_changed() -> None:
     assert text_of(service_parameters.parameter_line(row, 120)).split()[:3] == ["≠", "NAV_DLL_ACT", "0"]
     reported = text(service_parameters.parameter_lines(row, 76))
     assert reported.splitlines()[0].strip() == "NAV_DLL_ACT = 0 (Disabled)"
-    assert "int32, default 2, holds after a restart of the vehicle" in reported
+    assert "int32, default 2, takes effect after a vehicle restart" in reported
     assert "0 Disabled, 1 Hold mode, 2 Return mode, 3 Land mode" in reported
     changed = TABLE.with_value(TABLE.check("MPC_XY_VEL_MAX", 8.5))
     row = changed["MPC_XY_VEL_MAX"]
@@ -107,7 +107,7 @@ def test_a_comparison_says_what_would_be_written_what_is_left_and_what_is_wrong(
 def test_what_is_typed_for_a_parameter_is_judged_in_words() -> None:
     assert judge(TABLE, "NAV_DLL_ACT", " land mode ").value == 3
     assert judge(TABLE, "MPC_XY_VEL_MAX", "25").reason == (
-        "MPC_XY_VEL_MAX must be at most 20 m/s, not 25; 25! sets it all the same"
+        "MPC_XY_VEL_MAX must be at most 20 m/s, not 25; 25! sets it anyway"
     )
     assert judge(TABLE, "MPC_XY_VEL_MAX", "25!") == (25.0, True, "")
     assert "is no value for" in judge(TABLE, "MPC_XY_VEL_MAX", "fast").reason
@@ -168,9 +168,9 @@ def test_a_calibration_says_what_a_person_has_to_do_now() -> None:
     reported = text(service_calibration.calibration_lines(state, 80))
     assert "accelerometer: waiting for you" in reported
     assert "Put the vehicle on its left side." in reported
-    assert "y it lies so: measure" in reported
+    assert "y in position: measure" in reported
     assert "✓ level" in reported
-    assert "enter begins" in text(service_calibration.calibration_lines(None, 80))
+    assert "enter starts" in text(service_calibration.calibration_lines(None, 80))
     line = service_calibration.kind_line(CalibrationKind.GYRO, state)
     assert "keep the vehicle still" in text_of(line)
 

@@ -188,7 +188,7 @@ def test_what_the_position_rests_on_is_told_with_its_quality() -> None:
     assert text == [
         ("autopilot, quality 100 %", Tone.TEXT),
         ("stereo + laser, quality 40 %", Tone.WARN),
-        ("not told", Tone.DIM),
+        ("not reported", Tone.DIM),
     ]
 
 
@@ -260,7 +260,7 @@ def test_without_a_mission_it_says_what_can_be_done() -> None:
     bare = replace(PLATFORM, mission=None)
     assert texts(mission_lines(bare, None, 100.0, 60))[1] == " 3, then o opens one."
     plan = CheckedPlan(name="hold.yaml", title="cargo hold", text="")
-    assert texts(mission_lines(bare, plan, 100.0, 60))[0] == " 'cargo hold' is at hand."
+    assert texts(mission_lines(bare, plan, 100.0, 60))[0] == " 'cargo hold' is open."
 
 
 def test_a_failed_mission_gives_its_reason_and_policy() -> None:

@@ -16,7 +16,7 @@ from gloc3.messages.frames import Vector3, from_yaw
 from gloc3.messages.vehicle import DriverState, ObstacleScan, Setpoint
 from gloc3.mission.model.arguments import FollowWaypointsOrder, HeadingOrder
 from gloc3.mission.model.messages import ActionStatus
-from gloc3_onboard.algorithms.paths.wall_keeper import WallDistance, wall_ahead
+from gloc3_onboard.algorithms.paths.wall_distance import WallDistance, wall_ahead
 from gloc3_onboard.algorithms.scan_matching.planar import Planar
 from gloc3_onboard.algorithms.scan_matching.scan_points import Mount, Tilt
 from gloc3_onboard.components.controllers.limiter import Limiter
@@ -123,7 +123,7 @@ def test_without_a_scanner_no_distance_to_a_wall_is_promised() -> None:
     stage = Stage(WaypointsController(), WaypointsSettings())
     stage.step(STEP_S, pose=pose(), driver=DriverState(is_guided=True))
     order = FollowWaypointsOrder(waypoints_ned_m=((3.0, 0.0, -2.0),), speed_m_s=1.0, wall_distance_m=1.5)
-    with pytest.raises(Refused, match="nobody sees the wall"):
+    with pytest.raises(Refused, match="no sensor sees the wall"):
         stage.begin("follow_waypoints", **msgspec.to_builtins(order))
 
 
@@ -139,16 +139,16 @@ def test_a_wall_is_seen_square_to_itself_and_a_corner_is_none() -> None:
 
 
 def test_the_way_is_moved_slowly_and_not_far() -> None:
-    keeper, wall = (
+    distance, wall = (
         WallDistance(1.0),
         wall_ahead([(0.1 * n, 6.0) for n in range(-9, 10)], (0.0, 0.0, -2.0), math.pi / 2.0),
     )
     for _ in range(4):
-        keeper.update(wall, (0.0, 0.0, -2.0), (0.0, 0.0, -2.0), 0.1)
-    assert keeper.moved((0.0, 0.0, -2.0)) == pytest.approx((0.0, 0.16, -2.0))
+        distance.update(wall, (0.0, 0.0, -2.0), (0.0, 0.0, -2.0), 0.1)
+    assert distance.moved((0.0, 0.0, -2.0)) == pytest.approx((0.0, 0.16, -2.0))
     for _ in range(100):
-        keeper.update(wall, (0.0, 0.0, -2.0), (0.0, 0.0, -2.0), 0.1)
-    assert keeper.moved((0.0, 0.0, -2.0)) == pytest.approx((0.0, 1.5, -2.0))
-    assert keeper.unmoved(keeper.moved((1.0, 2.0, -2.0))) == pytest.approx((1.0, 2.0, -2.0))
-    keeper.update(None, (0.0, 0.0, -2.0), (0.0, 0.0, -2.0), 0.5)
-    assert keeper.blind_s == 0.5
+        distance.update(wall, (0.0, 0.0, -2.0), (0.0, 0.0, -2.0), 0.1)
+    assert distance.moved((0.0, 0.0, -2.0)) == pytest.approx((0.0, 1.5, -2.0))
+    assert distance.unmoved(distance.moved((1.0, 2.0, -2.0))) == pytest.approx((1.0, 2.0, -2.0))
+    distance.update(None, (0.0, 0.0, -2.0), (0.0, 0.0, -2.0), 0.5)
+    assert distance.blind_s == 0.5

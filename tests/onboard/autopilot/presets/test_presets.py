@@ -147,7 +147,7 @@ def test_a_parameter_that_is_not_there_is_told_and_the_others_are_set() -> None:
 def test_another_kind_of_vehicle_is_left_alone() -> None:
     rig = Rig(vehicle_type=2).run(3.0)
     assert rig.session.stage is PresetStage.FAILED
-    assert rig.session.problem == "the autopilot is ardupilot, of a copter; the preset is for ardupilot, of a sub"
+    assert rig.session.problem == "the autopilot is ardupilot on a copter; the preset is for ardupilot on a sub"
     rig.session.apply(rig.now_s)
     rig.run(3.0)
     assert rig.set == []

@@ -11,7 +11,7 @@ from tests.onboard.stage import Stage
 from gloc3.messages.frames import Vector3, from_euler
 from gloc3.messages.vehicle import DriverState, HeightAboveGround, Setpoint
 from gloc3.mission.model.arguments import FollowWaypointsOrder
-from gloc3_onboard.algorithms.paths.floor_keeper import FloorClearance
+from gloc3_onboard.algorithms.paths.floor_clearance import FloorClearance
 from gloc3_onboard.components.controllers.waypoints import WaypointsController, WaypointsSettings
 
 STEP_S = 0.05
@@ -84,12 +84,12 @@ def test_without_an_echo_it_keeps_its_depth_and_then_fails_with_the_reason() -> 
     rig.begin()
     rig.run(16.0)
     rig.is_blind, depth_m = True, rig.at[2]
-    assert rig.until_ended().startswith("failed it does not see the floor that it is to keep the height over")
+    assert rig.until_ended().startswith("failed the floor to keep the height over is out of sight")
     assert rig.at[2] == pytest.approx(depth_m, abs=0.1)
 
 
 def test_a_lean_shortens_the_height_that_the_range_says() -> None:
-    keeper = FloorClearance(altitude_m=2.0, drop_m=5.0, climb_m_s=100.0)
+    clearance = FloorClearance(altitude_m=2.0, drop_m=5.0, climb_m_s=100.0)
     for _ in range(200):
-        keeper.update(4.0, from_euler(math.radians(30.0), 0.0, 0.0), (0.0, 0.0, 5.0), 0.1)
-    assert keeper.moved((0.0, 0.0, 5.0))[2] == pytest.approx(5.0 + 4.0 * math.cos(math.radians(30.0)) - 2.0)
+        clearance.update(4.0, from_euler(math.radians(30.0), 0.0, 0.0), (0.0, 0.0, 5.0), 0.1)
+    assert clearance.moved((0.0, 0.0, 5.0))[2] == pytest.approx(5.0 + 4.0 * math.cos(math.radians(30.0)) - 2.0)

@@ -171,7 +171,7 @@ def test_a_pause_is_gone_on_with(is_on_the_way: bool) -> None:
     rig.run(1.0)
     rig.says(RUNNING)
     rig.stage.call("action.pause", action_id="go")
-    rig.says(FAILED, "motion was given to somebody else")
+    rig.says(FAILED, "motion was granted to another owner")
     setpoints, requested = len(rig.stage.all(Setpoint)), len(rig.requested)
     rig.run(60.0)
     assert (len(rig.stage.all(Setpoint)), len(rig.requested)) == (setpoints, requested)

@@ -52,7 +52,7 @@ def test_without_a_valid_pose_nothing_passes_and_the_reason_is_said(is_old: bool
         stage.put(pose=replace(pose(), is_valid=False))
     stage.step(0.2, setpoint_wanted=setpoint())
     assert stage.all(Setpoint) == []
-    assert limiter.reason == "there is no valid pose to keep the fence with"
+    assert limiter.reason == "there is no valid pose to check the fence with"
     stage.step(pose=pose(), setpoint_wanted=setpoint())
     assert len(stage.all(Setpoint)) == 1
 
@@ -130,10 +130,10 @@ def test_with_a_pose_of_little_quality_it_slows_down_and_at_last_it_holds() -> N
     assert flown_m_s(0.8)[0] == pytest.approx(3.0, abs=0.1)
     slow, limiter = flown_m_s(0.5)
     assert slow == pytest.approx(0.3, abs=0.02)
-    assert limiter.reason == "the pose rests on too little (quality 0.50): no more than 0.30 m/s"
+    assert limiter.reason == "the pose quality is too low (0.50): no more than 0.30 m/s"
     held, limiter = flown_m_s(0.25)
     assert held == pytest.approx(0.0, abs=1e-6)
-    assert limiter.reason == "the pose rests on too little (quality 0.25): it holds"
+    assert limiter.reason == "the pose quality is too low (0.25): it holds"
 
 
 def test_it_slows_down_no_harder_than_the_platform_brakes() -> None:

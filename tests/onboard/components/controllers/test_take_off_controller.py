@@ -203,7 +203,7 @@ def test_a_pause_in_the_air_is_gone_on_with_by_setpoints_to_the_same_height() ->
         action_id="hold",
         manoeuvre_id="go",
         manoeuvre_state=FAILED,
-        manoeuvre_reason="motion was given to somebody else",
+        manoeuvre_reason="motion was granted to another owner",
         is_guided=True,
     )
     rig.autopilot, rig.climb_m_s = flying(FlightMode.GUIDED), 0.0
@@ -224,7 +224,7 @@ def test_a_pause_on_the_ground_is_gone_on_with_by_asking_again() -> None:
     rig.run(0.2)
     rig.says(RUNNING)
     rig.stage.call("action.pause", action_id="go")
-    rig.says(FAILED, "motion was given to somebody else")
+    rig.says(FAILED, "motion was granted to another owner")
     rig.run(1.0)
     rig.stage.call("action.resume", action_id="go")
     rig.run(0.3)
@@ -249,7 +249,7 @@ def test_a_take_off_is_refused_while_nothing_is_heard_of_the_autopilots_state() 
     rig = Rig()
     for _ in range(30):
         rig.stage.step(0.1, pose=pose(0.0, 0.0, 0.0), driver=rig.driver)
-    with pytest.raises(Refused, match="nothing is heard of the autopilot's state"):
+    with pytest.raises(Refused, match="no state is received from the autopilot"):
         rig.begin()
 
 

@@ -170,7 +170,7 @@ def test_a_driven_vehicle_is_led_by_speed_and_heading_goes_only_ahead_and_keeps_
     assert ahead.position_ned_m is None
     assert ahead.yaw_rad is None, "it looks where it goes"
     assert ahead.velocity_ned_m_s == pytest.approx((math.cos(1.0), math.sin(1.0), 0.0))
-    assert stage.last(TeleoperationState).reason == "it goes ahead and turns; not to the side, up or back"
+    assert stage.last(TeleoperationState).reason == "it only goes ahead and turns, not to the side, up or back"
     stands = drive(2.0, (-100, 0, 0))
     assert (stands.position_ned_m, stands.velocity_ned_m_s) == ((3.0, 4.0, 0.0), (0.0, 0.0, 0.0))
     turns = drive(0.5, (0, 0, 0), 2000)

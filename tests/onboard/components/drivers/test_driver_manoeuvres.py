@@ -172,7 +172,7 @@ def test_a_new_owner_takes_over_from_a_landing(style: str) -> None:
     rig.hold("hold")
     rig.run(2.0)
     assert rig.state.is_guided
-    assert rig.state.manoeuvre_reason == "motion was given to somebody else"
+    assert rig.state.manoeuvre_reason == "motion was granted to another owner"
     assert not rig.state.has_pilot_control
 
 

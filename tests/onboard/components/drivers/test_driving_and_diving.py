@@ -122,6 +122,6 @@ def test_the_platform_file_of_another_vehicle_is_refused_before_the_start() -> N
         stack.upload(drive().replace("drive_off: {}", "take_off: {height_m: 2}").replace(", 0]", ", 2]"))
         reply = stack.request(Steer(verb=Verb.START))
         assert reply.outcome is Outcome.REFUSED
-        assert "autopilot: vehicle (the autopilot steers a rover; the platform file says quadrotor)" in reply.reason
+        assert "(the autopilot is set up for a rover; the platform file says quadrotor)" in reply.reason
     finally:
         stack.close()

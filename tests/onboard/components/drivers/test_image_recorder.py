@@ -120,7 +120,7 @@ def test_one_of_several_cameras_is_recorded_and_its_silence_is_told() -> None:
     rig.run(3.0, camera="ground")
     assert {picture.image.camera for picture in rig.log_store.pictures} == {"front_left"}
     assert [picture.file for picture in rig.log_store.pictures][:2] == ["front_left-00001.png", "front_left-00002.png"]
-    assert rig.stage.status.reason == "no picture of front_left comes"
+    assert rig.stage.status.reason == "no picture of front_left received"
 
 
 def test_a_picture_is_tagged_with_the_pose_of_its_own_time() -> None:
@@ -165,7 +165,7 @@ def test_without_a_pose_of_the_time_no_picture_is_taken_and_the_reason_is_told()
     rig.stage.begin("record_images", camera="ground", every_s=0.2)
     rig.run(1.0)
     assert rig.log_store.pictures == []
-    assert rig.stage.status.reason == "there is no valid pose of the time of the picture"
+    assert rig.stage.status.reason == "there is no valid pose at the time of the picture"
     assert rig.stage.status.state == "running"
     rig.has_pose = True
     rig.run(0.5)

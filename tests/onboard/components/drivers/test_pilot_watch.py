@@ -82,7 +82,7 @@ def test_a_change_that_we_did_not_command_is_somebody_elses(ours: FlightMode, th
 def test_the_autopilots_own_failsafe_takes_over_too() -> None:
     story = in_flight()
     assert story.see(flying(RETURN, is_failsafe=True))
-    assert "the autopilot by itself (failsafe)" in story.watch.reason
+    assert "the autopilot (failsafe)" in story.watch.reason
 
 
 def test_a_disarm_that_is_not_the_end_of_our_landing_is_somebody_elses() -> None:
@@ -179,7 +179,7 @@ def test_a_driver_that_is_brought_up_again_soon_remembers_and_a_late_one_does_no
     story = in_flight()
     story.command(HOLD)
     assert story.see(flying(HOLD), after_s=8.0)
-    assert "before this driver came" in story.watch.reason
+    assert "before this driver started" in story.watch.reason
 
 
 def test_a_shadow_takes_its_primarys_modes_for_ours_and_steps_in_when_that_leaves_a_hold() -> None:

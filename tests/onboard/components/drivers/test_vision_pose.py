@@ -52,7 +52,7 @@ def test_each_valid_pose_is_sent_once_and_no_more_often_than_the_rate() -> None:
     stage.put(stage.now_s - 1.0, pose=pose())
     stage.cycle()
     assert len(device.poses) == pytest.approx(25, abs=1)
-    assert driver.reason == "its time does not go on"
+    assert driver.reason == "its time does not advance"
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def test_each_valid_pose_is_sent_once_and_no_more_often_than_the_rate() -> None:
     [
         (pose(is_valid=False, reason="uncertain by 0.50 m"), "uncertain by 0.50 m"),
         (pose(north=float("nan")), "the pose is not finite"),
-        (pose(quality=0.05), "its quality is 0.05 only"),
+        (pose(quality=0.05), "its quality is only 0.05"),
     ],
 )
 def test_what_cannot_be_flown_by_is_withheld(bad: Pose, reason: str) -> None:

@@ -97,13 +97,13 @@ def test_ways_are_lines_that_are_passed_waits_are_circles_and_none_of_them_arms(
     ("state", "capability", "arguments", "why"),
     [
         (FLYING, "take_off", {"height_m": 50.0}, "in the air already"),
-        (STANDING, "take_off", {"height_m": 5.0}, "too low to circle in"),
+        (STANDING, "take_off", {"height_m": 5.0}, "too low to circle at"),
         (replace(STANDING, is_armable=False, reasons=("no fix",)), "take_off", {"height_m": 50.0}, "no fix"),
         (
             FLYING,
             "go_to",
             {"waypoints_ned_m": ((500.0, 0.0, -60.0),), "speed_m_s": 23.0, "wall_distance_m": 2.0},
-            "keeps no distance from a wall",
+            "cannot keep a distance from a wall",
         ),
         (
             FLYING,

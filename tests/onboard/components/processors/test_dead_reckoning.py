@@ -161,7 +161,7 @@ def test_it_has_no_place_before_the_first_fixes_and_dives_on_from_them() -> None
         sea = Sea(bench)
         nowhere = sea.run(2.0)
         assert not nowhere.is_valid
-        assert nowhere.reason == "where it begins is not known: no fixes yet"
+        assert nowhere.reason == "the start position is not known: no fixes yet"
         sea.run(6.0, at=(10.0, -5.0))
         pose = sea.run(20.0, speed_m_s=0.5)
         assert pose.is_valid
@@ -179,7 +179,7 @@ def test_it_says_that_it_is_adrift_and_at_last_that_it_is_lost() -> None:
         assert adrift.sources == ["heading", "depth"]
         lost = sea.run(60.0, lock=False)
         assert not lost.is_valid
-        assert lost.reason.startswith("lost: it is known to")
+        assert lost.reason.startswith("lost: its standard deviation is")
 
 
 def test_adrift_it_believes_that_it_does_what_it_is_asked_to() -> None:

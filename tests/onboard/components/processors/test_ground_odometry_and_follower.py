@@ -86,7 +86,7 @@ def test_bad_pictures_and_missing_attitudes_are_told_and_silence_too() -> None:
     assert component.work(0.7, inbox_of()) == []
     silent = component.work(1.3, inbox_of())[0]
     assert isinstance(silent, Odometry)
-    assert silent.reason == "no picture comes"
+    assert silent.reason == "no picture received"
 
 
 def test_a_camera_without_calibration_is_refused() -> None:

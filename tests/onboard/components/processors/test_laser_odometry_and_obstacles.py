@@ -64,7 +64,7 @@ def test_without_an_attitude_or_a_scan_it_says_so_and_goes_on_afterwards() -> No
     scan = at(0.0, SCANNER.scan(Planar(), random))
     assert "no attitude" in odometry(component, 0.0, laser=scan).reason
     assert component.work(0.9, inbox_of()) == []
-    assert odometry(component, 1.1, laser=[], autopilot_pose=[]).reason == "no scan comes"
+    assert odometry(component, 1.1, laser=[], autopilot_pose=[]).reason == "no scan received"
     for t_s in (1.2, 1.3):
         given = {"laser": at(t_s, SCANNER.scan(Planar(), random)), "autopilot_pose": at(t_s, autopilot_pose())}
         found = odometry(component, t_s, **given)

@@ -125,7 +125,7 @@ def test_before_it_knows_whether_the_vehicle_stands_the_pose_is_not_valid() -> N
     for _ in range(20):
         reported = stage.step(0.04, imu=STILL)[0]
     assert isinstance(reported, Pose)
-    assert (reported.is_valid, reported.reason) == (False, "the autopilot has not told whether the vehicle stands")
+    assert (reported.is_valid, reported.reason) == (False, "the autopilot has not reported whether the vehicle stands")
     for _ in range(60):
         reported = stage.step(0.04, imu=STILL)[0]
     assert isinstance(reported, Pose)
@@ -136,7 +136,7 @@ def test_started_in_flight_it_begins_at_the_pose_of_the_other_one_or_of_the_auto
     for others in ({"primary": pose(3.0, 1.0, 2.0)}, {"autopilot_pose": autopilot_pose(3.0, 1.0, 2.0)}):
         stage = Stage(PoseFusionProcessor(), PoseFusionSettings(**START))  # type: ignore[arg-type]
         state = flying(landed=LandedState.IN_AIR)
-        assert stage.step(0.04, imu=STILL, autopilot=state)[0].reason == "in flight there is no pose to begin at"  # type: ignore[attr-defined]
+        assert stage.step(0.04, imu=STILL, autopilot=state)[0].reason == "in flight there is no pose to start from"  # type: ignore[attr-defined]
         for _ in range(3):
             reported = stage.step(0.04, imu=STILL, autopilot=state, **others)[0]
         assert isinstance(reported, Pose)

@@ -139,8 +139,8 @@ def test_silence_is_told_once_a_second(matching: FeatureProcessor, moving: Stere
     nothing = Inbox({}, {})
     text = [(matching.work(t_s / 10.0, nothing), moving.work(t_s / 10.0, nothing)) for t_s in range(21)]
     assert sum(bool(features) for features, _ in text) == sum(bool(odometry) for _, odometry in text) == 2
-    assert matching.reason == "no pair of pictures comes"
-    assert moving.reason == "no features come"
+    assert matching.reason == "no pair of pictures received"
+    assert moving.reason == "no features received"
 
 
 @pytest.mark.parametrize(

@@ -148,7 +148,7 @@ def test_each_reading_is_a_step_from_the_one_before_and_a_bad_one_says_why_it_is
         bench.send("wheels", WheelDistances(distances_m=(5.0,)))
         bench.run(0.1)
         reported: Odometry = bench.last("odometry/wheels")
-        assert (reported.is_valid, reported.reason) == (False, "1 wheels are told of")
+        assert (reported.is_valid, reported.reason) == (False, "1 wheels are reported")
 
 
 def test_satellites_teach_the_pose_the_radius_of_the_wheels_and_it_drives_on_without_them() -> None:

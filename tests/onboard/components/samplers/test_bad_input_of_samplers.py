@@ -172,7 +172,7 @@ SOME = [1.0, 2.0, 3.0, 4.0]
 SCANS = {
     "no numbers": ([math.nan] * 4, "no beam is a number"),
     "all zero": ([0.0] * 4, "no beam reads more than 0.1 m"),
-    "garbage": ([5.0 + 4.9 * math.sin(index * index) for index in range(360)], "its beams have nothing to do with"),
+    "garbage": ([5.0 + 4.9 * math.sin(index * index) for index in range(360)], "its beams are unrelated to"),
     "all negative": ([-1.0] * 4, "no beam reads more than 0.1 m"),
     "no beams": ([], "torn"),
 }
@@ -255,7 +255,7 @@ def test_every_sample_is_reported_once_with_its_own_time() -> None:
 
 
 @pytest.mark.parametrize(
-    ("rate_rad_s", "reason"), [(math.nan, "no number"), (math.inf, "no number"), (100.0, "more than can be")]
+    ("rate_rad_s", "reason"), [(math.nan, "not a number"), (math.inf, "not a number"), (100.0, "out of range")]
 )
 def test_a_sample_that_cannot_be_is_marked(rate_rad_s: float, reason: str) -> None:
     with Bench() as bench:

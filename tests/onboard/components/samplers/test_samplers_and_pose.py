@@ -136,7 +136,7 @@ def test_the_estimate_is_moved_into_the_platforms_frame() -> None:
 
 def test_without_the_autopilots_origin_it_is_not_valid() -> None:
     first, second = poses(processor(), autopilot_pose(), autopilot_pose(origin_geo=HOLD))
-    assert (first.is_valid, first.reason, first.quality) == (False, "the autopilot has not told its origin", 0.0)
+    assert (first.is_valid, first.reason, first.quality) == (False, "the autopilot has not sent its origin", 0.0)
     assert second.is_valid
 
 

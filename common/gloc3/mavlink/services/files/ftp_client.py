@@ -1,4 +1,4 @@
-"""MAVLink FTP of who reads and writes a vehicle's files; what is lost is asked for again, what is written is checked."""
+"""Client of MAVLink FTP: reads and writes a vehicle's files; retries lost requests and verifies what it wrote."""
 
 from __future__ import annotations
 

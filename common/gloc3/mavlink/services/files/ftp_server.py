@@ -1,4 +1,4 @@
-"""MAVLink FTP on the vehicle: serves files, answers a repeated question with the same answer."""
+"""Server of MAVLink FTP: serves files, and repeats its answer to a repeated request."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a large file goes that is read: piece by piece, in order, so that it never has to be in memory as a whole."""
+"""Sink of a large file that is read: ordered pieces, so that it is never in memory as a whole."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The log protocol (LOG_*) of who reads a vehicle's logs; gaps are asked for again."""
+"""Client of the log protocol (LOG_*): downloads a vehicle's logs; gaps are requested again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The log protocol (LOG_*) on the vehicle: lists its logs and sends them, in pieces of 90 bytes."""
+"""Server of the log protocol (LOG_*): lists the vehicle's logs and sends them in pieces of 90 bytes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is under the cursor of the graph in full: what it does, when its turn comes, how far it is, and what went wrong."""
+"""The item under the graph's cursor in full: what it does, its order, progress, and failures."""
 
 from gloc3.messages.summaries import MissionSummary
 from gloc3.mission.model.states import ActionState
@@ -55,17 +55,17 @@ def position_line(
         if held is not None and held.is_stale(now_s):
             parts.append((1, Span(f"as last heard {wording.duration(held.age_s(now_s))} ago", Tone.BAD)))
         if is_at_hand and draft is not None:
-            parts += [(2, Span(f"the one at hand: {draft.name}", Tone.DIM)), *unsaved]
+            parts += [(2, Span(f"open: {draft.name}", Tone.DIM)), *unsaved]
         elif draft is not None:
-            parts.append((2, Span(f"m shows the one at hand: {draft.name}", Tone.DIM)))
+            parts.append((2, Span(f"m shows the open one: {draft.name}", Tone.DIM)))
         return fitted(parts, width)
     if draft is None:
         return ()
-    parts += [(0, Span(f" at hand: {draft.name}", Tone.STRONG)), *unsaved]
+    parts += [(0, Span(f" open: {draft.name}", Tone.STRONG)), *unsaved]
     if draft.errors:
         parts.append((1, Span(f"{draft.errors} error{'s' if draft.errors > 1 else ''}: e shows them", Tone.BAD)))
     elif draft.outline is not None and platform is not None:
-        parts.append((2, Span("u brings it over, s starts it", Tone.DIM)))
+        parts.append((2, Span("u streams it, s starts it", Tone.DIM)))
     if has_loaded:
         parts.append((3, Span(f"m shows the one on {name}", Tone.DIM)))
     return fitted(parts, width)
@@ -76,7 +76,7 @@ def text_line(draft: Draft | None) -> Line:
     if draft is None:
         return ()
     where = "" if draft.path else "   no file yet" if draft.name == NEW_NAME else "   an example"
-    origin = f"   made of {draft.made_of}" if draft.made_of else where
+    origin = f"   converted from {draft.made_of}" if draft.made_of else where
     if draft.is_fixed:
         return (Span(f" {draft.name}", Tone.STRONG), Span("   not a mission that can be edited", Tone.WARN))
     state = Span("   not saved", Tone.WARN) if draft.is_changed else Span(origin, Tone.DIM)
@@ -87,10 +87,10 @@ def nothing_lines(draft: Draft | None, platform: PlatformSnapshot | None, recent
     """Where there is no graph to draw: why, and what can be done."""
     if draft is not None:
         return [
-            (Span(f" No order can be drawn of {draft.name}.", Tone.WARN),),
+            (Span(f" {draft.name} cannot be drawn as a graph.", Tone.WARN),),
             (
                 Span(
-                    f" {draft.errors} finding{'s' if draft.errors != 1 else ''}: e shows the text and what is wrong.",
+                    f" {draft.errors} finding{'s' if draft.errors != 1 else ''}: e shows the text and the findings.",
                     Tone.DIM,
                 ),
             ),
@@ -100,7 +100,7 @@ def nothing_lines(draft: Draft | None, platform: PlatformSnapshot | None, recent
     return [
         (Span(f" No mission is open.{where}"),),
         (Span(f" o opens one: a mission file, a plan of QGroundControl, waypoints, or an example.{lately}", Tone.DIM),),
-        (Span(" n begins a new one.", Tone.DIM),),
+        (Span(" n creates a new one.", Tone.DIM),),
     ]
 
 
@@ -112,9 +112,9 @@ def _mission(outline: Outline, reported: MissionSummary | None, width: int) -> l
     if reported is not None and reported.took_s >= 0.0:
         lines += _text(wording.used(reported, outline), Tone.DIM, width)
     if reported is not None and reported.policy:
-        lines += _text(f"the policy {reported.policy} is being carried out", Tone.WARN, width)
+        lines += _text(f"policy {reported.policy} is running", Tone.WARN, width)
     if not outline.is_ordered:
-        lines += _text("its order is not known here yet; it is being read back", Tone.DIM, width)
+        lines += _text("its graph is not known here yet; reading it back", Tone.DIM, width)
     if outline.terms:
         lines += _text(", ".join(outline.terms), Tone.DIM, width)
     return lines

@@ -37,7 +37,7 @@ def mission_lines(platform: PlatformSnapshot | None, plan: CheckedPlan | None, n
     if platform is not None and not platform.has_companion:
         return [(Span(cut(" Its autopilot's plan: Services (6).", width), Tone.DIM),)]
     if timed is None or not timed.value.state:
-        at_hand = f" {plan.title!r} is at hand." if plan is not None else " No mission is loaded."
+        at_hand = f" {plan.title!r} is open." if plan is not None else " No mission is loaded."
         hint = " u streams it, s starts it." if plan is not None else " 3, then o opens one."
         return [(Span(at_hand[:width]),), (Span(hint[:width], Tone.DIM),)]
     mission = timed.value

@@ -1,4 +1,4 @@
-"""The map: what was asked for, where the vehicles are and have been, and what is in their way, seen from above."""
+"""The map in plan view: requested paths, vehicles with their trails, and obstacles."""
 
 from collections.abc import Iterable, Iterator
 from math import atan2, cos, hypot, radians, sin, sqrt

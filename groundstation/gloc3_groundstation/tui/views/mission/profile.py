@@ -1,4 +1,4 @@
-"""The height profile below the map: heights that were asked for and flown, along the path or over time."""
+"""The height profile below the map: requested and flown heights, along the path or over time."""
 
 from math import dist
 

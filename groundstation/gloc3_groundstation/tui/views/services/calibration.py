@@ -1,4 +1,4 @@
-"""Calibration as it is shown: what can be calibrated, and the one that runs with what a person has to do."""
+"""Calibration as lines: the sensors, and the running calibration with its instructions."""
 
 from typing import Final
 
@@ -34,7 +34,7 @@ def kind_line(kind: CalibrationKind, state: CalibrationState | None) -> Line:
 def calibration_lines(state: CalibrationState | None, width: int) -> list[Line]:
     """The calibration that runs, or the last one, in full."""
     if state is None:
-        return [EMPTY, (Span(" enter begins; the vehicle must be disarmed.", Tone.DIM),)]
+        return [EMPTY, (Span(" enter starts; the vehicle must be disarmed.", Tone.DIM),)]
     lines: list[Line] = [
         (Span(f" {state.kind}: ", Tone.STRONG), Span(str(state.phase), TONES.get(state.phase, Tone.BUSY)))
     ]
@@ -42,7 +42,7 @@ def calibration_lines(state: CalibrationState | None, width: int) -> list[Line]:
         lines.append((Span(f" {bar(state.progress, 30)} {state.progress * 100:3.0f} %", Tone.BUSY),))
     lines += [(Span(f" {row}", Tone.STRONG),) for row in wrapped(state.instruction, width - 2) if state.instruction]
     if state.phase is CalibrationPhase.WAITING:
-        lines.append((Span(" y", Tone.KEY), Span(" it lies so: measure")))
+        lines.append((Span(" y", Tone.KEY), Span(" in position: measure")))
     if state.sides:
         lines.append(EMPTY)
         for side, progress in state.sides.items():

@@ -1,4 +1,4 @@
-"""What stands around every vehicle service: its neighbours, what is under way, and how the last thing ended."""
+"""The frame of every service pane: the list of services, the running job, and the last outcome."""
 
 from collections.abc import Mapping
 

@@ -10,9 +10,9 @@ from gloc3_groundstation.tui.widgets.tables import Column, table_of
 
 LOG_COLUMNS: Final = (
     Column("number", 6, is_right=True),
-    Column("begun (UTC)", 16),
+    Column("start (UTC)", 16),
     Column("size", 9, is_right=True),
-    Column("becomes the file", 34, grows=1, most=50),
+    Column("saved as", 34, grows=1, most=50),
 )
 FILE_COLUMNS: Final = (Column("name", 40, grows=1, most=90), Column("size", 9, is_right=True))
 RATE_COLUMNS: Final = (
@@ -25,7 +25,7 @@ RATE_COLUMNS: Final = (
     Column("count", 8, is_right=True, rank=2),
 )
 STALE_S: Final = 5.0
-ABOVE: Final = "folder above"
+ABOVE: Final = "parent folder"
 
 
 def size_text(size: int) -> str:

@@ -1,4 +1,4 @@
-"""Parameters as they are shown: the list, one of them in full, and the comparison with a file."""
+"""Parameters as lines: the list, one of them in full, and the comparison with a file."""
 
 from collections.abc import Collection, Sequence
 from enum import StrEnum
@@ -36,7 +36,7 @@ class Only(StrEnum):
 
     ALL = ""
     CHANGED = "changed since they were listed"
-    NOT_DEFAULT = "not as the firmware brings them"
+    NOT_DEFAULT = "not at their default"
 
 
 def parameters_header(width: int) -> Line:
@@ -102,9 +102,9 @@ def parameter_lines(row: ParameterRow | None, width: int) -> list[Line]:
     if info.increment is not None:
         snapshot.append(f"in steps of {_plain(info.increment)}")
     if info.is_read_only:
-        snapshot.append("for reading only")
+        snapshot.append("read-only")
     if info.needs_restart:
-        snapshot.append("holds after a restart of the vehicle")
+        snapshot.append("takes effect after a vehicle restart")
     lines.append((Span(f" {', '.join(snapshot)}", Tone.DIM),))
     if not info.title:
         lines.append((Span(" no description; i takes one from the vehicle or from a file", Tone.DIM),))
@@ -171,7 +171,7 @@ def diff_detail(diff: ParameterDiff, row: DiffRow | None, width: int) -> list[Li
         lines.append((Span(f" {row.name}", Tone.STRONG), Span(f"   {row.kind}   {where}", Tone.DIM)))
         lines += [(Span(f" {text}", Tone.BAD),) for text in wrapped(row.reason, width - 2) if row.reason]
     lines.append(EMPTY)
-    keys = (("enter", "writes it or leaves it"), ("w", "writes what differs"), ("esc", "leaves all as it is"))
+    keys = (("enter", "toggles it"), ("w", "writes what differs"), ("esc", "discards the changes"))
     lines.append(tuple(span for key, what in keys for span in (Span(f" {key}", Tone.KEY), Span(f" {what}  "))))
     for finding in diff.warnings:
         lines += [(Span(f" {text}", Tone.WARN),) for text in wrapped(str(finding), width - 2)]

@@ -1,4 +1,4 @@
-"""Plans on an autopilot, and the one at hand, as they are shown."""
+"""Plans on an autopilot, and the open one, as lines."""
 
 from typing import Final
 
@@ -45,7 +45,7 @@ def plans_title(desk: PlanDesk) -> str:
     if desk.file is None:
         return vehicle
     if desk.differences is None:
-        return f"{vehicle}; at hand: {desk.file.name}, not compared"
+        return f"{vehicle}; open: {desk.file.name}, not compared"
     return f"{vehicle}; {desk.file.name} is {'the same' if not desk.differences else 'NOT the same'}"
 
 

@@ -1,4 +1,4 @@
-"""The station's end of an acoustic modem: hears summaries, and sends an emergency by sound when nothing else leads there."""
+"""The station's end of an acoustic modem: receives summaries, and sends emergencies if no other link is up."""
 
 import asyncio
 from collections.abc import Callable
@@ -82,14 +82,14 @@ class AcousticRoute:
                 if self._order is not None and self._order[0].number == number:
                     verb = self._order[0].verb.name.lower()
                     self._end(
-                        f"{self._platform} has {'taken' if is_accepted else 'REFUSED'} the order: {verb} (by sound)"
+                        f"{self._platform} has {'accepted' if is_accepted else 'REFUSED'} command {verb} (acoustic)"
                     )
 
     def order(self, verb: AcousticVerb) -> None:
         """Orders something, in place of what was ordered before."""
         self._number = max(self._number + 1, int(self._context.now_utc_s())) & 0xFFFF_FFFF
         self._order = AcousticOrder(self._number, verb), self._loop.time() + TIMEOUT_S
-        self._context.report(f"the order goes to {self._platform} by sound: {verb.name.lower()}; wait for its receipt")
+        self._context.report(f"sent to {self._platform} by modem: {verb.name.lower()}; wait for its receipt")
         self._transmit()
 
     def _handle_request(self, envelope: Envelope[Any]) -> None:
@@ -106,7 +106,7 @@ class AcousticRoute:
             return
         order, until_s = self._order
         if self._loop.time() >= until_s:
-            self._end(f"no receipt came from {self._platform}: it is not known whether it has the order")
+            self._end(f"no receipt from {self._platform}: it may or may not have the command")
             return
         self._send(self.code.encode(order))
         self._timer = self._loop.call_later(AGAIN_S, self._transmit)

@@ -1,4 +1,4 @@
-"""Looks at topics of platforms for the station's screens and servers: the shell around `Watches`."""
+"""Subscribes to topics of platforms for screens and servers: the shell around `Watches`."""
 
 import asyncio
 from collections.abc import Callable, Coroutine, Sequence
@@ -25,7 +25,7 @@ Seen = Callable[[str, Envelope[Any]], None]
 
 
 class FleetMonitor:
-    """One for a station, so that all who look at a platform share one lease."""
+    """Topic subscriptions of a station; all viewers of a platform share one lease."""
 
     def __init__(self, exchange: Exchange, loop: asyncio.AbstractEventLoop, client: CommandClient) -> None:
         """A watcher that looks at nothing.

@@ -1,4 +1,4 @@
-"""Keeps a height over the ground or the floor of the water, by moving a way up and down."""
+"""Terrain following: keeps a height over ground or seabed by shifting the path up and down."""
 
 from math import inf
 from typing import Final
@@ -14,7 +14,7 @@ SMOOTHING_S: Final = 0.4
 
 
 class FloorClearance:
-    """Says how far to move the way down so that it keeps its height over the floor; tell it what is below the vehicle.
+    """Vertical shift of a path that keeps its height over the floor, from ranges to what is below.
 
     The way is laid level, and moved as the floor under the vehicle is: one that rises faster than the vehicle climbs is come
     nearer to, down to `NEAR_SHARE` of the height, where the way waits.
@@ -36,7 +36,7 @@ class FloorClearance:
         self._height_m = inf
 
     def update(self, range_m: float | None, ned_from_frd: Quaternion, at: Vector3, duration_s: float) -> None:
-        """Takes in what is below, and moves the way.
+        """Handles a range to what is below, and shifts the path.
 
         Args:
             range_m: along the body's down axis; None where there is no echo.
@@ -65,9 +65,9 @@ class FloorClearance:
         return self._height_m < NEAR_SHARE * self._altitude_m
 
     def unmoved(self, place: Vector3) -> Vector3:
-        """A place on the moved way as it would be on the way itself."""
+        """A place on the shifted path, shifted back."""
         return (place[0], place[1], place[2] - self._shift_m)
 
     def moved(self, place: Vector3) -> Vector3:
-        """A place on the way, moved."""
+        """A place on the path, shifted."""
         return (place[0], place[1], place[2] + self._shift_m)

@@ -1,4 +1,4 @@
-"""The autopilot's parameters on the wire: what the ground sets is checked, kept and applied; what changes here is told."""
+"""MAVLink parameters: checks, stores and applies settings from the ground, and reports local changes."""
 
 from typing import Final
 
@@ -36,7 +36,7 @@ class ParameterSync:
         store.on_change.append(self._changed)
 
     def tick(self) -> None:
-        """Forgets what the server tells of changes: they are applied while they are checked."""
+        """Discards the server's change reports: changes are applied when they are checked."""
         self.server.events()
 
     def _check(self, wanted: Parameter) -> None:

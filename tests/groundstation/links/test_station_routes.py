@@ -3,10 +3,10 @@
 import pytest
 from msgspec.structs import replace
 
-from gloc3.exchange.tunnel.happenings import Undelivered
+from gloc3.exchange.tunnel.events import Undelivered
 from gloc3.messages.command_interface import AnyBody, CiRequest, Emergency, EmergencyVerb, Hello, Query, Steer, Verb
 from gloc3.messages.envelope import Envelope, Source
-from gloc3_groundstation.links.ways import LINE, NETWORK, OWN_NETWORK, StationRoute, StationRoutes
+from gloc3_groundstation.links.station_routes import LINE, NETWORK, OWN_NETWORK, StationRoute, StationRoutes
 
 
 class Three:

@@ -1,4 +1,4 @@
-from gloc3_sitl.firmware.pace import MOST_BEHIND_S, RealTimePacer
+from gloc3_sitl.firmware.real_time_pacer import MOST_BEHIND_S, RealTimePacer
 
 
 def test_it_waits_where_it_is_early_and_not_where_it_is_late() -> None:

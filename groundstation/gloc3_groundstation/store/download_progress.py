@@ -1,4 +1,4 @@
-"""How far a download is, how fast it goes, and how long it still takes, in words."""
+"""Share, speed and remaining time of a download, in words."""
 
 from collections import deque
 from typing import Final

@@ -1,11 +1,11 @@
-"""Several ways to one platform, such as Wi-Fi and a radio: what goes by which, and what has come by another already."""
+"""Several routes to one platform, such as Wi-Fi and a radio: route selection and duplicate removal."""
 
 from collections.abc import Callable
 from typing import Any, Final, TypeVar
 
 import msgspec
 
-from gloc3.exchange.tunnel.happenings import Undelivered
+from gloc3.exchange.tunnel.events import Undelivered
 from gloc3.messages.command_interface import CiRequest, Emergency, Query
 from gloc3.messages.envelope import Envelope
 
@@ -22,7 +22,7 @@ Key = tuple[str, int, int]
 
 
 class StationRoute(msgspec.Struct, frozen=True):
-    """One way."""
+    """One route."""
 
     rank: int
     """`OWN_NETWORK`, `NETWORK` or `LINE`; of two that lead to a platform the lower one is taken."""
@@ -31,7 +31,7 @@ class StationRoute(msgspec.Struct, frozen=True):
 
 
 class StationRoutes:
-    """All ways of a station, by numbers of its own.
+    """All routes of a station, by number.
 
     A request goes by the best way that leads to its platform now. What may have been lost on it (a question what became of
     a request, a repeat), and every emergency, goes by all: a platform carries a request out once, however it comes.

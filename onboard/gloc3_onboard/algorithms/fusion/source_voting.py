@@ -1,14 +1,14 @@
-"""The jury over the sources: their records, their vote, and what follows from it for the estimate."""
+"""Voting among the pose sources: their records, the outcome, and what follows for the estimate."""
 
 from collections.abc import Callable, Sequence
 from math import hypot, sqrt
 from typing import Final
 
 from gloc3_onboard.algorithms.fusion.estimate import PoseEstimate
+from gloc3_onboard.algorithms.fusion.fault_isolation import FaultIsolation, IsolationResult, OtherAgreement
 from gloc3_onboard.algorithms.fusion.odometers import Odometers
 from gloc3_onboard.algorithms.fusion.settings import FusionSettings
 from gloc3_onboard.algorithms.fusion.trust import DISAGREES, SOUND, Trust
-from gloc3_onboard.algorithms.fusion.vote import OtherAgreement, Vote, VoteResult
 
 VOTE_S: Final = 0.25
 _STUCK_S: Final = 0.7
@@ -29,7 +29,7 @@ _ARGUED_S: Final = 3.0
 
 
 class SourceVoting:
-    """Keeps what is known of every source, and takes the vote.
+    """Keeps the record of every source and runs the vote.
 
     Args:
         estimate: what the sources correct.
@@ -46,10 +46,10 @@ class SourceVoting:
         distrust_imu: Callable[[float, str], None],
     ) -> None:
         self.trust: Final[dict[str, Trust]] = {}
-        self.vote: Final = Vote(settings.window_s, settings.odometer_scale_std)
+        self.isolation: Final = FaultIsolation(settings.window_s, settings.odometer_scale_std)
         self.held_s = float("-inf")
         """When a source last held the position."""
-        self.conflict: VoteResult | None = None
+        self.conflict: IsolationResult | None = None
         """Two that contradict each other, with nobody to tell who is right."""
         self.conflict_s = float("-inf")
         """Since when."""
@@ -66,7 +66,7 @@ class SourceVoting:
         """When the estimate's motion was last doubted."""
 
     def received(self, source: str, now_s: float) -> Trust:
-        """The record of a source that has just said something."""
+        """Notes a message of a source; returns the source's record."""
         trust = self.trust.get(source)
         if trust is None:
             trust = self.trust[source] = Trust(source, self._settings.probation_s)
@@ -74,17 +74,17 @@ class SourceVoting:
         return trust
 
     def hold(self, t_s: float) -> None:
-        """A source has held the position at a time."""
+        """Notes that a source held the position at a time."""
         self.held_s = max(self.held_s, t_s)
 
     def check_silence(self, now_s: float) -> None:
-        """Who says nothing any more is not used."""
+        """Stops using sources that are silent."""
         for trust in self.trust.values():
             if now_s - trust.received_s > self._settings.silent_s:
                 trust.step_back("nothing comes from it")
 
     def update(self) -> None:
-        """Takes the vote, some times a second."""
+        """Runs the vote a few times a second."""
         now_s = self._estimate.t_s
         if now_s - self._voted_s >= VOTE_S - 1e-6:
             self._voted_s = now_s
@@ -96,7 +96,9 @@ class SourceVoting:
     def witnesses(self) -> list[str]:
         """The sources that hold the horizontal position now."""
         limit_s = self._estimate.t_s - self._settings.silent_s
-        return [name for name in self.vote.records if self.trust[name].is_used and self.trust[name].used_s > limit_s]
+        return [
+            name for name in self.isolation.records if self.trust[name].is_used and self.trust[name].used_s > limit_s
+        ]
 
     @property
     def quality(self) -> float:
@@ -108,7 +110,7 @@ class SourceVoting:
         return quality * max(0.0, 1.0 - (max(north, east, down) / self._settings.std_limit_m) ** 2)
 
     def problems(self) -> str:
-        """What is wrong with whom, in words."""
+        """The faults of all sources, in words."""
         reported = [f"{name}: {trust.reason}" for name, trust in self.trust.items() if trust.reason]
         if self.conflict is not None:
             reported.append(f"{' and '.join(self.conflict.against)} contradict each other")
@@ -116,15 +118,15 @@ class SourceVoting:
 
     @property
     def is_disputed(self) -> bool:
-        """Whether two sources or more do not agree with the estimate: it may be what is wrong."""
-        return sum(self.trust[name].reason == DISAGREES for name in self.vote.records) > 1
+        """Whether two or more sources disagree with the estimate, which may be what is wrong."""
+        return sum(self.trust[name].reason == DISAGREES for name in self.isolation.records) > 1
 
     # --- the vote ---
 
     def _vote(self, now_s: float) -> None:
-        voters = {name: self.trust[name].may_vote for name in sorted(self.vote.records)}
+        voters = {name: self.trust[name].may_vote for name in sorted(self.isolation.records)}
         position = self._estimate.inertial.now.position_ned_m
-        verdict = self.vote.update(voters, position, self._estimate.heading_std_rad, now_s)
+        verdict = self.isolation.update(voters, position, self._estimate.heading_std_rad, now_s)
         if verdict.voted_out:
             self._vote_out(verdict)
         is_settled = verdict.is_unanimous or bool(verdict.voted_out)
@@ -134,12 +136,12 @@ class SourceVoting:
         used = [name for name, may in voters.items() if may and self.trust[name].is_used]
         for name in voters:
             trust = self.trust[name]
-            if trust.is_voted_out and self.vote.agrees(name, [other for other in used if other != name], now_s):
+            if trust.is_voted_out and self.isolation.agrees(name, [other for other in used if other != name], now_s):
                 trust.is_voted_out = False  # its gate and the probation are left
         self._check_single_source(now_s)
         self._check_stuck(now_s)
 
-    def _follow_conflict(self, conflict: VoteResult | None, now_s: float) -> None:
+    def _follow_conflict(self, conflict: IsolationResult | None, now_s: float) -> None:
         """While nobody can tell who is right, the pose may go off as fast as the two go apart, and stays so.
 
         Meanwhile that is only told: the filter would give all of it to the one that tells positions, were that the liar. It
@@ -158,17 +160,18 @@ class SourceVoting:
         elif self.conflict is not None and all(self.trust[name].is_used for name in self.conflict.against):
             estimate.inflate_position(estimate.disputed_m)
             estimate.disputed_m = (0.0, 0.0, 0.0)
-        elif self.conflict is None and all(self.trust[name].is_used for name in self.vote.records):
+        elif self.conflict is None and all(self.trust[name].is_used for name in self.isolation.records):
             estimate.disputed_m = (0.0, 0.0, 0.0)
         self.conflict = conflict
 
-    def _vote_out(self, verdict: VoteResult) -> None:
+    def _vote_out(self, verdict: IsolationResult) -> None:
         """Takes the word of the others: what the culprit has moved may be off, and whom it made look bad is let in."""
+        # Exclude the culprit, inflate by what it pulled, readmit the sources it contradicted.
         apart = hypot(*verdict.apart_m)
         others = " and ".join(verdict.against)
         culprit = self.trust[verdict.voted_out]
         if culprit.is_used:
-            pulled = self.vote.record(verdict.voted_out).pulled_m
+            pulled = self.isolation.record(verdict.voted_out).pulled_m
             self._estimate.inflate_position(verdict.apart_m if pulled is None else pulled)
         culprit.turn_down(f"voted out: {apart:.2f} m from {others}", is_voted_out=True)
         self._odometers.reset(verdict.voted_out)
@@ -179,7 +182,7 @@ class SourceVoting:
 
     def _check_stuck(self, now_s: float) -> None:
         """When odometers that agree do not pass any more, the estimate is wrong: its biases, or the inertial unit itself."""
-        going_on = [name for name in self.vote.records if self.trust[name].may_vote and not self._is_silent(name)]
+        going_on = [name for name in self.isolation.records if self.trust[name].may_vote and not self._is_silent(name)]
         if going_on and now_s - self.held_s > self._settings.coast_s and now_s - self._distrusted_s >= _LOST_S:
             # The pose is lost. Whoever goes on and agrees with himself may find it again, after his probation.
             self._distrusted_s = now_s
@@ -187,6 +190,7 @@ class SourceVoting:
             return
         if len(going_on) < 2 or self.conflict is not None:
             return
+        # Agreement against the estimate: move it there; a second time within 12 s the IMU is at fault.
         found = self._elsewhere(going_on, now_s)
         if found is not None:
             if now_s - self._distrusted_s < _AGAIN_S:
@@ -197,10 +201,10 @@ class SourceVoting:
             self.distrust(going_on, now_s)
 
     def distrust(self, names: Sequence[str], now_s: float) -> None:
-        """The estimate's motion is wrong, and these sources know better."""
+        """Inflates the estimate's motion and readmits these sources."""
         self._distrusted_s = now_s
         self._estimate.inflate_motion()
-        if any(self.vote.records[name].is_of_places for name in names):
+        if any(self.isolation.records[name].is_of_places for name in names):
             self._estimate.inflate_position((_OFF_M, _OFF_M, _OFF_M))
         for name in names:  # what a source tells that does agree, from where it began, keeps the heading
             if self._is_off(self.trust[name]):
@@ -212,7 +216,7 @@ class SourceVoting:
         off = {name for name in names if self._is_off(self.trust[name])}
         for length_s in _ELSEWHERE_S if len(off) > 1 else ():
             begin_s = now_s - length_s
-            found = self.vote.elsewhere(names, begin_s, now_s) if begin_s > self._distrusted_s else None
+            found = self.isolation.elsewhere(names, begin_s, now_s) if begin_s > self._distrusted_s else None
             if found is not None and len(off.intersection(found.names)) > 1:
                 return found
         return None
@@ -224,16 +228,17 @@ class SourceVoting:
     def _check_single_source(self, now_s: float) -> None:
         """Who is off by more than he claims for some time, where two others at least are not, is not used."""
         limit_s = now_s - self._settings.silent_s
-        used = [trust for trust in (self.trust[name] for name in self.vote.records) if trust.is_used]
+        used = [trust for trust in (self.trust[name] for name in self.isolation.records) if trust.is_used]
         used = [trust for trust in used if trust.used_s > limit_s]
+        # Single fault: one smoothed innovation beyond its limit while those of all others are sound.
         worst = max(used, key=lambda trust: trust.innovation, default=None)
         if worst is None or len(used) < 3:
             return
-        if worst.innovation < (_ALONE_OF_PLACES if self.vote.records[worst.name].is_of_places else _ALONE):
+        if worst.innovation < (_ALONE_OF_PLACES if self.isolation.records[worst.name].is_of_places else _ALONE):
             return
         if any(trust.innovation > SOUND for trust in used if trust is not worst):
             return
-        pulled = self.vote.record(worst.name).pulled_m
+        pulled = self.isolation.record(worst.name).pulled_m
         if pulled is not None:
             self._estimate.inflate_position(pulled)
         worst.turn_down(f"it alone is {sqrt(worst.innovation):.1f} times as far off as it claims", is_alone=True)

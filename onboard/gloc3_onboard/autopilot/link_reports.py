@@ -1,4 +1,4 @@
-"""What happens on a link, as events: logged, narrated, and told to the stations like those of a component."""
+"""Link events: logged, narrated, and sent to the stations like those of a component."""
 
 from collections.abc import Callable
 

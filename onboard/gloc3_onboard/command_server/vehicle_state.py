@@ -1,4 +1,4 @@
-"""What the server knows of the vehicle: where home is, whether it flies, and which conditions hold."""
+"""The vehicle's state in the server: home, whether it flies, and which conditions hold."""
 
 from collections.abc import Iterator
 from math import hypot, isfinite
@@ -44,7 +44,7 @@ class KeptHome(msgspec.Struct, frozen=True, array_like=True):
 
 
 class VehicleState:
-    """The latest of the vehicle, and what follows from it.
+    """The latest messages of the vehicle, and the state derived from them.
 
     What is not known is never taken for harmless: a vehicle that was armed when the autopilot's state fell silent
     counts as in the air, and nothing is armed or started before the state is known again.
@@ -88,7 +88,7 @@ class VehicleState:
         if self.is_connected:
             return ""
         is_silent = self.autopilot is not None and not self.is_autopilot_known
-        return "nothing is heard of the autopilot's state" if is_silent else "the autopilot does not answer"
+        return "no state is received from the autopilot" if is_silent else "the autopilot does not answer"
 
     @property
     def is_airborne(self) -> bool:
@@ -184,7 +184,7 @@ class VehicleState:
     def conditions(self, fence: Fence | None, now_s: float) -> Iterator[tuple[PolicyCondition, bool, str]]:
         """Every condition of which it is known whether it holds, and why."""
         is_airborne, is_fresh = self.is_airborne, self.is_pose_fresh(now_s)
-        reason = "no pose comes" if self.pose is None or self.pose.is_valid else self.pose.reason
+        reason = "no pose is received" if self.pose is None or self.pose.is_valid else self.pose.reason
         if is_fresh or not is_airborne:
             yield PolicyCondition.POSE_LOST, False, ""
         elif self._posed_s is not None and now_s - self._posed_s >= POSE_LOST_S:  # until then it stays as it was

@@ -1,4 +1,4 @@
-"""What a vehicle says of itself: firmware, type, armed or not, version, and how it puts integers into parameters."""
+"""A vehicle's self-description: firmware, type, arming, version, and its encoding of integer parameters."""
 
 from contextlib import suppress
 from enum import StrEnum
@@ -24,7 +24,7 @@ RETRY_S: Final = 60.0
 
 
 class Firmware(StrEnum):
-    """Whose manners an autopilot has."""
+    """Firmware family of an autopilot."""
 
     PX4 = "PX4"
     ARDUPILOT = "ArduPilot"
@@ -66,7 +66,7 @@ class ServicesSnapshot(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SnapshotService(Microservice[Never]):
-    """Keeps a vehicle's facts up to date."""
+    """Keeps a vehicle's snapshot up to date."""
 
     handles = frozenset({"HEARTBEAT", "AUTOPILOT_VERSION"})
 

@@ -1,4 +1,4 @@
-"""Keeps simulated time to the wall clock: it waits where it is early, and catches up where it is late."""
+"""Paces simulated time by the wall clock: waits when early, catches up when late."""
 
 from typing import Final
 
@@ -18,7 +18,7 @@ class RealTimePacer:
 
     def __init__(self, speed: float) -> None:
         self.slips = 0
-        """Times that it gave up catching up."""
+        """Number of times that it gave up catching up."""
         self._speed: Final = speed
         self._begin_s = float("-inf")
         self._last_s = 0.0

@@ -1,30 +1,30 @@
-"""What each source tells of the way flown, less what is believed of it: the material of the vote."""
+"""Motion reported by each source less the estimated one: the input of the vote."""
 
 from gloc3.messages.frames import Vector3, conjugate, multiply
 from gloc3_onboard.algorithms.fusion.error_state import Matrix
+from gloc3_onboard.algorithms.fusion.fault_isolation import FaultIsolation
 from gloc3_onboard.algorithms.fusion.inertial import Inertial, InertialState
 from gloc3_onboard.algorithms.fusion.odometers import OdometerReport, source_of
-from gloc3_onboard.algorithms.fusion.vote import Vote
 
 
 class SourceReports:
-    """Books the reports of all sources for the vote."""
+    """Records the reports of all sources for the vote."""
 
-    def __init__(self, inertial: Inertial, vote: Vote) -> None:
-        self._inertial, self._vote = inertial, vote
+    def __init__(self, inertial: Inertial, isolation: FaultIsolation) -> None:
+        self._inertial, self._isolation = inertial, isolation
         self._reports: dict[str, OdometerReport] = {}
         self._places: dict[str, tuple[float, Vector3]] = {}
 
     def clear(self) -> None:
-        """Forgets the last reports."""
+        """Clears the last reports."""
         self._reports.clear()
         self._places.clear()
 
     def book_motion(self, report: OdometerReport, state: InertialState) -> None:
-        """An odometer's report, with the believed state at its time."""
+        """Records an odometer's report, with the estimated state at its time."""
         before = self._reports.get(report.source)
         self._reports[report.source] = report
-        record = self._vote.record(report.source)
+        record = self._isolation.record(report.source)
         if before is None:
             return
         reported = source_of(before, report, state.ned_from_frd)
@@ -33,14 +33,15 @@ class SourceReports:
             return
         since_s, way, is_new = reported
         axes = multiply(state.ned_from_frd, conjugate(report.attitude))
+        # Excess: reported less estimated motion over the same interval, in NED.
         excess = _minus(way, self._believed(since_s, state))
         record.add(report.t_s, excess, report.covariance[:3, :3], axes, is_new_reference=is_new)
 
     def book_place(self, source: str, position_ned_m: Vector3, covariance: Matrix, state: InertialState) -> None:
-        """A position from outside, with the believed state at its time."""
+        """Records an absolute position, with the estimated state at its time."""
         before = self._places.get(source)
         self._places[source] = (state.t_s, position_ned_m)
-        record = self._vote.record(source)
+        record = self._isolation.record(source)
         record.is_of_places = True
         if before is None:
             return

@@ -1,4 +1,4 @@
-"""What the onboard computer tells other people's ground stations by itself: status texts, and how the computer is doing.
+"""Unrequested reports to other ground stations: status texts, and the state of the onboard computer.
 
 Our own stations get both as events and topics. MAVLink, common: STATUSTEXT, ONBOARD_COMPUTER_STATUS.
 """

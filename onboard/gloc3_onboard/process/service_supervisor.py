@@ -22,8 +22,10 @@ class ServiceSupervisor:
         rows = [host.row for host in hosts if host.status().kind is Kind.COMMAND_INTERFACE]
         self._loop: Final = context.loop
         self._base: Final = f"{context.platform}/components/"
-        self._publisher = Publisher(context.exchange, context.platform, "caretaker", context.random.getrandbits(32))
-        self._supervision = Supervision(rows, f"caretaker-{context.loop.time():.3f}")
+        self._publisher = Publisher(
+            context.exchange, context.platform, "service_supervisor", context.random.getrandbits(32)
+        )
+        self._supervision = Supervision(rows, f"service-{context.loop.time():.3f}")
         self._timer: asyncio.TimerHandle | None = None
         self._unsubscribes = [
             unsubscribe

@@ -7,7 +7,7 @@ import pytest
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.parameter import ParameterEncoding
 from gloc3.mavlink.services.version import ProtocolCapability, Version
-from gloc3_groundstation.services.facts import Firmware, ServicesSnapshot
+from gloc3_groundstation.services.snapshot import Firmware, ServicesSnapshot
 
 from .scripted_vehicle import ARDUPILOT, PX4, VEHICLE, Scene, over
 

@@ -9,7 +9,7 @@ from gloc3.mavlink.codec import Encoder, MavlinkMessage, Parser
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.statustext import StatusTextReceiver
 from gloc3.messages.envelope import Event, Severity
-from gloc3_onboard.companion.herald import MOST_TEXTS, PERIOD_S, AutopilotReporter, computer_status
+from gloc3_onboard.companion.autopilot_reporter import MOST_TEXTS, PERIOD_S, AutopilotReporter, computer_status
 from gloc3_onboard.process.vitals import Vitals, VitalSigns
 
 OWN = Address(1, 191)
@@ -23,13 +23,13 @@ def reported(events: list[Event], for_s: float, least: Severity = Severity.WARNI
     async def work() -> None:
         loop = asyncio.get_running_loop()
         exchange = LocalExchange()
-        herald = AutopilotReporter(exchange, "pelican", OWN, loop, received.append)
-        herald.least_severity = least
+        reporter = AutopilotReporter(exchange, "pelican", OWN, loop, received.append)
+        reporter.least_severity = least
         publisher = Publisher(exchange, "pelican", "camera", 1)
         for event in events:
             publisher.publish("pelican/components/camera/event", event, loop.time())
         await asyncio.sleep(for_s)
-        herald.close()
+        reporter.close()
         publisher.publish("pelican/components/camera/event", events[0], loop.time())
         await asyncio.sleep(2.0 * PERIOD_S)
 

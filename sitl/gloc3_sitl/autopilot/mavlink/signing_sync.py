@@ -1,4 +1,4 @@
-"""The key of the autopilot's links: SETUP_SIGNING, and what is signed, taken and dropped from then on.
+"""Signing of the autopilot's links: SETUP_SIGNING, and which frames are signed, accepted and dropped.
 
 PX4: docs.px4.io, "MAVLink Message Signing" (from 1.17 on); ArduPilot: `GCS_Signing.cpp`.
 """
@@ -15,7 +15,7 @@ _NEVER_SIGNED: Final = {"px4": frozenset({0, 109, 246, 247}), "ardupilot": froze
 
 
 class SigningSync:
-    """Signs and judges all links of an autopilot that has a key.
+    """Signs and verifies the frames of all links of an autopilot with a key.
 
     It has no clock of its own: its time is that of the key, or of the latest frame, as on an autopilot without a fix.
 
@@ -65,7 +65,7 @@ class SigningSync:
         ):
             return ""
         if is_armed:
-            return "the signing key is not changed while armed"
+            return "the signing key cannot be changed while armed"
         key, self._begins_at = bytes(message.secret_key), message.initial_timestamp
         self._key = key if any(key) or self._begins_at else None
         self._streams = Streams()

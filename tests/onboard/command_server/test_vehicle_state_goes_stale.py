@@ -6,8 +6,8 @@ from gloc3.messages.standard_topics import AUTOPILOT_SILENT_S
 from gloc3.messages.vehicle import AutopilotState, FlightMode, LandedState, Pose
 from gloc3.mission.executing.board import PolicyCondition
 from gloc3.platform.reader import load_platform
-from gloc3_onboard.command_server.facts import POSE_LOST_S, POSE_SILENT_S, VehicleState
 from gloc3_onboard.command_server.summaries import vehicle_summary
+from gloc3_onboard.command_server.vehicle_state import POSE_LOST_S, POSE_SILENT_S, VehicleState
 
 PLATFORM = load_platform("pelican_rtk")
 STALE_S = AUTOPILOT_SILENT_S + 0.1
@@ -31,7 +31,7 @@ def test_a_state_is_known_for_ten_periods_of_its_topic() -> None:
     late = facts_of(standing(), age_s=2.0)
     assert not late.is_connected
     assert late.known_autopilot is None
-    assert late.autopilot_problem == "nothing is heard of the autopilot's state"
+    assert late.autopilot_problem == "no state is received from the autopilot"
     late.update_autopilot(at(2.1, standing()))
     late.expire(2.1)
     assert late.is_connected

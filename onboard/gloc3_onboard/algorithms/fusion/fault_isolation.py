@@ -1,4 +1,4 @@
-"""The sources' vote: who says something else than the others about the way that was flown.
+"""Fault isolation by voting: finds the source whose motion disagrees with the others'.
 
 Every source tells how far the body came since its last report. What it tells less what the fusion believes is summed
 up; over a window, the difference of two sources' sums is by how much *they* disagree: what the fusion believed drops
@@ -33,7 +33,7 @@ _CONFIRM: Final = 2
 """Votes in a row with the same outcome, before it counts."""
 
 
-class VoteResult(NamedTuple):
+class IsolationResult(NamedTuple):
     """The outcome of a vote."""
 
     voted_out: str = ""
@@ -44,12 +44,12 @@ class VoteResult(NamedTuple):
 
     @property
     def is_unanimous(self) -> bool:
-        """Whether nobody contradicts anybody."""
+        """Whether no source contradicts another."""
         return not self.against
 
 
 class OtherAgreement(NamedTuple):
-    """Sources that agree with each other, and not with what is believed."""
+    """Sources that agree with each other but not with the estimate."""
 
     names: tuple[str, ...]
     by_m: Vector3
@@ -59,7 +59,7 @@ class OtherAgreement(NamedTuple):
 
 
 class Record:
-    """What one source has told of the way."""
+    """The motion that one source has reported."""
 
     def __init__(self) -> None:
         self.is_of_places = False
@@ -81,7 +81,7 @@ class Record:
         *,
         is_new_reference: bool = False,
     ) -> None:
-        """One more report: its way less the believed one, and the covariance (3, 3) of its end, in some axes."""
+        """Adds a report: its motion less the estimated one, and the covariance (3, 3) of its end, in some axes."""
         x, y, z, spread = self._sums[-1] if self._sums else (0.0, 0.0, 0.0, _NOTHING)
         if is_new_reference and self._sums:
             spread = spread + self.covariance
@@ -91,12 +91,12 @@ class Record:
         self._covariance, self._axes, self._spread = covariance, ned_from_axes, None
 
     def pull(self, moved_m: Vector3, t_s: float) -> None:
-        """A position from outside has moved the estimate."""
+        """Records how far an absolute position has moved the estimate."""
         self._pulls.append((t_s, moved_m))
 
     @property
     def pulled_m(self) -> Vector3 | None:
-        """By how much it has moved the estimate of late; None for what tells ways, not places."""
+        """How far it has moved the estimate lately; None for a source of motions, not positions."""
         if not self._pulls:
             return None
         since_s = self._pulls[-1][0] - _PULLS_S
@@ -104,16 +104,16 @@ class Record:
         return (sum(north), sum(east), sum(down))
 
     def reset(self) -> None:
-        """Begins anew."""
+        """Clears the record."""
         self._times.clear()
         self._sums.clear()
 
     def is_about(self, begin_s: float, now_s: float) -> bool:
-        """Whether it has something to say of a time: from its begin to almost now."""
+        """Whether the record covers a time from `begin_s` to almost now."""
         return bool(self._times) and self._times[0] <= begin_s + 0.3 and now_s - self._times[-1] < 0.8
 
     def over(self, begin_s: float) -> tuple[Vector3, Matrix]:
-        """Sum of the excess since a time; and its covariance (3, 3), in NED: each of the references has its part."""
+        """Sum of the excess since a time, and its covariance (3, 3) in NED, with a part for each reference."""
         first = min(max(bisect_right(self._times, begin_s) - 1, 0), len(self._times) - 1)
         bx, by, bz, before = self._sums[first]
         x, y, z, spread = self._sums[-1]
@@ -121,15 +121,15 @@ class Record:
 
     @property
     def covariance(self) -> Matrix:
-        """Of the last report's end, (3, 3), in NED."""
+        """Covariance of the last report's end, (3, 3), in NED."""
         if self._spread is None:
             axes = matrix_of(self._axes)
             self._spread = axes @ self._covariance @ axes.T
         return self._spread
 
 
-class Vote:
-    """Compares the records of all sources, some times a second."""
+class FaultIsolation:
+    """Compares the records of all sources a few times a second."""
 
     def __init__(self, window_s: float, scale_std: float) -> None:
         self.records: dict[str, Record] = {}
@@ -142,14 +142,16 @@ class Vote:
         self._last: tuple[str, int] = ("", 0)
 
     def record(self, source: str) -> Record:
-        """That of a source."""
+        """The record of a source."""
         record = self.records.get(source)
         if record is None:
             record = self.records[source] = Record()
         return record
 
-    def update(self, voters: Mapping[str, bool], position: Vector3, heading_std_rad: float, now_s: float) -> VoteResult:
-        """Takes the vote.
+    def update(
+        self, voters: Mapping[str, bool], position: Vector3, heading_std_rad: float, now_s: float
+    ) -> IsolationResult:
+        """Runs one vote.
 
         Args:
             voters: the sources that may vote.
@@ -162,10 +164,10 @@ class Vote:
         found = self._verdict([name for name, may in voters.items() if may], now_s)
         key = found.voted_out or "/".join(found.against)
         self._last = (key, self._last[1] + 1 if key == self._last[0] else 1)
-        return found if self._last[1] >= _CONFIRM else VoteResult()
+        return found if self._last[1] >= _CONFIRM else IsolationResult()
 
     def agrees(self, source: str, others: list[str], now_s: float, distance_m: float = 1.0) -> bool:
-        """Whether a source that was voted out has been at one with the others over a whole window and a way."""
+        """Whether a source that was voted out has agreed with the others over a full window and a distance."""
         begin_s = now_s - self._window_s
         if self._length(begin_s) < distance_m or not self._known(source, begin_s, now_s):
             return False
@@ -174,7 +176,7 @@ class Vote:
         return bool(judges) and not any(self._apart(source, other, since_s) for other in judges for since_s in begins)
 
     def elsewhere(self, names: list[str], begin_s: float, now_s: float) -> OtherAgreement | None:
-        """What two sources or more say together against the estimate, and no more others against them.
+        """The offset from the estimate that two or more sources agree on, unless as many deny it.
 
         Args:
             names: the sources that may say it.
@@ -186,6 +188,7 @@ class Vote:
         group = [name for name, (by_m, spread) in reported.items() if self._is_reported(by_m, spread, begin_s)]
         if len(group) < 2 or any(self._apart(a, b, begin_s) for a, b in combinations(group, 2)):
             return None
+        # Weighted mean of the group: C = (sum C_i^-1)^-1, d = C sum C_i^-1 d_i.
         weights = {name: np.linalg.inv(reported[name][1]) for name in group}
         covariance = np.linalg.inv(sum(weights.values(), _NOTHING))
         by_m = covariance @ sum((weights[name] @ reported[name][0] for name in group), np.zeros(3))
@@ -203,6 +206,7 @@ class Vote:
 
     def _is_reported(self, by_m: Matrix, spread: Matrix, begin_s: float) -> bool:
         """Whether a difference is more than its covariance explains, also along the directions that are known."""
+        # Gate: d^T C^-1 d against chi-square, 3 degrees of freedom; then d along the well-known eigenvectors.
         if by_m @ np.linalg.solve(spread, by_m) <= CHI2_999[3]:
             return False
         values, directions = np.linalg.eigh(spread)
@@ -240,11 +244,13 @@ class Vote:
         """By how much two sources disagree since a time; None where they agree, or one cannot tell."""
         one, two = self.records[a], self.records[b]
         ((ax, ay, az), spread_a), ((bx, by, bz), spread_b) = one.over(begin_s), two.over(begin_s)
+        # Pairwise residual: the estimate cancels in a - b; its covariance is C_a + C_b + tolerance.
         apart = (ax - bx, ay - by, az - bz)
         tolerance = self._tolerance(begin_s, is_turned=one.is_of_places is not two.is_of_places)
         if sum(value * value for value in apart) <= CHI2_999[3] * tolerance:
             return None  # whatever their covariances are
         spread = spread_a + spread_b + np.eye(3) * tolerance
+        # Gate: squared Mahalanobis distance against chi-square, 3 degrees of freedom, 99.9 %.
         if apart @ np.linalg.solve(spread, apart) <= CHI2_999[3]:
             return None
         values, directions = np.linalg.eigh(spread)
@@ -263,16 +269,17 @@ class Vote:
                 if apart is not None:
                     yield a, b, apart
 
-    def _verdict(self, names: list[str], now_s: float) -> VoteResult:
+    def _verdict(self, names: list[str], now_s: float) -> IsolationResult:
         against: dict[str, dict[str, Vector3]] = {}
         for a, b, (x, y, z) in self._differences(names, now_s):
             against.setdefault(a, {})[b] = (x, y, z)
             against.setdefault(b, {})[a] = (-x, -y, -z)
         if not against:
-            return VoteResult()
+            return IsolationResult()
+        # Vote: culprit is who contradicts two others at least, and more than each of them does; else a tie.
         worst = max(against, key=lambda name: len(against[name]))
         others = against[worst]
         if len(others) >= 2 and all(len(against[name]) < len(others) for name in others):
-            return VoteResult(worst, tuple(others), next(iter(others.values())))
+            return IsolationResult(worst, tuple(others), next(iter(others.values())))
         other = next(iter(others))
-        return VoteResult("", (worst, other), others[other])
+        return IsolationResult("", (worst, other), others[other])

@@ -1,4 +1,4 @@
-"""What stands around the map: where the cursor is, the vehicles with their colours, and what the signs mean."""
+"""Labels around the map: cursor position, vehicles with their colours, and the legend."""
 
 from math import atan2, degrees, hypot
 

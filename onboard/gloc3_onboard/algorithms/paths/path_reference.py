@@ -1,4 +1,4 @@
-"""Leads the vehicle along a way, and waits where it cannot follow: what the controllers that fly somewhere share."""
+"""Guides the vehicle along a path and waits where it cannot follow; shared by the path controllers."""
 
 import math
 from typing import Final
@@ -19,7 +19,7 @@ TIMEOUT_S: Final = 5.0
 
 
 class PathReference:
-    """Moves the point of a `PathFollower` on only while the autopilot follows the stream of setpoints.
+    """Advances a `PathFollower` only while the autopilot follows the setpoints.
 
     Args:
         follower: the way.
@@ -39,7 +39,7 @@ class PathReference:
         self._calm_since_s: float | None = None
 
     def is_there(self, within_m: float) -> bool:
-        """Whether the vehicle is at the end of the way, near enough, and rests."""
+        """Whether the vehicle is at rest near the end of the path."""
         if self._at_end_s is None or self._away_m > within_m:
             return False
         is_calm = self._calm_since_s is not None and self._last_s - self._calm_since_s >= CALM_S
@@ -48,7 +48,7 @@ class PathReference:
     def advance(
         self, pose: Pose, driver: Envelope[DriverState] | None, now_s: float, *, is_waiting: bool = False
     ) -> PathTarget:
-        """Where the vehicle shall be now; called in every cycle in which it is known where it is.
+        """The current target; called in every cycle with a valid pose.
 
         Args:
             pose: where it is.
@@ -88,7 +88,7 @@ class PathReference:
         return self.follower.advance(min(duration_s, STEP_S), pose.position_ned_m)
 
     def problem(self, timeout_s: float, follow_s: float = 30.0) -> str:
-        """Why it gets no further; empty where it does.
+        """Why it makes no progress; empty if it does.
 
         Args:
             timeout_s: longest wait for the vehicle to come to where it is led.

@@ -1,4 +1,4 @@
-"""Keeps a distance from the wall that a vehicle looks at, by moving its way to and fro (paper §VI: visual inspection)."""
+"""Keeps a distance from the wall ahead by shifting the path (paper §VI: visual inspection)."""
 
 import math
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ SPEED_M_S: Final = 0.4
 
 
 class WallAhead(NamedTuple):
-    """The wall ahead."""
+    """Distance and direction of the wall ahead."""
 
     distance_m: float
     """Square to the wall."""
@@ -32,7 +32,7 @@ class WallAhead(NamedTuple):
 
 
 def wall_ahead(points_ne_m: Sequence[tuple[float, float]], at: Vector3, heading_rad: float) -> WallAhead | None:
-    """The wall that a vehicle looks at, from what its scanner has hit; None where there is none that is straight."""
+    """The straight wall ahead of a vehicle, from the points of a scan; None if there is none."""
     offset = np.array(points_ne_m, np.float64).reshape(-1, 2) - at[:2]
     distance = np.hypot(*offset.T)
     off = np.arctan2(offset[:, 1], offset[:, 0]) - heading_rad
@@ -54,7 +54,7 @@ def wall_ahead(points_ne_m: Sequence[tuple[float, float]], at: Vector3, heading_
 
 
 class WallDistance:
-    """Says how far to move the way so that it keeps its distance from the wall; tell it where the vehicle is."""
+    """Horizontal shift of a path that keeps its distance from the wall ahead."""
 
     def __init__(self, distance_m: float) -> None:
         self._distance_m = distance_m
@@ -63,15 +63,15 @@ class WallDistance:
         """For so long no wall has been seen."""
 
     def unmoved(self, place: Vector3) -> Vector3:
-        """A place on the moved way as it would be on the way itself."""
+        """A place on the shifted path, shifted back."""
         return (place[0] - self._shift[0], place[1] - self._shift[1], place[2])
 
     def moved(self, place: Vector3) -> Vector3:
-        """A place on the way, moved."""
+        """A place on the path, shifted."""
         return (place[0] + self._shift[0], place[1] + self._shift[1], place[2])
 
     def update(self, wall: WallAhead | None, vehicle: Vector3, target: Vector3, duration_s: float) -> None:
-        """Takes in what wall is ahead.
+        """Handles the wall ahead, and shifts the path.
 
         Args:
             wall: it.

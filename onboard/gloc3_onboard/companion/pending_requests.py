@@ -1,4 +1,4 @@
-"""Asks the command interface server in the name of MAVLink systems, as a station of ours asks: one path, one log."""
+"""Sends requests of MAVLink systems to the command interface server, as our stations do: one path, one log."""
 
 from collections.abc import Callable
 from typing import Any, Final, NamedTuple
@@ -21,7 +21,7 @@ Then = Callable[[CiReply], None]
 
 
 class NotInControl(Refused):
-    """Somebody else holds control."""
+    """Another station holds control."""
 
 
 class _Open(NamedTuple):
@@ -29,7 +29,7 @@ class _Open(NamedTuple):
     until_s: float
 
 
-class PendingQuestions:
+class PendingRequests:
     """One for the process.
 
     What needs control is refused here for everybody but its holder: strangers, however many, reach neither the server nor
@@ -117,7 +117,7 @@ class PendingQuestions:
             Refused: too much is asked at once.
         """
         if len(self._open) >= MOST_OPEN:
-            raise Refused(f"busy: {MOST_OPEN} requests wait already")
+            raise Refused(f"busy: {MOST_OPEN} requests are waiting")
         self._sequence += 1
         now_s = self.now_s()
         request = CiRequest(sender=sender, boot=self._boot, sequence=self._sequence, body=body)

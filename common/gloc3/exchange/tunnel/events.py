@@ -1,4 +1,4 @@
-"""What the tunnel tells the layer above, and what it counts."""
+"""Events that the tunnel reports to the layer above, and its counters."""
 
 from __future__ import annotations
 

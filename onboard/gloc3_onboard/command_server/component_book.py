@@ -1,4 +1,4 @@
-"""What the server knows of the platform's components, and the summary of it for the stations (paper §V)."""
+"""The state of the platform's components, and its summary for the stations (paper §V)."""
 
 from collections.abc import Mapping, Sequence
 from typing import Final

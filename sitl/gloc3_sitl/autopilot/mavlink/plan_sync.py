@@ -1,4 +1,4 @@
-"""Missions, fences and rally points from the ground: checked, put in force, and given back."""
+"""Missions, fences and rally points over MAVLink: upload checks, activation and download."""
 
 from typing import Final
 
@@ -40,13 +40,13 @@ class PlanSync:
         self._reported_home: object = None
 
     def load(self, other: "PlanSync") -> None:
-        """Keeps the plans of before a reboot."""
+        """Restores the plans after a reboot."""
         for kind, items in other.server.plans.items():
             self.server.set_plan(kind, items)
         self.server.events()
 
     def tick(self) -> None:
-        """Puts new plans in force, and keeps ArduPilot's item 0 at home."""
+        """Activates new plans, and keeps ArduPilot's item 0 at home."""
         for event in self.server.events():
             match event:
                 case PlanReceived():

@@ -1,4 +1,4 @@
-"""A way to the platforms over a network of their own (Zenoh, encrypted, each member known by its certificate)."""
+"""A route to the platforms over Zenoh: encrypted, members identified by certificates."""
 
 import asyncio
 from collections.abc import Callable, Iterable
@@ -15,7 +15,7 @@ from gloc3.network.file import Membership
 from gloc3.network.stations import join_platforms
 from gloc3_groundstation.links.link import Report
 from gloc3_groundstation.links.link_snapshot import LinkSnapshot
-from gloc3_groundstation.links.ways import FRESH_S, OWN_NETWORK, StationRoute, StationRoutes
+from gloc3_groundstation.links.station_routes import FRESH_S, OWN_NETWORK, StationRoute, StationRoutes
 
 
 def role_of(membership: Membership) -> StationRole:

@@ -1,0 +1,118 @@
+"""What a vehicle's onboard side is built from: sensors, storage, links' ends, and which components a process hosts."""
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from typing import Any, NamedTuple
+
+import msgspec
+
+from gloc3.component.context import HostContext
+from gloc3.component.deployment import ComponentRow
+from gloc3.mavlink.signing import Signing
+from gloc3.mavlink.transport.endpoints import Endpoint
+from gloc3.platform.platform import Platform
+from gloc3.store import Records
+from gloc3_onboard.command_server.log_shelf import LogStoreBase
+from gloc3_onboard.companion.routing import Keep, discard
+from gloc3_onboard.process.event_narration import Report
+from gloc3_onboard.process.runner import Create, HostMember
+from gloc3_onboard.process.vitals import Vitals
+from gloc3_onboard.sensors.devices import Rig
+from gloc3_onboard.sensors.registry import SourceHost, make_sources, source_urls
+from gloc3_onboard.sensors.rig import PlatformRig
+
+
+class Sensors(NamedTuple):
+    """The devices of a process that samplers read."""
+
+    devices: Mapping[str, Any]
+    urls: Mapping[str, str]
+    """Their sources, by device; of a simulated device a word for it. Those that are not listed are not watched."""
+    rig: Rig
+    """The calibrations of the cameras."""
+
+
+def open_sensors(
+    platform: Platform,
+    used: Sequence[str],
+    requested: Sequence[str],
+    host: SourceHost,
+    warn: Callable[[str], None] = lambda _: None,
+) -> Sensors:
+    """The real sensors of a process, by the URLs of its platform.
+
+    Args:
+        platform: the platform file.
+        used: the devices that rows of this process name.
+        requested: sources that differ from the file's, as NAME=URL.
+        host: what sources are made with.
+        warn: receives what is doubtful in a calibration.
+
+    Raises:
+        InputError: a calibration cannot be used.
+        Refused: a source is wrong.
+    """
+    rig = PlatformRig(platform, host.folder)
+    for warning in rig.warnings:
+        warn(str(warning))
+    urls = source_urls(platform, used, requested)
+    return Sensors(make_sources(urls, host), urls, rig)
+
+
+def devices_of(rows: Sequence[ComponentRow]) -> list[str]:
+    """The devices that rows name, sorted."""
+    return sorted({device for row in rows for device in row.devices.values()})
+
+
+class Hosting(msgspec.Struct, frozen=True, kw_only=True):
+    """Which components a process hosts, and how they are made."""
+
+    rows: Sequence[ComponentRow] | None = None
+    """None for all of the platform."""
+    create: Create = ComponentRow.create
+    agents: Sequence[HostMember] = ()
+    """The components of child processes."""
+
+
+class Storage(msgspec.Struct, frozen=True, kw_only=True):
+    """Where a vehicle keeps what must survive its process."""
+
+    journal: Records
+    """Of the requests of stations."""
+    progress: Records
+    """Of missions, and home."""
+    reports: Records
+    """What stations were told."""
+    log_store: LogStoreBase
+    """The logs that stations may fetch."""
+    pictures: Any
+    """The device `pictures`."""
+    computer_start: str = ""
+    """Tells this start of the computer from every other."""
+    worker: Executor | None = None
+    """Checks missions; None to check them at once."""
+
+
+class VehicleInputs(msgspec.Struct, frozen=True, kw_only=True):
+    """What a vehicle's side is built from, besides its links, sensors and storage."""
+
+    platform: Platform
+    context: HostContext
+    report: Report = lambda _severity, _text: None
+    """Receives what a person at the terminal should know."""
+    keep: Keep = discard
+    """Receives each MAVLink frame, for a log."""
+    vitals: Callable[[], Vitals] = Vitals
+    """Reads the computer's load."""
+    sign: Callable[[str, int], Signing | None] = lambda _url, _number: None
+    """Signs the link of a URL and number, 0 being the autopilot's; None for a link without a key."""
+    system_id: int = 1
+    accepts_plans: bool = False
+    """Plans that other stations send to the autopilot become missions, and do not reach it."""
+
+
+class Attachment(NamedTuple):
+    """A link without its endpoint: `receive` gets what the endpoint receives, then `open` gets the endpoint."""
+
+    receive: Callable[[bytes], None]
+    open: Callable[[Endpoint], None]

@@ -38,4 +38,4 @@ def test_a_platform_with_a_faulty_part_is_armed_by_nobody_and_the_reason_is_said
     assert [(answer.result, answer.progress) for answer in answers(flight)] == 2 * [(DENIED, REASON_IS_REPORTED)]
     assert not flight.autopilot.is_armed
     texts = [sent.text for _, sent in flight.to_autopilot if sent.name == "STATUSTEXT"]
-    assert any(text.startswith("Arming not authorised: a component") for text in texts)
+    assert any(text.startswith("Arming not authorised: a required component") for text in texts)

@@ -64,7 +64,7 @@ def test_control_may_be_taken_over_and_from_a_holder_that_is_gone_it_is_given(fl
     assert "taken over from station 255" in flight.as_station(OTHER, Control(verb=ControlVerb.TAKE_OVER)).reason
     flight.until(lambda: flight.last("ci/control").holder == OTHER, 1.5, "it is told")
     flight.wait(6.0)  # of 254 nothing more is heard
-    assert "is gone" in flight.request(Control(verb=ControlVerb.REQUEST)).reason
+    assert "is lost" in flight.request(Control(verb=ControlVerb.REQUEST)).reason
     flight.command("pause")
 
 

@@ -158,7 +158,7 @@ def test_a_station_without_control_is_not_believed(plan: CheckedPlan) -> None:
                 second.client.send("pelican", lie)
                 await asyncio.sleep(0.2)
             reported = [event.text for event in first.fleet.events if event.platform == "pelican"]
-            assert "station 254 tells of heron without control: ignored" in reported
+            assert "station 254 reports heron without control: ignored" in reported
             pelican = first.fleet.get("pelican")
             assert pelican is not None
             assert pelican.mission is not None

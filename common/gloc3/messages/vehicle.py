@@ -252,6 +252,10 @@ class DriverState(Message, frozen=True):
     """The autopilot follows the stream of setpoints."""
     refusal: str = ""
     """Why the autopilot does not take the mode that the stream, or its end, asks for."""
+    is_failsafe: bool = False
+    """Who has taken over is the autopilot's failsafe, no human."""
+    held_after_gap_s: float = 0.0
+    """How long the last gap in the contact was for which the autopilot went over to its hold; the stream goes on after it."""
 
 
 class MotionLimits(Message, frozen=True):

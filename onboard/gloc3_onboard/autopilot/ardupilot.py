@@ -7,7 +7,9 @@ from gloc3.messages.vehicle import FlightMode, Style, VehicleClass
 from gloc3_onboard.autopilot.style import (
     COMMON_STREAMS,
     EKF_STATUS_REPORT,
+    GPS_GLOBAL_ORIGIN,
     HEARTBEAT,
+    LOCAL_FRD,
     NAV_TAKEOFF,
     SET_MODE,
     ClassProperties,
@@ -167,7 +169,11 @@ class ArduPilot:
     """
 
     style = Style.ARDUPILOT
-    streams = (MessageStream(HEARTBEAT, 5.0), *COMMON_STREAMS, MessageStream(EKF_STATUS_REPORT, 1.0))
+    streams = (
+        *(MessageStream(HEARTBEAT, 5.0), *COMMON_STREAMS),
+        *(MessageStream(GPS_GLOBAL_ORIGIN, 1.0), MessageStream(EKF_STATUS_REPORT, 1.0)),
+    )
+    odometry_frame = LOCAL_FRD
     """The state comes at 5 Hz, so that a pilot's change of mode is seen within 0.2 s."""
 
     def __init__(self, vehicle: VehicleClass = VehicleClass.COPTER) -> None:

@@ -161,7 +161,8 @@ class AutopilotDevice:
         def send() -> None:
             if self._link.target is not None:
                 boot_s = self._link.clock_offset.boot_s(min(t_s, self._link.loop.time()))
-                self._link.send_message(odometry_message(pose, max(0, round(boot_s * 1e6)), spread))
+                boot_us, frame = max(0, round(boot_s * 1e6)), self._link.style.odometry_frame
+                self._link.send_message(odometry_message(pose, boot_us, spread, frame))
 
         self._link.post(send)
 

@@ -25,7 +25,7 @@ from gloc3_onboard.autopilot.identification import Identification, IdentityChang
 from gloc3_onboard.autopilot.inspection import Inspection
 from gloc3_onboard.autopilot.plan_upload import FenceUpload, PlanUpload
 from gloc3_onboard.autopilot.sensors import AutopilotSensors
-from gloc3_onboard.autopilot.streams import PrearmQuestions, StreamRequests
+from gloc3_onboard.autopilot.streams import StreamRequests, origin_request, prearm_checks
 from gloc3_onboard.autopilot.style import AutopilotStyle, MessageStream
 from gloc3_onboard.autopilot.telemetry import ClockOffset, Telemetry
 from gloc3_onboard.checks.tables import table_of
@@ -93,7 +93,8 @@ class AutopilotLink:
         self.inspection: Final = Inspection(own, self._client)
         self.fence: Final = FenceUpload(self._plans)
         self.plan: Final = PlanUpload(self._plans)
-        self._streams, self._prearm = StreamRequests(self._client), PrearmQuestions(self._client)
+        self._streams = StreamRequests(self._client)
+        self._prearm, self._origin = prearm_checks(self._client), origin_request(self._client)
         services: list[Microservice[Any]] = [
             *(self._client, self._identification.peers, self._plans, self._texts),
             *(self.inspection, self.clock_offset.service, self._leave),
@@ -182,7 +183,9 @@ class AutopilotLink:
         self.telemetry.connected(is_alive)
         if self.target is not None and is_alive:
             self._streams.tick(self.target, now_s)
-            self._prearm.tick(self.target, self.telemetry.state, now_s)
+            state = self.telemetry.state
+            self._prearm.tick(self.target, now_s, is_wanted=not state.is_armed and not state.is_armable)
+            self._origin.tick(self.target, now_s, is_wanted=not self.telemetry.has_origin)
         for text in self._streams.refused:
             self._report(Severity.NOTICE, f"the autopilot refuses {text}")
         self._streams.refused.clear()
@@ -224,6 +227,7 @@ class AutopilotLink:
             self.commands.ended(call, now_s)
             self._streams.ended(call, now_s)
             self._prearm.ended(call)
+            self._origin.ended(call)
             self.inspection.ended(call, now_s)
 
     def _follow_plans(self, now_s: float) -> None:
@@ -247,6 +251,7 @@ class AutopilotLink:
         self._leave.autopilot = target
         self.clock_offset.service.request(target)
         self._prearm.restart()
+        self._origin.restart()
         self._streams.request_all(self._needed)
         if target is not None:
             vehicle = style.class_properties.vehicle

@@ -7,6 +7,7 @@ from gloc3.messages.vehicle import FlightMode, Style, VehicleClass
 from gloc3_onboard.autopilot.style import (
     COMMON_STREAMS,
     ESTIMATOR_STATUS,
+    LOCAL_NED,
     NAN,
     NAV_LAND,
     NAV_TAKEOFF,
@@ -53,7 +54,7 @@ COPTER: Final = ClassProperties(
     vehicle=VehicleClass.COPTER,
     modes=MODES,
     commanded=_COMMANDED,
-    behaviour=AutopilotBehaviour(stream_before_guided_s=_STREAM_S),
+    behaviour=AutopilotBehaviour(arm_in_mode=FlightMode.HOLD, stream_before_guided_s=_STREAM_S),
     timeout_s=_LOSS_S,
 )
 
@@ -63,6 +64,7 @@ ROVER: Final = ClassProperties(
     commanded={**_COMMANDED, FlightMode.LAND: _COMMANDED[FlightMode.HOLD]},
     behaviour=AutopilotBehaviour(
         vehicle=VehicleClass.ROVER,
+        arm_in_mode=FlightMode.HOLD,
         stream_before_guided_s=_STREAM_S,
         climbs=False,
         land_mode=FlightMode.HOLD,
@@ -79,7 +81,9 @@ PLANE: Final = ClassProperties(
     vehicle=VehicleClass.PLANE,
     modes=MODES,
     commanded=_COMMANDED,
-    behaviour=AutopilotBehaviour(vehicle=VehicleClass.PLANE, stream_before_guided_s=_STREAM_S),
+    behaviour=AutopilotBehaviour(
+        vehicle=VehicleClass.PLANE, arm_in_mode=FlightMode.HOLD, stream_before_guided_s=_STREAM_S
+    ),
     timeout_s=_LOSS_S,
 )
 """In offboard mode it flies to the position and circles there."""
@@ -102,6 +106,7 @@ class Px4:
 
     style = Style.PX4
     streams = (*COMMON_STREAMS, MessageStream(ESTIMATOR_STATUS, 1.0))
+    odometry_frame = LOCAL_NED
 
     def __init__(self, vehicle: VehicleClass = VehicleClass.COPTER) -> None:
         self.class_properties = CLASSES[vehicle]

@@ -9,9 +9,8 @@ from gloc3.mavlink import codec
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_client import CommandCall, MavCommandClient
-from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL
-from gloc3.messages.vehicle import AutopilotState
-from gloc3_onboard.autopilot.style import MessageStream
+from gloc3.mavlink.services.interval import REQUEST_MESSAGE, SET_MESSAGE_INTERVAL
+from gloc3_onboard.autopilot.style import GPS_GLOBAL_ORIGIN, MessageStream
 
 RETRY_S: Final = 1.0
 SILENT_S: Final = 5.0
@@ -99,17 +98,22 @@ class StreamRequests:
         return count < SLOW * stream.rate_hz * (now_s - since_s)
 
 
-RUN_PREARM_CHECKS: Final = 401
-PERIOD_S: Final = 15.0
-FIRST_S: Final = 4.0
-"""After it has come: what it lacks in its first seconds is no news."""
+class RepeatedRequest:
+    """Sends one command again and again while it is wanted; an autopilot that does not support it is not asked again.
 
+    Args:
+        client: sends it.
+        command: MAV_CMD.
+        values: its parameters.
+        first_s: so long after the autopilot has come it is sent first.
+        period_s: and so long after that again.
+    """
 
-class PrearmQuestions:
-    """Requests the reasons against arming; an autopilot that does not support this is not asked again."""
-
-    def __init__(self, client: MavCommandClient) -> None:
-        self._client = client
+    def __init__(
+        self, client: MavCommandClient, command: int, values: tuple[float, ...] = (), *, first_s: float, period_s: float
+    ) -> None:
+        self._client, self._command, self._values = client, command, values
+        self._first_s, self._period_s = first_s, period_s
         self._requested: CommandCall | None = None
         self._is_known = True
         self._next_s: float | None = None
@@ -126,20 +130,24 @@ class PrearmQuestions:
             self._requested = None
             self._is_known = call.result is not CommandResult.UNSUPPORTED
 
-    def tick(self, target: Address, state: AutopilotState, now_s: float) -> None:
-        """Asks where there is something to be told."""
+    def tick(self, target: Address, now_s: float, *, is_wanted: bool) -> None:
+        """Sends it where it is due."""
         if self._next_s is None:
-            self._next_s = now_s + FIRST_S
-        if (
-            state.is_armed
-            or state.is_armable
-            or not self._is_known
-            or self._requested is not None
-            or now_s < self._next_s
-        ):
+            self._next_s = now_s + self._first_s
+        if not is_wanted or not self._is_known or self._requested is not None or now_s < self._next_s:
             return
-        self._next_s = now_s + PERIOD_S
+        self._next_s = now_s + self._period_s
         try:
-            self._requested = self._client.send_long(target, RUN_PREARM_CHECKS, now_s=now_s)
-        except Refused:  # somebody else asks
+            self._requested = self._client.send_long(target, self._command, self._values, now_s=now_s)
+        except Refused:  # somebody else sends one
             return
+
+
+def prearm_checks(client: MavCommandClient) -> RepeatedRequest:
+    """Requests the reasons against arming. What an autopilot lacks in its first seconds is no news."""
+    return RepeatedRequest(client, 401, first_s=4.0, period_s=15.0)  # RUN_PREARM_CHECKS
+
+
+def origin_request(client: MavCommandClient) -> RepeatedRequest:
+    """Requests the origin of the local frame, which PX4 sends unasked only when it changes."""
+    return RepeatedRequest(client, REQUEST_MESSAGE, (float(GPS_GLOBAL_ORIGIN),), first_s=0.5, period_s=2.0)

@@ -103,6 +103,10 @@ class AutopilotStyle(Protocol):
     def streams(self) -> Sequence[MessageStream]:
         """The messages that we need."""
 
+    @property
+    def odometry_frame(self) -> int:
+        """MAV_FRAME in which it believes the heading of an ODOMETRY message."""
+
     def flight_mode(self, custom_mode: int) -> FlightMode:
         """What a heartbeat's `custom_mode` means to us."""
 
@@ -122,6 +126,8 @@ class AutopilotStyle(Protocol):
 
 
 NAN = math.nan
+LOCAL_NED, LOCAL_FRD = 1, 20
+"""MAV_FRAME."""
 
 HEARTBEAT, SYS_STATUS, ATTITUDE_QUATERNION, LOCAL_POSITION_NED = 0, 1, 31, 32
 GPS_GLOBAL_ORIGIN, DISTANCE_SENSOR, EXTENDED_SYS_STATE, GLOBAL_POSITION_INT = 49, 132, 245, 33
@@ -136,7 +142,6 @@ COMMON_STREAMS = (
     MessageStream(EXTENDED_SYS_STATE, 5.0),
     MessageStream(DISTANCE_SENSOR, 20.0),
     MessageStream(GLOBAL_POSITION_INT, 2.0),
-    MessageStream(GPS_GLOBAL_ORIGIN, 1.0),
     MessageStream(HOME_POSITION, 0.5),
 )
 """Without the heartbeat, whose rate PX4 does not let anybody change."""

@@ -126,6 +126,11 @@ class Telemetry:
         """Times that the autopilot has restarted."""
         return self._clock.restarts
 
+    @property
+    def has_origin(self) -> bool:
+        """Whether the autopilot has told where its local frame lies."""
+        return self._origin is not None
+
     def adopt(self, style: AutopilotStyle) -> None:
         """Reads mode numbers by this style from now on."""
         self._style = style

@@ -1,7 +1,7 @@
 """External vision: our pose as the MAVLink message that PX4 and ArduPilot both use, and the origin of its frame.
 
-Frames: ArduPilot takes only MAV_FRAME_LOCAL_FRD with a velocity in MAV_FRAME_BODY_FRD, and PX4 takes these as well. Our
-frame is a LOCAL_FRD whose x axis points north, so that it is the autopilot's NED where it takes its heading from us.
+Frames: ArduPilot accepts only MAV_FRAME_LOCAL_FRD with a velocity in MAV_FRAME_BODY_FRD. PX4 accepts these too, but takes
+its heading only from MAV_FRAME_LOCAL_NED. The x axis of our frame points north, so that it is both.
 The estimator type is VIO for whatever the pose rests on: PX4 refuses others.
 """
 
@@ -12,7 +12,6 @@ from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.messages.frames import Vector3, rotate_back
 from gloc3.messages.vehicle import Pose
 
-LOCAL_FRD: Final = 20
 BODY_FRD: Final = 12
 VIO: Final = 3
 _ROWS: Final = (0, 6, 11, 15, 18, 20)
@@ -26,13 +25,14 @@ class Spread(NamedTuple):
     velocity_m_s: float = 0.05
 
 
-def odometry_message(pose: Pose, boot_us: int, spread: Spread) -> MavlinkMessage:
+def odometry_message(pose: Pose, boot_us: int, spread: Spread, frame: int) -> MavlinkMessage:
     """ODOMETRY of a valid pose.
 
     Args:
         pose: in the NED frame of the platform.
         boot_us: its time of validity by the autopilot's own clock, in microseconds since it booted.
         spread: what the pose does not tell.
+        frame: MAV_FRAME of the position that the autopilot's family wants.
     """
     n, e, d = pose.position_ned_m
     forward, right, down = rotate_back(pose.ned_from_frd, pose.velocity_ned_m_s)
@@ -41,7 +41,7 @@ def odometry_message(pose: Pose, boot_us: int, spread: Spread) -> MavlinkMessage
     return codec.message(
         "ODOMETRY",
         time_usec=boot_us,
-        frame_id=LOCAL_FRD,
+        frame_id=frame,
         child_frame_id=BODY_FRD,
         x=n,
         y=e,

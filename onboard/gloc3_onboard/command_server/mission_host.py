@@ -3,9 +3,9 @@
 from typing import Any, Final
 
 from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup, PortReport, Result
-from gloc3.messages.envelope import CommandReply, FunctionReply, FunctionRequest
+from gloc3.messages.envelope import CommandReply, FunctionReply, FunctionRequest, Severity
 from gloc3.messages.frames import GeoPoint
-from gloc3.messages.vehicle import FlightMode, MotionGrant, TakeOver
+from gloc3.messages.vehicle import DriverState, FlightMode, MotionGrant, TakeOver
 from gloc3.mission.executing.executor import MissionExecutor, Verb
 from gloc3.mission.executing.requests import (
     Cancel,
@@ -73,6 +73,8 @@ class MissionHost:
         self._waiting: dict[str, tuple[str, Verb]] = {}
         """Request id to the action and what was asked of it."""
         self._count = 0
+        self._gap_s = 0.0
+        """Of the last gap that was reported."""
 
     @property
     def policy(self) -> str:
@@ -146,6 +148,8 @@ class MissionHost:
     def _inform(self, executor: MissionExecutor, now_s: float, inbox: Inbox) -> None:
         """Tells the executor the facts."""
         known, snapshot = self._observing, self._observing.snapshot
+        if known.stalled_s:
+            executor.stalled(known.stalled_s)
         is_silence_judged = known.is_silence_judged(now_s)
         for name in known.book.down(now_s) if is_silence_judged else ():
             status = known.book.status(name)
@@ -158,7 +162,7 @@ class MissionHost:
             executor.vehicle(snapshot.is_airborne, now_s)
         driver = snapshot.driver
         if driver is not None and not self._is_handing_over(executor, now_s):
-            executor.pilot(driver.has_pilot_control, driver.pilot_reason, now_s)
+            self._inform_control(executor, driver, now_s)
         fence = executor.mission.mission.fence if executor.mission is not None and executor.mission.is_open else None
         if is_silence_judged:
             for condition, is_on, reason in snapshot.conditions(fence, now_s):
@@ -170,6 +174,23 @@ class MissionHost:
         for verdict in known.verdicts:
             executor.component_lost(verdict.component, Policy(verdict.policy), verdict.reason, now_s)
         known.verdicts.clear()
+
+    def _inform_control(self, executor: MissionExecutor, driver: DriverState, now_s: float) -> None:
+        """Tells who has control: we, a pilot, or the autopilot's failsafe, which nobody ends but we."""
+        is_failsafe = driver.has_pilot_control and driver.is_failsafe
+        executor.pilot(driver.has_pilot_control, driver.pilot_reason, now_s, is_failsafe=is_failsafe)
+        autopilot = self._observing.snapshot.known_autopilot
+        if is_failsafe and autopilot is not None:
+            if not autopilot.is_armed:
+                executor.failsafe_landed(now_s)
+            elif autopilot.mode is FlightMode.HOLD:
+                executor.failsafe_holds(driver.pilot_reason, now_s)
+        if driver.held_after_gap_s not in (0.0, self._gap_s):
+            text = (
+                f"no contact with the autopilot for {driver.held_after_gap_s:.1f} s: it held meanwhile, now it goes on"
+            )
+            self._report(Severity.WARNING, text)
+        self._gap_s = driver.held_after_gap_s
 
     def _count_up(self, executor: MissionExecutor, now_s: float) -> None:
         """What the mission takes, for the comparison with its estimate."""

@@ -80,6 +80,8 @@ class Observing:
         """The other hosts, as far as they were ever here."""
         self.verdicts: list[SupervisionVerdict] = []
         """Components that are lost for good, with what is to be done."""
+        self.stalled_s = 0.0
+        """For how long the process has just stood still; 0 in all cycles but the first after it."""
         self._availability = Availability(platform)
         self._standstill = Standstill()
         self._handover = Handover()
@@ -87,9 +89,9 @@ class Observing:
 
     def observe(self, now_s: float, inbox: Inbox) -> None:
         """Takes everything in."""
-        stood_s = self._standstill.tick(now_s)
-        if stood_s:
-            self._report(Severity.WARNING, f"this process stalled for {stood_s:.1f} s")
+        self.stalled_s = self._standstill.tick(now_s)
+        if self.stalled_s:
+            self._report(Severity.WARNING, f"this process stalled for {self.stalled_s:.1f} s")
         snapshot = self.snapshot
         for status in inbox.new(ObservingPorts.status):
             self.book.receive(status.payload, status.t_s)

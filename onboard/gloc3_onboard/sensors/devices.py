@@ -266,7 +266,8 @@ class AutopilotBehaviour(NamedTuple):
     arm_in_mode: FlightMode | None = None
     """The mode in which it wants to be armed before it sets off; None for any."""
     stream_before_guided_s: float = 0.0
-    """How long setpoints must have been streamed before guided mode is accepted."""
+    """How long setpoints must have been streamed before guided mode is accepted. Where that is more than 0, a stream also
+    brings guided mode back by itself after it was lost, and guided mode outlasts a landing (PX4)."""
     climbs: bool = True
     """Whether it takes off by a command of its own; others are armed, and led by setpoints from where they stand."""
     land_mode: FlightMode = FlightMode.LAND

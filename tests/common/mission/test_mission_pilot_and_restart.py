@@ -83,6 +83,53 @@ def test_a_mission_whose_vehicle_a_pilot_has_landed_is_not_resumed(rig: Rig) -> 
     assert rig.under_way == {}
 
 
+# the autopilot's failsafe
+
+
+def failsafe(rig: Rig) -> None:
+    rig.executor.pilot(True, "mode AUTO.RTL was chosen by the autopilot", rig.now_s, is_failsafe=True)
+    rig.settle()
+
+
+def test_a_failsafe_that_lands_ends_the_mission_and_gives_control_back(rig: Rig) -> None:
+    failsafe(rig)
+    assert rig.executor.policy == "failsafe"
+    assert rig.executor.mission is not None
+    assert rig.executor.mission.reason.startswith("failsafe: mode AUTO.RTL")
+    with pytest.raises(Refused, match="the autopilot's failsafe has control"):
+        rig.steer("resume", "sweep")
+    rig.fly(is_airborne=False)
+    assert rig.state() == "paused"
+    rig.executor.failsafe_landed(rig.now_s)
+    rig.settle()
+    assert (rig.state(), rig.executor.mission.reason) == ("aborted", "ended by the autopilot's failsafe")
+    assert (rig.taken_back, rig.executor.policy) == (1, "")
+
+
+def test_a_failsafe_s_hold_with_nobody_in_charge_ends_in_a_landing(rig: Rig) -> None:
+    failsafe(rig)
+    rig.executor.failsafe_holds("mode AUTO.LOITER", rig.now_s)
+    rig.settle()
+    assert (rig.executor.policy, rig.state(), rig.taken_back) == ("hold", "paused", 1)
+    rig.pass_s(rig.executor.board.policies.hold_s + 1.0)
+    assert rig.running() == ["policy.land"]
+
+
+def test_a_pilot_s_hold_and_landing_are_his_own(rig: Rig) -> None:
+    pilot(rig, has_control=True)
+    rig.executor.failsafe_holds("mode AUTO.LOITER", rig.now_s)
+    rig.executor.failsafe_landed(rig.now_s)
+    rig.pass_s(200)
+    assert (rig.executor.policy, rig.state(), rig.taken_back) == ("pilot", "paused", 0)
+
+
+def test_a_process_that_stood_still_has_missed_reports_for_as_long(rig: Rig) -> None:
+    rig.now_s += 8.0
+    rig.executor.stalled(8.0)
+    rig.settle()
+    assert rig.running() == ["sweep.photos", "sweep.wall"]
+
+
 # restart
 
 

@@ -24,6 +24,7 @@ from gloc3_onboard.companion.link_watch import RateWatch
 from gloc3_onboard.sensors.devices import AutopilotSetpoint
 
 STYLES = pytest.mark.parametrize("style", ["px4", "ardupilot"])
+REQUEST_MESSAGE = 512
 SET_POSITION = "SET_POSITION_TARGET_LOCAL_NED"
 
 
@@ -105,9 +106,11 @@ def test_over_a_bad_link_all_streams_are_asked_for_in_the_end() -> None:
 
 
 @pytest.mark.parametrize("off_s", [0.5, 6.0])
-def test_after_a_restart_the_streams_are_asked_for_again_and_the_old_origin_is_forgotten(off_s: float) -> None:
+def test_after_a_restart_the_streams_and_the_origin_are_asked_for_again(off_s: float) -> None:
     with Rig() as rig:
         rig.run(10.0)
+        origins = [values[0] for values in rig.requested(REQUEST_MESSAGE)].count(49.0)
+        assert origins == 1, "it is known"
         rig.autopilot.is_off = True
         rig.run(off_s)
         assert rig.device.state().is_connected == (off_s < 2.5)
@@ -119,6 +122,8 @@ def test_after_a_restart_the_streams_are_asked_for_again_and_the_old_origin_is_f
         pose = rig.device.pose()
         assert pose is not None
         assert rig.loop.time() - pose.t_s < 0.2
+        assert pose.pose.origin_geo is not None
+        assert [values[0] for values in rig.requested(REQUEST_MESSAGE)].count(49.0) == origins + 1
         assert "the autopilot has restarted" in rig.reported
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from gloc3.mavlink.message import Address
 from gloc3.messages.vehicle import Pose
+from gloc3_onboard.autopilot.style import LOCAL_FRD
 from gloc3_onboard.autopilot.vision import Spread, odometry_message, origin_message
 from gloc3_sitl.autopilot.modes import Result
 
@@ -40,7 +41,7 @@ class Poses:
                 position_std_m=(0.01, 0.01, 0.01),
                 reset_counter=self.resets,
             )
-            self.bench.send_message(odometry_message(pose, round(self.bench.sim.now_s * 1e6), Spread()))
+            self.bench.send_message(odometry_message(pose, round(self.bench.sim.now_s * 1e6), Spread(), LOCAL_FRD))
 
 
 def arm(bench: Bench) -> Result:

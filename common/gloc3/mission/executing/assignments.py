@@ -65,6 +65,12 @@ class Assignment:
         if self.verb in ("start", "resume"):
             self.phase = AssignmentPhase.ACTIVE
 
+    def stalled(self, by_s: float) -> None:
+        """Nobody could answer or report for so long."""
+        self.received_s += by_s
+        if self.requested_s is not None:
+            self.requested_s += by_s
+
     def due_s(self) -> float | None:
         """When it counts as lost, if nothing more is heard."""
         if self.requested_s is not None:

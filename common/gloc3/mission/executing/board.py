@@ -124,6 +124,8 @@ class Board:
         self.manoeuvre: PolicyManoeuvre | None = None
         self.has_pilot = False
         """A pilot has control, and no operator has said resume since."""
+        self.is_failsafe = False
+        """With `has_pilot`: it is the autopilot's failsafe that has control."""
         self.is_taking_back = False
         """An operator has just said resume; the driver is to be told."""
         self.conditions: Final[dict[PolicyCondition, str]] = {}
@@ -155,6 +157,11 @@ class Board:
     def is_airborne(self) -> bool:
         """Whether the vehicle is in the air."""
         return self.air.is_airborne
+
+    @property
+    def controller(self) -> str:
+        """Who has control in place of the mission."""
+        return "the autopilot's failsafe" if self.is_failsafe else "the pilot"
 
     def find(self, target: str) -> MissionItem:
         """The item that an operator names: empty for the mission, `TASK`, or `TASK.ACTION`.

@@ -43,8 +43,8 @@ class MissionExecutor:
         self._achieved: dict[str, int] = {}
         self._is_guard_waited_for = False
         """Something is begun, or left, by what is measured."""
-        self._is_pilot_reported = False
-        """What the driver says."""
+        self._reported = (False, False)
+        """Whether the driver says that somebody else has control, and that it is the autopilot's failsafe."""
 
     # what operators ask for
 
@@ -144,7 +144,7 @@ class MissionExecutor:
         policy = Policy.HOLD if kind == "hold" else Policy.LAND
         self.board.report(Severity.ALERT, f"emergency {kind} by {author}")
         if self.board.has_pilot:
-            self.board.report(Severity.WARNING, "the pilot has control: no action taken")
+            self.board.report(Severity.WARNING, f"{self.board.controller} has control: no action taken")
             return
         manoeuvres.apply(
             self.board, policy, f"emergency {kind} by {author}", now_s, StateTrigger.ABORT, is_ordered=True
@@ -193,6 +193,11 @@ class MissionExecutor:
             self._ended(assignment, status, now_s)
         self.settle(now_s)
 
+    def stalled(self, by_s: float) -> None:
+        """The process that all of this runs in has stood still: for so long no component could report."""
+        for assignment in self.board.assignments.by_id.values():
+            assignment.stalled(by_s)
+
     def available(self, missing: Mapping[str, tuple[str, ...]], now_s: float) -> None:
         """Sets which capabilities are unavailable, with what each lacks; all others are available."""
         if missing == self.board.missing:
@@ -234,7 +239,7 @@ class MissionExecutor:
         """
         board = self.board
         if board.has_pilot:
-            board.report(Severity.ERROR, f"{component} is lost ({reason}); the pilot has control")
+            board.report(Severity.ERROR, f"{component} is lost ({reason}); {board.controller} has control")
             return
         reactions.lose_component(board, component, policy, reason, now_s)
         self.settle(now_s)
@@ -251,23 +256,44 @@ class MissionExecutor:
             air.has_landed = False
         self.settle(now_s)
 
-    def pilot(self, has_control: bool, reason: str, now_s: float) -> None:
-        """Whether a human pilot or the autopilot has taken over, as the driver reports it."""
+    def pilot(self, has_control: bool, reason: str, now_s: float, *, is_failsafe: bool = False) -> None:
+        """Whether a human pilot, or the autopilot's failsafe, has taken over, as the driver reports it."""
         board = self.board
-        if has_control == self._is_pilot_reported:
+        if (has_control, is_failsafe) == self._reported:
             return
-        self._is_pilot_reported = has_control
+        self._reported = (has_control, is_failsafe)
         if has_control:
-            board.has_pilot, board.is_changed = True, True
-            board.report(Severity.WARNING, f"the pilot has control: {reason}")
+            board.has_pilot, board.is_failsafe, board.is_changed = True, is_failsafe, True
+            board.report(Severity.WARNING, f"{board.controller} has control: {reason}")
             manoeuvres.clear(board, now_s)
+            why = "failsafe" if is_failsafe else "pilot"
             for program in board.programs.values():
                 if program.is_mission:
-                    board.halt(program, program.level, now_s, f"pilot: {reason}")
-                elif program.is_open:
-                    board.end_all(program, StateTrigger.ABORT, now_s, "pilot")
-                    board.move(program, StateTrigger.ABORT, now_s, "pilot")
+                    board.halt(program, program.level, now_s, f"{why}: {reason}")
+                else:
+                    manoeuvres.end_program(board, program, StateTrigger.ABORT, now_s, why)
         self.settle(now_s)
+
+    def failsafe_holds(self, reason: str, now_s: float) -> None:
+        """The autopilot's failsafe keeps the vehicle where it is, with nobody in charge: that is the policy hold, which ends."""
+        board = self.board
+        if board.has_pilot and board.is_failsafe:
+            self._take_back()
+            manoeuvres.apply(board, Policy.HOLD, f"the autopilot's failsafe ({reason})", now_s)
+            self.settle(now_s)
+
+    def failsafe_landed(self, now_s: float) -> None:
+        """The vehicle is disarmed after the autopilot's failsafe had control: what was begun is over."""
+        board = self.board
+        if board.has_pilot and board.is_failsafe:
+            for program in board.programs.values():
+                manoeuvres.end_program(board, program, StateTrigger.ABORT, now_s, "ended by the autopilot's failsafe")
+            self._take_back()
+            self.settle(now_s)
+
+    def _take_back(self) -> None:
+        board = self.board
+        board.has_pilot, board.is_failsafe, board.is_taking_back, board.is_changed = False, False, True, True
 
     def condition(self, condition: PolicyCondition, is_on: bool, reason: str, now_s: float) -> None:
         """Whether a condition holds; its policy is carried out once, when it arises."""
@@ -338,9 +364,9 @@ class MissionExecutor:
 
     @property
     def policy(self) -> str:
-        """The policy that is being carried out, or `pilot` while a pilot has control; empty in normal flight."""
+        """The policy that is being carried out, `pilot` or `failsafe` while one has control; empty in normal flight."""
         if self.board.has_pilot:
-            return "pilot"
+            return "failsafe" if self.board.is_failsafe else "pilot"
         manoeuvre = self.board.manoeuvre
         if manoeuvre is None:
             return ""

@@ -39,7 +39,7 @@ def apply_policy(board: Board, condition: PolicyCondition, reason: str, now_s: f
     """Answers a condition that has just arisen with the governing policies."""
     if board.has_pilot:
         board.unanswered[condition] = reason
-        board.report(Severity.WARNING, f"{condition}: {reason}; the pilot has control")
+        board.report(Severity.WARNING, f"{condition}: {reason}; {board.controller} has control")
         return
     wanted = _wanted(board, condition)
     if isinstance(wanted, Contingency) and begin_contingency(board, wanted, str(condition), now_s):

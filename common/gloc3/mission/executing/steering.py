@@ -47,7 +47,7 @@ def refuse_while_unfit(board: Board) -> None:
         Refused: with the reason.
     """
     if board.has_pilot:
-        raise Refused("the pilot has control; resume the mission to take it back")
+        raise Refused(f"{board.controller} has control; resume the mission to take it back")
     manoeuvre = board.manoeuvre
     if manoeuvre is not None and manoeuvre.contingency is not None:
         raise Refused(_busy(manoeuvre.contingency.task, manoeuvre.cause))
@@ -89,7 +89,7 @@ def take_back(board: Board, now_s: float) -> None:
     mission = board.mission
     if mission is not None and mission.state is ActionState.PAUSED:
         check_resumable(board, mission)
-    board.has_pilot = False
+    board.has_pilot = board.is_failsafe = False
     board.is_taking_back = True
     unanswered = dict(board.unanswered)
     board.unanswered.clear()
@@ -107,7 +107,7 @@ def resume(board: Board, item: MissionItem, now_s: float) -> None:
         Refused: it cannot go on now; nothing has changed.
     """
     if board.has_pilot:
-        raise Refused("the pilot has control; resume the mission to take it back")
+        raise Refused(f"{board.controller} has control; resume the mission to take it back")
     for parent in _parents(item):
         if parent.state is ActionState.PAUSED:
             raise Refused(f"the {parent.level} is paused; resume it first")

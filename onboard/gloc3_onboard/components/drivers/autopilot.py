@@ -116,6 +116,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
 
     def start(self) -> None:
         """Looks afresh at the autopilot; moves nothing until it is granted motion."""
+        self._watch.begin()
         self._reset()
 
     def goquiet(self) -> None:
@@ -206,14 +207,22 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         if self._is_quiet:
             for primary in inbox.new(self.primary):
                 if primary.payload.has_pilot_control:
-                    self._watch.lose(primary.payload.pilot_reason)
+                    self._watch.lose(primary.payload.pilot_reason, is_failsafe=primary.payload.is_failsafe)
         for limits in inbox.new(self.limits):
             self._stream.adopt(limits.payload)
+        self._watch.received(inbox.latest(self.autopilot_pose), now_s)
         for state in inbox.new(self.autopilot):
             pose = self._stream.pose
             may_settle = self._machine.may_settle(self._climbed_m, pose.position_ned_m if pose is not None else None)
-            self._watch.lands_into = self._control.behaviour.lands_into
-            self._watch.update(state.payload, now_s, is_shadow=self._is_quiet, may_settle=may_settle)
+            behaviour = self._control.behaviour
+            self._watch.lands_into = behaviour.lands_into
+            self._watch.update(
+                state.payload,
+                now_s,
+                is_shadow=self._is_quiet,
+                may_settle=may_settle,
+                may_return=self._stream.since_s is not None and behaviour.stream_before_guided_s > 0.0,
+            )
             self._autopilot = state.payload
         self._is_autopilot_known = inbox.is_fresh(self.autopilot, now_s, AUTOPILOT_SILENT_S)
         for take_over in inbox.new(self.take_over):
@@ -323,6 +332,9 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
             return None
         if since_s is not None:
             return FlightMode.GUIDED if now_s - since_s >= self._control.behaviour.stream_before_guided_s else None
+        behaviour = self._control.behaviour
+        if state.mode is FlightMode.GUIDED and not state.is_armed and behaviour.stream_before_guided_s > 0.0:
+            return behaviour.arm_in_mode  # it could not be armed again in guided mode
         is_guided_by_us = state.mode in (FlightMode.GUIDED, FlightMode.MISSION)
         return FlightMode.HOLD if is_guided_by_us and self._is_airborne else None
 
@@ -348,6 +360,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
             expired=self.expired,
             is_guided=stream.since_s is not None and self._is_guided,
             refusal=self._refusal,
+            is_failsafe=self._watch.is_failsafe,
+            held_after_gap_s=self._watch.held_after_gap_s,
         )
         if state == self._reported and now_s - self._reported_s < STATE_PERIOD_S - 1e-9:
             return []

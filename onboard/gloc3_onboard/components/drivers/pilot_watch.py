@@ -1,9 +1,10 @@
-"""Tells whether a human pilot, or the autopilot by itself, has taken the vehicle over (DESIGN §7: the pilot wins)."""
+"""Tells a human pilot, the autopilot's failsafe and a gap of ours apart (DESIGN §7: the pilot wins)."""
 
 from collections.abc import Mapping
 from typing import Final
 
-from gloc3.messages.vehicle import AutopilotState, FlightMode
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.vehicle import AutopilotPose, AutopilotState, FlightMode
 
 FOLLOWS: Final[Mapping[FlightMode, frozenset[FlightMode]]] = {
     FlightMode.TAKE_OFF: frozenset({FlightMode.TAKE_OFF, FlightMode.GUIDED}),
@@ -19,7 +20,9 @@ OURS: Final = frozenset(FOLLOWS)
 ANSWER_S: Final = 5.0
 """So long after a command of ours (its repetitions included) what it asks for is taken for ours."""
 BLIND_S: Final = 5.0
-"""Who has not looked for longer does not know who has done what meanwhile."""
+"""A driver that was stopped for longer does not know who has done what meanwhile."""
+GAP_S: Final = 0.5
+"""An autopilot that was not heard for so long has not heard us either; PX4 leaves offboard mode after 1 s."""
 
 
 class PilotWatch:
@@ -32,6 +35,10 @@ class PilotWatch:
     def __init__(self) -> None:
         self.has_control = False
         self.reason = ""
+        self.is_failsafe = False
+        """Who has control is the autopilot by itself, no human."""
+        self.held_after_gap_s = 0.0
+        """How long the last gap was for which the autopilot went over to its hold; 0 while there was none."""
         self.lands_into: tuple[str, ...] = ()
         """Modes, in the autopilot's words, that it enters by itself when a landing of ours is over."""
         self._expected: FlightMode | None = None
@@ -39,7 +46,11 @@ class PilotWatch:
         """Modes that we have commanded and not seen yet, oldest first, with the time until which they may come."""
         self._arm_until_s = self._disarm_until_s = float("-inf")
         self._seen: AutopilotState | None = None
-        self._polled_s = float("-inf")
+        self._polled_s = self._gap_until_s = float("-inf")
+        self._gap_s = 0.0
+        """Length of the last gap, which explains a hold until `_gap_until_s`."""
+        self._received_s: float | None = None
+        self._begins = True
 
     # --- what we do ---
 
@@ -58,7 +69,7 @@ class PilotWatch:
 
     def yield_back(self) -> None:
         """An operator says that we may go on: what the autopilot does now is taken for ours."""
-        self.has_control, self.reason = False, ""
+        self.has_control, self.reason, self.is_failsafe = False, "", False
         self._expected = self._seen.mode if self._seen is not None else None
         self._commanded.clear()
 
@@ -68,17 +79,38 @@ class PilotWatch:
         if seen is not None:
             self._expected = seen.mode
             if seen.is_armed and seen.mode not in OURS:
-                self.lose(f"mode {seen.mode_name} was chosen by somebody else")
+                self.lose(self._chosen(seen), is_failsafe=seen.is_failsafe)
         self.command(FlightMode.HOLD, now_s)
 
-    def lose(self, reason: str) -> None:
+    def lose(self, reason: str, *, is_failsafe: bool = False) -> None:
         """Somebody else has control; the first reason stays."""
         if not self.has_control:
-            self.has_control, self.reason = True, reason
+            self.has_control, self.reason, self.is_failsafe = True, reason, is_failsafe
 
     # --- what we see ---
 
-    def update(self, state: AutopilotState, now_s: float, *, is_shadow: bool = False, may_settle: bool = False) -> None:
+    def begin(self) -> None:
+        """The driver starts, maybe after a time in which it did not look."""
+        self._begins = True
+
+    def received(self, pose: Envelope[AutopilotPose] | None, now_s: float) -> None:
+        """Measures the gaps between the autopilot's poses, which come all the time; before `update`."""
+        if pose is None:
+            return
+        since_s, self._received_s = self._received_s, pose.t_s
+        gap_s = max(pose.t_s, now_s - GAP_S) - since_s if since_s is not None else 0.0
+        if gap_s > GAP_S:
+            self._gap_s, self._gap_until_s = gap_s, now_s + ANSWER_S
+
+    def update(
+        self,
+        state: AutopilotState,
+        now_s: float,
+        *,
+        is_shadow: bool = False,
+        may_settle: bool = False,
+        may_return: bool = False,
+    ) -> None:
         """Takes the autopilot's state in.
 
         Args:
@@ -87,10 +119,11 @@ class PilotWatch:
             is_shadow: somebody else of ours commands the vehicle.
             may_settle: our take-off is high enough, or our plan near enough to its end, for the autopilot to go over to
                 hold by itself.
+            may_return: our stream brings guided mode back by itself.
         """
-        if now_s - self._polled_s > BLIND_S:
+        if self._begins and now_s - self._polled_s > BLIND_S:
             self._seen = None
-        self._polled_s = now_s
+        self._polled_s, self._begins = now_s, False
         if not state.is_connected:
             return
         before, self._seen = self._seen, state
@@ -99,15 +132,18 @@ class PilotWatch:
         if is_shadow:
             self._expected = state.mode
             if state.is_armed and state.mode not in OURS:
-                self.lose(self._chosen(state))
+                self.lose(self._chosen(state), is_failsafe=state.is_failsafe)
         elif before is None:
             self._expected = state.mode
             if state.is_armed:
-                self.lose(f"the vehicle was armed, in mode {state.mode_name}, before this driver started")
+                reason = f"the vehicle was armed, in mode {state.mode_name}, before this driver started"
+                self.lose(reason, is_failsafe=state.is_failsafe)
         else:
-            self._compare(before, state, now_s, may_settle=may_settle)
+            self._compare(before, state, now_s, may_settle=may_settle, may_return=may_return)
 
-    def _compare(self, before: AutopilotState, state: AutopilotState, now_s: float, *, may_settle: bool) -> None:
+    def _compare(
+        self, before: AutopilotState, state: AutopilotState, now_s: float, *, may_settle: bool, may_return: bool
+    ) -> None:
         if state.is_armed and not before.is_armed and now_s > self._arm_until_s:
             self.lose("the vehicle was armed by somebody else")
         if before.is_armed and not state.is_armed:
@@ -125,9 +161,23 @@ class PilotWatch:
             may_settle &= self._expected in (FlightMode.TAKE_OFF, FlightMode.MISSION)
             settles = may_settle and state.mode is FlightMode.HOLD
             has_landed = self._expected is FlightMode.LAND and state.mode_name in self.lands_into
-            if not (settles or has_landed):
-                self.lose(self._chosen(state))
+            returns = may_return and state.mode is FlightMode.GUIDED
+            if self._holds_after_gap(state, now_s):
+                self.held_after_gap_s = self._gap_s
+            elif self.is_failsafe and not state.is_failsafe:  # a human takes over from it
+                self.reason, self.is_failsafe = self._chosen(state), False
+            elif not (settles or has_landed or returns):
+                self.lose(self._chosen(state), is_failsafe=state.is_failsafe)
         self._expected = state.mode
+
+    def _holds_after_gap(self, state: AutopilotState, now_s: float) -> bool:
+        """Whether the autopilot holds because it has not heard us for a while."""
+        return (
+            self._expected is FlightMode.GUIDED
+            and state.mode is FlightMode.HOLD
+            and state.is_failsafe
+            and now_s < self._gap_until_s
+        )
 
     def _chosen(self, state: AutopilotState) -> str:
         who = "the autopilot (failsafe)" if state.is_failsafe else "somebody else"

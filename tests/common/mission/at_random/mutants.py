@@ -51,7 +51,7 @@ MUTANTS = (
     Mutant(
         "a pilot is not noticed",
         MissionExecutor.pilot,
-        "board.has_pilot, board.is_changed = True, True",
+        "board.has_pilot, board.is_failsafe, board.is_changed = True, is_failsafe, True",
         "pass",
         seed=42,
     ),

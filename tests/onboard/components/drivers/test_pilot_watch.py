@@ -3,7 +3,7 @@
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.onboard.messages import flying, standing
+from tests.onboard.messages import at, autopilot_pose, flying, standing
 
 from gloc3.messages.vehicle import AutopilotState, FlightMode, LandedState
 from gloc3_onboard.components.drivers.pilot_watch import ANSWER_S, FOLLOWS, OURS, PilotWatch
@@ -26,6 +26,12 @@ class Story:
             self.now_s += after_s
             self.watch.update(state, self.now_s, **how)
         return self.watch.has_control
+
+    def poses(self, *at_s: float) -> None:
+        """The autopilot's poses, as they come."""
+        for t_s in at_s:
+            self.now_s = t_s
+            self.watch.received(at(t_s, autopilot_pose()), t_s)
 
     def command(self, mode: FlightMode) -> None:
         self.watch.command(mode, self.now_s)
@@ -178,6 +184,7 @@ def test_a_driver_that_is_brought_up_again_soon_remembers_and_a_late_one_does_no
     assert not story.see(flying(HOLD), after_s=2.0)
     story = in_flight()
     story.command(HOLD)
+    story.watch.begin()
     assert story.see(flying(HOLD), after_s=8.0)
     assert "before this driver started" in story.watch.reason
 
@@ -226,3 +233,53 @@ def test_no_mode_that_was_never_commanded_is_ever_taken_for_ours(events: list[tu
             known = any(wanted in FOLLOWS[one] for one in commanded)
             assert has_control or known
             mode = wanted
+
+
+# a gap of ours
+
+
+def test_a_hold_of_the_failsafe_after_a_gap_of_ours_is_neither_a_pilots_nor_the_failsafes() -> None:
+    story = in_flight()
+    story.poses(1.0, 1.05, 5.05)
+    assert not story.see(flying(HOLD, is_failsafe=True))
+    assert story.watch.held_after_gap_s == pytest.approx(4.0)
+    assert not story.see(flying(GUIDED), may_return=True)
+
+
+@pytest.mark.parametrize(
+    ("poses", "state", "is_failsafe"),
+    [
+        ((1.0, 1.05, 1.1), flying(HOLD, is_failsafe=True), True),
+        ((1.0, 1.05, 5.05), flying(HOLD), False),
+        ((1.0, 1.05, 5.05), flying(MANUAL, is_failsafe=True), True),
+    ],
+    ids=["without a gap", "without a failsafe", "in another mode"],
+)
+def test_other_holds_are_somebody_elses(poses: tuple[float, ...], state: AutopilotState, is_failsafe: bool) -> None:
+    story = in_flight()
+    story.poses(*poses)
+    assert story.see(state)
+    assert (story.watch.is_failsafe, story.watch.held_after_gap_s) == (is_failsafe, 0.0)
+
+
+def test_a_gap_explains_no_hold_that_comes_long_after_it() -> None:
+    story = in_flight()
+    story.poses(1.0, 1.05, 5.05)
+    assert story.see(*[flying(GUIDED)] * 30, flying(HOLD, is_failsafe=True))
+
+
+def test_a_stream_brings_guided_mode_back_where_the_autopilot_says_so_and_only_there() -> None:
+    for may_return in (True, False):
+        story = in_flight(HOLD)
+        assert story.see(flying(GUIDED), may_return=may_return) is not may_return
+
+
+def test_a_pilot_takes_over_from_the_failsafe_and_not_the_other_way() -> None:
+    story = in_flight()
+    assert story.see(flying(RETURN, is_failsafe=True))
+    assert story.watch.is_failsafe
+    assert story.see(flying(MANUAL))
+    assert not story.watch.is_failsafe
+    assert "somebody else" in story.watch.reason
+    assert story.see(flying(RETURN, is_failsafe=True))
+    assert not story.watch.is_failsafe

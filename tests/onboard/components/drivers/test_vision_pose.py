@@ -97,7 +97,7 @@ def test_the_origin_is_told_until_the_autopilot_has_it() -> None:
 
 
 @pytest.mark.parametrize("style", ["px4", "ardupilot"])
-def test_the_message_is_one_that_both_styles_take(style: str) -> None:
+def test_the_message_is_in_the_frame_that_the_style_believes(style: str) -> None:
     with Rig(style) as rig:
         rig.run(4.0)
         reported = pose(
@@ -115,7 +115,8 @@ def test_the_message_is_one_that_both_styles_take(style: str) -> None:
         rig.run(0.1)
         received = {message.name: message for message in rig.autopilot.received}
         message = received["ODOMETRY"]
-        assert (message.frame_id, message.child_frame_id, message.estimator_type) == (20, 12, 3)
+        frame = 1 if style == "px4" else 20  # LOCAL_NED, LOCAL_FRD
+        assert (message.frame_id, message.child_frame_id, message.estimator_type) == (frame, 12, 3)
         assert (message.x, message.y, message.z) == (1.0, 2.0, -3.0)
         assert (message.vx, message.vy, message.vz) == pytest.approx((0.0, -0.5, 0.1), abs=1e-6)
         assert [message.pose_covariance[i] for i in (0, 6, 11, 15)] == pytest.approx([1e-4, 4e-4, 9e-4, 4e-4])

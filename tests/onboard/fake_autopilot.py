@@ -6,6 +6,7 @@ from gloc3.clock import VirtualLoop
 from gloc3.mavlink import codec
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.node import MavlinkComponent
+from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_server import MavCommandRequest, MavCommandServer
 from gloc3.mavlink.services.heartbeat import Heartbeat
@@ -64,6 +65,10 @@ class FakeAutopilot:
         self._node = MavlinkComponent(own, [self._commands, self._texts, self.heartbeat])
         if self.has_clock:
             self._node.add(TimeSync(own, send_s=lambda _: self.boot_s))
+
+    def add(self, service: Microservice[Any]) -> None:
+        """Speaks one more microservice, until it boots anew."""
+        self._node.add(service)
 
     def report(self, text: str, severity: int = 4) -> None:
         self._texts.send(severity, text)

@@ -19,8 +19,10 @@ from gloc3.mavlink.services.mission_client import MissionClient, Transfer
 from gloc3.mavlink.services.statustext import StatusTextReceiver
 from gloc3.mavlink.signing import SignedOnly, Signing, timestamp
 from gloc3.messages.envelope import Severity
+from gloc3.messages.vehicle import Style
 from gloc3_onboard.autopilot.arm_authority import ArmPermissionRequest
 from gloc3_onboard.autopilot.commands import NO_OWNER, CommandDesk
+from gloc3_onboard.autopilot.events import AutopilotEvents
 from gloc3_onboard.autopilot.identification import Identification, IdentityChange
 from gloc3_onboard.autopilot.inspection import Inspection
 from gloc3_onboard.autopilot.plan_upload import FenceUpload, PlanUpload
@@ -84,7 +86,9 @@ class AutopilotLink:
         """Judges what is heard, for whoever passes it to `receive_frames`; None on a link without a key."""
         self.telemetry: Final = Telemetry()
         self.sensors: Final = AutopilotSensors(lambda: self.post(self._request_sensors))
-        self._received_here = {codec.shape(name).id for name in (*Telemetry.HANDLES, *AutopilotSensors.HANDLES)}
+        self.events: Final = AutopilotEvents(own)
+        handled = (*Telemetry.HANDLES, *AutopilotSensors.HANDLES, "EVENT")
+        self._received_here = {codec.shape(name).id for name in handled}
         self._identification = Identification(own, report)
         self.clock_offset: Final = ClockOffset(own, self.telemetry)
         self._leave = ArmPermissionRequest(own, why_not_arm)
@@ -97,7 +101,7 @@ class AutopilotLink:
         self._prearm, self._origin = prearm_checks(self._client), origin_request(self._client)
         services: list[Microservice[Any]] = [
             *(self._client, self._identification.peers, self._plans, self._texts),
-            *(self.inspection, self.clock_offset.service, self._leave),
+            *(self.inspection, self.clock_offset.service, self._leave, self.events.ftp),
         ]
         self._node = MavlinkComponent(own, services)
         self._requests_at_once = 0
@@ -147,7 +151,9 @@ class AutopilotLink:
             if frame.message_id in self._received_here and frame.sender == self.target:
                 self._streams.received(frame.message_id, now_s)
                 message = frame.decode()
-                if message is not None:
+                if message is not None and message.name == "EVENT":
+                    self.events.receive(message, self.telemetry.custom_mode)
+                elif message is not None:
                     self.telemetry.receive(message, now_s)
                     self.sensors.receive(message, now_s, self.telemetry)
         if not is_settled:
@@ -177,6 +183,7 @@ class AutopilotLink:
         for said in self._texts.events():
             if said.sender == self.target:
                 self.telemetry.receive_text(said.severity, said.text, now_s)
+        self._follow_events(now_s)
         self._follow_plans(now_s)
         self.commands.tick(now_s)
         is_alive = self._identification.is_alive
@@ -230,6 +237,22 @@ class AutopilotLink:
             self._origin.ended(call)
             self.inspection.ended(call, now_s)
 
+    def _follow_events(self, now_s: float) -> None:
+        """PX4's reasons and alerts, by the dictionary that is read on the ground."""
+        state = self.telemetry.state
+        if self.target is not None and self._identification.is_alive:
+            is_wanted = self.style.style is Style.PX4 and not state.is_armed
+            self.events.tick(self.target, now_s, is_wanted=is_wanted)
+        if self.events.problem and not self.events.is_problem_reported:
+            self.events.is_problem_reported = True
+            self._report(Severity.NOTICE, f"PX4's event texts are missing: {self.events.problem}")
+        for severity, text in self.events.alerts:
+            self.telemetry.receive_text(severity, text, now_s)
+        self.events.alerts.clear()
+        if self.events.reasons is not None:
+            self.telemetry.receive_reasons(self.events.reasons, now_s)
+            self.events.reasons = None
+
     def _follow_plans(self, now_s: float) -> None:
         for event in self._plans.events():
             if isinstance(event, Transfer):
@@ -252,6 +275,7 @@ class AutopilotLink:
         self.clock_offset.service.request(target)
         self._prearm.restart()
         self._origin.restart()
+        self.events.restart()
         self._streams.request_all(self._needed)
         if target is not None:
             vehicle = style.class_properties.vehicle

@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from typing import ClassVar, Final
 
 import msgspec
@@ -109,6 +110,8 @@ class Telemetry:
         self.height: StampedHeight | None = None
         self.altitude_m: float | None = None
         """Above mean sea level; None before it is known."""
+        self.custom_mode = 0
+        """Of the last heartbeat."""
         self._style: AutopilotStyle | None = None
         self._clock = BootClock()
         self._origin: tuple[float, float, float] | None = None
@@ -221,6 +224,7 @@ class Telemetry:
     def _heartbeat(self, message: MavlinkMessage) -> None:
         if self._style is None:
             return
+        self.custom_mode = message.custom_mode
         self._set(
             style=self._style.style,
             is_armed=bool(message.base_mode & ARMED),
@@ -263,6 +267,11 @@ class Telemetry:
             while len(self._reasons) > MOST_REASONS:
                 del self._reasons[next(iter(self._reasons))]
             self._set(reasons=list(self._reasons))
+
+    def receive_reasons(self, reasons: Sequence[str], now_s: float) -> None:
+        """Takes in a whole report on why the autopilot would not arm."""
+        self._reasons = dict.fromkeys(reasons[:MOST_REASONS], now_s)
+        self._set(reasons=list(self._reasons))
 
     def _local_position(self, message: MavlinkMessage, now_s: float) -> None:
         if not self._has_attitude:

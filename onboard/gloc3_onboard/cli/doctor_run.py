@@ -23,7 +23,7 @@ from gloc3_onboard.sensors.rig import calibration_problems
 from gloc3_onboard.sensors.sensor_watch import unopened_conditions
 
 POLL_PERIOD_S: Final = 0.1
-SETTLED_S: Final = 2.0
+SETTLED_S: Final = 6.0
 """Once everything has been read: so long the autopilot may take to say how its sensors are."""
 FRESH_S: Final = 1.0
 """A position that is older counts as lost; nothing here flies on it."""

@@ -48,7 +48,9 @@ class VehicleKind(NamedTuple):
     sets_off: str = "setting_off"
     """The component that arms it."""
     braking_m_s2: float | None = None
-    """How briskly it follows ways and brakes; None where its autopilot flies them."""
+    """How briskly it brakes; None where its autopilot flies the paths."""
+    acceptance_m: float = 0.0
+    """With plain satellites, waypoints are passed no more exactly; 0 where its controller says so itself."""
     more: tuple[str, ...] = ()
     """Further limits, with what they are."""
 
@@ -56,7 +58,7 @@ class VehicleKind(NamedTuple):
 KINDS: Final = {
     VehicleClass.COPTER: VehicleKind(
         "multirotor", ("quadrotor", "hexarotor"), 1.5, 3.0, 1.0, 0.5, 2.0, (0.3, 30.0), 1.0,
-        "hover_w: 250, per_m_s_w: 4, climb_w_per_m_s: 16, avionics_w: 12", 74.0, braking_m_s2=1.0,
+        "hover_w: 250, per_m_s_w: 4, climb_w_per_m_s: 16, avionics_w: 12", 74.0, braking_m_s2=1.0, acceptance_m=1.0,
     ),
     VehicleClass.ROVER: VehicleKind(
         "wheeled", ("rover",), 5.0, 2.0, 1.0, 0.5, 1.0, (-0.5, 0.5), 2.0,
@@ -234,9 +236,12 @@ def _changes(kind: VehicleKind, answers: Answers) -> Iterator[str]:
     if not answers.arm:
         rows.append(f"{{name: {kind.sets_off}, settings: {{arm: false}}}}")
     if (braking := kind.braking_m_s2) is not None:
-        limit = f"settings: {{acceleration_m_s2: {SHARE * kind.acceleration_m_s2:g}}}"
-        rows += [f"{{name: waypoints, {limit}}}", f"{{name: hold, settings: {{braking_m_s2: {braking:g}}}}}"]
-        rows.append(f"{{name: teleoperate, {limit}}}")
+        limit = f"acceleration_m_s2: {SHARE * kind.acceleration_m_s2:g}"
+        least = f", least_acceptance_m: {kind.acceptance_m:g}" if kind.acceptance_m else ""
+        note = "   # plain satellites know no better where it is" if least else ""
+        rows.append(f"{{name: waypoints, settings: {{{limit}{least}}}}}{note}")
+        rows.append(f"{{name: hold, settings: {{braking_m_s2: {braking:g}}}}}")
+        rows.append(f"{{name: teleoperate, settings: {{{limit}}}}}")
     if rows:
         yield _noted("components:", "changes to the base's, and additional ones")
         yield from (f"  - {row}" for row in rows)

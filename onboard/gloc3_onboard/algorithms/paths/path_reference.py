@@ -14,8 +14,8 @@ DRIVER_S: Final = 0.5
 """What the driver said longer ago does not count."""
 CALM_S: Final = 0.3
 """A vehicle that has been slow for so long has come to rest."""
-TIMEOUT_S: Final = 5.0
-"""So long its rest is waited for; in gusts it may never quite come."""
+TIMEOUT_S: Final = 3.0
+"""So long its rest at the end is waited for; in gusts, or with a restless estimate, it may never quite come."""
 
 
 class PathReference:
@@ -39,11 +39,11 @@ class PathReference:
         self._calm_since_s: float | None = None
 
     def is_there(self, within_m: float) -> bool:
-        """Whether the vehicle is at rest near the end of the path."""
-        if self._at_end_s is None or self._away_m > within_m:
+        """Whether the vehicle is at rest near the end of the path, or has come there and been given the time to rest."""
+        if self._at_end_s is None:
             return False
         is_calm = self._calm_since_s is not None and self._last_s - self._calm_since_s >= CALM_S
-        return is_calm or self._last_s - self._at_end_s > TIMEOUT_S
+        return (is_calm and self._away_m <= within_m) or self._last_s - self._at_end_s > TIMEOUT_S
 
     def advance(
         self, pose: Pose, driver: Envelope[DriverState] | None, now_s: float, *, is_waiting: bool = False

@@ -54,6 +54,9 @@ class WaypointsSettings(Settings, frozen=True):
     at_rest_m_s: Annotated[float, Bounds(0.01, 5.0)] = 0.2
     """The action is done when the vehicle is at the last waypoint and no faster than this, so that what follows begins
     there; in a wind that never lets it rest it is done after some seconds."""
+    least_acceptance_m: Annotated[float, Bounds(0.0, 50.0)] = 0.0
+    """Waypoints count as passed within this distance where a mission asks for less, in metres: what the vehicle knows of its
+    position is no better (about 1 m with plain satellites)."""
     comes_within_m: Annotated[float, Bounds(0.0, 500.0)] = 0.0
     """So near a vehicle that cannot stop comes to a place, in metres: more than the radius of a plane's circles."""
     pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.15
@@ -111,7 +114,8 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
         """Lays the way from where the vehicle is, through the waypoints that no earlier attempt has passed."""
         pose, order = self.wanted(arguments)
         refuse_unkept(order, self.keeps, "this vehicle")
-        order = replace(order, acceptance_m=max(order.acceptance_m, self._settings.comes_within_m))
+        least_m = max(self._settings.least_acceptance_m, self._settings.comes_within_m)
+        order = replace(order, acceptance_m=max(order.acceptance_m, least_m))
         if order.wall_distance_m is not None and self._points is None:
             raise Refused("no sensor sees the wall to keep the distance from: a laser scanner reports no obstacles")
         self._floor = None

@@ -30,12 +30,14 @@ class Rig:
         self.at: Vector3 = (0.0, 0.0, -2.0)
         self.yaw_rad = 0.0
         self.velocity: Vector3 = (0.0, 0.0, 0.0)
+        self.off: Vector3 = (0.0, 0.0, 0.0)
+        """How far its estimate is from where the setpoint is."""
         self.is_guided = self.has_pose = self.is_following = True
         self.refusal = ""
         self.stage.step(STEP_S, pose=self._pose(), driver=DriverState(is_guided=True))
 
     def _pose(self) -> Any:
-        north, east, down = self.at
+        north, east, down = (here + off for here, off in zip(self.at, self.off, strict=True))
         return pose(north, east, -down, ned_from_frd=from_yaw(self.yaw_rad), velocity_ned_m_s=self.velocity)
 
     def begin(self, waypoints: tuple[Vector3, ...] = LEGS, progress: float = 0.0, **order: Any) -> None:
@@ -89,6 +91,30 @@ def test_the_last_waypoint_is_attained_when_the_vehicle_has_come_to_rest_there()
     assert rig.stage.status.state == "running"
     rig.velocity = (0.1, 0.0, 0.0)
     rig.run(0.5)
+    assert rig.stage.status.state == "done"
+
+
+@pytest.mark.parametrize(("least_m", "state"), [(0.0, "failed"), (1.0, "done")])
+def test_a_vehicle_with_a_coarse_position_passes_waypoints_within_the_least_acceptance(
+    least_m: float, state: str
+) -> None:
+    rig = Rig(least_acceptance_m=least_m, settle_s=5.0)
+    rig.off, rig.velocity = (0.4, -0.4, 0.0), (0.5, 0.0, 0.0)
+    rig.begin()
+    rig.run(STEP_S)
+    status = rig.until_ended()
+    assert status.state == state
+    if state == "done":
+        assert rig.stage.now_s < 13.0, "a restless estimate costs no more than a moment at the end"
+
+
+def test_who_has_come_to_the_last_waypoint_once_is_done_though_the_estimate_wanders_off_again() -> None:
+    rig = Rig()
+    rig.begin(((1.0, 0.0, -2.0),))
+    rig.velocity = (0.5, 0.0, 0.0)
+    rig.run(3.0)
+    rig.off = (0.4, 0.0, 0.0)
+    rig.run(3.5)
     assert rig.stage.status.state == "done"
 
 

@@ -1,11 +1,16 @@
 """DESIGN §6: in frame geo the fence is also given to the autopilot and read back before the mission starts."""
 
+from math import dist
+from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.data_folders import OWN
 from tests.flight.card import Card
 
 from gloc3.errors import Refused
+from gloc3.platform.reader import load_platform
+from gloc3_sitl.flight.mission_file import read_mission_file
 
 LATITUDE, LONGITUDE = 47.0, 8.0
 EAST = 8.00008
@@ -43,3 +48,16 @@ def test_without_the_fence_in_the_autopilot_no_mission_on_earth_starts(flight: C
     with pytest.raises(Refused, match="the autopilot does not hold the mission's fence"):
         flight.begin(MISSION, faults=["topic:motion/geofence=lost"])
     assert not held_fence(flight)
+
+
+def test_a_plan_of_qgroundcontrol_with_a_fence_is_checked_uploaded_and_flown_to_its_end(
+    flight: Card, tmp_path: Path
+) -> None:
+    plan = OWN / "missions" / "box_and_return_in_a_fence.plan"
+    mission = read_mission_file(plan, load_platform("pelican_rtk"), tmp_path)
+    flight.begin(mission.file, platform="pelican_rtk", home=mission.home)
+    assert len(held_fence(flight)) == 5
+    flight.await_state("mission", "done", 120.0)
+    truth = flight.flight.truth.samples[-1]
+    assert dist(truth.position_ned_m[:2], (0.0, 0.0)) < 0.5
+    assert not flight.was_told("fence breached")

@@ -113,7 +113,7 @@ class Flight:
         if plan.world:
             world = _fitting(World.load(plan.world), self.mission)
         else:
-            world = World.load(*place_for(self.mission, self.platform, vehicle_of(self.platform)))
+            world = World.load(*place_for(self.mission, self.platform, vehicle_of(self.platform), plan.home))
         world.water = rough(world.water, waves_m=plan.waves_m, waves_from_deg=WEST_DEG, current_m_s=plan.current_m_s)
         return world
 

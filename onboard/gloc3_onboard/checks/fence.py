@@ -50,6 +50,9 @@ def _is_on(setup: AutopilotSetup, fence: FenceTable) -> bool:
 def _breach(setup: AutopilotSetup, fence: FenceTable) -> Check:
     """The autopilot does something at the fence, and nothing that no platform file allows."""
     name, action = fence.breach.parameter, action_of(setup, fence.breach)
+    if not name:
+        finding = "the autopilot only records that the vehicle leaves its fence: the limiter alone keeps the mission's"
+        return Check(GROUP, TITLE, Verdict.WARNING, finding)
     if action is None:
         return Check(GROUP, TITLE, Verdict.UNKNOWN, f"{name} could not be read")
     finding = f"{action} ({name} {setup.parameters[name]:g})"

@@ -67,7 +67,7 @@ ROVER: Final = COPTER._replace(
     pose_lost=Failsafe("FS_EKF_ACTION", {0: CONTINUE, 1: HOLD, 2: CONTINUE}),
     setpoints_lost=_FIXED_STOP,
     fence=_FENCE._replace(
-        breach=Failsafe("FENCE_ACTION", {0: CONTINUE, 1: RETURN, 2: HOLD, 3: RETURN, 4: RETURN, 5: TERMINATE, 6: HOLD}),
+        breach=Failsafe("FENCE_ACTION", {0: CONTINUE, 1: RETURN, 2: HOLD, 3: RETURN, 4: RETURN}),
         limits=(_CIRCLE,),
     ),
 )
@@ -82,12 +82,10 @@ SUB: Final = COPTER._replace(
     low_battery=Failsafe("BATT_FS_LOW_ACT", {0: CONTINUE, 1: CONTINUE, 2: DISARM, 3: LAND}, *_BATTERY_LIMIT),
     pose_lost=Failsafe("FS_EKF_ACTION", {0: CONTINUE, 1: CONTINUE, 2: DISARM}),
     setpoints_lost=_FIXED_STOP,
-    fence=_FENCE._replace(
-        breach=Failsafe("FENCE_ACTION", {0: CONTINUE, 1: PILOT, 2: LAND}), limits=(_TOP, _CIRCLE, _BOTTOM)
-    ),
+    fence=_FENCE._replace(breach=Failsafe("", {0: CONTINUE}), limits=(_TOP, _CIRCLE, _BOTTOM)),
     doubtful={"FS_PILOT_INPUT": (2.0, "disarms under way when a connected joystick stops sending")},
 )
-"""To *land* is to surface."""
+"""To *land* is to surface. At its fence it does nothing but record that it was left."""
 
 PLANE: Final = COPTER._replace(
     link_loss=Failsafe(

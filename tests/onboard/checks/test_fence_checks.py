@@ -1,5 +1,7 @@
 """The autopilot's own fence before a start: it keeps the mission's, and does not stop the mission on its way."""
 
+from collections.abc import Mapping
+
 import pytest
 
 from gloc3.messages.frames import GeoPoint
@@ -33,11 +35,11 @@ GOOD = {
 def lines(
     style: Style,
     vehicle: VehicleClass = COPTER,
+    changes: Mapping[str, float] | None = None,
     *,
     geofence: str = FENCE,
     sensors_enabled: int = 0,
     mission: str = MISSION,
-    **changes: float,
 ) -> list[Check]:
     platform = load_platform("copter")
     circumstances = Circumstances(
@@ -45,7 +47,7 @@ def lines(
     )
     loaded = check_text(mission.replace("GEOFENCE", geofence), "m", circumstances).mission
     names = table_of(style, vehicle).names()
-    values = {name: float(value) for name, value in {**GOOD[style], **changes}.items() if name in names}
+    values = {name: float(value) for name, value in {**GOOD[style], **(changes or {})}.items() if name in names}
     setup = AutopilotSetup(
         style=style, vehicle=vehicle, parameters=values, is_complete=True, sensors_enabled=sensors_enabled
     )
@@ -97,7 +99,7 @@ def test_what_the_autopilot_does_at_the_fence_is_told(style: Style, vehicle: Veh
 def test_a_fence_that_does_not_act_or_would_stop_the_mission_is_red(
     style: Style, vehicle: VehicleClass, changes: dict[str, float], finding: str, advice: str
 ) -> None:
-    (line,) = [one for one in lines(style, vehicle, **changes) if one.verdict is Verdict.RED]
+    (line,) = [one for one in lines(style, vehicle, changes) if one.verdict is Verdict.RED]
     assert line.finding.startswith(finding)
     assert line.advice == advice
 
@@ -112,7 +114,7 @@ def test_a_fence_that_does_not_act_or_would_stop_the_mission_is_red(
     ],
 )
 def test_a_limit_that_is_wide_enough_or_not_selected_is_no_matter(style: Style, changes: dict[str, float]) -> None:
-    assert [one.verdict for one in lines(style, **changes)] == [Verdict.OK]
+    assert [one.verdict for one in lines(style, COPTER, changes)] == [Verdict.OK]
 
 
 @pytest.mark.parametrize(
@@ -129,21 +131,23 @@ def test_a_limit_that_is_wide_enough_or_not_selected_is_no_matter(style: Style, 
 def test_without_a_fence_in_the_mission_the_limits_of_a_fence_that_is_on_count(
     style: Style, changes: dict[str, float], sensors_enabled: int, reds: int
 ) -> None:
-    found = lines(style, geofence="", sensors_enabled=sensors_enabled, **changes)
+    found = lines(style, COPTER, changes, geofence="", sensors_enabled=sensors_enabled)
     assert [one.verdict for one in found] == [Verdict.RED] * reds
 
 
 def test_a_contingency_is_measured_too() -> None:
     far = MISSION + "on_low_battery: {task: refuge, then: land}\ncontingencies:\n"
     far += "  refuge: {actions: {away: {go_to: {position: [47.002, 8.0, 20]}}}}\n"
-    (line,) = [one for one in lines(PX4, mission=far, GF_MAX_HOR_DIST=150) if one.verdict is Verdict.RED]
+    (line,) = [one for one in lines(PX4, COPTER, {"GF_MAX_HOR_DIST": 150}, mission=far) if one.verdict is Verdict.RED]
     assert line.finding.startswith("the mission goes 222.4 m away from home")
 
 
-def test_a_submarine_s_fence_has_a_depth() -> None:
+def test_a_submarine_s_fence_has_a_depth_and_does_nothing_at_it() -> None:
     deep = MISSION.replace("take_off: {height_m: 12}", "take_off: {height_m: 1}").replace("8.0, 40]", "8.0, -20]")
-    found = lines(ARDUPILOT, SUB, mission=deep, FENCE_TYPE=12, FENCE_ALT_MIN=-15)
-    (line,) = [one for one in found if one.verdict is Verdict.RED]
+    found = lines(ARDUPILOT, SUB, {"FENCE_TYPE": 12, "FENCE_ALT_MIN": -15}, mission=deep)
+    told, line = found
+    assert (told.verdict, line.verdict) == (Verdict.WARNING, Verdict.RED)
+    assert "the limiter alone keeps" in told.finding
     assert line.finding.startswith(
         "the mission goes 20.0 m below home, with a margin of 1 m; the autopilot's limit is -15"
     )

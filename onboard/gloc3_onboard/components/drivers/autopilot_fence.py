@@ -107,7 +107,7 @@ class AutopilotFence(ActuatorDriver[NoSettings]):
             return
         self._answered_s = min(self._answered_s, now_s)
         if not answer.is_accepted:
-            self._set(FenceProgress.FAILED, answer.reason)
+            self._set(FenceProgress.FAILED, "; ".join(filter(None, (answer.reason, self._problem))))
         elif not self._problem:
             self._is_ours = self._wanted is None or bool(self._wanted.areas)
             self._set(FenceProgress.CONFIRMED)

@@ -61,6 +61,9 @@ def test_a_plan_of_qgroundcontrol_with_a_fence_is_checked_uploaded_and_flown_to_
     truth = flight.flight.truth.samples[-1]
     assert dist(truth.position_ned_m[:2], (0.0, 0.0)) < 0.5
     assert not flight.was_told("fence breached")
+    fence = flight.flight.mission.fence
+    assert fence is not None
+    assert fence.clearance_m((0.0, 0.0, 0.0)) == pytest.approx(9.0, abs=0.1), "it is drawn where it is"
 
 
 ARDUPILOT = pytest.mark.parametrize("style", ["ardupilot"], indirect=True)

@@ -105,12 +105,16 @@ def read_mission_file(path: Path, platform: Platform, folder: Path) -> FlyableMi
     """
     file, text, left_out = mission_text(str(path), platform.limits.speed_m_s)
     is_foreign = path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES)
-    report = check_text(text, f"{file} (converted)" if is_foreign else file, Circumstances(platform=platform))
+    planned = load_plan(path).home if is_foreign else None
+    home = GeoPoint(*planned) if planned is not None and any(planned[:2]) else None
+    circumstances = Circumstances(platform=platform)
+    if home is not None:
+        circumstances = Circumstances(
+            platform=platform, origin=home, home_altitude_m=home.altitude_m, home_ned_m=(0.0, 0.0, 0.0)
+        )
+    report = check_text(text, f"{file} (converted)" if is_foreign else file, circumstances)
     mission = report.flyable()
-    home = None
     if is_foreign:
-        planned = load_plan(path).home
-        home = GeoPoint(*planned) if planned is not None and any(planned[:2]) else None
         path = folder / "mission-converted.yaml"
         path.write_text(text, encoding="utf-8")
     duration_s = report.estimate.duration_s if report.estimate is not None else UNKNOWN_DURATION_S

@@ -7,12 +7,11 @@ from typing import Final
 from gloc3.messages.frames import Vector3
 from gloc3.messages.preflight import Check, Group, Verdict
 from gloc3.messages.readiness import AutopilotSetup
-from gloc3.mission.checking.estimate import estimate
 from gloc3.mission.formats.from_mission import fence_on_earth
+from gloc3.mission.model.arguments import FollowWaypointsOrder
 from gloc3.mission.model.legs import Budget
 from gloc3.mission.model.model import Mission, part_of
 from gloc3.mission.model.policy import Policy
-from gloc3.mission.model.structure import PartialOrder
 from gloc3.platform.limits import Limits
 from gloc3_onboard.autopilot.health_words import FENCE_BIT
 from gloc3_onboard.checks.failsafes import action_of
@@ -107,11 +106,14 @@ def reach_m(mission: Mission, limits: Limits, home_ned_m: Vector3) -> dict[str, 
     budget = Budget.of(limits, home_ned_m)
     found = dict.fromkeys(_WAYS, 0.0)
     for part in (mission, *(part_of(mission, name) for name, task in mission.contingencies.items() if task.actions)):
-        figures = estimate(part, PartialOrder.of(part), home_ned_m, budget, None)
-        for leg in (leg for one in figures.actions.values() for leg in one.legs):
-            north, east, down = leg.end
-            away_m = hypot(north - home_ned_m[0], east - home_ned_m[1])
-            found["away"] = max(found["away"], away_m + limits.turn_radius_m)
-            found["up"] = max(found["up"], home_ned_m[2] - down)
-            found["down"] = max(found["down"], down - home_ned_m[2])
+        for order in (action.order for action in part.actions().values()):
+            if isinstance(order, FollowWaypointsOrder):  # there may be thousands, and this is done in the control path
+                places = order.waypoints_ned_m
+            else:
+                places = tuple(leg.end for leg in order.legs(home_ned_m, budget))
+            for north, east, down in places:
+                away_m = hypot(north - home_ned_m[0], east - home_ned_m[1])
+                found["away"] = max(found["away"], away_m + limits.turn_radius_m)
+                found["up"] = max(found["up"], home_ned_m[2] - down)
+                found["down"] = max(found["down"], down - home_ned_m[2])
     return found

@@ -18,7 +18,7 @@ from gloc3_onboard.algorithms.scan_matching.scan_points import ranges_of
 HOME: Final = (39.5528, 2.6285)
 """Latitude and longitude of the home of all missions."""
 DEG_PER_M: Final = 1.0 / 111_200.0
-TAKE_OFF, WAYPOINT, LAND, TRIGGER = 22, 16, 21, 206
+TAKE_OFF, WAYPOINT, RETURN, LAND, TRIGGER = 22, 16, 20, 21, 206
 SCANS, BEAMS = 90, 181
 SCAN_PERIOD_S: Final = 0.2
 
@@ -48,6 +48,10 @@ def _item(command: int, north_m: float = 0.0, east_m: float = 0.0, height_m: flo
 def _box() -> list[dict[str, Any]]:
     corners = [(20.0, 0.0), (20.0, 20.0), (0.0, 20.0)]
     return [_item(TAKE_OFF), *(_item(WAYPOINT, *corner) for corner in corners), _item(LAND, height_m=0.0)]
+
+
+def _return() -> dict[str, Any]:
+    return {"type": "SimpleItem", "autoContinue": True, "command": RETURN, "frame": 2, "params": [0, 0, 0, 0, 0, 0, 0]}
 
 
 def _survey(version: int = 5) -> dict[str, Any]:
@@ -102,6 +106,7 @@ def _plans() -> dict[str, Any]:
         "box_in_a_fence.plan": _plan(
             _box(), geoFence=fence, rallyPoints={"version": 2, "points": [[*_at(0.0, 5.0), 5.0]]}
         ),
+        "box_and_return_in_a_fence.plan": _plan([*_box()[:-1], _return()], geoFence=fence),
         "survey.plan": _plan([_item(TAKE_OFF), _survey(), _item(LAND, height_m=0.0)]),
         "structure_scan.plan": _plan([_item(TAKE_OFF), structure]),
         "survey_without_items.plan": _plan([_item(TAKE_OFF), without]),

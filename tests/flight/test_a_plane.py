@@ -1,13 +1,15 @@
 """A plane flies its mission: it takes off, keeps its lines, waits in circles, and comes home to land."""
 
-from math import dist
+from math import dist, nan
 from pathlib import Path
 
 import pytest
 from tests.flight.card import Card
 
+from gloc3.mavlink.codec import message
 from gloc3.messages.vehicle import FlightMode
 
+REPOSITION = 192
 LINES = """mission: two lines
 frame: geo
 geofence: {circle: {center: [47.4000, 8.5480], radius_m: 1200}, ceiling_m: 110}
@@ -57,5 +59,26 @@ def test_a_plane_takes_off_keeps_its_lines_circles_when_paused_and_comes_home_wi
         plane.await_landed(120.0)
         assert dist(ned_m(plane)[:2], (0.0, 0.0)) < 300.0
         assert not plane.driver.has_pilot_control
+    finally:
+        plane.close()
+
+
+def test_a_plane_that_is_led_out_of_its_mission_s_fence_is_turned_back_by_its_autopilot(plane: Card) -> None:
+    """Nothing of ours has a part in its path: the fence is the autopilot's, and has to be switched on."""
+    try:
+        plane.await_state("away.off", "done", 40.0)
+        out = message(
+            "COMMAND_INT", target_system=1, target_component=1, frame=6, command=REPOSITION, param1=-1.0, param2=1.0,
+            param4=nan, x=474000000, y=85800000, z=60.0,
+        )  # fmt: skip
+        plane.flight.process.vehicle.autopilot.send_message(out)
+        plane.await_mode(FlightMode.GUIDED, 5.0)
+
+        def texts() -> list[str]:
+            return [text for _, _, text in plane.flight.simulator.texts]
+
+        plane.until(lambda: "Failsafe: outside the fence" in texts(), 90.0, "its autopilot notices the fence")
+        plane.await_mode(FlightMode.RETURN, 1.0)
+        plane.always(lambda: east_m(plane) < 1400.0, 30.0, "it turns back")
     finally:
         plane.close()

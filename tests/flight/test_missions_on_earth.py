@@ -1,11 +1,16 @@
 """DESIGN §6: in frame geo the fence is also given to the autopilot and read back before the mission starts."""
 
+from math import dist
+from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.data_folders import OWN
 from tests.flight.card import Card
 
 from gloc3.errors import Refused
+from gloc3.platform.reader import load_platform
+from gloc3_sitl.flight.mission_file import read_mission_file
 
 LATITUDE, LONGITUDE = 47.0, 8.0
 EAST = 8.00008
@@ -43,3 +48,78 @@ def test_without_the_fence_in_the_autopilot_no_mission_on_earth_starts(flight: C
     with pytest.raises(Refused, match="the autopilot does not hold the mission's fence"):
         flight.begin(MISSION, faults=["topic:motion/geofence=lost"])
     assert not held_fence(flight)
+
+
+def test_a_plan_of_qgroundcontrol_with_a_fence_is_checked_uploaded_and_flown_to_its_end(
+    flight: Card, tmp_path: Path
+) -> None:
+    plan = OWN / "missions" / "box_and_return_in_a_fence.plan"
+    mission = read_mission_file(plan, load_platform("pelican_rtk"), tmp_path)
+    flight.begin(mission.file, platform="pelican_rtk", home=mission.home)
+    assert len(held_fence(flight)) == 5
+    flight.await_state("mission", "done", 120.0)
+    truth = flight.flight.truth.samples[-1]
+    assert dist(truth.position_ned_m[:2], (0.0, 0.0)) < 0.5
+    assert not flight.was_told("fence breached")
+    fence = flight.flight.mission.fence
+    assert fence is not None
+    assert fence.clearance_m((0.0, 0.0, 0.0)) == pytest.approx(9.0, abs=0.1), "it is drawn where it is"
+
+
+ARDUPILOT = pytest.mark.parametrize("style", ["ardupilot"], indirect=True)
+
+
+def is_fence_on(flight: Card) -> bool:
+    """Whether the autopilot keeps its fence."""
+    autopilot = flight.flight.simulator.autopilot
+    return autopilot.commander.fence.is_kept(autopilot.craft)
+
+
+@ARDUPILOT
+def test_ardupilot_s_fence_is_switched_on_with_the_mission_and_again_on_the_ground_but_not_in_flight(
+    flight: Card,
+) -> None:
+    flight.begin(MISSION, is_started=False)
+    assert is_fence_on(flight)
+    parameters = flight.flight.simulator.autopilot.parameters
+    assert parameters["FENCE_ENABLE"] == 0, "what is set for good is left alone"
+    parameters.set("FENCE_ENABLE", 0)  # as after a restart
+    assert not is_fence_on(flight)
+    flight.until(lambda: is_fence_on(flight), 8.0, "the fence is on again")
+    flight.until(lambda: flight.last("autopilot_fence").progress == "confirmed", 2.0, "which is told")
+    flight.command("start")
+    flight.await_state("sweep.out", "running", 20.0)
+    parameters.set("FENCE_ENABLE", 0)  # by a pilot
+    flight.await_state("mission", "done", 60.0)
+    assert not is_fence_on(flight)
+    assert len(held_fence(flight)) == 4
+
+
+@ARDUPILOT
+@pytest.mark.parametrize(
+    ("parameters", "reason"),
+    [
+        ({"FENCE_TYPE": 0}, "the autopilot does not hold the mission's fence: failed"),
+        ({"FENCE_ACTION": 0}, "the autopilot does not hold the mission's fence: its fence is switched off"),
+    ],
+)
+def test_a_fence_that_cannot_be_switched_on_keeps_the_mission_from_being_loaded(
+    flight: Card, parameters: dict[str, float], reason: str
+) -> None:
+    with pytest.raises(Refused, match=reason):
+        flight.begin(MISSION, parameters=parameters)
+
+
+@pytest.mark.parametrize("style", ["px4"], indirect=True)
+@pytest.mark.parametrize(
+    ("parameters", "reason"),
+    [
+        ({"GF_ACTION": 1}, "GF_ACTION 1"),
+        ({"GF_MAX_HOR_DIST": 5}, "6.1 m away from home, with a margin of 0.5 m; the autopilot's limit is 5 m"),
+    ],
+)
+def test_a_px4_whose_fence_does_not_act_or_is_nearer_than_the_mission_does_not_start(
+    flight: Card, parameters: dict[str, float], reason: str
+) -> None:
+    flight.begin(MISSION, is_started=False, parameters=parameters)
+    assert reason in flight.refused_steer("start")

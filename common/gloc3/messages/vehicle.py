@@ -289,7 +289,7 @@ class GeoFence(Message, frozen=True):
     """The fence of the loaded mission, for the autopilot to keep too; without areas where it has none on Earth."""
 
     digest: str
-    """Of the mission; what is uploaded is known by it."""
+    """Of the mission, empty without one; what is uploaded is known by it."""
     areas: list[GeoArea] = []
 
 
@@ -299,7 +299,7 @@ class FenceProgress(StrEnum):
     NONE = "none"
     UPLOADING = "uploading"
     CONFIRMED = "confirmed"
-    """The autopilot has it, and gave it back equal."""
+    """The autopilot has it, gave it back equal, and has switched it on, as far as it tells."""
     FAILED = "failed"
 
 

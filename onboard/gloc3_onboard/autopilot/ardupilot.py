@@ -6,6 +6,7 @@ from typing import Final
 from gloc3.messages.vehicle import FlightMode, Style, VehicleClass
 from gloc3_onboard.autopilot.style import (
     COMMON_STREAMS,
+    DO_FENCE_ENABLE,
     EKF_STATUS_REPORT,
     GPS_GLOBAL_ORIGIN,
     HEARTBEAT,
@@ -175,6 +176,8 @@ class ArduPilot:
     )
     odometry_frame = LOCAL_FRD
     """The state comes at 5 Hz, so that a pilot's change of mode is seen within 0.2 s."""
+    fence_on_command = MavCommand(DO_FENCE_ENABLE, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    """All kinds of fences that FENCE_TYPE selects; until the autopilot restarts."""
 
     def __init__(self, vehicle: VehicleClass = VehicleClass.COPTER) -> None:
         self.class_properties = CLASSES[vehicle]

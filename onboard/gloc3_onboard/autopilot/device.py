@@ -11,6 +11,7 @@ from gloc3.messages.readiness import AutopilotSetup
 from gloc3.messages.vehicle import AutopilotState, FlightMode, Pose, Style
 from gloc3.mission.formats.items import FenceArea
 from gloc3_onboard.autopilot.commands import NO_OWNER
+from gloc3_onboard.autopilot.health_words import FENCE_BIT
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.sensors import FIX_HZ, WHEELS_HZ
 from gloc3_onboard.autopilot.setpoints import ControlLead
@@ -215,7 +216,7 @@ class AutopilotDevice:
         return self._command(make)
 
     def command_fence(self, areas: Sequence[FenceArea]) -> int:
-        """Uploads a fence and reads it back; without areas the autopilot's fence is cleared."""
+        """Uploads a fence, reads it back and switches it on; without areas the autopilot's fence is cleared."""
         ticket = self._link.commands.ticket()
 
         def begin() -> None:
@@ -228,6 +229,15 @@ class AutopilotDevice:
 
         self._link.post(begin)
         return ticket
+
+    @property
+    def fence_problem(self) -> str:
+        """Why the autopilot does not keep the fence that it holds, as far as it tells; PX4 does not."""
+        if self._link.style.fence_on_command is None or self._link.inspection.setup.sensors_enabled & FENCE_BIT:
+            return ""
+        return (
+            "its fence is switched off (SYS_STATUS); FENCE_ACTION must not be 0, FENCE_TYPE must contain 4 (polygons)"
+        )
 
     def command_plan(self, way: GeoPath) -> int:
         """Uploads the plan of a path and reads it back."""

@@ -24,6 +24,8 @@ SENSORS: Final[Mapping[int, str]] = {
     1 << 25: "battery monitor",
 }
 """MAV_SYS_STATUS_SENSOR bits whose failure speaks against a start."""
+FENCE_BIT: Final = 1 << 20
+"""MAV_SYS_STATUS_GEOFENCE; ArduPilot shows it as enabled while the fence is on and does more than report."""
 ATTITUDE, HEIGHT, CONSTANT = 0x01, 0x20 | 0x40, 0x80
 POSITION: Final = 0x08 | 0x10
 PREDICTED: Final = 0x100 | 0x200

@@ -256,8 +256,11 @@ class AutopilotLink:
     def _follow_plans(self, now_s: float) -> None:
         for event in self._plans.events():
             if isinstance(event, Transfer):
-                ended = self.fence.received(event, now_s) or self.plan.received(event, now_s)
-                if ended is not None:
+                fenced, switch_on = self.fence.received(event, now_s), self.style.fence_on_command
+                ended = fenced or self.plan.received(event, now_s)
+                if fenced is not None and fenced[1].is_accepted and self.fence.is_set and switch_on is not None:
+                    self.commands.send(fenced[0], switch_on, self.target, now_s)  # its answer is that of the fence
+                elif ended is not None:
                     self.commands.put(*ended)
             elif event.sender == self.target:
                 self.plan.follow(event)

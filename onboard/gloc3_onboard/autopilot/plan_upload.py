@@ -168,9 +168,12 @@ class FenceUpload(PlanUploader):
 
     def __init__(self, client: MissionClient) -> None:
         super().__init__(client, PlanType.FENCE, "fence")
+        self.is_set = False
+        """Whether the latest one is a fence, and not the clearing of one."""
 
     def begin(self, ticket: int, areas: Sequence[FenceArea], target: Address, now_s: float) -> None:
         """Sends a fence; without areas the autopilot's fence is cleared."""
+        self.is_set = bool(areas)
         self.send(ticket, fence_items(areas), target, now_s)
 
 

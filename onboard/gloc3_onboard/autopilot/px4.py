@@ -107,6 +107,8 @@ class Px4:
     style = Style.PX4
     streams = (*COMMON_STREAMS, MessageStream(ESTIMATOR_STATUS, 1.0))
     odometry_frame = LOCAL_NED
+    fence_on_command = None
+    """GF_ACTION decides; the checks before a start read it."""
 
     def __init__(self, vehicle: VehicleClass = VehicleClass.COPTER) -> None:
         self.class_properties = CLASSES[vehicle]

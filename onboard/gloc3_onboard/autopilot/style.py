@@ -100,6 +100,10 @@ class AutopilotStyle(Protocol):
         """What is known of its vehicle."""
 
     @property
+    def fence_on_command(self) -> MavCommand | None:
+        """The command that switches its fence on; None where a parameter alone decides."""
+
+    @property
     def streams(self) -> Sequence[MessageStream]:
         """The messages that we need."""
 
@@ -133,7 +137,7 @@ HEARTBEAT, SYS_STATUS, ATTITUDE_QUATERNION, LOCAL_POSITION_NED = 0, 1, 31, 32
 GPS_GLOBAL_ORIGIN, DISTANCE_SENSOR, EXTENDED_SYS_STATE, GLOBAL_POSITION_INT = 49, 132, 245, 33
 HOME_POSITION, EKF_STATUS_REPORT, ESTIMATOR_STATUS = 242, 193, 230
 SET_MODE, NAV_LAND, NAV_TAKEOFF, NAV_RETURN, ARM_DISARM = 176, 21, 22, 20, 400
-DO_SET_HOME, SET_EKF_SOURCE_SET = 179, 42007
+DO_SET_HOME, SET_EKF_SOURCE_SET, DO_FENCE_ENABLE = 179, 42007, 207
 
 COMMON_STREAMS = (
     MessageStream(ATTITUDE_QUATERNION, 20.0),

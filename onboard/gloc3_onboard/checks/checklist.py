@@ -12,6 +12,7 @@ from gloc3.platform.places import clock_host, host_names, place_of
 from gloc3_onboard.checks.autopilot import autopilot_checks
 from gloc3_onboard.checks.computer import computer_checks
 from gloc3_onboard.checks.failsafes import failsafe_checks
+from gloc3_onboard.checks.fence import fence_checks
 from gloc3_onboard.checks.readings import Readings
 from gloc3_onboard.checks.sensors import sensor_checks
 
@@ -22,6 +23,7 @@ def checklist(readings: Readings) -> list[Check]:
         [
             *autopilot_checks(readings),
             *failsafe_checks(readings),
+            *fence_checks(readings),
             *sensor_checks(readings),
             *own_sensor_checks(readings),
             *component_checks(readings),

@@ -29,6 +29,33 @@ class Failsafe(NamedTuple):
     """A parameter that is 0 where nothing is done."""
 
 
+class FenceLimit(NamedTuple):
+    """A limit of the autopilot's own fence; 0 is none where `kind` is 0."""
+
+    parameter: str
+    """In metres from home."""
+    reach: str
+    """Which reach of a mission it limits: `away`, `up` or `down`."""
+    kind: int = 0
+    """The bit of `FenceTable.kinds` that selects it; 0 where its value alone does."""
+
+
+class FenceTable(NamedTuple):
+    """The autopilot's own fence."""
+
+    breach: Failsafe
+    """What it does when the vehicle leaves the fence."""
+    limits: tuple[FenceLimit, ...]
+    kinds: str = ""
+    """A parameter whose bits select what is kept, with `POLYGONS` for what is uploaded; empty where everything is."""
+    enabled_by: str = ""
+    """A parameter that is 0 where it is off until it is switched on by command."""
+
+
+POLYGONS = 4
+"""The bit of ArduPilot's FENCE_TYPE for uploaded polygons and circles."""
+
+
 class StyleTable(NamedTuple):
     """The parameters that are read from an autopilot, and their meaning."""
 
@@ -38,6 +65,7 @@ class StyleTable(NamedTuple):
     low_battery: Failsafe
     pose_lost: Failsafe
     setpoints_lost: Failsafe
+    fence: FenceTable
     calibrated: Mapping[str, str]
     """Parameters that are 0 until a sensor has been calibrated, and the sensor."""
     arming_checks: Mapping[str, float]
@@ -48,9 +76,11 @@ class StyleTable(NamedTuple):
     def names(self) -> tuple[str, ...]:
         """Every parameter that is to be read."""
         found: dict[str, None] = {}
-        for failsafe in (self.link_loss, self.low_battery, self.pose_lost, self.setpoints_lost):
+        fence = self.fence
+        for failsafe in (self.link_loss, self.low_battery, self.pose_lost, self.setpoints_lost, fence.breach):
             exempt = failsafe.exempt[0] if failsafe.exempt is not None else ""
             found |= dict.fromkeys((failsafe.parameter, failsafe.enabled_by, *failsafe.limit_parameters, exempt))
+        found |= dict.fromkeys((fence.kinds, fence.enabled_by, *(limit.parameter for limit in fence.limits)))
         found |= dict.fromkeys((*self.calibrated, *self.arming_checks, *self.doubtful))
         return tuple(name for name in found if name)
 

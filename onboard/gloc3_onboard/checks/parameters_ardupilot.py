@@ -17,6 +17,8 @@ from gloc3_onboard.checks.parameters import (
     RETURN,
     TERMINATE,
     Failsafe,
+    FenceLimit,
+    FenceTable,
     StyleTable,
     share_of,
     value_of,
@@ -25,6 +27,16 @@ from gloc3_onboard.checks.parameters import (
 _BATTERY_LIMIT: Final = share_of("BATT_LOW_MAH", "BATT_CAPACITY"), ("BATT_LOW_MAH", "BATT_CAPACITY")
 _FIXED_STOP: Final = Failsafe("", {0: HOLD}, lambda _: 3.0)
 """Rover and Sub stop three seconds after the last setpoint, which cannot be changed."""
+
+_CIRCLE: Final = FenceLimit("FENCE_RADIUS", "away", 2)
+_TOP: Final = FenceLimit("FENCE_ALT_MAX", "up", 1)
+_BOTTOM: Final = FenceLimit("FENCE_ALT_MIN", "down", 8)
+_FENCE: Final = FenceTable(
+    Failsafe("FENCE_ACTION", {0: CONTINUE, 1: RETURN, 2: LAND, 3: RETURN, 4: HOLD, 5: RETURN}),
+    (_TOP, _CIRCLE),
+    kinds="FENCE_TYPE",
+    enabled_by="FENCE_ENABLE",
+)
 
 COPTER: Final = StyleTable(
     least_firmware=(4, 4, 0),
@@ -41,6 +53,7 @@ COPTER: Final = StyleTable(
     ),
     pose_lost=Failsafe("FS_EKF_ACTION", {0: CONTINUE, 1: LAND, 2: PILOT, 3: LAND}),
     setpoints_lost=Failsafe("", {0: HOLD}, value_of("GUID_TIMEOUT"), ("GUID_TIMEOUT",)),
+    fence=_FENCE,
     calibrated={},
     arming_checks={"ARMING_SKIPCHK": 0.0, "ARMING_CHECK": 1.0},
 )
@@ -53,6 +66,10 @@ ROVER: Final = COPTER._replace(
     low_battery=Failsafe("BATT_FS_LOW_ACT", _ROVER_ACTIONS, *_BATTERY_LIMIT),
     pose_lost=Failsafe("FS_EKF_ACTION", {0: CONTINUE, 1: HOLD, 2: CONTINUE}),
     setpoints_lost=_FIXED_STOP,
+    fence=_FENCE._replace(
+        breach=Failsafe("FENCE_ACTION", {0: CONTINUE, 1: RETURN, 2: HOLD, 3: RETURN, 4: RETURN}),
+        limits=(_CIRCLE,),
+    ),
 )
 
 SUB: Final = COPTER._replace(
@@ -65,9 +82,10 @@ SUB: Final = COPTER._replace(
     low_battery=Failsafe("BATT_FS_LOW_ACT", {0: CONTINUE, 1: CONTINUE, 2: DISARM, 3: LAND}, *_BATTERY_LIMIT),
     pose_lost=Failsafe("FS_EKF_ACTION", {0: CONTINUE, 1: CONTINUE, 2: DISARM}),
     setpoints_lost=_FIXED_STOP,
+    fence=_FENCE._replace(breach=Failsafe("", {0: CONTINUE}), limits=(_TOP, _CIRCLE, _BOTTOM)),
     doubtful={"FS_PILOT_INPUT": (2.0, "disarms under way when a connected joystick stops sending")},
 )
-"""To *land* is to surface."""
+"""To *land* is to surface. At its fence it does nothing but record that it was left."""
 
 PLANE: Final = COPTER._replace(
     link_loss=Failsafe(
@@ -84,6 +102,7 @@ PLANE: Final = COPTER._replace(
     ),
     pose_lost=Failsafe("", {0: CONTINUE}),
     setpoints_lost=Failsafe("", {0: HOLD}),
+    fence=_FENCE._replace(breach=Failsafe("FENCE_ACTION", {0: CONTINUE, 1: RETURN, 6: HOLD, 7: HOLD, 8: LAND})),
 )
 """To *hold* is to circle; without a position it flies on by what it believes."""
 

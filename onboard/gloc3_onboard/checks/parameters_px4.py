@@ -16,6 +16,8 @@ from gloc3_onboard.checks.parameters import (
     RETURN,
     TERMINATE,
     Failsafe,
+    FenceLimit,
+    FenceTable,
     StyleTable,
     value_of,
 )
@@ -38,6 +40,10 @@ COPTER: Final = StyleTable(
         {0: PILOT, 1: PILOT, 2: PILOT, 3: RETURN, 4: LAND, 5: HOLD, 6: TERMINATE, 7: DISARM},
         value_of("COM_OF_LOSS_T"),
         ("COM_OF_LOSS_T",),
+    ),
+    fence=FenceTable(
+        Failsafe("GF_ACTION", {0: CONTINUE, 1: CONTINUE, 2: HOLD, 3: RETURN, 4: TERMINATE, 5: LAND}),
+        (FenceLimit("GF_MAX_HOR_DIST", "away"), FenceLimit("GF_MAX_VER_DIST", "up")),
     ),
     calibrated={"CAL_GYRO0_ID": "gyroscope", "CAL_ACC0_ID": "accelerometer", "CAL_MAG0_ID": "compass"},
     arming_checks={},

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from gloc3.messages.frames import Vector3
 from gloc3.messages.hosts import HostPresence
 from gloc3.messages.readiness import AutopilotSetup, ComputerState
 from gloc3.messages.software import Software
@@ -41,6 +42,8 @@ class Readings:
     components: Sequence[ComponentCondition] | None = None
     """None where no component runs, as for `gloc3 doctor`."""
     mission: Mission | None = None
+    home_ned_m: Vector3 | None = None
+    """Where the vehicle stands, or was armed."""
     fence_problem: str = ""
     """Why the autopilot does not hold the mission's fence."""
     stations: Mapping[str, Software] = field(default_factory=dict)

@@ -131,6 +131,7 @@ class StartGate:
             height=known.height,
             components=self._conditions(now_s),
             mission=mission,
+            home_ned_m=snapshot.home_ned_m,
             stations=stations,
             hosts=known.hosts,
             fence_problem=fence_problem,

@@ -11,8 +11,8 @@ from gloc3.messages.summaries import MissionSummary, VehicleSummary
 from gloc3.messages.vehicle import AutopilotState, GeoArea, GeoFence, LandedState, MotionLimits, Pose, VehicleClass
 from gloc3.mission.executing.executor import MissionExecutor
 from gloc3.mission.executing.items import MissionProgram
-from gloc3.mission.formats.from_mission import fence_areas
-from gloc3.mission.model.model import GEO, digest_of
+from gloc3.mission.formats.from_mission import fence_on_earth
+from gloc3.mission.model.model import digest_of
 from gloc3.mission.model.states import ENDED, ActionState
 from gloc3.platform.platform import Platform
 from gloc3_onboard.command_server.vehicle_state import VehicleState
@@ -120,13 +120,12 @@ def _reasons(executor: MissionExecutor) -> dict[str, str]:
 
 
 def geofence_of(executor: MissionExecutor | None) -> GeoFence:
-    """The loaded mission's fence on Earth; without areas where it has none, or no mission is loaded."""
+    """The loaded mission's fence on Earth; without areas where it has none, and without a digest where no mission is."""
     mission = executor.mission.mission if executor is not None and executor.mission is not None else None
-    if mission is None or mission.frame != GEO or mission.geofence is None:
+    if mission is None:
         return GeoFence(digest="")
     areas = [
-        GeoArea(area.is_inclusion, list(area.polygon), area.center, area.radius_m)
-        for area in fence_areas(mission.geofence)
+        GeoArea(area.is_inclusion, list(area.polygon), area.center, area.radius_m) for area in fence_on_earth(mission)
     ]
     return GeoFence(digest=digest_of(mission.text), areas=areas)
 

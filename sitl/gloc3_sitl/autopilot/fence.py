@@ -6,6 +6,7 @@ from math import hypot
 from gloc3.messages.frames import TangentPlane
 from gloc3_sitl.autopilot.craft import Craft
 from gloc3_sitl.autopilot.plans import StoredItem
+from gloc3_sitl.autopilot.tuning import FailsafeAction
 
 Point = tuple[float, float]
 
@@ -46,6 +47,17 @@ class FenceMonitor:
             self.breach_s = craft.now_s
         self.is_broken = bool(broken)
         return broken
+
+    def is_present(self, craft: Craft) -> bool:
+        """Whether there is any limit that would be kept if the fence is on."""
+        tuning = craft.tuning
+        has_areas = bool(craft.plans.fence) and tuning.fence_has_polygons
+        return has_areas or any((tuning.fence_height_m, tuning.fence_depth_m, tuning.fence_radius_m))
+
+    def is_kept(self, craft: Craft) -> bool:
+        """Whether it is on and more than reported, as SYS_STATUS tells."""
+        tuning = craft.tuning
+        return self.is_present(craft) and tuning.fence_is_on and tuning.fence_action > FailsafeAction.WARN
 
     def breach(self, craft: Craft) -> str:
         """Returns which limit is breached; empty inside the fence."""

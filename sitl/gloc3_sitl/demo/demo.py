@@ -120,7 +120,7 @@ class Demo:
         await vehicle.start(
             [
                 *("sitl", "--vehicle", kind),
-                *_place(place_for(self._mission.mission, self._platform, kind)),
+                *_place(place_for(self._mission.mission, self._platform, kind, self._mission.home)),
                 *(["--dvl", f"a50://127.0.0.1:{dvl}"] if has_dvl else []),
                 *(["--no-gps"] if is_without_satellites(self._platform) else []),
                 *("--firmware" if options.is_firmware else "--autopilot", options.autopilot),

@@ -57,7 +57,7 @@ class Flight:
         self.plan: Final = plan
         self.platform: Final[Platform] = _called(load_platform(plan.platform), plan.name)
         self.mission_file: Final = find_mission(plan.mission)
-        self.mission: Final[Mission] = load_mission(plan.mission, MissionReferences.of(self.platform))
+        self.mission: Final[Mission] = load_mission(plan.mission, MissionReferences.of(self.platform, origin=plan.home))
         self.loop: Final = asyncio.get_running_loop()
         self.exchange: Final = TappedExchange()
         self.fault_injector: Final = FaultInjector(self.loop, plan.cycle_cost_s)
@@ -113,7 +113,7 @@ class Flight:
         if plan.world:
             world = _fitting(World.load(plan.world), self.mission)
         else:
-            world = World.load(*place_for(self.mission, self.platform, vehicle_of(self.platform)))
+            world = World.load(*place_for(self.mission, self.platform, vehicle_of(self.platform), plan.home))
         world.water = rough(world.water, waves_m=plan.waves_m, waves_from_deg=WEST_DEG, current_m_s=plan.current_m_s)
         return world
 

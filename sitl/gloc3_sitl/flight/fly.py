@@ -79,6 +79,7 @@ async def _fly(options: FlyOptions, mission: FlyableMission, narrate: Narrate | 
         waves_m=options.waves_m,
         current_m_s=options.current_m_s,
         world=options.world,
+        home=mission.home,
         out=options.out,
     )
     async with Flight(plan) as flight:

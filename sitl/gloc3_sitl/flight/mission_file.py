@@ -9,7 +9,7 @@ from gloc3.messages.frames import GeoPoint
 from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.checking.estimate import MissionEstimate
 from gloc3.mission.examples import find_mission
-from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, mission_text
+from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, load_plan, mission_text
 from gloc3.mission.model.model import GEO, Mission
 from gloc3.platform.platform import Platform
 from gloc3_sitl.vehicles.table import vehicle_named
@@ -34,6 +34,8 @@ class FlyableMission(NamedTuple):
     """As the checker estimates it."""
     estimate: MissionEstimate | None
     warnings: list[Finding]
+    home: GeoPoint | None = None
+    """The planned home of a plan of another format; None where there is none."""
 
 
 def find_file(name: str) -> Path:
@@ -72,11 +74,11 @@ class FlightSite(NamedTuple):
     heading_deg: float | None = None
 
 
-def place_for(mission: Mission, platform: Platform, vehicle: str) -> FlightSite:
+def place_for(mission: Mission, platform: Platform, vehicle: str, home: GeoPoint | None = None) -> FlightSite:
     """Returns the world of a mission's frame.
 
     For frames of the platform that is the open, ground or water, at their origin; for missions on Earth the vehicle's,
-    at the first place of the mission.
+    at the planned home, or without one at the first place of the mission.
 
     Raises:
         Gloc3Error: a mission on Earth has no position.
@@ -86,7 +88,7 @@ def place_for(mission: Mission, platform: Platform, vehicle: str) -> FlightSite:
         return FlightSite("open", GeoPoint(*row.origin.geo), row.x_axis_bearing_deg)
     if mission.frame != GEO:
         return FlightSite(HOLD)
-    return FlightSite(vehicle_named(vehicle).world, home_of(mission))
+    return FlightSite(vehicle_named(vehicle).world, home or home_of(mission))
 
 
 def is_without_satellites(platform: Platform) -> bool:
@@ -103,13 +105,20 @@ def read_mission_file(path: Path, platform: Platform, folder: Path) -> FlyableMi
     """
     file, text, left_out = mission_text(str(path), platform.limits.speed_m_s)
     is_foreign = path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES)
-    report = check_text(text, f"{file} (converted)" if is_foreign else file, Circumstances(platform=platform))
+    planned = load_plan(path).home if is_foreign else None
+    home = GeoPoint(*planned) if planned is not None and any(planned[:2]) else None
+    circumstances = Circumstances(platform=platform)
+    if home is not None:
+        circumstances = Circumstances(
+            platform=platform, origin=home, home_altitude_m=home.altitude_m, home_ned_m=(0.0, 0.0, 0.0)
+        )
+    report = check_text(text, f"{file} (converted)" if is_foreign else file, circumstances)
     mission = report.flyable()
     if is_foreign:
         path = folder / "mission-converted.yaml"
         path.write_text(text, encoding="utf-8")
     duration_s = report.estimate.duration_s if report.estimate is not None else UNKNOWN_DURATION_S
-    return FlyableMission(str(path), mission, duration_s, report.estimate, [*left_out, *report.findings])
+    return FlyableMission(str(path), mission, duration_s, report.estimate, [*left_out, *report.findings], home)
 
 
 def faces_down(platform: Platform, mission: Mission) -> bool:

@@ -6,6 +6,7 @@ from typing import Final
 import msgspec
 
 from gloc3.mavlink.transport.memory import Conditions
+from gloc3.messages.frames import GeoPoint
 from gloc3_sitl.faults.sabotage import CycleCost
 from gloc3_sitl.physics.wind import CALM, Wind
 
@@ -38,6 +39,8 @@ class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):
     """Charge at the start, 1 to 0."""
     world: str = ""
     """A world's name or file; where it is empty, the one that the mission's frame belongs to."""
+    home: GeoPoint | None = None
+    """Where the vehicle stands for a mission on Earth; None for the mission's first place."""
     is_plain_gps: bool = False
     has_station: bool = True
     """Whether it has a station of its own; in a fleet all are the fleet's."""

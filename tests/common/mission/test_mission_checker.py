@@ -2,6 +2,7 @@
 
 import pytest
 
+from gloc3.messages.frames import GeoPoint, Vector3
 from gloc3.mission.checking.checker import CheckReport, Circumstances, check_file, check_text, home_problem
 from gloc3.mission.examples import example_missions
 from gloc3.platform.platform import Platform
@@ -136,6 +137,68 @@ def test_a_home_near_or_outside_the_fence_is_refused(pelican: Platform) -> None:
     assert report.mission is not None
     assert home_problem(report.mission, (-5.0, 0.0, 0.0)) == "home is 3.0 m outside the fence"
     assert home_problem(report.mission, HOME) == ""
+
+
+ON_EARTH = """\
+mission: on Earth
+frame: geo
+geofence: {polygon: [[46.9995, 7.9995], [47.0005, 7.9995], [47.0005, 8.0005], [46.9995, 8.0005]], ceiling_m: 20}
+on_failure: land
+tasks:
+  depart: {actions: {climb: {take_off: {height_m: 2}}, look: {hold: {duration_s: 5}, after: [climb]}}}
+  sweep: {after: [depart], actions: {out: {follow_waypoints: {waypoints: [[47.0, 8.0, 2], [47.0, 8.0001, 2]]}}}}
+  recover: {after: [sweep], actions: {home: {return_home: {}}, down: {land: {}, after: [home]}}}
+"""
+ORIGIN = GeoPoint(47.0, 8.0, 400.0)
+
+
+@pytest.mark.parametrize("name", ["pelican_rtk", "copter", None])
+def test_without_a_home_nothing_is_judged_against_an_invented_one(name: str | None) -> None:
+    report = check_text(ON_EARTH, "m", Circumstances(platform=load_platform(name) if name else None))
+    assert reported(report) == []
+    assert report.estimate is not None
+    assert report.estimate.length_m < 30.0  # from the first waypoint, not from a corner of the fence 70 m away
+
+
+def test_a_contingency_without_a_home_is_not_judged_there_either() -> None:
+    text = ON_EARTH + "on_link_loss: {task: down, then: hold}\ncontingencies: {down: {actions: {d: {land: {}}}}}\n"
+    report = check_text(text, "m", Circumstances(platform=load_platform("pelican_rtk")))
+    assert reported(report) == []
+
+
+def test_a_plane_without_a_home_is_not_told_where_it_circles_after_its_return() -> None:
+    text = (
+        ON_EARTH.replace("46.9995", "46.99").replace("47.0005", "47.01").replace("7.9995", "7.99")
+        .replace("8.0005", "8.01").replace("ceiling_m: 20", "ceiling_m: 110").replace("height_m: 2}", "height_m: 50}")
+        .replace("8.0, 2]", "8.0, 50]").replace("8.0001, 2]", "8.0060, 50]").replace("5}, after", "30}, after")
+    )  # fmt: skip
+    report = check_text(text, "m", Circumstances(platform=load_platform("plane")))
+    assert [line for line in reported(report) if "fence" in line] == []
+
+
+@pytest.mark.parametrize(
+    ("home_ned_m", "expected"),
+    [
+        ((0.0, 0.0, 0.0), []),
+        ((55.3, 0.0, 0.0), ["home is 0.29 m inside the fence", "climb's end is 0.29 m", "look's end", "home's end", "down's end"]),
+        ((60.0, 0.0, 0.0), ["home is 4.4 m outside the fence", "climb's end is 4.4 m", "look's end", "home's end", "down's end"]),
+    ],
+)  # fmt: skip
+def test_a_home_that_is_known_is_judged_for_real(home_ned_m: Vector3, expected: list[str]) -> None:
+    circumstances = Circumstances(
+        platform=load_platform("pelican_rtk"), origin=ORIGIN, home_altitude_m=400.0, home_ned_m=home_ned_m
+    )
+    found = reported(check_text(ON_EARTH, "m", circumstances))
+    assert [one for one in expected if not any(one in line for line in found)] == []
+    assert len(found) == len(expected)
+
+
+@pytest.mark.parametrize("waypoint", ["[[47.001, 8.0, 2], [47.0, 8.0001, 2]]", "[[47.001, 8.0, 2]]"])
+def test_a_first_waypoint_outside_the_fence_is_found_where_home_is_not_known(waypoint: str) -> None:
+    text = ON_EARTH.replace("[[47.0, 8.0, 2], [47.0, 8.0001, 2]]", waypoint)
+    found = reported(check_text(text, "m", Circumstances()))
+    assert len(found) == 1
+    assert "waypoint 1 is 55.6 m outside the fence" in found[0]
 
 
 def test_a_mission_beyond_the_battery_is_refused_with_figures(pelican: Platform) -> None:

@@ -24,6 +24,7 @@ from gloc3.mission.formats import (
 from gloc3.mission.formats.from_mission import fence_areas
 from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
 from gloc3.mission.reading.reader import read_mission
+from gloc3.platform.platform import Platform
 
 OWN_MISSIONS = OWN / "missions"
 
@@ -53,6 +54,7 @@ OUTCOMES: dict[str, tuple[int, int, int] | str] = {
 OWN_OUTCOMES: dict[str, tuple[int, int, int] | str] = {
     "box.plan": (5, 0, 0),
     "box.waypoints": (4, 0, 0),
+    "box_and_return_in_a_fence.plan": (5, 5, 0),
     "box_in_a_fence.plan": (5, 5, 1),
     "fence.txt": "1:1: this is a list of fence points, not a mission",
     "mission_of_another_version.plan": "6:14: mission version 7 is not supported, only 2",
@@ -114,6 +116,16 @@ def test_files_that_cannot_be_read_are_refused_with_a_reason_and_advice(file: Pa
         load_plan(file)
     assert str(caught.value).startswith(f"{file}:{reason}")
     assert all(finding.hint for finding in caught.value.findings)
+
+
+def test_a_plan_of_qgroundcontrol_that_returns_inside_its_fence_passes_the_check(pelican: Platform) -> None:
+    """Home is not known on the ground: what comes down there is not judged against a corner of the fence."""
+    _, text, warnings = mission_text(str(OWN_MISSIONS / "box_and_return_in_a_fence.plan"), speed_limit_m_s=3.0)
+    assert not warnings
+    for platform in (pelican, None):
+        report = check_text(text, "plan", Circumstances(platform=platform))
+        assert [str(finding) for finding in report.findings if "fence" in finding.message] == []
+        assert report.is_ok
 
 
 def test_a_plan_with_a_survey_becomes_a_mission_that_flies_its_lanes() -> None:

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.flight
 
 WAYPOINT, LOITER, LOITER_TIME, RETURN, LAND, TAKE_OFF, DELAY, JUMP, SPEED = 16, 17, 19, 20, 21, 22, 93, 177, 178
 INCLUSION, CIRCLE_INCLUSION, CIRCLE_EXCLUSION, RALLY = 5001, 5003, 5004, 5100
-MISSION_START, PAUSE_CONTINUE, SET_CURRENT = 300, 193, 224
+MISSION_START, PAUSE_CONTINUE, SET_CURRENT, FENCE_ENABLE = 300, 193, 224, 207
 STYLES = pytest.mark.parametrize("style", ["px4", "ardupilot"])
 
 
@@ -206,6 +206,52 @@ def test_arming_outside_the_fence_is_refused() -> None:
     assert bench.upload([circle], PlanType.FENCE) is PlanResult.ACCEPTED
     assert bench.command(ARM, 1) is Result.TEMPORARILY_REJECTED
     assert "Arming denied: outside the fence" in bench.texts
+
+
+FENCE_BIT = 1 << 20
+"""MAV_SYS_STATUS_GEOFENCE."""
+
+
+def fence_bits(bench: Bench) -> tuple[bool, bool, bool]:
+    """Whether SYS_STATUS shows the fence as present, enabled and healthy."""
+    assert bench.command(512, 1) is Result.ACCEPTED
+    status = bench.last("SYS_STATUS")
+    bits = [getattr(status, f"onboard_control_sensors_{what}") & FENCE_BIT for what in ("present", "enabled", "health")]
+    return bool(bits[0]), bool(bits[1]), bool(bits[2])
+
+
+@pytest.mark.parametrize("is_switched_on", [False, True])
+def test_an_uploaded_fence_does_nothing_in_ardupilot_until_it_is_switched_on(is_switched_on: bool) -> None:
+    bench = Bench("ardupilot")
+    bench.set_parameter("FENCE_TYPE", 4)
+    bench.set_parameter("RTL_ALT_M", 4.0)
+    bench.get_ready()
+    assert bench.command(FENCE_ENABLE, 1) is Result.FAILED, "there is no fence"
+    assert bench.upload(box(bench), PlanType.FENCE) is PlanResult.ACCEPTED
+    assert fence_bits(bench) == (True, False, True)
+    if is_switched_on:
+        assert bench.command(FENCE_ENABLE, 1) is Result.ACCEPTED
+    assert fence_bits(bench) == (True, is_switched_on, True)
+    assert bench.autopilot.parameters["FENCE_ENABLE"] == 0
+    bench.take_off()
+    bench.start_streaming((0.0, 0.0, -2.5))
+    bench.stream(lambda t: ((1.0 * t, 0.0, -2.5), (1.0, 0.0, 0.0)), 5.6)
+    assert bench.mode == ("RTL" if is_switched_on else "GUIDED")
+    assert fence_bits(bench) == (True, is_switched_on, not is_switched_on)
+
+
+def test_a_fence_that_only_reports_shows_as_off_in_ardupilot() -> None:
+    bench = Bench("ardupilot")
+    bench.set_parameter("FENCE_ACTION", 0)
+    bench.get_ready()
+    assert bench.command(FENCE_ENABLE, 1) is Result.ACCEPTED
+    assert fence_bits(bench) == (True, False, True)
+
+
+def test_px4_has_no_command_for_its_fence() -> None:
+    bench = Bench()
+    bench.get_ready()
+    assert bench.command(FENCE_ENABLE, 0) is Result.UNSUPPORTED
 
 
 def test_a_closed_area_counts_in_ardupilot_when_the_fence_is_on() -> None:

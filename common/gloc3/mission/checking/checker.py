@@ -15,7 +15,13 @@ from gloc3.mission.checking.budget_check import budget_findings, time_findings
 from gloc3.mission.checking.contingency_check import contingency_findings, path_findings
 from gloc3.mission.checking.estimate import MissionEstimate, MissionFigures, estimate, together
 from gloc3.mission.checking.option_check import guard_findings, plan_findings, unkept_findings
-from gloc3.mission.checking.space_check import altitude_findings, flight_findings, space_findings
+from gloc3.mission.checking.space_check import (
+    PlacedLeg,
+    altitude_findings,
+    flight_findings,
+    placed_legs,
+    space_findings,
+)
 from gloc3.mission.checking.turn_check import turn_findings
 from gloc3.mission.examples import find_mission
 from gloc3.mission.model.abilities import WAIT, abilities
@@ -151,8 +157,9 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Ch
     findings += _capabilities(mission, circumstances)
     findings += _resources(mission, order, circumstances.capabilities())
     findings += flight_findings(mission, order, is_airborne=circumstances.start_ned_m is not None)
-    findings += _space(mission, figures, circumstances)
-    findings += turn_findings(mission, figures, platform.limits if platform else None)
+    path = _path(mission, figures, circumstances)
+    findings += _space(mission, figures, path, circumstances)
+    findings += turn_findings(mission, figures, path, platform.limits if platform else None)
     findings += budget_findings(mission, figures, platform)
     findings += guard_findings(mission, platform)
     findings += plan_findings(mission, platform)
@@ -162,7 +169,7 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Ch
     for name, ready in mission.contingencies.items():
         if ready.actions:
             findings += _check_contingency(part_of(mission, name), circumstances, budget)
-            findings += path_findings(mission, name, figures, budget, platform)
+            findings += path_findings(mission, name, path, budget, platform)
     findings += silence_findings(mission, figures, platform)
     if platform is not None:
         findings += agreement_findings(mission, platform)
@@ -193,14 +200,19 @@ def _check_parts(data: bytes | str, file: str, circumstances: Circumstances, mis
     )
 
 
-def _space(mission: Mission, figures: MissionEstimate, circumstances: Circumstances) -> list[Finding]:
+def _path(mission: Mission, figures: MissionEstimate, circumstances: Circumstances) -> list[PlacedLeg]:
+    return list(placed_legs(mission, figures, circumstances.home_ned_m, circumstances.start_ned_m))
+
+
+def _space(
+    mission: Mission, figures: MissionEstimate, path: list[PlacedLeg], circumstances: Circumstances
+) -> list[Finding]:
     """What is wrong with the way; and, as warnings, with that on which guards leave out all that they may."""
     limits = circumstances.platform.limits if circumstances.platform is not None else None
-    home_ned_m, start_ned_m = circumstances.home_ned_m, circumstances.start_ned_m
-    found = space_findings(mission, figures, limits, home_ned_m=home_ned_m, start_ned_m=start_ned_m)
+    found = space_findings(mission, path, limits, circumstances.home_ned_m)
     if figures.least is None:
         return found
-    shorter = space_findings(mission, figures.least, limits, home_ned_m=home_ned_m, start_ned_m=start_ned_m)
+    shorter = space_findings(mission, _path(mission, figures.least, circumstances), limits, circumstances.home_ned_m)
     left_out = "if guards skip all that they can"
     return found + [
         structs.replace(one, message=f"{one.message}, {left_out}", is_warning=True)
@@ -216,8 +228,9 @@ def _check_contingency(part: Mission, circumstances: Circumstances, budget: Budg
     yield from _capabilities(part, circumstances)
     yield from _resources(part, order, circumstances.capabilities())
     yield from (one for one in flight_findings(part, order, is_airborne=True) if not one.is_warning)
-    yield from space_findings(part, figures, limits, home_ned_m=None, start_ned_m=None)
-    yield from turn_findings(part, figures, limits)
+    path = list(placed_legs(part, figures))
+    yield from space_findings(part, path, limits, None)
+    yield from turn_findings(part, figures, path, limits)
     yield from time_findings(part, figures)
     yield from guard_findings(part, platform)
     yield from plan_findings(part, platform)

@@ -1,13 +1,14 @@
 """Checks that the contingencies named by policies exist and can run under their condition."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from math import dist
 from typing import Final
 
 from gloc3.documents.document import Document, Where
 from gloc3.errors import Finding, nearest
 from gloc3.messages.frames import Vector3
-from gloc3.mission.checking.estimate import MissionEstimate, estimate, return_energy_wh
+from gloc3.mission.checking.estimate import estimate, return_energy_wh
+from gloc3.mission.checking.space_check import PlacedLeg
 from gloc3.mission.model.arguments import FollowWaypointsOrder, LandOrder, ReturnHome
 from gloc3.mission.model.fence import TOLERANCE_M
 from gloc3.mission.model.legs import Budget
@@ -63,9 +64,9 @@ def _senseless(document: Document, name: str, task: Task) -> Iterator[Finding]:
 
 
 def path_findings(
-    mission: Mission, name: str, figures: MissionEstimate, budget: Budget, platform: Platform | None
+    mission: Mission, name: str, path: Iterable[PlacedLeg], budget: Budget, platform: Platform | None
 ) -> Iterator[Finding]:
-    """Warns where a contingency could not start, for every place where the mission may be.
+    """Warns where a contingency could not start, for every known place where the mission may be.
 
     Its first way is straight from there: it may leave the fence; and with a low battery all of it, and what follows it,
     must be done with the reserve.
@@ -73,14 +74,14 @@ def path_findings(
     Args:
         mission: the whole mission.
         name: of the contingency.
-        figures: the mission's estimate.
+        path: that of the mission.
         budget: home and speeds.
         platform: whose margin and battery count; None where that is not known.
     """
     document, part = mission.document, part_of(mission, name)
     order = PartialOrder.of(part)
     first = _first_path(part, order)
-    legs = [(target, leg) for target, one in figures.actions.items() for leg in one.legs if leg.length_m > 0.0]
+    legs = [(one.target, one.leg) for one in path if one.is_end_known and one.leg.length_m > 0.0]
     if document is None or first is None or not legs:
         return
     way, begin = first

@@ -1,7 +1,8 @@
 """Checks that a mission stays inside the fence and the platform's limits, and begins and ends on the ground."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import groupby
+from typing import NamedTuple
 
 from gloc3.component.deployment import ComponentRow
 from gloc3.documents.document import Document, Where
@@ -65,47 +66,81 @@ def _unrolled(mission: Mission, targets: list[str]) -> Iterator[str]:
 
 
 def space_findings(
-    mission: Mission,
-    figures: MissionEstimate,
-    limits: Limits | None,
-    *,
-    home_ned_m: Vector3 | None,
-    start_ned_m: Vector3 | None,
+    mission: Mission, path: Iterable["PlacedLeg"], limits: Limits | None, home_ned_m: Vector3 | None
 ) -> list[Finding]:
     """Waypoints and legs outside the fence (margin included), too low, too high, and too fast.
 
-    Where home is not known, legs that begin or end there are not judged, and heights count from the origin.
+    Places that are not known are not judged; where home is not known, heights count from the origin.
     """
     document = mission.document
     if document is None:
         return []
     found: list[Finding] = []
-    actions = mission.actions()
     home = home_ned_m or (0.0, 0.0, 0.0)
-    is_place_known = start_ned_m is not None or home_ned_m is not None
-    for target, part in figures.actions.items():
-        action = actions[target]
-        where = (*where_of(target), action.capability)
-        ends_at_home = isinstance(action.order, ReturnHome)
-        for leg in part.legs:
-            place = place_of(where, action, leg, document)
-            fence = mission.fence
-            if fence is not None and home_ned_m is None and isinstance(action.order, ReturnHome | SetOff):
-                fence = Fence(ceiling_m=fence.ceiling_m)
-            if fence is not None:
-                margin_m = limits.fence_margin_m if limits is not None else 0.0
-                found += _fence(leg, fence, margin_m, document, place, is_start_known=is_place_known)
-            if limits is not None and not isinstance(action.order, LandOrder) and leg.length_m > 0.0:
-                found += _height(leg.end, home, limits, document, place)
-            is_place_known = not ends_at_home or home_ned_m is not None
-        if isinstance(action.order, SetOff) and home_ned_m is None:
-            is_place_known = False
-        if limits is not None and isinstance(action.order, FollowWaypointsOrder | ReturnHome):
-            speed_m_s = action.order.speed_m_s
-            if speed_m_s is not None and speed_m_s > limits.speed_m_s:
-                message = f"{speed_m_s:g} m/s exceeds the platform's limit of {limits.speed_m_s:g} m/s"
-                found.append(document.finding((*where, "speed_m_s"), message, "fly slower"))
+    for placed in path:
+        action, leg, fence = placed.action, placed.leg, mission.fence
+        place = place_of((*where_of(placed.target), action.capability), action, leg, document)
+        if fence is not None:
+            fence = fence if placed.is_end_known else Fence(ceiling_m=fence.ceiling_m)
+            margin_m = limits.fence_margin_m if limits is not None else 0.0
+            found += _fence(leg, fence, margin_m, document, place, is_start_known=placed.is_start_known)
+        if limits is not None and not isinstance(action.order, LandOrder) and leg.length_m > 0.0:
+            found += _height(leg.end, home, limits, document, place)
+    if limits is not None:
+        found += _speeds(mission, limits, document)
     return found
+
+
+def _speeds(mission: Mission, limits: Limits, document: Document) -> Iterator[Finding]:
+    for target, action in mission.actions().items():
+        speed_m_s = action.order.speed_m_s if isinstance(action.order, FollowWaypointsOrder | ReturnHome) else None
+        if speed_m_s is not None and speed_m_s > limits.speed_m_s:
+            message = f"{speed_m_s:g} m/s exceeds the platform's limit of {limits.speed_m_s:g} m/s"
+            yield document.finding((*where_of(target), action.capability, "speed_m_s"), message, "fly slower")
+
+
+class PlacedLeg(NamedTuple):
+    """A leg of a mission's path, and whether the places of its ends are known."""
+
+    target: str
+    action: Action
+    leg: FlightLeg
+    is_start_known: bool
+    is_end_known: bool
+
+
+def placed_legs(
+    mission: Mission, figures: MissionEstimate, home_ned_m: Vector3 | None = None, start_ned_m: Vector3 | None = None
+) -> Iterator[PlacedLeg]:
+    """All legs of a mission's path in their order.
+
+    The place of a waypoint is always known. Where home is not known, neither are the places of setting off and of the
+    return, nor of what is done there until the next waypoint, such as landing.
+
+    Args:
+        mission: what is flown.
+        figures: its estimate, begun at any place where home is not known.
+        home_ned_m: where the vehicle is armed; None where that is not known.
+        start_ned_m: where it is at the start; None for at home.
+    """
+    actions = mission.actions()
+    is_known = home_ned_m is not None or start_ned_m is not None
+    for target, part in figures.actions.items():
+        order, legs = actions[target].order, part.legs
+        has_places = isinstance(order, FollowWaypointsOrder) or getattr(order, "at_ned_m", None) is not None
+        if isinstance(order, FollowWaypointsOrder) and (not legs or legs[0].waypoint != 0):  # it begins at the first
+            first = order.waypoints_ned_m[0]
+            legs = (FlightLeg(start=first, end=first, duration_s=0.0, waypoint=0), *legs)
+        for leg in legs:
+            is_moved = leg.start[:2] != leg.end[:2]
+            if isinstance(order, ReturnHome) and is_moved:
+                is_end_known = home_ned_m is not None
+            else:
+                is_end_known = is_known or has_places or is_moved
+            yield PlacedLeg(target, actions[target], leg, is_known, is_end_known)
+            is_known = is_end_known
+        if isinstance(order, ReturnHome):
+            is_known = home_ned_m is not None
 
 
 def place_of(where: Where, action: Action, leg: FlightLeg, document: Document) -> Where:

@@ -1,6 +1,6 @@
 """Checks that a vehicle that cannot stop or turn on the spot, such as a plane, can fly a mission's path."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from itertools import pairwise
 from math import atan2, cos, degrees, dist, pi, tan
 from typing import Final
@@ -11,7 +11,7 @@ from gloc3.documents.document import Document, Where
 from gloc3.errors import Finding
 from gloc3.messages.frames import Vector3, wrap_pi
 from gloc3.mission.checking.estimate import MissionEstimate
-from gloc3.mission.checking.space_check import name_of, place_of
+from gloc3.mission.checking.space_check import PlacedLeg, name_of, place_of
 from gloc3.mission.model.arguments import FollowWaypointsOrder, Hold, LandOrder, ReturnHome, TakeOff
 from gloc3.mission.model.legs import FlightLeg
 from gloc3.mission.model.model import GEO, Action, Mission, where_of
@@ -23,12 +23,18 @@ _SHORT_M: Final = 1.0
 """A leg that is no longer leads nowhere else."""
 
 
-def turn_findings(mission: Mission, figures: MissionEstimate, limits: Limits | None) -> Iterator[Finding]:
-    """Legs too short for their turns, too slow or too steep; circles too close to the fence; needed stops."""
+def turn_findings(
+    mission: Mission, figures: MissionEstimate, path: Iterable[PlacedLeg], limits: Limits | None
+) -> Iterator[Finding]:
+    """Legs too short for their turns, too slow or too steep; circles too close to the fence; needed stops.
+
+    Circles around places that are not known are not judged.
+    """
     document = mission.document
     if document is None or limits is None or limits.turn_radius_m <= 0.0:
         return
     actions = mission.actions()
+    unknown = {one.leg for one in path if not one.is_end_known}
     for target, part in figures.actions.items():
         action = actions[target]
         where = (*where_of(target), action.capability)
@@ -37,7 +43,7 @@ def turn_findings(mission: Mission, figures: MissionEstimate, limits: Limits | N
         if isinstance(action.order, FollowWaypointsOrder):
             yield from _legs(action, where, routes, limits, document)
         if not isinstance(action.order, LandOrder):
-            yield from _circles(mission, action, where, routes or part.legs, limits, document)
+            yield from _circles(mission, action, where, routes or part.legs, unknown, limits, document)
     if mission.fence is not None and mission.frame != GEO:
         message = "the autopilot has no fence in a local frame: a breach is detected, but not prevented"
         yield document.finding(("geofence",), message, "write the mission in frame geo", at_key=True, is_warning=True)
@@ -90,9 +96,15 @@ def _legs(
 
 
 def _circles(
-    mission: Mission, action: Action, where: Where, legs: Sequence[FlightLeg], limits: Limits, document: Document
+    mission: Mission,
+    action: Action,
+    where: Where,
+    legs: Sequence[FlightLeg],
+    unknown: Container[FlightLeg],
+    limits: Limits,
+    document: Document,
 ) -> Iterator[Finding]:
-    """Places where it circles, or swings out, too near to the fence."""
+    """Places where it circles, or swings out, too near to the fence; not at the ends of `unknown` legs."""
     order = action.order
     if mission.fence is None or not legs:
         return
@@ -102,7 +114,7 @@ def _circles(
         turn = pi / 2.0 if after is None or waits else min(_turn_rad(leg, after), pi / 2.0)
         needed_m = limits.turn_radius_m * (1.0 - cos(turn))
         clearance_m = fence.clearance_m(leg.end)
-        if limits.fence_margin_m <= clearance_m < needed_m:
+        if leg not in unknown and limits.fence_margin_m <= clearance_m < needed_m:
             place = place_of(where, action, leg, document)
             does = "circles there" if after is None or waits else "turns there"
             message = (

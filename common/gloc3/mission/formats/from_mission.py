@@ -177,6 +177,11 @@ class _Converter:
         return fence_areas(geofence)
 
 
+def fence_on_earth(mission: Mission) -> tuple[FenceArea, ...]:
+    """The areas of a mission's fence that an autopilot can keep too; none where it has none in frame geo."""
+    return fence_areas(mission.geofence) if mission.frame == GEO and mission.geofence is not None else ()
+
+
 def fence_areas(geofence: GeofenceFile) -> tuple[FenceArea, ...]:
     """The areas of a fence in frame geo, as they are uploaded to an autopilot (see `ForeignPlan.fence_items`)."""
     areas = [_area(geofence, is_inclusion=True), *(_area(one, is_inclusion=False) for one in geofence.keep_out)]

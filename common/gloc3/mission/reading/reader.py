@@ -51,7 +51,7 @@ class MissionReferences:
     frames: Mapping[str, LocalFrame] | None = None
     """Local frames by name; None where they are not known, and any name is taken."""
     origin: GeoPoint | None = None
-    """Origin of NED; None for that of the mission's frame, or (frame geo) the first position of the mission."""
+    """Origin of NED; None for that of the mission's frame, or (frame geo) the first position of its tasks."""
     home_altitude_m: float | None = None
     """Altitude above the sea at which the vehicle stands; None for that of the origin."""
     capabilities: Mapping[str, str] | None = None
@@ -239,13 +239,13 @@ def _placement(document: Document, surroundings: MissionReferences, findings: li
     if surroundings.origin is None and above == HeightAbove.SEA:
         message = "the altitude of home is not known here; 0 m is assumed"
         findings.append(document.finding(("height_above",), message, is_warning=True))
-    return GeoPlacement(
-        surroundings.origin or _first_position(document.value), HeightAbove(above), surroundings.home_altitude_m
-    )
+    written = document.value
+    origin = surroundings.origin or _first_position(written.get("tasks")) or _first_position(written) or _EARTH
+    return GeoPlacement(origin, HeightAbove(above), surroundings.home_altitude_m)
 
 
-def _first_position(value: Any) -> GeoPoint:
-    """The first latitude and longitude in a file, at sea level; the origin of NED where no better one is known."""
+def _first_position(value: Any) -> GeoPoint | None:
+    """The first latitude and longitude in a part of a file, at sea level; None without any."""
     waiting: list[tuple[str, Any]] = [("", value)]
     while waiting:
         key, found = waiting.pop()
@@ -256,7 +256,7 @@ def _first_position(value: Any) -> GeoPoint:
                 waiting.append((key, found[0]))
             elif len(found) >= 2 and all(isinstance(part, int | float) for part in found[:2]):
                 return GeoPoint(max(-90.0, min(90.0, float(found[0]))), float(found[1]), 0.0)
-    return _EARTH
+    return None
 
 
 def _action(

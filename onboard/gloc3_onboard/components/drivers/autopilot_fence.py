@@ -1,4 +1,4 @@
-"""AD: keeps the autopilot's own geofence like that of the loaded mission, in frame geo: uploaded and read back."""
+"""AD: keeps the autopilot's own geofence like that of the loaded mission, in frame geo: uploaded, read back, switched on."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
@@ -6,19 +6,28 @@ from typing import Any, NamedTuple, Protocol
 from gloc3.component.component import ActuatorDriver
 from gloc3.component.ports import Actuation, Inbox, Input, Output, Result
 from gloc3.component.settings import NoSettings
-from gloc3.messages.vehicle import FenceProgress, FenceState, GeoFence
+from gloc3.messages.vehicle import AutopilotState, FenceProgress, FenceState, GeoFence
 from gloc3.mission.formats.items import FenceArea
 from gloc3_onboard.sensors.devices import CommandAnswer
 
 REPORT_PERIOD_S = 1.0
 RETRY_S = 5.0
+ON_S = 3.0
+"""So long after switching it on the autopilot may take to report its fence as on."""
 
 
 class FenceControl(Protocol):
     """How an autopilot is given a fence. Nothing blocks."""
 
     def command_fence(self, areas: Sequence[FenceArea]) -> int:
-        """Uploads areas in place of those before, and reads them back; without areas it clears the fence."""
+        """Uploads areas in place of those before, reads them back and switches the fence on; without areas it clears it."""
+
+    @property
+    def fence_problem(self) -> str:
+        """Why the autopilot does not keep the fence that it holds; empty where it does, or does not tell."""
+
+    def state(self) -> AutopilotState:
+        """The latest mode and arming state."""
 
     def answer(self, ticket: int) -> CommandAnswer | None:
         """The answer to a command; None while there is none."""
@@ -31,7 +40,11 @@ class SendFence(NamedTuple):
 
 
 class AutopilotFence(ActuatorDriver[NoSettings]):
-    """Uploads a fence when it changes; tries again when that fails. It leaves a fence alone that it has not set."""
+    """Uploads a fence when it changes; tries again when that fails, or when the fence is off before a start.
+
+    It leaves a fence alone that it has not set, and its own when there is no mission any more: a fence goes when a
+    mission comes that has none.
+    """
 
     geofence = Input(GeoFence)
     fence_state = Output(FenceState)
@@ -41,9 +54,13 @@ class AutopilotFence(ActuatorDriver[NoSettings]):
         self._clear()
 
     def _clear(self) -> None:
+        self._digest = ""
         self._wanted: GeoFence | None = None
+        """That of the loaded mission; None without a mission."""
+        self._is_ours = False
+        """Whether the autopilot may hold a fence from here."""
         self._ticket: int | None = None
-        self._sent_s = float("-inf")
+        self._sent_s = self._answered_s = float("-inf")
         self._state = FenceState(digest="", progress=FenceProgress.NONE)
         self._reported: tuple[FenceState, float] | None = None
 
@@ -55,20 +72,25 @@ class AutopilotFence(ActuatorDriver[NoSettings]):
         """Sends what has changed, and follows what became of it."""
         results: list[Result] = []
         latest = inbox.latest(self.geofence)
-        if latest is not None and (self._wanted is None or latest.payload.digest != self._wanted.digest):
-            was, self._wanted = self._wanted, latest.payload
-            if self._wanted.areas or was is not None:
+        if latest is not None and latest.payload.digest != self._digest:
+            self._digest = latest.payload.digest
+            self._wanted = latest.payload if self._digest else None
+            if self._wanted is not None and (self._wanted.areas or self._is_ours):
                 self._set(FenceProgress.UPLOADING)
                 results.append(self._send(self._wanted, now_s))
         elif self._state.progress is FenceProgress.UPLOADING and self._ticket is not None:
-            self._follow(self._control.answer(self._ticket))
+            self._follow(self._control.answer(self._ticket), now_s)
+        elif self._state.progress is FenceProgress.CONFIRMED and not self._control.state().is_armed:
+            if self._problem:  # in flight a pilot may have switched it off
+                self._set(FenceProgress.FAILED, self._problem)
         elif self._state.progress is FenceProgress.FAILED and now_s - self._sent_s >= RETRY_S and self._wanted:
             self._set(FenceProgress.UPLOADING, self._state.reason)
             results.append(self._send(self._wanted, now_s))
         return [*results, *self._report(now_s)]
 
     def _send(self, fence: GeoFence, now_s: float) -> Actuation:
-        self._sent_s, self._ticket = now_s, None
+        self._sent_s, self._ticket, self._answered_s = now_s, None, float("inf")
+        self._is_ours = True
         areas = [
             FenceArea(
                 is_inclusion=area.is_inclusion,
@@ -80,9 +102,22 @@ class AutopilotFence(ActuatorDriver[NoSettings]):
         ]
         return Actuation(SendFence(tuple(areas)))
 
-    def _follow(self, answer: CommandAnswer | None) -> None:
-        if answer is not None:
-            self._set(FenceProgress.CONFIRMED if answer.is_accepted else FenceProgress.FAILED, answer.reason)
+    def _follow(self, answer: CommandAnswer | None, now_s: float) -> None:
+        if answer is None:
+            return
+        self._answered_s = min(self._answered_s, now_s)
+        if not answer.is_accepted:
+            self._set(FenceProgress.FAILED, "; ".join(filter(None, (answer.reason, self._problem))))
+        elif not self._problem:
+            self._is_ours = self._wanted is None or bool(self._wanted.areas)
+            self._set(FenceProgress.CONFIRMED)
+        elif now_s - self._answered_s >= ON_S:
+            self._set(FenceProgress.FAILED, self._problem)
+
+    @property
+    def _problem(self) -> str:
+        """Why the mission's fence is not kept, although the autopilot holds it."""
+        return self._control.fence_problem if self._wanted is not None and self._wanted.areas else ""
 
     def _set(self, progress: FenceProgress, reason: str = "") -> None:
         digest = self._wanted.digest if self._wanted is not None else ""

@@ -248,9 +248,14 @@ def _source_set(context: FrontContext, request: MavCommandRequest) -> RequestVer
 
 
 def _fence_enable(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
+    """ArduPilot's fence is switched on and off until the next start or change of FENCE_ENABLE; PX4's is not."""
+    if context.is_px4:
+        return _UNSUPPORTED
     wanted = request.params[0]
     if wanted not in (0.0, 1.0):
         return OUT_OF_RANGE
+    if wanted == 1.0 and not context.commander.fence.is_present(context.craft):
+        return RequestVerdict(Result.FAILED, "no fence")
     context.craft.tuning.fence_is_on = wanted == 1.0
     return ACCEPTED
 

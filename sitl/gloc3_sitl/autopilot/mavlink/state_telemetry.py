@@ -34,6 +34,11 @@ def sys_status(autopilot: "Autopilot") -> MavlinkMessage:
     if not estimator.sources & AidingSource.FIX:
         enabled &= ~_GPS
     health = present
+    fence = autopilot.commander.fence
+    if autopilot.commander.style.name == "ardupilot":  # PX4 tells the same of its fence, whatever it does
+        present = present if fence.is_present(craft) else present & ~_FENCE
+        enabled = enabled if fence.is_kept(craft) else enabled & ~_FENCE
+        health = health & ~_FENCE if fence.breach(craft) else health
     if not estimator.is_aligned:
         health &= ~(_GYRO | _ACCELEROMETER | _AHRS)
     if not estimator.is_heading_good(now_s):

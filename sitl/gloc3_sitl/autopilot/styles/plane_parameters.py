@@ -63,7 +63,7 @@ PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     whole("BATT_FS_LOW_ACT", 0, 0, 7, "low battery action", "battery_low_action", _BATTERY, ParameterKind.INT8),
     whole("BATT_FS_CRT_ACT", 0, 0, 7, "critical battery action", "battery_critical_action", _BATTERY, ParameterKind.INT8),
     whole("FENCE_TYPE", 4, 0, 15, "1 height, 2 circle, 4 polygons", kind=ParameterKind.INT8),
-    whole("FENCE_ACTION", 0, 0, 8, "fence action", "fence_action", _FENCE, ParameterKind.INT8),
+    whole("FENCE_ACTION", 1, 0, 8, "fence action", "fence_action", _FENCE, ParameterKind.INT8),
     real("FENCE_ALT_MAX", 100.0, 10.0, 1000.0, "height of the fence, m"),
     # Ways
     whole("INITIAL_MODE", 0, 0, 26, "mode after start", kind=ParameterKind.INT8),

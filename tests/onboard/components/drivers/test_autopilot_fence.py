@@ -11,10 +11,10 @@ from gloc3.mavlink.services.mission_client import MissionClient, Transfer
 from gloc3.mavlink.services.mission_server import MissionServer
 from gloc3.mavlink.services.plan import PlanType
 from gloc3.messages.envelope import Envelope, Source
-from gloc3.messages.vehicle import FenceProgress, FenceState, GeoArea, GeoFence
+from gloc3.messages.vehicle import AutopilotState, FenceProgress, FenceState, GeoArea, GeoFence
 from gloc3.mission.formats.items import FenceArea
 from gloc3_onboard.autopilot.plan_upload import FenceUpload, fence_items
-from gloc3_onboard.components.drivers.autopilot_fence import RETRY_S, AutopilotFence, SendFence
+from gloc3_onboard.components.drivers.autopilot_fence import ON_S, RETRY_S, AutopilotFence, SendFence
 from gloc3_onboard.sensors.devices import CommandAnswer
 
 COMPANION, AUTOPILOT = Address(1, 191), Address(1, 1)
@@ -30,6 +30,8 @@ class Control:
     """Answers what the test says."""
 
     def __init__(self) -> None:
+        self.fence_problem = ""
+        self.is_armed = False
         self.sent: list[tuple[FenceArea, ...]] = []
         self.says: CommandAnswer | None = None
 
@@ -39,6 +41,9 @@ class Control:
 
     def answer(self, ticket: int) -> CommandAnswer | None:
         return self.says
+
+    def state(self) -> AutopilotState:
+        return AutopilotState(is_connected=True, is_armed=self.is_armed)
 
 
 def cycle(driver: AutopilotFence, now_s: float, fence: GeoFence | None = None) -> list[FenceState]:
@@ -75,14 +80,57 @@ def test_a_fence_that_is_refused_is_told_with_the_reason_and_sent_again() -> Non
     assert len(control.sent) == 2
 
 
-def test_a_fence_that_was_never_ours_is_left_alone_and_ours_is_cleared() -> None:
+def test_a_fence_that_was_never_ours_is_left_alone() -> None:
     control = Control()
     driver = AutopilotFence(control)
     cycle(driver, 0.0, GeoFence(digest=""))
+    cycle(driver, 1.0, GeoFence(digest="indoors"))
     assert control.sent == []
-    cycle(driver, 1.0, FENCE)
-    cycle(driver, 2.0, GeoFence(digest=""))
-    assert control.sent == [AREAS, ()]
+
+
+def test_our_fence_stays_without_a_mission_and_goes_with_a_mission_that_has_none() -> None:
+    control = Control()
+    driver = AutopilotFence(control)
+    cycle(driver, 0.0, FENCE)
+    control.says = CommandAnswer(True, "")
+    cycle(driver, 0.2, FENCE)
+    cycle(driver, 1.0, GeoFence(digest=""))
+    assert control.sent == [AREAS]
+    cycle(driver, 2.0, FENCE)
+    assert control.sent == [AREAS, AREAS], "a mission that comes again does not trust what was held before"
+    cycle(driver, 2.2, FENCE)
+    for now_s in (3.0, 3.2, 3.4):
+        cycle(driver, now_s, GeoFence(digest="indoors"))
+    cycle(driver, 4.0, GeoFence(digest="indoors too"))
+    assert control.sent == [AREAS, AREAS, ()]
+
+
+def test_a_fence_that_the_autopilot_reports_as_off_is_not_confirmed() -> None:
+    control = Control()
+    control.fence_problem = "it is off"
+    driver = AutopilotFence(control)
+    cycle(driver, 0.0, FENCE)
+    control.says = CommandAnswer(True, "")
+    assert cycle(driver, 0.2, FENCE) == []
+    assert cycle(driver, 0.2 + ON_S - 0.1, FENCE)[0].progress is FenceProgress.UPLOADING
+    (state,) = cycle(driver, 0.2 + ON_S, FENCE)
+    assert (state.progress, state.reason) == (FenceProgress.FAILED, "it is off")
+    cycle(driver, RETRY_S, FENCE)
+    control.fence_problem = ""
+    assert cycle(driver, RETRY_S + 0.2, FENCE)[0].progress is FenceProgress.CONFIRMED
+
+
+@pytest.mark.parametrize("is_armed", [False, True])
+def test_a_fence_that_is_off_later_is_sent_again_unless_a_pilot_flies(is_armed: bool) -> None:
+    control = Control()
+    driver = AutopilotFence(control)
+    cycle(driver, 0.0, FENCE)
+    control.says = CommandAnswer(True, "")
+    cycle(driver, 0.2, FENCE)
+    control.fence_problem, control.is_armed = "it is off", is_armed
+    cycle(driver, 10.0, FENCE)
+    cycle(driver, 10.2, FENCE)
+    assert len(control.sent) == (1 if is_armed else 2)
 
 
 def on_the_wire(message: MavlinkMessage, sender: Address) -> MavlinkMessage:

@@ -1,0 +1,119 @@
+"""Checks that the autopilot's own fence keeps the mission's, and does not stop the mission on its way."""
+
+from collections.abc import Iterator
+from math import ceil, hypot
+from typing import Final
+
+from gloc3.messages.frames import Vector3
+from gloc3.messages.preflight import Check, Group, Verdict
+from gloc3.messages.readiness import AutopilotSetup
+from gloc3.mission.formats.from_mission import fence_on_earth
+from gloc3.mission.model.arguments import FollowWaypointsOrder
+from gloc3.mission.model.legs import Budget
+from gloc3.mission.model.model import Mission, part_of
+from gloc3.mission.model.policy import Policy
+from gloc3.platform.limits import Limits
+from gloc3_onboard.autopilot.health_words import FENCE_BIT
+from gloc3_onboard.checks.failsafes import action_of
+from gloc3_onboard.checks.parameters import CONTINUE, POLYGONS, FenceLimit, FenceTable
+from gloc3_onboard.checks.readings import Readings
+from gloc3_onboard.checks.tables import table_of
+
+GROUP: Final = Group.FAILSAFES
+TITLE: Final = "fence"
+_WAYS: Final = {"away": "{:.1f} m away from home", "up": "{:.1f} m above home", "down": "{:.1f} m below home"}
+
+
+def fence_checks(readings: Readings) -> Iterator[Check]:
+    """What the autopilot does at the mission's fence, and its own limits that the mission would cross."""
+    setup, mission = readings.setup, readings.mission
+    if setup is None or setup.style is None or not setup.is_complete or mission is None:
+        return
+    fence = table_of(setup.style, setup.vehicle).fence
+    has_fence = bool(fence_on_earth(mission))
+    if has_fence:
+        yield _breach(setup, fence)
+        yield from _polygons(setup, fence)
+    if readings.home_ned_m is not None and (has_fence or _is_on(setup, fence)):
+        yield from _limits(setup, fence, mission, readings.platform.limits, readings.home_ned_m)
+
+
+def _is_on(setup: AutopilotSetup, fence: FenceTable) -> bool:
+    """Whether the autopilot keeps its own limits, whatever the mission has."""
+    if action_of(setup, fence.breach) == CONTINUE:
+        return False
+    is_switched_on = bool(setup.sensors_enabled & FENCE_BIT)
+    return not fence.enabled_by or is_switched_on or setup.parameters.get(fence.enabled_by, 0.0) != 0.0
+
+
+def _breach(setup: AutopilotSetup, fence: FenceTable) -> Check:
+    """The autopilot does something at the fence, and nothing that no platform file allows."""
+    name, action = fence.breach.parameter, action_of(setup, fence.breach)
+    if not name:
+        finding = "the autopilot only records that the vehicle leaves its fence: the limiter alone keeps the mission's"
+        return Check(GROUP, TITLE, Verdict.WARNING, finding)
+    if action is None:
+        return Check(GROUP, TITLE, Verdict.UNKNOWN, f"{name} could not be read")
+    finding = f"{action} ({name} {setup.parameters[name]:g})"
+    right = {number: what for number, what in fence.breach.actions.items() if what in list(Policy) and what != CONTINUE}
+    if action in right.values():
+        return Check(GROUP, TITLE, Verdict.OK, finding)
+    advice = f"set {name} to one of {', '.join(f'{number} ({what})' for number, what in right.items())}"
+    if action == CONTINUE:
+        finding += ": the autopilot would let the vehicle leave the mission's fence"
+        return Check(GROUP, TITLE, Verdict.RED, finding, advice)
+    return Check(GROUP, TITLE, Verdict.WARNING, finding, advice)
+
+
+def _polygons(setup: AutopilotSetup, fence: FenceTable) -> Iterator[Check]:
+    kinds = setup.parameters.get(fence.kinds)
+    if kinds is not None and not int(kinds) & POLYGONS:
+        finding = f"{kinds:g} leaves out polygons and circles, of which the mission's fence is made"
+        yield Check(GROUP, fence.kinds, Verdict.RED, finding, f"set {fence.kinds} to {int(kinds) | POLYGONS}")
+
+
+def _limits(
+    setup: AutopilotSetup, fence: FenceTable, mission: Mission, limits: Limits, home_ned_m: Vector3
+) -> Iterator[Check]:
+    """Limits nearer than the mission's farthest place, with the margin that the platform keeps from a fence."""
+    kinds = int(setup.parameters.get(fence.kinds, 0.0))
+    held = {one: setup.parameters[one.parameter] for one in fence.limits if one.parameter in setup.parameters}
+    acting = {one: value for one, value in held.items() if (kinds & one.kind if one.kind else value > 0.0)}
+    if not acting:
+        return
+    reaches = reach_m(mission, limits, home_ned_m)
+    for one, value in acting.items():
+        limit_m = -value if one.reach == "down" else value
+        needed_m = reaches[one.reach] + limits.fence_margin_m
+        if needed_m <= limit_m:
+            continue
+        way = _WAYS[one.reach].format(reaches[one.reach])
+        finding = f"the mission goes {way}, with a margin of {limits.fence_margin_m:g} m; the autopilot's limit is {value:g} m"
+        yield Check(GROUP, one.parameter, Verdict.RED, finding, _way_out(one, fence, needed_m, kinds))
+
+
+def _way_out(limit: FenceLimit, fence: FenceTable, needed_m: float, kinds: int) -> str:
+    wanted = f"-{ceil(needed_m)} or less" if limit.reach == "down" else f"{ceil(needed_m)} or more"
+    or_off = f"{fence.kinds} to {kinds & ~limit.kind}" if limit.kind else f"{limit.parameter} to 0"
+    return f"set {limit.parameter} to {wanted}, or {or_off}, or change the mission"
+
+
+def reach_m(mission: Mission, limits: Limits, home_ned_m: Vector3) -> dict[str, float]:
+    """How far a mission and its contingencies go from home, in metres: `away` over ground, `up`, and `down`.
+
+    What cannot turn on the spot goes further by the radius of its turns.
+    """
+    budget = Budget.of(limits, home_ned_m)
+    found = dict.fromkeys(_WAYS, 0.0)
+    for part in (mission, *(part_of(mission, name) for name, task in mission.contingencies.items() if task.actions)):
+        for order in (action.order for action in part.actions().values()):
+            if isinstance(order, FollowWaypointsOrder):  # there may be thousands, and this is done in the control path
+                places = order.waypoints_ned_m
+            else:
+                places = tuple(leg.end for leg in order.legs(home_ned_m, budget))
+            for north, east, down in places:
+                away_m = hypot(north - home_ned_m[0], east - home_ned_m[1])
+                found["away"] = max(found["away"], away_m + limits.turn_radius_m)
+                found["up"] = max(found["up"], home_ned_m[2] - down)
+                found["down"] = max(found["down"], down - home_ned_m[2])
+    return found

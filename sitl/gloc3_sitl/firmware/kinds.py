@@ -1,5 +1,7 @@
 """The supported firmwares: how each is started, for which vehicle and with which parameters."""
 
+import os
+import re
 import socket
 from collections.abc import Callable, Mapping, Sequence
 from importlib.resources import files
@@ -58,7 +60,9 @@ class FirmwareKind(msgspec.Struct, frozen=True, kw_only=True):
     """That it is told to open if nothing else is said."""
     uses_fixes: bool
     """Whether our satellite receiver is its; otherwise it has one of its own."""
-    start: Callable[[FirmwareOptionsWanted], FirmwareStart]
+    start: Callable[[Path, FirmwareOptionsWanted], FirmwareStart]
+    problem: Callable[[str], str] = lambda _: ""
+    """What its output says went wrong with its parameters, once it flies; empty where nothing did."""
     by_hand: str
     """What a person would type, with {port}."""
 
@@ -80,13 +84,13 @@ def start_program(kind: FirmwareKind, binary: Path, options: FirmwareOptionsWant
     Raises:
         Refused: the system will not run it, or it cannot do what is wished for.
     """
-    start = kind.start(options)
+    start = kind.start(binary, options)
     program = FirmwareProcess([str(binary), *start.arguments], options.folder, start.environment)
     program.start()
     return program
 
 
-def _start_ardupilot(options: FirmwareOptionsWanted) -> FirmwareStart:
+def _start_ardupilot(_: Path, options: FirmwareOptionsWanted) -> FirmwareStart:
     """A fresh ArduPilot; its parameters go into files, in the order in which they count."""
     names = [f"ardupilot_{options.vehicle}.parm", *(["ardupilot_odometry.parm"] if options.is_without_gps else [])]
     for name in names:
@@ -134,8 +138,14 @@ def _ardupilot_line(url: str) -> str:
     raise Refused(f"link {url!r}: ArduPilot opens udpout://, tcpin://, tcpout:// and serial:// with a baud rate")
 
 
-def _start_px4(options: FirmwareOptionsWanted) -> FirmwareStart:
-    """A PX4 whose parameters are in its environment; its own start script opens 14550 and 14540."""
+_READING, _READ = "gloc3: parameters", "gloc3: parameters read"
+
+
+def _start_px4(binary: Path, options: FirmwareOptionsWanted) -> FirmwareStart:
+    """A PX4 with its build's root file system, whose start script opens 14550 and 14540, and reads our parameters.
+
+    Every version reads `px4-rc.params`, the first on PATH; parameters in the environment only newer ones.
+    """
     if options.links:
         raise Refused("omit --link: PX4 opens 127.0.0.1:14550 for stations and 127.0.0.1:14540 for companions")
     instance = options.port - HIL_PORT
@@ -145,15 +155,29 @@ def _start_px4(options: FirmwareOptionsWanted) -> FirmwareStart:
     for name in (f"px4_{options.vehicle}.params", *(["px4_odometry.params"] if options.is_without_gps else [])):
         parameters |= read_parameters(preset_text(name), name)
     parameters |= options.parameters
+    lines = [f"param set {name} {value:.10g}" for name, value in parameters.items()]
+    (options.folder / "px4-rc.params").write_text("\n".join([f"echo '{_READING}'", *lines, f"echo '{_READ}'", ""]))
+    root = binary.resolve().parent.parent / "etc"
     return FirmwareStart(
-        arguments=["-d", "-i", str(instance), "-w", str(options.folder)],
+        arguments=[
+            *("-d", "-i", str(instance), "-w", str(options.folder)),
+            *([str(root)] if (root / "init.d-posix" / "rcS").is_file() else []),
+        ],
         environment={
+            "PATH": os.pathsep.join([str(options.folder), str(binary.resolve().parent), os.environ.get("PATH", "")]),
             "PX4_SIM_MODEL": "none_iris",
             "PX4_SIM_HOST_ADDR": "127.0.0.1",
             "PX4_SIM_SPEED_FACTOR": f"{options.speedup:g}",
-            **{f"PX4_PARAM_{name}": f"{value:.10g}" for name, value in parameters.items()},
         },
     )
+
+
+def _px4_problem(output: str) -> str:
+    ours, read, _ = output.partition(_READING)[2].partition(_READ)
+    if not read:
+        return "its start script has not read px4-rc.params, so that our parameters did not arrive"
+    unknown = re.findall(r"Parameter (\w+) not found", ours)
+    return f"it has no parameter {', '.join(unknown)}" if unknown else ""
 
 
 def _free_udp_port() -> int:
@@ -187,6 +211,7 @@ KINDS: Final[Mapping[str, FirmwareKind]] = {
         links=(),
         uses_fixes=True,
         start=_start_px4,
+        problem=_px4_problem,
         by_hand="PX4_SIM_MODEL=none_iris px4, which connects to TCP port {port}",
     ),
 }

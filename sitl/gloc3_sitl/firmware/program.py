@@ -82,10 +82,14 @@ class FirmwareProcess:
         """Exit code; None while it runs."""
         return None if self._process is None else self._process.poll()
 
+    def output(self) -> str:
+        """What it has printed so far."""
+        file = self._folder / "firmware.txt"
+        return file.read_bytes().decode(errors="replace") if file.exists() else ""
+
     def last_lines(self) -> str:
         """Returns the last lines of its output."""
-        file = self._folder / "firmware.txt"
-        lines = file.read_bytes()[-_LAST_BYTES:].decode(errors="replace").splitlines() if file.exists() else []
+        lines = self.output()[-_LAST_BYTES:].splitlines()
         return "\n".join(line for line in lines[-LAST_LINES:] if line.strip()) or "no output"
 
     async def stop(self) -> None:

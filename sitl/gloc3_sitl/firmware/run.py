@@ -104,7 +104,7 @@ async def run_firmware(options: FirmwareOptions) -> int:
             _narrate(f"{kind.title} {binary.name} started on simulated {vehicle}, world {options.world.name}")
         else:
             _narrate(f"waiting for {kind.title} on port {server.port}: {kind.by_hand.format(port=server.port)}")
-        code = await _Watch(body, server, program, kind.title).until(stopped, options.seconds)
+        code = await _Watch(body, server, program, kind).until(stopped, options.seconds)
     _narrate(f"ended after {body.now_s:.1f} s of simulated time")
     return code
 
@@ -136,9 +136,10 @@ class _Watch:
     """Narrates the state of the firmware."""
 
     def __init__(
-        self, body: SensedBody, server: JsonServer | HilServer, program: FirmwareProcess | None, title: str
+        self, body: SensedBody, server: JsonServer | HilServer, program: FirmwareProcess | None, kind: FirmwareKind
     ) -> None:
-        self._body, self._server, self._program, self._title = body, server, program, title
+        self._body, self._server, self._program = body, server, program
+        self._title, self._problem = kind.title, kind.problem
 
     async def until(self, stopped: asyncio.Event, seconds: float | None) -> int:
         """Waits for a signal, for the end of the firmware, or until so much simulated time is over; an exit code."""
@@ -159,6 +160,9 @@ class _Watch:
             if body.now_s != last_s:
                 if not is_stepping:
                     _narrate(f"{self._title} connected; it drives the simulated time")
+                    if program is not None and (problem := self._problem(program.output())):
+                        _narrate(f"{self._title}: {problem}")
+                        return EXIT_FAILED
                 last_s, received_s, is_stepping = body.now_s, loop.time(), True
             elif is_stepping and loop.time() - received_s > SILENT_S:
                 is_stepping = False

@@ -7,6 +7,7 @@ That of PX4 flies, by the embedded autopilot. It does not hear SIGTERM, as ArduP
 
 import json
 import os
+import shlex
 import signal
 import socket
 import sys
@@ -23,11 +24,27 @@ def main(words: list[str]) -> None:
         given = dict(zip(arguments[::2], arguments[1::2], strict=True))
         ardupilot(int(given["--sim-port-out"]), int(given["--serial0"].rpartition(":")[2]))
     elif kind == "px4":
-        named = "PX4_PARAM_"
-        values = {name.removeprefix(named): float(value) for name, value in reported.items() if name.startswith(named)}
-        px4(int(arguments[arguments.index("-i") + 1]), values)
+        px4(int(arguments[arguments.index("-i") + 1]), px4_parameters())
     else:
         sys.exit("stand-in: Failed to find location")
+
+
+def px4_parameters() -> dict[str, float]:
+    """Runs `px4-rc.params`, the first on PATH, as PX4's start script does, and prints what PX4 prints."""
+    file = next(
+        file for folder in os.environ["PATH"].split(os.pathsep) if (file := Path(folder, "px4-rc.params")).is_file()
+    )
+    values = {}
+    for line in file.read_text().splitlines():
+        command, *words = shlex.split(line)
+        if command == "echo":
+            print(*words)
+        elif words[1] == "NOT_THERE":
+            print(f"ERROR [param] Parameter {words[1]} not found.")
+        else:
+            values[words[1]] = float(words[2])
+    sys.stdout.flush()
+    return values
 
 
 def ardupilot(port: int, line_port: int) -> None:

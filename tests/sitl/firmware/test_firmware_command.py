@@ -105,9 +105,29 @@ async def test_px4_is_started_with_its_parameters_and_flies_in_lock_step(tmp_pat
     assert reported["arguments"][:3] == ["-d", "-i", str(PX4_PORT - 4560)]
     environment = reported["environment"]
     assert environment["PX4_SIM_HOST_ADDR"] == "127.0.0.1"
-    assert environment["PX4_PARAM_CA_ROTOR_COUNT"] == "4"
-    assert environment["PX4_PARAM_EKF2_GPS_CTRL"] == "0"
-    assert environment["PX4_PARAM_NAV_DLL_ACT"] == "0"
+    given = (tmp_path / "firmware" / "px4-rc.params").read_text().splitlines()
+    assert {"param set CA_ROTOR_COUNT 4", "param set EKF2_GPS_CTRL 0", "param set NAV_DLL_ACT 0"} <= {*given}
+
+
+@pytest.mark.sockets
+async def test_a_parameter_that_px4_does_not_have_is_an_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = options("px4", binary=program(tmp_path, "px4"), parameters={"NOT_THERE": 1.0}, out=tmp_path)
+    assert await run_firmware(given) == 1
+    assert "PX4: it has no parameter NOT_THERE" in capsys.readouterr().err
+
+
+@pytest.mark.sockets
+async def test_a_build_tree_s_px4_gets_its_root_file_system(tmp_path: Path) -> None:
+    (tmp_path / "build" / "bin").mkdir(parents=True)
+    binary = program(tmp_path / "build" / "bin", "px4")
+    scripts = tmp_path / "build" / "etc" / "init.d-posix"
+    scripts.mkdir(parents=True)
+    (scripts / "rcS").write_text("")
+    assert await run_firmware(options("px4", binary=binary, out=tmp_path)) == 0
+    arguments = json.loads((tmp_path / "firmware" / "told.json").read_text())["arguments"]
+    assert arguments[-1] == str(tmp_path / "build" / "etc")
 
 
 @pytest.mark.sockets

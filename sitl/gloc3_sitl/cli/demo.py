@@ -37,7 +37,7 @@ def demo(
     *,
     platform: str | None = None,
     autopilot: Literal["px4", "ardupilot"] | None = None,
-    firmware: Literal["ardupilot"] | None = None,
+    firmware: Literal["ardupilot", "px4"] | None = None,
     out: Path = Path("runs/demo"),
     headless: Annotated[bool, Parameter(negative=())] = False,
 ) -> int:

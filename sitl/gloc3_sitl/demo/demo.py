@@ -40,6 +40,10 @@ PATIENCE: Final = 3.0
 """Where nobody looks, a flight that takes so many times its estimate, and two minutes, is given up."""
 
 
+PX4_COMPANION_PORT: Final = 14540
+"""Where a real PX4 sends to companions."""
+
+
 class DemoOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Options of the demonstration."""
 
@@ -114,6 +118,9 @@ class Demo:
         """
         options, vehicle, onboard = self._options, self._vehicle, self._onboard
         to_companion, to_station = free_ports(2, socket.SOCK_DGRAM)
+        link = ["--link", f"companion=udpout://127.0.0.1:{to_companion}"]
+        if options.is_firmware and options.autopilot == "px4":  # whose start script opens its links
+            to_companion, link = PX4_COMPANION_PORT, []
         sensors, dvl = free_ports(2, socket.SOCK_STREAM)
         kind = vehicle_of(self._platform)
         has_dvl = DVL in _used(self._platform)
@@ -124,7 +131,7 @@ class Demo:
                 *(["--dvl", f"a50://127.0.0.1:{dvl}"] if has_dvl else []),
                 *(["--no-gps"] if is_without_satellites(self._platform) else []),
                 *("--firmware" if options.is_firmware else "--autopilot", options.autopilot),
-                *("--link", f"companion=udpout://127.0.0.1:{to_companion}"),
+                *link,
                 *("--sensors", str(sensors)),
                 *("--out", str(options.out)),
             ]

@@ -35,6 +35,10 @@ class Commander:
         mode = style.mode(style.boot_mode)
         assert mode is not None
         self.mode: Mode = mode
+        self.intended: Mode = mode
+        """Last mode that was not the choice of a failsafe."""
+        self._arming_mode: Mode = mode
+        """Last intended mode that can arm."""
         self.activity: Activity = HoldPosition(craft)
         self.battery_share = 1.0
         """Set by the battery monitor."""
@@ -57,6 +61,9 @@ class Commander:
         ]
         if counts_mode and not self.mode.can_arm:
             found.append(f"mode {self.mode.name} does not allow arming")
+        stream, tuning = self.craft.stream, self.craft.tuning
+        if counts_mode and self._needs_stream(self.mode) and not stream.is_fresh(self.craft.now_s, tuning.stream_timeout_s):
+            found.append("offboard control signal lost")
         if self.craft.home is not None and Check.FENCE & mask:
             breach = self.fence.breach(self.craft)
             if breach:
@@ -103,9 +110,8 @@ class Commander:
             return self._refuse("Disarming denied: not landed")
         craft.is_armed = False
         craft.send_text(Severity.INFO, f"Disarmed by {author}")
-        follows = self.style.after_disarm.get(self.mode.behaviour)
-        if follows is not None and not self.is_terminated:
-            self._enter(follows, Author.SELF)
+        if self.style.resumes_arming_mode and not self.is_terminated and self.mode is not self._arming_mode:
+            self._enter(self._arming_mode.custom_mode, Author.SELF)
         else:
             self._restart_activity()
         return ACCEPTED
@@ -136,6 +142,7 @@ class Commander:
             return RequestVerdict(self.style.unknown_mode, "unknown mode")
         if mode is self.mode and author is not Author.FAILSAFE:
             self.mode_author = author
+            self._intend(mode)
             if mode.behaviour is Behaviour.HOLD and not self.craft.is_landed:
                 self._restart_activity()  # whoever asks for a hold means here, not where it was told to go before
             return ACCEPTED
@@ -154,15 +161,14 @@ class Commander:
             return "no position"
         if mode.behaviour is Behaviour.MISSION and len(craft.plans.mission) <= craft.first_item:
             return "no mission"
-        if (
-            mode.behaviour is Behaviour.STREAMED
-            and self.style.streamed_needs_stream
-            and not craft.stream.is_streaming(craft.now_s, craft.tuning.stream_needed_hz)
-        ):
+        if self._needs_stream(mode) and not craft.stream.is_streaming(craft.now_s, craft.tuning.stream_needed_hz):
             return "no setpoints are streamed"
         if mode.behaviour in PILOTED and craft.is_armed and not self.has_pilot:
             return "no transmitter" if mode.behaviour is not Behaviour.POSITION else ""
         return ""
+
+    def _needs_stream(self, mode: Mode) -> bool:
+        return mode.behaviour is Behaviour.STREAMED and self.style.streamed_needs_stream
 
     @property
     def has_pilot(self) -> bool:
@@ -223,9 +229,16 @@ class Commander:
         if self.mode.behaviour is Behaviour.MISSION and isinstance(self.activity, MissionFlight):
             self.craft.mission_left()
         self.mode, self.mode_author = mode, author
+        if author is not Author.FAILSAFE:
+            self._intend(mode)
         self.craft.is_facing = None
         self.mode_changes += 1
         self._restart_activity()
+
+    def _intend(self, mode: Mode) -> None:
+        self.intended = mode
+        if mode.can_arm:
+            self._arming_mode = mode
 
     def _restart_activity(self) -> None:
         target, self._takeoff_down_m = self._takeoff_down_m, nan

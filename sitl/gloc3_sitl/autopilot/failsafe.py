@@ -27,6 +27,8 @@ _EXEMPT: Final = {
 
 
 _PERIOD_S: Final = 0.1
+_STREAM_BACK_S: Final = 1.0
+"""Lost setpoints count as back after they have come for so long."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +42,8 @@ class FailsafeRow:
     exempt: Callable[[Tuning], int] = lambda _: 0
     is_delayed: bool = False
     """Whether a hold comes first, to give people time."""
+    resumes: bool = False
+    """Whether the intended mode is entered again when the condition ends, unless something else acts."""
 
 
 @dataclass(slots=True)
@@ -102,6 +106,10 @@ class FailsafeMonitor:
                 if alarm is not None:
                     del self._alarms[watch.name]
                     craft.send_text(Severity.INFO, f"Failsafe cleared: {watch.name}")
+                    if watch.resumes and self.cause == watch.name:
+                        self.acting, self.cause = FailsafeAction.NONE, ""
+                        commander.set_mode(commander.intended.custom_mode, Author.SELF)
+                        self._changes = commander.mode_changes
                 continue
             action = watch.action(craft.tuning)
             if action is FailsafeAction.NONE:
@@ -192,12 +200,12 @@ def _pilot_lost(safes: FailsafeMonitor) -> str:
 
 def _stream_lost(safes: FailsafeMonitor) -> str:
     commander, craft = safes.commander, safes.craft
-    if commander.mode.behaviour is not Behaviour.STREAMED or not commander.style.streamed_needs_stream:
-        # Not in the mode any more: the alarm stands until setpoints come again, so that it is told once.
-        return "setpoints lost" if safes.is_standing("setpoints") and safes.cause == "setpoints" else ""
-    if craft.stream.is_fresh(craft.now_s, craft.tuning.stream_timeout_s):
+    if commander.intended.behaviour is not Behaviour.STREAMED or not commander.style.streamed_needs_stream:
         return ""
-    return "setpoints lost"
+    if not craft.stream.is_fresh(craft.now_s, craft.tuning.stream_timeout_s):
+        return "setpoints lost"
+    is_young = craft.now_s - craft.stream.since_s < _STREAM_BACK_S
+    return "setpoints lost" if safes.is_standing("setpoints") and is_young else ""
 
 
 def _battery(level: Callable[[Tuning], float], word: str) -> Callable[[FailsafeMonitor], str]:
@@ -226,7 +234,9 @@ def _fence_broken(safes: FailsafeMonitor) -> str:
 
 
 WATCHES: Final = (
-    FailsafeRow(name="setpoints", condition=_stream_lost, action=lambda tuning: tuning.stream_lost_action),
+    FailsafeRow(
+        name="setpoints", condition=_stream_lost, action=lambda tuning: tuning.stream_lost_action, resumes=True
+    ),
     FailsafeRow(
         name="station",
         condition=_station_lost,

@@ -105,8 +105,8 @@ class StyleTables:
     """Custom mode after start."""
     goes_on: Mapping[Behaviour, int]
     """Custom mode that follows by itself when a behaviour is done."""
-    after_disarm: Mapping[Behaviour, int]
-    """Custom mode that follows when the vehicle disarms in a behaviour."""
+    resumes_arming_mode: bool
+    """Whether disarming leads back to the last intended mode that can arm; otherwise the mode stays."""
     hold_mode: int
     brake_mode: int
     takeoff_mode: int

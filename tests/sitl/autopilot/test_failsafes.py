@@ -51,6 +51,41 @@ def test_px4_leaves_offboard_one_second_after_the_last_setpoint(choice: int, mod
     assert 0.9 < used < 1.1
 
 
+def test_px4_flies_offboard_again_a_second_after_the_setpoints_are_back() -> None:
+    bench = Bench()
+    bench.take_off()
+    bench.start_streaming(HERE)
+    bench.run_until(lambda: bench.mode == "Hold", 3.0)
+    bench.run(2.0)
+    bench.stream(hover, 0.8)
+    assert bench.mode == "Hold"
+    bench.stream(hover, 0.6)
+    assert bench.mode == "Offboard"
+    bench.stream(hover, 2.0)
+    assert bench.mode == "Offboard"
+    bench.run_until(lambda: bench.mode == "Hold", 3.0)
+
+
+def test_px4_stays_in_a_hold_that_was_commanded_after_the_setpoints_were_lost() -> None:
+    bench = Bench()
+    bench.take_off()
+    bench.start_streaming(HERE)
+    bench.run_until(lambda: bench.mode == "Hold", 3.0)
+    assert bench.set_mode("Hold") is Result.ACCEPTED
+    bench.stream(hover, 3.0)
+    assert bench.mode == "Hold"
+
+
+def test_px4_that_landed_because_the_setpoints_were_lost_stands_in_offboard() -> None:
+    bench = Bench()
+    bench.set_parameter("COM_OBL_RC_ACT", 4)
+    bench.take_off()
+    bench.start_streaming(HERE)
+    bench.run_until(lambda: bench.mode == "Land", 3.0)
+    bench.run_until(lambda: not bench.is_armed, 15.0)
+    assert bench.mode == "Offboard"
+
+
 def test_px4_hands_over_to_a_pilot_who_is_there_when_setpoints_end() -> None:
     bench = Bench()
     bench.set_parameter("COM_OBL_RC_ACT", 0)

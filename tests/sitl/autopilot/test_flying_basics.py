@@ -141,6 +141,36 @@ def test_it_flies_again_after_it_has_landed(style: str) -> None:
     assert [log.number for log in bench.autopilot.logger.logs] == [1, 2]
 
 
+def test_px4_stands_in_offboard_after_landing_from_it_and_arms_only_in_another_mode_or_with_a_stream() -> None:
+    bench = Bench()
+    bench.take_off()
+    bench.start_streaming((0.0, 0.0, -2.5))
+    assert bench.command(LAND) is Result.ACCEPTED
+    bench.run_until(lambda: not bench.is_armed, 15.0)
+    bench.run(1.0)
+    assert bench.mode == "Offboard"
+    assert bench.command(ARM, 1) is Result.TEMPORARILY_REJECTED
+    assert "offboard control signal lost" in bench.autopilot.commander.problems()
+    assert bench.set_mode("Hold") is Result.ACCEPTED
+    assert bench.command(ARM, 1) is Result.ACCEPTED
+
+
+def test_px4_stands_in_its_hold_after_a_landing_that_began_there() -> None:
+    bench = Bench()
+    bench.take_off()
+    assert bench.command(LAND) is Result.ACCEPTED
+    bench.run_until(lambda: not bench.is_armed, 15.0)
+    assert bench.mode == "Hold"
+
+
+def test_ardupilot_stays_in_land_after_it_has_landed() -> None:
+    bench = Bench("ardupilot")
+    bench.take_off()
+    assert bench.command(LAND) is Result.ACCEPTED
+    bench.run_until(lambda: not bench.is_armed, 15.0)
+    assert bench.mode == "LAND"
+
+
 def test_home_and_origin_are_told_once_they_are_known() -> None:
     bench = Bench()
     bench.get_ready()

@@ -108,8 +108,7 @@ class Autopilot:
     def _continue(self, before: "Autopilot") -> None:
         """Takes up what stood on the memory card before a reboot."""
         self.parameters.load(before.parameters)
-        first = self.craft.first_item
-        self.craft.mission.on_upload(self.plans.mission_count, len(self.plans.mission) > first, first)
+        self.craft.mission.on_upload(self.plans.mission_count, len(self.plans.mission), self.craft.first_item)
 
     def _receivers(self) -> dict[type, Callable[[Any], None]]:
         """What becomes of each kind of reading, but for the IMU's."""

@@ -238,3 +238,42 @@ def test_return_goes_to_the_nearer_rally_point() -> None:
     assert bench.set_mode("Return") is Result.ACCEPTED
     bench.run_until(lambda: not bench.is_armed, 40.0)
     assert dist(bench.position, (14.0, 0.0, 0.0)) < 0.5
+
+
+def reported_item(bench: Bench) -> tuple[int, int]:
+    assert bench.command(512, 42) is Result.ACCEPTED
+    current = bench.last("MISSION_CURRENT")
+    return current.seq, current.total
+
+
+def test_px4_reports_the_item_of_the_previous_plan_until_one_of_the_new_plan_is_set() -> None:
+    bench = Bench()
+    bench.get_ready()
+    assert bench.upload([bench.item(WAYPOINT, float(north)) for north in range(5)]) is PlanResult.ACCEPTED
+    assert bench.command(SET_CURRENT, 4) is Result.ACCEPTED
+    assert bench.upload([bench.item(WAYPOINT, float(north)) for north in range(3)]) is PlanResult.ACCEPTED
+    assert reported_item(bench) == (2, 3)
+    assert bench.command(SET_CURRENT, 0) is Result.ACCEPTED
+    assert reported_item(bench) == (0, 3)
+
+
+def test_px4_begins_a_new_plan_at_its_first_item_whatever_it_has_reported() -> None:
+    bench = Bench()
+    bench.get_ready()
+    assert bench.upload([bench.item(WAYPOINT, float(north)) for north in range(5)]) is PlanResult.ACCEPTED
+    assert bench.command(SET_CURRENT, 4) is Result.ACCEPTED
+    assert bench.upload([bench.item(TAKE_OFF), bench.item(WAYPOINT, 6.0)]) is PlanResult.ACCEPTED
+    assert reported_item(bench) == (1, 2)
+    start(bench)
+    bench.run(1.0)
+    assert reported_item(bench) == (0, 2)
+
+
+def test_ardupilot_reports_the_first_item_of_a_new_plan() -> None:
+    bench = Bench("ardupilot")
+    bench.get_ready()
+    items = with_home(bench, *(bench.item(WAYPOINT, float(north)) for north in range(4)))
+    assert bench.upload(items) is PlanResult.ACCEPTED
+    assert bench.command(SET_CURRENT, 4) is Result.ACCEPTED
+    assert bench.upload(items[:3]) is PlanResult.ACCEPTED
+    assert reported_item(bench) == (1, 3)

@@ -26,6 +26,9 @@ _ALIGNING_SHARE: Final = 0.01
 _IMU: Final = {codec.shape(name).id: name for name in ("HIGHRES_IMU", "SCALED_IMU")}
 """What is asked for at more than the rate of the outer loop."""
 
+_PX4_FIXED: Final = frozenset({codec.shape("MISSION_CURRENT").id})
+"""Messages that PX4 sends at a rate of its own; an interval is refused."""
+
 
 class HeadingOffset:
     """The heading of an odometer's own frame, whose x axis points wherever it was switched on."""
@@ -143,6 +146,7 @@ class FrontContext:
             flight.skip_to(index)
         else:
             self.craft.mission.current = index
+        self.craft.mission.outdated = None
         self.send_now("MISSION_CURRENT")
         return True
 
@@ -166,8 +170,10 @@ class FrontContext:
         link = self.link_of(request.sender)
         if link is None:
             return RequestVerdict(Result.FAILED, "unknown link")
-        if self.is_px4 and request.command == SET_MESSAGE_INTERVAL and request.params[0] not in self._producers:
-            return RequestVerdict(Result.FAILED, "message is not produced here")
+        if self.is_px4 and request.command == SET_MESSAGE_INTERVAL:
+            wanted = request.params[0]
+            if wanted not in self._producers or wanted in _PX4_FIXED:
+                return RequestVerdict(Result.FAILED, "message is not a stream here")
         streams = self._streams[link]
         result = streams.command(request, self.craft.now_s)
         for message in streams.outgoing():

@@ -86,7 +86,8 @@ class PlanSync:
         match event.kind:
             case PlanType.MISSION:
                 plans.set_mission(items)
-                craft.mission.on_upload(plans.mission_count, len(items) > self._first, self._first)
+                is_px4 = self._context.is_px4
+                craft.mission.on_upload(plans.mission_count, len(items), self._first, reports_old=is_px4)
                 flight = self._context.mission_flight
                 if flight is not None:
                     flight.skip_to(self._first)

@@ -208,7 +208,7 @@ def mission_current(autopilot: "Autopilot") -> MavlinkMessage:
     progress, count = autopilot.craft.mission, len(autopilot.plans.mission)
     return message(
         "MISSION_CURRENT",
-        seq=progress.current,
+        seq=progress.reported,
         total=count or 65535,
         mission_state=int(progress.state),
         mission_mode=1 if autopilot.commander.mode.behaviour is Behaviour.MISSION else 2,

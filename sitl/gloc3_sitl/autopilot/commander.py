@@ -62,6 +62,8 @@ class Commander:
         if counts_mode and not self.mode.can_arm:
             found.append(f"mode {self.mode.name} does not allow arming")
         stream, tuning = self.craft.stream, self.craft.tuning
+        if self.mode.behaviour in self.style.on_earth and not self.craft.estimator.is_yaw_aligned:
+            found.append("no global position: the heading is not aligned with north")
         if counts_mode and self._needs_stream(self.mode) and not stream.is_fresh(self.craft.now_s, tuning.stream_timeout_s):
             found.append("offboard control signal lost")
         if self.craft.home is not None and Check.FENCE & mask:
@@ -127,7 +129,8 @@ class Commander:
         """Sets home to a position, by default the current one."""
         craft = self.craft
         origin = craft.estimator.origin
-        if origin is None or (position_ned_m is None and not craft.estimator.is_position_good(craft.now_s)):
+        is_known = craft.estimator.is_position_good(craft.now_s) and craft.estimator.is_yaw_aligned
+        if origin is None or (position_ned_m is None and not is_known):
             return self._refuse("Home not set: position unknown")
         position = craft.estimator.inertial.position_ned_m if position_ned_m is None else position_ned_m
         craft.home = HomePosition(origin.geo_from_ned(position), position, craft.estimator.yaw_rad)
@@ -159,6 +162,8 @@ class Commander:
             return "flight was terminated"
         if mode.behaviour in POSITIONED and not craft.estimator.is_position_good(craft.now_s):
             return "no position"
+        if craft.is_armed and mode.behaviour in self.style.on_earth and not craft.estimator.is_yaw_aligned:
+            return "no global position"
         if mode.behaviour is Behaviour.MISSION and len(craft.plans.mission) <= craft.first_item:
             return "no mission"
         if self._needs_stream(mode) and not craft.stream.is_streaming(craft.now_s, craft.tuning.stream_needed_hz):
@@ -189,8 +194,11 @@ class Commander:
                 return self._refuse("Take-off denied: already flying")
             self.activity.take_off(target)
             return ACCEPTED
-        if not craft.estimator.is_position_good(craft.now_s):
-            return self._refuse("Take-off denied: no position")
+        takeoff = style.mode(style.takeoff_mode)
+        assert takeoff is not None
+        problem = self.cannot_fly(takeoff)
+        if problem:
+            return self._refuse(f"Take-off denied: {problem}")
         self._takeoff_down_m = target
         if self.mode.custom_mode == style.takeoff_mode:
             self._restart_activity()
@@ -259,7 +267,7 @@ class Commander:
             was, self._jump_ned_m = self._jump_ned_m, estimator.jump_ned_m
             north, east, down = (now - before for now, before in zip(estimator.jump_ned_m, was, strict=True))
             self.activity.on_jump((north, east, down))
-        if craft.home is None and estimator.origin is not None and estimator.is_position_good(craft.now_s):
+        if craft.home is None and estimator.place is not None and estimator.is_position_good(craft.now_s):
             self.set_home()
         self._mind_pilot()
         self._mind_authorizer()

@@ -169,7 +169,7 @@ class FailsafeMonitor:
                 assert mode is not None
                 if commander.mode.behaviour is Behaviour.LAND:
                     custom = style.land_mode  # a landing is never broken off for something milder
-                elif mode.behaviour in POSITIONED and not craft.estimator.is_position_good(craft.now_s):
+                elif commander.cannot_fly(mode):
                     custom = (
                         style.altitude_mode
                         if commander.has_pilot and action is FailsafeAction.POSITION

@@ -139,6 +139,8 @@ class StyleTables:
     """Whether NAV_TAKEOFF is flown inside streamed control, and refused elsewhere."""
     version: tuple[int, int, int]
     """Of the firmware whose manners are followed."""
+    on_earth: frozenset[Behaviour] = frozenset()
+    """Behaviours that need a position on Earth: an origin, and a heading that counts from north."""
     orbit_mode: int | None = None
     """Where there is one."""
     activities: Mapping[Behaviour, Callable[["Craft"], "Activity"]] = field(default_factory=dict)

@@ -81,8 +81,7 @@ def indoors(style: str) -> Bench:
     return bench
 
 
-def lift(bench: Bench, odometer: Odometer) -> None:
-    odometer.run(4.0)
+def set_origin(bench: Bench) -> None:
     home = bench.sim.world.home
     place = {
         "frame": 0,
@@ -91,6 +90,11 @@ def lift(bench: Bench, odometer: Odometer) -> None:
         "z": home.altitude_m,
     }
     assert bench.command(SET_ORIGIN, as_int=place) is Result.ACCEPTED
+
+
+def lift(bench: Bench, odometer: Odometer) -> None:
+    odometer.run(4.0)
+    set_origin(bench)
     odometer.run(0.5)
     if bench.is_px4:
         assert bench.command(400, 1) is Result.ACCEPTED
@@ -171,3 +175,22 @@ def test_ardupilot_switches_its_set_of_sources_by_command() -> None:
     assert bench.mode == "GUIDED"
     assert dist(bench.position, (0.0, 0.0, -2.5)) < 0.4
     assert bench.command(SET_SOURCES, 4) is Result.DENIED
+
+
+def px4_without_a_compass() -> Bench:
+    bench = Bench(is_without_gps=True)
+    set_origin(bench)
+    return bench
+
+
+def test_px4_takes_off_and_holds_by_a_heading_in_the_north_frame() -> None:
+    bench = px4_without_a_compass()
+    odometer = Odometer(bench, heading_rad=0.0, frame=1)
+    odometer.run(4.0)
+    assert bench.autopilot.commander.problems() == []
+    assert bench.command(512, 33) is Result.ACCEPTED
+    assert bench.command(400, 1) is Result.ACCEPTED
+    assert bench.command(22, nan, 0, 0, nan, nan, nan, nan) is Result.ACCEPTED
+    odometer.run(10.0)
+    assert bench.mode == "Hold"
+    assert dist(bench.position, (0.0, 0.0, -2.5)) < 0.25

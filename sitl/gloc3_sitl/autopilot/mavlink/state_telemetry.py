@@ -159,7 +159,7 @@ def estimator_status(autopilot: "Autopilot") -> MavlinkMessage:
     if estimator.is_aligned:
         flags |= 1
     if estimator.is_position_good(now_s):
-        flags |= 2 | 8 | (16 if estimator.origin is not None else 0) | 256
+        flags |= 2 | 8 | (16 if estimator.place is not None else 0) | 256
     if estimator.is_height_good(now_s):
         flags |= 4 | 32
     if now_s - estimator.range_t_s < 1.0:

@@ -68,6 +68,16 @@ PX4: Final = StyleTables(
     pilot_disarms_in_air=False,
     takeoff_in_streamed=False,
     version=(1, 16, 0),
+    on_earth=frozenset(
+        {
+            Behaviour.TAKE_OFF,
+            Behaviour.HOLD,
+            Behaviour.MISSION,
+            Behaviour.RETURN,
+            Behaviour.ORBIT,
+            Behaviour.FOLLOW,
+        }
+    ),
     orbit_mode=_ORBIT,
 )
 """PX4 v1.16 as a multicopter."""

@@ -1,12 +1,12 @@
 """The commander: arming, modes, home, and the transition after a finished behaviour."""
 
 from collections.abc import Callable, Iterator
-from enum import IntFlag
-from math import degrees, hypot, nan
+from math import nan
 from typing import Final
 
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3
+from gloc3_sitl.autopilot.arming import ArmingProblem, Check, vehicle_problems
 from gloc3_sitl.autopilot.authorization import ArmPermission, Authorization
 from gloc3_sitl.autopilot.behaviours.base import Activity, GoesTo
 from gloc3_sitl.autopilot.behaviours.choice import activity_for
@@ -29,6 +29,8 @@ class Commander:
         self.authorization: Final = authorization
         self.on_arming_settled: Callable[[RequestVerdict], None] = lambda _: None
         """Called with the result of an arming attempt that waited for authorization."""
+        self.on_arming_refused: Callable[[], None] = lambda: None
+        """Called when a failed check has refused arming."""
         self._arming: Author | None = None
         self.style: Final = style
         self.fence: Final = FenceMonitor()
@@ -54,23 +56,33 @@ class Commander:
     # -- arming ---------------------------------------------------------------------------------------------------
 
     def problems(self, *, counts_mode: bool = True) -> list[str]:
-        """Returns the reasons against arming now, worst first, with or without those of the mode."""
-        mask = self.craft.tuning.check_mask
+        """Returns the reasons against arming now in words, worst first, with or without those of the mode."""
+        return [problem.text for problem in self.arming_problems(self.mode, counts_mode=counts_mode)]
+
+    def arming_problems(self, mode: Mode, *, counts_mode: bool = True) -> list[ArmingProblem]:
+        """Returns the reasons against arming now in a mode."""
+        craft, mask = self.craft, self.craft.tuning.check_mask
         found = [
-            text for check, text in arming_problems(self.craft, self.mode.behaviour, self.battery_share) if check & mask
+            problem for problem in vehicle_problems(craft, mode.behaviour, self.battery_share) if problem.check & mask
         ]
-        if counts_mode and not self.mode.can_arm:
-            found.append(f"mode {self.mode.name} does not allow arming")
-        stream, tuning = self.craft.stream, self.craft.tuning
-        if self.mode.behaviour in self.style.on_earth and not self.craft.estimator.is_yaw_aligned:
-            found.append("no global position: the heading is not aligned with north")
-        if counts_mode and self._needs_stream(self.mode) and not stream.is_fresh(self.craft.now_s, tuning.stream_timeout_s):
-            found.append("offboard control signal lost")
-        if self.craft.home is not None and Check.FENCE & mask:
-            breach = self.fence.breach(self.craft)
+        if counts_mode:
+            found += self._mode_problems(mode)
+        if craft.home is not None and Check.FENCE & mask:
+            breach = self.fence.breach(craft)
             if breach:
-                found.append(breach)
+                found.append(ArmingProblem(Check.FENCE, breach, "check_gf_violation_custom_gf"))
         return found
+
+    def _mode_problems(self, mode: Mode) -> Iterator[ArmingProblem]:
+        """Yields what a mode needs and lacks."""
+        craft = self.craft
+        if not mode.can_arm:
+            yield ArmingProblem(Check.MODE, f"mode {mode.name} does not allow arming", "check_modes_cannot_takeoff")
+        if mode.behaviour in self.style.on_earth and not craft.estimator.is_yaw_aligned:
+            text = "no global position: the heading is not aligned with north"
+            yield ArmingProblem(Check.MODE, text, "check_modes_global_pos")
+        if self._needs_stream(mode) and not craft.stream.is_fresh(craft.now_s, craft.tuning.stream_timeout_s):
+            yield ArmingProblem(Check.MODE, "offboard control signal lost", "check_modes_offboard_signal")
 
     def arm(self, author: Author, *, is_forced: bool = False) -> RequestVerdict:
         """Starts the motors; IN_PROGRESS while an authorization is pending."""
@@ -82,8 +94,10 @@ class Commander:
         if not is_forced:
             problems = self.problems()
             if problems:
-                for problem in problems[:3]:
-                    craft.send_text(Severity.CRITICAL, f"{style.arming_prefix}{problem}")
+                texts = ["resolve the reported health failures first"] if style.reports_by_event else problems[:3]
+                for text in texts:
+                    craft.send_text(Severity.CRITICAL, f"{style.arming_prefix}{text}")
+                self.on_arming_refused()
                 return RequestVerdict(style.refused, problems[0])
             match self.authorization.leave():
                 case ArmPermission.AWAITED:
@@ -344,44 +358,3 @@ class Commander:
                 return
         if craft.now_s - since >= wait:
             self.disarm(Author.SELF)
-
-
-class Check(IntFlag):
-    """Groups of pre-arm checks that can be disabled."""
-
-    ATTITUDE = 1
-    HEADING = 2
-    HEIGHT = 4
-    POSITION = 8
-    BATTERY = 16
-    PILOT = 32
-    FENCE = 64
-    HEALTH = 128
-
-
-def arming_problems(craft: Craft, behaviour: Behaviour, battery_share: float) -> Iterator[tuple[Check, str]]:
-    """Yields the reasons against arming in a mode, worst first."""
-    estimator, now_s = craft.estimator, craft.now_s
-    if not estimator.is_aligned:
-        yield Check.ATTITUDE, "attitude is still aligning"
-        return
-    roll, pitch, _ = estimator.euler_rad
-    if hypot(roll, pitch) > 0.4:
-        yield Check.ATTITUDE, f"tilted by {degrees(hypot(roll, pitch)):.0f} degrees"
-    if not estimator.is_height_good(now_s):
-        yield Check.HEIGHT, "no height: barometer failed"
-    if not estimator.is_heading_good(now_s):
-        yield Check.HEADING, "no heading: compass failed"
-    needs_position = craft.tuning.needs_position_to_arm or behaviour in POSITIONED
-    if needs_position and not estimator.is_position_good(now_s):
-        yield Check.POSITION, "no position: waiting for a fix or odometry"
-    if needs_position and estimator.origin is None:
-        yield Check.POSITION, "no global origin"
-    if battery_share < craft.tuning.battery_low:
-        yield Check.BATTERY, f"battery low: {100.0 * battery_share:.0f} %"
-    if craft.tuning.pilot_required and now_s - craft.pilot.last_seen_s > craft.tuning.pilot_timeout_s:
-        yield Check.PILOT, "no transmitter"
-    if craft.is_leaking:
-        yield Check.HEALTH, "leak detected"
-    if craft.fault:
-        yield Check.HEALTH, craft.fault

@@ -125,6 +125,8 @@ class StyleTables:
     """Result of a request for a mode that does not exist."""
     arming_prefix: str
     """Before each reason why arming is refused, in STATUSTEXT."""
+    reports_by_event: bool
+    """Whether the reasons against arming are EVENTs; otherwise they are texts."""
     streamed_needs_stream: bool
     """Whether streamed control is only entered while setpoints come in."""
     streamed_shapes_positions: bool

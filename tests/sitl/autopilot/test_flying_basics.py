@@ -89,7 +89,8 @@ def test_a_take_off_while_disarmed_is_refused_with_the_result_of_the_style() -> 
 def test_arming_before_the_first_fix_is_refused_with_a_reason() -> None:
     bench = Bench()
     assert bench.command(ARM, 1) is Result.TEMPORARILY_REJECTED
-    assert "Arming denied: attitude is still aligning" in bench.texts
+    assert "attitude is still aligning" in bench.autopilot.commander.problems()
+    assert "Arming denied: resolve the reported health failures first" in bench.texts
 
 
 def test_a_vehicle_that_is_armed_and_does_not_fly_disarms_by_itself() -> None:

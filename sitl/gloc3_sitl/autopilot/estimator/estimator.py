@@ -266,7 +266,11 @@ class Estimator:
     @property
     def place(self) -> GeoPoint | None:
         """Place on Earth, where origin and north are known."""
-        return None if self.origin is None or not self.is_yaw_aligned else self.origin.geo_from_ned(self.inertial.position_ned_m)
+        return (
+            None
+            if self.origin is None or not self.is_yaw_aligned
+            else self.origin.geo_from_ned(self.inertial.position_ned_m)
+        )
 
     def is_position_good(self, now_s: float) -> bool:
         """Whether the horizontal position may be flown by: aided within the last second, and converged."""

@@ -225,6 +225,9 @@ def _capabilities(context: FrontContext, request: MavCommandRequest) -> RequestV
 def _run_checks(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     del request
     commander = context.commander
+    if context.health is not None:
+        context.health.send(context.craft.now_s)
+        return ACCEPTED
     if context.craft.is_armed:
         return RequestVerdict(Result.TEMPORARILY_REJECTED, "armed")
     for problem in commander.problems():

@@ -51,6 +51,7 @@ ARDUPILOT: Final = StyleTables(
     refused=Result.FAILED,
     unknown_mode=Result.FAILED,
     arming_prefix="PreArm: ",
+    reports_by_event=False,
     streamed_needs_stream=False,
     streamed_shapes_positions=True,
     log_folder="/APM/LOGS",

@@ -61,6 +61,7 @@ PX4: Final = StyleTables(
     refused=Result.TEMPORARILY_REJECTED,
     unknown_mode=Result.UNSUPPORTED,
     arming_prefix="Arming denied: ",
+    reports_by_event=True,
     streamed_needs_stream=True,
     streamed_shapes_positions=False,
     log_folder="/fs/microsd/log",

@@ -81,6 +81,10 @@ class Commander:
         if mode.behaviour in self.style.on_earth and not craft.estimator.is_yaw_aligned:
             text = "no global position: the heading is not aligned with north"
             yield ArmingProblem(Check.MODE, text, "check_modes_global_pos")
+        if mode.behaviour is Behaviour.MISSION and self.style.reports_by_event:
+            problem = self._mission_problem()
+            if problem:
+                yield ArmingProblem(Check.MODE, problem, "check_modes_mission")
         if self._needs_stream(mode) and not craft.stream.is_fresh(craft.now_s, craft.tuning.stream_timeout_s):
             yield ArmingProblem(Check.MODE, "offboard control signal lost", "check_modes_offboard_signal")
 
@@ -126,7 +130,7 @@ class Commander:
             return self._refuse("Disarming denied: not landed")
         craft.is_armed = False
         craft.send_text(Severity.INFO, f"Disarmed by {author}")
-        if self.style.resumes_arming_mode and not self.is_terminated and self.mode is not self._arming_mode:
+        if self.style.keeps_intention and not self.is_terminated and self.mode is not self._arming_mode:
             self._enter(self._arming_mode.custom_mode, Author.SELF)
         else:
             self._restart_activity()
@@ -164,7 +168,7 @@ class Commander:
                 self._restart_activity()  # whoever asks for a hold means here, not where it was told to go before
             return ACCEPTED
         problem = self.cannot_fly(mode)
-        if problem:
+        if problem and (self.craft.is_armed or self.is_terminated or not self.style.keeps_intention):
             return self._refuse(f"{mode.name} denied: {problem}")
         self._enter(custom_mode, author)
         return ACCEPTED
@@ -178,13 +182,23 @@ class Commander:
             return "no position"
         if craft.is_armed and mode.behaviour in self.style.on_earth and not craft.estimator.is_yaw_aligned:
             return "no global position"
-        if mode.behaviour is Behaviour.MISSION and len(craft.plans.mission) <= craft.first_item:
-            return "no mission"
+        if mode.behaviour is Behaviour.MISSION:
+            problem = self._mission_problem()
+            if problem:
+                return problem
         if self._needs_stream(mode) and not craft.stream.is_streaming(craft.now_s, craft.tuning.stream_needed_hz):
             return "no setpoints are streamed"
         if mode.behaviour in PILOTED and craft.is_armed and not self.has_pilot:
             return "no transmitter" if mode.behaviour is not Behaviour.POSITION else ""
         return ""
+
+    def _mission_problem(self) -> str:
+        """Why the uploaded mission cannot be flown; empty if it can."""
+        craft = self.craft
+        if len(craft.plans.mission) <= craft.first_item:
+            return "no mission"
+        lacking = craft.plans.lacks(craft.tuning.mission_requires, is_landed=craft.is_landed)
+        return f"the mission has no {lacking}" if lacking else ""
 
     def _needs_stream(self, mode: Mode) -> bool:
         return mode.behaviour is Behaviour.STREAMED and self.style.streamed_needs_stream

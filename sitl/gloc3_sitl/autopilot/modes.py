@@ -105,8 +105,8 @@ class StyleTables:
     """Custom mode after start."""
     goes_on: Mapping[Behaviour, int]
     """Custom mode that follows by itself when a behaviour is done."""
-    resumes_arming_mode: bool
-    """Whether disarming leads back to the last intended mode that can arm; otherwise the mode stays."""
+    keeps_intention: bool
+    """Whether any mode may be chosen while disarmed, and disarming leads back to the last one that can arm."""
     hold_mode: int
     brake_mode: int
     takeoff_mode: int

@@ -78,6 +78,9 @@ class Tuning:
     mission_faces_course: bool = True
     """Turns towards the next waypoint, where the item says no heading."""
 
+    mission_requires: int = 0
+    """What a mission must have, numbered as PX4's MIS_TKO_LAND_REQ: 0 nothing, 2 a landing."""
+
     # Streamed setpoints
     stream_timeout_s: float = 1.0
     """Setpoints older than this are lost."""

@@ -173,9 +173,14 @@ def test_a_mission_of_jumps_alone_does_not_hang_the_vehicle() -> None:
     assert abs(bench.position[2] + 3.0) < 0.5
 
 
-def test_mission_mode_without_a_mission_is_refused() -> None:
+def test_mission_mode_without_a_mission_is_refused_in_flight_and_px4_takes_it_on_the_ground_and_does_not_arm() -> None:
     bench = Bench()
     bench.get_ready()
+    assert bench.set_mode("Mission") is Result.ACCEPTED
+    assert bench.command(ARM, 1) is Result.TEMPORARILY_REJECTED
+    assert bench.autopilot.commander.problems() == ["no mission"]
+    assert bench.set_mode("Hold") is Result.ACCEPTED
+    bench.take_off()
     assert bench.set_mode("Mission") is Result.TEMPORARILY_REJECTED
     assert "Mission denied: no mission" in bench.texts
 
@@ -277,3 +282,39 @@ def test_ardupilot_reports_the_first_item_of_a_new_plan() -> None:
     assert bench.command(SET_CURRENT, 4) is Result.ACCEPTED
     assert bench.upload(items[:3]) is PlanResult.ACCEPTED
     assert reported_item(bench) == (1, 3)
+
+
+@pytest.mark.parametrize(
+    ("required", "commands", "lacking"),
+    [
+        (0, (), ""),
+        (1, (LAND,), "take-off"),
+        (2, (TAKE_OFF,), "landing"),
+        (2, (LAND,), ""),
+        (3, (), "take-off and landing"),
+        (4, (), ""),
+        (4, (TAKE_OFF,), "landing"),
+        (5, (TAKE_OFF, LAND), ""),
+    ],
+)
+def test_px4_acknowledges_a_plan_without_the_required_items_and_does_not_arm_with_it(
+    required: int, commands: tuple[int, ...], lacking: str
+) -> None:
+    bench = Bench()
+    bench.set_parameter("MIS_TKO_LAND_REQ", required)
+    bench.get_ready()
+    items = [bench.item(WAYPOINT, 5.0), *(bench.item(command) for command in commands)]
+    assert bench.upload(items) is PlanResult.ACCEPTED
+    assert bench.set_mode("Mission") is Result.ACCEPTED
+    assert bench.autopilot.commander.problems() == ([f"the mission has no {lacking}"] if lacking else [])
+    assert bench.command(ARM, 1) is (Result.TEMPORARILY_REJECTED if lacking else Result.ACCEPTED)
+
+
+def test_px4_takes_off_for_no_plan_without_the_required_landing() -> None:
+    bench = Bench()
+    bench.set_parameter("MIS_TKO_LAND_REQ", 2)
+    bench.get_ready()
+    assert bench.upload([bench.item(TAKE_OFF), bench.item(WAYPOINT, 5.0)]) is PlanResult.ACCEPTED
+    bench.take_off()
+    assert bench.command(MISSION_START) is Result.TEMPORARILY_REJECTED
+    assert "Mission denied: the mission has no landing" in bench.texts

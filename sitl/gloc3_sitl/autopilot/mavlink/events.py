@@ -76,6 +76,7 @@ CHECKS: Final[Mapping[str, EventKind]] = {
         ("check_battery_low", EventLevel.WARNING, 11, "The battery is low"),
         ("check_modes_manual_control", EventLevel.WARNING, 7, "No sticks: no transmitter and no joystick"),
         ("check_modes_cannot_takeoff", EventLevel.INFO, 20, "The vehicle cannot be armed in this mode"),
+        ("check_modes_mission", EventLevel.INFO, 20, "There is no mission that can be flown"),
         ("check_modes_offboard_signal", EventLevel.ERROR, 20, "No offboard setpoints are received"),
         ("check_gf_violation_custom_gf", EventLevel.ERROR, 20, "The vehicle is outside the geofence"),
     )

@@ -36,7 +36,7 @@ ARDUPILOT: Final = StyleTables(
     ),
     boot_mode=_STABILIZE,
     goes_on={},
-    resumes_arming_mode=False,
+    keeps_intention=False,
     hold_mode=_BRAKE,
     brake_mode=_BRAKE,
     takeoff_mode=_GUIDED,

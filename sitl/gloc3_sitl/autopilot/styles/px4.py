@@ -46,7 +46,7 @@ PX4: Final = StyleTables(
     ),
     boot_mode=_HOLD,
     goes_on={Behaviour.TAKE_OFF: _HOLD, Behaviour.MISSION: _HOLD},
-    resumes_arming_mode=True,
+    keeps_intention=True,
     hold_mode=_HOLD,
     brake_mode=_HOLD,
     takeoff_mode=_TAKE_OFF,

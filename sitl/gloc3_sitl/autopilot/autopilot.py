@@ -256,4 +256,4 @@ class Autopilot:
 
     def _use_battery(self, reading: BatteryReading) -> None:
         self.battery = reading
-        self.commander.battery_share = reading.remaining
+        self.commander.battery_share, self.commander.battery_v = reading.remaining, reading.voltage_v

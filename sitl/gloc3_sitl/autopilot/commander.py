@@ -1,7 +1,7 @@
 """The commander: arming, modes, home, and the transition after a finished behaviour."""
 
 from collections.abc import Callable, Iterator
-from math import nan
+from math import inf, nan
 from typing import Final
 
 from gloc3.messages.envelope import Severity
@@ -42,7 +42,7 @@ class Commander:
         self._arming_mode: Mode = mode
         """Last intended mode that can arm."""
         self.activity: Activity = HoldPosition(craft)
-        self.battery_share = 1.0
+        self.battery_share, self.battery_v = 1.0, inf
         """Set by the battery monitor."""
         self.is_terminated = False
         self.armed_s = -1e9

@@ -67,6 +67,7 @@ class FailsafeMonitor:
         self.cause = ""
         """Its cause, in a word."""
         self._alarms: dict[str, _Alarm] = {}
+        self._undervoltage_since_s: dict[str, float] = {}
         self._changes = 0
         self._polled_s = -_PERIOD_S
 
@@ -78,6 +79,14 @@ class FailsafeMonitor:
     def is_standing(self, name: str) -> bool:
         """Whether the alarm of a row has risen and not been cleared."""
         return name in self._alarms
+
+    def undervoltage_s(self, name: str, least_v: float) -> float:
+        """Returns how long the battery has been below a voltage, in seconds; 0 while it is not."""
+        now_s = self.craft.now_s
+        if self.commander.battery_v < least_v:
+            return now_s - self._undervoltage_since_s.setdefault(name, now_s)
+        self._undervoltage_since_s.pop(name, None)
+        return 0.0
 
     def station_contact(self, system: int) -> None:
         """A heartbeat of a ground station came in."""
@@ -93,6 +102,7 @@ class FailsafeMonitor:
         self._polled_s = craft.now_s
         if not craft.is_armed:
             self._alarms.clear()
+            self._undervoltage_since_s.clear()
             self.acting, self.cause = FailsafeAction.NONE, ""
             return
         if commander.mode_changes != self._changes:
@@ -208,10 +218,16 @@ def _stream_lost(safes: FailsafeMonitor) -> str:
     return "setpoints lost" if safes.is_standing("setpoints") and is_young else ""
 
 
-def _battery(level: Callable[[Tuning], float], word: str) -> Callable[[FailsafeMonitor], str]:
+def _battery(
+    level: Callable[[Tuning], float], word: str, least_v: Callable[[Tuning], float] = lambda _: 0.0
+) -> Callable[[FailsafeMonitor], str]:
     def condition(safes: FailsafeMonitor) -> str:
-        share = safes.commander.battery_share
-        return f"battery {word} ({100.0 * share:.0f} %)" if share < level(safes.craft.tuning) else ""
+        share, tuning = safes.commander.battery_share, safes.craft.tuning
+        if share < level(tuning):
+            return f"battery {word} ({100.0 * share:.0f} %)"
+        if safes.undervoltage_s(word, least_v(tuning)) > tuning.battery_wait_s:
+            return f"battery {word} ({safes.commander.battery_v:.1f} V)"
+        return ""
 
     return condition
 
@@ -253,13 +269,15 @@ WATCHES: Final = (
     ),
     FailsafeRow(
         name="low battery",
-        condition=_battery(lambda tuning: tuning.battery_low, "low"),
+        condition=_battery(lambda tuning: tuning.battery_low, "low", lambda tuning: tuning.battery_low_v),
         action=lambda tuning: tuning.battery_low_action,
         is_delayed=True,
     ),
     FailsafeRow(
         name="critical battery",
-        condition=_battery(lambda tuning: tuning.battery_critical, "critical"),
+        condition=_battery(
+            lambda tuning: tuning.battery_critical, "critical", lambda tuning: tuning.battery_critical_v
+        ),
         action=lambda tuning: tuning.battery_critical_action,
         is_delayed=True,
     ),

@@ -25,17 +25,23 @@ class OnboardFiles:
         self._logger = logger
         self._log_folder = _parts(log_folder)
         self._files: dict[tuple[str, ...], bytearray] = {}
-        self._served: dict[tuple[str, ...], Callable[[], bytes]] = {}
+        self._served: dict[tuple[str, ...], tuple[Callable[[], bytes], Callable[[], int]]] = {}
         self._opened: dict[tuple[str, ...], bytes] = {}
         """Served files as they were when their size was last requested."""
         self._folders: dict[tuple[str, ...], None] = {(): None}
         for depth in range(1, len(self._log_folder) + 1):
             self._folders[self._log_folder[:depth]] = None
 
-    def serve(self, path: str, content: Callable[[], bytes]) -> None:
-        """Adds a file that cannot be changed, made anew whenever it is opened."""
+    def serve(self, path: str, content: Callable[[], bytes], size: Callable[[], int] | None = None) -> None:
+        """Adds a file that cannot be changed, made anew whenever it is opened.
+
+        Args:
+            path: of the file.
+            content: makes it.
+            size: bytes that are reported for it, where they are not those of its content.
+        """
         parts = _parts(path)
-        self._served[parts] = content
+        self._served[parts] = (content, (lambda: len(content())) if size is None else size)
         for depth in range(1, len(parts)):
             self._folders[parts[:depth]] = None
 
@@ -51,9 +57,7 @@ class OnboardFiles:
             FolderEntry(other[-1], False, len(data)) for other, data in self._files.items() if other[:-1] == folder
         ]
         found += [
-            FolderEntry(other[-1], False, len(content()))
-            for other, content in self._served.items()
-            if other[:-1] == folder
+            FolderEntry(other[-1], False, size()) for other, (_, size) in self._served.items() if other[:-1] == folder
         ]
         if folder == self._log_folder:
             found += [FolderEntry(log.name, False, len(log.data)) for log in self._logger.logs]
@@ -63,8 +67,9 @@ class OnboardFiles:
         """Of a file, in bytes."""
         parts = _parts(path)
         if parts in self._served:
-            self._opened[parts] = self._served[parts]()
-            return len(self._opened[parts])
+            content, size = self._served[parts]
+            self._opened[parts] = content()
+            return size()
         return len(self._data(path))
 
     def read(self, path: str, offset: int, size: int) -> bytes:

@@ -214,6 +214,29 @@ def test_a_critical_battery_brings_it_down(style: str, parameter: str, value: in
     assert bench.last("HEARTBEAT").system_status == 5
 
 
+@pytest.mark.parametrize(("threshold", "mode"), [("BATT_LOW_VOLT", "RTL"), ("BATT_CRT_VOLT", "LAND")])
+def test_ardupilot_acts_on_a_voltage_that_stays_low_whatever_charge_is_left(threshold: str, mode: str) -> None:
+    bench = Bench("ardupilot", battery_remaining=0.5)
+    bench.set_parameter("BATT_FS_CRT_ACT", 1)
+    bench.take_off()
+    bench.run(15.0)
+    assert bench.mode == "GUIDED"
+    bench.set_parameter(threshold, 11.3)
+    used = bench.run_until(lambda: bench.mode == mode, 20.0)
+    assert 9.5 < used < 11.0
+
+
+def test_a_short_dip_of_the_voltage_is_no_failsafe() -> None:
+    bench = Bench("ardupilot", battery_remaining=0.5)
+    bench.take_off()
+    for _ in range(3):
+        bench.set_parameter("BATT_LOW_VOLT", 11.3)
+        bench.run(7.0)
+        bench.set_parameter("BATT_LOW_VOLT", 5.0)
+        bench.run(1.0)
+    assert bench.mode == "GUIDED"
+
+
 def test_a_low_battery_is_only_told_and_forbids_arming() -> None:
     bench = Bench(battery_remaining=0.12)
     bench.run(4.0)

@@ -318,3 +318,13 @@ def test_px4_takes_off_for_no_plan_without_the_required_landing() -> None:
     bench.take_off()
     assert bench.command(MISSION_START) is Result.TEMPORARILY_REJECTED
     assert "Mission denied: the mission has no landing" in bench.texts
+
+
+def test_an_empty_ardupilot_gives_its_home_as_item_0_once_it_has_one() -> None:
+    bench = Bench("ardupilot")
+    bench.run(0.2)
+    assert bench.download() == ()
+    bench.get_ready()
+    (home,) = bench.download()
+    assert home.x == pytest.approx(bench.sim.world.home.latitude_deg * 1e7, abs=200)
+    assert bench.set_mode("AUTO") is Result.FAILED

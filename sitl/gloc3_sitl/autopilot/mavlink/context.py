@@ -13,6 +13,7 @@ from gloc3.messages.frames import GeoPoint, wrap_pi
 from gloc3_sitl.autopilot.autopilot import Autopilot
 from gloc3_sitl.autopilot.behaviours.mission import MissionFlight
 from gloc3_sitl.autopilot.mavlink import motion_telemetry
+from gloc3_sitl.autopilot.mavlink.calibration import AccelerometerPositions
 from gloc3_sitl.autopilot.mavlink.health_report import HealthReporter
 from gloc3_sitl.autopilot.mavlink.links import AutopilotPort, AutopilotRouter, LinkKind, Receive, Send
 from gloc3_sitl.autopilot.mavlink.rates import GROUP_PARAMETERS, GROUPS, starting_rates
@@ -80,6 +81,7 @@ class FrontContext:
         self._producers = {codec.shape(name).id: produce for name, produce in self.producers.items()}
         self.heading_offset: Final = HeadingOffset()
         """Between an odometer's frame and north."""
+        self.accelerometer: Final = AccelerometerPositions(self.craft)
         self.health: HealthReporter | None = None
         """Reports the arming checks, where the style does so by events."""
         autopilot.parameters.on_change.append(self._parameter_changed)

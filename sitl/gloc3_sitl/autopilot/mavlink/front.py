@@ -22,7 +22,7 @@ from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import TangentPlane
 from gloc3_sitl.autopilot.autopilot import Autopilot
 from gloc3_sitl.autopilot.craft import HomePosition
-from gloc3_sitl.autopilot.mavlink import commands
+from gloc3_sitl.autopilot.mavlink import commands, virtual_files
 from gloc3_sitl.autopilot.mavlink.context import FrontContext
 from gloc3_sitl.autopilot.mavlink.events import GENERAL, EventSender
 from gloc3_sitl.autopilot.mavlink.health_report import HealthReporter
@@ -81,6 +81,15 @@ class Front:
             for path, content in context.health.files.items():
                 self.files.serve(path, partial(bytes, content))
             context.offer("COMPONENT_METADATA", self._metadata)
+        else:
+            parameters = autopilot.parameters
+            sizes = partial(virtual_files.reported_bytes, parameters)
+            self.files.serve(virtual_files.PARAMETERS, partial(virtual_files.packed_parameters, parameters), sizes)
+            self.files.serve(
+                virtual_files.UARTS,
+                partial(virtual_files.uarts, context.router.links),
+                lambda: virtual_files.UARTS_BYTES,
+            )
         if before is not None:
             self.plans.load(before.plans)
             self.files.load(before.files)
@@ -202,6 +211,8 @@ class Front:
             self._serve()
         if self.context.health is not None:
             self.context.health.tick(now_s)
+        for request in self.context.accelerometer.tick(now_s):
+            self.context.router.send(request)
         self._send_mission()
         self._send_positions()
         self.context.stream(now_s)

@@ -54,7 +54,7 @@ class PlanSync:
                 case SetCurrentRequested(number):
                     self._context.set_current(number)
         home = self._context.craft.home
-        if self._first and home is not self._reported_home and self.server.plans[PlanType.MISSION]:
+        if self._first and home is not self._reported_home:
             self._put_home()
 
     def _check(self, kind: PlanType, items: Plan) -> PlanResult:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from gloc3.messages.frames import GeoPoint
-from gloc3_sitl.autopilot.authorization import Authorization
+from gloc3_sitl.autopilot.arming import Authorization
 from gloc3_sitl.autopilot.commander import Commander
 from gloc3_sitl.autopilot.control.control import ControlLoops, Outputs
 from gloc3_sitl.autopilot.craft import Craft, Report

@@ -6,8 +6,7 @@ from typing import Final
 
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3
-from gloc3_sitl.autopilot.arming import ArmingProblem, Check, vehicle_problems
-from gloc3_sitl.autopilot.authorization import ArmPermission, Authorization
+from gloc3_sitl.autopilot.arming import ArmingProblem, ArmPermission, Authorization, Check, vehicle_problems
 from gloc3_sitl.autopilot.behaviours.base import Activity, GoesTo
 from gloc3_sitl.autopilot.behaviours.choice import activity_for
 from gloc3_sitl.autopilot.behaviours.hold import HoldPosition

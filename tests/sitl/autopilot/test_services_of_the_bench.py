@@ -1,8 +1,6 @@
 """Calibration as PX4 tells it, injected failures, outputs, and the shell that is not there."""
 
-from math import radians
-
-from math import degrees
+from math import degrees, radians
 
 import pytest
 

@@ -1,6 +1,4 @@
-"""Calibration that changes nothing: PX4's in status texts that begin with `[cal]`, ArduPilot's of the accelerometer in
-requests for positions.
-"""
+"""Simulated calibration, which changes nothing: PX4's in `[cal]` texts, ArduPilot's accelerometer in position requests."""
 
 from enum import StrEnum
 from typing import Final

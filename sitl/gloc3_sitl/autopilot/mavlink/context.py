@@ -14,7 +14,7 @@ from gloc3_sitl.autopilot.autopilot import Autopilot
 from gloc3_sitl.autopilot.behaviours.mission import MissionFlight
 from gloc3_sitl.autopilot.mavlink import motion_telemetry
 from gloc3_sitl.autopilot.mavlink.calibration import AccelerometerPositions
-from gloc3_sitl.autopilot.mavlink.health_report import HealthReporter
+from gloc3_sitl.autopilot.mavlink.events import HealthReporter
 from gloc3_sitl.autopilot.mavlink.links import AutopilotPort, AutopilotRouter, LinkKind, Receive, Send
 from gloc3_sitl.autopilot.mavlink.rates import GROUP_PARAMETERS, GROUPS, starting_rates
 from gloc3_sitl.autopilot.mavlink.signing_sync import SigningSync

@@ -22,13 +22,17 @@ from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import TangentPlane
 from gloc3_sitl.autopilot.autopilot import Autopilot
 from gloc3_sitl.autopilot.craft import HomePosition
-from gloc3_sitl.autopilot.mavlink import commands, virtual_files
+from gloc3_sitl.autopilot.mavlink import commands
 from gloc3_sitl.autopilot.mavlink.context import FrontContext
-from gloc3_sitl.autopilot.mavlink.events import GENERAL, EventSender
-from gloc3_sitl.autopilot.mavlink.health_report import HealthReporter
-from gloc3_sitl.autopilot.mavlink.links import LinkKind, Receive, Send
+from gloc3_sitl.autopilot.mavlink.events import GENERAL, EventSender, HealthReporter
+from gloc3_sitl.autopilot.mavlink.links import UARTS_BYTES, UARTS_FILE, LinkKind, Receive, Send, uarts
 from gloc3_sitl.autopilot.mavlink.listeners import LISTENERS
-from gloc3_sitl.autopilot.mavlink.parameter_sync import ParameterSync
+from gloc3_sitl.autopilot.mavlink.parameter_sync import (
+    PACKED_BYTES_EACH,
+    PACKED_FILE,
+    ParameterSync,
+    packed_parameters,
+)
 from gloc3_sitl.autopilot.mavlink.plan_sync import PlanSync
 from gloc3_sitl.autopilot.mavlink.units import boot_ms
 from gloc3_sitl.autopilot.modes import Result
@@ -76,20 +80,7 @@ class Front:
         self.plans: Final = PlanSync(context)
         self.files: Final = OnboardFiles(autopilot.logger, autopilot.style.log_folder)
         self._events = EventSender(own)
-        if autopilot.style.reports_by_event:
-            context.health = HealthReporter(autopilot.commander, self._events)
-            for path, content in context.health.files.items():
-                self.files.serve(path, partial(bytes, content))
-            context.offer("COMPONENT_METADATA", self._metadata)
-        else:
-            parameters = autopilot.parameters
-            sizes = partial(virtual_files.reported_bytes, parameters)
-            self.files.serve(virtual_files.PARAMETERS, partial(virtual_files.packed_parameters, parameters), sizes)
-            self.files.serve(
-                virtual_files.UARTS,
-                partial(virtual_files.uarts, context.router.links),
-                lambda: virtual_files.UARTS_BYTES,
-            )
+        self._serve_files()
         if before is not None:
             self.plans.load(before.plans)
             self.files.load(before.files)
@@ -106,6 +97,20 @@ class Front:
         self.refusal = ""
         """Why the last of them was refused."""
         autopilot.on_outer.append(self.tick)
+
+    def _serve_files(self) -> None:
+        """Offers the files that the style makes itself: PX4's metadata of its events, ArduPilot's virtual files."""
+        context, autopilot = self.context, self.autopilot
+        if autopilot.style.reports_by_event:
+            context.health = HealthReporter(autopilot, self._events)
+            for path, content in context.health.files.items():
+                self.files.serve(path, partial(bytes, content))
+            context.offer("COMPONENT_METADATA", self._metadata)
+            return
+        parameters, links = autopilot.parameters, context.router.links
+        packed = partial(packed_parameters, parameters)
+        self.files.serve(PACKED_FILE, packed, lambda: PACKED_BYTES_EACH * len(parameters))
+        self.files.serve(UARTS_FILE, partial(uarts, links), lambda: UARTS_BYTES)
 
     def _metadata(self, autopilot: Autopilot) -> MavlinkMessage:
         crc = checksum([self.files.read(GENERAL, 0, self.files.size(GENERAL))])

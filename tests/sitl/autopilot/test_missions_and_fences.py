@@ -320,11 +320,13 @@ def test_px4_takes_off_for_no_plan_without_the_required_landing() -> None:
     assert "Mission denied: the mission has no landing" in bench.texts
 
 
-def test_an_empty_ardupilot_gives_its_home_as_item_0_once_it_has_one() -> None:
+def test_an_ardupilot_without_a_mission_counts_no_item_and_gives_its_home_as_item_0() -> None:
     bench = Bench("ardupilot")
-    bench.run(0.2)
-    assert bench.download() == ()
     bench.get_ready()
-    (home,) = bench.download()
+    bench.run(1.0)
+    assert bench.download() == ()
+    bench.send("MISSION_REQUEST_INT", target_system=1, target_component=1, seq=0)
+    bench.run(0.1)
+    home = bench.last("MISSION_ITEM_INT")
     assert home.x == pytest.approx(bench.sim.world.home.latitude_deg * 1e7, abs=200)
     assert bench.set_mode("AUTO") is Result.FAILED

@@ -115,5 +115,6 @@ class PlanSync:
             y=round(longitude * 1e7),
             z=altitude,
         )
-        rest = self.server.plans[PlanType.MISSION][1:]
-        self.server.set_plan(PlanType.MISSION, (first, *rest))
+        self.server.home = first
+        if self.server.plans[PlanType.MISSION]:
+            self.server.set_plan(PlanType.MISSION, (first, *self.server.plans[PlanType.MISSION][1:]))

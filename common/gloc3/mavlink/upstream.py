@@ -26,9 +26,27 @@ _MESSAGES: Final[dict[str, tuple[int, tuple[Field, ...]]]] = {
     "EVENT": (
         410,
         (
-            *(Field("destination_component", _BYTE, 0), Field("destination_system", _BYTE, 0)),
-            *(Field("id", "uint32_t", 0), Field("event_time_boot_ms", "uint32_t", 0), Field("sequence", "uint16_t", 0)),
-            *(Field("log_levels", _BYTE, 0), Field("arguments", _BYTE, 40)),
+            Field("destination_component", _BYTE, 0),
+            Field("destination_system", _BYTE, 0),
+            Field("id", "uint32_t", 0),
+            Field("event_time_boot_ms", "uint32_t", 0),
+            Field("sequence", "uint16_t", 0),
+            Field("log_levels", _BYTE, 0),
+            Field("arguments", _BYTE, 40),
+        ),
+    ),
+    "CURRENT_EVENT_SEQUENCE": (411, (Field("sequence", "uint16_t", 0), Field("flags", _BYTE, 0))),
+    "REQUEST_EVENT": (
+        412,
+        (*_TARGET, Field("first_sequence", "uint16_t", 0), Field("last_sequence", "uint16_t", 0)),
+    ),
+    "RESPONSE_EVENT_ERROR": (
+        413,
+        (
+            *_TARGET,
+            Field("sequence", "uint16_t", 0),
+            Field("sequence_oldest_available", "uint16_t", 0),
+            Field("reason", _BYTE, 0),
         ),
     ),
     "CONTROL_STATUS": (512, (Field("flags", _BYTE, 0), Field("gcs_main", _BYTE, 0), Field("gcs_secondary", _BYTE, 10))),

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from gloc3.messages.frames import GeoPoint
-from gloc3_sitl.autopilot.authorization import Authorization
+from gloc3_sitl.autopilot.arming import Authorization
 from gloc3_sitl.autopilot.commander import Commander
 from gloc3_sitl.autopilot.control.control import ControlLoops, Outputs
 from gloc3_sitl.autopilot.craft import Craft, Report
@@ -108,8 +108,7 @@ class Autopilot:
     def _continue(self, before: "Autopilot") -> None:
         """Takes up what stood on the memory card before a reboot."""
         self.parameters.load(before.parameters)
-        first = self.craft.first_item
-        self.craft.mission.on_upload(self.plans.mission_count, len(self.plans.mission) > first, first)
+        self.craft.mission.on_upload(self.plans.mission_count, len(self.plans.mission), self.craft.first_item)
 
     def _receivers(self) -> dict[type, Callable[[Any], None]]:
         """What becomes of each kind of reading, but for the IMU's."""
@@ -257,4 +256,4 @@ class Autopilot:
 
     def _use_battery(self, reading: BatteryReading) -> None:
         self.battery = reading
-        self.commander.battery_share = reading.remaining
+        self.commander.battery_share, self.commander.battery_v = reading.remaining, reading.voltage_v

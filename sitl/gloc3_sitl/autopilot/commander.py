@@ -1,13 +1,12 @@
 """The commander: arming, modes, home, and the transition after a finished behaviour."""
 
 from collections.abc import Callable, Iterator
-from enum import IntFlag
-from math import degrees, hypot, nan
+from math import inf, nan
 from typing import Final
 
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3
-from gloc3_sitl.autopilot.authorization import ArmPermission, Authorization
+from gloc3_sitl.autopilot.arming import ArmingProblem, ArmPermission, Authorization, Check, vehicle_problems
 from gloc3_sitl.autopilot.behaviours.base import Activity, GoesTo
 from gloc3_sitl.autopilot.behaviours.choice import activity_for
 from gloc3_sitl.autopilot.behaviours.hold import HoldPosition
@@ -29,14 +28,20 @@ class Commander:
         self.authorization: Final = authorization
         self.on_arming_settled: Callable[[RequestVerdict], None] = lambda _: None
         """Called with the result of an arming attempt that waited for authorization."""
+        self.on_arming_refused: Callable[[], None] = lambda: None
+        """Called when a failed check has refused arming."""
         self._arming: Author | None = None
         self.style: Final = style
         self.fence: Final = FenceMonitor()
         mode = style.mode(style.boot_mode)
         assert mode is not None
         self.mode: Mode = mode
+        self.intended: Mode = mode
+        """Last mode that was not the choice of a failsafe."""
+        self._arming_mode: Mode = mode
+        """Last intended mode that can arm."""
         self.activity: Activity = HoldPosition(craft)
-        self.battery_share = 1.0
+        self.battery_share, self.battery_v = 1.0, inf
         """Set by the battery monitor."""
         self.is_terminated = False
         self.armed_s = -1e9
@@ -50,18 +55,37 @@ class Commander:
     # -- arming ---------------------------------------------------------------------------------------------------
 
     def problems(self, *, counts_mode: bool = True) -> list[str]:
-        """Returns the reasons against arming now, worst first, with or without those of the mode."""
-        mask = self.craft.tuning.check_mask
+        """Returns the reasons against arming now in words, worst first, with or without those of the mode."""
+        return [problem.text for problem in self.arming_problems(self.mode, counts_mode=counts_mode)]
+
+    def arming_problems(self, mode: Mode, *, counts_mode: bool = True) -> list[ArmingProblem]:
+        """Returns the reasons against arming now in a mode."""
+        craft, mask = self.craft, self.craft.tuning.check_mask
         found = [
-            text for check, text in arming_problems(self.craft, self.mode.behaviour, self.battery_share) if check & mask
+            problem for problem in vehicle_problems(craft, mode.behaviour, self.battery_share) if problem.check & mask
         ]
-        if counts_mode and not self.mode.can_arm:
-            found.append(f"mode {self.mode.name} does not allow arming")
-        if self.craft.home is not None and Check.FENCE & mask:
-            breach = self.fence.breach(self.craft)
+        if counts_mode:
+            found += self._mode_problems(mode)
+        if craft.home is not None and Check.FENCE & mask:
+            breach = self.fence.breach(craft)
             if breach:
-                found.append(breach)
+                found.append(ArmingProblem(Check.FENCE, breach, "check_gf_violation_custom_gf"))
         return found
+
+    def _mode_problems(self, mode: Mode) -> Iterator[ArmingProblem]:
+        """Yields what a mode needs and lacks."""
+        craft = self.craft
+        if not mode.can_arm:
+            yield ArmingProblem(Check.MODE, f"mode {mode.name} does not allow arming", "check_modes_cannot_takeoff")
+        if mode.behaviour in self.style.on_earth and not craft.estimator.is_yaw_aligned:
+            text = "no global position: the heading is not aligned with north"
+            yield ArmingProblem(Check.MODE, text, "check_modes_global_pos")
+        if mode.behaviour is Behaviour.MISSION and self.style.reports_by_event:
+            problem = self._mission_problem()
+            if problem:
+                yield ArmingProblem(Check.MODE, problem, "check_modes_mission")
+        if self._needs_stream(mode) and not craft.stream.is_fresh(craft.now_s, craft.tuning.stream_timeout_s):
+            yield ArmingProblem(Check.MODE, "offboard control signal lost", "check_modes_offboard_signal")
 
     def arm(self, author: Author, *, is_forced: bool = False) -> RequestVerdict:
         """Starts the motors; IN_PROGRESS while an authorization is pending."""
@@ -73,8 +97,10 @@ class Commander:
         if not is_forced:
             problems = self.problems()
             if problems:
-                for problem in problems[:3]:
-                    craft.send_text(Severity.CRITICAL, f"{style.arming_prefix}{problem}")
+                texts = ["resolve the reported health failures first"] if style.reports_by_event else problems[:3]
+                for text in texts:
+                    craft.send_text(Severity.CRITICAL, f"{style.arming_prefix}{text}")
+                self.on_arming_refused()
                 return RequestVerdict(style.refused, problems[0])
             match self.authorization.leave():
                 case ArmPermission.AWAITED:
@@ -103,9 +129,8 @@ class Commander:
             return self._refuse("Disarming denied: not landed")
         craft.is_armed = False
         craft.send_text(Severity.INFO, f"Disarmed by {author}")
-        follows = self.style.after_disarm.get(self.mode.behaviour)
-        if follows is not None and not self.is_terminated:
-            self._enter(follows, Author.SELF)
+        if self.style.keeps_intention and not self.is_terminated and self.mode is not self._arming_mode:
+            self._enter(self._arming_mode.custom_mode, Author.SELF)
         else:
             self._restart_activity()
         return ACCEPTED
@@ -121,7 +146,8 @@ class Commander:
         """Sets home to a position, by default the current one."""
         craft = self.craft
         origin = craft.estimator.origin
-        if origin is None or (position_ned_m is None and not craft.estimator.is_position_good(craft.now_s)):
+        is_known = craft.estimator.is_position_good(craft.now_s) and craft.estimator.is_yaw_aligned
+        if origin is None or (position_ned_m is None and not is_known):
             return self._refuse("Home not set: position unknown")
         position = craft.estimator.inertial.position_ned_m if position_ned_m is None else position_ned_m
         craft.home = HomePosition(origin.geo_from_ned(position), position, craft.estimator.yaw_rad)
@@ -136,11 +162,12 @@ class Commander:
             return RequestVerdict(self.style.unknown_mode, "unknown mode")
         if mode is self.mode and author is not Author.FAILSAFE:
             self.mode_author = author
+            self._intend(mode)
             if mode.behaviour is Behaviour.HOLD and not self.craft.is_landed:
                 self._restart_activity()  # whoever asks for a hold means here, not where it was told to go before
             return ACCEPTED
         problem = self.cannot_fly(mode)
-        if problem:
+        if problem and (self.craft.is_armed or self.is_terminated or not self.style.keeps_intention):
             return self._refuse(f"{mode.name} denied: {problem}")
         self._enter(custom_mode, author)
         return ACCEPTED
@@ -152,17 +179,28 @@ class Commander:
             return "flight was terminated"
         if mode.behaviour in POSITIONED and not craft.estimator.is_position_good(craft.now_s):
             return "no position"
-        if mode.behaviour is Behaviour.MISSION and len(craft.plans.mission) <= craft.first_item:
-            return "no mission"
-        if (
-            mode.behaviour is Behaviour.STREAMED
-            and self.style.streamed_needs_stream
-            and not craft.stream.is_streaming(craft.now_s, craft.tuning.stream_needed_hz)
-        ):
+        if craft.is_armed and mode.behaviour in self.style.on_earth and not craft.estimator.is_yaw_aligned:
+            return "no global position"
+        if mode.behaviour is Behaviour.MISSION:
+            problem = self._mission_problem()
+            if problem:
+                return problem
+        if self._needs_stream(mode) and not craft.stream.is_streaming(craft.now_s, craft.tuning.stream_needed_hz):
             return "no setpoints are streamed"
         if mode.behaviour in PILOTED and craft.is_armed and not self.has_pilot:
             return "no transmitter" if mode.behaviour is not Behaviour.POSITION else ""
         return ""
+
+    def _mission_problem(self) -> str:
+        """Why the uploaded mission cannot be flown; empty if it can."""
+        craft = self.craft
+        if len(craft.plans.mission) <= craft.first_item:
+            return "no mission"
+        lacking = craft.plans.lacks(craft.tuning.mission_requires, is_landed=craft.is_landed)
+        return f"the mission has no {lacking}" if lacking else ""
+
+    def _needs_stream(self, mode: Mode) -> bool:
+        return mode.behaviour is Behaviour.STREAMED and self.style.streamed_needs_stream
 
     @property
     def has_pilot(self) -> bool:
@@ -183,8 +221,11 @@ class Commander:
                 return self._refuse("Take-off denied: already flying")
             self.activity.take_off(target)
             return ACCEPTED
-        if not craft.estimator.is_position_good(craft.now_s):
-            return self._refuse("Take-off denied: no position")
+        takeoff = style.mode(style.takeoff_mode)
+        assert takeoff is not None
+        problem = self.cannot_fly(takeoff)
+        if problem:
+            return self._refuse(f"Take-off denied: {problem}")
         self._takeoff_down_m = target
         if self.mode.custom_mode == style.takeoff_mode:
             self._restart_activity()
@@ -223,9 +264,16 @@ class Commander:
         if self.mode.behaviour is Behaviour.MISSION and isinstance(self.activity, MissionFlight):
             self.craft.mission_left()
         self.mode, self.mode_author = mode, author
+        if author is not Author.FAILSAFE:
+            self._intend(mode)
         self.craft.is_facing = None
         self.mode_changes += 1
         self._restart_activity()
+
+    def _intend(self, mode: Mode) -> None:
+        self.intended = mode
+        if mode.can_arm:
+            self._arming_mode = mode
 
     def _restart_activity(self) -> None:
         target, self._takeoff_down_m = self._takeoff_down_m, nan
@@ -246,7 +294,7 @@ class Commander:
             was, self._jump_ned_m = self._jump_ned_m, estimator.jump_ned_m
             north, east, down = (now - before for now, before in zip(estimator.jump_ned_m, was, strict=True))
             self.activity.on_jump((north, east, down))
-        if craft.home is None and estimator.origin is not None and estimator.is_position_good(craft.now_s):
+        if craft.home is None and estimator.place is not None and estimator.is_position_good(craft.now_s):
             self.set_home()
         self._mind_pilot()
         self._mind_authorizer()
@@ -323,44 +371,3 @@ class Commander:
                 return
         if craft.now_s - since >= wait:
             self.disarm(Author.SELF)
-
-
-class Check(IntFlag):
-    """Groups of pre-arm checks that can be disabled."""
-
-    ATTITUDE = 1
-    HEADING = 2
-    HEIGHT = 4
-    POSITION = 8
-    BATTERY = 16
-    PILOT = 32
-    FENCE = 64
-    HEALTH = 128
-
-
-def arming_problems(craft: Craft, behaviour: Behaviour, battery_share: float) -> Iterator[tuple[Check, str]]:
-    """Yields the reasons against arming in a mode, worst first."""
-    estimator, now_s = craft.estimator, craft.now_s
-    if not estimator.is_aligned:
-        yield Check.ATTITUDE, "attitude is still aligning"
-        return
-    roll, pitch, _ = estimator.euler_rad
-    if hypot(roll, pitch) > 0.4:
-        yield Check.ATTITUDE, f"tilted by {degrees(hypot(roll, pitch)):.0f} degrees"
-    if not estimator.is_height_good(now_s):
-        yield Check.HEIGHT, "no height: barometer failed"
-    if not estimator.is_heading_good(now_s):
-        yield Check.HEADING, "no heading: compass failed"
-    needs_position = craft.tuning.needs_position_to_arm or behaviour in POSITIONED
-    if needs_position and not estimator.is_position_good(now_s):
-        yield Check.POSITION, "no position: waiting for a fix or odometry"
-    if needs_position and estimator.origin is None:
-        yield Check.POSITION, "no global origin"
-    if battery_share < craft.tuning.battery_low:
-        yield Check.BATTERY, f"battery low: {100.0 * battery_share:.0f} %"
-    if craft.tuning.pilot_required and now_s - craft.pilot.last_seen_s > craft.tuning.pilot_timeout_s:
-        yield Check.PILOT, "no transmitter"
-    if craft.is_leaking:
-        yield Check.HEALTH, "leak detected"
-    if craft.fault:
-        yield Check.HEALTH, craft.fault

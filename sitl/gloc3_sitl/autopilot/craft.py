@@ -96,11 +96,15 @@ class ReceivedSetpoint:
     received_s: float = -1e9
     period_s: float = 1e9
     """Smoothed time between setpoints."""
+    since_s: float = -1e9
+    """First setpoint of the stream: the one after the last gap of more than 1 s."""
 
     def put(self, setpoint: MotionSetpoint | AttitudeSetpoint, now_s: float) -> None:
         """A new setpoint."""
         gap = now_s - self.received_s
         self.period_s = gap if gap > 1.0 or self.period_s > 1.0 else 0.8 * self.period_s + 0.2 * gap
+        if gap > 1.0:
+            self.since_s = now_s
         self.setpoint = setpoint
         self.received_s = now_s
 

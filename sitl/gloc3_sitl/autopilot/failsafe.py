@@ -27,6 +27,8 @@ _EXEMPT: Final = {
 
 
 _PERIOD_S: Final = 0.1
+_STREAM_BACK_S: Final = 1.0
+"""Lost setpoints count as back after they have come for so long."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +42,8 @@ class FailsafeRow:
     exempt: Callable[[Tuning], int] = lambda _: 0
     is_delayed: bool = False
     """Whether a hold comes first, to give people time."""
+    resumes: bool = False
+    """Whether the intended mode is entered again when the condition ends, unless something else acts."""
 
 
 @dataclass(slots=True)
@@ -63,6 +67,7 @@ class FailsafeMonitor:
         self.cause = ""
         """Its cause, in a word."""
         self._alarms: dict[str, _Alarm] = {}
+        self._undervoltage_since_s: dict[str, float] = {}
         self._changes = 0
         self._polled_s = -_PERIOD_S
 
@@ -74,6 +79,14 @@ class FailsafeMonitor:
     def is_standing(self, name: str) -> bool:
         """Whether the alarm of a row has risen and not been cleared."""
         return name in self._alarms
+
+    def undervoltage_s(self, name: str, least_v: float) -> float:
+        """Returns how long the battery has been below a voltage, in seconds; 0 while it is not."""
+        now_s = self.craft.now_s
+        if self.commander.battery_v < least_v:
+            return now_s - self._undervoltage_since_s.setdefault(name, now_s)
+        self._undervoltage_since_s.pop(name, None)
+        return 0.0
 
     def station_contact(self, system: int) -> None:
         """A heartbeat of a ground station came in."""
@@ -89,6 +102,7 @@ class FailsafeMonitor:
         self._polled_s = craft.now_s
         if not craft.is_armed:
             self._alarms.clear()
+            self._undervoltage_since_s.clear()
             self.acting, self.cause = FailsafeAction.NONE, ""
             return
         if commander.mode_changes != self._changes:
@@ -102,6 +116,10 @@ class FailsafeMonitor:
                 if alarm is not None:
                     del self._alarms[watch.name]
                     craft.send_text(Severity.INFO, f"Failsafe cleared: {watch.name}")
+                    if watch.resumes and self.cause == watch.name:
+                        self.acting, self.cause = FailsafeAction.NONE, ""
+                        commander.set_mode(commander.intended.custom_mode, Author.SELF)
+                        self._changes = commander.mode_changes
                 continue
             action = watch.action(craft.tuning)
             if action is FailsafeAction.NONE:
@@ -161,7 +179,7 @@ class FailsafeMonitor:
                 assert mode is not None
                 if commander.mode.behaviour is Behaviour.LAND:
                     custom = style.land_mode  # a landing is never broken off for something milder
-                elif mode.behaviour in POSITIONED and not craft.estimator.is_position_good(craft.now_s):
+                elif commander.cannot_fly(mode):
                     custom = (
                         style.altitude_mode
                         if commander.has_pilot and action is FailsafeAction.POSITION
@@ -192,18 +210,24 @@ def _pilot_lost(safes: FailsafeMonitor) -> str:
 
 def _stream_lost(safes: FailsafeMonitor) -> str:
     commander, craft = safes.commander, safes.craft
-    if commander.mode.behaviour is not Behaviour.STREAMED or not commander.style.streamed_needs_stream:
-        # Not in the mode any more: the alarm stands until setpoints come again, so that it is told once.
-        return "setpoints lost" if safes.is_standing("setpoints") and safes.cause == "setpoints" else ""
-    if craft.stream.is_fresh(craft.now_s, craft.tuning.stream_timeout_s):
+    if commander.intended.behaviour is not Behaviour.STREAMED or not commander.style.streamed_needs_stream:
         return ""
-    return "setpoints lost"
+    if not craft.stream.is_fresh(craft.now_s, craft.tuning.stream_timeout_s):
+        return "setpoints lost"
+    is_young = craft.now_s - craft.stream.since_s < _STREAM_BACK_S
+    return "setpoints lost" if safes.is_standing("setpoints") and is_young else ""
 
 
-def _battery(level: Callable[[Tuning], float], word: str) -> Callable[[FailsafeMonitor], str]:
+def _battery(
+    level: Callable[[Tuning], float], word: str, least_v: Callable[[Tuning], float] = lambda _: 0.0
+) -> Callable[[FailsafeMonitor], str]:
     def condition(safes: FailsafeMonitor) -> str:
-        share = safes.commander.battery_share
-        return f"battery {word} ({100.0 * share:.0f} %)" if share < level(safes.craft.tuning) else ""
+        share, tuning = safes.commander.battery_share, safes.craft.tuning
+        if share < level(tuning):
+            return f"battery {word} ({100.0 * share:.0f} %)"
+        if safes.undervoltage_s(word, least_v(tuning)) > tuning.battery_wait_s:
+            return f"battery {word} ({safes.commander.battery_v:.1f} V)"
+        return ""
 
     return condition
 
@@ -226,7 +250,9 @@ def _fence_broken(safes: FailsafeMonitor) -> str:
 
 
 WATCHES: Final = (
-    FailsafeRow(name="setpoints", condition=_stream_lost, action=lambda tuning: tuning.stream_lost_action),
+    FailsafeRow(
+        name="setpoints", condition=_stream_lost, action=lambda tuning: tuning.stream_lost_action, resumes=True
+    ),
     FailsafeRow(
         name="station",
         condition=_station_lost,
@@ -243,13 +269,15 @@ WATCHES: Final = (
     ),
     FailsafeRow(
         name="low battery",
-        condition=_battery(lambda tuning: tuning.battery_low, "low"),
+        condition=_battery(lambda tuning: tuning.battery_low, "low", lambda tuning: tuning.battery_low_v),
         action=lambda tuning: tuning.battery_low_action,
         is_delayed=True,
     ),
     FailsafeRow(
         name="critical battery",
-        condition=_battery(lambda tuning: tuning.battery_critical, "critical"),
+        condition=_battery(
+            lambda tuning: tuning.battery_critical, "critical", lambda tuning: tuning.battery_critical_v
+        ),
         action=lambda tuning: tuning.battery_critical_action,
         is_delayed=True,
     ),

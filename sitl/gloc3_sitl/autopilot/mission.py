@@ -29,6 +29,13 @@ class MissionProgress:
     """Number of the upload that this progress belongs to."""
     is_paused: bool = False
     """Halted inside mission mode (DO_PAUSE_CONTINUE in ArduPilot's style)."""
+    outdated: int | None = None
+    """Item of the previous plan, within the length of the new one: PX4 reports it until an item is set or begun."""
+
+    @property
+    def reported(self) -> int:
+        """The item in MISSION_CURRENT."""
+        return self.current if self.outdated is None else self.outdated
 
     def restart(self, first: int) -> None:
         """Back to the beginning."""
@@ -36,10 +43,14 @@ class MissionProgress:
         self.jumps.clear()
         self.state = MissionState.NOT_STARTED
         self.is_paused = False
+        self.outdated = None
 
-    def on_upload(self, upload: int, has_items: bool, first: int) -> None:
+    def on_upload(self, upload: int, length: int, first: int, *, reports_old: bool = False) -> None:
         """A new list has taken the place of the old one."""
+        old = self.reported
         self.count = upload
         self.restart(first)
-        if not has_items:
+        if length <= first:
             self.state = MissionState.NO_MISSION
+        elif reports_old:
+            self.outdated = min(old, length - 1)

@@ -105,8 +105,8 @@ class StyleTables:
     """Custom mode after start."""
     goes_on: Mapping[Behaviour, int]
     """Custom mode that follows by itself when a behaviour is done."""
-    after_disarm: Mapping[Behaviour, int]
-    """Custom mode that follows when the vehicle disarms in a behaviour."""
+    keeps_intention: bool
+    """Whether any mode may be chosen while disarmed, and disarming leads back to the last one that can arm."""
     hold_mode: int
     brake_mode: int
     takeoff_mode: int
@@ -125,6 +125,8 @@ class StyleTables:
     """Result of a request for a mode that does not exist."""
     arming_prefix: str
     """Before each reason why arming is refused, in STATUSTEXT."""
+    reports_by_event: bool
+    """Whether the reasons against arming are EVENTs; otherwise they are texts."""
     streamed_needs_stream: bool
     """Whether streamed control is only entered while setpoints come in."""
     streamed_shapes_positions: bool
@@ -139,6 +141,8 @@ class StyleTables:
     """Whether NAV_TAKEOFF is flown inside streamed control, and refused elsewhere."""
     version: tuple[int, int, int]
     """Of the firmware whose manners are followed."""
+    on_earth: frozenset[Behaviour] = frozenset()
+    """Behaviours that need a position on Earth: an origin, and a heading that counts from north."""
     orbit_mode: int | None = None
     """Where there is one."""
     activities: Mapping[Behaviour, Callable[["Craft"], "Activity"]] = field(default_factory=dict)

@@ -1,5 +1,6 @@
 """The simulated autopilot's SD card: files and flight logs, kept in memory."""
 
+from collections.abc import Callable
 from errno import EEXIST, ENOENT, ENOSPC, ENOTEMPTY, EPERM
 from os import strerror
 from typing import Final
@@ -24,13 +25,29 @@ class OnboardFiles:
         self._logger = logger
         self._log_folder = _parts(log_folder)
         self._files: dict[tuple[str, ...], bytearray] = {}
+        self._served: dict[tuple[str, ...], tuple[Callable[[], bytes], Callable[[], int]]] = {}
+        self._opened: dict[tuple[str, ...], bytes] = {}
+        """Served files as they were when their size was last requested."""
         self._folders: dict[tuple[str, ...], None] = {(): None}
         for depth in range(1, len(self._log_folder) + 1):
             self._folders[self._log_folder[:depth]] = None
 
+    def serve(self, path: str, content: Callable[[], bytes], size: Callable[[], int] | None = None) -> None:
+        """Adds a file that cannot be changed, made anew whenever it is opened.
+
+        Args:
+            path: of the file.
+            content: makes it.
+            size: bytes that are reported for it, where they are not those of its content.
+        """
+        parts = _parts(path)
+        self._served[parts] = (content, (lambda: len(content())) if size is None else size)
+        for depth in range(1, len(parts)):
+            self._folders[parts[:depth]] = None
+
     def load(self, other: "OnboardFiles") -> None:
         """Keeps what stands on the same card."""
-        self._files, self._folders = other._files, other._folders
+        self._files, self._folders = other._files, other._folders | self._folders
 
     def entries(self, path: str) -> list[FolderEntry]:
         """What a folder holds, sorted."""
@@ -39,22 +56,33 @@ class OnboardFiles:
         found += [
             FolderEntry(other[-1], False, len(data)) for other, data in self._files.items() if other[:-1] == folder
         ]
+        found += [
+            FolderEntry(other[-1], False, size()) for other, (_, size) in self._served.items() if other[:-1] == folder
+        ]
         if folder == self._log_folder:
             found += [FolderEntry(log.name, False, len(log.data)) for log in self._logger.logs]
         return sorted(found, key=lambda entry: entry.name)
 
     def size(self, path: str) -> int:
         """Of a file, in bytes."""
+        parts = _parts(path)
+        if parts in self._served:
+            content, size = self._served[parts]
+            self._opened[parts] = content()
+            return size()
         return len(self._data(path))
 
     def read(self, path: str, offset: int, size: int) -> bytes:
         """Bytes of a file; fewer or none behind its end."""
+        opened = self._opened.get(_parts(path))
+        if opened is not None:
+            return opened[offset : offset + size]
         return bytes(self._data(path)[offset : offset + size])
 
     def create(self, path: str) -> None:
         """Makes an empty file, or empties one."""
         parts = _parts(path)
-        if parts in self._folders or parts[:-1] == self._log_folder:
+        if parts in self._folders or parts in self._served or parts[:-1] == self._log_folder:
             raise _error(EPERM, path)
         if parts[:-1] not in self._folders:
             raise _error(ENOENT, path)
@@ -108,7 +136,7 @@ class OnboardFiles:
         parts, new_parts = _parts(path), _parts(new_path)
         if parts in self._folders or new_parts[:-1] == self._log_folder:
             raise _error(EPERM, path)
-        if new_parts in self._files or new_parts in self._folders:
+        if new_parts in self._files or new_parts in self._folders or new_parts in self._served:
             raise _error(EEXIST, new_path)
         if parts not in self._files or new_parts[:-1] not in self._folders:
             raise _error(ENOENT, path)
@@ -139,7 +167,7 @@ class OnboardFiles:
         return self._files[parts]
 
     def _writable(self, path: str) -> bytearray:
-        if self._log(path) is not None:
+        if self._log(path) is not None or _parts(path) in self._served:
             raise _error(EPERM, path)
         return self._data(path)
 

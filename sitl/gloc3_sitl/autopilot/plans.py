@@ -215,6 +215,27 @@ class StoredPlans:
         self.mission = items
         self.mission_count += 1
 
+    def lacks(self, required: int, *, is_landed: bool) -> str:
+        """Returns which of take-off and landing the mission lacks, where MIS_TKO_LAND_REQ requires them; empty if neither."""
+        has = {item.command for item in self.mission}
+        missing = [
+            word
+            for word, command in (("take-off", MissionCommand.TAKE_OFF), ("landing", MissionCommand.LAND))
+            if command not in has
+        ]
+        match required:
+            case 1 | 2:
+                wanted = ["take-off" if required == 1 else "landing"]
+            case 5 if not is_landed:
+                wanted = ["landing"]
+            case 3:
+                wanted = missing
+            case 4 | 5:
+                wanted = missing if len(missing) == 1 else []
+            case _:
+                wanted = []
+        return " and ".join(word for word in missing if word in wanted)
+
     def set_fence(self, items: tuple[StoredItem, ...]) -> None:
         """Puts a new fence in place of the old one.
 

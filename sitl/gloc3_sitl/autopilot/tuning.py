@@ -78,6 +78,9 @@ class Tuning:
     mission_faces_course: bool = True
     """Turns towards the next waypoint, where the item says no heading."""
 
+    mission_requires: int = 0
+    """What a mission must have, numbered as PX4's MIS_TKO_LAND_REQ: 0 nothing, 2 a landing."""
+
     # Streamed setpoints
     stream_timeout_s: float = 1.0
     """Setpoints older than this are lost."""
@@ -97,6 +100,10 @@ class Tuning:
     battery_low: float = 0.15
     battery_critical: float = 0.07
     battery_emergency: float = 0.05
+    battery_low_v: float = 0.0
+    """Volts below which the battery is low, after `battery_wait_s`; 0 for no limit."""
+    battery_critical_v: float = 0.0
+    battery_wait_s: float = 10.0
     battery_low_action: FailsafeAction = FailsafeAction.WARN
     battery_critical_action: FailsafeAction = FailsafeAction.RETURN
     battery_emergency_action: FailsafeAction = FailsafeAction.LAND

@@ -6,7 +6,15 @@ from pymavlink.dialects.v20 import ardupilotmega as theirs
 from gloc3.mavlink import codec, upstream
 from gloc3.mavlink.message import Address
 
-GENERATED = {"COMMAND_CANCEL": (80, 4, 14), "COMPONENT_METADATA": (397, 108, 182), "CONTROL_STATUS": (512, 12, 21)}
+GENERATED = {
+    "COMMAND_CANCEL": (80, 4, 14),
+    "COMPONENT_METADATA": (397, 108, 182),
+    "EVENT": (410, 53, 160),
+    "CURRENT_EVENT_SEQUENCE": (411, 3, 106),
+    "REQUEST_EVENT": (412, 6, 33),
+    "RESPONSE_EVENT_ERROR": (413, 7, 77),
+    "CONTROL_STATUS": (512, 12, 21),
+}
 """Number, bytes and CRC_EXTRA in the C library that mavgen makes of the same definitions."""
 
 

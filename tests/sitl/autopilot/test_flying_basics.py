@@ -89,7 +89,8 @@ def test_a_take_off_while_disarmed_is_refused_with_the_result_of_the_style() -> 
 def test_arming_before_the_first_fix_is_refused_with_a_reason() -> None:
     bench = Bench()
     assert bench.command(ARM, 1) is Result.TEMPORARILY_REJECTED
-    assert "Arming denied: attitude is still aligning" in bench.texts
+    assert "attitude is still aligning" in bench.autopilot.commander.problems()
+    assert "Arming denied: resolve the reported health failures first" in bench.texts
 
 
 def test_a_vehicle_that_is_armed_and_does_not_fly_disarms_by_itself() -> None:
@@ -139,6 +140,36 @@ def test_it_flies_again_after_it_has_landed(style: str) -> None:
         assert bench.command(LAND) is Result.ACCEPTED
         bench.run_until(lambda: not bench.is_armed, 15.0)
     assert [log.number for log in bench.autopilot.logger.logs] == [1, 2]
+
+
+def test_px4_stands_in_offboard_after_landing_from_it_and_arms_only_in_another_mode_or_with_a_stream() -> None:
+    bench = Bench()
+    bench.take_off()
+    bench.start_streaming((0.0, 0.0, -2.5))
+    assert bench.command(LAND) is Result.ACCEPTED
+    bench.run_until(lambda: not bench.is_armed, 15.0)
+    bench.run(1.0)
+    assert bench.mode == "Offboard"
+    assert bench.command(ARM, 1) is Result.TEMPORARILY_REJECTED
+    assert "offboard control signal lost" in bench.autopilot.commander.problems()
+    assert bench.set_mode("Hold") is Result.ACCEPTED
+    assert bench.command(ARM, 1) is Result.ACCEPTED
+
+
+def test_px4_stands_in_its_hold_after_a_landing_that_began_there() -> None:
+    bench = Bench()
+    bench.take_off()
+    assert bench.command(LAND) is Result.ACCEPTED
+    bench.run_until(lambda: not bench.is_armed, 15.0)
+    assert bench.mode == "Hold"
+
+
+def test_ardupilot_stays_in_land_after_it_has_landed() -> None:
+    bench = Bench("ardupilot")
+    bench.take_off()
+    assert bench.command(LAND) is Result.ACCEPTED
+    bench.run_until(lambda: not bench.is_armed, 15.0)
+    assert bench.mode == "LAND"
 
 
 def test_home_and_origin_are_told_once_they_are_known() -> None:

@@ -67,7 +67,7 @@ def test_it_does_not_arm_before_it_is_told_where_it_is(style: str) -> None:
     bench = Bench(style, is_without_gps=True)
     bench.run(3.0)
     assert bench.command(400, 1) is not Result.ACCEPTED
-    assert any("position" in text for text in bench.texts)
+    assert any("position" in text for text in bench.autopilot.commander.problems())
 
 
 @STYLES

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from errno import EEXIST, ENOENT, ENOSPC, ENOTEMPTY, EPERM
 from functools import cache
+from struct import calcsize, unpack_from
 from typing import Any
 
 import msgspec
@@ -158,3 +159,61 @@ def test_any_path_is_served_or_an_error_of_the_system(path: str) -> None:
     for method in (files.entries, files.size, files.create, files.remove, files.make_folder):
         with suppress(OSError):
             method(path)
+
+
+# -- ArduPilot's virtual files ------------------------------------------------------------------------------------------
+
+
+def read_all(bench: Bench, path: str) -> bytes:
+    client = FtpClient(Address(1, 191))
+    call = finish(bench, client, client.read(VEHICLE, path, now_s=bench.sim.now_s))
+    assert call.result is FtpError.NONE
+    return bytes(call.data)
+
+
+def unpacked(packed: bytes) -> dict[str, float]:
+    """Parameters by name, as MAVProxy and Mission Planner read the file."""
+    magic, count, total = unpack_from("<HHH", packed)
+    assert magic == 0x671B
+    assert count == total
+    forms, found, name, at = {1: "<b", 2: "<h", 3: "<i", 4: "<f"}, {}, "", 6
+    while at < len(packed):
+        if not packed[at]:
+            at += 1
+            continue
+        form = forms[packed[at] & 0x0F]
+        shared, rest = packed[at + 1] & 0x0F, (packed[at + 1] >> 4) + 1
+        name = name[:shared] + packed[at + 2 : at + 2 + rest].decode()
+        at += 2 + rest
+        assert at // 239 == (at + calcsize(form) - 1) // 239, "a value crosses a block"
+        found[name] = unpack_from(form, packed, at)[0]
+        at += calcsize(form)
+    assert len(found) == count
+    return found
+
+
+def test_ardupilot_packs_its_parameters_into_a_file() -> None:
+    bench = Bench("ardupilot")
+    bench.run(1.0)
+    bench.set_parameter("WP_SPD", 3.5)
+    found = unpacked(read_all(bench, "@PARAM/param.pck"))
+    assert found == pytest.approx({name: bench.autopilot.parameters[name] for name in bench.autopilot.parameters})
+
+
+def test_ardupilot_tells_its_links_in_a_file_whose_size_it_does_not_know() -> None:
+    bench = Bench("ardupilot")
+    bench.run(1.0)
+    assert read_all(bench, "@SYS/uarts.txt").startswith(b"UARTV1\nSERIAL0")
+
+
+def test_virtual_files_cannot_be_changed() -> None:
+    files = Bench("ardupilot").sim.front.files
+    with pytest.raises(OSError, match="not permitted"):
+        files.create("@SYS/uarts.txt")
+    with pytest.raises(OSError, match="not permitted"):
+        files.write("@PARAM/param.pck", 0, b"x")
+
+
+def test_px4_has_no_virtual_files() -> None:
+    with pytest.raises(FileNotFoundError):
+        Bench().sim.front.files.size("@PARAM/param.pck")

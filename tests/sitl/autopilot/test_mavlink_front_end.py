@@ -31,6 +31,7 @@ class Ear:
     def __init__(self, sim: Simulator, kind: LinkKind, system: int, component: int) -> None:
         self.counts: Counter[str] = Counter()
         self.senders: Counter[tuple[int, int]] = Counter()
+        self.results: list[Result] = []
         self._parser = Parser(is_datagram=True)
         self._encoder = Encoder(system, component)
         self._receive = sim.attach(self._handle, kind)
@@ -40,6 +41,8 @@ class Ear:
             self.senders[frame.sender] += 1
             if frame.shape is not None:
                 self.counts[frame.shape.name] += 1
+                if frame.shape.name == "COMMAND_ACK" and (ack := frame.decode()) is not None:
+                    self.results.append(Result(ack.result))
 
     def report(self, name: str, **fields: object) -> None:
         self._receive(self._encoder.encode(message(name, **fields)))
@@ -100,6 +103,36 @@ def test_an_interval_can_be_set_asked_for_and_stopped() -> None:
     before = bench.counts["ATTITUDE"]
     bench.run(1.0)
     assert bench.counts["ATTITUDE"] == before
+
+
+def test_px4_refuses_another_rate_for_its_current_mission_item_and_goes_on_at_its_own() -> None:
+    sim = Simulator(World.load("open"), SimulatorSettings(seed=1))
+    ear = Ear(sim, LinkKind.COMPANION, 1, 191)
+    ear.report("HEARTBEAT", type=18, autopilot=8)
+    sim.advance(1.0)
+    number = shape("MISSION_CURRENT").id
+    ear.report("COMMAND_LONG", target_system=1, target_component=1, command=SET_INTERVAL, param1=number, param2=500_000)
+    assert ear.results[-1] is Result.FAILED
+    ear.counts.clear()
+    sim.advance(5.0)
+    assert ear.counts["MISSION_CURRENT"] == pytest.approx(5, abs=1)
+
+
+def test_px4_sends_its_origin_when_it_changes_and_on_request_and_never_at_an_interval() -> None:
+    sim = Simulator(World.load("open"), SimulatorSettings(seed=1))
+    early = Ear(sim, LinkKind.COMPANION, 1, 191)
+    sim.advance(5.0)
+    assert early.counts["GPS_GLOBAL_ORIGIN"] == 1
+    late = Ear(sim, LinkKind.COMPANION, 1, 192)
+    number = shape("GPS_GLOBAL_ORIGIN").id
+    late.report(
+        "COMMAND_LONG", target_system=1, target_component=1, command=SET_INTERVAL, param1=number, param2=500_000
+    )
+    assert late.results[-1] is Result.ACCEPTED
+    sim.advance(9.0)
+    assert late.counts["GPS_GLOBAL_ORIGIN"] == 0
+    late.report("COMMAND_LONG", target_system=1, target_component=1, command=REQUEST, param1=number)
+    assert late.counts["GPS_GLOBAL_ORIGIN"] == 1
 
 
 @pytest.mark.flight

@@ -173,9 +173,14 @@ def test_a_mission_of_jumps_alone_does_not_hang_the_vehicle() -> None:
     assert abs(bench.position[2] + 3.0) < 0.5
 
 
-def test_mission_mode_without_a_mission_is_refused() -> None:
+def test_mission_mode_without_a_mission_is_refused_in_flight_and_px4_takes_it_on_the_ground_and_does_not_arm() -> None:
     bench = Bench()
     bench.get_ready()
+    assert bench.set_mode("Mission") is Result.ACCEPTED
+    assert bench.command(ARM, 1) is Result.TEMPORARILY_REJECTED
+    assert bench.autopilot.commander.problems() == ["no mission"]
+    assert bench.set_mode("Hold") is Result.ACCEPTED
+    bench.take_off()
     assert bench.set_mode("Mission") is Result.TEMPORARILY_REJECTED
     assert "Mission denied: no mission" in bench.texts
 
@@ -205,7 +210,7 @@ def test_arming_outside_the_fence_is_refused() -> None:
     circle = bench.item(CIRCLE_INCLUSION, 50.0, 0.0, 0.0, frame=0, param1=10.0)
     assert bench.upload([circle], PlanType.FENCE) is PlanResult.ACCEPTED
     assert bench.command(ARM, 1) is Result.TEMPORARILY_REJECTED
-    assert "Arming denied: outside the fence" in bench.texts
+    assert bench.autopilot.commander.problems() == ["outside the fence"]
 
 
 FENCE_BIT = 1 << 20
@@ -284,3 +289,94 @@ def test_return_goes_to_the_nearer_rally_point() -> None:
     assert bench.set_mode("Return") is Result.ACCEPTED
     bench.run_until(lambda: not bench.is_armed, 40.0)
     assert dist(bench.position, (14.0, 0.0, 0.0)) < 0.5
+
+
+def reported_item(bench: Bench) -> tuple[int, int]:
+    assert bench.command(512, 42) is Result.ACCEPTED
+    current = bench.last("MISSION_CURRENT")
+    return current.seq, current.total
+
+
+@pytest.mark.parametrize("is_command", [True, False])
+def test_px4_reports_the_item_of_the_previous_plan_until_one_of_the_new_plan_is_set(is_command: bool) -> None:
+    bench = Bench()
+    bench.get_ready()
+    assert bench.upload([bench.item(WAYPOINT, float(north)) for north in range(5)]) is PlanResult.ACCEPTED
+    assert bench.command(SET_CURRENT, 4) is Result.ACCEPTED
+    assert bench.upload([bench.item(WAYPOINT, float(north)) for north in range(3)]) is PlanResult.ACCEPTED
+    assert reported_item(bench) == (2, 3)
+    if is_command:
+        assert bench.command(SET_CURRENT, 0) is Result.ACCEPTED
+    else:
+        bench.send("MISSION_SET_CURRENT", target_system=1, target_component=1, seq=0)
+    assert reported_item(bench) == (0, 3)
+
+
+def test_px4_begins_a_new_plan_at_its_first_item_whatever_it_has_reported() -> None:
+    bench = Bench()
+    bench.get_ready()
+    assert bench.upload([bench.item(WAYPOINT, float(north)) for north in range(5)]) is PlanResult.ACCEPTED
+    assert bench.command(SET_CURRENT, 4) is Result.ACCEPTED
+    assert bench.upload([bench.item(TAKE_OFF), bench.item(WAYPOINT, 6.0)]) is PlanResult.ACCEPTED
+    assert reported_item(bench) == (1, 2)
+    start(bench)
+    bench.run(1.0)
+    assert reported_item(bench) == (0, 2)
+
+
+def test_ardupilot_reports_the_first_item_of_a_new_plan() -> None:
+    bench = Bench("ardupilot")
+    bench.get_ready()
+    items = with_home(bench, *(bench.item(WAYPOINT, float(north)) for north in range(4)))
+    assert bench.upload(items) is PlanResult.ACCEPTED
+    assert bench.command(SET_CURRENT, 4) is Result.ACCEPTED
+    assert bench.upload(items[:3]) is PlanResult.ACCEPTED
+    assert reported_item(bench) == (1, 3)
+
+
+@pytest.mark.parametrize(
+    ("required", "commands", "lacking"),
+    [
+        (0, (), ""),
+        (1, (LAND,), "take-off"),
+        (2, (TAKE_OFF,), "landing"),
+        (2, (LAND,), ""),
+        (3, (), "take-off and landing"),
+        (4, (), ""),
+        (4, (TAKE_OFF,), "landing"),
+        (5, (TAKE_OFF, LAND), ""),
+    ],
+)
+def test_px4_acknowledges_a_plan_without_the_required_items_and_does_not_arm_with_it(
+    required: int, commands: tuple[int, ...], lacking: str
+) -> None:
+    bench = Bench()
+    bench.set_parameter("MIS_TKO_LAND_REQ", required)
+    bench.get_ready()
+    items = [bench.item(WAYPOINT, 5.0), *(bench.item(command) for command in commands)]
+    assert bench.upload(items) is PlanResult.ACCEPTED
+    assert bench.set_mode("Mission") is Result.ACCEPTED
+    assert bench.autopilot.commander.problems() == ([f"the mission has no {lacking}"] if lacking else [])
+    assert bench.command(ARM, 1) is (Result.TEMPORARILY_REJECTED if lacking else Result.ACCEPTED)
+
+
+def test_px4_takes_off_for_no_plan_without_the_required_landing() -> None:
+    bench = Bench()
+    bench.set_parameter("MIS_TKO_LAND_REQ", 2)
+    bench.get_ready()
+    assert bench.upload([bench.item(TAKE_OFF), bench.item(WAYPOINT, 5.0)]) is PlanResult.ACCEPTED
+    bench.take_off()
+    assert bench.command(MISSION_START) is Result.TEMPORARILY_REJECTED
+    assert "Mission denied: the mission has no landing" in bench.texts
+
+
+def test_an_ardupilot_without_a_mission_counts_no_item_and_gives_its_home_as_item_0() -> None:
+    bench = Bench("ardupilot")
+    bench.get_ready()
+    bench.run(1.0)
+    assert bench.download() == ()
+    bench.send("MISSION_REQUEST_INT", target_system=1, target_component=1, seq=0)
+    bench.run(0.1)
+    home = bench.last("MISSION_ITEM_INT")
+    assert home.x == pytest.approx(bench.sim.world.home.latitude_deg * 1e7, abs=200)
+    assert bench.set_mode("AUTO") is Result.FAILED

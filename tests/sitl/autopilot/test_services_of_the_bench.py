@@ -1,6 +1,6 @@
 """Calibration as PX4 tells it, injected failures, outputs, and the shell that is not there."""
 
-from math import radians
+from math import degrees, radians
 
 import pytest
 
@@ -57,7 +57,7 @@ def test_nothing_is_calibrated_while_armed(style: str) -> None:
 def test_ardupilot_fails_what_nobody_can_turn_here() -> None:
     bench = Bench("ardupilot")
     bench.get_ready()
-    assert bench.command(CALIBRATE, 0, 0, 0, 0, 1) is Result.FAILED
+    assert bench.command(CALIBRATE, 0, 1) is Result.FAILED
 
 
 def test_a_failure_is_injected_and_ended_where_the_parameter_allows_it() -> None:
@@ -127,3 +127,49 @@ def test_who_types_at_the_shell_is_told_that_there_is_none() -> None:
     bench.send("SERIAL_CONTROL", device=10, flags=2, timeout=0, baudrate=0, count=len(line), data=data)
     answer = bench.last("SERIAL_CONTROL")
     assert b"there is no shell" in bytes(answer.data[: answer.count])
+
+
+# -- ArduPilot ----------------------------------------------------------------------------------------------------------
+
+
+def requested_positions(bench: Bench) -> list[float]:
+    return [
+        received.param1 for received in bench.received if received.name == "COMMAND_LONG" and received.command == 42429
+    ]
+
+
+def test_ardupilot_requests_each_position_of_its_accelerometer_every_second_until_it_is_confirmed() -> None:
+    bench = Bench("ardupilot")
+    bench.get_ready()
+    assert bench.command(241, 0, 0, 0, 0, 1) is Result.ACCEPTED
+    bench.run(3.5)
+    assert 3 <= len(requested_positions(bench)) <= 5
+    assert set(requested_positions(bench)) == {1.0}
+    assert bench.command(42429, 3) is Result.FAILED
+    for position in range(1, 7):
+        assert bench.command(42429, position) is Result.ACCEPTED
+        bench.run(1.5)
+    assert requested_positions(bench)[-1] == 16777216.0
+    count = len(requested_positions(bench))
+    bench.run(3.0)
+    assert len(requested_positions(bench)) == count
+    assert bench.command(42429, 1) is Result.FAILED
+
+
+@pytest.mark.parametrize(
+    ("params", "heading_deg"), [((90, 0, 0, 0), 90.0), ((40, 0, -1, 1), -40.0), ((40, 0, 1, 1), 40.0)]
+)
+def test_copter_turns_its_nose_on_condition_yaw(params: tuple[float, ...], heading_deg: float) -> None:
+    bench = Bench("ardupilot")
+    bench.take_off()
+    before = degrees(bench.autopilot.estimator.yaw_rad) if params[3] else 0.0
+    assert bench.command(115, *params) is Result.ACCEPTED
+    bench.run(6.0)
+    turned = degrees(bench.autopilot.estimator.yaw_rad) - before - heading_deg
+    assert abs((turned + 180.0) % 360.0 - 180.0) < 4.0
+    assert bench.command(115, 400) is Result.FAILED
+
+
+def test_px4_and_planes_know_no_condition_yaw_outside_a_mission() -> None:
+    assert Bench().command(115, 90) is Result.UNSUPPORTED
+    assert Bench("ardupilot", vehicle="plane").command(115, 90) is Result.UNSUPPORTED

@@ -87,5 +87,5 @@ def test_styles_and_parameters_that_do_not_exist_are_named() -> None:
 def test_what_the_autopilot_says_is_kept() -> None:
     simulator = Simulator(World.load("open"))
     simulator.advance(0.1)
-    simulator.autopilot.commander.set_mode(simulator.autopilot.style.mission_mode, Author.COMMAND)
-    assert simulator.texts[-1][2].startswith("Mission denied")
+    simulator.autopilot.commander.arm(Author.COMMAND)
+    assert simulator.texts[-1][2].startswith("Arming denied")

@@ -27,7 +27,7 @@ from gloc3.mavlink.services.mission_transfers import (
     PlanReceived,
     SetCurrentRequested,
 )
-from gloc3.mavlink.services.plan import ALL_TYPES, Plan, PlanResult, PlanType, read_item
+from gloc3.mavlink.services.plan import ALL_TYPES, Plan, PlanItem, PlanResult, PlanType, read_item
 
 MOST_ITEMS: Final = 5000
 READER_EXPIRES_S: Final = 60.0
@@ -106,6 +106,8 @@ class MissionServer(Microservice[PlanReceived | PlanOffered | SetCurrentRequeste
         self._dialect = dialect
         self.plans: dict[PlanType, Plan] = dict.fromkeys(kinds, ())
         """The plans that are in force."""
+        self.home: PlanItem | None = None
+        """ArduPilot's item 0 of a mission: given to anybody who requests it, also while there is no mission."""
         self.current = 0
         """The mission's item that is being done."""
         self.mission_state = 0
@@ -343,6 +345,11 @@ class MissionServer(Microservice[PlanReceived | PlanOffered | SetCurrentRequeste
         self._send_to(sender, "MISSION_COUNT", count=len(items), mission_type=kind, opaque_id=self.plan_id(kind))
 
     def _give(self, kind: PlanType, message: MavlinkMessage, sender: Address, now_s: float) -> None:
+        if self.home is not None and kind is PlanType.MISSION and message.seq == 0:
+            is_float = message.name == "MISSION_REQUEST"
+            make_item = self.home.float_message if is_float else self.home.message
+            self._outgoing.append(make_item(0, kind, sender))
+            return
         reader = self._readers.get((sender, kind))
         if reader is None or now_s - reader.last_s > READER_EXPIRES_S:
             return  # who never asked for the list is not talking to us as a server

@@ -55,6 +55,7 @@ class MissionFlight(Mover):
         if self.is_done or not craft.plans.mission:
             return self._remainder()
         progress.state = MissionState.ACTIVE
+        progress.outdated = None
         if self._item is None:
             self._begin()
         if self._item is None:

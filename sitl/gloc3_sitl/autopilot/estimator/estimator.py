@@ -64,6 +64,7 @@ class Estimator:
     _barometer_offset_m: float = nan
     external_resets: int = -1
     """Reset counter of the newest external odometry; -1 before the first."""
+    _yaw_is_from_north: bool = True
     _rest_s: float = 0.0
     _external_shift: tuple[float, float] = (0.0, 0.0)
 
@@ -161,6 +162,7 @@ class Estimator:
             if not self.sources & AidingSource.DEPTH:  # what dives is told its own climb
                 self._correct_vertical(self._vertical.measure_velocity(variance), velocity[2] - vd)
         if pose.yaw_rad is not None and self.sources & AidingSource.EXTERNAL_YAW:
+            self._yaw_is_from_north = pose.yaw_is_from_north
             self._use_heading(wrap_pi(pose.yaw_rad - self.yaw_rad), 0.05, now_s)
 
     def _use_external_position(self, pose: ExternalOdometry, position: Vector3, has_jumped: bool, now_s: float) -> None:
@@ -257,9 +259,18 @@ class Estimator:
         return atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
     @property
+    def is_yaw_aligned(self) -> bool:
+        """Whether the heading counts from north, so that the position is one on Earth."""
+        return self._yaw_is_from_north or not self.sources & AidingSource.EXTERNAL_YAW
+
+    @property
     def place(self) -> GeoPoint | None:
-        """Place on Earth, where the origin is known."""
-        return None if self.origin is None else self.origin.geo_from_ned(self.inertial.position_ned_m)
+        """Place on Earth, where origin and north are known."""
+        return (
+            None
+            if self.origin is None or not self.is_yaw_aligned
+            else self.origin.geo_from_ned(self.inertial.position_ned_m)
+        )
 
     def is_position_good(self, now_s: float) -> bool:
         """Whether the horizontal position may be flown by: aided within the last second, and converged."""

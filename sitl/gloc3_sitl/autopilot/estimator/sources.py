@@ -88,6 +88,8 @@ class ExternalOdometry(msgspec.Struct, frozen=True, kw_only=True):
     position_ned_m: Vector3 | None = None
     velocity_ned_m_s: Vector3 | None = None
     yaw_rad: float | None = None
+    yaw_is_from_north: bool = True
+    """False where the heading counts from the odometer's own frame."""
     position_deviation_m: float = USUAL_DEVIATION
     velocity_deviation_m_s: float = USUAL_DEVIATION
     reset_counter: int = 0

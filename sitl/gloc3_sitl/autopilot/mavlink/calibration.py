@@ -1,8 +1,10 @@
-"""Calibration as PX4 reports it, in status texts that begin with `[cal]`; it changes nothing."""
+"""Simulated calibration, which changes nothing: PX4's in `[cal]` texts, ArduPilot's accelerometer in position requests."""
 
 from enum import StrEnum
 from typing import Final
 
+from gloc3.mavlink.codec import message
+from gloc3.mavlink.message import MavlinkMessage
 from gloc3.messages.envelope import Severity
 from gloc3_sitl.autopilot.craft import Craft
 
@@ -88,3 +90,53 @@ class CalibrationRun:
 
     def _send_text(self, text: str) -> None:
         self._craft.send_text(Severity.INFO, f"[cal] {text}")
+
+
+VEHICLE_POSITION: Final = 42429
+"""MAV_CMD_ACCELCAL_VEHICLE_POS: the autopilot requests a position, and the station confirms it."""
+_POSITIONS: Final = ("level", "on its LEFT side", "on its RIGHT side", "nose DOWN", "nose UP", "on its BACK")
+"""Numbered from 1, as ACCELCAL_VEHICLE_POS."""
+_FAILED: Final = 16777216
+_REQUEST_S: Final = 1.0
+_SAMPLES_S: Final = 1.0
+
+
+class AccelerometerPositions:
+    """ArduPilot's calibration on six sides: it requests a position every second until a station confirms it.
+
+    Nobody can turn the simulated vehicle: when all six are confirmed, the calibration fails.
+    """
+
+    def __init__(self, craft: Craft) -> None:
+        self._craft: Final = craft
+        self._position = 0
+        self._request_s = 0.0
+
+    def begin(self) -> None:
+        """Begins with the first position."""
+        self._position, self._request_s = 1, self._craft.now_s
+        self._send_text()
+
+    def confirm(self, position: float) -> bool:
+        """The vehicle lies as requested; false where another position is requested, or none."""
+        if position != self._position or not 0 < position <= len(_POSITIONS):
+            return False
+        self._position += 1
+        self._request_s = self._craft.now_s + _SAMPLES_S
+        if self._position <= len(_POSITIONS):
+            self._send_text()
+        return True
+
+    def tick(self, now_s: float) -> list[MavlinkMessage]:
+        """Returns the request that is due."""
+        if not self._position or now_s < self._request_s:
+            return []
+        self._request_s = now_s + _REQUEST_S
+        wanted = self._position
+        if wanted > len(_POSITIONS):
+            self._position, wanted = 0, _FAILED
+            self._craft.send_text(Severity.CRITICAL, "Calibration FAILED: the sides do not differ")
+        return [message("COMMAND_LONG", command=VEHICLE_POSITION, param1=float(wanted))]
+
+    def _send_text(self) -> None:
+        self._craft.send_text(Severity.CRITICAL, f"Place vehicle {_POSITIONS[self._position - 1]} and confirm.")

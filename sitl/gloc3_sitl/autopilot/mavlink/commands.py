@@ -6,7 +6,8 @@ from typing import Final
 
 from gloc3.mavlink.services.command_server import MavCommandRequest
 from gloc3.messages.envelope import Severity
-from gloc3.messages.frames import GeoPoint, Vector3
+from gloc3.messages.frames import GeoPoint, Vector3, wrap_pi
+from gloc3_sitl.autopilot.behaviours.base import Mover
 from gloc3_sitl.autopilot.behaviours.orbit import Facing, circle
 from gloc3_sitl.autopilot.mavlink.context import MOST_HEIGHT_M, FrontContext
 from gloc3_sitl.autopilot.mavlink.service_commands import SERVICE_HANDLERS
@@ -23,6 +24,7 @@ _UNSUPPORTED: Final = RequestVerdict(Result.UNSUPPORTED)
 _RELATIVE: Final = (3, 6)
 _CUSTOM_FLAG: Final = 1
 _NO_REGION_OF_INTEREST: Final = 197
+_WHOLE_TURN_DEG: Final = 360.0
 
 
 def handle(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
@@ -225,6 +227,9 @@ def _capabilities(context: FrontContext, request: MavCommandRequest) -> RequestV
 def _run_checks(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     del request
     commander = context.commander
+    if context.health is not None:
+        context.health.send(context.craft.now_s)
+        return ACCEPTED
     if context.craft.is_armed:
         return RequestVerdict(Result.TEMPORARILY_REJECTED, "armed")
     for problem in commander.problems():
@@ -235,6 +240,23 @@ def _run_checks(context: FrontContext, request: MavCommandRequest) -> RequestVer
 def _storage(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
     if request.params[0] == 2.0:
         context.autopilot.parameters.reset()
+    return ACCEPTED
+
+
+def _turn_nose(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
+    """CONDITION_YAW outside a mission, as ArduPilot takes it: it turns the vehicle in the modes that steer its heading."""
+    if context.is_px4:
+        return _UNSUPPORTED
+    angle, _, direction, relative = request.params[:4]
+    if not 0.0 <= angle <= _WHOLE_TURN_DEG or relative not in (0.0, 1.0):
+        return RequestVerdict(Result.FAILED, "angle or reference out of range")
+    craft, activity = context.craft, context.commander.activity
+    craft.is_facing = None
+    if isinstance(activity, Mover):
+        turn = radians(angle)
+        activity.yaw_wanted_rad = wrap_pi(
+            activity.yaw_rad + (turn if direction >= 0.0 else -turn) if relative else turn
+        )
     return ACCEPTED
 
 
@@ -281,6 +303,7 @@ HANDLERS: Final[Mapping[int, Handler]] = {
     21: _land,
     22: _take_off,
     34: _orbit,
+    115: _turn_nose,
     176: _set_mode,
     178: _change_speed,
     179: _set_home,

@@ -13,6 +13,8 @@ from gloc3.messages.frames import GeoPoint, wrap_pi
 from gloc3_sitl.autopilot.autopilot import Autopilot
 from gloc3_sitl.autopilot.behaviours.mission import MissionFlight
 from gloc3_sitl.autopilot.mavlink import motion_telemetry
+from gloc3_sitl.autopilot.mavlink.calibration import AccelerometerPositions
+from gloc3_sitl.autopilot.mavlink.events import HealthReporter
 from gloc3_sitl.autopilot.mavlink.links import AutopilotPort, AutopilotRouter, LinkKind, Receive, Send
 from gloc3_sitl.autopilot.mavlink.rates import GROUP_PARAMETERS, GROUPS, starting_rates
 from gloc3_sitl.autopilot.mavlink.signing_sync import SigningSync
@@ -25,6 +27,11 @@ MOST_HEIGHT_M: Final = 100_000.0
 _ALIGNING_SHARE: Final = 0.01
 _IMU: Final = {codec.shape(name).id: name for name in ("HIGHRES_IMU", "SCALED_IMU")}
 """What is asked for at more than the rate of the outer loop."""
+
+_PX4_FIXED: Final = frozenset({codec.shape("MISSION_CURRENT").id})
+"""Messages that PX4 sends at a rate of its own; an interval is refused."""
+_PX4_ON_CHANGE: Final = frozenset({codec.shape("GPS_GLOBAL_ORIGIN").id})
+"""Messages that PX4 sends when they change and on request; an interval is accepted without effect."""
 
 
 class HeadingOffset:
@@ -76,6 +83,9 @@ class FrontContext:
         self._producers = {codec.shape(name).id: produce for name, produce in self.producers.items()}
         self.heading_offset: Final = HeadingOffset()
         """Between an odometer's frame and north."""
+        self.accelerometer: Final = AccelerometerPositions(self.craft)
+        self.health: HealthReporter | None = None
+        """Reports the arming checks, where the style does so by events."""
         autopilot.parameters.on_change.append(self._parameter_changed)
 
     def offer(self, name: str, produce: Callable[[Autopilot], MavlinkMessage | None]) -> None:
@@ -143,6 +153,7 @@ class FrontContext:
             flight.skip_to(index)
         else:
             self.craft.mission.current = index
+        self.craft.mission.outdated = None
         self.send_now("MISSION_CURRENT")
         return True
 
@@ -166,8 +177,12 @@ class FrontContext:
         link = self.link_of(request.sender)
         if link is None:
             return RequestVerdict(Result.FAILED, "unknown link")
-        if self.is_px4 and request.command == SET_MESSAGE_INTERVAL and request.params[0] not in self._producers:
-            return RequestVerdict(Result.FAILED, "message is not produced here")
+        if self.is_px4 and request.command == SET_MESSAGE_INTERVAL:
+            wanted = request.params[0]
+            if wanted not in self._producers or wanted in _PX4_FIXED:
+                return RequestVerdict(Result.FAILED, "message is not a stream here")
+            if wanted in _PX4_ON_CHANGE:
+                return ACCEPTED
         streams = self._streams[link]
         result = streams.command(request, self.craft.now_s)
         for message in streams.outgoing():

@@ -1,16 +1,18 @@
 """The MAVLink front end: turns received messages into requests, and sends telemetry and texts."""
 
+from functools import partial
 from typing import Any, Final
 
 from gloc3.errors import Refused
 from gloc3.mavlink import codec
-from gloc3.mavlink.message import Address
+from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.node import MavlinkComponent
 from gloc3.mavlink.parser import Frame
 from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_client import CommandCall, MavCommandClient
 from gloc3.mavlink.services.command_server import MavCommandRequest, MavCommandServer
+from gloc3.mavlink.services.files.ftp import checksum
 from gloc3.mavlink.services.files.ftp_server import FtpServer
 from gloc3.mavlink.services.files.log_server import LogServer
 from gloc3.mavlink.services.heartbeat import Heartbeat
@@ -22,10 +24,17 @@ from gloc3_sitl.autopilot.autopilot import Autopilot
 from gloc3_sitl.autopilot.craft import HomePosition
 from gloc3_sitl.autopilot.mavlink import commands
 from gloc3_sitl.autopilot.mavlink.context import FrontContext
-from gloc3_sitl.autopilot.mavlink.links import LinkKind, Receive, Send
+from gloc3_sitl.autopilot.mavlink.events import GENERAL, EventSender, HealthReporter
+from gloc3_sitl.autopilot.mavlink.links import UARTS_BYTES, UARTS_FILE, LinkKind, Receive, Send, uarts
 from gloc3_sitl.autopilot.mavlink.listeners import LISTENERS
-from gloc3_sitl.autopilot.mavlink.parameter_sync import ParameterSync
+from gloc3_sitl.autopilot.mavlink.parameter_sync import (
+    PACKED_BYTES_EACH,
+    PACKED_FILE,
+    ParameterSync,
+    packed_parameters,
+)
 from gloc3_sitl.autopilot.mavlink.plan_sync import PlanSync
+from gloc3_sitl.autopilot.mavlink.units import boot_ms
 from gloc3_sitl.autopilot.modes import Result
 from gloc3_sitl.autopilot.onboard_files import OnboardFiles
 from gloc3_sitl.autopilot.verdict import RequestVerdict
@@ -70,6 +79,8 @@ class Front:
         context.offer("HEARTBEAT", lambda _: self._heartbeat.message())
         self.plans: Final = PlanSync(context)
         self.files: Final = OnboardFiles(autopilot.logger, autopilot.style.log_folder)
+        self._events = EventSender(own)
+        self._serve_files()
         if before is not None:
             self.plans.load(before.plans)
             self.files.load(before.files)
@@ -87,9 +98,31 @@ class Front:
         """Why the last of them was refused."""
         autopilot.on_outer.append(self.tick)
 
+    def _serve_files(self) -> None:
+        """Offers the files that the style makes itself: PX4's metadata of its events, ArduPilot's virtual files."""
+        context, autopilot = self.context, self.autopilot
+        if autopilot.style.reports_by_event:
+            context.health = HealthReporter(autopilot, self._events)
+            for path, content in context.health.files.items():
+                self.files.serve(path, partial(bytes, content))
+            context.offer("COMPONENT_METADATA", self._metadata)
+            return
+        parameters, links = autopilot.parameters, context.router.links
+        packed = partial(packed_parameters, parameters)
+        self.files.serve(PACKED_FILE, packed, lambda: PACKED_BYTES_EACH * len(parameters))
+        self.files.serve(UARTS_FILE, partial(uarts, links), lambda: UARTS_BYTES)
+
+    def _metadata(self, autopilot: Autopilot) -> MavlinkMessage:
+        crc = checksum([self.files.read(GENERAL, 0, self.files.size(GENERAL))])
+        return codec.message(
+            "COMPONENT_METADATA", time_boot_ms=boot_ms(autopilot), file_crc=crc, uri=f"mftp://{GENERAL}"
+        )
+
     def _services(self) -> tuple[Microservice[Any], ...]:
         own = self.context.own
+        events = (self._events,) if self.context.health is not None else ()
         return (
+            *events,
             self._commands,
             self._authorizer,
             self._texts,
@@ -181,6 +214,10 @@ class Front:
         if now_s >= self._serve_s or now_s < self._busy_until_s:
             self._node.tick(now_s)
             self._serve()
+        if self.context.health is not None:
+            self.context.health.tick(now_s)
+        for request in self.context.accelerometer.tick(now_s):
+            self.context.router.send(request)
         self._send_mission()
         self._send_positions()
         self.context.stream(now_s)

@@ -110,3 +110,15 @@ class AutopilotRouter:
 def message_id(name: str) -> int:
     """The number of a message."""
     return codec.shape(name).id
+
+
+UARTS_FILE: Final = "@SYS/uarts.txt"
+"""ArduPilot's file of its serial ports over MAVLink FTP."""
+UARTS_BYTES: Final = 100_000
+"""Size that ArduPilot reports for every file under `@SYS`, whatever its length."""
+
+
+def uarts(links: list[AutopilotPort]) -> bytes:
+    """The content of ArduPilot's `@SYS/uarts.txt`: a line for each link."""
+    lines = [f"SERIAL{number} {link.kind} PEERS={len(link.peers)}" for number, link in enumerate(links)]
+    return "\n".join(("UARTV1", *lines, "")).encode()

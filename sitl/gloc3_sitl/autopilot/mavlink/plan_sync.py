@@ -54,7 +54,7 @@ class PlanSync:
                 case SetCurrentRequested(number):
                     self._context.set_current(number)
         home = self._context.craft.home
-        if self._first and home is not self._reported_home and self.server.plans[PlanType.MISSION]:
+        if self._first and home is not self._reported_home:
             self._put_home()
 
     def _check(self, kind: PlanType, items: Plan) -> PlanResult:
@@ -86,7 +86,8 @@ class PlanSync:
         match event.kind:
             case PlanType.MISSION:
                 plans.set_mission(items)
-                craft.mission.on_upload(plans.mission_count, len(items) > self._first, self._first)
+                is_px4 = self._context.is_px4
+                craft.mission.on_upload(plans.mission_count, len(items), self._first, reports_old=is_px4)
                 flight = self._context.mission_flight
                 if flight is not None:
                     flight.skip_to(self._first)
@@ -114,5 +115,6 @@ class PlanSync:
             y=round(longitude * 1e7),
             z=altitude,
         )
-        rest = self.server.plans[PlanType.MISSION][1:]
-        self.server.set_plan(PlanType.MISSION, (first, *rest))
+        self.server.home = first
+        if self.server.plans[PlanType.MISSION]:
+            self.server.set_plan(PlanType.MISSION, (first, *self.server.plans[PlanType.MISSION][1:]))

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from gloc3.mavlink.services.command_server import MavCommandRequest
-from gloc3_sitl.autopilot.mavlink.calibration import Subject
+from gloc3_sitl.autopilot.mavlink.calibration import VEHICLE_POSITION, Subject
 from gloc3_sitl.autopilot.mavlink.context import FrontContext
 from gloc3_sitl.autopilot.modes import Result
 from gloc3_sitl.autopilot.surroundings import FailureKind, FailureUnit, SupplyState
@@ -46,7 +46,10 @@ def _calibrate(context: FrontContext, request: MavCommandRequest) -> RequestVerd
         return RequestVerdict(context.commander.style.refused, "armed")
     gyro, magnetometer, _, _, accelerometer, *_ = request.params
     if not context.is_px4:
-        if accelerometer == 1.0 or magnetometer:
+        if accelerometer == 1.0:
+            context.accelerometer.begin()
+            return ACCEPTED
+        if magnetometer:
             return RequestVerdict(Result.FAILED, "the simulated vehicle cannot be turned")
         context.begin_calibration()
         return RequestVerdict(Result.IN_PROGRESS)
@@ -106,6 +109,15 @@ def _calibrate_compass(context: FrontContext, request: MavCommandRequest) -> Req
     )
 
 
+def _confirm_position(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
+    """The station confirms the position that ArduPilot's accelerometer calibration has requested."""
+    if context.is_px4:
+        return _UNSUPPORTED
+    if not context.accelerometer.confirm(request.params[0]):
+        return RequestVerdict(Result.FAILED, "this position is not requested")
+    return ACCEPTED
+
+
 SERVICE_HANDLERS: Final[Mapping[int, Callable[[FrontContext, MavCommandRequest], RequestVerdict]]] = {
     181: _set_relay,
     183: _set_servo,
@@ -114,5 +126,6 @@ SERVICE_HANDLERS: Final[Mapping[int, Callable[[FrontContext, MavCommandRequest],
     420: _inject,
     _START_COMPASS: _calibrate_compass,
     _CANCEL_COMPASS: _calibrate_compass,
+    VEHICLE_POSITION: _confirm_position,
 }
 """By MAV_CMD."""

@@ -164,7 +164,7 @@ def estimator_status(autopilot: "Autopilot") -> MavlinkMessage:
     if estimator.is_aligned:
         flags |= 1
     if estimator.is_position_good(now_s):
-        flags |= 2 | 8 | (16 if estimator.origin is not None else 0) | 256
+        flags |= 2 | 8 | (16 if estimator.place is not None else 0) | 256
     if estimator.is_height_good(now_s):
         flags |= 4 | 32
     if now_s - estimator.range_t_s < 1.0:
@@ -213,7 +213,7 @@ def mission_current(autopilot: "Autopilot") -> MavlinkMessage:
     progress, count = autopilot.craft.mission, len(autopilot.plans.mission)
     return message(
         "MISSION_CURRENT",
-        seq=progress.current,
+        seq=progress.reported,
         total=count or 65535,
         mission_state=int(progress.state),
         mission_mode=1 if autopilot.commander.mode.behaviour is Behaviour.MISSION else 2,

@@ -80,6 +80,9 @@ PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     whole("BATT_CAPACITY", 6250, 0, 1000000, "capacity, mAh"),
     real("BATT_LOW_MAH", 625.0, 0.0, 1000000.0, "low battery, mAh left"),
     real("BATT_CRT_MAH", 437.0, 0.0, 1000000.0, "critical battery, mAh left"),
+    real("BATT_LOW_VOLT", 0.0, 0.0, 120.0, "low battery, V", "battery_low_v"),
+    real("BATT_CRT_VOLT", 0.0, 0.0, 120.0, "critical battery, V", "battery_critical_v"),
+    whole("BATT_LOW_TIMER", 10, 0, 120, "wait below a voltage, s", "battery_wait_s", kind=ParameterKind.INT8),
     whole("BATT_FS_LOW_ACT", 2, 0, 7, "low battery action", "battery_low_action", _BATTERY, ParameterKind.INT8),
     whole(
         "BATT_FS_CRT_ACT", 0, 0, 7, "critical battery action", "battery_critical_action", _BATTERY, ParameterKind.INT8

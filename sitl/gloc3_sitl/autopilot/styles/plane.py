@@ -23,7 +23,7 @@ _STEADIED: Final = 64 | 16
 _ITSELF: Final = 16 | 8
 _MANUAL, _CIRCLE, _STABILIZE, _FBWA, _CRUISE = 0, 1, 2, 5, 7
 _AUTO, _RTL, _LOITER, _TAKEOFF, _GUIDED, _AUTOLAND = 10, 11, 12, 13, 15, 26
-_TAKE_OFF_COMMAND, _LAND_COMMAND, _ORBIT = 22, 21, 34
+_TAKE_OFF_COMMAND, _LAND_COMMAND, _ORBIT, _TURN_NOSE = 22, 21, 34, 115
 
 PLANE: Final = replace(
     ARDUPILOT,
@@ -65,6 +65,6 @@ PLANE: Final = replace(
         Behaviour.STREAMED: CircleLoiter,
         Behaviour.LAND: AutoLand,
     },
-    unsupported=frozenset({_TAKE_OFF_COMMAND, _LAND_COMMAND, _ORBIT}),
+    unsupported=frozenset({_TAKE_OFF_COMMAND, _LAND_COMMAND, _ORBIT, _TURN_NOSE}),
 )
 """Plane 4.7 with the Aerosonde."""

@@ -46,13 +46,7 @@ PX4: Final = StyleTables(
     ),
     boot_mode=_HOLD,
     goes_on={Behaviour.TAKE_OFF: _HOLD, Behaviour.MISSION: _HOLD},
-    after_disarm={
-        Behaviour.LAND: _HOLD,
-        Behaviour.RETURN: _HOLD,
-        Behaviour.MISSION: _HOLD,
-        Behaviour.TAKE_OFF: _HOLD,
-        Behaviour.STREAMED: _HOLD,
-    },
+    keeps_intention=True,
     hold_mode=_HOLD,
     brake_mode=_HOLD,
     takeoff_mode=_TAKE_OFF,
@@ -67,6 +61,7 @@ PX4: Final = StyleTables(
     refused=Result.TEMPORARILY_REJECTED,
     unknown_mode=Result.UNSUPPORTED,
     arming_prefix="Arming denied: ",
+    reports_by_event=True,
     streamed_needs_stream=True,
     streamed_shapes_positions=False,
     log_folder="/fs/microsd/log",
@@ -74,6 +69,16 @@ PX4: Final = StyleTables(
     pilot_disarms_in_air=False,
     takeoff_in_streamed=False,
     version=(1, 16, 0),
+    on_earth=frozenset(
+        {
+            Behaviour.TAKE_OFF,
+            Behaviour.HOLD,
+            Behaviour.MISSION,
+            Behaviour.RETURN,
+            Behaviour.ORBIT,
+            Behaviour.FOLLOW,
+        }
+    ),
     orbit_mode=_ORBIT,
 )
 """PX4 v1.16 as a multicopter."""

@@ -95,7 +95,7 @@ PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     whole("GF_SOURCE", 0, 0, 1, "position that the fence looks at"),
     # Take-off, mission, return, land
     real("MIS_TAKEOFF_ALT", 2.5, 0.0, 80.0, "take-off height, m", "takeoff_height_m"),
-    whole("MIS_TKO_LAND_REQ", 0, 0, 5, "mission must have take-off or landing"),
+    whole("MIS_TKO_LAND_REQ", 0, 0, 5, "mission must have take-off or landing", "mission_requires"),
     whole("MIS_YAWMODE", 1, 0, 4, "heading in missions"),
     real("NAV_ACC_RAD", 2.0, 0.05, 200.0, "acceptance radius, m", "acceptance_radius_m"),
     real("NAV_MC_ALT_RAD", 0.8, 0.05, 200.0, "acceptance height, m"),

@@ -24,7 +24,7 @@ _ITSELF: Final = 16 | 8
 
 _MANUAL, _ACRO, _STEERING, _HOLD, _LOITER = 0, 1, 3, 4, 5
 _AUTO, _RTL, _SMART_RTL, _GUIDED = 10, 11, 12, 15
-_LAND_START, _LAND, _TAKE_OFF, _ORBIT = 189, 21, 22, 34
+_LAND_START, _LAND, _TAKE_OFF, _ORBIT, _TURN_NOSE = 189, 21, 22, 34, 115
 
 
 def rover_style(defaults: Mapping[str, float], *, hold_mode: int) -> StyleTables:
@@ -75,7 +75,7 @@ def rover_style(defaults: Mapping[str, float], *, hold_mode: int) -> StyleTables
             Behaviour.RETRACE: Retrace,
             Behaviour.STREAMED: GuidedDrive,
         },
-        unsupported=frozenset({_LAND, _TAKE_OFF, _ORBIT}),
+        unsupported=frozenset({_LAND, _TAKE_OFF, _ORBIT, _TURN_NOSE}),
         disarms_in_motion=True,
     )
 

@@ -345,14 +345,15 @@ class FtpClient(Microservice[FtpCall]):
         call._steps.append((Operation.TERMINATE_SESSION, b"", 0))
         self._request_file(call, now_s)
 
-    def _request_file(self, call: FtpCall, now_s: float) -> None:
-        """Asks for the first part that is missing: the rest of the file in a burst, a hole by itself."""
+    def _request_file(self, call: FtpCall, now_s: float, *, may_burst: bool = True) -> None:
+        """Asks for the first part that is missing: the rest of the file in a burst if permitted, a hole by itself."""
         if not call._gaps:
             self._next_step(call, now_s)
             return
         begin, end = call._gaps[0]
         is_rest = end == call._expected and end - begin > DATA_BYTES
-        operation = Operation.BURST_READ_FILE if call.uses_burst and is_rest else Operation.READ_FILE
+        is_burst = may_burst and call.uses_burst and is_rest
+        operation = Operation.BURST_READ_FILE if is_burst else Operation.READ_FILE
         self._send_request(call, operation, now_s, offset=begin, size=min(DATA_BYTES, end - begin))
 
     def _receive_burst(self, call: FtpCall, answer: Payload, now_s: float) -> None:
@@ -363,7 +364,8 @@ class FtpClient(Microservice[FtpCall]):
             return
         match FtpError.read(answer.data):
             case FtpError.END_OF_FILE:
-                self._request_file(call, now_s)
+                # What is still missing was lost, or lies behind the end of a file that is shorter than reported.
+                self._request_file(call, now_s, may_burst=False)
             case FtpError.UNKNOWN_COMMAND:
                 call.uses_burst = False
                 self._request_file(call, now_s)

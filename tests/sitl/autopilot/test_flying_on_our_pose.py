@@ -7,7 +7,7 @@ import pytest
 
 from gloc3.mavlink.message import Address
 from gloc3.messages.vehicle import Pose
-from gloc3_onboard.autopilot.style import LOCAL_FRD
+from gloc3_onboard.autopilot.style import LOCAL_FRD, LOCAL_NED
 from gloc3_onboard.autopilot.vision import Spread, odometry_message, origin_message
 from gloc3_sitl.autopilot.modes import Result
 
@@ -41,7 +41,8 @@ class Poses:
                 position_std_m=(0.01, 0.01, 0.01),
                 reset_counter=self.resets,
             )
-            self.bench.send_message(odometry_message(pose, round(self.bench.sim.now_s * 1e6), Spread(), LOCAL_FRD))
+            frame = LOCAL_NED if self.bench.is_px4 else LOCAL_FRD
+            self.bench.send_message(odometry_message(pose, round(self.bench.sim.now_s * 1e6), Spread(), frame))
 
 
 def arm(bench: Bench) -> Result:

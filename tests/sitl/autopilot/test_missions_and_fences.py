@@ -251,14 +251,18 @@ def reported_item(bench: Bench) -> tuple[int, int]:
     return current.seq, current.total
 
 
-def test_px4_reports_the_item_of_the_previous_plan_until_one_of_the_new_plan_is_set() -> None:
+@pytest.mark.parametrize("is_command", [True, False])
+def test_px4_reports_the_item_of_the_previous_plan_until_one_of_the_new_plan_is_set(is_command: bool) -> None:
     bench = Bench()
     bench.get_ready()
     assert bench.upload([bench.item(WAYPOINT, float(north)) for north in range(5)]) is PlanResult.ACCEPTED
     assert bench.command(SET_CURRENT, 4) is Result.ACCEPTED
     assert bench.upload([bench.item(WAYPOINT, float(north)) for north in range(3)]) is PlanResult.ACCEPTED
     assert reported_item(bench) == (2, 3)
-    assert bench.command(SET_CURRENT, 0) is Result.ACCEPTED
+    if is_command:
+        assert bench.command(SET_CURRENT, 0) is Result.ACCEPTED
+    else:
+        bench.send("MISSION_SET_CURRENT", target_system=1, target_component=1, seq=0)
     assert reported_item(bench) == (0, 3)
 
 

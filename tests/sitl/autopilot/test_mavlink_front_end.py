@@ -118,6 +118,23 @@ def test_px4_refuses_another_rate_for_its_current_mission_item_and_goes_on_at_it
     assert ear.counts["MISSION_CURRENT"] == pytest.approx(5, abs=1)
 
 
+def test_px4_sends_its_origin_when_it_changes_and_on_request_and_never_at_an_interval() -> None:
+    sim = Simulator(World.load("open"), SimulatorSettings(seed=1))
+    early = Ear(sim, LinkKind.COMPANION, 1, 191)
+    sim.advance(5.0)
+    assert early.counts["GPS_GLOBAL_ORIGIN"] == 1
+    late = Ear(sim, LinkKind.COMPANION, 1, 192)
+    number = shape("GPS_GLOBAL_ORIGIN").id
+    late.report(
+        "COMMAND_LONG", target_system=1, target_component=1, command=SET_INTERVAL, param1=number, param2=500_000
+    )
+    assert late.results[-1] is Result.ACCEPTED
+    sim.advance(9.0)
+    assert late.counts["GPS_GLOBAL_ORIGIN"] == 0
+    late.report("COMMAND_LONG", target_system=1, target_component=1, command=REQUEST, param1=number)
+    assert late.counts["GPS_GLOBAL_ORIGIN"] == 1
+
+
 @pytest.mark.flight
 @STYLES
 def test_every_message_that_can_be_told_is_told_on_request(style: str) -> None:

@@ -30,6 +30,8 @@ _IMU: Final = {codec.shape(name).id: name for name in ("HIGHRES_IMU", "SCALED_IM
 
 _PX4_FIXED: Final = frozenset({codec.shape("MISSION_CURRENT").id})
 """Messages that PX4 sends at a rate of its own; an interval is refused."""
+_PX4_ON_CHANGE: Final = frozenset({codec.shape("GPS_GLOBAL_ORIGIN").id})
+"""Messages that PX4 sends when they change and on request; an interval is accepted without effect."""
 
 
 class HeadingOffset:
@@ -179,6 +181,8 @@ class FrontContext:
             wanted = request.params[0]
             if wanted not in self._producers or wanted in _PX4_FIXED:
                 return RequestVerdict(Result.FAILED, "message is not a stream here")
+            if wanted in _PX4_ON_CHANGE:
+                return ACCEPTED
         streams = self._streams[link]
         result = streams.command(request, self.craft.now_s)
         for message in streams.outgoing():

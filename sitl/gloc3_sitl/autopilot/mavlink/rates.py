@@ -39,7 +39,6 @@ _DEFAULTS: Final[Mapping[str, Mapping[LinkKind, Mapping[str, float]]]] = {
             "ATTITUDE_QUATERNION": 25.0,
             "DISTANCE_SENSOR": 10.0,
             "ESTIMATOR_STATUS": 1.0,
-            "GPS_GLOBAL_ORIGIN": 1.0,
             "GLOBAL_POSITION_INT": 5.0,
             "LOCAL_POSITION_NED": 25.0,
             "POSITION_TARGET_LOCAL_NED": 1.0,

@@ -183,7 +183,7 @@ def px4_without_a_compass() -> Bench:
     return bench
 
 
-def test_px4_takes_off_and_holds_by_a_heading_in_the_north_frame() -> None:
+def test_px4_believes_a_heading_in_the_north_frame_alone_and_takes_off_and_holds_by_it() -> None:
     bench = px4_without_a_compass()
     odometer = Odometer(bench, heading_rad=0.0, frame=1)
     odometer.run(4.0)
@@ -194,3 +194,43 @@ def test_px4_takes_off_and_holds_by_a_heading_in_the_north_frame() -> None:
     odometer.run(10.0)
     assert bench.mode == "Hold"
     assert dist(bench.position, (0.0, 0.0, -2.5)) < 0.25
+
+
+@pytest.mark.parametrize("mode", ["Hold", "Takeoff"])
+def test_px4_does_not_align_its_heading_by_odometry_in_a_frame_of_its_own(mode: str) -> None:
+    bench = px4_without_a_compass()
+    odometer = Odometer(bench, heading_rad=0.0, frame=20)
+    odometer.run(4.0)
+    assert bench.autopilot.estimator.is_position_good(bench.sim.now_s)
+    assert bench.command(512, 33) is Result.TEMPORARILY_REJECTED
+    assert bench.set_mode(mode) is Result.ACCEPTED
+    odometer.run(0.5)
+    assert bench.command(400, 1) is Result.TEMPORARILY_REJECTED
+
+
+def test_px4_arms_in_offboard_on_a_heading_that_is_not_aligned_and_is_not_taken_into_hold() -> None:
+    bench = px4_without_a_compass()
+    odometer = Odometer(bench, heading_rad=0.0, frame=20)
+    odometer.run(4.0)
+
+    def stream(seconds: float, down: float) -> None:
+        for _ in range(round(seconds * 20)):
+            bench.send(
+                "SET_POSITION_TARGET_LOCAL_NED",
+                target_system=1,
+                target_component=1,
+                coordinate_frame=1,
+                type_mask=0b100111111000,
+                z=down,
+            )
+            odometer.run(0.05)
+
+    stream(1.0, 0.0)
+    assert bench.set_mode("Offboard") is Result.ACCEPTED
+    stream(0.3, 0.0)
+    assert bench.command(400, 1) is Result.ACCEPTED
+    stream(6.0, -2.0)
+    assert bench.position[2] < -1.5
+    assert bench.set_mode("Hold") is Result.TEMPORARILY_REJECTED
+    odometer.run(2.0)
+    assert bench.mode == "Land"

@@ -55,6 +55,7 @@ def odometry(context: FrontContext, message: MavlinkMessage, sender: Address) ->
         position_ned_m=position,
         velocity_ned_m_s=velocity,
         yaw_rad=yaw,
+        yaw_is_from_north=frame == _LOCAL_NED or not context.is_px4,
         position_deviation_m=_deviation(message.pose_covariance),
         velocity_deviation_m_s=_deviation(message.velocity_covariance),
         reset_counter=message.reset_counter,

@@ -99,6 +99,15 @@ def test_a_mode_that_cannot_be_armed_in_is_a_reason_only_while_it_is_the_current
     assert NOT_IN_THIS_MODE in newest_report(bench)
 
 
+def test_what_has_no_event_is_a_reason_all_the_same() -> None:
+    bench = Bench()
+    bench.get_ready()
+    bench.autopilot.craft.fault = "a motor is missing"
+    bench.command(RUN_CHECKS)
+    bench.run(0.1)
+    assert can_arm(newest_report(bench)) == 0
+
+
 def test_reports_come_on_change_only() -> None:
     bench = Bench()
     bench.get_ready()

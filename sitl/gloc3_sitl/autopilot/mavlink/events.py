@@ -296,8 +296,9 @@ class HealthReporter:
             every |= bit
             # A mode that does not permit arming is a reason only while it is the current one.
             counts = mode.can_arm or mode is commander.mode
-            names = {problem.event for problem in commander.arming_problems(mode, counts_mode=counts)}
-            can_arm |= 0 if names else bit
+            problems = commander.arming_problems(mode, counts_mode=counts)
+            names = {problem.event for problem in problems if problem.event}
+            can_arm |= 0 if problems else bit
             can_run |= 0 if commander.cannot_fly(mode) else bit
             for name in names:
                 failed[name] = failed.get(name, 0) | bit

@@ -252,6 +252,8 @@ class DriverState(Message, frozen=True):
     """The autopilot follows the stream of setpoints."""
     refusal: str = ""
     """Why the autopilot does not take the mode that the stream, or its end, asks for."""
+    steady_s: float = 0.0
+    """So long setpoints must come steadily before the autopilot is asked to follow them; 0 where none were missed lately."""
 
 
 class MotionLimits(Message, frozen=True):

@@ -3,7 +3,7 @@
 from typing import Any, Final
 
 from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup, PortReport, Result
-from gloc3.messages.envelope import CommandReply, FunctionReply, FunctionRequest
+from gloc3.messages.envelope import CommandReply, FunctionReply, FunctionRequest, Severity
 from gloc3.messages.frames import GeoPoint
 from gloc3.messages.vehicle import FlightMode, MotionGrant, TakeOver
 from gloc3.mission.executing.executor import MissionExecutor, Verb
@@ -161,6 +161,8 @@ class MissionHost:
             executor.pilot(driver.has_pilot_control, driver.pilot_reason, now_s)
         fence = executor.mission.mission.fence if executor.mission is not None and executor.mission.is_open else None
         if is_silence_judged:
+            if (news := snapshot.late_pose_news(now_s)) and not executor.board.has_pilot:
+                self._report(Severity.WARNING, news)
             for condition, is_on, reason in snapshot.conditions(fence, now_s):
                 executor.condition(condition, is_on, reason, now_s)
             silent_s = self._control.silent_s(now_s)

@@ -322,7 +322,9 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         if state is None or not state.is_connected or self._machine.is_running:
             return None
         if since_s is not None:
-            return FlightMode.GUIDED if now_s - since_s >= self._control.behaviour.stream_before_guided_s else None
+            is_new = state.mode is not FlightMode.GUIDED
+            before_s = max(self._control.behaviour.stream_before_guided_s, self._stream.steady_s if is_new else 0.0)
+            return FlightMode.GUIDED if now_s - since_s >= before_s else None
         is_guided_by_us = state.mode in (FlightMode.GUIDED, FlightMode.MISSION)
         return FlightMode.HOLD if is_guided_by_us and self._is_airborne else None
 
@@ -348,6 +350,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
             expired=self.expired,
             is_guided=stream.since_s is not None and self._is_guided,
             refusal=self._refusal,
+            steady_s=stream.steady_s,
         )
         if state == self._reported and now_s - self._reported_s < STATE_PERIOD_S - 1e-9:
             return []

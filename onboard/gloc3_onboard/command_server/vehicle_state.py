@@ -205,12 +205,11 @@ class VehicleState:
         """Every condition of which it is known whether it holds, and why."""
         is_airborne, is_fresh = self.is_airborne, self.is_pose_fresh(now_s)
         is_invalid = self.pose is not None and not self.pose.is_valid
-        age_s, wait_s = now_s - self._pose_s, POSE_INVALID_S if is_invalid else POSE_LOST_S - POSE_SILENT_S
+        age_s, wait_s = now_s - self._pose_s, POSE_INVALID_S if is_invalid else POSE_LOST_S
         if is_fresh or not is_airborne:
             yield PolicyCondition.POSE_LOST, False, ""
         elif self._posed_s is not None and now_s - self._posed_s >= wait_s:  # until then it stays as it was
-            is_silent = age_s > POSE_LOST_S - POSE_SILENT_S
-            reason = f"no pose for {POSE_LOST_S:g} s" if is_silent else f"poses are {age_s:.1f} s late"
+            reason = f"no pose for {POSE_LOST_S:g} s" if age_s >= POSE_LOST_S else f"poses are {age_s:.1f} s late"
             yield PolicyCondition.POSE_LOST, True, self.pose.reason if self.pose is not None and is_invalid else reason
         if self.known_autopilot is not None:  # else it stays as it was
             left = self.known_autopilot.battery_remaining

@@ -131,7 +131,7 @@ def lost_at_s(board: Board, run: ActionRun) -> float:
     is_pose = missing is not None and POSE_NEEDS.issuperset(missing)
     if missing is None or (is_pose and PolicyCondition.POSE_LOST in board.conditions):
         return inf
-    return board.missing.since_s[name] + (POSE_LOST_S if is_pose else GRACE_S)
+    return board.missing.since_s[name] + GRACE_S + (POSE_LOST_S if is_pose else 0.0)
 
 
 def _go_on(board: Board, program: MissionProgram, now_s: float) -> bool:

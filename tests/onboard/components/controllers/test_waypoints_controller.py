@@ -108,7 +108,7 @@ def test_without_a_pose_it_does_not_begin_and_an_old_one_is_none() -> None:
     with pytest.raises(Refused, match="there is no valid pose"):
         stage.begin("follow_waypoints", waypoints_ned_m=LEGS, speed_m_s=1.0)
     stage.step(pose=pose())
-    stage.step(1.0)
+    stage.step(2.1)
     with pytest.raises(Refused, match="there is no valid pose"):
         stage.begin("go_to", waypoints_ned_m=LEGS, speed_m_s=1.0)
     stage.step(pose=replace(pose(), is_valid=False))

@@ -50,6 +50,14 @@ class SetpointStream:
         """The last valid one, unless it is old."""
         return self._pose if now_s - self._pose_s <= SETPOINT_AGE_S else None
 
+    def is_interrupted(self, now_s: float) -> bool:
+        """Whether the autopilot may have gone over to its hold by itself: setpoints were missed, or the pose is late.
+
+        A late pose may be a lost cable, and then the autopilot misses the setpoints that are sent, too.
+        """
+        is_missed = now_s - self._valid_s > EXPIRY_S or now_s - self._pose_s > SETPOINT_AGE_S
+        return self.since_s is not None and is_missed
+
     def adopt(self, limits: MotionLimits) -> None:
         """Keeps to these limits from now on."""
         if self._limiter is None:

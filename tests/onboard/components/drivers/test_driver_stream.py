@@ -235,6 +235,20 @@ def test_after_each_stream_that_ran_dry_the_next_must_be_steady_for_longer(style
 
 
 @STYLES
+@pytest.mark.parametrize("has_stalled", [True, False])
+def test_a_hold_that_follows_from_a_gap_of_ours_is_no_pilots_choice(style: str, has_stalled: bool) -> None:
+    rig = DriverRig(style).in_flight()
+    if has_stalled:
+        rig.stage.now_s += 1.3
+    rig.autopilot.fly(FlightMode.HOLD)
+    rig.see()
+    rig.run(0.5)
+    assert rig.state.has_pilot_control is not has_stalled
+    rig.run(3.0)
+    assert rig.state.is_guided is has_stalled
+
+
+@STYLES
 def test_a_stream_with_holes_is_not_steady(style: str) -> None:
     rig = DriverRig(style).in_flight()
     wants = rig.wants

@@ -108,3 +108,15 @@ def test_poses_that_never_come_in_time_are_late_and_not_absent(flight: Card) -> 
     (text,) = [event.text for event in flight.events if event.t_s >= begin_s and "pose lost: poses" in event.text]
     assert re.fullmatch(r"pose lost: poses are 0\.[56] s late; policy: land", text)
     flight.await_landed()
+
+
+@pytest.mark.parametrize("style", ["ardupilot"], indirect=True)
+def test_an_autopilot_that_lives_on_our_pose_coasts_for_a_second_too(flight: Card) -> None:
+    flight.begin(mission(on_pose_lost="land"), platform="hummingbird")
+    flight.await_state("sweep", "running", 30.0)
+    flight.wait(4.0)
+    begin_s = flight.now_s
+    flight.fault("topic:pose=lost", for_s=0.8)
+    flight.until(lambda: flight.was_told("pose is back after ", begin_s), 1.5, "it is back")
+    flight.await_state("sweep", "done", 30.0)
+    assert flight.position_m[0] == pytest.approx(8.0, abs=HOME_M)

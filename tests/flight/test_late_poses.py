@@ -87,13 +87,13 @@ def test_a_vehicle_beside_its_fence_stays_inside_while_it_waits(flight: Card) ->
 
 
 @ONE_STYLE
-def test_one_stale_pose_at_the_start_is_waited_out(flight: Card) -> None:
+def test_a_late_pose_at_the_start_is_waited_for(flight: Card) -> None:
     flight.begin(mission(on_pose_lost="land"), is_started=False)
-    flight.fault("topic:pose=lost", for_s=0.8)
-    flight.wait(0.5)
+    flight.fault("topic:pose=lost", for_s=1.8)
+    flight.wait(0.3)
     began_s = flight.now_s
     flight.command("start")
-    assert flight.now_s > began_s + 0.2
+    assert flight.now_s > began_s + 1.4
     flight.await_state("mission", "done", 60.0)
 
 
@@ -119,4 +119,20 @@ def test_an_autopilot_that_lives_on_our_pose_coasts_for_a_second_too(flight: Car
     flight.fault("topic:pose=lost", for_s=0.8)
     flight.until(lambda: flight.was_told("pose is back after ", begin_s), 1.5, "it is back")
     flight.await_state("sweep", "done", 30.0)
+    assert flight.position_m[0] == pytest.approx(8.0, abs=HOME_M)
+
+
+@pytest.mark.both_styles
+def test_setpoints_that_are_missed_again_and_again_cause_no_chain_of_mode_changes(flight: Card) -> None:
+    flight.begin(mission(on_pose_lost="land"))
+    flight.await_state("sweep", "running")
+    flight.wait(3.0)
+    begin_s = flight.now_s
+    for _ in range(10):
+        flight.fault("topic:setpoint=lost", for_s=0.7)
+        flight.wait(1.5)
+    assert modes(flight, begin_s) == [FlightMode.GUIDED, FlightMode.HOLD]
+    flight.await_state("mission", "done", 40.0)
+    assert modes(flight, begin_s)[:3] == [FlightMode.GUIDED, FlightMode.HOLD, FlightMode.GUIDED]
+    assert len([one for one in flight.events if "no setpoint for 0.5 s" in one.text]) == 1
     assert flight.position_m[0] == pytest.approx(8.0, abs=HOME_M)

@@ -156,8 +156,8 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         if state is ManoeuvreState.FAILED:
             return self._fail(now_s, reason)
         self.advance(now_s, self._progress)
-        if self._requested_s is not None:
-            return []
+        if self._requested_s is not None or self._pose is None:
+            return []  # asked for already, or the pose is late: it stands until the next comes
         self._requested_s = now_s
         height_m, may_arm = max(self._target_m, 0.0), self._settings.arm
         return [Manoeuvre(action_id=self.action_id, kind=self._kind, height_m=height_m, may_arm=may_arm)]

@@ -324,9 +324,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         if state is None or not state.is_connected or self._machine.is_running:
             return None
         if since_s is not None:
-            is_new = state.mode is not FlightMode.GUIDED
-            before_s = max(self._control.behaviour.stream_before_guided_s, self._stream.steady_s if is_new else 0.0)
-            return FlightMode.GUIDED if now_s - since_s >= before_s else None
+            is_ready = now_s - since_s >= self._control.behaviour.stream_before_guided_s
+            return FlightMode.GUIDED if is_ready and (self._is_guided or self._stream.is_steady) else None
         is_guided_by_us = state.mode in (FlightMode.GUIDED, FlightMode.MISSION)
         return FlightMode.HOLD if is_guided_by_us and self._is_airborne else None
 

@@ -42,6 +42,11 @@ class SetpointStream:
         """From the autopilot's frame to ours."""
 
     @property
+    def is_steady(self) -> bool:
+        """Whether setpoints have come for as long as is asked for after some were missed."""
+        return self.since_s is not None and self._valid_s - self.since_s >= self.steady_s - 1e-9
+
+    @property
     def pose(self) -> Pose | None:
         """The last valid one."""
         return self._pose

@@ -141,7 +141,8 @@ class VehicleState:
         if self._is_late_told or not self.is_airborne or not self.is_pose_late(now_s) or age_s < POSE_TOLD_S:
             return ""
         self._is_late_told = True
-        return f"pose is late by {age_s:.1f} s: holding, waiting up to {POSE_LOST_S:g} s"
+        holding = "holding, " if self.driver is not None and self.driver.is_streaming else ""
+        return f"pose is late by {age_s:.1f} s: {holding}waiting up to {POSE_LOST_S:g} s"
 
     def update_pose(self, envelope: Envelope[Pose]) -> None:
         """Takes a pose in; until the vehicle is armed, home is where it stands. One that is not finite is none."""

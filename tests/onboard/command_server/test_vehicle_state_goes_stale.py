@@ -5,7 +5,7 @@ from msgspec.structs import replace
 from tests.onboard.messages import at, flying, pose, standing
 
 from gloc3.messages.standard_topics import AUTOPILOT_SILENT_S, POSE_LATE_S, POSE_LOST_S
-from gloc3.messages.vehicle import AutopilotState, FlightMode, LandedState, Pose
+from gloc3.messages.vehicle import AutopilotState, DriverState, FlightMode, LandedState, Pose
 from gloc3.mission.executing.board import PolicyCondition
 from gloc3.platform.reader import load_platform
 from gloc3_onboard.command_server.summaries import vehicle_summary
@@ -125,8 +125,10 @@ def test_absent_late_and_invalid_poses_are_told_apart(
     assert lost == reason
 
 
-def test_a_late_pose_is_told_once_and_again_when_it_is_back() -> None:
+@pytest.mark.parametrize(("is_streaming", "does"), [(True, "holding, "), (False, "")])
+def test_a_late_pose_is_told_once_and_again_when_it_is_back(is_streaming: bool, does: str) -> None:
     snapshot, told = facts_of(flying(FlightMode.GUIDED)), []
+    snapshot.driver = DriverState(is_streaming=is_streaming)
     for count in range(80):
         now_s = round(0.05 * count, 2)
         snapshot.update_autopilot(at(now_s, flying(FlightMode.GUIDED)))
@@ -135,6 +137,6 @@ def test_a_late_pose_is_told_once_and_again_when_it_is_back() -> None:
         snapshot.expire(now_s)
         told += [(now_s, news)] if (news := snapshot.late_pose_news(now_s)) else []
     assert told == [
-        (1.35, "pose is late by 0.4 s: holding, waiting up to 2 s"),
+        (1.35, f"pose is late by 0.4 s: {does}waiting up to 2 s"),
         (1.65, "pose is back after 0.7 s: going on"),
     ]

@@ -208,7 +208,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
                 if primary.payload.has_pilot_control:
                     self._watch.lose(primary.payload.pilot_reason)
         if self._is_guided and not self._is_quiet and self._stream.is_interrupted(now_s):
-            self._watch.command(FlightMode.HOLD, now_s)  # what follows from a gap of ours is no pilot's choice
+            self._watch.interrupt(now_s)
         for limits in inbox.new(self.limits):
             self._stream.adopt(limits.payload)
         for state in inbox.new(self.autopilot):

@@ -37,7 +37,7 @@ class PilotWatch:
         self._expected: FlightMode | None = None
         self._commanded: dict[FlightMode, float] = {}
         """Modes that we have commanded and not seen yet, oldest first, with the time until which they may come."""
-        self._arm_until_s = self._disarm_until_s = float("-inf")
+        self._arm_until_s = self._disarm_until_s = self._interrupted_until_s = float("-inf")
         self._seen: AutopilotState | None = None
         self._polled_s = float("-inf")
 
@@ -55,6 +55,10 @@ class PilotWatch:
     def command_disarm(self, now_s: float) -> None:
         """We have commanded disarming."""
         self._disarm_until_s = now_s + ANSWER_S
+
+    def interrupt(self, now_s: float) -> None:
+        """Setpoints of ours may have been missed: a hold that the autopilot's failsafe chooses follows from that."""
+        self._interrupted_until_s = now_s + ANSWER_S
 
     def yield_back(self) -> None:
         """An operator says that we may go on: what the autopilot does now is taken for ours."""
@@ -124,6 +128,11 @@ class PilotWatch:
         elif state.is_armed:
             may_settle &= self._expected in (FlightMode.TAKE_OFF, FlightMode.MISSION)
             settles = may_settle and state.mode is FlightMode.HOLD
+            is_failsafe_new = state.is_failsafe and not before.is_failsafe
+            is_interrupted = (
+                is_failsafe_new and self._expected is FlightMode.GUIDED and now_s <= self._interrupted_until_s
+            )
+            settles |= is_interrupted and state.mode is FlightMode.HOLD
             has_landed = self._expected is FlightMode.LAND and state.mode_name in self.lands_into
             if not (settles or has_landed):
                 self.lose(self._chosen(state))

@@ -235,17 +235,20 @@ def test_after_each_stream_that_ran_dry_the_next_must_be_steady_for_longer(style
 
 
 @STYLES
-@pytest.mark.parametrize("has_stalled", [True, False])
-def test_a_hold_that_follows_from_a_gap_of_ours_is_no_pilots_choice(style: str, has_stalled: bool) -> None:
+@pytest.mark.parametrize(("has_stalled", "is_failsafe"), [(True, True), (True, False), (False, True), (False, False)])
+def test_only_a_failsafe_hold_that_follows_from_a_gap_of_ours_is_no_pilots_choice(
+    style: str, has_stalled: bool, is_failsafe: bool
+) -> None:
     rig = DriverRig(style).in_flight()
     if has_stalled:
         rig.stage.now_s += 1.3
     rig.autopilot.fly(FlightMode.HOLD)
+    rig.autopilot.state = replace(rig.autopilot.state, is_failsafe=is_failsafe)
     rig.see()
-    rig.run(0.5)
-    assert rig.state.has_pilot_control is not has_stalled
-    rig.run(3.0)
-    assert rig.state.is_guided is has_stalled
+    rig.run(3.5)
+    is_ours = has_stalled and is_failsafe
+    assert rig.state.has_pilot_control is not is_ours
+    assert rig.state.is_guided is is_ours
 
 
 @STYLES

@@ -31,7 +31,7 @@ def test_while_the_cable_is_cut_the_autopilot_holds_and_then_a_mission_that_cont
 def test_a_cable_that_is_cut_is_a_lost_pose_whose_policy_waits_until_the_cable_is_back(flight: Card) -> None:
     sweep(flight, on_pose_lost="land")
     flight.fault("cable_loss", for_s=4.0)
-    flight.await_policy("land", 1.0)
+    flight.await_policy("land", 2.5)
     flight.await_landed()
 
 

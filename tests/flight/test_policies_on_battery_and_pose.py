@@ -76,22 +76,22 @@ def test_no_mission_starts_on_a_low_battery(flight: Card) -> None:
     assert "low battery" in flight.refused(overridden)  # nobody overrides the mission's own policy
 
 
-# --- pose lost: nothing, or nothing valid, for three periods and then for the time that confirms it ---
+# --- pose lost: nothing for two seconds, or nothing valid for half of one; before that it is late (test_late_poses) ---
 
 
 def test_a_lost_pose_lands_the_vehicle(flight: Card) -> None:
     sweep(flight, on_pose_lost="land")
     begin_s = flight.now_s
     flight.fault("topic:autopilot_pose=lost")
-    flight.await_policy("land", 1.0)
-    assert 0.499 < flight.now_s - begin_s < 0.75  # the last pose is up to a period old when the fault begins
+    flight.await_policy("land", 2.5)
+    assert 1.95 < flight.now_s - begin_s < 2.4  # the last pose is up to a period old when the fault begins
     flight.await_landed()
 
 
 def test_a_lost_pose_holds_the_vehicle_in_the_autopilots_own_hold(flight: Card) -> None:
     sweep(flight, HOLDS_BLINDLY, on_pose_lost="hold", hold_s="4")
     flight.fault("topic:autopilot_pose=lost")
-    flight.await_policy("hold", 1.0)
+    flight.await_policy("hold", 2.5)
     flight.await_mode(FlightMode.HOLD, 2.0)
     flight.until(lambda: flight.speed_m_s < 0.1, 3.0, "it stands")
     flight.await_policy("land", 5.0)
@@ -100,8 +100,8 @@ def test_a_lost_pose_holds_the_vehicle_in_the_autopilots_own_hold(flight: Card) 
 
 def test_a_mission_goes_on_after_a_lost_pose_has_come_back(flight: Card) -> None:
     sweep(flight, HOLDS_BLINDLY, on_pose_lost="hold")
-    flight.fault("topic:autopilot_pose=lost", for_s=2.0)
-    flight.await_policy("hold", 1.0)
+    flight.fault("topic:autopilot_pose=lost", for_s=4.0)
+    flight.await_policy("hold", 2.5)
     flight.until(lambda: flight.was_told("pose lost: over"), 4.0, "it is back")
     flight.command("resume")
     flight.await_state("mission", "done", 30.0)
@@ -127,14 +127,14 @@ def test_the_check_refuses_what_cannot_be_flown_without_a_pose(flight: Card, pol
 def test_a_lost_pose_aborts_into_what_the_mission_does_on_failure(flight: Card) -> None:
     sweep(flight, on_pose_lost="abort", on_failure="land")
     flight.fault("topic:autopilot_pose=lost")
-    flight.await_policy("land", 2.0)
+    flight.await_policy("land", 2.5)
     flight.await_landed()
 
 
-def test_a_short_gap_in_the_pose_changes_nothing_where_the_mission_says_continue(flight: Card) -> None:
+def test_a_long_gap_in_the_pose_changes_nothing_where_the_mission_says_continue(flight: Card) -> None:
     sweep(flight, on_pose_lost="continue")
-    flight.fault("topic:autopilot_pose=lost", for_s=0.9)
-    flight.until(lambda: flight.was_told("pose lost"), 2.0, "told")
+    flight.fault("topic:autopilot_pose=lost", for_s=2.5)
+    flight.until(lambda: flight.was_told("pose lost"), 2.5, "told")
     flight.await_state("mission", "done", 30.0)
     assert flight.position_m[0] == pytest.approx(8.0, abs=HOME_M)
 
@@ -144,10 +144,12 @@ def test_a_gap_in_the_pose_of_some_frames_brakes_the_vehicle_and_does_not_land_i
     sweep(flight, on_pose_lost="land")
     begin_s = flight.now_s
     for _ in range(3):
+        gap_begin_s = flight.now_s
         flight.fault("topic:autopilot_pose=lost", for_s=gap_s)
-        flight.wait(gap_s + 0.5)
-    gaps = [b.t_s - a.t_s for a, b in zip(flight.received["setpoint"], flight.received["setpoint"][1:], strict=False)]
-    assert max(gaps) > gap_s - 0.1  # nothing was flown by an old pose
+        flight.wait(gap_s)
+        late = flight.since(gap_begin_s + 0.16, "setpoint")
+        assert all(one.position_ned_m is None for one in late)  # nothing was flown by an old pose
+        flight.wait(0.5)
     flight.await_state("mission", "done", 30.0)
     assert not flight.was_told("pose lost", begin_s)
     assert flight.position_m[0] == pytest.approx(8.0, abs=HOME_M)
@@ -158,6 +160,6 @@ def test_a_pose_that_is_not_finite_is_a_lost_pose(flight: Card, topic: str) -> N
     sweep(flight, on_pose_lost="land")
     begin_s = flight.now_s
     flight.fault(f"topic:{topic}=nan")
-    flight.await_policy("land", 1.0)
+    flight.await_policy("land", 1.0 if topic == "autopilot_pose" else 2.5)  # what is no number is no pose: it is late
     flight.await_landed()
     assert all(status.errors == 0 for status in flight.since(begin_s, "components/command_server/status"))

@@ -256,6 +256,8 @@ class DriverState(Message, frozen=True):
     """Who has taken over is the autopilot's failsafe, no human."""
     held_after_gap_s: float = 0.0
     """How long the last gap in the contact was for which the autopilot went over to its hold; the stream goes on after it."""
+    steady_s: float = 0.0
+    """So long setpoints must come steadily before the autopilot is asked to follow them; 0 where none were missed lately."""
 
 
 class MotionLimits(Message, frozen=True):

@@ -37,6 +37,8 @@ STOOD_STILL_AGAIN_S: Final = 2.0
 """Not again so soon after it: a process that never has time is one that has no time."""
 OURS: Final = (FlightMode.GUIDED, FlightMode.HOLD, FlightMode.TAKE_OFF, FlightMode.LAND)
 """Modes in which a vehicle that a former life of a driver, or of this process, flew may be taken up again."""
+SETPOINTS_MISSED: Final = "no setpoint for 0.5 s: holding; setpoints are followed again after {:g} s without a gap"
+"""Told once, and again after setpoints have been followed for half a minute; `DriverState.expired` counts."""
 TAKE_OVER_S: Final = 2.0
 """How long a driver is asked to take it up again."""
 
@@ -104,6 +106,8 @@ class Observing:
         snapshot.expire(now_s)
         for driver in inbox.new(ObservingPorts.driver):
             self._handover.update(driver, snapshot.known_autopilot, now_s)
+            if driver.payload.steady_s and not (snapshot.driver and snapshot.driver.steady_s):
+                self._report(Severity.WARNING, SETPOINTS_MISSED.format(driver.payload.steady_s))
             snapshot.driver = driver.payload
         for fence in inbox.new(ObservingPorts.fence_state):
             snapshot.fence = fence.payload

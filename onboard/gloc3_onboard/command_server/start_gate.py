@@ -16,7 +16,7 @@ from gloc3_onboard.checks.readings import ComponentCondition, Readings
 from gloc3_onboard.command_server.observing import Observing
 
 READ_S: Final = 3.0
-"""So long a start waits for the autopilot's setup; then it is judged by what was read before."""
+"""So long a start waits for the autopilot's setup, and for a late pose; then it is judged by what was read before."""
 
 Begin = Callable[[float], CiReply]
 """Does what was asked for, at a time; raises `Refused` where it cannot be done."""
@@ -70,7 +70,8 @@ class StartGate:
             return []
         setup = self._observing.setup
         number = setup.number if setup is not None else 0
-        ready = [held for held in self._held if number >= held.number or now_s >= held.until_s]
+        is_late = self._observing.snapshot.is_pose_late(now_s)
+        ready = [held for held in self._held if (number >= held.number and not is_late) or now_s >= held.until_s]
         self._held = [held for held in self._held if held not in ready]
         return ready
 

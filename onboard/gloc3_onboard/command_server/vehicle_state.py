@@ -8,7 +8,7 @@ import msgspec
 
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import GeoPoint, Vector3
-from gloc3.messages.standard_topics import AUTOPILOT_SILENT_S
+from gloc3.messages.standard_topics import AUTOPILOT_SILENT_S, POSE_LATE_S, POSE_LOST_S
 from gloc3.messages.vehicle import (
     AutopilotState,
     DriverState,
@@ -23,14 +23,12 @@ from gloc3.mission.model.fence import Fence
 from gloc3.platform.platform import Platform
 from gloc3_onboard.algorithms.paths.motion_limits import is_finite
 
-POSE_SILENT_S: Final = 0.2
-"""A pose that is older cannot be flown by: three periods, and the wait for the next cycle."""
-POSE_LOST_S: Final = 0.4
-"""A pose that stays away for so much longer is lost, and its policy acts.
-
-Without a young pose the vehicle brakes at once, since setpoints are dropped; some frames that a bad cable has lost are
-no reason to land. Shorter than the grace of a running action (`flow.GRACE_S`), so that the policy comes before that.
-"""
+POSE_SILENT_S: Final = POSE_LATE_S + 0.05
+"""A pose that is older counts as late here: it may wait for the next cycle of the server."""
+POSE_TOLD_S: Final = 0.4
+"""A pose that is late by so much is told."""
+POSE_INVALID_S: Final = 0.4
+"""A pose that says of itself that it is not valid is lost after so long: whoever made it has waited before."""
 HEIGHT_SILENT_S: Final = 0.5
 """A distance to the ground that is older is not known any more."""
 AIRBORNE: Final = (LandedState.IN_AIR, LandedState.TAKING_OFF, LandedState.LANDING)
@@ -68,6 +66,9 @@ class VehicleState:
         self._pose_s = self._autopilot_s = float("-inf")
         self._posed_s: float | None = None
         """When there was last a pose to fly by; None before the first look."""
+        self._pose_gap_s = 0.0
+        """How long after the one before it the last late pose was valid."""
+        self._is_late_told = False
         self._was_armed: bool | None = None
         self._height_m: float | None = None
         self._height_s = float("-inf")
@@ -125,11 +126,31 @@ class VehicleState:
         """Whether there is a valid pose that is not too old."""
         return self.pose is not None and self.pose.is_valid and now_s - self._pose_s <= POSE_SILENT_S
 
+    def is_pose_late(self, now_s: float) -> bool:
+        """Whether the last pose was valid and is too old, but not lost yet: the next is waited for."""
+        age_s = now_s - self._pose_s
+        return self.pose is not None and self.pose.is_valid and POSE_SILENT_S < age_s <= POSE_LOST_S
+
+    def late_pose_news(self, now_s: float) -> str:
+        """What is to be told in flight of a pose that is late, or that is back; empty for nothing."""
+        age_s = now_s - self._pose_s
+        if self._is_late_told and self.is_pose_fresh(now_s):
+            self._is_late_told = False
+            return f"pose is back after {self._pose_gap_s:.1f} s: going on"
+        self._is_late_told &= age_s <= POSE_LOST_S
+        if self._is_late_told or not self.is_airborne or not self.is_pose_late(now_s) or age_s < POSE_TOLD_S:
+            return ""
+        self._is_late_told = True
+        holding = "holding, " if self.driver is not None and self.driver.is_streaming else ""
+        return f"pose is late by {age_s:.1f} s: {holding}waiting up to {POSE_LOST_S:g} s"
+
     def update_pose(self, envelope: Envelope[Pose]) -> None:
         """Takes a pose in; until the vehicle is armed, home is where it stands. One that is not finite is none."""
         pose = envelope.payload
         if not isfinite(sum((*pose.position_ned_m, *pose.velocity_ned_m_s, *pose.ned_from_frd, pose.quality))):
             return
+        gap_s = envelope.t_s - self._pose_s
+        self._pose_gap_s = gap_s if gap_s > POSE_LATE_S else self._pose_gap_s
         self.pose, self._pose_s = pose, envelope.t_s
         is_known = envelope.t_s - self._autopilot_s < AUTOPILOT_SILENT_S
         if self.pose.is_valid and self._was_armed is False and is_known:
@@ -184,11 +205,13 @@ class VehicleState:
     def conditions(self, fence: Fence | None, now_s: float) -> Iterator[tuple[PolicyCondition, bool, str]]:
         """Every condition of which it is known whether it holds, and why."""
         is_airborne, is_fresh = self.is_airborne, self.is_pose_fresh(now_s)
-        reason = "no pose is received" if self.pose is None or self.pose.is_valid else self.pose.reason
+        is_invalid = self.pose is not None and not self.pose.is_valid
+        age_s, wait_s = now_s - self._pose_s, POSE_INVALID_S if is_invalid else POSE_LOST_S
         if is_fresh or not is_airborne:
             yield PolicyCondition.POSE_LOST, False, ""
-        elif self._posed_s is not None and now_s - self._posed_s >= POSE_LOST_S:  # until then it stays as it was
-            yield PolicyCondition.POSE_LOST, True, reason
+        elif self._posed_s is not None and now_s - self._posed_s >= wait_s:  # until then it stays as it was
+            reason = f"no pose for {POSE_LOST_S:g} s" if age_s >= POSE_LOST_S else f"poses are {age_s:.1f} s late"
+            yield PolicyCondition.POSE_LOST, True, self.pose.reason if self.pose is not None and is_invalid else reason
         if self.known_autopilot is not None:  # else it stays as it was
             left = self.known_autopilot.battery_remaining
             is_low = 0.0 <= left < self._reserve

@@ -330,6 +330,20 @@ def test_a_lost_pose_is_answered_by_its_own_policy_and_not_by_that_for_failures(
     assert rig.running() == ["policy.land"]
 
 
+@pytest.mark.parametrize(
+    ("missing", "lasts_s"), [(("pose",), 2.5), (("pose", "autopilot_pose"), 2.5), (("pose", "limiter"), 0.5)]
+)
+def test_an_action_waits_for_a_late_pose_until_its_policy_would_have_acted(
+    pelican: Platform, missing: tuple[str, ...], lasts_s: float
+) -> None:
+    rig = flying(pelican, MISSION)
+    rig.executor.available({"follow_waypoints": missing}, rig.now_s)
+    rig.pass_s(lasts_s - 0.1)
+    assert rig.state("sweep.wall") == "running"
+    rig.pass_s(0.2)
+    assert rig.state("sweep.wall") != "running"
+
+
 def test_conditions_on_the_ground_move_nothing_and_keep_a_mission_from_starting(pelican: Platform) -> None:
     rig = Rig(pelican, MISSION)
     rig.arise(PolicyCondition.LOW_BATTERY)

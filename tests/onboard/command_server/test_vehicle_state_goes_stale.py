@@ -1,13 +1,15 @@
 """What the server knows of the vehicle, and how long: an autopilot's state that is old decides nothing."""
 
+import pytest
+from msgspec.structs import replace
 from tests.onboard.messages import at, flying, pose, standing
 
-from gloc3.messages.standard_topics import AUTOPILOT_SILENT_S
-from gloc3.messages.vehicle import AutopilotState, FlightMode, LandedState, Pose
+from gloc3.messages.standard_topics import AUTOPILOT_SILENT_S, POSE_LATE_S, POSE_LOST_S
+from gloc3.messages.vehicle import AutopilotState, DriverState, FlightMode, LandedState, Pose
 from gloc3.mission.executing.board import PolicyCondition
 from gloc3.platform.reader import load_platform
 from gloc3_onboard.command_server.summaries import vehicle_summary
-from gloc3_onboard.command_server.vehicle_state import POSE_LOST_S, POSE_SILENT_S, VehicleState
+from gloc3_onboard.command_server.vehicle_state import POSE_SILENT_S, VehicleState
 
 PLATFORM = load_platform("pelican_rtk")
 STALE_S = AUTOPILOT_SILENT_S + 0.1
@@ -91,11 +93,50 @@ def pose_lost(gaps: list[tuple[float, float]], until_s: float) -> list[tuple[flo
     return reported[1:]
 
 
-def test_a_pose_is_lost_when_it_has_stayed_away_and_is_back_at_once() -> None:
-    assert POSE_SILENT_S + POSE_LOST_S < 0.7
-    assert pose_lost([(1.0, 1.55)], 3.0) == []
-    assert pose_lost([(1.0, 1.4), (1.45, 1.8), (1.85, 2.3)], 3.0) == []
-    ((lost_s, is_lost), back) = pose_lost([(1.0, 2.0)], 3.0)
+def test_a_pose_is_lost_after_two_seconds_and_is_back_at_once() -> None:
+    assert POSE_LATE_S < POSE_SILENT_S < POSE_LOST_S == 2.0
+    assert pose_lost([(1.0, 2.95)], 4.0) == []
+    assert pose_lost([(1.0, 2.5), (2.55, 3.9), (3.95, 5.4)], 7.0) == []
+    ((lost_s, is_lost), back) = pose_lost([(1.0, 3.5)], 5.0)
     assert is_lost
-    assert 1.5 <= lost_s <= 1.65
-    assert back == (2.0, False)
+    assert 2.95 <= lost_s <= 3.25
+    assert back == (3.5, False)
+
+
+@pytest.mark.parametrize(
+    ("age_s", "is_valid", "reason", "within_s"),
+    [(0.0, True, "no pose for 2 s", 2.3), (0.5, True, "poses are 0.5 s late", 2.3), (0.0, False, "no source", 0.5)],
+)
+def test_absent_late_and_invalid_poses_are_told_apart(
+    age_s: float, is_valid: bool, reason: str, within_s: float
+) -> None:
+    snapshot, lost = facts_of(flying(FlightMode.GUIDED)), ""
+    snapshot.update_pose(at(0.0, pose()))
+    snapshot.expire(0.0)
+    for count in range(1, round(within_s / 0.05) + 1):
+        now_s = round(0.05 * count, 2)
+        snapshot.update_autopilot(at(now_s, flying(FlightMode.GUIDED)))
+        if age_s or not is_valid:
+            snapshot.update_pose(
+                at(now_s - age_s, replace(pose(), is_valid=is_valid, reason="" if is_valid else reason))
+            )
+        snapshot.expire(now_s)
+        lost = next((why for what, is_on, why in snapshot.conditions(None, now_s) if is_on), "")
+    assert lost == reason
+
+
+@pytest.mark.parametrize(("is_streaming", "does"), [(True, "holding, "), (False, "")])
+def test_a_late_pose_is_told_once_and_again_when_it_is_back(is_streaming: bool, does: str) -> None:
+    snapshot, told = facts_of(flying(FlightMode.GUIDED)), []
+    snapshot.driver = DriverState(is_streaming=is_streaming)
+    for count in range(80):
+        now_s = round(0.05 * count, 2)
+        snapshot.update_autopilot(at(now_s, flying(FlightMode.GUIDED)))
+        if not (1.0 <= now_s < 1.65 or 2.0 <= now_s < 2.3):
+            snapshot.update_pose(at(now_s, pose()))
+        snapshot.expire(now_s)
+        told += [(now_s, news)] if (news := snapshot.late_pose_news(now_s)) else []
+    assert told == [
+        (1.35, f"pose is late by 0.4 s: {does}waiting up to 2 s"),
+        (1.65, "pose is back after 0.7 s: going on"),
+    ]

@@ -5,6 +5,7 @@ from math import inf
 from typing import Final
 
 from gloc3.messages.envelope import Severity
+from gloc3.messages.standard_topics import POSE_LOST_S
 from gloc3.mission.executing import elsewhere, manoeuvres, reactions
 from gloc3.mission.executing.assignments import MOTION, Assignment, AssignmentPhase
 from gloc3.mission.executing.board import Board, PolicyCondition
@@ -15,6 +16,8 @@ from gloc3.mission.model.states import ActionState, StateTrigger
 
 GRACE_S: Final = 0.5
 """A running action outlives the loss of what it needs for this long: a standby may take over."""
+POSE_NEEDS: Final = frozenset({"pose", "autopilot_pose"})
+"""What may be late for `POSE_LOST_S`; then `on_pose_lost` acts."""
 WAIT_STEP: Final = 0.05
 WAIT_STEP_S: Final = 1.0
 """How far a wait has come is put on disk after so much of it, but not more often than this."""
@@ -125,9 +128,10 @@ def lost_at_s(board: Board, run: ActionRun) -> float:
     """When a running action fails for the want of something; never, where a lost pose has a policy of its own."""
     name = run.action.ability
     missing = board.missing.get(name)
-    if missing is None or (missing == ("pose",) and PolicyCondition.POSE_LOST in board.conditions):
+    is_pose = missing is not None and POSE_NEEDS.issuperset(missing)
+    if missing is None or (is_pose and PolicyCondition.POSE_LOST in board.conditions):
         return inf
-    return board.missing.since_s[name] + GRACE_S
+    return board.missing.since_s[name] + GRACE_S + (POSE_LOST_S if is_pose else 0.0)
 
 
 def _go_on(board: Board, program: MissionProgram, now_s: float) -> bool:

@@ -9,6 +9,7 @@ from gloc3.component.ports import Inbox, Input, Output, Result
 from gloc3.component.settings import Bounds, Settings
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import Vector3, yaw_of
+from gloc3.messages.standard_topics import POSE_LATE_S
 from gloc3.messages.vehicle import MotionGrant, Pose, Setpoint
 from gloc3_onboard.components.controllers.holding import Holding
 
@@ -23,8 +24,8 @@ class HoldSettings(Settings, frozen=True):
 
     braking_m_s2: Annotated[float, Bounds(0.1, 20.0)] = 1.2
     """How hard a moving vehicle is braked. The place to keep is where it comes to rest, so that it need not come back."""
-    pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.15
-    """A pose older than this is lost."""
+    pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = POSE_LATE_S
+    """An older pose is late: without a younger one no setpoint is asked for."""
 
 
 class HoldController(Holding, Controller[HoldSettings]):

@@ -11,7 +11,7 @@ from gloc3.component.settings import Bounds, Settings
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import yaw_of
-from gloc3.messages.standard_topics import AUTOPILOT_SILENT_S
+from gloc3.messages.standard_topics import AUTOPILOT_SILENT_S, POSE_LATE_S
 from gloc3.messages.vehicle import AutopilotState, DriverState, Manoeuvre, ManoeuvreKind, ManoeuvreState, Pose, Setpoint
 from gloc3.mission.model.arguments import LandOrder
 from gloc3.mission.model.states import ActionState
@@ -35,8 +35,8 @@ class LandingSettings(Settings, frozen=True):
     """Longest wait for the vehicle to come to the landing place."""
     repeat_s: Annotated[float, Bounds(0.2, 60.0)] = 2.0
     """The manoeuvre is asked for again after this time while the autopilot does not land."""
-    pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.15
-    """A pose older than this is lost."""
+    pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = POSE_LATE_S
+    """An older pose is late: without a younger one no setpoint is asked for."""
 
 
 class LandingController(ActionPerformer, Controller[LandingSettings]):

@@ -2,25 +2,28 @@
 
 import math
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Final
 
 from gloc3.component.component import Controller
 from gloc3.component.ports import Inbox, Input, Keep, Output, Result
 from gloc3.component.settings import Bounds, Settings
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope
+from gloc3.messages.standard_topics import POSE_LATE_S, POSE_LOST_S
 from gloc3.messages.vehicle import Manoeuvre, ManoeuvreKind, MotionGrant, MotionLimits, ObstacleScan, Pose, Setpoint
 from gloc3_onboard.algorithms.mapping.movers import Movers
 from gloc3_onboard.algorithms.mapping.obstacle_field import ObstacleField
 from gloc3_onboard.algorithms.paths.motion_limits import SetpointLimiter, careful_speed_m_s
-from gloc3_onboard.algorithms.paths.setpoint_gate import SetpointGate
+from gloc3_onboard.algorithms.paths.setpoint_gate import SETPOINT_AGE_S, SetpointGate
+
+_AT_REST: Final = (0.0, 0.0, 0.0)
 
 
 class LimiterSettings(Settings, frozen=True):
     """Settings of the limiter."""
 
-    pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.15
-    """Without a pose younger than this nothing passes: the fence could not be kept."""
+    pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = POSE_LATE_S
+    """Without a pose younger than this no setpoint passes: the fence could not be kept. The vehicle brakes, and holds."""
     keep_m: Annotated[float, Bounds(0.3, 10.0)] = 1.1
     """Distance from the vehicle's middle to any obstacle that is wanted, in metres."""
     obstacles_limit_s: Annotated[float, Bounds(0.1, 10.0)] = 1.0
@@ -34,7 +37,11 @@ class LimiterSettings(Settings, frozen=True):
 
 
 class Limiter(Controller[LimiterSettings]):
-    """Passes the owner's setpoints and manoeuvres on, within the limits; drops everybody else's."""
+    """Passes the owner's setpoints and manoeuvres on, within the limits; drops everybody else's.
+
+    While the pose is late (up to `POSE_LOST_S`), a vehicle that followed setpoints is braked and held by velocities, which
+    need no pose but the autopilot's own.
+    """
 
     settings_type = LimiterSettings
     loggable = ("clamped", "foreign", "stale", "not_finite", "reason")
@@ -57,6 +64,10 @@ class Limiter(Controller[LimiterSettings]):
         self._limiter: SetpointLimiter | None = None
         self._movers = Movers()
         self._seen_s = -math.inf
+        self._led_s = -math.inf
+        """When a setpoint of the owner last passed; never, once a manoeuvre has."""
+        self._has_braked = False
+        """Since the last pose that was not late."""
 
     def initialize(self, settings: LimiterSettings) -> None:
         """Adopts the settings; refuses a quality for a hold that is not below the one for full speed."""
@@ -68,6 +79,7 @@ class Limiter(Controller[LimiterSettings]):
         """Waits for the limits."""
         self._limiter = None
         self._movers, self._seen_s = Movers(), -math.inf
+        self._led_s, self._has_braked = -math.inf, False
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Limits what the owner of motion wants."""
@@ -82,12 +94,16 @@ class Limiter(Controller[LimiterSettings]):
         results: list[Result] = []
         for manoeuvre in inbox.new(self.manoeuvre_wanted):
             if owner and manoeuvre.payload.action_id == owner:
+                self._led_s = -math.inf
                 results.append(self._limit_manoeuvre(manoeuvre.payload, inbox.latest(self.pose)))
             else:
                 self._gate.foreign += 1
         wanted = self._gate.newest(inbox.new(self.setpoint_wanted), owner, now_s)
-        if wanted is not None:
-            results += self._limit(wanted, inbox.latest(self.pose), now_s)
+        pose = inbox.latest(self.pose)
+        braked = self._wait(owner, pose, now_s) if pose is not None and pose.payload.is_valid else []
+        results += braked
+        if wanted is not None and not braked:
+            results += self._limit(wanted, pose, now_s)
         gate = self._gate
         self.foreign, self.stale, self.not_finite = gate.foreign, gate.stale, gate.not_finite
         return results
@@ -108,6 +124,7 @@ class Limiter(Controller[LimiterSettings]):
             self.reason = "there is no valid pose to check the fence with"
             return []
         place = pose.payload
+        self._led_s = now_s
         self._limiter.set_vehicle(place.position_ned_m, place.velocity_ned_m_s, pose.t_s, place.reset_counter)
         if now_s - self._seen_s > self._settings.obstacles_limit_s:
             self._limiter.obstacles = None
@@ -122,6 +139,23 @@ class Limiter(Controller[LimiterSettings]):
             slow = f"no more than {self._limiter.careful_m_s:.2f} m/s" if self._limiter.careful_m_s else "it holds"
             self.reason = f"the pose quality is too low ({place.quality:.2f}): {slow}"
         return [self.setpoint.report(limited.setpoint, t_s=wanted.t_s)]
+
+    def _wait(self, owner: str, pose: Envelope[Pose], now_s: float) -> list[Result]:
+        """Brings a vehicle that followed setpoints to rest while its late pose is waited for."""
+        late_s, limiter = now_s - pose.t_s, self._limiter
+        if limiter is None:
+            return []
+        if late_s <= self._settings.pose_limit_s:
+            if self._has_braked:
+                limiter.restart(pose.payload.position_ned_m, pose.payload.velocity_ned_m_s, pose.t_s)
+            self._has_braked = False
+            return []
+        if not owner or late_s > POSE_LOST_S or self._led_s < pose.t_s - SETPOINT_AGE_S:
+            return []
+        self._has_braked = True
+        self.reason = f"the pose is late by {late_s:.1f} s: it brakes and holds"
+        standing = limiter.limit(Setpoint(action_id=owner, velocity_ned_m_s=_AT_REST), now_s).setpoint
+        return [self.setpoint.report(standing, t_s=now_s)]
 
     def _limit_manoeuvre(self, manoeuvre: Manoeuvre, pose: Envelope[Pose] | None) -> Manoeuvre:
         """A take-off's height counts from the ground below, where home is."""

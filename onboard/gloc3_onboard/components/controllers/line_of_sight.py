@@ -11,6 +11,7 @@ from gloc3.errors import Refused
 from gloc3.line_of_sight import LineOfSight, corner_speed_m_s, heading_vector, slowed_m_s
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import Vector3, wrap_pi, yaw_of
+from gloc3.messages.standard_topics import POSE_LATE_S
 from gloc3.messages.vehicle import DriverState, Pose, Setpoint
 from gloc3.mission.model.arguments import FollowWaypointsOrder, HeadingOrder, ReturnHome
 from gloc3.mission.model.states import ActionState
@@ -61,8 +62,8 @@ class LineOfSightSettings(Settings, frozen=True):
     """Longest time without coming nearer to the next waypoint, before the action fails."""
     follow_s: Annotated[float, Bounds(1.0, 600.0)] = 30.0
     """Longest wait for the autopilot to follow the setpoints, before the action fails."""
-    pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.15
-    """A pose older than this is lost."""
+    pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = POSE_LATE_S
+    """An older pose is late: without a younger one no setpoint is asked for."""
 
 
 class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):

@@ -14,7 +14,7 @@ from gloc3.component.settings import Bounds, Settings
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import Vector3, yaw_of
-from gloc3.messages.standard_topics import AUTOPILOT_SILENT_S
+from gloc3.messages.standard_topics import AUTOPILOT_SILENT_S, POSE_LATE_S, POSE_LOST_S
 from gloc3.messages.vehicle import (
     AutopilotState,
     DriverState,
@@ -44,8 +44,8 @@ class TakeOffSettings(Settings, frozen=True):
     """… when it climbs no faster than this …"""
     timeout_s: Annotated[float, Bounds(1.0, 600.0)] = 60.0
     """The take-off fails after this time."""
-    pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.15
-    """A pose older than this is lost."""
+    pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = POSE_LATE_S
+    """An older pose is late: without a younger one no setpoint is asked for."""
 
 
 class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
@@ -69,6 +69,8 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         self._settings = TakeOffSettings()
         self._autopilot: AutopilotState | None = None
         self._pose: Pose | None = None
+        self._begin_pose: Pose | None = None
+        """The last valid one that may be late, but is not lost: on the ground the vehicle stands."""
         self._kind = ManoeuvreKind.TAKE_OFF
         self._target_m = 0.0
         """Height to reach above the place where it stood; negative for a dive."""
@@ -89,8 +91,8 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
 
     def begin_action(self, capability: str, arguments: SetOff, now_s: float) -> None:
         """Notes the ground and the height to reach, or the depth."""
-        autopilot, pose = self._autopilot, self._pose
-        if pose is None or not pose.is_valid:
+        autopilot, pose = self._autopilot, self._begin_pose
+        if pose is None:
             raise Refused("there is no valid pose")
         if autopilot is None:
             raise Refused("no state is received from the autopilot")
@@ -130,7 +132,9 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         self._autopilot = autopilot.payload if autopilot is not None and is_known else None
         pose = inbox.latest(self.pose)
         is_fresh = inbox.is_fresh(self.pose, now_s, self._settings.pose_limit_s)
-        self._pose = pose.payload if pose is not None and is_fresh and pose.payload.is_valid else None
+        is_waited_for = inbox.is_fresh(self.pose, now_s, POSE_LOST_S)
+        self._begin_pose = pose.payload if pose is not None and is_waited_for and pose.payload.is_valid else None
+        self._pose = self._begin_pose if is_fresh else None
         if self._pose is not None:
             self.height_m = self._ground_down_m - self._pose.position_ned_m[2]
         results = self._fly(now_s, inbox.latest(self.driver)) if self.is_running else []
@@ -152,8 +156,8 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         if state is ManoeuvreState.FAILED:
             return self._fail(now_s, reason)
         self.advance(now_s, self._progress)
-        if self._requested_s is not None:
-            return []
+        if self._requested_s is not None or self._pose is None:
+            return []  # asked for already, or the pose is late: it stands until the next comes
         self._requested_s = now_s
         height_m, may_arm = max(self._target_m, 0.0), self._settings.arm
         return [Manoeuvre(action_id=self.action_id, kind=self._kind, height_m=height_m, may_arm=may_arm)]

@@ -9,6 +9,7 @@ from gloc3.component.component import Controller
 from gloc3.component.ports import Inbox, Input, Output, Result
 from gloc3.component.settings import Bounds, Settings
 from gloc3.messages.frames import Vector3, wrap_pi, yaw_of
+from gloc3.messages.standard_topics import POSE_LATE_S
 from gloc3.messages.teleoperation import AT_REST, EXPIRES_S, TeleoperationState, Velocity, VelocityDemand
 from gloc3.messages.vehicle import MotionLimits, Pose, Setpoint
 from gloc3.mission.model.arguments import LONGEST_BY_HAND_S, Teleoperate
@@ -34,8 +35,8 @@ class TeleoperateSettings(Settings, frozen=True):
     """The same for the heading."""
     is_driven: bool = False
     """The vehicle is led by heading and speed, as rovers and boats are: it goes ahead and turns, and neither to the side nor back."""
-    pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.15
-    """A pose older than this is lost."""
+    pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = POSE_LATE_S
+    """An older pose is late: without a younger one no setpoint is asked for."""
 
 
 class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):

@@ -7,6 +7,7 @@ from gloc3.component.action import ActionPerformer
 from gloc3.component.ports import Inbox, Input, Output
 from gloc3.errors import Refused
 from gloc3.messages.frames import Vector3
+from gloc3.messages.standard_topics import POSE_LOST_S
 from gloc3.messages.vehicle import DriverState, Home, Pose, Setpoint
 from gloc3.mission.model.arguments import FollowWaypointsOrder, ReturnHome
 from gloc3_onboard.algorithms.paths.path_follower import next_ahead
@@ -30,15 +31,18 @@ class WaypointPerformer(ActionPerformer):
     setpoint_wanted = Output(Setpoint, frame="ned")
 
     _pose: Pose | None = None
-    """The newest that is not lost."""
+    """The newest that is not late."""
+    _begin_pose: Pose | None = None
+    """The newest that is not lost: a way begins there, and is flown when the pose is back."""
     _home_ned_m: Vector3 | None = None
     _order: FollowWaypointsOrder | None = None
 
     def update_pose(self, inbox: Inbox, now_s: float, pose_limit_s: float) -> None:
-        """Takes in where the vehicle and its home are; a pose older than the limit is lost."""
+        """Takes in where the vehicle and its home are; a pose older than the limit is late."""
         latest = inbox.latest(self.pose)
         is_fresh = inbox.is_fresh(self.pose, now_s, pose_limit_s)
         self._pose = latest.payload if latest is not None and is_fresh else None
+        self._begin_pose = latest.payload if latest is not None and now_s - latest.t_s <= POSE_LOST_S else None
         if (home := inbox.latest(self.home)) is not None:
             self._home_ned_m = home.payload.position_ned_m
 
@@ -48,7 +52,7 @@ class WaypointPerformer(ActionPerformer):
         Raises:
             Refused: either is not known, or the way is empty.
         """
-        pose = self._pose
+        pose = self._begin_pose
         if pose is None or not pose.is_valid:
             raise Refused("there is no valid pose")
         if isinstance(arguments, FollowWaypointsOrder):

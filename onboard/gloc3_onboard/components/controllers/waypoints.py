@@ -12,6 +12,7 @@ from gloc3.component.settings import Bounds, Settings
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import Vector3, wrap_pi, yaw_of
+from gloc3.messages.standard_topics import POSE_LATE_S
 from gloc3.messages.vehicle import DriverState, HeightAboveGround, ObstacleScan, Pose, Setpoint
 from gloc3.mission.model.arguments import FollowWaypointsOrder, HeadingOrder, ReturnHome
 from gloc3.mission.model.states import ActionState
@@ -59,8 +60,8 @@ class WaypointsSettings(Settings, frozen=True):
     position is no better (about 1 m with plain satellites)."""
     comes_within_m: Annotated[float, Bounds(0.0, 500.0)] = 0.0
     """So near a vehicle that cannot stop comes to a place, in metres: more than the radius of a plane's circles."""
-    pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.15
-    """A pose older than this is lost."""
+    pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = POSE_LATE_S
+    """An older pose is late: without a younger one no setpoint is asked for."""
     keep_m: Annotated[float, Bounds(0.3, 10.0)] = 1.1
     """Something nearer to the way than this is gone around, in metres; as in the limiter, which does it."""
     obstacles_limit_s: Annotated[float, Bounds(0.1, 10.0)] = 1.0

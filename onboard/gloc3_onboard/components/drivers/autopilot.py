@@ -208,6 +208,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
             for primary in inbox.new(self.primary):
                 if primary.payload.has_pilot_control:
                     self._watch.lose(primary.payload.pilot_reason, is_failsafe=primary.payload.is_failsafe)
+        if self._is_guided and not self._is_quiet and self._stream.is_interrupted(now_s):
+            self._watch.interrupt(now_s)
         for limits in inbox.new(self.limits):
             self._stream.adopt(limits.payload)
         self._watch.received(inbox.latest(self.autopilot_pose), now_s)
@@ -331,7 +333,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         if state is None or not state.is_connected or self._machine.is_running:
             return None
         if since_s is not None:
-            return FlightMode.GUIDED if now_s - since_s >= self._control.behaviour.stream_before_guided_s else None
+            is_ready = now_s - since_s >= self._control.behaviour.stream_before_guided_s
+            return FlightMode.GUIDED if is_ready and (self._is_guided or self._stream.is_steady) else None
         behaviour = self._control.behaviour
         if state.mode is FlightMode.GUIDED and not state.is_armed and behaviour.stream_before_guided_s > 0.0:
             return behaviour.arm_in_mode  # it could not be armed again in guided mode
@@ -362,6 +365,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
             refusal=self._refusal,
             is_failsafe=self._watch.is_failsafe,
             held_after_gap_s=self._watch.held_after_gap_s,
+            steady_s=stream.steady_s,
         )
         if state == self._reported and now_s - self._reported_s < STATE_PERIOD_S - 1e-9:
             return []

@@ -67,6 +67,10 @@ class PilotWatch:
         """We have commanded disarming."""
         self._disarm_until_s = now_s + ANSWER_S
 
+    def interrupt(self, now_s: float) -> None:
+        """Setpoints of ours may have been missed: a hold that the autopilot's failsafe chooses follows from that."""
+        self._gap_until_s = now_s + ANSWER_S
+
     def yield_back(self) -> None:
         """An operator says that we may go on: what the autopilot does now is taken for ours."""
         self.has_control, self.reason, self.is_failsafe = False, "", False
@@ -162,7 +166,7 @@ class PilotWatch:
             settles = may_settle and state.mode is FlightMode.HOLD
             has_landed = self._expected is FlightMode.LAND and state.mode_name in self.lands_into
             returns = may_return and state.mode is FlightMode.GUIDED
-            if self._holds_after_gap(state, now_s):
+            if self._holds_after_gap(before, state, now_s):
                 self.held_after_gap_s = self._gap_s
             elif self.is_failsafe and not state.is_failsafe:  # a human takes over from it
                 self.reason, self.is_failsafe = self._chosen(state), False
@@ -170,14 +174,10 @@ class PilotWatch:
                 self.lose(self._chosen(state), is_failsafe=state.is_failsafe)
         self._expected = state.mode
 
-    def _holds_after_gap(self, state: AutopilotState, now_s: float) -> bool:
-        """Whether the autopilot holds because it has not heard us for a while."""
-        return (
-            self._expected is FlightMode.GUIDED
-            and state.mode is FlightMode.HOLD
-            and state.is_failsafe
-            and now_s < self._gap_until_s
-        )
+    def _holds_after_gap(self, before: AutopilotState, state: AutopilotState, now_s: float) -> bool:
+        """Whether the autopilot's failsafe has just begun to hold because it has not heard us for a while."""
+        is_new = state.is_failsafe and not before.is_failsafe and state.mode is FlightMode.HOLD
+        return is_new and self._expected is FlightMode.GUIDED and now_s <= self._gap_until_s
 
     def _chosen(self, state: AutopilotState) -> str:
         who = "the autopilot (failsafe)" if state.is_failsafe else "somebody else"

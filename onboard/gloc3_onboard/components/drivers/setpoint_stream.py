@@ -6,6 +6,7 @@ from typing import Final
 
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import Vector3
+from gloc3.messages.standard_topics import POSE_LATE_S, POSE_LOST_S
 from gloc3.messages.vehicle import AutopilotPose, MotionLimits, Pose, Setpoint
 from gloc3_onboard.algorithms.paths.motion_limits import SetpointLimiter
 from gloc3_onboard.algorithms.paths.setpoint_gate import SETPOINT_AGE_S, SetpointGate
@@ -13,6 +14,12 @@ from gloc3_onboard.sensors.devices import AutopilotSetpoint
 
 EXPIRY_S: Final = 0.5
 """Without a valid setpoint for so long the stream stops and the autopilot's hold is commanded (DESIGN §7)."""
+STEADY_S: Final = 1.0
+"""After it has run dry a stream counts again when it has been steady for so long: first this, then twice as long each time."""
+STEADY_MOST_S: Final = 8.0
+RECOVERED_S: Final = 30.0
+"""A stream that the autopilot has followed for so long has never run dry."""
+_AT_REST: Final = (0.0, 0.0, 0.0)
 PAIRED_S: Final = 0.1
 """Two estimates that are valid at most so far apart tell how their frames lie to each other."""
 
@@ -25,12 +32,19 @@ class SetpointStream:
         self.clamped = self.expired = 0
         self.since_s: float | None = None
         """When it began; None while there is none."""
+        self.steady_s = 0.0
+        """So long it must have been steady before the autopilot is asked to follow it."""
         self._valid_s = -math.inf
         self._limiter: SetpointLimiter | None = None
         self._pose: Pose | None = None
         self._pose_s = -math.inf
         self._offset_ned_m: Vector3 | None = None
         """From the autopilot's frame to ours."""
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether setpoints have come for as long as is asked for after some were missed."""
+        return self.since_s is not None and self._valid_s - self.since_s >= self.steady_s - 1e-9
 
     @property
     def pose(self) -> Pose | None:
@@ -41,6 +55,14 @@ class SetpointStream:
         """The last valid one, unless it is old."""
         return self._pose if now_s - self._pose_s <= SETPOINT_AGE_S else None
 
+    def is_interrupted(self, now_s: float) -> bool:
+        """Whether the autopilot may have gone over to its hold by itself: setpoints were missed, or the pose is late.
+
+        A late pose may be a lost cable, and then the autopilot misses the setpoints that are sent, too.
+        """
+        is_missed = now_s - self._valid_s > EXPIRY_S or now_s - self._pose_s > SETPOINT_AGE_S
+        return self.since_s is not None and is_missed
+
     def adopt(self, limits: MotionLimits) -> None:
         """Keeps to these limits from now on."""
         if self._limiter is None:
@@ -50,14 +72,16 @@ class SetpointStream:
     def set_vehicle(self, pose: Envelope[Pose] | None, own: Envelope[AutopilotPose] | None, *, is_guided: bool) -> None:
         """Says where the vehicle is, in our frame and in the autopilot's own.
 
-        Until the autopilot follows, the stream stays where the vehicle is: there is no step when it begins to.
+        Until the autopilot follows, the stream stays where the vehicle is: there is no step when it begins to. After a
+        late pose it begins anew there.
         """
         if pose is None or not pose.payload.is_valid:
             return
+        was_late = pose.t_s - self._pose_s > POSE_LATE_S
         self._pose, self._pose_s = pose.payload, pose.t_s
         place, velocity = pose.payload.position_ned_m, pose.payload.velocity_ned_m_s
         if self._limiter is not None:
-            if not is_guided:
+            if was_late or not is_guided:
                 self._limiter.restart(place, velocity, pose.t_s)
             self._limiter.set_vehicle(place, velocity, pose.t_s, pose.payload.reset_counter)
         if own is not None and abs(gap_s := own.t_s - pose.t_s) <= PAIRED_S:
@@ -73,14 +97,23 @@ class SetpointStream:
     ) -> AutopilotSetpoint | None:
         """Looks at what has come in; returns what is to be sent."""
         found = self.gate.newest(envelopes, owner, now_s)
-        send = self._convert(found, is_guided=is_guided) if found is not None and self._is_ready(now_s) else None
+        send = None
+        if found is not None and self._is_ready(now_s):
+            send = self._convert(found, is_guided=is_guided)
+        elif found is not None and self._may_stand(found.payload, now_s):
+            send = self._standing(now_s)
         if send is not None and may_fly:
+            is_steady = is_guided or now_s - self._valid_s <= SETPOINT_AGE_S
             self._valid_s = now_s
-            self.since_s = now_s if self.since_s is None else self.since_s
+            self.since_s = now_s if self.since_s is None or not is_steady else self.since_s
+            if is_guided and now_s - self.since_s > RECOVERED_S:
+                self.steady_s = 0.0
             return send
         if self.since_s is not None and now_s - self._valid_s > EXPIRY_S:
             self.since_s = None
             self.expired += 1
+            if is_guided:
+                self.steady_s = min(max(2.0 * self.steady_s, STEADY_S), STEADY_MOST_S)
         return None
 
     def brake(self, now_s: float) -> AutopilotSetpoint | None:
@@ -88,8 +121,7 @@ class SetpointStream:
         self.since_s = None
         if self._limiter is None or not self._is_ready(now_s):
             return None
-        standing = self._limiter.limit(Setpoint(action_id="", velocity_ned_m_s=(0.0, 0.0, 0.0)), now_s).setpoint
-        return AutopilotSetpoint(None, standing.velocity_ned_m_s, None)
+        return self._standing(now_s)
 
     def stop(self) -> None:
         """Ends on purpose."""
@@ -98,6 +130,17 @@ class SetpointStream:
     def _is_ready(self, now_s: float) -> bool:
         """Whether the limits, and where the vehicle is, are known."""
         return self._limiter is not None and now_s - self._pose_s <= SETPOINT_AGE_S
+
+    def _may_stand(self, wanted: Setpoint, now_s: float) -> bool:
+        """Whether a stream under way goes on although the pose is late: to brake, and towards no place."""
+        is_waited_for = self._limiter is not None and now_s - self._pose_s <= POSE_LOST_S
+        return is_waited_for and self.since_s is not None and wanted.position_ned_m is None
+
+    def _standing(self, now_s: float) -> AutopilotSetpoint:
+        """The next velocity on the way to rest."""
+        assert self._limiter is not None
+        standing = self._limiter.limit(Setpoint(action_id="", velocity_ned_m_s=_AT_REST), now_s).setpoint
+        return AutopilotSetpoint(None, standing.velocity_ned_m_s, None)
 
     def _convert(self, wanted: Envelope[Setpoint], *, is_guided: bool) -> AutopilotSetpoint | None:
         assert self._limiter is not None

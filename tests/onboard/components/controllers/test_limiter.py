@@ -57,6 +57,58 @@ def test_without_a_valid_pose_nothing_passes_and_the_reason_is_said(is_old: bool
     assert len(stage.all(Setpoint)) == 1
 
 
+def led() -> tuple[Stage, Limiter]:
+    """A limiter whose owner leads the vehicle north with 1 m/s, up to now."""
+    stage, limiter = working()
+    for step in range(40):
+        north = 0.05 * step
+        here = pose(north, velocity_ned_m_s=(1.0, 0.0, 0.0))
+        stage.step(pose=here, setpoint_wanted=setpoint((north, 0.0, -2.0), (1.0, 0.0, 0.0)))
+    stage.received.clear()
+    return stage, limiter
+
+
+def test_a_late_pose_brakes_whom_it_led_and_holds_him_for_two_seconds() -> None:
+    stage, limiter = led()
+    for _ in range(40):
+        stage.step(0.1, setpoint_wanted=setpoint((9.0, 0.0, -2.0), (1.0, 0.0, 0.0)))
+    sent = stage.all(Setpoint)
+    assert len(sent) == 20, "the first is still led by the pose; the last comes two seconds after it"
+    assert sent[0].position_ned_m is not None
+    speeds = [math.hypot(*one.velocity_ned_m_s) for one in sent[1:]]
+    assert all(one.position_ned_m is None and one.action_id == "go" for one in sent[1:])
+    assert all(before >= after for before, after in pairwise(speeds))
+    assert max(speeds[5:]) < 1e-9
+    assert limiter.reason == "there is no valid pose to check the fence with"
+
+
+def test_after_a_late_pose_it_goes_on_from_where_the_vehicle_has_come_to() -> None:
+    stage, _ = led()
+    for _ in range(10):
+        stage.step(0.1)
+    stage.step(pose=pose(2.6), setpoint_wanted=setpoint((5.0, 0.0, -2.0)))
+    place = stage.last(Setpoint).position_ned_m
+    assert place is not None
+    assert 2.6 - 1e-6 <= place[0] < 2.7
+
+
+@pytest.mark.parametrize("case", ["never led", "a manoeuvre since", "an invalid pose", "led long before", "no owner"])
+def test_a_late_pose_begins_no_setpoints_where_there_were_none(case: str) -> None:
+    stage, _ = working() if case == "never led" else led()
+    if case == "a manoeuvre since":
+        stage.step(manoeuvre_wanted=Manoeuvre(action_id="go", kind=ManoeuvreKind.LAND))
+    if case == "an invalid pose":
+        stage.step(pose=replace(pose(), is_valid=False))
+    if case == "led long before":
+        for _ in range(10):
+            stage.step(pose=pose())
+    if case == "no owner":
+        stage.put(grant=grant(""))
+    for _ in range(10):
+        stage.step(0.1)
+    assert stage.all(Setpoint) == []
+
+
 def test_before_the_limits_are_known_nothing_passes() -> None:
     stage = Stage(Limiter())
     stage.step(grant=grant(), pose=pose(), setpoint_wanted=setpoint())

@@ -82,9 +82,20 @@ def test_what_would_not_work_is_refused(spoil: dict[str, Any], reason: str) -> N
     rig = Rig()
     for name, value in spoil.items():
         setattr(rig, name, value)
-    rig.run(0.5)
+    rig.run(2.2)  # a late pose will do until then: the vehicle stands
     with pytest.raises(Refused, match=reason):
         rig.begin()
+
+
+def test_a_late_pose_is_no_reason_to_refuse_but_the_climb_waits_for_the_next() -> None:
+    rig = Rig()
+    rig.has_pose = False
+    rig.run(1.0)
+    rig.begin().run(0.5)
+    assert rig.requested == []
+    rig.has_pose = True
+    rig.run(0.1)
+    assert len(rig.requested) == 1
 
 
 def test_a_disarmed_vehicle_is_refused_where_arming_is_not_allowed_and_an_armed_one_is_not() -> None:

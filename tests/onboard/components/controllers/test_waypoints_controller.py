@@ -134,12 +134,23 @@ def test_without_a_pose_it_does_not_begin_and_an_old_one_is_none() -> None:
     with pytest.raises(Refused, match="there is no valid pose"):
         stage.begin("follow_waypoints", waypoints_ned_m=LEGS, speed_m_s=1.0)
     stage.step(pose=pose())
-    stage.step(1.0)
+    stage.step(2.1)
     with pytest.raises(Refused, match="there is no valid pose"):
         stage.begin("go_to", waypoints_ned_m=LEGS, speed_m_s=1.0)
     stage.step(pose=replace(pose(), is_valid=False))
     with pytest.raises(Refused, match="there is no valid pose"):
         stage.begin("go_to", waypoints_ned_m=LEGS, speed_m_s=1.0)
+
+
+def test_a_way_begins_by_a_late_pose_and_is_flown_by_the_next() -> None:
+    stage = Stage(WaypointsController())
+    stage.step(pose=pose())
+    stage.step(1.0)
+    stage.begin("follow_waypoints", waypoints_ned_m=LEGS, speed_m_s=1.0)
+    stage.step(0.5)
+    assert stage.all(Setpoint) == []
+    stage.step(pose=pose())
+    assert len(stage.all(Setpoint)) == 1
 
 
 def test_a_way_without_waypoints_is_refused() -> None:

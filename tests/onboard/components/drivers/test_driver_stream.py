@@ -185,6 +185,88 @@ def test_without_a_young_pose_nothing_is_sent() -> None:
 
 
 @STYLES
+def test_a_stream_goes_on_through_a_late_pose_but_only_to_rest(style: str) -> None:
+    rig = DriverRig(style).in_flight()
+    begin_s = rig.now_s
+    for _ in range(60):
+        rig.stage.step(STEP_S, setpoint=setpoint(None, (1.0, 0.0, 0.0)))
+        rig.autopilot.tick(rig.now_s)
+    sent = [one for one in rig.autopilot.setpoints if one[0] > begin_s + 0.3]
+    assert sent[-1][0] == pytest.approx(begin_s + 1.9, abs=0.06)  # the pose was 0.1 s old
+    assert all(place is None for _, place, _ in sent)
+    assert math.hypot(*(sent[20][2] or (1.0,))) < 1e-9
+    assert rig.state.expired == 1
+
+
+def test_a_late_pose_leads_to_no_place() -> None:
+    rig = DriverRig("px4").in_flight()
+    begin_s = rig.now_s
+    for _ in range(20):
+        rig.stage.step(STEP_S, setpoint=setpoint((9.0, 0.0, -2.0)))
+        rig.autopilot.tick(rig.now_s)
+    assert rig.autopilot.setpoints[-1][0] <= begin_s + 0.25 + 1e-6
+    assert rig.state.expired == 1
+
+
+def stalled(rig: DriverRig, times: int) -> list[float]:
+    """So often setpoints stay away for 0.7 s; for how long they then come until the autopilot follows."""
+    wants, waited_s = rig.wants, []
+    for _ in range(times):
+        rig.wants = lambda: None
+        rig.run(0.7)
+        rig.wants = wants
+        begin_s = rig.now_s
+        while not (rig.state.is_guided and rig.autopilot.state.mode is FlightMode.GUIDED):
+            rig.step()
+            assert rig.now_s < begin_s + 20.0
+        waited_s.append(rig.now_s - begin_s)
+    return waited_s
+
+
+@STYLES
+def test_after_each_stream_that_ran_dry_the_next_must_be_steady_for_longer(style: str) -> None:
+    rig = DriverRig(style).in_flight()
+    assert rig.state.steady_s == 0.0
+    waited_s = stalled(rig, 5)
+    assert waited_s == pytest.approx([1.0, 2.0, 4.0, 8.0, 8.0], abs=0.4)
+    assert (rig.state.expired, rig.state.steady_s) == (5, 8.0)
+    rig.run(31.0)
+    assert rig.state.steady_s == 0.0
+
+
+@STYLES
+@pytest.mark.parametrize(("has_stalled", "is_failsafe"), [(True, True), (True, False), (False, True), (False, False)])
+def test_only_a_failsafe_hold_that_follows_from_a_gap_of_ours_is_no_pilots_choice(
+    style: str, has_stalled: bool, is_failsafe: bool
+) -> None:
+    rig = DriverRig(style).in_flight()
+    if has_stalled:
+        rig.stage.now_s += 1.3
+    rig.autopilot.fly(FlightMode.HOLD)
+    rig.autopilot.state = replace(rig.autopilot.state, is_failsafe=is_failsafe)
+    rig.see()
+    rig.run(3.5)
+    is_ours = has_stalled and is_failsafe
+    assert rig.state.has_pilot_control is not is_ours
+    assert rig.state.is_guided is is_ours
+
+
+@STYLES
+def test_a_stream_with_holes_is_not_steady(style: str) -> None:
+    rig = DriverRig(style).in_flight()
+    wants = rig.wants
+    rig.wants = lambda: None
+    rig.run(0.8)
+    asked = len(rig.autopilot.modes_asked)
+    for _ in range(6):
+        rig.wants = wants
+        rig.run(0.6)
+        rig.wants = lambda: None
+        rig.run(0.4)
+    assert "guided" not in rig.autopilot.modes_asked[asked:]
+
+
+@STYLES
 def test_a_new_owner_goes_on_without_a_step(style: str) -> None:
     rig = DriverRig(style).in_flight()
     speed = 0.0

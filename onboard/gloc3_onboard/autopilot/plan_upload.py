@@ -80,6 +80,8 @@ class PlanUpload(PlanUploader):
         self._first = self._count = 0
         """Where its places begin among the items, and how many there are."""
         self._setting: Transfer | None = None
+        self._has_begun = False
+        """What the autopilot says of its progress is of this plan: until the first item is set it is of the one before."""
 
     def begin(self, ticket: int, way: GeoPath, style: Style, target: Address, now_s: float) -> None:
         """Sends the plan of a way.
@@ -89,6 +91,7 @@ class PlanUpload(PlanUploader):
         """
         items = path_items(way, style)
         self._first, self._count, self.reached = 1 + (style is Style.ARDUPILOT), len(way.places), 0
+        self._has_begun = False
         self.send(ticket, items, target, now_s)
 
     def received(self, transfer: Transfer, now_s: float) -> tuple[int, CommandAnswer] | None:
@@ -104,13 +107,14 @@ class PlanUpload(PlanUploader):
             return None
         current = self._client.current.get(transfer.target)  # ArduPilot goes on to the first place at once
         if transfer.result is PlanResult.ACCEPTED or current == self._first:
+            self._has_begun = True
             return self._ticket, CommandAnswer(True, "")
         return self._ticket, CommandAnswer(False, f"the plan could not be started: {transfer.result.words}")
 
     def follow(self, event: CurrentItem | ItemReached) -> None:
         """The autopilot tells where it is in its plan; a report that was lost is made up for by the next."""
         passed = event.number - self._first + isinstance(event, ItemReached)
-        if self._is_reading:
+        if self._has_begun:
             self.reached = max(self.reached, min(passed, self._count))
 
     def _is_same(self, held: Sequence[PlanItem]) -> bool:

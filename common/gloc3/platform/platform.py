@@ -108,6 +108,8 @@ class Platform(PlatformRow, frozen=True, kw_only=True):
     """Whether `take_off` may arm the vehicle."""
     on_stop: Literal["hold", "land"] = "hold"
     """What is done when the onboard process is told to end in flight: the autopilot's hold is confirmed, or it lands."""
+    pilot: bool = False
+    """Whether a pilot with a transmitter stands by on every flight, to whom the autopilot may leave the vehicle."""
     frames: dict[Name, FrameRow] = {}
     limits: Limits = Limits()
     power: Power | None = None

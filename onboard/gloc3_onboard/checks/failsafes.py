@@ -30,10 +30,13 @@ def failsafe_checks(readings: Readings) -> Iterator[Check]:
     wanted_share = None if battery is None else battery.at
     yield _compared(setup, "low battery", table.low_battery, battery.action if battery else CONTINUE, wanted_share, "")
     yield _pose_lost(readings, setup, table.pose_lost)
-    yield _setpoints_lost(setup, table.setpoints_lost)
+    yield _setpoints_lost(setup, table.setpoints_lost, has_pilot=readings.platform.pilot)
     for name, (value, what) in table.doubtful.items():
         if setup.parameters.get(name) == value:
             yield Check(GROUP, name, Verdict.WARNING, f"{value:g}: it {what}", f"set {name} to another value")
+    for name, (values, what) in table.hindering.items():
+        if (given := setup.parameters.get(name)) in values:
+            yield Check(GROUP, name, Verdict.RED, f"{given:g}: it {what}", f"set {name} to 0")
 
 
 def action_of(setup: AutopilotSetup, failsafe: Failsafe) -> str | None:
@@ -116,7 +119,7 @@ def _pose_lost(readings: Readings, setup: AutopilotSetup, failsafe: Failsafe) ->
     return Check(GROUP, name, Verdict.OK, f"{action}{source}")
 
 
-def _setpoints_lost(setup: AutopilotSetup, failsafe: Failsafe) -> Check:
+def _setpoints_lost(setup: AutopilotSetup, failsafe: Failsafe, *, has_pilot: bool) -> Check:
     """What becomes of the vehicle when this computer dies in flight."""
     name, action = "setpoints lost", action_of(setup, failsafe)
     if action is None:
@@ -126,5 +129,6 @@ def _setpoints_lost(setup: AutopilotSetup, failsafe: Failsafe) -> Check:
     if action in list(Policy):
         return Check(GROUP, name, Verdict.OK, finding)
     right = ", ".join(f"{number} ({what})" for number, what in failsafe.actions.items() if what in list(Policy))
-    verdict = Verdict.WARNING if action == PILOT else Verdict.RED
-    return Check(GROUP, name, verdict, finding, f"set {failsafe.parameter} to one of {right}")
+    verdict = Verdict.WARNING if action == PILOT and has_pilot else Verdict.RED
+    stands_by = ", or pilot: true in the platform file if one stands by" if action == PILOT and not has_pilot else ""
+    return Check(GROUP, name, verdict, finding, f"set {failsafe.parameter} to one of {right}{stands_by}")

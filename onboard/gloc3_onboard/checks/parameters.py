@@ -72,6 +72,8 @@ class StyleTable(NamedTuple):
     """The parameter of the arming checks by the names of several versions, and its value while all are made."""
     doubtful: Mapping[str, tuple[float, str]] = {}
     """Parameters with a value that is worth a warning, and what it does."""
+    hindering: Mapping[str, tuple[tuple[float, ...], str]] = {}
+    """Parameters with values by which our paths are not flown, and what they do; 0 does not."""
 
     def names(self) -> tuple[str, ...]:
         """Every parameter that is to be read."""
@@ -81,7 +83,7 @@ class StyleTable(NamedTuple):
             exempt = failsafe.exempt[0] if failsafe.exempt is not None else ""
             found |= dict.fromkeys((failsafe.parameter, failsafe.enabled_by, *failsafe.limit_parameters, exempt))
         found |= dict.fromkeys((fence.kinds, fence.enabled_by, *(limit.parameter for limit in fence.limits)))
-        found |= dict.fromkeys((*self.calibrated, *self.arming_checks, *self.doubtful))
+        found |= dict.fromkeys((*self.calibrated, *self.arming_checks, *self.doubtful, *self.hindering))
         return tuple(name for name in found if name)
 
 

@@ -52,8 +52,12 @@ COPTER: Final = StyleTable(
 ROVER: Final = COPTER._replace(pose_lost=Failsafe("", {0: HOLD}))
 """What cannot land stops."""
 
+PLANE: Final = COPTER._replace(
+    hindering={"MIS_TKO_LAND_REQ": ((1.0, 2.0, 3.0, 4.0, 5.0), "refuses to fly paths without a take-off or landing")}
+)
+
 CLASSES: Final[Mapping[VehicleClass, StyleTable]] = {
     VehicleClass.COPTER: COPTER,
     VehicleClass.ROVER: ROVER,
-    VehicleClass.PLANE: COPTER,
+    VehicleClass.PLANE: PLANE,
 }

@@ -25,7 +25,7 @@ def test_reports_of_the_plan_before_are_no_progress_on_this_one() -> None:
     plan.begin(7, WAY, Style.PX4, AUTOPILOT, 0.0)
     ended(plan, plan._transfer)
     assert plan._transfer is not None
-    plan._transfer.items = list(plan._items)
+    plan._transfer.items = plan._items
     clamped = CurrentItem(AUTOPILOT, 2)
     plan.follow(clamped)
     ended(plan, plan._transfer)

@@ -10,7 +10,7 @@ from gloc3.messages.preflight import Check, Verdict, in_order, red, summary, wor
 from gloc3.messages.readiness import AutopilotSetup, ComputerState, LinkCondition
 from gloc3.messages.software import own_software
 from gloc3.messages.summaries import Health
-from gloc3.messages.vehicle import AutopilotState, FlightMode, Pose, Style
+from gloc3.messages.vehicle import AutopilotState, FlightMode, Pose, Style, VehicleClass
 from gloc3.platform.platform import Failsafes, HostRow, LinkLossFailsafe, LowBatteryFailsafe, PoseLostFailsafe
 from gloc3.platform.reader import load_platform
 from gloc3_onboard.checks.checklist import checklist
@@ -182,7 +182,6 @@ def test_a_failsafe_that_would_overrule_the_mission_is_red_and_names_the_paramet
     ("style", "changes", "line"),
     [
         (Style.PX4, {"BAT_CRIT_THR": 0.07}, "low battery"),
-        (Style.PX4, {"COM_OBL_RC_ACT": 0.0}, "setpoints lost"),
         (Style.ARDUPILOT, {"FS_EKF_ACTION": 2.0}, "position lost"),
     ],
 )
@@ -190,6 +189,23 @@ def test_a_failsafe_that_comes_late_or_needs_a_pilot_is_a_warning(
     style: Style, changes: dict[str, float], line: str
 ) -> None:
     assert found(style, setup=setup(style, set=changes))[f"failsafes: {line}"].verdict is Verdict.WARNING
+
+
+@pytest.mark.parametrize(("has_pilot", "verdict"), [(False, Verdict.RED), (True, Verdict.WARNING)])
+def test_a_vehicle_is_left_to_a_pilot_only_where_one_stands_by(has_pilot: bool, verdict: Verdict) -> None:
+    platform = msgspec.structs.replace(stating(), pilot=has_pilot)
+    check = found(setup=setup(set={"COM_OBL_RC_ACT": 0.0}), platform=platform)["failsafes: setpoints lost"]
+    assert check.verdict is verdict
+    assert ("pilot: true" in check.advice) is not has_pilot
+
+
+@pytest.mark.parametrize(("value", "is_red"), [(0.0, False), (2.0, True), (5.0, True)])
+def test_a_plane_whose_plans_need_a_landing_is_red(value: float, is_red: bool) -> None:
+    names = table_of(Style.PX4, VehicleClass.PLANE).names()
+    assert "MIS_TKO_LAND_REQ" in names
+    plane = msgspec.structs.replace(setup(set={"MIS_TKO_LAND_REQ": value}), vehicle=VehicleClass.PLANE)
+    titles = [check.title for check in red(found(setup=plane).values())]
+    assert ("failsafes: MIS_TKO_LAND_REQ" in titles) is is_red
 
 
 def test_what_the_platform_file_states_is_what_counts() -> None:

@@ -73,7 +73,8 @@ class Headless:
             await self._catch_up(names)
             reason = f" ({end.reason})" if end.reason else ""
             data = {"mission": plan.title, "state": end.state, "reason": end.reason}
-            text = f"{plan.title!r}: {end.state}{reason} after {used}"
+            landed = f"; {end.by} has landed the vehicle" if end.by else ""
+            text = f"{plan.title!r}: {end.state}{reason} after {used}{landed}"
             whose = names[0] if len(names) == 1 else ""
             self._report(self._narrator.line(whose, "result", text, station.now_s(), data))
             return end

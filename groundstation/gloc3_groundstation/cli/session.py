@@ -173,7 +173,7 @@ class Session:
             if end is None:
                 narrate(wording.farewell(station.fleet))
                 return app.return_code or int(options.is_closing)
-            return 0 if end.is_done else 1
+            return end.exit_code
 
     def _desk(self, ground: GroundStation) -> "Desk":
         from gloc3_groundstation.desk.desk import Desk
@@ -201,7 +201,7 @@ class Session:
     async def _fly(run: Headless, plan: CheckedPlan, options: HeadlessOptions) -> int:
         author = operator() if options.override else ""
         try:
-            return 0 if (await run.fly(plan, options.wait_s, options.override, author)).is_done else 1
+            return (await run.fly(plan, options.wait_s, options.override, author)).exit_code
         except Gloc3Error as error:
             run.narrate(f"error: {error}")
             return 1

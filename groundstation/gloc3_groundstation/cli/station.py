@@ -47,7 +47,8 @@ app = App(
     - `gloc3 station --link serial:///dev/ttyUSB0:57600`: over a telemetry radio
     - `gloc3 station --web`: in a browser, with the same keys
 
-    Exit codes: 0 done; 1 the mission failed, was refused or did not pass the check; 2 wrong use; 130 interrupted.""",
+    Exit codes: 0 done; 1 the mission failed, was refused or did not pass the check; 2 wrong use; 3 a pilot or the autopilot's
+    failsafe has landed the vehicle in place of the mission; 130 interrupted.""",
     help_format="markdown",
     version_flags=[],
 )

@@ -10,7 +10,7 @@ from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages.command_interface import Verb
 from gloc3.messages.envelope import Severity
 from gloc3.messages.summaries import WELL, MissionSummary
-from gloc3.mission.model.states import ENDED, ActionState
+from gloc3.mission.model.states import ENDED, ENDED_BY_FAILSAFE, ActionState
 from gloc3_groundstation.missions.plans import CheckedPlan, recheck
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.station.station import Station
@@ -22,6 +22,10 @@ GRANTED_WITHIN_S: Final = 12.0
 SETTLED_AFTER_S: Final = 3.0
 """An end that is reported sooner after the start, with nothing running in between, is that of the flight before."""
 POLL_PERIOD_S: Final = 0.5
+LANDED_S: Final = 5.0
+"""A vehicle that a pilot has landed and disarmed, and not armed again for so long, has ended its flight."""
+TAKEN_OVER: Final = {"pilot": "a pilot", "failsafe": "the autopilot's failsafe"}
+"""Who may end a flight in place of its mission, by the word with which the mission's policy or reason says so."""
 
 
 class End(msgspec.Struct, frozen=True, kw_only=True):
@@ -30,6 +34,13 @@ class End(msgspec.Struct, frozen=True, kw_only=True):
     state: str
     """An `ActionState`, or `lost` where the platform no longer holds the mission."""
     reason: str = ""
+    by: str = ""
+    """Who ended the flight in place of the mission, in words; empty where the mission did."""
+
+    @property
+    def exit_code(self) -> int:
+        """Of a station without a screen: 0 done, 1 not done, 3 ended by a pilot or by a failsafe."""
+        return 3 if self.by else int(not self.is_done)
 
     @property
     def is_done(self) -> bool:
@@ -170,6 +181,8 @@ class Follower:
         self._settled_s = started_s + SETTLED_AFTER_S
         self._digest = ""
         self._has_run = False
+        self._landed_s: float | None = None
+        """Since when the vehicle stands disarmed while somebody else has control."""
 
     def end(self, platform: PlatformSnapshot, now_s: float) -> End | None:
         """How the mission ended; None while it goes on, or a failure's policy is being carried out."""
@@ -179,14 +192,27 @@ class Follower:
         mission = timed.value
         if mission.state in (ActionState.RUNNING, ActionState.PAUSED):
             self._has_run, self._digest = True, mission.digest
-            return None
+            return self._taken_over(platform, mission, now_s)
         if self._has_run and mission.digest != self._digest:
             return self._lost()
         if mission.state not in ENDED or not (self._has_run or timed.received_s >= self._settled_s):
             return None
         if self._is_carrying_out_policy(platform, mission, now_s):
             return None
-        return End(state=mission.state, reason=mission.reason)
+        by = TAKEN_OVER["failsafe"] if mission.reason == ENDED_BY_FAILSAFE else ""
+        return End(state=mission.state, reason=mission.reason, by=by)
+
+    def _taken_over(self, platform: PlatformSnapshot, mission: MissionSummary, now_s: float) -> End | None:
+        """The end of a flight that somebody else has landed, with the mission still paused."""
+        vehicle = platform.vehicle
+        by = TAKEN_OVER.get(mission.policy, "")
+        if not by or vehicle is None or vehicle.value.is_armed or vehicle.is_stale(now_s):
+            self._landed_s = None
+            return None
+        self._landed_s = now_s if self._landed_s is None else self._landed_s
+        if now_s - self._landed_s < LANDED_S:
+            return None
+        return End(state=mission.state, reason=mission.reason, by=by)
 
     @staticmethod
     def _lost() -> End:
@@ -219,7 +245,8 @@ async def follow_all(station: Station, followers: "Mapping[str, Follower]") -> E
     for platform, end in zip(followers, ends, strict=True):
         if not end.is_done:
             whose = f"{platform}: " if len(followers) > 1 else ""
-            return End(state=end.state, reason=f"{whose}{end.reason}" if end.reason else whose.removesuffix(": "))
+            reason = f"{whose}{end.reason}" if end.reason else whose.removesuffix(": ")
+            return End(state=end.state, reason=reason, by=end.by)
     return ends[0]
 
 

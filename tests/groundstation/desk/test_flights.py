@@ -12,6 +12,7 @@ from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
 from gloc3.messages.command_interface import Control
 from gloc3.messages.summaries import ControlState, Health, MissionSummary
+from gloc3.mission.model.states import ENDED_BY_FAILSAFE
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.desk.flights import End, Follower
 from gloc3_groundstation.missions.plans import CheckedPlan
@@ -122,6 +123,44 @@ def test_a_failed_mission_has_not_ended_while_its_policy_is_flown() -> None:
     landed = follower.end(snapshot("failed", policy="land", armed=False), 10.0)
     assert landed is not None
     assert not landed.is_done
+
+
+@pytest.mark.parametrize(("policy", "by"), [("pilot", "a pilot"), ("failsafe", "the autopilot's failsafe")])
+def test_a_flight_that_somebody_else_has_landed_and_disarmed_has_ended(policy: str, by: str) -> None:
+    follower = Follower(started_s=0.0)
+    assert follower.end(snapshot("running"), 10.0) is None
+    for now_s in (20.0, 40.0):
+        assert follower.end(snapshot("paused", policy=policy, received_s=now_s), now_s) is None, "it flies"
+    standing = [snapshot("paused", policy=policy, armed=False, received_s=now_s) for now_s in (50.0, 54.0, 56.0)]
+    assert follower.end(standing[0], 50.0) is None
+    assert follower.end(standing[1], 54.0) is None, "he may arm it again"
+    end = follower.end(standing[2], 56.0)
+    assert end == End(state="paused", reason="because", by=by)
+    assert end.exit_code == 3
+
+
+def test_a_pilot_who_arms_again_goes_on_with_the_flight() -> None:
+    follower = Follower(started_s=0.0)
+    for now_s, is_armed in ((10.0, False), (13.0, True), (16.0, False), (19.0, False)):
+        found = snapshot("paused", policy="pilot", armed=is_armed, received_s=now_s)
+        assert follower.end(found, now_s) is None
+
+
+def test_a_pause_of_an_operator_on_the_ground_is_no_end() -> None:
+    follower = Follower(started_s=0.0)
+    for now_s in (10.0, 30.0):
+        assert follower.end(snapshot("paused", armed=False, received_s=now_s), now_s) is None
+
+
+def test_a_mission_that_the_failsafe_ended_says_so() -> None:
+    follower = Follower(started_s=0.0)
+    assert follower.end(snapshot("running"), 10.0) is None
+    aborted = snapshot("aborted", armed=False)
+    assert aborted.mission is not None
+    told = msgspec.structs.replace(aborted.mission.value, reason=ENDED_BY_FAILSAFE)
+    end = follower.end(msgspec.structs.replace(aborted, mission=Timed(told, 10.0)), 10.5)
+    assert end is not None
+    assert (end.exit_code, end.by) == (3, "the autopilot's failsafe")
 
 
 def test_a_platform_that_forgot_the_mission_has_lost_it() -> None:

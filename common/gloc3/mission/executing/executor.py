@@ -23,7 +23,7 @@ from gloc3.mission.model.conditions import Readings
 from gloc3.mission.model.messages import ActionStatus
 from gloc3.mission.model.model import Mission
 from gloc3.mission.model.policy import Policy
-from gloc3.mission.model.states import OURS, ActionState, StateTrigger
+from gloc3.mission.model.states import ENDED_BY_FAILSAFE, OURS, ActionState, StateTrigger
 from gloc3.platform.platform import Platform
 
 PROGRESS_STEP: Final = 0.05
@@ -287,7 +287,7 @@ class MissionExecutor:
         board = self.board
         if board.has_pilot and board.is_failsafe:
             for program in board.programs.values():
-                manoeuvres.end_program(board, program, StateTrigger.ABORT, now_s, "ended by the autopilot's failsafe")
+                manoeuvres.end_program(board, program, StateTrigger.ABORT, now_s, ENDED_BY_FAILSAFE)
             self._take_back()
             self.settle(now_s)
 

@@ -80,6 +80,8 @@ OURS: Final = (_T.FINISH, _T.FAIL, _T.REPEAT)
 
 ENDED: Final = (_S.DONE, _S.FAILED, _S.SKIPPED, _S.ABORTED)
 """The states in which nothing is going on."""
+ENDED_BY_FAILSAFE: Final = "ended by the autopilot's failsafe"
+"""Why a mission is aborted whose vehicle the autopilot has landed by itself."""
 
 
 def allowed(state: ActionState) -> tuple[StateTrigger, ...]:

@@ -36,6 +36,8 @@ from gloc3_onboard.components.drivers.setpoint_stream import SetpointStream
 from gloc3_onboard.sensors.devices import AutopilotControl, AutopilotSetpoint
 
 STATE_PERIOD_S: Final = 0.2
+NOT_ARMED_IN: Final = (FlightMode.GUIDED, FlightMode.LAND)
+"""Modes in which PX4 cannot be armed, or not without a stream: on the ground it is taken out of them."""
 SURRENDER_S: Final = 10.0
 """A stop that was refused, and is not repeated within this time, is forgotten."""
 
@@ -336,8 +338,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
             is_ready = now_s - since_s >= self._control.behaviour.stream_before_guided_s
             return FlightMode.GUIDED if is_ready and (self._is_guided or self._stream.is_steady) else None
         behaviour = self._control.behaviour
-        if state.mode is FlightMode.GUIDED and not state.is_armed and behaviour.stream_before_guided_s > 0.0:
-            return behaviour.arm_in_mode  # it could not be armed again in guided mode
+        if state.mode in NOT_ARMED_IN and not state.is_armed and behaviour.stream_before_guided_s > 0.0:
+            return behaviour.arm_in_mode
         is_guided_by_us = state.mode in (FlightMode.GUIDED, FlightMode.MISSION)
         return FlightMode.HOLD if is_guided_by_us and self._is_airborne else None
 

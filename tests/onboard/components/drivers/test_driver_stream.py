@@ -36,6 +36,19 @@ def test_px4_gets_a_stream_for_a_second_before_it_is_asked_to_follow() -> None:
     assert rig.state.is_guided
 
 
+@pytest.mark.parametrize(("style", "asked"), [("px4", ["hold"]), ("ardupilot", [])])
+@pytest.mark.parametrize("mode", [FlightMode.GUIDED, FlightMode.LAND])
+def test_on_the_ground_px4_is_taken_out_of_modes_in_which_it_cannot_be_armed(
+    style: str, asked: list[str], mode: FlightMode
+) -> None:
+    rig = DriverRig(style)
+    rig.step()
+    rig.autopilot.state = replace(rig.autopilot.state, mode=mode)
+    rig.see()
+    rig.run(0.5)
+    assert rig.autopilot.modes_asked == asked
+
+
 def test_ardupilot_is_asked_with_the_first_setpoint() -> None:
     rig = airborne("ardupilot")
     rig.hold()

@@ -186,7 +186,7 @@ class MissionHost:
             if not autopilot.is_armed:
                 executor.failsafe_landed(now_s)
             elif autopilot.mode is FlightMode.HOLD:
-                executor.failsafe_holds(driver.pilot_reason, now_s)
+                executor.failsafe_holds(now_s)
         if driver.held_after_gap_s not in (0.0, self._gap_s):
             text = (
                 f"no contact with the autopilot for {driver.held_after_gap_s:.1f} s: it held meanwhile, now it goes on"

@@ -108,7 +108,7 @@ def test_a_failsafe_that_lands_ends_the_mission_and_gives_control_back(rig: Rig)
 
 def test_a_failsafe_s_hold_with_nobody_in_charge_ends_in_a_landing(rig: Rig) -> None:
     failsafe(rig)
-    rig.executor.failsafe_holds("mode AUTO.LOITER", rig.now_s)
+    rig.executor.failsafe_holds(rig.now_s)
     rig.settle()
     assert (rig.executor.policy, rig.state(), rig.taken_back) == ("hold", "paused", 1)
     rig.pass_s(rig.executor.board.policies.hold_s + 1.0)
@@ -117,7 +117,7 @@ def test_a_failsafe_s_hold_with_nobody_in_charge_ends_in_a_landing(rig: Rig) -> 
 
 def test_a_pilot_s_hold_and_landing_are_his_own(rig: Rig) -> None:
     pilot(rig, has_control=True)
-    rig.executor.failsafe_holds("mode AUTO.LOITER", rig.now_s)
+    rig.executor.failsafe_holds(rig.now_s)
     rig.executor.failsafe_landed(rig.now_s)
     rig.pass_s(200)
     assert (rig.executor.policy, rig.state(), rig.taken_back) == ("pilot", "paused", 0)

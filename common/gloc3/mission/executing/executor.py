@@ -274,12 +274,12 @@ class MissionExecutor:
                     manoeuvres.end_program(board, program, StateTrigger.ABORT, now_s, why)
         self.settle(now_s)
 
-    def failsafe_holds(self, reason: str, now_s: float) -> None:
+    def failsafe_holds(self, now_s: float) -> None:
         """The autopilot's failsafe keeps the vehicle where it is, with nobody in charge: that is the policy hold, which ends."""
         board = self.board
         if board.has_pilot and board.is_failsafe:
             self._take_back()
-            manoeuvres.apply(board, Policy.HOLD, f"the autopilot's failsafe ({reason})", now_s)
+            manoeuvres.apply(board, Policy.HOLD, "held by the autopilot's failsafe", now_s)
             self.settle(now_s)
 
     def failsafe_landed(self, now_s: float) -> None:

@@ -23,6 +23,8 @@ BLIND_S: Final = 5.0
 """A driver that was stopped for longer does not know who has done what meanwhile."""
 GAP_S: Final = 0.5
 """An autopilot that was not heard for so long has not heard us either; PX4 leaves offboard mode after 1 s."""
+GAP_TOLD_S: Final = 2.5
+"""So long after a gap a hold of the failsafe is taken for its consequence: the heartbeat that shows it comes once a second."""
 
 
 class PilotWatch:
@@ -69,7 +71,7 @@ class PilotWatch:
 
     def interrupt(self, now_s: float) -> None:
         """Setpoints of ours may have been missed: a hold that the autopilot's failsafe chooses follows from that."""
-        self._gap_until_s = now_s + ANSWER_S
+        self._gap_until_s = now_s + GAP_TOLD_S
 
     def yield_back(self) -> None:
         """An operator says that we may go on: what the autopilot does now is taken for ours."""
@@ -104,7 +106,7 @@ class PilotWatch:
         since_s, self._received_s = self._received_s, pose.t_s
         gap_s = max(pose.t_s, now_s - GAP_S) - since_s if since_s is not None else 0.0
         if gap_s > GAP_S:
-            self._gap_s, self._gap_until_s = gap_s, now_s + ANSWER_S
+            self._gap_s, self._gap_until_s = gap_s, now_s + GAP_TOLD_S
 
     def update(
         self,

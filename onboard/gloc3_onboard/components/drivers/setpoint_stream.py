@@ -60,7 +60,7 @@ class SetpointStream:
 
         A late pose may be a lost cable, and then the autopilot misses the setpoints that are sent, too.
         """
-        is_missed = now_s - self._valid_s > EXPIRY_S or now_s - self._pose_s > SETPOINT_AGE_S
+        is_missed = now_s - min(self._valid_s, self._pose_s) > EXPIRY_S
         return self.since_s is not None and is_missed
 
     def adopt(self, limits: MotionLimits) -> None:

@@ -19,7 +19,7 @@ from gloc3.mavlink.services.mission_client import MissionClient, Transfer
 from gloc3.mavlink.services.statustext import StatusTextReceiver
 from gloc3.mavlink.signing import SignedOnly, Signing, timestamp
 from gloc3.messages.envelope import Severity
-from gloc3.messages.vehicle import Style
+from gloc3.messages.vehicle import Style, VehicleClass
 from gloc3_onboard.autopilot.arm_authority import ArmPermissionRequest
 from gloc3_onboard.autopilot.commands import NO_OWNER, CommandDesk
 from gloc3_onboard.autopilot.events import AutopilotEvents
@@ -63,6 +63,7 @@ class AutopilotLink:
         say: told what is worth an event.
         signing: signs all that is sent, and judges all that is heard; None on a link without a key.
         why_not_arm: asked when the autopilot asks for leave to arm; gives why it must not, or an empty text.
+        more_names: gives parameters that are read beside those of the pre-flight checks, by family and class.
     """
 
     def __init__(
@@ -73,6 +74,7 @@ class AutopilotLink:
         report: Callable[[Severity, str], None] = _report_nothing,
         signing: Signing | None = None,
         why_not_arm: Callable[[], str] = lambda: "there is no arm authority here",
+        more_names: Callable[[Style, VehicleClass], Sequence[str]] = lambda _style, _vehicle: (),
     ) -> None:
         own = self.own = Address(system_id, COMPANION)
         self.loop: Final = loop
@@ -95,6 +97,7 @@ class AutopilotLink:
         self._client, self._plans, self._texts = MavCommandClient(own), MissionClient(own), StatusTextReceiver(own)
         self.commands: Final = CommandDesk(self._client, self.telemetry.texts_since)
         self.inspection: Final = Inspection(own, self._client)
+        self._more_names = more_names
         self.fence: Final = FenceUpload(self._plans)
         self.plan: Final = PlanUpload(self._plans)
         self._streams = StreamRequests(self._client)
@@ -133,6 +136,11 @@ class AutopilotLink:
     def target(self) -> Address | None:
         """The autopilot; None while there is none."""
         return self._identification.target
+
+    @property
+    def heartbeat(self) -> codec.MavlinkMessage | None:
+        """The autopilot's last heartbeat; None while there is none."""
+        return self._identification.heartbeat
 
     @property
     def style(self) -> AutopilotStyle:
@@ -282,7 +290,8 @@ class AutopilotLink:
         self._streams.request_all(self._needed)
         if target is not None:
             vehicle = style.class_properties.vehicle
-            self.inspection.adopt(target, style.style, vehicle, table_of(style.style, vehicle).names(), now_s)
+            names = (*table_of(style.style, vehicle).names(), *self._more_names(style.style, vehicle))
+            self.inspection.adopt(target, style.style, vehicle, tuple(dict.fromkeys(names)), now_s)
 
     def request_streams_again(self) -> None:
         """Somebody has changed what the autopilot sends on our link: what we need follows right behind his request.

@@ -169,17 +169,27 @@ def new(*, options: NewOptions = DEFAULTS) -> int:
     if kind is None or (found.setup.vehicle is VehicleClass.PLANE and found.setup.style is not Style.ARDUPILOT):
         raise Refused(f"no components are available for {found.title}; see docs/autopilots.md")
     request = _Prompt(may_prompt=not options.yes)
+
+    def number(option: str, question: str, given: float | None, assumed: float, read: Callable[[str], float]) -> float:
+        default, source = found.readings.get(option.removeprefix("--").replace("-", "_"), (assumed, ""))
+        return request(option, question, given, default, read, source)
+
     answers = Answers(
         name=request("--name", "Name of the platform", options.name, f"my_{found.setup.vehicle}", _name),
         type=request(
-            "--type", f"Vehicle type ({', '.join(kind.types)})", options.type, kind.types[0], _one_of(kind.types)
+            "--type",
+            f"Vehicle type ({', '.join(kind.types)})",
+            options.type,
+            found.type or kind.types[0],
+            _one_of(kind.types),
+            f"MAV_TYPE {found.mav_type}" if found.type else "",
         ),
         mass_kg=request("--mass-kg", "Mass in kg", options.mass_kg, kind.mass_kg, _positive),
-        speed_m_s=request("--speed-m-s", "Greatest speed in m/s", options.speed_m_s, kind.speed_m_s, _positive),
-        height_max_m=request(
+        speed_m_s=number("--speed-m-s", "Greatest speed in m/s", options.speed_m_s, kind.speed_m_s, _positive),
+        height_max_m=number(
             "--height-max-m", "Greatest height above home in m", options.height_max_m, kind.heights_m[1], _number
         ),
-        battery_wh=request(
+        battery_wh=number(
             "--battery-wh", "Energy of the full battery in Wh", options.battery_wh, kind.battery_wh, _positive
         ),
         arm=request("--arm", "May a mission arm it (yes, no)", options.arm, False, _yes_or_no),
@@ -204,7 +214,7 @@ def new(*, options: NewOptions = DEFAULTS) -> int:
     for finding in report.findings:
         narrate(str(finding))
     narrate(
-        f"wrote {path}. Read it: limits and power are assumptions; failsafes are those of the autopilot's parameters.\n"
+        f"wrote {path}. Read it: failsafes, and values with a parameter's name behind them, are the autopilot's; check the others.\n"
         f"Then:  gloc3 platform check {path}   what would be refused\n"
         f"       gloc3 doctor {path} --autopilot {options.autopilot}   the checks before a start\n"
         f"       gloc3 onboard {path} --autopilot {options.autopilot}   fly it; install in place of it makes a service"
@@ -220,8 +230,10 @@ class _Prompt:
         if may_prompt and not sys.stdin.isatty():
             raise Refused("there is no terminal to ask on; answer with options, and add --yes to assume the rest")
 
-    def __call__(self, option: str, question: str, given: T | None, default: T, read: Callable[[str], T]) -> T:
-        """The answer; raises `Refused` where an option's is none."""
+    def __call__(
+        self, option: str, question: str, given: T | None, default: T, read: Callable[[str], T], source: str = ""
+    ) -> T:
+        """The answer, by default what was read from a source or is assumed; raises `Refused` where an option's is none."""
         if given is not None:
             try:
                 return read(str(given))
@@ -233,10 +245,10 @@ class _Prompt:
             else f"{default:g}"
         )
         if not self._may_prompt:
-            narrate(f"assumed: {option} {shown}")
+            narrate(f"read: {option} {shown} ({source})" if source else f"assumed: {option} {shown}")
             return default
         while True:
-            text = input(f"{question} [{shown}]: ").strip()
+            text = input(f"{question} [{shown}{f', {source}' if source else ''}]: ").strip()
             try:
                 return read(text) if text else default
             except ValueError as error:

@@ -1,7 +1,8 @@
 """A new platform file: what a connected autopilot tells, what a person answers, and the components of its class."""
 
 import asyncio
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from math import inf
 from typing import Final, NamedTuple
 
 from gloc3.clock import Clock
@@ -13,20 +14,24 @@ from gloc3_onboard.checks.failsafes import action_of
 from gloc3_onboard.checks.parameters import CONTINUE, HOLD, LAND, RETURN, Failsafe
 from gloc3_onboard.checks.tables import table_of
 from gloc3_onboard.cli.direct import beat, heartbeat_of, open_direct, signing_of
+from gloc3_onboard.cli.platform_readings import Reading, names_of, read_limits
 
 POLL_PERIOD_S: Final = 0.1
 ALLOWED: Final = (HOLD, RETURN, LAND)
 CAMERA: Final = ("ground_camera", "ground_recorder")
 """The components that there are only with a camera."""
+ASSUMED: Final = "assumed"
 SHARE: Final = 0.6
 """Of the greatest acceleration, with which it follows ways."""
+TYPES: Final = {2: "quadrotor", 13: "hexarotor"}
+"""Vehicle types by MAV_TYPE, where one has several."""
 RECORD_IMAGES: Final = "record_images"
 """The capability that there is only with one."""
 
 
 def _noted(text: str, note: str) -> str:
     """A line with a comment behind it."""
-    return f"{text:<32}# {note}"
+    return f"{text:<31} # {note}"
 
 
 class VehicleKind(NamedTuple):
@@ -47,41 +52,41 @@ class VehicleKind(NamedTuple):
     battery_wh: float
     sets_off: str = "setting_off"
     """The component that arms it."""
-    braking_m_s2: float | None = None
-    """How briskly it brakes; None where its autopilot flies the paths."""
+    braking_share: float | None = None
+    """Of the greatest acceleration, with which it brakes; None where its autopilot flies the paths."""
     acceptance_m: float = 0.0
     """With plain satellites, waypoints are passed no more exactly; 0 where its controller says so itself."""
-    more: tuple[str, ...] = ()
+    more: Mapping[str, tuple[float, str]] = {}
     """Further limits, with what they are."""
 
 
 KINDS: Final = {
     VehicleClass.COPTER: VehicleKind(
         "multirotor", ("quadrotor", "hexarotor"), 1.5, 3.0, 1.0, 0.5, 2.0, (0.3, 30.0), 1.0,
-        "hover_w: 250, per_m_s_w: 4, climb_w_per_m_s: 16, avionics_w: 12", 74.0, braking_m_s2=1.0, acceptance_m=1.0,
+        "hover_w: 250, per_m_s_w: 4, climb_w_per_m_s: 16, avionics_w: 12", 74.0, braking_share=0.5, acceptance_m=1.0,
     ),
     VehicleClass.ROVER: VehicleKind(
         "wheeled", ("rover",), 5.0, 2.0, 1.0, 0.5, 1.0, (-0.5, 0.5), 2.0,
-        "hover_w: 5, per_m_s_w: 20, avionics_w: 12", 74.0, braking_m_s2=0.6,
+        "hover_w: 5, per_m_s_w: 20, avionics_w: 12", 74.0, braking_share=0.6,
     ),
     VehicleClass.BOAT: VehicleKind(
         "wheeled", ("boat",), 10.0, 2.0, 1.0, 0.5, 0.5, (-0.5, 0.5), 3.0,
-        "hover_w: 20, per_m_s_w: 60, avionics_w: 12", 150.0, braking_m_s2=0.3,
+        "hover_w: 20, per_m_s_w: 60, avionics_w: 12", 150.0, braking_share=0.6,
     ),
     VehicleClass.SUB: VehicleKind(
         "underwater", ("auv", "rov"), 11.0, 1.0, 0.5, 0.3, 0.5, (-40.0, 0.5), 1.0,
-        "hover_w: 40, per_m_s_w: 60, avionics_w: 20", 260.0, braking_m_s2=0.3,
+        "hover_w: 40, per_m_s_w: 60, avionics_w: 20", 260.0, braking_share=0.6,
     ),
     VehicleClass.PLANE: VehicleKind(
         "fixed_wing", ("aircraft",), 3.0, 25.0, 3.0, 0.8, 2.0, (20.0, 100.0), 30.0,
         "hover_w: 200, per_m_s_w: 4, climb_w_per_m_s: 60, avionics_w: 12", 150.0, "ways",
-        more=(
-            _noted("  survey_height_m: 50", "of take-offs and patterns without one"),
-            _noted("  survey_speed_m_s: 18", "of paths without one; AIRSPEED_CRUISE"),
-            _noted("  survey_acceptance_m: 30", "acceptance radius of waypoints"),
-            _noted("  speed_min_m_s: 13", "AIRSPEED_MIN"),
-            _noted("  turn_radius_m: 80", "WP_LOITER_RAD"),
-        ),
+        more={
+            "survey_height_m": (50.0, "of take-offs and patterns without one"),
+            "survey_speed_m_s": (18.0, "of paths without one"),
+            "survey_acceptance_m": (30.0, "acceptance radius of waypoints"),
+            "speed_min_m_s": (13.0, "slower paths are refused"),
+            "turn_radius_m": (80.0, "compare it with WP_LOITER_RAD"),
+        },
     ),
 }  # fmt: skip
 """By class; a plane is ArduPilot's, whose plans its components know."""
@@ -93,6 +98,10 @@ class Found(NamedTuple):
     setup: AutopilotSetup
     origin_geo: tuple[float, float, float] | None
     """Where it is; None where it knows no position."""
+    battery_v: float = 0.0
+    """0 where it is not measured."""
+    mav_type: int = 0
+    """MAV_TYPE of its heartbeat; 0 is a generic one."""
 
     @property
     def title(self) -> str:
@@ -101,6 +110,20 @@ class Found(NamedTuple):
         version = ".".join(map(str, setup.firmware)) if setup.firmware else "of an unknown version"
         style = "PX4" if setup.style is Style.PX4 else "ArduPilot"
         return f"{style} {version}, {setup.vehicle or 'vehicle of an unknown class'}"
+
+    @property
+    def type(self) -> str:
+        """The vehicle type; empty where the heartbeat has no known one."""
+        return TYPES.get(self.mav_type, "")
+
+    @property
+    def readings(self) -> dict[str, Reading]:
+        """What its parameters say of limits and battery, by name in the platform file."""
+        found = read_limits(self.setup, self.battery_v)
+        survey = found.get("survey_speed_m_s")
+        if survey is not None and self.setup.vehicle in KINDS and survey.value > KINDS[self.setup.vehicle].speed_m_s:
+            found["speed_m_s"] = survey
+        return found
 
 
 class Answers(NamedTuple):
@@ -127,7 +150,7 @@ async def probe_autopilot(autopilot: str, wait_s: float, system_id: int) -> Foun
     """
     loop = asyncio.get_running_loop()
     clock = Clock(loop)
-    link = AutopilotLink(loop, clock, system_id, signing=signing_of(autopilot, clock))
+    link = AutopilotLink(loop, clock, system_id, signing=signing_of(autopilot, clock), more_names=names_of)
     endpoint = await open_direct(link, autopilot, loop)
     try:
         end_s, heart = loop.time() + wait_s, heartbeat_of(link.own)
@@ -135,9 +158,11 @@ async def probe_autopilot(autopilot: str, wait_s: float, system_id: int) -> Foun
             beat(heart, link, loop.time())
             await asyncio.sleep(POLL_PERIOD_S)
             setup, stamped = link.inspection.setup, link.telemetry.pose
-            if setup.is_complete and setup.firmware and stamped is not None and stamped.pose.origin_geo is not None:
+            has_status = setup.firmware and setup.sensors_present  # the battery's voltage comes with the latter
+            if setup.is_complete and has_status and stamped is not None and stamped.pose.origin_geo is not None:
                 break
         setup, stamped = link.inspection.setup, link.telemetry.pose
+        battery_v, heartbeat = link.telemetry.state.battery_v, link.heartbeat
     finally:
         link.close()
         await endpoint.close()
@@ -145,33 +170,31 @@ async def probe_autopilot(autopilot: str, wait_s: float, system_id: int) -> Foun
         raise NoContact(
             f"no autopilot is heard at {autopilot} within {wait_s:g} s{f'; {endpoint.problem}' if endpoint.problem else ''}"
         )
-    return Found(setup, stamped.pose.origin_geo if stamped is not None else None)
+    origin_geo = stamped.pose.origin_geo if stamped is not None else None
+    return Found(setup, origin_geo, battery_v, heartbeat.type if heartbeat is not None else 0)
 
 
 def platform_text(found: Found, answers: Answers) -> str:
     """The platform file."""
     setup = found.setup
     assert setup.vehicle is not None
-    kind = KINDS[setup.vehicle]
+    kind, readings = KINDS[setup.vehicle], found.readings
+    source = _answered("battery_wh", answers.battery_wh, readings).source
+    battery = f"   # battery_wh: {source}" if source else ""
+    vehicle = f"vehicle: {{type: {answers.type}, mass_kg: {answers.mass_kg:g}}}"
+    acceleration = readings.get("acceleration_m_s2", Reading(kind.acceleration_m_s2, ASSUMED))
     lines = [
         f"# {answers.name}: made from its autopilot, {found.title}. Check it with: gloc3 platform check",
         f"platform: {answers.name}",
         _noted(f"extends: {kind.base}", "its capabilities and components; gloc3 platform show --full prints them"),
-        f"vehicle: {{type: {answers.type}, mass_kg: {answers.mass_kg:g}}}",
+        _noted(vehicle, f"type: MAV_TYPE {found.mav_type}") if answers.type == found.type else vehicle,
         _noted(f"arm: {str(answers.arm).lower()}", "whether a mission may arm the vehicle"),
         _noted(f"on_stop: {answers.on_stop}", "in flight, when the onboard process is told to end: hold or land"),
         *_frame(found.origin_geo),
         _noted("limits:", "missions are checked against them, and the vehicle is held to them"),
-        f"  speed_m_s: {answers.speed_m_s:g}",
-        f"  climb_m_s: {min(kind.climb_m_s, answers.speed_m_s):g}",
-        _noted(f"  landing_m_s: {kind.landing_m_s:g}", "in the last part of a landing"),
-        f"  acceleration_m_s2: {kind.acceleration_m_s2:g}",
-        _noted(f"  height_min_m: {kind.heights_m[0]:g}", "of waypoints, above home"),
-        f"  height_max_m: {answers.height_max_m:g}",
-        _noted(f"  fence_margin_m: {kind.fence_margin_m:g}", "that waypoints and legs keep from a mission's fence"),
-        *kind.more,
+        *_limits(kind, answers, readings, acceleration),
         "# The energy of a mission is estimated with this: correct it after some flights.",
-        f"power: {{{kind.power}, battery_wh: {answers.battery_wh:g}, reserve: 0.2}}",
+        f"power: {{{kind.power}, battery_wh: {answers.battery_wh:g}, reserve: 0.2}}{battery}",
         *_failsafes(setup),
         "",
     ]
@@ -181,7 +204,47 @@ def platform_text(found: Found, answers: Answers) -> str:
             f"  ground_camera: {answers.camera!r}",
             "",
         ]
-    return "\n".join([*lines, *_changes(kind, answers)]).rstrip() + "\n"
+    return "\n".join([*lines, *_changes(kind, answers, acceleration.value)]).rstrip() + "\n"
+
+
+def _answered(name: str, answer: float, readings: Mapping[str, Reading]) -> Reading:
+    """An answer, with its source where it is what was read."""
+    read = readings.get(name)
+    return read if read is not None and read.value == answer else Reading(answer, "")
+
+
+def _limit(name: str, reading: Reading, what: str = "", most: float = inf) -> str:
+    """The line of a limit that is no more than another."""
+    source = reading.source if reading.value <= most else f"{reading.source}, limited to {most:g}"
+    notes = "; ".join(note for note in (what, source) if note)
+    line = f"  {name}: {min(reading.value, most):g}"
+    return _noted(line, notes) if notes else line
+
+
+def _limits(
+    kind: VehicleKind, answers: Answers, readings: Mapping[str, Reading], acceleration: Reading
+) -> Iterator[str]:
+    """What was read or answered, and otherwise what is assumed, in agreement with each other."""
+    speed_m_s, height_max_m = answers.speed_m_s, answers.height_max_m
+    yield _limit("speed_m_s", _answered("speed_m_s", speed_m_s, readings))
+    yield _limit("climb_m_s", readings.get("climb_m_s", Reading(kind.climb_m_s, ASSUMED)), most=speed_m_s)
+    landing = readings.get("landing_m_s", Reading(kind.landing_m_s, ASSUMED))
+    yield _limit("landing_m_s", landing, "in the last part of a landing")
+    yield _limit("acceleration_m_s2", acceleration)
+    height_min_m = min(kind.heights_m[0], 0.5 * height_max_m)
+    yield _limit("height_min_m", Reading(height_min_m, ASSUMED), "of waypoints, above home")
+    yield _limit("height_max_m", _answered("height_max_m", height_max_m, readings))
+    yield _limit(
+        "fence_margin_m",
+        Reading(kind.fence_margin_m, ASSUMED),
+        "that waypoints and legs keep from a mission's fence",
+    )
+    most = {"survey_height_m": height_max_m, "survey_speed_m_s": speed_m_s, "speed_min_m_s": speed_m_s}
+    for name, (assumed, what) in kind.more.items():
+        reading = readings.get(name, Reading(assumed, ASSUMED))
+        yield _limit(name, reading, what, most.get(name, inf))
+        if name == "survey_speed_m_s":
+            most["speed_min_m_s"] = min(reading.value, speed_m_s)
 
 
 def _frame(origin_geo: tuple[float, float, float] | None) -> list[str]:
@@ -227,7 +290,7 @@ def _source(setup: AutopilotSetup, failsafe: Failsafe) -> str:
     return "" if value is None else f"   # {failsafe.parameter} {value:g}"
 
 
-def _changes(kind: VehicleKind, answers: Answers) -> Iterator[str]:
+def _changes(kind: VehicleKind, answers: Answers, acceleration_m_s2: float) -> Iterator[str]:
     """What differs from the base: no camera, no arming, how briskly it moves."""
     if not answers.camera:
         yield _noted("capabilities:", "in addition to the base's; null removes one")
@@ -235,12 +298,12 @@ def _changes(kind: VehicleKind, answers: Answers) -> Iterator[str]:
     rows = [] if answers.camera else [f"{{name: {name}, class: null}}" for name in CAMERA]
     if not answers.arm:
         rows.append(f"{{name: {kind.sets_off}, settings: {{arm: false}}}}")
-    if (braking := kind.braking_m_s2) is not None:
-        limit = f"acceleration_m_s2: {SHARE * kind.acceleration_m_s2:g}"
+    if (braking := kind.braking_share) is not None:
+        limit = f"acceleration_m_s2: {SHARE * acceleration_m_s2:g}"
         least = f", least_acceptance_m: {kind.acceptance_m:g}" if kind.acceptance_m else ""
         note = "   # plain satellites know no better where it is" if least else ""
         rows.append(f"{{name: waypoints, settings: {{{limit}{least}}}}}{note}")
-        rows.append(f"{{name: hold, settings: {{braking_m_s2: {braking:g}}}}}")
+        rows.append(f"{{name: hold, settings: {{braking_m_s2: {braking * acceleration_m_s2:g}}}}}")
         rows.append(f"{{name: teleoperate, settings: {{{limit}}}}}")
     if rows:
         yield _noted("components:", "changes to the base's, and additional ones")

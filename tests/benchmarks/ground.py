@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import islice
 
 import numpy as np
 from tests.evidence.ground import SETTINGS
@@ -30,9 +29,9 @@ def costs_ms(works: Sequence[Callable[[], object]]) -> list[float]:
     return found[WARMED_UP:]
 
 
-def ground(steps: int | None = None) -> list[float]:
-    """Each picture of a short flight over the hold's floor, or of its begin."""
-    flown = list(islice(fly(1, World.load("hold"), motion(1, WAY)), steps))
+def ground() -> list[float]:
+    """Each picture of a short flight over the hold's floor."""
+    flown = list(fly(1, World.load("hold"), motion(1, WAY)))
     odometer = GroundOdometer(GROUND, SETTINGS)
     return costs_ms([partial(odometer.update, s.picture, s.t_s, s.ned_from_frd, s.range_m) for s in flown])
 

@@ -18,11 +18,11 @@ LENGTH_M = 40.0
 BAR_MS = 2.0
 
 
-def odometer_ms(length_m: float = LENGTH_M) -> list[float]:
+def odometer_ms() -> list[float]:
     """Each scan of a flight in the hold."""
     random, odometer, scanner = np.random.default_rng(1), LaserOdometer(), Scanner(HOLD)
     costs = []
-    for t_s, pose, tilt in flight(length_m):
+    for t_s, pose, tilt in flight(LENGTH_M):
         scan = scanner.scan(pose, random, tilt)
         begin_s = time.thread_time()
         odometer.update(scan, t_s, tilt)

@@ -63,6 +63,22 @@ def test_a_plane_takes_off_keeps_its_lines_circles_when_paused_and_comes_home_wi
         plane.close()
 
 
+def test_a_plane_whose_onboard_process_restarts_on_its_way_is_ours_and_not_a_pilots(plane: Card) -> None:
+    try:
+        plane.await_state("away.off", "done", 40.0)
+        plane.until(lambda: east_m(plane) > 100.0, 60.0, "it is on the line to the east")
+        plane.fault("restart", for_s=2.0)
+        plane.wait(2.5)
+        plane.await_policy("hold", 15.0)
+        plane.await_mode(FlightMode.HOLD, 5.0)
+        assert not plane.driver.has_pilot_control
+        plane.command("resume")
+        plane.await_mode(FlightMode.MISSION, 8.0)
+        plane.await_landed(300.0)
+    finally:
+        plane.close()
+
+
 def test_a_plane_that_is_led_out_of_its_mission_s_fence_is_turned_back_by_its_autopilot(plane: Card) -> None:
     """Nothing of ours has a part in its path: the fence is the autopilot's, and has to be switched on."""
     try:

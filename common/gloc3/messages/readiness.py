@@ -48,6 +48,8 @@ class LinkCondition(msgspec.Struct, frozen=True, array_like=True):
     bytes_received: int = 0
     traffic: LinkTraffic = LinkTraffic()
     """What has passed it."""
+    intruder: str = ""
+    """Who claims to be the autopilot that another peer is; empty where nobody has done so lately."""
 
 
 class SensorCondition(msgspec.Struct, frozen=True, array_like=True):

@@ -66,7 +66,8 @@ class StationOptions:
     opened at the first error."""
     link: Annotated[list[str] | None, Parameter(negative=())] = None
     """MAVLink link: udpin://HOST:PORT, udpout://, tcpin://, tcpout://, or serial:///dev/PORT:BAUD;
-    may be given again. Default: those of the configuration file, else udpin://0.0.0.0:14550."""
+    may be given again. Default: those of the configuration file, else udpin://127.0.0.1:14550, which hears this
+    computer alone; udpin://0.0.0.0:14550 hears the network."""
     platform: str | None = None
     """The platform to command, by name; otherwise the first that is heard."""
     headless: Annotated[bool, FLAG] = False

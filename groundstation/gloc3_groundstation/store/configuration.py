@@ -19,7 +19,7 @@ from gloc3.errors import Finding, InputError, nearest
 from gloc3.store import replace_file
 
 ThemeName = Literal["dark", "daylight", "mono"]
-DEFAULT_LINK: Final = "udpin://0.0.0.0:14550"
+DEFAULT_LINK: Final = "udpin://127.0.0.1:14550"
 RECENT_KEPT: Final = 10
 
 

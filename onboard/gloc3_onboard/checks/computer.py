@@ -75,6 +75,9 @@ def _clock(readings: Readings, computer: ComputerState) -> Check:
 
 
 def _port(name: str, link: LinkCondition) -> Check:
+    if link.intruder:
+        finding, _, advice = link.intruder.partition("; ")
+        return Check(GROUP, name, Verdict.RED, f"{link.url}: {finding}", advice)
     if not link.problem:
         return Check(GROUP, name, Verdict.OK, f"{link.url} is open")
     return Check(GROUP, name, Verdict.WARNING, f"{link.url}: {link.problem}", port_advice(link.problem))

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from gloc3.errors import Refused
 
-DEFAULT_AUTOPILOT: Final = "udpin://0.0.0.0:14540"
+DEFAULT_AUTOPILOT: Final = "udpin://127.0.0.1:14540"
 DEFAULT_STATION: Final = "udpout://127.0.0.1:14550"
 MOST_SYSTEM_ID: Final = 250
 

@@ -25,6 +25,7 @@ from gloc3.mission.model.model import Mission
 from gloc3.mission.model.policy import Policy
 from gloc3.mission.model.states import ActionState
 from gloc3.mission.reading.reader import MissionReferences, read_mission
+from gloc3.platform.platform import Platform
 from gloc3_onboard.command_server.authority import ControlAuthority
 from gloc3_onboard.command_server.observing import OURS, TAKE_OVER_S, Observing
 from gloc3_onboard.command_server.site import Report, ServerSettings, Site
@@ -122,7 +123,7 @@ class MissionHost:
             self.executor = MissionExecutor(self._site.platform)
         elif waited_s < 0.0 or not snapshot.is_flight_known:
             return []
-        elif waited_s < TAKE_OVER_S and flies_for_us(snapshot, kept):
+        elif waited_s < TAKE_OVER_S and flies_for_us(snapshot, kept, self._site.platform):
             return [TakeOver(is_resumed=True)]
         elif waited_s < COME_UP_S and not is_urgent and self._observing.is_coming_up(now_s):
             return []
@@ -268,16 +269,17 @@ def was_running(kept: Snapshot | None) -> bool:
     )
 
 
-def flies_for_us(snapshot: VehicleState, kept: Snapshot) -> bool:
+def flies_for_us(snapshot: VehicleState, kept: Snapshot, platform: Platform) -> bool:
     """Whether the vehicle does what was begun then, and the driver takes it for a pilot's."""
     state = snapshot.autopilot
-    modes = (*OURS, FlightMode.MISSION) if _flew_a_plan(kept) else OURS
+    modes = (*OURS, FlightMode.MISSION) if _flew_a_plan(kept, platform) else OURS
     is_ours = state is not None and state.is_armed and state.mode in modes
     is_accepted = snapshot.driver is None or snapshot.driver.has_pilot_control
     return was_running(kept) and is_ours and is_accepted and not kept.has_pilot
 
 
-def _flew_a_plan(kept: Snapshot) -> bool:
-    """Whether the autopilot had been given a plan to fly by itself."""
+def _flew_a_plan(kept: Snapshot, platform: Platform) -> bool:
+    """Whether the autopilot had been given a plan to fly by itself, as what flies on wings always is."""
     items = (item for program in kept.programs for item in program.items.values())
-    return any(item.is_planned and item.state is ActionState.RUNNING for item in items)
+    has_wings = platform.vehicle.type == "aircraft"
+    return any((has_wings or item.is_planned) and item.state is ActionState.RUNNING for item in items)

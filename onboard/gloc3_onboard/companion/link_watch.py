@@ -43,11 +43,10 @@ class LinkWatch:
     def _poll(self) -> None:
         self._timer = self._loop.call_later(POLL_PERIOD_S, self._poll)
         for endpoint in self._endpoints:
-            problem = "" if endpoint.is_connected else endpoint.problem or "nothing is heard there"
+            problem = endpoint.intruder if endpoint.is_connected else endpoint.problem or "nothing is heard there"
             if problem != self._reported.get(endpoint.url, ""):
-                self._report(
-                    Severity.WARNING if problem else Severity.NOTICE, f"{endpoint.url}: {problem or 'connected'}"
-                )
+                severity = Severity.ERROR if endpoint.intruder else Severity.WARNING if problem else Severity.NOTICE
+                self._report(severity, f"{endpoint.url}: {problem or 'connected'}")
             self._reported[endpoint.url] = problem
 
 

@@ -154,7 +154,7 @@ class RoutedLink:
             genuine=0 if self._signed_only is None else self._signed_only.genuine,
         )
         problem = "" if endpoint.is_connected else endpoint.problem or "nothing is heard there"
-        return LinkCondition(self.url, problem, bytes_in, traffic)
+        return LinkCondition(self.url, problem, bytes_in, traffic, endpoint.intruder)
 
     def _wait(self) -> None:
         next_s = self.outlet.next_s()

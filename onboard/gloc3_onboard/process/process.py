@@ -13,7 +13,7 @@ from gloc3.clock import Clock, utc_now
 from gloc3.component.context import HostContext
 from gloc3.component.host import ComponentHost
 from gloc3.exchange.base import Exchange
-from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint
+from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint, parse_url
 from gloc3.messages.envelope import Severity
 from gloc3.messages.readiness import SensorCondition
 from gloc3.network.file import Membership, read_network
@@ -144,7 +144,7 @@ class OnboardProcess:
     async def open(self) -> None:
         """Opens the links and the log, and brings the components up."""
         options, vehicle = self._options, self.vehicle
-        await self._open(options.autopilot, vehicle.attach_autopilot())
+        await self._open(options.autopilot, vehicle.attach_autopilot(), pins_autopilot=True)
         for url in options.stations:
             await self._open(url, vehicle.attach_station(url))
         if options.acoustic:
@@ -158,10 +158,13 @@ class OnboardProcess:
         count, name = len(self.platform.components), self.platform.platform
         self.narrate(Severity.INFO, f"{name}: {count} components; log in {self._storage.log}")
 
-    async def _open(self, url: str, attachment: Attachment) -> None:
-        endpoint = await open_endpoint(url, self._loop, attachment.receive)
+    async def _open(self, url: str, attachment: Attachment, *, pins_autopilot: bool = False) -> None:
+        endpoint = await open_endpoint(url, self._loop, attachment.receive, pins_autopilot=pins_autopilot)
         self._endpoints.append(endpoint)
         attachment.open(endpoint)
+        if parse_url(url).is_open:
+            text = "is open to the network and not signed: it takes orders from whoever reaches it; add ?key=FILE"
+            self.narrate(Severity.WARNING, f"{url} {text}, or listen on 127.0.0.1")
 
     @property
     def hosts(self) -> Mapping[str, ComponentHost]:

@@ -44,7 +44,7 @@ app = App(
     help="""Run the simulated vehicle: physics, world and autopilot, on real sockets, until Ctrl-C.
 
     Without --link it sends to 127.0.0.1:14550, where ground stations listen (QGroundControl; MAVSDK as
-    udpin://0.0.0.0:14550), and to 127.0.0.1:14540, where companions listen (MAVSDK as udpin://0.0.0.0:14540,
+    udpin://127.0.0.1:14550), and to 127.0.0.1:14540, where companions listen (MAVSDK as udpin://127.0.0.1:14540,
     gloc3 onboard); in ArduPilot's style it also listens on TCP 127.0.0.1:5760, where MAVProxy and pymavlink connect.
     Narration and the autopilot's status texts go to stderr.
 

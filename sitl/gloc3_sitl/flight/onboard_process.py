@@ -26,7 +26,7 @@ from gloc3_sitl.flight.sim_imu import SimImu
 from gloc3_sitl.flight.sim_rig import SimRig
 
 AUTOPILOT_CABLE: Final = Conditions(latency_s=0.002)
-AUTOPILOT_URL: Final = "udpin://0.0.0.0:14540"
+AUTOPILOT_URL: Final = "udpin://127.0.0.1:14540"
 """What the cable is called; the onboard process's usual one."""
 BITS_PER_BYTE: Final = 10.0
 SIMULATED: Final = "simulated"

@@ -10,7 +10,7 @@ from gloc3.mavlink.transport.endpoints import EndpointUrl, parse_url
     ("url", "expected"),
     [
         ("udpin://0.0.0.0:14550", {"scheme": "udpin", "host": "0.0.0.0", "port": 14550}),
-        ("udpin://:14550", {"scheme": "udpin", "host": "0.0.0.0", "port": 14550}),
+        ("udpin://:14550", {"scheme": "udpin", "host": "127.0.0.1", "port": 14550}),
         ("udpin://127.0.0.1:0", {"scheme": "udpin", "host": "127.0.0.1", "port": 0}),
         ("udpout://companion.local:14540", {"scheme": "udpout", "host": "companion.local", "port": 14540}),
         ("tcpin://[::1]:5760", {"scheme": "tcpin", "host": "::1", "port": 5760}),
@@ -22,14 +22,14 @@ from gloc3.mavlink.transport.endpoints import EndpointUrl, parse_url
             "udpout://10.0.0.5:14550?rate=57600",
             {"scheme": "udpout", "host": "10.0.0.5", "port": 14550, "rate_bit_s": 57600},
         ),
-        ("tcpin://:5760?key=a%20b.key", {"scheme": "tcpin", "host": "0.0.0.0", "port": 5760, "key": "a b.key"}),
+        ("tcpin://:5760?key=a%20b.key", {"scheme": "tcpin", "host": "127.0.0.1", "port": 5760, "key": "a b.key"}),
         (
             "serial:///dev/ttyUSB0:57600?rate=30000&key=/etc/k",
             {"scheme": "serial", "device": "/dev/ttyUSB0", "rate_bit_s": 30000, "key": "/etc/k"},
         ),
         (
             "udpin://:14551?role=observer",
-            {"scheme": "udpin", "host": "0.0.0.0", "port": 14551, "role": "observer"},
+            {"scheme": "udpin", "host": "127.0.0.1", "port": 14551, "role": "observer"},
         ),
         ("serial_flowcontrol:///dev/x:1", {"scheme": "serial_flowcontrol", "device": "/dev/x", "baud": 1}),
     ],

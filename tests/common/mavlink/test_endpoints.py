@@ -15,7 +15,7 @@ from gloc3.mavlink import codec
 from gloc3.mavlink.signing import Signing
 from gloc3.mavlink.transport import serial_line, udp
 from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint
-from gloc3.mavlink.transport.udp import UdpServerEndpoint, systems_in
+from gloc3.mavlink.transport.udp import UdpServerEndpoint, senders_in
 
 pytestmark = pytest.mark.sockets
 
@@ -29,9 +29,10 @@ class Opener:
     def __init__(self) -> None:
         self.opened: list[Endpoint] = []
 
-    async def __call__(self, url: str) -> tuple[Endpoint, list[bytes]]:
+    async def __call__(self, url: str, *, pins_autopilot: bool = False) -> tuple[Endpoint, list[bytes]]:
         received: list[bytes] = []
-        endpoint = await open_endpoint(url, asyncio.get_running_loop(), received.append)
+        loop = asyncio.get_running_loop()
+        endpoint = await open_endpoint(url, loop, received.append, pins_autopilot=pins_autopilot)
         self.opened.append(endpoint)
         return endpoint, received
 
@@ -85,9 +86,28 @@ def test_the_systems_behind_a_peer_are_read_off_its_datagrams() -> None:
     key = Signing(bytes(32), link_id=1, now=1)
     signed = codec.Encoder(5, 1, key).encode(codec.message("ATTITUDE"))
     previous = bytes((0xFE, 9, 0, 6, 1, 0)) + bytes(11)
-    assert list(systems_in(signed + previous + FRAMES[0])) == [5, 6, 1]
-    assert list(systems_in(b"\x00" * 40)) == []
-    assert list(systems_in(FRAMES[0][:3])) == []
+    assert list(senders_in(signed + previous + FRAMES[0])) == [(5, 1), (6, 1), (1, 1)]
+    assert list(senders_in(b"\x00" * 40)) == []
+    assert list(senders_in(FRAMES[0][:3])) == []
+
+
+async def test_what_claims_the_id_of_an_autopilot_that_is_heard_from_another_peer_is_dropped_and_told(
+    opener: Opener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    server, received = await opener("udpin://127.0.0.1:0", pins_autopilot=True)
+    true, second = [(await opener(f"udpout://127.0.0.1:{server.local_port}"))[0] for _ in range(2)]
+    true.send(FRAMES[0])
+    await until(lambda: received == [FRAMES[0]])
+    station = codec.Encoder(255, 190).encode(codec.message("HEARTBEAT"))
+    second.send(station)
+    second.send(FRAMES[1] + station)
+    await until(lambda: bool(server.intruder))
+    assert received == [FRAMES[0], station], "what it sends as somebody else is heard"
+    assert server.intruder.startswith(f"127.0.0.1:{second.local_port} claims to be autopilot 1/1, which is heard from")
+    server.send(FRAMES[2])
+    monkeypatch.setattr(udp, "PINNED_S", 0.0)
+    second.send(FRAMES[1])
+    await until(lambda: received[2:] == [FRAMES[1]])
 
 
 async def test_udp_listener_keeps_a_bounded_number_of_peers_and_forgets_silent_ones(

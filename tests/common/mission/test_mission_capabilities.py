@@ -8,7 +8,7 @@ import pytest
 
 from gloc3.errors import Gloc3Error, InputError, Misuse
 from gloc3.mission.checking.checker import Circumstances, check_text
-from gloc3.mission.model.arguments import Arguments, argument_kinds
+from gloc3.mission.model.arguments import Arguments, FollowWaypointsOrder, argument_kinds
 from gloc3.mission.showing.capability_lines import capability_lines
 from gloc3.mission.showing.cli import app
 from gloc3.platform.platform import Platform
@@ -85,6 +85,27 @@ tasks:
     without_wh = energy_wh()
     monkeypatch.setattr(argument_kinds()["record_images"], "power_w", 40.0)
     assert energy_wh() - without_wh == pytest.approx(40.0 * 90.0 / 3600.0)
+
+
+def test_what_a_moving_capability_says_that_it_needs_counts_beside_its_way(
+    pelican: Platform, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = """\
+mission: m
+frame: hold
+tasks:
+  up: {actions: {climb: {take_off: {height_m: 2}}}}
+  search: {after: [up], deadline_s: 30, actions: {look: {go_to: {position_m: [2, 0, 2]}}}}
+  end: {after: [search], actions: {down: {land: {}}}}
+"""
+    plain = check_text(text, "m", Circumstances(platform=pelican))
+    monkeypatch.setattr(FollowWaypointsOrder, "time_needed_s", lambda *_: 600.0)
+    slow = check_text(text, "m", Circumstances(platform=pelican))
+    assert plain.estimate is not None
+    assert slow.estimate is not None
+    assert slow.estimate.duration_s > 600.0 > plain.estimate.duration_s
+    assert slow.estimate.energy_wh > plain.estimate.energy_wh + 10.0, "it hovers meanwhile"
+    assert "about 600 s are needed, but deadline_s is 30" in str(slow.findings[0])
 
 
 def test_kinds_that_are_none_are_told_with_the_entry_point(install: Install) -> None:

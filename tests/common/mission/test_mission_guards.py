@@ -248,8 +248,11 @@ def test_guards_and_loops_are_written_back_as_they_were_and_have_no_place_in_a_p
 
 
 readings = st.dictionaries(st.sampled_from(sorted(QUANTITIES)), st.floats(-10, 10))
-ranges = st.floats(-10, 10).map(lambda value: {"above": value})
-leaves = st.tuples(st.sampled_from(sorted(QUANTITIES)), ranges).map(lambda pair: {pair[0]: pair[1]})
+leaves = st.sampled_from(sorted(QUANTITIES)).flatmap(
+    lambda name: (st.floats(0, 1) if QUANTITIES[name].unit == "%" else st.floats(-10, 10)).map(
+        lambda value: {name: {"above": value}}
+    )
+)
 conditions = st.recursive(
     leaves,
     lambda inner: st.one_of(
@@ -269,3 +272,11 @@ def test_what_is_known_of_a_condition_stays_true_when_more_is_measured(
     before = condition.holds(known)
     if before is not None:
         assert condition.holds(more | known) is before
+
+
+def test_a_share_in_per_cent_is_refused_with_what_to_write(pelican: Platform) -> None:
+    report = checked(
+        LOOP.replace("battery: {below: 0.5}", "any: [{battery: {above: 30}}, {height_m: {above: 30}}]"), pelican
+    )
+    (finding,) = report.findings
+    assert "battery is a share, 0 to 1: write 0.3 for 30 %" in str(finding)

@@ -296,6 +296,14 @@ def test_a_port_says_what_is_the_matter_and_what_to_do(problem: str, advice: str
     assert advice in line["computer: port"].advice
 
 
+def test_a_second_autopilot_of_the_same_id_is_red() -> None:
+    intruder = "10.0.0.9:5 claims to be autopilot 1/1; give each vehicle an id of its own"
+    check = found(computer={"links": [LinkCondition("udpin://0.0.0.0:14540", "", intruder=intruder)]})["computer: port"]
+    assert check.verdict is Verdict.RED
+    assert check.finding == "udpin://0.0.0.0:14540: 10.0.0.9:5 claims to be autopilot 1/1"
+    assert check.advice == "give each vehicle an id of its own"
+
+
 def test_components_that_are_not_well_are_named_with_their_errors() -> None:
     def one(name: str, health: Health, *, is_required: bool = False, is_standby: bool = False) -> ComponentCondition:
         return ComponentCondition(

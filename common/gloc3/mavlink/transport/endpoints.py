@@ -1,6 +1,6 @@
 """MAVLink endpoints: UDP, TCP and serial lines, opened by a URL in MAVSDK's form.
 
-udpin://0.0.0.0:14550          listens, and answers everyone it has heard from
+udpin://0.0.0.0:14550          listens, and answers everyone it has heard from; without an address on this computer alone
 udpout://192.168.1.10:14550    sends there, and hears from there
 tcpin://0.0.0.0:5760           listens for clients
 tcpout://192.168.1.10:5760     connects, and connects again when it is cut off
@@ -31,6 +31,8 @@ OnData: TypeAlias = Callable[[bytes], None]
 
 NETWORK_SCHEMES: Final = ("udpin", "udpout", "tcpin", "tcpout")
 SERIAL_SCHEMES: Final = ("serial", "serial_flowcontrol")
+LOOPBACK: Final = "127.0.0.1"
+"""Where what listens does so, unless an address is given."""
 DEFAULT_BAUD: Final = 57_600
 AUTO: Final = "auto"
 OPTIONS: Final = ("rate", "key", "role")
@@ -64,6 +66,10 @@ class Endpoint(Protocol):
         """Why it is not connected, or the last failure; empty if there was none."""
 
     @property
+    def intruder(self) -> str:
+        """Who claims to be an autopilot that is heard from somewhere else; empty where nobody has done so lately."""
+
+    @property
     def local_port(self) -> int | None:
         """The port that it really has, also where the URL asked for any (0); None for a serial line."""
 
@@ -95,6 +101,12 @@ class EndpointUrl(msgspec.Struct, frozen=True, kw_only=True):
     def address(self) -> str:
         """The URL without what is known of the link."""
         return self.url.partition("?")[0]
+
+    @property
+    def is_open(self) -> bool:
+        """Whether whoever reaches this computer over a network can speak here, and nothing tells who it is."""
+        is_own = self.host == "localhost" or self.host == "::1" or self.host.startswith("127.")
+        return self.scheme in ("udpin", "tcpin") and not is_own and not self.key
 
     @property
     def line_bit_s(self) -> int | None:
@@ -138,7 +150,7 @@ def parse_url(url: str) -> EndpointUrl:
             raise Refused(f"endpoint {url!r} names no host to send to")
         if port == 0:
             raise Refused(f"endpoint {url!r}: port 0 is for listening only")
-    return EndpointUrl(url=url, scheme=scheme, host=host or "0.0.0.0", port=port, **_options(url, options))
+    return EndpointUrl(url=url, scheme=scheme, host=host or LOOPBACK, port=port, **_options(url, options))
 
 
 class _Options(TypedDict, total=False):
@@ -183,7 +195,9 @@ def _serial_url(url: str, scheme: str, address: str, options: str) -> EndpointUr
     return EndpointUrl(url=url, scheme=scheme, device=device, baud=int(baud), **found)
 
 
-async def open_endpoint(url: str, loop: asyncio.AbstractEventLoop, on_data: OnData) -> Endpoint:
+async def open_endpoint(
+    url: str, loop: asyncio.AbstractEventLoop, on_data: OnData, *, pins_autopilot: bool = False
+) -> Endpoint:
     """Opens an endpoint.
 
     An address that cannot be had is refused at once. A peer or a device that is not there yet is waited for.
@@ -192,6 +206,7 @@ async def open_endpoint(url: str, loop: asyncio.AbstractEventLoop, on_data: OnDa
         url: as above.
         loop: the running loop, in wall time.
         on_data: told what comes in, always on the loop's thread.
+        pins_autopilot: where everyone is heard, a second peer that claims the id of an autopilot is not.
 
     Raises:
         Refused: the URL is wrong, the port is in use, the host has no address, with the reason.
@@ -199,7 +214,9 @@ async def open_endpoint(url: str, loop: asyncio.AbstractEventLoop, on_data: OnDa
     wanted = parse_url(url)
     match wanted.scheme:
         case "udpin":
-            return await UdpServerEndpoint.open(url, loop, on_data, wanted.host, wanted.port)
+            return await UdpServerEndpoint.open(
+                url, loop, on_data, wanted.host, wanted.port, pins_autopilot=pins_autopilot
+            )
         case "udpout":
             return await UdpClientEndpoint.open(url, loop, on_data, wanted.host, wanted.port)
         case "tcpin":

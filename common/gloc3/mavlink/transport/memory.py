@@ -50,6 +50,7 @@ class MemoryEnd:
     """One end of a link: an endpoint without a socket."""
 
     is_datagram = True
+    intruder = ""
     problem = ""
     local_port = None
 

@@ -65,6 +65,7 @@ class SerialEndpoint:
     """A serial line, opened again each second while the device is missing."""
 
     is_datagram = False
+    intruder = ""
     local_port = None
 
     def __init__(

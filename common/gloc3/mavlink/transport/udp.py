@@ -27,6 +27,12 @@ CHECK_SILENT_S: Final = 1.0
 """So often at most the silent peers are looked for."""
 PEER_EXPIRES_S: Final = 30.0
 """A peer that is silent for so long is not sent to any more, and makes room for another."""
+PINNED_S: Final = 3.0
+"""So long after it was heard last, an autopilot may be another peer: it has restarted with another port, or the way changed."""
+INTRUDER_TOLD_S: Final = 30.0
+"""So long after it was heard last, a second peer that claims an autopilot's id is told of."""
+AUTOPILOT: Final = 1
+"""MAV_COMP_ID_AUTOPILOT1."""
 _AROUND_1: Final = 8
 _AROUND_2: Final = 12
 """Bytes of a frame around its payload: header and checksum."""
@@ -38,6 +44,7 @@ class UdpEndpoint:
     """A UDP socket that never blocks, read until it is empty."""
 
     is_datagram = True
+    intruder = ""
 
     def __init__(self, url: str, loop: asyncio.AbstractEventLoop, on_data: Callable[[bytes], None]) -> None:
         self.url = url
@@ -100,19 +107,37 @@ class UdpEndpoint:
 class UdpServerEndpoint(UdpEndpoint):
     """Listens; sends to every peer heard from lately, and what is meant for one system only to the peers behind which it is."""
 
-    def __init__(self, url: str, loop: asyncio.AbstractEventLoop, on_data: Callable[[bytes], None]) -> None:
+    def __init__(
+        self,
+        url: str,
+        loop: asyncio.AbstractEventLoop,
+        on_data: Callable[[bytes], None],
+        *,
+        pins_autopilot: bool = False,
+    ) -> None:
         super().__init__(url, loop, on_data)
+        self._pins_autopilot = pins_autopilot
         self.unknown_refused = 0
         """Datagrams of peers for which there was no room."""
         self._received_s: dict[SocketAddress, float] = {}
+        self._pinned: dict[int, SocketAddress] = {}
+        """Where the autopilot of each system is heard from."""
+        self._intruder, self._intruder_s = "", -INTRUDER_TOLD_S
         self._checked_s = 0.0
         self._routes = PeerRoutes()
 
     @classmethod
     async def open(
-        cls, url: str, loop: asyncio.AbstractEventLoop, on_data: Callable[[bytes], None], host: str, port: int
+        cls,
+        url: str,
+        loop: asyncio.AbstractEventLoop,
+        on_data: Callable[[bytes], None],
+        host: str,
+        port: int,
+        *,
+        pins_autopilot: bool = False,
     ) -> UdpServerEndpoint:
-        """Binds the port.
+        """Binds the port; with `pins_autopilot` a second peer is not heard as an autopilot that a first one is.
 
         Raises:
             Refused: the port is in use or not allowed, or the host is none of ours.
@@ -124,7 +149,7 @@ class UdpServerEndpoint(UdpEndpoint):
         except OSError as error:
             opened.close()
             raise Refused(bind_failure(url, port, error)) from None
-        endpoint = cls(url, loop, on_data)
+        endpoint = cls(url, loop, on_data, pins_autopilot=pins_autopilot)
         endpoint._start(opened)
         return endpoint
 
@@ -140,6 +165,11 @@ class UdpServerEndpoint(UdpEndpoint):
         since_s = self._loop.time() - PEER_EXPIRES_S
         return any(received_s >= since_s for received_s in tuple(self._received_s.values()))
 
+    @property
+    def intruder(self) -> str:  # type: ignore[override]
+        """Who claims to be an autopilot that another peer is; empty where nobody has done so lately."""
+        return self._intruder if self._loop.time() < self._intruder_s + INTRUDER_TOLD_S else ""
+
     def send(self, data: bytes) -> None:
         """Sends one datagram to each peer that it is for."""
         peers = tuple(self._received_s)
@@ -152,10 +182,30 @@ class UdpServerEndpoint(UdpEndpoint):
         if sender not in self._received_s and not self._has_room():
             self.unknown_refused += 1
             return
-        self._received_s[sender] = self._loop.time()
+        now_s = self._loop.time()
+        if self._pins_autopilot and self._is_intruder(data, sender, now_s):
+            return
+        self._received_s[sender] = now_s
         self._routes.learn(sender, data)
         self.bytes_received += len(data)
         self._on_data(data)
+
+    def _is_intruder(self, data: bytes, sender: SocketAddress, now_s: float) -> bool:
+        """Whether a peer speaks as an autopilot that is heard from another one: the first counts as the true one."""
+        for system, component in senders_in(data):
+            if component != AUTOPILOT or (pinned := self._pinned.setdefault(system, sender)) == sender:
+                continue
+            if now_s - self._received_s.get(pinned, -PINNED_S) >= PINNED_S:
+                self._pinned[system] = sender
+                continue
+            self._intruder = (
+                f"{sender[0]}:{sender[1]} claims to be autopilot {system}/{component}, which is heard from "
+                f"{pinned[0]}:{pinned[1]}: what the second one sends is dropped; give each vehicle an id and a port of its own"
+            )
+            self._intruder_s = now_s
+            self.dropped += 1
+            return True
+        return False
 
     def _has_room(self) -> bool:
         if len(self._received_s) >= MOST_PEERS:
@@ -227,7 +277,7 @@ class PeerRoutes:
         size = len(datagram)
         if size >= _AROUND_2 and datagram[0] == MAGIC_2 and size == datagram[1] + _AROUND_2 and datagram[5] in known:
             return  # one plain frame of a known system, as nearly all are
-        self._systems[peer] = known.union(systems_in(datagram))
+        self._systems[peer] = known.union(system for system, _ in senders_in(datagram))
 
     def remove(self, peer: SocketAddress) -> None:
         """Removes a peer."""
@@ -243,16 +293,16 @@ class PeerRoutes:
         return found if targets <= known else peers
 
 
-def systems_in(datagram: bytes) -> Iterator[int]:
-    """The systems that the frames of a datagram come from; what is damaged ends the search."""
+def senders_in(datagram: bytes) -> Iterator[tuple[int, int]]:
+    """System and component of each frame of a datagram; what is damaged ends the search."""
     at, size = 0, len(datagram)
     while at + _AROUND_1 <= size:
         length = datagram[at + 1]
         if datagram[at] == MAGIC_2 and at + _AROUND_2 <= size:
-            yield datagram[at + 5]
+            yield datagram[at + 5], datagram[at + 6]
             at += length + _AROUND_2 + (SIGNATURE_LENGTH if datagram[at + 2] & SIGNED else 0)
         elif datagram[at] == MAGIC_1:
-            yield datagram[at + 3]
+            yield datagram[at + 3], datagram[at + 4]
             at += length + _AROUND_1
         else:
             return

@@ -36,7 +36,17 @@ class PolicyCondition(StrEnum):
 class PolicyManoeuvre:
     """A policy that is being carried out."""
 
-    __slots__ = ("again_s", "assignment", "cause", "contingency", "land_at_s", "policy", "problem", "program")
+    __slots__ = (
+        "again_s",
+        "assignment",
+        "cause",
+        "contingency",
+        "is_awaited",
+        "land_at_s",
+        "policy",
+        "problem",
+        "program",
+    )
 
     def __init__(self, policy: Policy, cause: str) -> None:
         self.policy = policy
@@ -48,6 +58,8 @@ class PolicyManoeuvre:
         """The action that is under way for it."""
         self.again_s: float | None = None
         """When its action is tried again."""
+        self.is_awaited = False
+        """Whether what is needed for it is missing, and waited for until `again_s`."""
         self.problem = ""
         """Why it could not be begun last; told once."""
         self.contingency: Contingency | None = None

@@ -127,7 +127,11 @@ class Headless:
         except TimeoutError:
             who = wanted or "a platform"
             others = ", ".join(platform.name for platform in self._station.fleet)
-            hint = f"heard: {others}" if others else "is it running, and does its link lead here?"
+            hint = (
+                f"heard: {others}"
+                if others
+                else "is it running, and does its link lead here? --link udpin://0.0.0.0:14550 hears a network"
+            )
             raise NoContact(f"{who} was not heard within {duration(wait_s)}; {hint}") from None
 
     def _changed(self, before: Fleet, after: Fleet, now_s: float) -> None:

@@ -84,6 +84,8 @@ class Links:
             key=key,
         )
         links.append(self._begin(endpoint, settings))
+        if warning := wanted.warning(is_signed=key is not None):
+            self._context.report(warning)
 
     def attach(self, end: MemoryEnd) -> StationLinkCore:
         """Opens a link in memory, as flights in virtual time have it."""

@@ -146,7 +146,7 @@ class OnboardProcess:
         options, vehicle = self._options, self.vehicle
         await self._open(options.autopilot, vehicle.attach_autopilot(), pins_autopilot=True)
         for url in options.stations:
-            await self._open(url, vehicle.attach_station(url))
+            await self._open(url, vehicle.attach_station(url), is_signed=options.signing_key is not None)
         if options.acoustic:
             await self._open(options.acoustic, vehicle.attach_modem(key_of(options.acoustic)))
         await self._loop.run_in_executor(None, self._computer.measure)
@@ -158,13 +158,14 @@ class OnboardProcess:
         count, name = len(self.platform.components), self.platform.platform
         self.narrate(Severity.INFO, f"{name}: {count} components; log in {self._storage.log}")
 
-    async def _open(self, url: str, attachment: Attachment, *, pins_autopilot: bool = False) -> None:
+    async def _open(
+        self, url: str, attachment: Attachment, *, is_signed: bool = False, pins_autopilot: bool = False
+    ) -> None:
         endpoint = await open_endpoint(url, self._loop, attachment.receive, pins_autopilot=pins_autopilot)
         self._endpoints.append(endpoint)
         attachment.open(endpoint)
-        if parse_url(url).is_open:
-            text = "is open to the network and not signed: it takes orders from whoever reaches it; add ?key=FILE"
-            self.narrate(Severity.WARNING, f"{url} {text}, or listen on 127.0.0.1")
+        if warning := parse_url(url).warning(is_signed=is_signed):
+            self.narrate(Severity.WARNING, warning)
 
     @property
     def hosts(self) -> Mapping[str, ComponentHost]:

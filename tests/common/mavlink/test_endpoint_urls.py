@@ -79,3 +79,20 @@ def test_bad_urls_are_refused_with_the_reason(url: str, reason: str) -> None:
 def test_what_leaves_by_a_link_stays_below_what_its_radio_carries(url: str, line_bit_s: int | None) -> None:
     assert parse_url(url).line_bit_s == line_bit_s
     assert parse_url(url).address == url.partition("?")[0]
+
+
+@pytest.mark.parametrize(
+    ("url", "is_signed", "is_told"),
+    [
+        ("udpin://0.0.0.0:14550", False, True),
+        ("tcpin://192.168.1.10:5760", False, True),
+        ("udpin://0.0.0.0:14550", True, False),
+        ("udpin://0.0.0.0:14550?key=a.key", False, False),
+        ("udpin://:14550", False, False),
+        ("tcpin://localhost:5760", False, False),
+        ("udpout://192.168.1.10:14550", False, False),
+        ("serial:///dev/ttyUSB0", False, False),
+    ],
+)
+def test_a_link_that_a_network_reaches_without_a_key_is_told(url: str, is_signed: bool, is_told: bool) -> None:
+    assert ("open to the network and not signed" in parse_url(url).warning(is_signed=is_signed)) is is_told

@@ -134,12 +134,17 @@ def test_a_serial_line_is_used_at_its_rate() -> None:
 
 
 @pytest.mark.sockets
-async def test_links_are_opened_described_and_closed() -> None:
-    loop = asyncio.get_running_loop()
-    links = Links(LinkContext(loop=loop, exchange=LocalExchange(), topics=TOPICS, boot=1))
+async def test_links_are_opened_described_and_closed_and_one_to_a_network_without_a_key_is_told() -> None:
+    loop, told = asyncio.get_running_loop(), list[str]()
+    links = Links(LinkContext(loop=loop, exchange=LocalExchange(), topics=TOPICS, boot=1, report=told.append))
     try:
         await links.add("udpin://127.0.0.1:0")
-        assert links.describe() == "udpin://127.0.0.1:0"
+        assert (links.describe(), told) == ("udpin://127.0.0.1:0", [])
+        await links.add("udpin://0.0.0.0:0")
+        (only,) = told
+        assert only.startswith(
+            "udpin://0.0.0.0:0 is open to the network and not signed: whoever reaches it is believed"
+        )
     finally:
         await links.close()
 

@@ -102,11 +102,19 @@ class EndpointUrl(msgspec.Struct, frozen=True, kw_only=True):
         """The URL without what is known of the link."""
         return self.url.partition("?")[0]
 
-    @property
-    def is_open(self) -> bool:
-        """Whether whoever reaches this computer over a network can speak here, and nothing tells who it is."""
-        is_own = self.host == "localhost" or self.host == "::1" or self.host.startswith("127.")
-        return self.scheme in ("udpin", "tcpin") and not is_own and not self.key
+    def warning(self, *, is_signed: bool) -> str:
+        """What is to be said of a link on which a network is heard and nothing tells who speaks; empty for others.
+
+        Args:
+            is_signed: whether it has a signing key; its own counts by itself.
+        """
+        is_own = self.host in ("localhost", "::1") or self.host.startswith("127.")
+        if self.scheme not in ("udpin", "tcpin") or is_own or is_signed or self.key:
+            return ""
+        return (
+            f"{self.address} is open to the network and not signed: whoever reaches it is believed; "
+            "add ?key=FILE, or listen on 127.0.0.1"
+        )
 
     @property
     def line_bit_s(self) -> int | None:

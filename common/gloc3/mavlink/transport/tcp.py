@@ -27,6 +27,8 @@ def _text(error: Exception) -> str:
 class _TcpEndpoint:
     """What both have in common."""
 
+    intruder = ""
+
     def __init__(self, url: str, loop: asyncio.AbstractEventLoop, on_data: Callable[[bytes], None]) -> None:
         self.url = url
         self.bytes_received = 0
@@ -70,7 +72,6 @@ class TcpServerEndpoint(_TcpEndpoint):
     """Listens for clients. Their streams are kept apart: what is passed on are whole frames."""
 
     is_datagram = True
-    intruder = ""
 
     def __init__(self, url: str, loop: asyncio.AbstractEventLoop, on_data: Callable[[bytes], None]) -> None:
         super().__init__(url, loop, on_data)
@@ -148,7 +149,6 @@ class TcpClientEndpoint(_TcpEndpoint):
     """Connects to a server, and tries again each second while there is none."""
 
     is_datagram = False
-    intruder = ""
     local_port = None
 
     def __init__(

@@ -41,10 +41,9 @@ SocketAddress: TypeAlias = tuple[Any, ...]
 
 
 class UdpEndpoint:
-    """A UDP socket that never blocks, read until it is empty."""
+    """A UDP socket that never blocks."""
 
     is_datagram = True
-    intruder = ""
 
     def __init__(self, url: str, loop: asyncio.AbstractEventLoop, on_data: Callable[[bytes], None]) -> None:
         self.url = url
@@ -56,6 +55,11 @@ class UdpEndpoint:
         self._on_data = on_data
         self._socket: socket.socket | None = None
         self._read_s = 0.0
+
+    @property
+    def intruder(self) -> str:
+        """Nobody where peers are not told apart."""
+        return ""
 
     @property
     def local_port(self) -> int | None:
@@ -166,7 +170,7 @@ class UdpServerEndpoint(UdpEndpoint):
         return any(received_s >= since_s for received_s in tuple(self._received_s.values()))
 
     @property
-    def intruder(self) -> str:  # type: ignore[override]
+    def intruder(self) -> str:
         """Who claims to be an autopilot that another peer is; empty where nobody has done so lately."""
         return self._intruder if self._loop.time() < self._intruder_s + INTRUDER_TOLD_S else ""
 
@@ -198,10 +202,11 @@ class UdpServerEndpoint(UdpEndpoint):
             if now_s - self._received_s.get(pinned, -PINNED_S) >= PINNED_S:
                 self._pinned[system] = sender
                 continue
-            self._intruder = (
-                f"{sender[0]}:{sender[1]} claims to be autopilot {system}/{component}, which is heard from "
-                f"{pinned[0]}:{pinned[1]}: what the second one sends is dropped; give each vehicle an id and a port of its own"
-            )
+            if not self.intruder:  # one that changes its port all the time is told once
+                self._intruder = (
+                    f"{sender[0]}:{sender[1]} claims to be autopilot {system}/{component}, which is heard from {pinned[0]}:"
+                    f"{pinned[1]}: what the second one sends is dropped; give each vehicle an id and a port of its own"
+                )
             self._intruder_s = now_s
             self.dropped += 1
             return True

@@ -41,7 +41,6 @@ class PolicyManoeuvre:
         "assignment",
         "cause",
         "contingency",
-        "is_awaited",
         "land_at_s",
         "policy",
         "problem",
@@ -58,8 +57,6 @@ class PolicyManoeuvre:
         """The action that is under way for it."""
         self.again_s: float | None = None
         """When its action is tried again."""
-        self.is_awaited = False
-        """Whether what is needed for it is missing, and waited for until `again_s`."""
         self.problem = ""
         """Why it could not be begun last; told once."""
         self.contingency: Contingency | None = None

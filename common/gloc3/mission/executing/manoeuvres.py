@@ -141,14 +141,11 @@ def advance(board: Board, now_s: float) -> None:
     elif manoeuvre.again_s is not None and manoeuvre.assignment is None:
         name, order = _CAPABILITY[manoeuvre.policy]
         row = board.rows.get(name)
-        is_back = manoeuvre.is_awaited and name not in board.missing
-        if now_s < manoeuvre.again_s and not is_back:
+        if manoeuvre.policy is Policy.RETURN and row is not None:  # who performs it may come back in a moment
+            manoeuvre.again_s = board.missing.since_s.get(name, -inf) + TIMEOUT_S
+        if now_s < manoeuvre.again_s:
             return
-        until_s = board.missing.since_s.get(name, -inf) + TIMEOUT_S
-        if row is not None and manoeuvre.policy is Policy.RETURN and now_s < until_s:
-            manoeuvre.is_awaited, manoeuvre.again_s = True, until_s
-            return
-        manoeuvre.is_awaited, manoeuvre.again_s = False, None
+        manoeuvre.again_s = None
         if row is None or name in board.missing:
             missing = board.missing.words(name) or "the platform cannot do it"
             _fall_back(board, manoeuvre, f"{name} is not available ({missing})", now_s)
@@ -173,7 +170,7 @@ def ended(board: Board, assignment: Assignment, state: ActionState, reason: str,
     manoeuvre.assignment = None
     board.is_changed = True
     if manoeuvre.policy is Policy.RETURN and state is not ActionState.DONE and "return_home" in board.missing:
-        manoeuvre.again_s = now_s  # who performs it may come back in a moment
+        manoeuvre.again_s = now_s
     elif state is not ActionState.DONE:
         _fall_back(board, manoeuvre, f"{assignment.label} {state}: {reason}", now_s)
     elif manoeuvre.policy is Policy.RETURN:

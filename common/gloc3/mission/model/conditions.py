@@ -85,12 +85,12 @@ class Condition(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         given = [name for name in self.__struct_encode_fields__ if self._part(name) is not None]
         if len(given) != 1:
             raise ValueError(f"a condition has exactly one key, not {len(given)}: use all or any for several")
-        for name, quantity in QUANTITIES.items():
+        (name,) = given
+        if name in QUANTITIES and QUANTITIES[name].unit == "%":
             wanted = getattr(self, name)
-            if wanted is not None and quantity.unit == "%":
-                wrong = [one for one in (wanted.above, wanted.below) if one is not None and not 0.0 <= one <= 1.0]
-                if wrong:
-                    raise ValueError(f"{name} is a share, 0 to 1: write {wrong[0] / 100.0:g} for {wrong[0]:g} %")
+            for value in (wanted.above, wanted.below):
+                if value is not None and not 0.0 <= value <= 1.0:
+                    raise ValueError(f"{name} is a share, 0 to 1: write {value / 100.0:g} for {value:g} %")
 
     def _part(self, name: str) -> Any:
         return getattr(self, "not_" if name == "not" else name)

@@ -61,8 +61,9 @@ def vehicle_line(view: StationView, platform: PlatformSnapshot, width: int) -> L
 
 def waiting_lines(view: StationView) -> list[Line]:
     """What is waited for, and what to do about it."""
-    hint = "Is gloc3 onboard running, and does its link lead here?"
-    return [EMPTY, (Span(f" Waiting for a platform on {view.waiting_for}."),), (Span(f" {hint}", Tone.DIM),)]
+    hints = ("Is gloc3 onboard running, and does its link lead here?", "--link udpin://0.0.0.0:14550 hears a network.")
+    waiting = (Span(f" Waiting for a platform on {view.waiting_for}."),)
+    return [EMPTY, waiting, *((Span(f" {hint}", Tone.DIM),) for hint in hints)]
 
 
 def detail_lines(view: StationView) -> list[Line]:

@@ -5,9 +5,10 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager, suppress
 from typing import Final
 
-from gloc3.errors import NoContact
+from gloc3.errors import Gloc3Error, NoContact
 from gloc3.exchange.base import Unsubscribe
 from gloc3_groundstation.cli.narration import ChangeNarrator, NarrationLine
+from gloc3_groundstation.cli.script import ScriptCommand
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.desk.flights import End
 from gloc3_groundstation.missions.plans import CheckedPlan
@@ -45,6 +46,17 @@ class Headless:
         self._loop = asyncio.get_running_loop()
         self._unlisten: Unsubscribe = lambda: None
         self._timer: asyncio.TimerHandle | None = None
+        self._commands: list[ScriptCommand] = []
+        self._flying: tuple[Sequence[str], float] | None = None
+        """The platforms whose mission has been started, and when."""
+        self._waiting: list[asyncio.TimerHandle] = []
+        """The commands whose time has not come."""
+        self._sent: set[asyncio.Task[None]] = set()
+
+    def command(self, command: ScriptCommand) -> None:
+        """Has a command sent at its time after the start of the mission; at once where that is over."""
+        self._commands.append(command)
+        self._send_due()
 
     async def fly(self, plan: CheckedPlan, wait_s: float, override: str = "", author: str = "") -> End:
         """Flies a mission to its end.
@@ -68,7 +80,10 @@ class Headless:
                     self.narrate(f"{name} still lacks {', '.join(missing)}; the vehicle decides whether it starts")
             await flights.stream_to_all(station, names, plan)
             began_s = station.now_s()
-            end = await flights.follow_all(station, await flights.start_all(station, names, override, author))
+            followers = await flights.start_all(station, names, override, author)
+            self._flying = names, station.now_s()
+            self._send_due()
+            end = await flights.follow_all(station, followers)
             used = duration(station.now_s() - began_s)
             await self._catch_up(names)
             reason = f" ({end.reason})" if end.reason else ""
@@ -80,6 +95,43 @@ class Headless:
             return end
         finally:
             self.close()
+
+    def _send_due(self) -> None:
+        """Sets the time of each command, once there is a mission to command."""
+        if self._flying is None:
+            return
+        names, started_s = self._flying
+        for command in self._commands:
+            wait_s = max(0.0, started_s + command.at_s - self._station.now_s())
+            self._waiting.append(self._loop.call_later(wait_s, self._send, command, names))
+        self._commands.clear()
+
+    def _send(self, command: ScriptCommand, names: Sequence[str]) -> None:
+        sent = self._loop.create_task(self._carry_out(command, names))
+        self._sent.add(sent)
+        sent.add_done_callback(self._sent.discard)
+
+    async def _carry_out(self, command: ScriptCommand, names: Sequence[str]) -> None:
+        """Sends a command to each platform that it concerns, and tells what became of it."""
+        station = self._station
+        for name in self._concerned(names, command.target):
+            reason = ""
+            try:
+                await station.client.steer(name, command.verb, command.target)
+            except Gloc3Error as error:
+                reason = str(error)
+            outcome = f"refused: {reason}" if reason else "accepted"
+            data = {"verb": command.verb, "target": command.target, "is_accepted": not reason, "reason": reason}
+            text = f"{'warning: ' if reason else ''}{command}: {outcome}"
+            self._report(self._narrator.line(name, "command", text, station.now_s(), data))
+
+    def _concerned(self, names: Sequence[str], target: str) -> Sequence[str]:
+        """The platforms whose part of the mission has the target; all where it is the mission, or nobody's."""
+        parts = {name: self._station.fleet.get(name) for name in names}
+        having = [
+            name for name, known in parts.items() if known and known.mission and target in known.mission.value.tasks
+        ]
+        return having or names
 
     async def _catch_up(self, names: Sequence[str]) -> None:
         """Waits for what happened out of contact, where the end was heard at a contact."""
@@ -105,8 +157,12 @@ class Headless:
             self.close()
 
     def close(self) -> None:
-        """Tells nothing more."""
+        """Tells and commands nothing more."""
         self._unlisten()
+        for waiting in self._waiting:
+            waiting.cancel()
+        for sent in self._sent:
+            sent.cancel()
         if self._timer is not None:
             self._timer.cancel()
 

@@ -20,7 +20,7 @@ class NarrationLine(msgspec.Struct, frozen=True, kw_only=True):
     """Seconds since the station's start."""
     platform: str
     kind: str
-    """`event`, `vehicle`, `component`, `mission`, `task`, `action`, `progress` or `result`."""
+    """`event`, `vehicle`, `component`, `mission`, `task`, `action`, `progress`, `command` or `result`."""
     text: str
     data: dict[str, Any] = {}
 

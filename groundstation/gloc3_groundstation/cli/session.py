@@ -5,8 +5,8 @@ import gc
 import getpass
 import os
 import signal
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager
 from typing import TYPE_CHECKING, Final
 
 import msgspec
@@ -18,6 +18,7 @@ from gloc3.messages.envelope import Severity
 from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.cli.headless import Headless
 from gloc3_groundstation.cli.narration import NarrationLine
+from gloc3_groundstation.cli.script import ScriptCommand, parse_command, read_lines
 from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.station import Station
@@ -59,6 +60,10 @@ class HeadlessOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Why the mission shall start although checks are red; empty to have it refused then."""
     is_at_contact: bool = False
     """Brings the mission over at the next contact, however long that takes, and starts nothing."""
+    commands: tuple[ScriptCommand, ...] = ()
+    """Sent at their times after the start."""
+    commands_from: int | None = None
+    """A file descriptor from which further commands are read, a line each; None for none."""
 
 
 class TerminalOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -117,11 +122,12 @@ class Session:
             loop = asyncio.get_running_loop()
             for number in (signal.SIGINT, signal.SIGTERM):
                 loop.add_signal_handler(number, work.cancel)
-            try:
-                return await work or 0
-            except asyncio.CancelledError:
-                run.narrate(wording.farewell(ground.station.fleet))
-                return 0 if requested.plan is None else INTERRUPTED
+            with _commanded(run, options):
+                try:
+                    return await work or 0
+                except asyncio.CancelledError:
+                    run.narrate(wording.farewell(ground.station.fleet))
+                    return 0 if requested.plan is None else INTERRUPTED
 
     async def show(self, options: TerminalOptions, keep: Callable[[Configuration], bool]) -> int:
         """Opens the terminal.
@@ -222,6 +228,28 @@ class Session:
             if view is not None:
                 view.close()
             await ground.close()
+
+
+@contextmanager
+def _commanded(run: Headless, options: HeadlessOptions) -> Iterator[None]:
+    """The commands of the script, of which a line that is none is told and passed over."""
+
+    def receive(line: str) -> None:
+        try:
+            run.command(parse_command(line))
+        except Refused as refusal:
+            run.narrate(f"warning: {refusal}")
+
+    for command in options.commands:
+        run.command(command)
+    if options.commands_from is None:
+        yield
+        return
+    stop = read_lines(asyncio.get_running_loop(), options.commands_from, receive)
+    try:
+        yield
+    finally:
+        stop()
 
 
 @asynccontextmanager

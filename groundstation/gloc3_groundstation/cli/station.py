@@ -13,6 +13,7 @@ from cyclopts import App, Parameter
 from gloc3.cli.narration import narrate
 from gloc3.errors import InputError, Refused
 from gloc3.mission.examples import find_mission
+from gloc3_groundstation.cli.script import parse_command
 from gloc3_groundstation.missions.plans import CheckedPlan, read_plan
 from gloc3_groundstation.web.server import HOST, PORT, WebOptions
 
@@ -44,6 +45,7 @@ app = App(
     - `gloc3 station`: watch all vehicles in reach
     - `gloc3 station --mission inspection`: stream a mission; the key s starts it
     - `gloc3 station --headless --mission my.yaml --json`: fly it from a script; stdout is data, stderr is narration
+    - `gloc3 station --headless --mission my.yaml --command pause@30s --command resume@40s`: command it from a script
     - `gloc3 station --link serial:///dev/ttyUSB0:57600`: over a telemetry radio
     - `gloc3 station --web`: in a browser, with the same keys
 
@@ -81,6 +83,12 @@ class StationOptions:
     override: str = ""
     """With --headless: the reason to start the mission although pre-flight checks are red; it is logged onboard
     with your name."""
+    command: Annotated[list[str] | None, Parameter(negative=())] = None
+    """With --headless and a --mission: sends VERB [TASK[.ACTION]] at @SECONDS after the start, such as "pause@30s",
+    "resume@40s", "skip sweep.wall@60s" or "abort@90s"; may be given again. A refusal is told and ends nothing."""
+    commands: Annotated[bool, FLAG] = False
+    """With --headless and a --mission: reads such commands as lines from stdin. Without @SECONDS they are sent as they
+    come, at the start at the earliest."""
     at_contact: Annotated[bool, FLAG] = False
     """With --headless: stream the mission at the next contact with --platform, without a time limit, and do not
     start it. In the terminal the key u queues it while the vehicle is out of contact."""
@@ -163,7 +171,13 @@ def station(options: StationOptions = StationOptions()) -> int:
     )
     session = Session(setup, requested)
     if options.headless:
-        run = HeadlessOptions(wait_s=options.wait, override=options.override, is_at_contact=options.at_contact)
+        run = HeadlessOptions(
+            wait_s=options.wait,
+            override=options.override,
+            is_at_contact=options.at_contact,
+            commands=tuple(parse_command(text) for text in options.command or ()),
+            commands_from=sys.stdin.fileno() if options.commands else None,
+        )
         return asyncio.run(session.narrate(run, data=_print_json if options.json else None))
     page = WebOptions(host=options.web_host, port=options.web_port) if options.web else None
     shown = TerminalOptions(is_starting=options.start, is_closing=options.exit_when_done, web=page, opens=opens)
@@ -185,6 +199,10 @@ def _check(options: StationOptions) -> None:
         raise Refused("--start and --exit-when-done need a --mission")
     if options.at_contact and not (is_flying and options.platform is not None):
         raise Refused("--at-contact goes with --headless, a --mission and a --platform")
+    if (options.command or options.commands) and (not is_flying or options.at_contact):
+        raise Refused("--command and --commands go with --headless and a --mission that is started")
+    for text in options.command or ():
+        parse_command(text)
     if not 0.0 < options.wait < float("inf"):
         raise Refused("--wait must be above 0 seconds")
     if options.station_id is not None and not 200 <= options.station_id <= 255:

@@ -17,6 +17,8 @@ def run(*arguments: str) -> object:
     [
         (["--json"], "--json goes with --headless"),
         (["--start"], "need a --mission"),
+        (["--headless", "--command", "pause@3s"], "--command and --commands go with --headless and a --mission"),
+        (["--headless", "--mission", "hop", "--command", "hover@3s"], "'hover@3s' is no command; one is VERB"),
         (["--headless", "--wait", "0"], "--wait must be above 0"),
         (["--headless", "--station-id", "1"], "--station-id must be from 200 to 255"),
         (["--headless", "--mission", "nowhere.yaml"], "there is no mission file 'nowhere.yaml'"),

@@ -8,6 +8,7 @@ from tests.flight.missions import mission
 
 from gloc3.mavlink.codec import MavlinkMessage
 from gloc3.store import MemoryRecords
+from gloc3_groundstation.station.fleet import INTERFACE_RESTARTED, RESTARTED
 from gloc3_onboard.companion.station_link import ONBOARD_CONTROLLER
 
 HOME_M = 0.3
@@ -37,6 +38,9 @@ def test_a_server_that_fails_in_flight_comes_back_and_the_mission_goes_on_by_on_
     flight.until(lambda: flight.lci("command_server") == "faulty", 1.0, "it is faulty")
     flight.await_component("command_server", "working", 3.0)
     flight.await_state("mission", "done", 40.0)
+    texts = [event.text for event in flight.flight.station.fleet.events]
+    assert INTERFACE_RESTARTED in texts
+    assert RESTARTED not in texts
     assert flight.position_m[0] == pytest.approx(8.0, abs=HOME_M)
     assert not flight.driver.has_pilot_control
 

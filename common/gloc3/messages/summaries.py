@@ -80,6 +80,10 @@ class ComponentTable(Message, frozen=True):
     """Of the platform's software."""
     protocol: str = ""
     """The hash of what it speaks, `gloc3.messages.software`."""
+    process: int = 0
+    """A random number of the onboard process, which its command interface keeps when it alone begins again; 0: not told."""
+    platform: str = ""
+    """The digest of what missions are checked against, `Platform.digest`; empty: not told."""
 
 
 class ComponentTrouble(Message, frozen=True):

@@ -23,17 +23,22 @@ def platform_files() -> dict[str, Path]:
     return _installed("*.yaml")
 
 
+def installed_platforms(name: str) -> list[Path]:
+    """The files of that name in all installed packages; `platform_files` has the last one."""
+    return [folder / f"{name}.yaml" for folder in _folders() if (folder / f"{name}.yaml").is_file()]
+
+
 def base_files() -> dict[str, Path]:
     """The files that a platform file can extend by their names: the bases of installed packages, and their platforms."""
     return platform_files() | _installed(f"{BASES}/*.yaml")
 
 
 def _installed(pattern: str) -> dict[str, Path]:
-    known: dict[str, Path] = {}
-    for point in installed_points("gloc3.platforms"):
-        for folder in point.load().__path__:
-            known.update({file.stem: file for file in sorted(Path(folder).glob(pattern))})
-    return known
+    return {file.stem: file for folder in _folders() for file in sorted(folder.glob(pattern))}
+
+
+def _folders() -> list[Path]:
+    return [Path(folder) for point in installed_points("gloc3.platforms") for folder in point.load().__path__]
 
 
 def completed(document: Document, extending: tuple[Path, ...] = ()) -> Document:

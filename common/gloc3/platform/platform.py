@@ -1,5 +1,6 @@
 """The platform file: what a vehicle is, can do, is limited to, and which components make it up."""
 
+from hashlib import blake2s
 from typing import Annotated, Literal
 
 import msgspec
@@ -126,6 +127,21 @@ class Platform(PlatformRow, frozen=True, kw_only=True):
     def local_frames(self) -> dict[str, LocalFrame]:
         """The frames by name."""
         return {name: row.frame() for name, row in self.frames.items()}
+
+    def digest(self) -> str:
+        """A digest of what missions are checked against: two files that agree in it allow the same missions."""
+        names = [row.name for row in self.components]
+        checked = (
+            self.vehicle,
+            self.arm,
+            self.frames,
+            self.limits,
+            self.power,
+            self.failsafes,
+            self.capabilities,
+            names,
+        )
+        return blake2s(msgspec.json.encode(checked, order="sorted"), digest_size=6).hexdigest()
 
     def component(self, name: str) -> ComponentRow | None:
         """The row of a component."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from gloc3.documents import schema
 from gloc3.documents.document import Document, dump_rows, load_bytes, parse
 from gloc3.errors import Finding, InputError, NotFound, nearest
-from gloc3.platform.bases import completed, platform_files
+from gloc3.platform.bases import completed, installed_platforms, platform_files
 from gloc3.platform.check import findings_of
 from gloc3.platform.platform import Platform
 
@@ -24,7 +24,24 @@ def load_platform(
         InputError: with everything that is wrong in it.
     """
     path = find_platform(name)
+    if warn is not None:
+        for finding in namesakes(name):
+            warn(finding)
     return read_platform(load_bytes(path), str(path), is_loading_classes=is_loading_classes, devices=devices, warn=warn)
+
+
+def namesakes(name: str) -> list[Finding]:
+    """Other files of the name by which an installed platform was asked for: beside the reader, and in other packages."""
+    used = platform_files().get(name)
+    if used is None or Path(name).is_file():
+        return []
+    others = [Path(f"./{name}.yaml"), *installed_platforms(name)]
+    message, hint = f"is not used: {used} is installed under this name, too", "give the file's path to use it"
+    return [
+        Finding(file=str(other), message=message, hint=hint, is_warning=True)
+        for other in others
+        if other.is_file() and not other.samefile(used)
+    ]
 
 
 def find_platform(name: str) -> Path:

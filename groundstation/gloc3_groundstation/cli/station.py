@@ -71,7 +71,8 @@ class StationOptions:
     may be given again. Default: those of the configuration file, else udpin://127.0.0.1:14550, which hears this
     computer alone; udpin://0.0.0.0:14550 hears the network."""
     platform: str | None = None
-    """The platform to command, by name; otherwise the first that is heard."""
+    """The platform to command, by name; otherwise the first that is heard. With its platform file instead, the mission
+    is checked by that file, too."""
     headless: Annotated[bool, FLAG] = False
     """No terminal: narrate on stderr. Without --mission it watches until Ctrl-C."""
     json: Annotated[bool, FLAG] = False
@@ -142,7 +143,7 @@ def station(options: StationOptions = StationOptions()) -> int:
     if options.mission is not None:
         find_mission(options.mission)  # a name that nothing has is wrong use; what is wrong in a file is not
         try:
-            plan = read_plan(options.mission, options.platform)
+            plan = _read(options.mission, options.platform)
         except InputError as error:
             if options.headless or options.start or options.exit_when_done:
                 narrate(f"{error}\nthe mission did not pass the check")
@@ -163,7 +164,7 @@ def station(options: StationOptions = StationOptions()) -> int:
     requested = SessionOptions(
         urls=tuple(options.link or ([] if setup.network is not None else configuration.links)),
         modems=modems,
-        platform=options.platform,
+        platform=_name_of(options.platform),
         plan=plan,
         configuration=configuration,
         problem=problem,
@@ -182,6 +183,39 @@ def station(options: StationOptions = StationOptions()) -> int:
     page = WebOptions(host=options.web_host, port=options.web_port) if options.web else None
     shown = TerminalOptions(is_starting=options.start, is_closing=options.exit_when_done, web=page, opens=opens)
     return asyncio.run(session.show(shown, keep=file.write))
+
+
+def _read(mission: str, platform: str | None) -> CheckedPlan:
+    """The mission, checked for the platform as far as that is known before it is heard.
+
+    The vehicle may have another file of the name that is installed here: then only that one can refuse the mission.
+
+    Raises:
+        InputError: it may not fly.
+    """
+    try:
+        return read_plan(mission, platform)
+    except InputError as error:
+        if platform is None or Path(platform).is_file():
+            raise
+        plan = read_plan(mission)
+        narrate(
+            f"{error}\nwarning: this is by the platform file {platform} that is installed here; the vehicle's own decides"
+        )
+        return plan
+
+
+def _name_of(platform: str | None) -> str | None:
+    """The name of a platform that was given by its name or file.
+
+    Raises:
+        InputError: the file has mistakes.
+    """
+    if platform is None or not Path(platform).is_file():
+        return platform
+    from gloc3.platform.reader import load_platform
+
+    return load_platform(platform).platform
 
 
 def _check(options: StationOptions) -> None:

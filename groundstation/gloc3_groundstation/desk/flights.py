@@ -134,7 +134,10 @@ async def stream(station: Station, platform: str, plan: CheckedPlan) -> None:
         InputError: it may not fly there; otherwise as `CommandClient.upload`.
     """
     received = station.fleet.get(platform)
-    plan = recheck(plan, platform, received.component_names if received is not None else ())
+    if received is not None:
+        plan = recheck(plan, platform, received.component_names, received.platform_digest)
+    else:
+        plan = recheck(plan, platform)
     for warning in plan.warnings:
         station.note(platform, Severity.WARNING, warning)
     await request_control(station, platform)

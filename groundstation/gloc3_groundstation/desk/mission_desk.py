@@ -46,7 +46,7 @@ class MissionDesk:
         self._plan = plan
         self._outlines: dict[str, Outline] = {}
         self._requested_s: dict[tuple[str, str], float] = {}
-        self._platforms: dict[tuple[str, tuple[str, ...]], Platform | None] = {}
+        self._platforms: dict[tuple[str, tuple[str, ...], str], Platform | None] = {}
         if plan is not None:
             self.draft = drafts.checked(
                 Draft(
@@ -179,7 +179,7 @@ class MissionDesk:
         if name is None:
             return None
         received = self.station.fleet.get(name)
-        key = name, received.component_names if received is not None else ()
+        key = (name, received.component_names, received.platform_digest) if received is not None else (name, (), "")
         if key not in self._platforms:
             try:
                 self._platforms[key] = known_platform(*key)

@@ -1,8 +1,9 @@
 """Reads and checks a mission file, as far as the platform is known here."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Final
 
 import msgspec
 
@@ -14,6 +15,8 @@ from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, mission_text
 from gloc3.platform.bases import platform_files
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import find_platform, load_platform
+
+OTHER_FILE: Final = "the platform file of {0} differs from {1}: only {0} itself checks the mission"
 
 
 class CheckedPlan(msgspec.Struct, frozen=True, kw_only=True):
@@ -32,6 +35,8 @@ class CheckedPlan(msgspec.Struct, frozen=True, kw_only=True):
     """Those that its tasks name, where it is for several; it is streamed to all of them."""
     warnings: tuple[str, ...] = ()
     """Found against the platform's file; nothing where that is not installed here."""
+    platform_file: str = ""
+    """The file of the platform that was named for the check; empty where none was, or an installed one by its name."""
 
 
 def read_plan(name: str, platform: str | None = None, components: Collection[str] = ()) -> CheckedPlan:
@@ -39,7 +44,8 @@ def read_plan(name: str, platform: str | None = None, components: Collection[str
 
     Args:
         name: a mission file, a `.plan` or a file of waypoints (these are converted), or the name of an example.
-        platform: the platform's name; where its file is installed here too the check is as strict as onboard.
+        platform: the platform's name, or its file; where a file of that name is installed here too the check is as
+            strict as onboard.
         components: that it has, where that is known.
 
     Raises:
@@ -56,37 +62,60 @@ def read_plan(name: str, platform: str | None = None, components: Collection[str
         plan = msgspec.structs.replace(plan, converted_from=str(path))
     elif path not in example_missions().values():
         plan = msgspec.structs.replace(plan, file=str(path.absolute()))
-    return plan if known is not None else msgspec.structs.replace(plan, warnings=())
+    if known is None:
+        return msgspec.structs.replace(plan, warnings=())
+    is_file = platform is not None and Path(platform).is_file()
+    return msgspec.structs.replace(plan, platform_file=str(platform)) if is_file else plan
 
 
-def recheck(plan: CheckedPlan, platform: str, components: Collection[str] = ()) -> CheckedPlan:
-    """Checks a mission again for the platform that it goes to, if that one's file is installed here.
+def recheck(plan: CheckedPlan, platform: str, components: Collection[str] = (), digest: str = "") -> CheckedPlan:
+    """Checks a mission again for the platform that it goes to, if that one's file is here.
 
     A plan of another program is converted again, at the platform's speed.
+
+    Args:
+        plan: the mission.
+        platform: the platform's name.
+        components: that it has, where that is known.
+        digest: of its file, where it tells that: no other file counts then, whatever its name.
 
     Raises:
         InputError: it may not fly there; with everything that is wrong.
     """
-    known = known_platform(platform, components)
+    known = known_platform(platform, components, digest, plan.platform_file)
     if known is None:
-        return plan
+        is_other = known_platform(platform, components, "", plan.platform_file) is not None
+        text = OTHER_FILE.format(platform, plan.platform_file or "the one installed here")
+        return msgspec.structs.replace(plan, warnings=(text,) if is_other else ())
     if plan.converted_from:
-        return read_plan(plan.converted_from, platform, components)
-    return _plan(check_text(plan.text, plan.name, Circumstances(platform=known)))
+        text_of = mission_text(plan.converted_from, known.limits.speed_m_s)
+        file, text, left_out = text_of
+        made = _plan(check_text(text, file, Circumstances(platform=known, known=known_platform)), left_out)
+    else:
+        made = _plan(check_text(plan.text, plan.name, Circumstances(platform=known)))
+    return msgspec.structs.replace(made, converted_from=plan.converted_from, platform_file=plan.platform_file)
 
 
-def known_platform(name: str | None, components: Collection[str] = ()) -> Platform | None:
-    """The platform of that name, if its file is installed here.
+def known_platform(
+    name: str | None, components: Collection[str] = (), digest: str = "", file: str = ""
+) -> Platform | None:
+    """The platform of that name, if its file is here.
 
     Args:
         name: of the platform, or of its file.
         components: that it has, where that is known: two files may be of one vehicle, with other sensors.
+        digest: of its file, where that is known: a copy of a file may keep the name and change the limits.
+        file: a file of it beside those that are installed.
 
     Raises:
         InputError: its file has mistakes.
     """
     if name is None:
         return None
+    if digest:
+        return next((one for one in _called(name, file) if one.digest() == digest), None)
+    if file and (given := load_platform(file)).platform == name:
+        return given
     try:
         find_platform(name)
     except InputError:
@@ -95,12 +124,18 @@ def known_platform(name: str | None, components: Collection[str] = ()) -> Platfo
         found = load_platform(name)
     if not components or (found is not None and _has(found, components)):
         return found
-    for file in platform_files().values():
+    return next((other for other in _called(name) if _has(other, components)), found)
+
+
+def _called(name: str, file: str = "") -> Iterator[Platform]:
+    """The platforms of a name: of the file that is given, and of those that are installed and free of mistakes."""
+    if file and (given := load_platform(file)).platform == name:
+        yield given
+    for installed in platform_files().values():
         with suppress(InputError):
-            other = load_platform(str(file)) if name.encode() in load_bytes(file) else None
-            if other is not None and other.platform == name and _has(other, components):
-                return other
-    return found
+            other = load_platform(str(installed)) if name.encode() in load_bytes(installed) else None
+            if other is not None and other.platform == name:
+                yield other
 
 
 def _has(platform: Platform, components: Collection[str]) -> bool:

@@ -53,6 +53,9 @@ RESTARTED: Final = (
     "its onboard process has restarted: in flight it follows the mission's on_restart; look at mission and checks before "
     "it continues"
 )
+INTERFACE_RESTARTED: Final = (
+    "its command interface has begun again; the onboard process and its other components have run on"
+)
 _COUNTED: Final = frozenset(name for name in CONTACT_TOPICS if TOPICS[name].rate_hz and name != "ci/motion")
 """The periodic topics: gaps in their sequences are losses, and what is older than what is here is dropped.
 
@@ -88,7 +91,8 @@ def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
         return with_platform(fleet, _spoken_by_another(known, boot, now_s))
     elif known.boot != boot:
         platform = _restarted(known, boot, now_s)
-        fleet = note(fleet, name, Severity.WARNING, RESTARTED, now_s)
+        if not platform.former_process:  # it does not tell its process, or its table was still to come
+            fleet = note(fleet, name, Severity.WARNING, RESTARTED, now_s)
     else:
         platform = known
         if known.is_quiet_link(now_s):
@@ -99,6 +103,11 @@ def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
             return with_platform(fleet, replace(platform, received_s=now_s))
         platform = replace(platform, link=link)
     platform = reduce(replace(platform, received_s=now_s), envelope.payload, now_s)
+    if isinstance(envelope.payload, ComponentTable) and platform.former_process:
+        is_same = envelope.payload.process == platform.former_process
+        severity, text = (Severity.NOTICE, INTERFACE_RESTARTED) if is_same else (Severity.WARNING, RESTARTED)
+        fleet = note(fleet, name, severity, text, now_s)
+        platform = replace(platform, former_process=0)
     if isinstance(envelope.payload, MissionSummary):
         platform = replace(platform, silence=_planned(platform, envelope, fleet.utc_offset_s, now_s))
     if isinstance(envelope.payload, CiEvent) and not envelope.payload.number:  # others have their turn: `EventFeed`
@@ -177,6 +186,7 @@ def _restarted(platform: PlatformSnapshot, boot: int, now_s: float) -> PlatformS
         first_received_s=platform.first_received_s,
         received_s=now_s,
         began_s=now_s,
+        former_process=platform.table.process if platform.table is not None else platform.former_process,
         vehicle=platform.vehicle,
         site=platform.site,
         link=replace(platform.link, sequences={}),

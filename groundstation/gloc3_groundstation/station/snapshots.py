@@ -155,7 +155,9 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     received_s: float
     """When anything came from it last."""
     began_s: float = float("-inf")
-    """When its present life was first heard: it is new, or its onboard process has restarted."""
+    """When its present life was first heard: it is new, or its command interface has begun again."""
+    former_process: int = 0
+    """The onboard process of the life before, until the table tells whether it is still the same; 0 where it has."""
     vehicle: Timed[VehicleSummary] | None = None
     motion: Timed[MotionSummary] | None = None
     site: Timed[SiteSummary] | None = None
@@ -244,6 +246,11 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     def component_names(self) -> tuple[str, ...]:
         """Of all its components; empty while they are not known."""
         return tuple(row.name for row in self.table.rows) if self.table is not None else ()
+
+    @property
+    def platform_digest(self) -> str:
+        """The digest of its platform file; empty while it is not known, or not told."""
+        return self.table.platform if self.table is not None else ""
 
     def components(self, now_s: float) -> tuple[ComponentSnapshot, ...]:
         """Its components in the order of the data: SS, DP, CC, AD, CI, each as in the platform file."""

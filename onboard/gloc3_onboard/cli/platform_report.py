@@ -10,7 +10,7 @@ from gloc3.documents.document import Document, load_bytes
 from gloc3.errors import Finding, InputError, NotFound, Refused
 from gloc3.platform.places import host_names, place_of
 from gloc3.platform.platform import Platform
-from gloc3.platform.reader import check_platform, find_platform, read_document
+from gloc3.platform.reader import check_platform, find_platform, namesakes, read_document
 from gloc3_onboard.process.process import DEVICES
 from gloc3_onboard.sensors.registry import parse_source, place_problem, sensor_of
 from gloc3_onboard.sensors.rig import PlatformRig
@@ -43,7 +43,7 @@ def report_on(name: str) -> PlatformReport:
     Raises:
         NotFound: there is no such file or platform, or it cannot be read.
     """
-    findings: list[Finding] = []
+    findings = namesakes(name)
     try:
         path = find_platform(name)
         document = read_document(load_bytes(path), str(path))

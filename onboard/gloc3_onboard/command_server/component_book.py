@@ -28,9 +28,16 @@ HEALTHS: Final = tuple(Health)
 
 
 class ComponentBook:
-    """The last status of every component of the deployment."""
+    """The last status of every component of the deployment.
 
-    def __init__(self, rows: Sequence[ComponentRow]) -> None:
+    Args:
+        rows: the deployment.
+        process: a random number of this process.
+        platform: the digest of the platform file.
+    """
+
+    def __init__(self, rows: Sequence[ComponentRow], process: int = 0, platform: str = "") -> None:
+        self._process, self._platform = process, platform
         self.rows: Final[Mapping[str, ComponentRow]] = {row.name: row for row in rows}
         self._status: dict[str, ComponentStatus] = {}
         self._received_s: dict[str, float] = {}
@@ -144,7 +151,9 @@ class ComponentBook:
             )
             for row in self.rows.values()
         ]
-        return ComponentTable(table=self._table, rows=rows, **own_software()._asdict())
+        return ComponentTable(
+            table=self._table, rows=rows, **own_software()._asdict(), process=self._process, platform=self._platform
+        )
 
     def summary(self, health: Health, now_s: float) -> Summary:
         """All components, a short line each."""

@@ -68,11 +68,12 @@ class Observing:
         platform: the platform file.
         home: where the vehicle was armed, as the process before has left it.
         say: has an event of the supervision told to the stations.
+        process: a random number of this process.
     """
 
-    def __init__(self, platform: Platform, home: KeptHome | None, report: Report) -> None:
+    def __init__(self, platform: Platform, home: KeptHome | None, report: Report, process: int = 0) -> None:
         self.snapshot: Final = VehicleState(platform, home)
-        self.book: Final = ComponentBook(platform.components)
+        self.book: Final = ComponentBook(platform.components, process, platform.digest())
         self.supervision: Supervision | None = None
         """None before the first cycle: only then the time is known."""
         self.setup: AutopilotSetup | None = None

@@ -44,7 +44,7 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._events = EventQueue(site)
         report = self._events.report
         contacts = Contacts(site.reports)
-        self._observing = Observing(site.platform, home, self._events.report_supervision)
+        self._observing = Observing(site.platform, home, self._events.report_supervision, site.process)
         self._authority = Authority(site.holder if was_running(snapshot) else "", report)
         self._mission = MissionHost(site, self._observing, self._authority.control, self._settings, report)
         commands = MissionCommands(site, self._observing, self._authority, self._mission, report)

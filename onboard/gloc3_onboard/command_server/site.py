@@ -65,7 +65,7 @@ class Site:
         journal: for the requests of stations.
         progress: for missions and home.
         reports: for what stations have been told.
-        fresh_id: a random number, for reports that begin anew.
+        process: a random number of this process, which also numbers reports that begin anew.
         computer: tells this start of the computer from every other.
         background: has the logs, and checks missions; without one there are no logs, and checks are done at once.
     """
@@ -76,13 +76,14 @@ class Site:
         journal: Records,
         progress: Records,
         reports: Records,
-        fresh_id: int = 1,
+        process: int = 1,
         computer: str = "",
         background: Background | None = None,
     ) -> None:
         self.platform: Final = platform
         self.journal: Final = RecordStore(journal, "journal of requests")
-        self.reports: Final = ReportStore(reports, fresh_id, computer)
+        self.reports: Final = ReportStore(reports, process, computer)
+        self.process: Final = process
         self.log_store, self.worker = background or Background()
         self.problem = ""
         """Why what was kept cannot be used; empty if it can, or nothing was kept."""

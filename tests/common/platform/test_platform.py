@@ -173,3 +173,16 @@ def test_a_folder_that_is_called_like_a_platform_is_not_taken_for_its_file(
     (tmp_path / "pelican").mkdir()
     monkeypatch.chdir(tmp_path)
     assert find_platform("pelican").name == "pelican.yaml"
+
+
+def test_a_file_that_has_the_name_of_an_installed_one_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "pelican_rtk.yaml").write_text(whole_text("pelican_rtk"))
+    told: list[Finding] = []
+    load_platform("pelican_rtk", warn=told.append)
+    assert [str(one.file) for one in told] == ["pelican_rtk.yaml"]
+    assert "is not used" in told[0].message
+    told.clear()
+    load_platform("pelican_rtk.yaml", warn=told.append)
+    load_platform("boat", warn=told.append)
+    assert told == []

@@ -1,6 +1,7 @@
 """A fleet's snapshot follows from what is heard; what is old is marked as old."""
 
 import pytest
+from msgspec import structs
 from tests.groundstation.scripted_platform import VEHICLE
 
 from gloc3.clock import VIRTUAL_EPOCH_S
@@ -134,6 +135,22 @@ def test_a_restarted_platform_is_asked_anew_and_keeps_its_last_position() -> Non
     assert platform.vehicle.received_s == 0.0
     assert fleet.events[-1].text == reducers.RESTARTED
     assert fleet.events[-1].severity is Severity.WARNING
+
+
+@pytest.mark.parametrize(
+    ("process", "severity", "text"),
+    [(7, Severity.NOTICE, reducers.INTERFACE_RESTARTED), (8, Severity.WARNING, reducers.RESTARTED)],
+)
+def test_a_restart_of_the_process_is_told_when_the_process_is_another(
+    process: int, severity: Severity, text: str
+) -> None:
+    fleet = received(Fleet(), structs.replace(TABLE, process=7), 0.0)
+    fleet = received(fleet, VEHICLE, 3.0, boot=2)
+    assert "again" not in fleet.events[-1].text
+    fleet = received(fleet, structs.replace(TABLE, process=process), 3.4, boot=2, sequence=1)
+    assert (fleet.events[-1].severity, fleet.events[-1].text) == (severity, text)
+    fleet = received(fleet, structs.replace(TABLE, process=process), 5.0, boot=2, sequence=2)
+    assert [event.text for event in fleet.events].count(text) == 1
 
 
 def test_two_platforms_of_one_name_are_told_and_one_of_them_is_shown() -> None:

@@ -46,7 +46,6 @@ EXTRAS: Final = {
     "aiohttp": "groundstation",
     "jsbsim": "sitl",
     "matplotlib": "sitl",
-    "mavsdk": "groundstation",
     "textual": "groundstation",
     "textual_serve": "groundstation",
 }

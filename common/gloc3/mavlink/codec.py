@@ -153,23 +153,7 @@ class Encoder:
             Misuse: a value does not fit its field; the text names the field.
         """
         shape = message.shape
-        return self._frame(shape, shape.encode(message).rstrip(b"\0") or b"\0")
-
-    def encode(self, message: MavlinkMessage) -> bytes:
-        """The bytes of such a frame."""
-        return self.frame(message).raw
-
-    def forward(self, frame: Frame) -> bytes:
-        """A frame of somebody who speaks in our name, numbered in our sequence and signed by us if that is done.
-
-        Raises:
-            Misuse: the dialect does not know the message, so its checksum cannot be made anew.
-        """
-        if frame.shape is None:
-            raise Misuse(f"message {frame.message_id} is not known and cannot be sent as ours")
-        return self._frame(frame.shape, frame.payload.rstrip(b"\0") or b"\0").raw
-
-    def _frame(self, shape: MessageLayout, payload: bytes) -> Frame:
+        payload = shape.encode(message).rstrip(b"\0") or b"\0"
         sequence = self._sequence
         self._sequence = (sequence + 1) & 0xFF
         number, signing = shape.id, self.signing
@@ -182,6 +166,10 @@ class Encoder:
         if signing is not None:
             raw = signing.sign(raw)
         return Frame(raw, self._system, self._component, sequence, number, flags, HEADER_LENGTH, len(payload), shape)
+
+    def encode(self, message: MavlinkMessage) -> bytes:
+        """The bytes of such a frame."""
+        return self.frame(message).raw
 
 
 class _Enums:

@@ -8,7 +8,7 @@ from gloc3.errors import Refused
 from gloc3.mavlink.message import Address
 from gloc3_groundstation.desk.vehicle_desk import VehicleDesk
 from gloc3_groundstation.services.machines import Wire
-from gloc3_groundstation.services.vehicle import Garage, VehicleServices
+from gloc3_groundstation.services.vehicle import VehicleServices
 from gloc3_groundstation.station.station import Station
 
 Reach: TypeAlias = Callable[[str], tuple[Wire, Address]]
@@ -34,8 +34,7 @@ class ServicesDesk:
         self.folder: Final = folder
         self._station = station
         self._reach = reach
-        self._garage = Garage()
-        self._desks: dict[VehicleServices, VehicleDesk] = {}
+        self._desks: dict[tuple[Wire, Address], tuple[VehicleServices, VehicleDesk]] = {}
 
     def vehicle(self, name: str) -> VehicleDesk:
         """What is at hand of a vehicle.
@@ -43,19 +42,20 @@ class ServicesDesk:
         Raises:
             Refused: no link leads to its autopilot.
         """
-        services = self._garage.services(*self._reach(name))
-        desk = self._desks.get(services)
-        if desk is None:
-            desk = self._desks[services] = VehicleDesk(self._station, services, self.folder)
+        wire, target = self._reach(name)
+        if (wire, target) not in self._desks:
+            services = VehicleServices(wire, target)
+            self._desks[wire, target] = services, VehicleDesk(self._station, services, self.folder)
+        _, desk = self._desks[wire, target]
         desk.name = name
         return desk
 
     async def close(self) -> None:
         """Stops everything; to be awaited before the links are closed."""
-        for desk in self._desks.values():
+        for services, desk in self._desks.values():
             await desk.close()
+            services.close()
         self._desks.clear()
-        await self._garage.close()
 
 
 def reached(desk: ServicesDesk, name: str) -> tuple[VehicleDesk | None, str]:

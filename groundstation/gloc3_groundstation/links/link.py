@@ -175,10 +175,6 @@ class StationLinkCore:
         """Sends a message of the station's."""
         self._send_message(message)
 
-    def forward(self, frame: Frame) -> None:
-        """Sends a frame that a library behind this link has made in the station's name."""
-        self._send(self._encoder.forward(frame))
-
     def received(self) -> list[str]:
         """Who is there, told by their heartbeats: `autopilot 1/1`, `system 1/191`."""
         return [

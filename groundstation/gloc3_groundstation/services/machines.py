@@ -22,9 +22,6 @@ class Wire(Protocol):
     def send(self, message: MavlinkMessage) -> None:
         """Sends a message of the station's."""
 
-    def forward(self, frame: Frame) -> None:
-        """Sends a frame that was made in the station's name, numbered and signed anew."""
-
     def listen(self, listener: Callable[[Frame], None]) -> Unsubscribe:
         """Is told every frame that comes."""
 

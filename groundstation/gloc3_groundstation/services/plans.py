@@ -1,10 +1,7 @@
-"""Plans on the autopilot, through MAVSDK: download, upload from `.plan` and WPL files, read back and compare, clear.
+"""Plans on the autopilot: download, upload from `.plan` and WPL files, read back and compare, clear."""
 
-MAVSDK refuses an empty plan, so that a fence or rally points cannot be taken away with it; clearing is done by our own
-mission protocol.
-"""
-
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -12,7 +9,7 @@ import msgspec
 
 from gloc3.cli.counting import counted
 from gloc3.errors import Refused
-from gloc3.mavlink.services.mission_client import MissionClient
+from gloc3.mavlink.services.mission_client import MissionClient, Transfer
 from gloc3.mavlink.services.plan import PlanItem, PlanResult, PlanType
 from gloc3.mavlink.services.version import ProtocolCapability
 from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, load_plan, write_plan, write_wpl
@@ -20,7 +17,6 @@ from gloc3.mission.formats.items import ForeignPlan
 from gloc3_groundstation.services.machines import Machines
 from gloc3_groundstation.services.plan_items import PlanDifference, PlanParts, differences, from_wire, to_wire
 from gloc3_groundstation.services.progress import OnProgress, Quietly
-from gloc3_groundstation.services.raw import MavsdkBehindLink
 from gloc3_groundstation.services.snapshot import ServicesSnapshot, SnapshotService
 
 KINDS: Final = (PlanType.MISSION, PlanType.FENCE, PlanType.RALLY)
@@ -55,11 +51,8 @@ class VehiclePlan(msgspec.Struct, frozen=True, kw_only=True):
 class PlanService:
     """See the module."""
 
-    def __init__(
-        self, machines: Machines, mavsdk: MavsdkBehindLink, client: MissionClient, snapshot: SnapshotService
-    ) -> None:
+    def __init__(self, machines: Machines, client: MissionClient, snapshot: SnapshotService) -> None:
         self._machines = machines
-        self._mavsdk = mavsdk
         self._client = client
         self._snapshot = snapshot
 
@@ -109,10 +102,8 @@ class PlanService:
             what = f"uploading the {_NAMES[kind]}"
             report(what, 0.0, counted(len(items), "item"))
             if items:
-                try:
-                    await self._mavsdk.upload(kind, items, lambda fraction, what=what: report(what, fraction))  # type: ignore[misc]
-                except Refused as error:
-                    raise Refused(f"the {_NAMES[kind]} was not uploaded: {error}") from error
+                upload = self._client.upload(snapshot.address, items, now_s=self._machines.now_s, kind=kind)
+                await self._finish(upload, "uploaded", partial(_report_progress, report, what, upload))
             else:
                 await self.clear(kind)
         return await self._differences(parts, snapshot, kinds, report)
@@ -136,15 +127,8 @@ class PlanService:
         Raises:
             Refused: the vehicle does not do so, or does not answer.
         """
-        transfer = self._client.clear(self._snapshot.snapshot.address, now_s=self._machines.now_s, kind=kind)
-        try:
-            await self._machines.until(lambda: transfer.result is not None)
-        finally:
-            self._client.cancel(transfer, self._machines.now_s)
-            self._machines.settle()
-        if transfer.result is not PlanResult.ACCEPTED:
-            reason = transfer.result.words if transfer.result is not None else "cancelled"
-            raise Refused(f"the {_NAMES[kind]} was not cleared: {reason}")
+        target = self._snapshot.snapshot.address
+        await self._finish(self._client.clear(target, now_s=self._machines.now_s, kind=kind), "cleared")
 
     @staticmethod
     def read(path: Path) -> ForeignPlan:
@@ -174,10 +158,25 @@ class PlanService:
             raise Refused(f"{path} cannot be written: {error.strerror or error}") from error
 
     async def _get(self, kind: PlanType) -> tuple[PlanItem, ...]:
+        target = self._snapshot.snapshot.address
+        download = self._client.download(target, now_s=self._machines.now_s, kind=kind)
+        await self._finish(download, "downloaded")
+        return download.items
+
+    async def _finish(self, transfer: Transfer, done: str, poll: Callable[[], None] | None = None) -> None:
+        """Waits for the end of a transfer; one that is cancelled is cancelled on the vehicle, too.
+
+        Raises:
+            Refused: the vehicle does not do so, or does not answer; with the reason.
+        """
         try:
-            return await self._mavsdk.download(kind)
-        except Refused as error:
-            raise Refused(f"the {_NAMES[kind]} was not downloaded: {error}") from error
+            await self._machines.until(lambda: transfer.result is not None, poll)
+        finally:
+            self._client.cancel(transfer, self._machines.now_s)
+            self._machines.settle()
+        if transfer.result is not PlanResult.ACCEPTED:
+            reason = transfer.result.words if transfer.result is not None else "cancelled"
+            raise Refused(f"the {_NAMES[PlanType(transfer.kind)]} was not {done}: {reason}")
 
     async def _differences(
         self, parts: PlanParts, snapshot: ServicesSnapshot, kinds: Sequence[PlanType], report: Quietly
@@ -188,6 +187,10 @@ class PlanService:
             found = await self._get(kind) if _can(snapshot, kind) else ()
             rows += differences(parts.of(kind), found, kind, snapshot.firmware)
         return tuple(rows)
+
+
+def _report_progress(report: Quietly, what: str, transfer: Transfer) -> None:
+    report(what, transfer.progress)
 
 
 def kinds_of(plan: ForeignPlan) -> tuple[PlanType, ...]:

@@ -1,7 +1,6 @@
-"""All services of one vehicle on one of the station's links, created at first use."""
+"""All services of one vehicle on one of the station's links."""
 
-from types import TracebackType
-from typing import Final, Self
+from typing import Final
 
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.command_client import MavCommandClient
@@ -16,7 +15,6 @@ from gloc3_groundstation.services.machines import Machines, Wire
 from gloc3_groundstation.services.parameters import ParameterService
 from gloc3_groundstation.services.plans import PlanService
 from gloc3_groundstation.services.rates import FrameRateMeter, RateService
-from gloc3_groundstation.services.raw import MavsdkBehindLink
 from gloc3_groundstation.services.snapshot import ServicesSnapshot, SnapshotService
 
 
@@ -42,23 +40,14 @@ class VehicleServices:
         )
         self.ftp: Final = files
         """Files of whoever is on the vehicle."""
-        self._mavsdk = MavsdkBehindLink(wire, target)
         self.target: Final = target
         self.files: Final = FileService(self.machines, files, target)
         """The autopilot's files."""
         self.parameters: Final = ParameterService(self.machines, parameters, self._snapshots, self.files)
-        self.plans: Final = PlanService(self.machines, self._mavsdk, mission, self._snapshots)
+        self.plans: Final = PlanService(self.machines, mission, self._snapshots)
         self.logs: Final = LogService(self.machines, logs, target, self._snapshots)
         self.calibration: Final = CalibrationService(wire, self.machines, self._snapshots)
         self.rates: Final = RateService(self.machines, commands, meter, target)
-
-    async def __aenter__(self) -> Self:
-        return self
-
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        await self.close()
 
     @property
     def snapshots(self) -> ServicesSnapshot:
@@ -69,28 +58,7 @@ class VehicleServices:
         """What the vehicle says of itself, asked for if need be; what it does not tell stays unknown."""
         return await self._snapshots.learn(self.machines)
 
-    async def close(self) -> None:
-        """Ends what is under way, which is refused, and MAVSDK's process."""
+    def close(self) -> None:
+        """Ends what is under way, which is refused."""
         self.calibration.close()
         self.machines.close()
-        await self._mavsdk.close()
-
-
-class Garage:
-    """The services of all vehicles of a station, each opened when it is first asked for."""
-
-    def __init__(self) -> None:
-        self._open: dict[tuple[Wire, Address], VehicleServices] = {}
-
-    def services(self, wire: Wire, target: Address) -> VehicleServices:
-        """The services of a vehicle on a link; the same ones each time."""
-        key = (wire, target)
-        if key not in self._open:
-            self._open[key] = VehicleServices(wire, target)
-        return self._open[key]
-
-    async def close(self) -> None:
-        """Closes all; to be awaited before the links are closed."""
-        for services in list(self._open.values()):
-            await services.close()
-        self._open.clear()

@@ -3,6 +3,7 @@
 import asyncio
 import random
 from collections.abc import Awaitable, Callable, Iterable
+from contextlib import closing
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -182,7 +183,7 @@ def over(
         link = StationLinkCore(memory.a.send, LinkContext(loop=loop, exchange=LocalExchange(), topics=TOPICS, boot=1))
         memory.a.on_data = link.receive
         try:
-            async with VehicleServices(link, VEHICLE) as services:
+            with closing(VehicleServices(link, VEHICLE)) as services:
                 return await play(Scene(services, vehicle, memory, link))
         finally:
             link.close()

@@ -5,7 +5,7 @@ import re
 import subprocess
 import sys
 from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, closing
 from pathlib import Path
 
 import pytest
@@ -20,7 +20,7 @@ from gloc3_groundstation.links.link import StationLinkCore
 from gloc3_groundstation.services.parameter_table import ParameterChange
 from gloc3_groundstation.services.progress import JobProgress
 from gloc3_groundstation.services.snapshot import Firmware
-from gloc3_groundstation.services.vehicle import Garage, VehicleServices
+from gloc3_groundstation.services.vehicle import VehicleServices
 
 pytestmark = [pytest.mark.sockets, pytest.mark.flight]
 
@@ -72,17 +72,15 @@ async def until(is_so: Callable[[], bool], within_s: float = 60.0) -> None:
 
 @asynccontextmanager
 async def at_hand(port: int) -> AsyncIterator[tuple[VehicleServices, StationLinkCore]]:
-    ground, garage = GroundStation(StationSetup(boot=1)), Garage()
+    ground = GroundStation(StationSetup(boot=1))
     links = ground.links
     try:
         await ground.open([f"udpout://127.0.0.1:{port}"])
         await until(lambda: bool(links.autopilots()))
         link, target = links.autopilots()[0]
-        services = garage.services(link, target)
-        assert garage.services(link, target) is services
-        yield services, link
+        with closing(VehicleServices(link, target)) as services:
+            yield services, link
     finally:
-        await garage.close()
         await ground.close()
 
 

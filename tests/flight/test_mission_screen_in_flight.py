@@ -17,12 +17,12 @@ from textual.widgets import Input
 from gloc3.messages.summaries import MissionSummary
 from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.tui.app import StationApp
-from gloc3_groundstation.tui.dialogues.open_mission import OpenMission
+from gloc3_groundstation.tui.dialogues.mission_files import OpenMission
 from gloc3_groundstation.tui.dialogues.questions import YesNoQuestion
 from gloc3_groundstation.tui.dialogues.single_action import SingleAction
 from gloc3_groundstation.tui.screens.mission import MissionScreen
 from gloc3_groundstation.tui.widgets.lines import text_of
-from gloc3_groundstation.tui.widgets.mission_editor import MissionEditor
+from gloc3_groundstation.tui.widgets.mission_text import MissionEditor
 from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel
 from gloc3_sitl.flight.flight import Flight
 from gloc3_sitl.flight.plan import FlightPlan

@@ -16,11 +16,9 @@ from gloc3.messages.summaries import ControlState
 from gloc3.messages.vehicle import ObstacleScan
 from gloc3_groundstation.store.configuration import Configuration, ThemeName
 from gloc3_groundstation.tui.dialogues.component_dialogues import ComponentMenu, FunctionForm
-from gloc3_groundstation.tui.dialogues.open_mission import OpenMission
+from gloc3_groundstation.tui.dialogues.mission_files import OpenMission, SaveMission, UnsavedQuestion
 from gloc3_groundstation.tui.dialogues.questions import EmergencyQuestion, TextQuestion, YesNoQuestion
-from gloc3_groundstation.tui.dialogues.save_mission import SaveMission
 from gloc3_groundstation.tui.dialogues.single_action import SingleAction
-from gloc3_groundstation.tui.dialogues.unsaved import UnsavedQuestion
 from gloc3_groundstation.tui.help import HelpScreen
 from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel
 

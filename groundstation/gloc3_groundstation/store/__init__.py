@@ -7,11 +7,9 @@ __all__ = [
     "configuration",
     "contact_queue",
     "download_progress",
-    "event_export",
     "event_search",
     "event_store",
     "kept_state",
     "log_pull",
-    "pull_progress",
     "recording",
 ]

@@ -12,9 +12,8 @@ from tests.groundstation.store.test_log_pull import Vessel
 
 from gloc3.clock import VirtualLoop
 from gloc3.errors import Gloc3Error, Refused
-from gloc3_groundstation.cli.log_pull import PullRequest, fetch, pull
+from gloc3_groundstation.cli.log_pull import PullProgress, PullRequest, fetch, pull
 from gloc3_groundstation.store.download_progress import DownloadProgress
-from gloc3_groundstation.store.pull_progress import PullProgress
 
 SIZE = 6_000_000
 

@@ -14,8 +14,7 @@ from gloc3.messages.motion import MotionSummary, SiteSummary
 from gloc3.messages.summaries import MissionSummary
 from gloc3.messages.wire import type_name
 from gloc3_groundstation.mapping.history import History, HistoryLevel, Ring
-from gloc3_groundstation.mapping.tracks import Track, TrackChannel, Tracks
-from gloc3_groundstation.mapping.trail import FRESH, MOST, Trail, thinned
+from gloc3_groundstation.mapping.tracks import FRESH, MOST, Track, TrackChannel, Tracks, Trail, thinned
 from gloc3_groundstation.station import fleet as reducers
 from gloc3_groundstation.station.snapshots import Fleet
 

@@ -6,7 +6,7 @@ import pytest
 
 from gloc3.mavlink.codec import message
 from gloc3.messages.frames import GeoPoint, LocalFrame
-from gloc3_groundstation.station.place_watch import PlaceWatch
+from gloc3_groundstation.station.autopilot_watch import PlaceWatch
 
 HOME = GeoPoint(47.3977, 8.5456, 488.0)
 

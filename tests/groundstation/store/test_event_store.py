@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Severity
+from gloc3_groundstation.desk.events_desk import check_target, export
 from gloc3_groundstation.station.snapshots import FleetEvent
-from gloc3_groundstation.store.event_export import check_target, export
 from gloc3_groundstation.store.event_search import SLICE, STATION, EventFilter, Search
 from gloc3_groundstation.store.event_store import MOST_IN_MEMORY, RECENT, EventStore
 

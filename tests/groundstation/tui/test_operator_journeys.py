@@ -10,10 +10,10 @@ from textual.widgets import Input
 from gloc3.messages.command_interface import LoadMission, Steer, Verb
 from gloc3.messages.summaries import MissionSummary
 from gloc3.mission.model.model import digest_of
-from gloc3_groundstation.tui.dialogues.open_mission import OpenMission
+from gloc3_groundstation.tui.dialogues.mission_files import OpenMission
 from gloc3_groundstation.tui.dialogues.questions import YesNoQuestion
 from gloc3_groundstation.tui.screens.mission import MissionScreen
-from gloc3_groundstation.tui.widgets.mission_editor import MissionEditor
+from gloc3_groundstation.tui.widgets.mission_text import MissionEditor
 
 pytestmark = pytest.mark.sockets
 

@@ -1,18 +1,302 @@
-"""Opening and saving a mission, with dialogues so that unsaved changes are never lost silently."""
+"""Dialogues for opening and saving a mission: unsaved changes are never lost silently."""
 
 from collections.abc import Callable
+from enum import StrEnum
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
-from textual.app import App
+from textual import on
+from textual.app import App, ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Vertical
+from textual.screen import ModalScreen
+from textual.widgets import Input, Static
 
+from gloc3.errors import Refused
 from gloc3_groundstation.desk.mission_desk import MissionDesk
 from gloc3_groundstation.missions.draft import Draft, objection
-from gloc3_groundstation.tui.dialogues.open_mission import OpenMission
-from gloc3_groundstation.tui.dialogues.save_mission import SaveMission
-from gloc3_groundstation.tui.dialogues.unsaved import Unsaved, UnsavedQuestion
+from gloc3_groundstation.missions.files import KINDS, FileGroup, MissionEntry, listing, matching, start_entries
+from gloc3_groundstation.tui.dialogues.questions import choices
+from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, cut, spread, wrapped
+from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel, Row
 
 Then = Callable[[], None]
+Lost = Callable[[Path], tuple[str, ...]]
+"""Tells what a file could not carry; raises `Refused` where it cannot be written at all."""
+Objection = Callable[[Path], str]
+"""Tells why a file should not be written without another word."""
+
+
+Write = Callable[[Path], str]
+"""Writes a file; returns why it could not, or nothing."""
+
+
+class _Typed(Input):
+    """What is typed; backspace in an empty line goes up a folder."""
+
+    def action_delete_left(self) -> None:
+        """Deletes, or goes up."""
+        if not self.value and isinstance(self.screen, OpenMission):
+            self.screen.action_above()
+        super().action_delete_left()
+
+
+class OpenMission(ModalScreen[str | None]):
+    """Closes with a file, or the name of an example."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("up", "move(-1)", "Up", show=False),
+        Binding("down", "move(1)", "Down", show=False),
+        Binding("pageup", "move(-10)", "Page up", show=False),
+        Binding("pagedown", "move(10)", "Page down", show=False),
+        Binding("escape", "dismiss", "Close"),
+    ]
+    AUTO_FOCUS = "#typed"
+
+    def __init__(self, recent: tuple[str, ...], folder: Path) -> None:
+        """A dialogue.
+
+        Args:
+            recent: what was recent.
+            folder: where it begins.
+        """
+        super().__init__()
+        self._start = start_entries(recent)
+        self._listing = listing(folder)
+        self._entries: dict[str, MissionEntry] = {}
+
+    def compose(self) -> ComposeResult:
+        """What is typed, and the list."""
+        with Vertical(classes="sheet"):
+            yield _Typed(placeholder="type to filter, or a path", id="typed")
+            yield ListPanel(id="files", classes="plain")
+            yield Panel(id="said", classes="plain line", can_focus=False)
+
+    def on_mount(self) -> None:
+        """Says what this is and how to leave it."""
+        sheet = self.query_one(Vertical)
+        sheet.border_title = "open a mission"
+        sheet.border_subtitle = "enter opens   ↑ ↓ choose   backspace: parent folder   esc cancels"
+        self.query_one(ListPanel).can_focus = False
+
+    def on_resize(self) -> None:
+        """Wraps the lines again."""
+        self.call_after_refresh(self._fill)
+
+    @on(Input.Changed, "#typed")
+    def typed(self) -> None:
+        """Filters; a path is gone to as it is typed."""
+        folder, _ = self._path()
+        if folder is not None and str(folder) != self._listing.folder:
+            self._listing = listing(folder)
+        self._fill(is_new=True)
+
+    @on(Input.Submitted, "#typed")
+    def choose(self) -> None:
+        """Opens what the cursor is on, or the path that was typed."""
+        entry = self._entries.get(self.query_one(ListPanel).chosen)
+        typed = Path(self._value()).expanduser()
+        if entry is None and self._value():
+            self.dismiss(str(typed))
+        elif entry is not None and entry.is_folder:
+            self._go(Path(entry.path))
+        elif entry is not None:
+            self.dismiss(entry.path)
+
+    def action_move(self, rows: int) -> None:
+        """Moves the cursor of the list."""
+        self.query_one(ListPanel).action_move(rows)
+
+    def action_above(self) -> None:
+        """Lists the folder above."""
+        self._go(Path(self._listing.folder).parent)
+
+    def _go(self, folder: Path) -> None:
+        self._listing = listing(folder.absolute())
+        self.query_one(Input).value = ""
+        self._fill(is_new=True)
+
+    def _value(self) -> str:
+        return self.query_one(Input).value.strip()
+
+    def _path(self) -> tuple[Path | None, str]:
+        """The folder of a path that is being typed, and what of it is a filter."""
+        value = self._value()
+        if "/" not in value:
+            return None, value
+        head, _, tail = value.rpartition("/")
+        folder = Path(f"{head}/").expanduser()
+        return (folder.absolute() if folder.is_dir() else None), tail
+
+    def _fill(self, *, is_new: bool = False) -> None:
+        files = self.query_one(ListPanel)
+        folder, wanted = self._path()
+        start = matching(self._start, wanted) if folder is None else ()
+        entries = (*start, *matching(self._listing.entries, wanted))
+        self._entries = {str(number): entry for number, entry in enumerate(entries)}
+        rows: list[Row] = []
+        group = None
+        for key, entry in self._entries.items():
+            if entry.group is not group:
+                group = entry.group
+                title = f"folder {self._listing.folder}" if group is FileGroup.FOLDER else str(group)
+                rows += [Row(EMPTY)] if rows else []
+                rows.append(Row((Span(cut(f" {title}", files.width), Tone.DIM),)))
+            rows.append(Row(_line(entry, files.width), key))
+        if not self._entries:
+            rows = [Row((Span(" no match; enter opens it as a path", Tone.DIM),))]
+        files.show_rows(rows)
+        if is_new and self._entries:
+            files.point_at("0")
+        problem = f" {self._listing.folder}: {self._listing.problem}" if self._listing.problem else ""
+        self.query_one("#said", Panel).show([(Span(problem, Tone.WARN),)])
+
+
+def _line(entry: MissionEntry, width: int) -> Line:
+    if entry.is_folder:
+        name = "..  parent folder" if entry.name == ".." else f"{entry.name}/"
+        return (Span("   "), Span(cut(name, width - 4), Tone.BUSY))
+    where = str(Path(entry.path).parent) if entry.group is FileGroup.RECENT else ""
+    size = f"  {max(1, round(entry.size / 1000))} kB" if entry.size else ""
+    right = f"{entry.kind}{size} "
+    left = Span(f"   {cut(entry.name, width - len(right) - 6)}")
+    room = width - len(left.text) - len(right) - 6
+    beside = Span(f"  {cut(where, room)}" if where and room > 12 else "", Tone.DIM)
+    return spread((left, beside), (Span(right, Tone.DIM),), width)
+
+
+class SaveMission(ModalScreen[bool]):
+    """Writes a file, and closes with whether it did."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss(False)", "Close")]
+
+    def __init__(self, suggested: Path, lost: Lost, objection: Objection, write: Write) -> None:
+        """A dialogue.
+
+        Args:
+            suggested: the file to begin with.
+            lost: what would be lost.
+            objection: what speaks against it.
+            write: writes it.
+        """
+        super().__init__()
+        self._suggested = suggested
+        self._lost = lost
+        self._objection = objection
+        self._write = write
+        self._warned_of = ""
+
+    def compose(self) -> ComposeResult:
+        """The name, and what is to be said of it."""
+        with Vertical(classes="sheet save"):
+            yield Input(str(self._suggested), id="name", select_on_focus=False)
+            yield Panel(id="said", classes="plain", can_focus=False)
+
+    def on_mount(self) -> None:
+        """Says what this is and how to leave it."""
+        sheet = self.query_one(Vertical)
+        sheet.border_title = "save the mission, or export it"
+        sheet.border_subtitle = "enter writes   esc cancels"
+
+    def on_resize(self) -> None:
+        """Wraps the lines again."""
+        self.call_after_refresh(self._show_result)
+
+    @on(Input.Changed, "#name")
+    def typed(self) -> None:
+        """Tells of another file."""
+        self._warned_of = ""
+        self._show_result()
+
+    @on(Input.Submitted, "#name")
+    def write(self) -> None:
+        """Writes, unless something speaks against it and has not been read yet."""
+        path = self._path()
+        if path is None or self._refusal(path):
+            return
+        if self._objection(path) and self._warned_of != str(path):
+            self._warned_of = str(path)
+            self._show_result()
+            return
+        problem = self._write(path)
+        if problem:
+            text = self.query_one("#said", Panel)
+            text.show(_text(f"Not written: {problem}", Tone.BAD, text.width))
+        else:
+            self.dismiss(True)
+
+    def _path(self) -> Path | None:
+        value = self.query_one(Input).value.strip()
+        return Path(value).expanduser() if value else None
+
+    def _refusal(self, path: Path) -> str:
+        if path.suffix not in KINDS:
+            return f"the file type follows the suffix: {', '.join(KINDS)}"
+        if path.is_dir() or not path.absolute().parent.is_dir():
+            return f"{path} is a folder" if path.is_dir() else f"there is no folder {path.absolute().parent}"
+        try:
+            self._lost(path)
+        except Refused as refusal:
+            return str(refusal)
+        return ""
+
+    def _show_result(self) -> None:
+        text = self.query_one("#said", Panel)
+        path = self._path()
+        if path is None:
+            text.show([(Span("a file name is required", Tone.DIM),)])
+            return
+        refusal = self._refusal(path)
+        if refusal:
+            text.show(_text(refusal, Tone.BAD, text.width))
+            return
+        lines: list[Line] = [(Span(f"written as: {KINDS[path.suffix]}", Tone.DIM),)]
+        lost = self._lost(path)
+        if lost:
+            lines += [EMPTY, (Span("This file type cannot hold everything:", Tone.WARN),)]
+            for one in lost:
+                lines += _text(f"- {one}", Tone.TEXT, text.width)
+        objection = self._objection(path)
+        if objection:
+            again = ": enter again overwrites it" if self._warned_of == str(path) else ""
+            lines += [EMPTY, *_text(f"{objection}{again}", Tone.WARN, text.width)]
+        text.show(lines)
+
+
+def _text(text: str, tone: Tone, width: int) -> list[Line]:
+    return [(Span(row, tone),) for row in wrapped(text, max(20, width))]
+
+
+class Unsaved(StrEnum):
+    """What to do with the changes."""
+
+    SAVE = "save"
+    DISCARD = "discard"
+    STAY = "stay"
+
+
+class UnsavedQuestion(ModalScreen[Unsaved]):
+    """Save, discard or stay; anything but a clear word is stay."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("s", "answer('save')", "Save"),
+        Binding("d", "answer('discard')", "Discard"),
+        Binding("escape,n", "answer('stay')", "Stay"),
+    ]
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self._name_of_mission = name
+
+    def compose(self) -> ComposeResult:
+        """The question and the keys."""
+        with Vertical(classes="question"):
+            yield Static(f"{self._name_of_mission} has unsaved changes.", markup=False)
+            yield choices(("s", "save them first"), ("d", "discard them"), ("esc", "stay here"))
+
+    def action_answer(self, answer: str) -> None:
+        """Closes with the answer."""
+        self.dismiss(Unsaved(answer))
 
 
 def _nothing() -> None:

@@ -12,7 +12,6 @@ __all__ = [
     "findings",
     "fleet",
     "flight_data",
-    "help",
     "hosts",
     "overview",
     "preflight",

@@ -1,7 +1,7 @@
 """Flight data: attitude and current values, and strip charts of setpoints against measured values."""
 
 from collections.abc import Sequence
-from math import isnan, sqrt
+from math import cos, isnan, radians, sqrt, tan
 from typing import Final, NamedTuple
 
 from gloc3_groundstation.mapping.history import HistorySeries
@@ -19,7 +19,6 @@ from gloc3_groundstation.tui.views.charts import (
     time_axis,
     window_at,
 )
-from gloc3_groundstation.tui.views.horizon import horizon_lines
 from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone
 
 WINDOWS_S: Final = (10.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0, 7200.0, 28800.0)
@@ -32,6 +31,10 @@ TWO_COLUMNS: Final = 130
 STALE_S: Final = 2.5
 SURE: Final = 2.0
 """Standard deviations of an uncertainty that is told."""
+DEGREES_PER_LINE: Final = 5.0
+STEEPEST_DEG: Final = 88.0
+EIGHTHS: Final = " ▁▂▃▄▅▆▇█"
+VEHICLE: Final = "━━╸◦╺━━"
 
 
 class ChartRow(NamedTuple):
@@ -224,3 +227,40 @@ def _figures(view: StationView, values: dict[TrackChannel, float]) -> Sequence[t
 
 def _reported(value: float | None, decimals: int) -> str:
     return "?" if value is None or isnan(value) else f"{round(value, decimals) + 0.0:.{decimals}f}"
+
+
+def horizon_lines(roll_deg: float, pitch_deg: float, width: int, height: int, *, is_stale: bool = False) -> list[Line]:
+    """The horizon as seen from the vehicle: it sinks when the nose rises, and turns to the left in a roll to the right.
+
+    Args:
+        roll_deg: positive to the right.
+        pitch_deg: positive with the nose up.
+        width: columns.
+        height: lines.
+        is_stale: whether that was so long ago.
+    """
+    roll = (roll_deg + 180.0) % 360.0 - 180.0
+    is_inverted = abs(roll) > 90.0
+    turn = roll - (180.0 if roll > 0.0 else -180.0) if is_inverted else roll
+    turn = max(-STEEPEST_DEG, min(STEEPEST_DEG, turn))
+    slope = tan(radians(turn)) / 2.0  # a cell is twice as high as it is wide
+    sunk = pitch_deg / DEGREES_PER_LINE / max(0.1, cos(radians(turn)))
+    middle = height / 2.0 + (-sunk if is_inverted else sunk)
+    edges = [middle - slope * (column + 0.5 - width / 2.0) for column in range(width)]
+    tone, over = (Tone.STALE, Tone.STALE) if is_stale else (Tone.GROUND, Tone.STRONG)
+    rows: list[list[str]] = []
+    for row in range(height):
+        shares = [max(0.0, min(1.0, edge - row if is_inverted else row + 1.0 - edge)) for edge in edges]
+        if is_inverted:  # blocks grow from below only: the ground above is drawn in whole cells
+            rows.append(["█" if share >= 0.5 else " " for share in shares])
+        else:
+            rows.append([EIGHTHS[round(8.0 * share)] for share in shares])
+    at = (width - len(VEHICLE)) // 2
+    found: list[Line] = []
+    for number, cells in enumerate(rows):
+        if number == height // 2:
+            left, right = "".join(cells[:at]), "".join(cells[at + len(VEHICLE) :])
+            found.append((Span(left, tone), Span(VEHICLE, over), Span(right, tone)))
+        else:
+            found.append((Span("".join(cells), tone),))
+    return found

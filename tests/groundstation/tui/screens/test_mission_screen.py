@@ -13,14 +13,12 @@ from gloc3.mission.examples import find_mission
 from gloc3.mission.model.model import digest_of
 from gloc3_groundstation.desk.mission_desk import MissionDesk
 from gloc3_groundstation.store.configuration import Configuration, LastSession
-from gloc3_groundstation.tui.dialogues.open_mission import OpenMission
+from gloc3_groundstation.tui.dialogues.mission_files import OpenMission, SaveMission, UnsavedQuestion
 from gloc3_groundstation.tui.dialogues.questions import YesNoQuestion
-from gloc3_groundstation.tui.dialogues.save_mission import SaveMission
 from gloc3_groundstation.tui.dialogues.single_action import SingleAction
-from gloc3_groundstation.tui.dialogues.unsaved import UnsavedQuestion
 from gloc3_groundstation.tui.screens.mission import MissionScreen
 from gloc3_groundstation.tui.widgets.lines import text_of
-from gloc3_groundstation.tui.widgets.mission_editor import MissionEditor
+from gloc3_groundstation.tui.widgets.mission_text import MissionEditor
 from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel
 
 pytestmark = pytest.mark.sockets

@@ -21,13 +21,15 @@ from gloc3_groundstation.tui.views.charts import (
 )
 from gloc3_groundstation.tui.views.flight_data import (
     CHARTS,
+    EIGHTHS,
+    VEHICLE,
     attitude_lines,
     attitude_title,
     charts,
     charts_title,
+    horizon_lines,
     shown_charts,
 )
-from gloc3_groundstation.tui.views.horizon import EIGHTHS, VEHICLE, horizon_lines
 from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, text_of
 
 

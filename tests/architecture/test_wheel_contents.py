@@ -23,6 +23,7 @@ BY_NAME = (
     "gloc3_sitl/world/worlds/hold.yaml",
     "gloc3_sitl/aircraft/aerosonde/aerosonde.xml",
     "gloc3_sitl/aircraft/pelican/pelican.xml",
+    "gloc3_sitl/aircraft/quadplane/quadplane.xml",
 )
 
 

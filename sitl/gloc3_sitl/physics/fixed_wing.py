@@ -12,6 +12,8 @@ from gloc3_sitl.vehicles.fixed_wing_model import FixedWingModel
 
 _LEAST_AIR_M_S: Final = 1.0
 """In slower air angles of the flow mean nothing, and its force is less than the weight of a gram."""
+Wrench = tuple[float, float, float, float, float, float]
+"""A force in N and a moment in N m, both FRD: x, y, z, roll, pitch, yaw."""
 AILERON, ELEVATOR, THROTTLE, RUDDER = range(4)
 """Outputs: -1 to 1; positive turn right, nose up, full throttle (-1 is none) and nose right."""
 
@@ -50,6 +52,22 @@ class FixedWing(JsbsimBody):
 
     def step(self, outputs: Sequence[float], /) -> None:
         """Advance by one period with ailerons, elevator, throttle and rudder, each -1 to 1."""
+        self._put(self._force_and_moment(outputs))
+        self._advance()
+
+    def _put(self, wrench: Wrench) -> None:
+        """Puts a force and a moment on the body for the next period."""
+        x, y, z, roll, pitch, yaw = wrench
+        put_x, put_y, put_z, put_l, put_m, put_n = self._forces
+        put_x(x * PER_POUND)
+        put_y(y * PER_POUND)
+        put_z(z * PER_POUND)
+        put_l(roll * PER_POUND_FOOT)
+        put_m(pitch * PER_POUND_FOOT)
+        put_n(yaw * PER_POUND_FOOT)
+
+    def _force_and_moment(self, outputs: Sequence[float]) -> Wrench:
+        """Force and moment of air and propeller, after rudders and motor have moved on by one period."""
         model = self.model
         most, lag = model.deflection_max_rad, self._servo_lag
         aileron, elevator, rudder = self._surfaces
@@ -64,21 +82,13 @@ class FixedWing(JsbsimBody):
         u, v, w = velocity = get_u() * FOOT_M, get_v() * FOOT_M, get_w() * FOOT_M
         air = sqrt(u * u + v * v + w * w)
         thrust_n, torque_n_m = self._propel(u)
-        x, y, z, roll, pitch, yaw = thrust_n, 0.0, 0.0, -torque_n_m, 0.0, 0.0
         if air > _LEAST_AIR_M_S:
-            x, y, z, roll, pitch, yaw = self._fly(air, velocity, (get_p(), get_q(), get_r()), thrust_n, torque_n_m)
-        put_x, put_y, put_z, put_l, put_m, put_n = self._forces
-        put_x(x * PER_POUND)
-        put_y(y * PER_POUND)
-        put_z(z * PER_POUND)
-        put_l(roll * PER_POUND_FOOT)
-        put_m(pitch * PER_POUND_FOOT)
-        put_n(yaw * PER_POUND_FOOT)
-        self._advance()
+            return self._fly(air, velocity, (get_p(), get_q(), get_r()), thrust_n, torque_n_m)
+        return thrust_n, 0.0, 0.0, -torque_n_m, 0.0, 0.0
 
     def _fly(
         self, air: float, velocity: Vector3, rates: Vector3, thrust_n: float, torque_n_m: float
-    ) -> tuple[float, float, float, float, float, float]:
+    ) -> Wrench:
         """Force and moment of air and propeller, FRD."""
         m = self.model
         (u, v, w), (p, q, r) = velocity, rates
@@ -96,6 +106,8 @@ class FixedWing(JsbsimBody):
         drag += (1.0 - stalled) * attached * attached * m.wing_m2 / (pi * m.oswald * m.span_m * m.span_m)
         lift += m.lift_q * q + m.lift_elevator * elevator
         drag += m.drag_elevator * abs(elevator)
+        most = m.moment_angle_max_rad
+        alpha, beta = max(-most, min(most, alpha)), max(-most, min(most, beta))
         side = m.side_beta * beta + m.side_aileron * aileron + m.side_rudder * rudder
         roll = m.roll_beta * beta + m.roll_p * p + m.roll_r * r + m.roll_aileron * aileron + m.roll_rudder * rudder
         pitch = m.pitch_0 + m.pitch_alpha * alpha + m.pitch_q * q + m.pitch_elevator * elevator

@@ -35,7 +35,7 @@ PER_POUND_FOOT: Final = 1.0 / 1.3558179483314
 _SLUG_KG: Final = 14.593902937206
 _DENSITY_M3: Final = 515.3788184
 """Kilograms per cubic metre of one slug per cubic foot."""
-_SEA_LEVEL_KG_M3: Final = 1.225
+SEA_LEVEL_KG_M3: Final = 1.225
 _SPECIFIC_FORCE_MAX_M_S2: Final = 16.0 * GRAVITY_M_S2
 
 _UNUSED_MODELS: Final = ("Propulsion", "Aerodynamics", "BuoyantForces", "FCS", "Atmosphere", "Input", "Output")
@@ -277,7 +277,7 @@ class Quadrotor(JsbsimBody):
     def _wire(self) -> None:
         """Look up JSBSim's properties and the model's constants once."""
         super()._wire()
-        model, density_ratio = self.model, self._density / _SEA_LEVEL_KG_M3
+        model, density_ratio = self.model, self._density / SEA_LEVEL_KG_M3
         speed_max = model.rotor_speed_max_rad_s
         self._constants = (
             model.throttle_curve,

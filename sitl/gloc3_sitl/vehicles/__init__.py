@@ -20,6 +20,7 @@ __all__ = [
     "dvl_server",
     "fixed_wing_model",
     "ground_model",
+    "lift_rotor_model",
     "scene",
     "sensor_server",
     "simulator",

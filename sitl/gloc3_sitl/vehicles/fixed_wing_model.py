@@ -67,6 +67,8 @@ class FixedWingModel(msgspec.Struct, frozen=True, kw_only=True):
     """Time constant of the voltage that the motor is given."""
     voltage_v: float
     """At full throttle."""
+    moment_angle_max_rad: float = 3.2
+    """Angles of the flow beyond this give no more moment and side force: what hovers has air from all sides."""
     avionics_w: float
     """Battery power of everything but the motor."""
     cells: int

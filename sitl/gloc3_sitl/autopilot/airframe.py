@@ -23,6 +23,8 @@ class Airframe:
     """Wanted rate per radian of attitude error about roll, pitch and yaw, in 1/s."""
     landing_gear_m: float
     """Height of the range finder above the ground when the vehicle stands on it."""
+    integral_max: float = 0.08
+    """Largest command of the integrals of the rates."""
 
 
 PELICAN: Final = Airframe(
@@ -38,3 +40,15 @@ PELICAN: Final = Airframe(
 """The AscTec Pelican of the simulation."""
 HUMMINGBIRD: Final = replace(PELICAN, name="hummingbird", hover_thrust=0.29, landing_gear_m=0.06)
 """The AscTec Hummingbird of the simulation: a command turns it as fast as the Pelican, to a tenth."""
+QUADPLANE: Final = Airframe(
+    name="quadplane",
+    hover_thrust=0.51,
+    thrust_curve=0.7,
+    rate_p=(0.075, 0.09, 1.2),
+    rate_i=(0.10, 0.12, 0.6),
+    rate_d=(0.004, 0.005, 0.0),
+    attitude_p=(4.5, 4.5, 1.6),
+    landing_gear_m=0.3,
+    integral_max=0.3,
+)
+"""The lift rotors of the quadplane of the simulation: slower, far apart, and with wings in the wind."""

@@ -7,12 +7,10 @@ from typing import Final
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3
 from gloc3_sitl.autopilot.arming import ArmingProblem, ArmPermission, Authorization, Check, vehicle_problems
-from gloc3_sitl.autopilot.behaviours.base import Activity, GoesTo
+from gloc3_sitl.autopilot.behaviours.base import Activity, FliesMission, GoesTo, TakesOff
 from gloc3_sitl.autopilot.behaviours.choice import activity_for
 from gloc3_sitl.autopilot.behaviours.hold import HoldPosition
-from gloc3_sitl.autopilot.behaviours.mission import MissionFlight
 from gloc3_sitl.autopilot.behaviours.orbit import Orbit, OrbitCircle
-from gloc3_sitl.autopilot.behaviours.streamed import Guided
 from gloc3_sitl.autopilot.control.setpoint import Setpoint
 from gloc3_sitl.autopilot.craft import Craft, HomePosition
 from gloc3_sitl.autopilot.fence import FenceMonitor
@@ -215,7 +213,7 @@ class Commander:
         base = craft.home.position_ned_m[2] if craft.home is not None else 0.0
         target = base - craft.tuning.takeoff_height_m if target_down_m != target_down_m else target_down_m
         if style.takeoff_in_streamed:
-            if self.mode.behaviour is not Behaviour.STREAMED or not isinstance(self.activity, Guided):
+            if self.mode.behaviour is not Behaviour.STREAMED or not isinstance(self.activity, TakesOff):
                 return self._refuse("Take-off denied: not in GUIDED")
             if not craft.is_landed:
                 return self._refuse("Take-off denied: already flying")
@@ -261,7 +259,7 @@ class Commander:
     def _enter(self, custom_mode: int, author: Author) -> None:
         mode = self.style.mode(custom_mode)
         assert mode is not None
-        if self.mode.behaviour is Behaviour.MISSION and isinstance(self.activity, MissionFlight):
+        if self.mode.behaviour is Behaviour.MISSION and isinstance(self.activity, FliesMission):
             self.craft.mission_left()
         self.mode, self.mode_author = mode, author
         if author is not Author.FAILSAFE:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import GeoPoint, Vector3
 from gloc3_sitl.autopilot.control.setpoint import LANDED, AttitudeSetpoint, MotionSetpoint, Setpoint
+from gloc3_sitl.autopilot.control.vtol_form import VtolState
 from gloc3_sitl.autopilot.estimator.estimator import Estimator
 from gloc3_sitl.autopilot.mission import MissionProgress, MissionState
 from gloc3_sitl.autopilot.pilot import Pilot
@@ -149,6 +150,8 @@ class Craft:
     """Height of the range finder over the ground when the vehicle stands, as its readings tell."""
     airspeed_m_s: float = nan
     """By the pitot tube, where there is one."""
+    vtol: VtolState | None = None
+    """What a VTOL flies on; None for other vehicles."""
     is_leaking: bool = False
     """Whether there is water in the hull."""
     fault: str = ""

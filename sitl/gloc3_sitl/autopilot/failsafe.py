@@ -23,6 +23,8 @@ _EXEMPT: Final = {
     Behaviour.POSITION: Exempt.PILOT,
     Behaviour.DIRECT: Exempt.PILOT,
     Behaviour.STEER: Exempt.PILOT,
+    Behaviour.Q_STABILIZE: Exempt.PILOT,
+    Behaviour.Q_ALTITUDE: Exempt.PILOT,
 }
 
 
@@ -285,6 +287,11 @@ WATCHES: Final = (
         name="emergency battery",
         condition=_battery(lambda tuning: tuning.battery_emergency, "nearly empty"),
         action=lambda tuning: tuning.battery_emergency_action,
+    ),
+    FailsafeRow(
+        name="transition",
+        condition=lambda safes: safes.craft.vtol.problem if safes.craft.vtol is not None else "",
+        action=lambda tuning: tuning.transition_action,
     ),
     FailsafeRow(
         name="leak",

@@ -39,10 +39,22 @@ class Behaviour(StrEnum):
     """Stopped, wherever that is."""
     RETRACE = "retrace"
     """Return by the way on which it came."""
+    Q_STABILIZE = "stabilize on rotors"
+    Q_ALTITUDE = "altitude on rotors"
+    Q_RETURN = "return on rotors"
+    """What a quadplane does on its rotors, where it does the same in another mode on its wings."""
 
 
 PILOTED: Final = frozenset(
-    {Behaviour.STABILIZE, Behaviour.ALTITUDE, Behaviour.POSITION, Behaviour.DIRECT, Behaviour.STEER}
+    {
+        Behaviour.STABILIZE,
+        Behaviour.ALTITUDE,
+        Behaviour.POSITION,
+        Behaviour.DIRECT,
+        Behaviour.STEER,
+        Behaviour.Q_STABILIZE,
+        Behaviour.Q_ALTITUDE,
+    }
 )
 """Flown by the pilot's sticks."""
 
@@ -55,6 +67,8 @@ POSITIONED: Final = frozenset(Behaviour) - {
     Behaviour.DIRECT,
     Behaviour.STEER,
     Behaviour.STOP,
+    Behaviour.Q_STABILIZE,
+    Behaviour.Q_ALTITUDE,
 }
 """Impossible without a position estimate."""
 

@@ -20,6 +20,8 @@ class MissionCommand(IntEnum):
     TAKE_OFF = 22
     LOITER_TO_HEIGHT = 31
     SPLINE_WAYPOINT = 82
+    VTOL_TAKE_OFF = 84
+    VTOL_LAND = 85
     DELAY = 93
     CONDITION_DELAY = 112
     CONDITION_DISTANCE = 114
@@ -41,6 +43,7 @@ class MissionCommand(IntEnum):
     SET_CAMERA_ZOOM = 531
     IMAGE_START_CAPTURE = 2000
     IMAGE_STOP_CAPTURE = 2001
+    VTOL_TRANSITION = 3000
     VIDEO_START_CAPTURE = 2500
     VIDEO_STOP_CAPTURE = 2501
     GIMBAL_MANAGER_PITCHYAW = 1000
@@ -66,6 +69,9 @@ POSITIONED: Final = frozenset(
     }
 )
 """Items at which the vehicle goes somewhere."""
+
+TAKE_OFFS: Final = frozenset({MissionCommand.TAKE_OFF, MissionCommand.VTOL_TAKE_OFF})
+LANDINGS: Final = frozenset({MissionCommand.LAND, MissionCommand.VTOL_LAND})
 
 INSTANT: Final = frozenset(
     {
@@ -105,6 +111,10 @@ OTHER_MISSION: Final = frozenset(
     }
 )
 
+VTOL_COMMANDS: Final = frozenset(
+    {MissionCommand.VTOL_TAKE_OFF, MissionCommand.VTOL_LAND, MissionCommand.VTOL_TRANSITION}
+)
+"""Items of vehicles with rotors and wings."""
 MISSION_COMMANDS: Final = POSITIONED | INSTANT | OTHER_MISSION
 FENCE_COMMANDS: Final = frozenset(command for command in MissionCommand if 5000 <= command <= 5004)
 
@@ -162,11 +172,11 @@ def _check_place(item: StoredItem) -> tuple[PlanResult, str]:
     return PlanResult.ACCEPTED, ""
 
 
-def check_mission_item(item: StoredItem, count: int) -> tuple[PlanResult, str]:
-    """Judges an item of a mission; `count` is the length of the list."""
-    if item.command not in MISSION_COMMANDS:
+def check_mission_item(item: StoredItem, count: int, *, is_vtol: bool = False) -> tuple[PlanResult, str]:
+    """Judges an item of a mission of `count` items, for a vehicle with rotors and wings or another."""
+    if item.command not in MISSION_COMMANDS and not (is_vtol and item.command in VTOL_COMMANDS):
         return PlanResult.UNSUPPORTED, f"command {item.command} is not supported"
-    if item.command in POSITIONED:
+    if item.command in POSITIONED | TAKE_OFFS | LANDINGS:
         if item.frame not in _RELATIVE | _ABSOLUTE:
             return PlanResult.UNSUPPORTED_FRAME, f"frame {item.frame} is not supported"
         result, reason = _check_place(item)
@@ -218,11 +228,7 @@ class StoredPlans:
     def lacks(self, required: int, *, is_landed: bool) -> str:
         """Returns which of take-off and landing the mission lacks, where MIS_TKO_LAND_REQ requires them; empty if neither."""
         has = {item.command for item in self.mission}
-        missing = [
-            word
-            for word, command in (("take-off", MissionCommand.TAKE_OFF), ("landing", MissionCommand.LAND))
-            if command not in has
-        ]
+        missing = [word for word, commands in (("take-off", TAKE_OFFS), ("landing", LANDINGS)) if not has & commands]
         match required:
             case 1 | 2:
                 wanted = ["take-off" if required == 1 else "landing"]

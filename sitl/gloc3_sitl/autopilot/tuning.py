@@ -7,6 +7,7 @@ from math import nan
 from gloc3_sitl.autopilot.control.drive_gains import DriveGains
 from gloc3_sitl.autopilot.control.position import PositionGains
 from gloc3_sitl.autopilot.control.trajectory import TrajectoryLimits
+from gloc3_sitl.autopilot.control.vtol_form import VtolGains
 from gloc3_sitl.autopilot.control.wing_gains import WingGains
 
 
@@ -33,6 +34,7 @@ class Tuning:
     limits: TrajectoryLimits = field(default_factory=TrajectoryLimits)
     drive: DriveGains = field(default_factory=DriveGains)
     wings: WingGains = field(default_factory=WingGains)
+    vtol: VtolGains = field(default_factory=VtolGains)
     attitude_p_roll: float = 6.5
     attitude_p_pitch: float = 6.5
     attitude_p_yaw: float = 3.0
@@ -115,6 +117,8 @@ class Tuning:
     pilot_override: int = 1
     """Bit 0: moved sticks take over from modes of its own; bit 1: from streamed control too."""
     pilot_override_stick: float = 0.3
+    transition_action: FailsafeAction = FailsafeAction.RETURN
+    """After a transition to wings that has failed, on rotors again."""
     leak_action: FailsafeAction = FailsafeAction.NONE
     position_lost_action: FailsafeAction = FailsafeAction.LAND
     position_lost_s: float = 1.0

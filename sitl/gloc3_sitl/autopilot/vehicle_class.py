@@ -7,6 +7,7 @@ from typing import Final
 from gloc3_sitl.autopilot.control.control import ControlLoops
 from gloc3_sitl.autopilot.control.drive import DriveControl
 from gloc3_sitl.autopilot.control.multirotor import MultirotorControl
+from gloc3_sitl.autopilot.control.vtol import VtolControl
 from gloc3_sitl.autopilot.control.wings import WingControl
 from gloc3_sitl.autopilot.craft import Craft
 
@@ -39,3 +40,7 @@ MULTIROTOR: Final = AutopilotClass(mav_type=2, control=MultirotorControl)
 """A quadrotor."""
 PLANE: Final = AutopilotClass(mav_type=1, control=WingControl, neutral_us=1500, span_us=500)
 """A plane: ailerons, elevator, throttle (no drive at 1000 us), rudder."""
+VTOL: Final = AutopilotClass(
+    mav_type=22, control=VtolControl, output_numbers=tuple(range(1, 9)), neutral_us=1500, span_us=500
+)
+"""A plane with four lift rotors, MAV_TYPE_VTOL_FIXEDROTOR: the plane's outputs, then the rotors' (no drive at 1500 us)."""

@@ -3,4 +3,16 @@
 Wind, water and ground act on all of them; `truth` is what a vehicle really does.
 """
 
-__all__ = ["body", "fixed_wing", "ground", "jsbsim_body", "lift_rotors", "rover", "truth", "underwater", "vessel", "water", "wind"]
+__all__ = [
+    "body",
+    "fixed_wing",
+    "ground",
+    "jsbsim_body",
+    "lift_rotors",
+    "rover",
+    "truth",
+    "underwater",
+    "vessel",
+    "water",
+    "wind",
+]

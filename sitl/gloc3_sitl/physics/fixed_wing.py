@@ -86,9 +86,7 @@ class FixedWing(JsbsimBody):
             return self._fly(air, velocity, (get_p(), get_q(), get_r()), thrust_n, torque_n_m)
         return thrust_n, 0.0, 0.0, -torque_n_m, 0.0, 0.0
 
-    def _fly(
-        self, air: float, velocity: Vector3, rates: Vector3, thrust_n: float, torque_n_m: float
-    ) -> Wrench:
+    def _fly(self, air: float, velocity: Vector3, rates: Vector3, thrust_n: float, torque_n_m: float) -> Wrench:
         """Force and moment of air and propeller, FRD."""
         m = self.model
         (u, v, w), (p, q, r) = velocity, rates

@@ -16,14 +16,17 @@ from gloc3_sitl.autopilot.styles.ardupilot import ARDUPILOT
 from gloc3_sitl.autopilot.styles.ardusub import ARDUSUB
 from gloc3_sitl.autopilot.styles.plane import PLANE
 from gloc3_sitl.autopilot.styles.px4 import PX4
+from gloc3_sitl.autopilot.styles.px4_vtol import PX4_VTOL
+from gloc3_sitl.autopilot.styles.quadplane import QUADPLANE as QUADPLANE_STYLE
 from gloc3_sitl.autopilot.styles.rover import BOAT, ROVER
 from gloc3_sitl.autopilot.vehicle_class import BOAT as BOAT_CLASS
-from gloc3_sitl.autopilot.vehicle_class import MULTIROTOR, AutopilotClass
+from gloc3_sitl.autopilot.vehicle_class import MULTIROTOR, VTOL, AutopilotClass
 from gloc3_sitl.autopilot.vehicle_class import PLANE as PLANE_CLASS
 from gloc3_sitl.autopilot.vehicle_class import ROVER as ROVER_CLASS
 from gloc3_sitl.physics.body import MakeBody, Situation, VehicleBody
 from gloc3_sitl.physics.fixed_wing import FixedWing
 from gloc3_sitl.physics.jsbsim_body import Quadrotor
+from gloc3_sitl.physics.lift_rotors import Quadplane
 from gloc3_sitl.physics.rover import SkidRover
 from gloc3_sitl.physics.underwater import UnderwaterVehicle
 from gloc3_sitl.physics.vessel import Vessel
@@ -40,6 +43,7 @@ from gloc3_sitl.vehicles.aerosonde import AEROSONDE
 from gloc3_sitl.vehicles.auv import AUV
 from gloc3_sitl.vehicles.jackal import JACKAL
 from gloc3_sitl.vehicles.otter import OTTER
+from gloc3_sitl.vehicles.quadplane import LIFT_ROTORS, QUADPLANE
 from gloc3_sitl.vehicles.rov import ROV
 from gloc3_sitl.vehicles.underwater import UnderwaterModel
 
@@ -198,6 +202,18 @@ VEHICLES: Final[Mapping[str, VehicleRow]] = {
         vehicle_class=PLANE_CLASS,
         styles={"ardupilot": PLANE},
         sensors=lambda seed, home: [Airspeed(seed, home)],
+    ),
+    "quadplane": VehicleRow(
+        types=("vtol",),
+        body=partial(Quadplane, QUADPLANE, LIFT_ROTORS),
+        pack=QUADPLANE,
+        vehicle_class=VTOL,
+        styles={"px4": PX4_VTOL, "ardupilot": QUADPLANE_STYLE},
+        sensors=lambda seed, home: [Airspeed(seed, home)],
+        parameters={
+            "px4": {"MIS_TKO_LAND_REQ": 0.0},
+            "ardupilot": {"Q_MAV_TYPE": 22.0, "Q_GUIDED_MODE": 1.0, "Q_RTL_MODE": 1.0, "Q_TRANS_FAIL": 15.0},
+        },
     ),
 }
 """By the name that `gloc3 sitl --vehicle` takes."""

@@ -128,14 +128,14 @@ class Bench:
             self.set_parameter("MIS_TAKEOFF_ALT", height_m)
             assert self.command(ARM, 1) is Result.ACCEPTED
             assert self.command(TAKE_OFF, nan, 0, 0, nan, nan, nan, nan) is Result.ACCEPTED
-            self.run_until(lambda: self.mode == "Hold", 20.0)
+            self.run_until(lambda: self.mode == "Hold", 20.0 + height_m)
         else:
             self.run_until(lambda: bool(self.autopilot.estimator.is_position_good(self.autopilot.craft.now_s)), 10.0)
             assert self.set_mode("GUIDED") is Result.ACCEPTED
             self.get_ready()
             assert self.command(ARM, 1) is Result.ACCEPTED
             assert self.command(TAKE_OFF, 0, 0, 0, 0, 0, 0, height_m) is Result.ACCEPTED
-            self.run_until(lambda: abs(self.position[2] + height_m) < 0.2, 20.0)
+            self.run_until(lambda: abs(self.position[2] + height_m) < 0.2, 20.0 + height_m)
         self.run(2.0)
 
     def stream(

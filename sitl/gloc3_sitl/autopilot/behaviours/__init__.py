@@ -3,4 +3,16 @@
 `choice` says which class of vehicle has which; each is a small machine that returns setpoints.
 """
 
-__all__ = ["base", "choice", "driving", "hold", "mission", "orbit", "streamed", "submarine", "touching_down", "winged"]
+__all__ = [
+    "base",
+    "choice",
+    "driving",
+    "hold",
+    "mission",
+    "orbit",
+    "streamed",
+    "submarine",
+    "touching_down",
+    "vtol",
+    "winged",
+]

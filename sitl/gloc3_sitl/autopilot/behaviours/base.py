@@ -44,6 +44,34 @@ class GoesTo(Activity):
         """Sets the target position; NaN keeps heading and speed."""
 
 
+class TakesOff(Activity):
+    """A behaviour that accepts a take-off from the ground."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def take_off(self, target_down_m: float) -> None:
+        """Climbs from the ground to a height, as NED down."""
+
+
+class FliesMission(Activity):
+    """A behaviour that flies the uploaded mission."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def skip_to(self, index: int) -> None:
+        """Makes another item the current one."""
+
+    @abstractmethod
+    def pause(self) -> None:
+        """Stops here, inside the mode."""
+
+    @abstractmethod
+    def go_on(self) -> None:
+        """Goes on after a pause."""
+
+
 class Mover(Activity):
     """Advances a smooth trajectory and a heading towards the subclass's target."""
 

@@ -12,6 +12,7 @@ from gloc3_sitl.autopilot.behaviours.piloted import Altitude, Position, Stabiliz
 from gloc3_sitl.autopilot.behaviours.return_home import ReturnFlight
 from gloc3_sitl.autopilot.behaviours.streamed import Guided, Offboard, StreamedAttitude
 from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint
+from gloc3_sitl.autopilot.control.vtol_form import VtolForm
 from gloc3_sitl.autopilot.craft import Craft
 from gloc3_sitl.autopilot.modes import Behaviour, StyleTables
 
@@ -48,6 +49,8 @@ def activity_for(behaviour: Behaviour, craft: Craft, takeoff_down_m: float, styl
             return HoldPosition(craft)
         case Behaviour.BRAKE:
             return Brake(craft)
+        case Behaviour.TAKE_OFF if craft.vtol is not None and craft.vtol.form is not VtolForm.ROTORS:
+            return style.activities[Behaviour.HOLD](craft)
         case Behaviour.TAKE_OFF:
             usual = craft.estimator.inertial.position_ned_m[2] - craft.tuning.takeoff_height_m
             return ClimbToHeight(craft, takeoff_down_m if takeoff_down_m == takeoff_down_m else usual)
@@ -67,5 +70,5 @@ def activity_for(behaviour: Behaviour, craft: Craft, takeoff_down_m: float, styl
             return StreamedAttitude(craft)
         case Behaviour.TERMINATED:
             return Terminated(craft)
-        case Behaviour.DIRECT | Behaviour.STEER | Behaviour.STOP | Behaviour.RETRACE:
+        case _:
             raise Misuse(f"a multirotor does not support {behaviour}")

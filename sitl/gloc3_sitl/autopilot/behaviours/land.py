@@ -39,7 +39,9 @@ class LandInPlace(Mover):
             nothing = float("nan")
             return MotionSetpoint(velocity_ned_m_s=(nothing, nothing, self._descent_m_s), yaw_rad=self.yaw_rad)
         n, e, _ = self.trajectory.target
-        self.trajectory.go_to((n, e, self.trajectory.position[2]))
+        down = craft.estimator.inertial.position_ned_m[2]
+        self.trajectory.position = (*self.trajectory.position[:2], down)  # it goes to its place while it comes down
+        self.trajectory.go_to((n, e, down))
         hold = self.glide()
         n, e, _ = hold.position_ned_m
         vn, ve, _ = hold.velocity_ned_m_s

@@ -5,7 +5,7 @@ from math import atan2, hypot, isfinite, radians
 
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3, wrap_pi
-from gloc3_sitl.autopilot.behaviours.base import Activity, Mover
+from gloc3_sitl.autopilot.behaviours.base import Activity, FliesMission, Mover
 from gloc3_sitl.autopilot.behaviours.climb import ClimbToHeight
 from gloc3_sitl.autopilot.behaviours.land import LandInPlace
 from gloc3_sitl.autopilot.behaviours.return_home import ReturnFlight
@@ -19,7 +19,7 @@ _MOST_INSTANT = 64
 _HEIGHT_RADIUS_M = 0.8
 
 
-class MissionFlight(Mover):
+class MissionFlight(Mover, FliesMission):
     """Goes on with the current item of the mission; done when the last one is."""
 
     __slots__ = ("_item", "_leg_start", "_sub", "_wait_until_s", "is_done")
@@ -145,12 +145,12 @@ class MissionFlight(Mover):
                 self.trajectory.stop()
             case MissionCommand.RETURN:
                 self._sub = ReturnFlight(craft)
-            case MissionCommand.TAKE_OFF if craft.is_landed:
+            case MissionCommand.TAKE_OFF | MissionCommand.VTOL_TAKE_OFF if craft.is_landed:
                 self._sub = ClimbToHeight(craft, self._place(item)[2])
-            case MissionCommand.LAND:
+            case MissionCommand.LAND | MissionCommand.VTOL_LAND:
                 n, e, _ = self._place(item)
                 self._head_for((n, e, here[2]), item)
-            case MissionCommand.TAKE_OFF:
+            case MissionCommand.TAKE_OFF | MissionCommand.VTOL_TAKE_OFF:
                 self._head_for((here[0], here[1], min(here[2], self._place(item)[2])), item)
             case _:
                 self._head_for(self._place(item), item)
@@ -194,7 +194,7 @@ class MissionFlight(Mover):
         if not self._is_reached(item):
             return setpoint
         match item.command:
-            case MissionCommand.LAND:
+            case MissionCommand.LAND | MissionCommand.VTOL_LAND:
                 self._sub = LandInPlace(craft, self.trajectory.target)
             case MissionCommand.LOITER_UNLIMITED:
                 pass

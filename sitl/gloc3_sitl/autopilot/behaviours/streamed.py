@@ -3,7 +3,7 @@
 from math import nan
 
 from gloc3.messages.frames import Vector3
-from gloc3_sitl.autopilot.behaviours.base import GoesTo, Mover
+from gloc3_sitl.autopilot.behaviours.base import GoesTo, Mover, TakesOff
 from gloc3_sitl.autopilot.behaviours.climb import ClimbToHeight
 from gloc3_sitl.autopilot.control.setpoint import LANDED, AttitudeSetpoint, MotionSetpoint, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
@@ -48,7 +48,7 @@ class StreamedAttitude(Mover):
         return MotionSetpoint(velocity_ned_m_s=(nan, nan, 0.0), yaw_rad=self.yaw_rad)
 
 
-class Guided(Mover, GoesTo):
+class Guided(Mover, GoesTo, TakesOff):
     """ArduPilot's Guided: take-off, go to, velocities that stop when they are not renewed, attitudes."""
 
     __slots__ = ("_climb", "_seen_s", "_stopped")

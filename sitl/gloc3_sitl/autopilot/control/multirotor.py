@@ -35,7 +35,7 @@ class MultirotorControl:
         self._estimator: Final = craft.estimator
         self._tuning: Final = craft.tuning
         self._mixer = Mixer(airframe.thrust_curve)
-        self._rates = RateController(airframe, STEP_S)
+        self._rates = RateController(airframe, STEP_S, limit=airframe.integral_max)
         self._attitude = AttitudeController(airframe.attitude_p)
         self._position = PositionController(craft.tuning.gains)
         self._wanted_rate = (0.0, 0.0, 0.0)
@@ -60,10 +60,14 @@ class MultirotorControl:
         return mixer.mix(self.thrust, roll, pitch, yaw)
 
     def follow(self, setpoint: Setpoint) -> None:
-        """Looks for the ground, and turns a setpoint into an attitude (or rates) and a thrust."""
+        """Looks for the ground, and steers."""
         if not isinstance(setpoint, MotionSetpoint | AttitudeSetpoint):
             raise Misuse(f"a multirotor does not accept {type(setpoint).__name__}")
         self._detect_touchdown(setpoint)
+        self.steer(setpoint)
+
+    def steer(self, setpoint: MotionSetpoint | AttitudeSetpoint) -> None:
+        """Turns a setpoint into an attitude (or rates) and a thrust."""
         tuning = self._tuning
         self._attitude.gain = (tuning.attitude_p_roll, tuning.attitude_p_pitch, tuning.attitude_p_yaw)
         inertial = self._estimator.inertial

@@ -20,13 +20,19 @@ _STARTS: Final = 0.2
 
 
 class WingControl:
-    """Three rudders and a throttle; a `Control`."""
+    """Three rudders and a throttle; a `Control`.
+
+    Args:
+        craft: what is known of the vehicle.
+        lands: it looks for the ground; what lands on rotors does not.
+    """
 
     stopped: Rudders = _STOPPED
 
-    def __init__(self, craft: Craft) -> None:
+    def __init__(self, craft: Craft, *, lands: bool = True) -> None:
         self.thrust = 0.0
         self._craft: Final = craft
+        self._lands: Final = lands
         self._gains: Final[WingGains] = craft.tuning.wings
         self._energy: Final = EnergyControl(self._gains)
         self._setpoint = WingSetpoint(throttle=0.0, pitch_rad=0.0)
@@ -85,10 +91,16 @@ class WingControl:
         pitch, self.thrust = self._energy.update(wanted, -inertial.velocity_ned_m_s[2], airspeed, load)
         self._pitch_rad = pitch if isnan(setpoint.pitch_rad) else setpoint.pitch_rad
 
+    def lean(self, pitch_rad: float) -> None:
+        """Puts another nose in place of the one that `follow` has worked out."""
+        self._pitch_rad = pitch_rad
+
     def _mind_ground(self, throttle: float) -> None:
         """Tells ground from air: it has landed when it stands with its motor off."""
         craft = self._craft
         touchdown = craft.touchdown
+        if not self._lands:
+            return
         if not craft.is_armed:
             if not touchdown.is_landed:
                 touchdown.landed_s = craft.now_s

@@ -24,6 +24,9 @@ _UNSUPPORTED: Final = RequestVerdict(Result.UNSUPPORTED)
 _RELATIVE: Final = (3, 6)
 _CUSTOM_FLAG: Final = 1
 _NO_REGION_OF_INTEREST: Final = 197
+_TO_ROTORS, _TO_WINGS = 3.0, 4.0
+"""MAV_VTOL_STATE."""
+_NO_TRANSITION: Final = (Behaviour.TAKE_OFF, Behaviour.LAND, Behaviour.RETURN)
 _WHOLE_TURN_DEG: Final = 360.0
 
 
@@ -92,6 +95,22 @@ def _terminate(context: FrontContext, request: MavCommandRequest) -> RequestVerd
     if not request.params[0] > 0.5:
         return ACCEPTED
     context.commander.terminate()
+    return ACCEPTED
+
+
+def _transition(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
+    """DO_VTOL_TRANSITION: PX4 takes it in modes that stay in the air, ArduPilot in Auto only, where missions command it."""
+    commander, vtol = context.commander, context.craft.vtol
+    wanted = request.params[0]
+    if vtol is None:
+        return _UNSUPPORTED
+    if wanted not in (_TO_ROTORS, _TO_WINGS):
+        return OUT_OF_RANGE
+    if not context.is_px4 and commander.mode.behaviour is not Behaviour.MISSION:
+        return RequestVerdict(Result.FAILED, "VTOL transition only in AUTO")
+    if context.craft.is_landed or (wanted == _TO_WINGS and commander.mode.behaviour in _NO_TRANSITION):
+        return RequestVerdict(commander.style.refused, f"no transition in {commander.mode.name} or on the ground")
+    vtol.want(wings=wanted == _TO_WINGS)
     return ACCEPTED
 
 
@@ -325,6 +344,7 @@ HANDLERS: Final[Mapping[int, Handler]] = {
     519: _capabilities,
     520: _capabilities,
     611: _set_origin,
+    3000: _transition,
     42007: _source_set,
 }
 """By MAV_CMD."""

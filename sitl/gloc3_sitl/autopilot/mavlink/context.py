@@ -11,7 +11,7 @@ from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL, StreamSchedule
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import GeoPoint, wrap_pi
 from gloc3_sitl.autopilot.autopilot import Autopilot
-from gloc3_sitl.autopilot.behaviours.mission import MissionFlight
+from gloc3_sitl.autopilot.behaviours.base import FliesMission
 from gloc3_sitl.autopilot.mavlink import motion_telemetry
 from gloc3_sitl.autopilot.mavlink.calibration import AccelerometerPositions
 from gloc3_sitl.autopilot.mavlink.events import HealthReporter
@@ -139,10 +139,10 @@ class FrontContext:
     # -- what commands need -------------------------------------------------------------------------------------------
 
     @property
-    def mission_flight(self) -> MissionFlight | None:
+    def mission_flight(self) -> FliesMission | None:
         """The mission under way, in mission mode."""
         activity = self.commander.activity
-        return activity if isinstance(activity, MissionFlight) else None
+        return activity if isinstance(activity, FliesMission) else None
 
     def set_current(self, index: int) -> bool:
         """Makes another mission item the current one; false where there is none."""

@@ -57,9 +57,13 @@ class PlanSync:
         if self._first and home is not self._reported_home:
             self._put_home()
 
+    @property
+    def _is_vtol(self) -> bool:
+        return self._context.craft.vtol is not None
+
     def _check(self, kind: PlanType, items: Plan) -> PlanResult:
         checks = {
-            PlanType.MISSION: lambda item: check_mission_item(item, len(items)),
+            PlanType.MISSION: lambda item: check_mission_item(item, len(items), is_vtol=self._is_vtol),
             PlanType.FENCE: check_fence_item,
             PlanType.RALLY: check_rally_item,
         }

@@ -117,7 +117,8 @@ def _landed_state(autopilot: "Autopilot") -> Landed:
 def extended_sys_state(autopilot: "Autopilot") -> MavlinkMessage:
     """EXTENDED_SYS_STATE."""
     landed = int(_landed_state(autopilot)) if autopilot.vehicle.reports_landed else 0
-    return message("EXTENDED_SYS_STATE", vtol_state=0, landed_state=landed)
+    vtol = autopilot.craft.vtol
+    return message("EXTENDED_SYS_STATE", vtol_state=0 if vtol is None else int(vtol.form), landed_state=landed)
 
 
 def home_position(autopilot: "Autopilot") -> MavlinkMessage | None:

@@ -13,6 +13,8 @@ __all__ = [
     "setpoint",
     "trajectory",
     "underwater",
+    "vtol",
+    "vtol_form",
     "wing_gains",
     "wings",
 ]

@@ -3,4 +3,4 @@
 One file a style, with its parameters.
 """
 
-__all__ = ["ardupilot", "ardusub", "plane", "px4", "rover"]
+__all__ = ["ardupilot", "ardusub", "plane", "px4", "px4_vtol", "quadplane", "rover"]

@@ -82,11 +82,14 @@ PLANE: Final = ClassProperties(
     modes=MODES,
     commanded=_COMMANDED,
     behaviour=AutopilotBehaviour(
-        vehicle=VehicleClass.PLANE, arm_in_mode=FlightMode.HOLD, stream_before_guided_s=_STREAM_S
+        vehicle=VehicleClass.PLANE,
+        arm_in_mode=FlightMode.HOLD,
+        stream_before_guided_s=_STREAM_S,
+        returns_to_land=True,
     ),
     timeout_s=_LOSS_S,
 )
-"""In offboard mode it flies to the position and circles there."""
+"""In offboard mode it flies to the position and circles there; in AUTO.LAND it circles down where it is."""
 
 CLASSES: Final[Mapping[VehicleClass, ClassProperties]] = {
     snapshot.vehicle: snapshot for snapshot in (COPTER, ROVER, PLANE)

@@ -276,6 +276,8 @@ class AutopilotBehaviour(NamedTuple):
     """Whether it disarms by itself once it has landed; else we ask for it."""
     at_rest_s: float = 0.0
     """With that: how long it must have stood still in `land_mode`."""
+    returns_to_land: bool = False
+    """Whether its landing comes down wherever it is, in circles, so that its own return has to bring it home first."""
     lands_into: tuple[str, ...] = ()
     """Modes, in the autopilot's words, that it enters by itself when a landing is over."""
 

@@ -25,6 +25,12 @@ class PresetValue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     value: float
     why: str = ""
+    also: dict[ParameterName, float] = {}
+    """The names that it has in other versions, with the value there: whichever the vehicle has is set."""
+
+    def values(self, name: str) -> dict[str, float]:
+        """The value by every name that it may have; `name` is that of the row."""
+        return {name: self.value, **self.also}
 
 
 class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -36,6 +42,10 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     parameters: dict[ParameterName, PresetValue]
     restart: tuple[str, ...] = ()
     """Parameters that count only after a restart of the autopilot."""
+
+    def values(self) -> dict[str, float]:
+        """Every name that a vehicle may have, with its value."""
+        return {name: value for row, wanted in self.parameters.items() for name, value in wanted.values(row).items()}
 
 
 class PresetChange(NamedTuple):
@@ -75,10 +85,12 @@ def diff(preset: Preset, now: Mapping[str, float], problems: Mapping[str, str]) 
         now: the vehicle's values.
         problems: why others could not be read.
     """
-    return [
-        PresetChange(name, now.get(name), row.value, row.why, problems.get(name, ""))
-        for name, row in preset.parameters.items()
-    ]
+    changes = []
+    for row, wanted in preset.parameters.items():
+        values = wanted.values(row)
+        name = next((one for one in values if one in now), row)
+        changes.append(PresetChange(name, now.get(name), values[name], wanted.why, problems.get(name, "")))
+    return changes
 
 
 def preset_files() -> dict[str, Path]:

@@ -113,7 +113,7 @@ class PresetSession(Microservice[Never]):
             self.target = peer.address
             encoding = ParameterEncoding.BYTEWISE if style.style is Style.PX4 else ParameterEncoding.CAST
             self._parameters.encoding = encoding
-            self._read(PresetStage.READING, self._preset.parameters, now_s)
+            self._read(PresetStage.READING, self._preset.values(), now_s)
             return
 
     def _read(self, stage: PresetStage, names: Iterable[str], now_s: float) -> None:
@@ -127,7 +127,7 @@ class PresetSession(Microservice[Never]):
         while self._waiting and len(self._calls) < AT_ONCE:
             name = self._waiting.popleft()
             if self.stage is PresetStage.SETTING:
-                value = self._preset.parameters[name].value
+                value = self._preset.values()[name]
                 self._calls[name] = self._parameters.set(self.target, name, value, now_s=now_s)
             else:
                 self._calls[name] = self._parameters.read(self.target, name, now_s=now_s)
@@ -156,7 +156,7 @@ class PresetSession(Microservice[Never]):
                 self.stage = PresetStage.READ
             case PresetStage.SETTING:
                 self._read(
-                    PresetStage.VERIFYING, [one for one in self._preset.parameters if one not in self._problems], now_s
+                    PresetStage.VERIFYING, [one for one in self._preset.values() if one not in self._problems], now_s
                 )
             case PresetStage.VERIFYING:
                 left = [change.name for change in self.changes if change.is_needed]

@@ -271,6 +271,12 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         return None if pose is None or begin is None else begin - pose.position_ned_m[2]
 
     @property
+    def _away_m(self) -> float | None:
+        """Distance from home over ground; None where that, or the place of the vehicle, is not known."""
+        pose, home = self._stream.pose, self._stream.home_ned_m
+        return None if pose is None or home is None else math.dist(pose.position_ned_m[:2], home[:2])
+
+    @property
     def _is_airborne(self) -> bool:
         state = self._autopilot
         return state is not None and state.is_armed and state.landed is not LandedState.ON_GROUND
@@ -294,12 +300,13 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
                 continue
             self._stream.stop()
             self._requested = None
-            self._machine.begin(envelope.payload, now_s, self._control.behaviour)
+            self._machine.begin(envelope.payload, now_s, self._control.behaviour, self._away_m)
         if self._machine.action_id != self._owner:
             self._machine.abandon("motion was granted to another owner")
         answer = self._control.answer(self._machine.ticket) if self._machine.ticket else None
         state = self._autopilot if self._is_autopilot_known else None
         self._check_rest(now_s)
+        self._machine.away_m = self._away_m
         return [ManoeuvreStep(command) for command in self._machine.advance(now_s, state, answer, self._rested_s)]
 
     # --- setpoints ---

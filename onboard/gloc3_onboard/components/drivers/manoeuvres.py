@@ -12,6 +12,8 @@ from gloc3_onboard.sensors.devices import AutopilotBehaviour, CommandAnswer
 COPTER: Final = AutopilotBehaviour()
 SETTLING_M: Final = 1.0
 """So far below the height asked for the autopilot may end its climb by itself (PX4: NAV_MC_ALT_RAD, 0.8 m)."""
+HOME_M: Final = 160.0
+"""So near home what circles in its return begins to land: two radii of PX4's circle (RTL_LOITER_RAD, NAV_LOITER_RAD)."""
 ENDING_M: Final = 3.0
 """So far from the last place of a plan the autopilot may end it by itself (PX4: NAV_ACC_RAD, 2 m at most)."""
 
@@ -52,6 +54,12 @@ class Settle(NamedTuple):
     words: str = "come to rest"
 
 
+class ComeHome(NamedTuple):
+    """Ask for nothing; wait until the autopilot's return has come near home."""
+
+    words: str = "come home"
+
+
 class Disarm(NamedTuple):
     """Ask to disarm: after a start that has failed on the ground, and where it does not disarm by itself."""
 
@@ -66,7 +74,7 @@ class Climb(NamedTuple):
 
 
 AutopilotCommand = SetMode | Arm | Disarm | Climb
-ManoeuvreStep = AutopilotCommand | Settle
+ManoeuvreStep = AutopilotCommand | Settle | ComeHome
 
 
 class ManoeuvreMachine:
@@ -91,6 +99,8 @@ class ManoeuvreMachine:
         self._has_armed = False
         self._height_m = 0.0
         self._end_ned_m: Vector3 | None = None
+        self.away_m: float | None = None
+        """Distance from home over ground, as the driver keeps it; None where it is not known."""
 
     @property
     def is_running(self) -> bool:
@@ -107,14 +117,22 @@ class ManoeuvreMachine:
         """Whether a mode for which the owner's setpoints end is asked for, and not confirmed yet."""
         return self.is_running and bool(self._steps) and isinstance(self._steps[0], SetMode)
 
-    def begin(self, manoeuvre: Manoeuvre, now_s: float, behaviour: AutopilotBehaviour = COPTER) -> None:
+    def begin(
+        self,
+        manoeuvre: Manoeuvre,
+        now_s: float,
+        behaviour: AutopilotBehaviour = COPTER,
+        away_m: float | None = None,
+    ) -> None:
         """Takes a manoeuvre up, in place of the one before.
 
         Args:
             manoeuvre: what is asked for.
             now_s: the time.
             behaviour: of the autopilot that shall fly it.
+            away_m: distance from home over ground; None where that is not known.
         """
+        self.away_m = away_m
         self.action_id, self.kind = manoeuvre.action_id, manoeuvre.kind
         self.state, self.reason, self.ticket = ManoeuvreState.RUNNING, "", 0
         self._since_s, self._is_requested, self._has_armed = now_s, False, False
@@ -126,7 +144,9 @@ class ManoeuvreMachine:
                 self._steps += [Climb(manoeuvre.height_m)] if manoeuvre.kind is ManoeuvreKind.TAKE_OFF else []
                 self._refuse_what_it_cannot(behaviour)
             case ManoeuvreKind.LAND:
-                self._steps = [SetMode(behaviour.land_mode)]
+                is_far = behaviour.returns_to_land and away_m is not None and away_m > HOME_M
+                self._steps = [SetMode(FlightMode.RETURN), ComeHome()] if is_far else []
+                self._steps += [SetMode(behaviour.land_mode)]
                 self._steps += [] if behaviour.disarms_itself else [Settle(), Disarm()]
             case ManoeuvreKind.HOLD:
                 self._steps = [SetMode(FlightMode.HOLD)]
@@ -193,7 +213,7 @@ class ManoeuvreMachine:
         if answer is not None and not answer.is_accepted:
             return self._fail(answer.reason, autopilot)
         step = self._steps[0]
-        if isinstance(step, Settle):
+        if isinstance(step, Settle | ComeHome):
             return ()
         if now_s - self._since_s > self._settings.step_timeout_s:
             return self._fail(f"the autopilot did not {step.words} in time", autopilot)
@@ -227,9 +247,12 @@ class ManoeuvreMachine:
     ) -> bool:
         match step:
             case SetMode(mode=mode):
-                return autopilot.mode is mode or self._has_landed_into(autopilot)
+                has_come_down = self._behaviour.returns_to_land and not autopilot.is_armed
+                return autopilot.mode is mode or self._has_landed_into(autopilot) or has_come_down
             case Arm():
                 return autopilot.is_armed
+            case ComeHome():
+                return not autopilot.is_armed or (self.away_m is not None and self.away_m <= HOME_M)
             case Settle():
                 rest_s = self._behaviour.at_rest_s
                 rests = rested_s >= rest_s and now_s - self._since_s >= rest_s
@@ -251,7 +274,14 @@ class ManoeuvreMachine:
         return autopilot.mode is FlightMode.HOLD  # PX4 has climbed, or flown its plan; ArduPilot's owner ends it
 
     def _fail(self, reason: str, autopilot: AutopilotState) -> Sequence[AutopilotCommand]:
-        """What we have armed for a take-off that does not come is not left with turning propellers."""
+        """What we have armed for a take-off that does not come is not left with turning propellers.
+
+        Without its return a vehicle lands where it is.
+        """
+        if ComeHome() in self._steps:
+            self._steps = [step for step in self._steps if step not in (SetMode(FlightMode.RETURN), ComeHome())]
+            self._since_s, self._is_requested, self.ticket = self._since_s + self._settings.step_timeout_s, False, 0
+            return ()
         is_left_armed = self._has_armed and autopilot.is_armed and autopilot.landed is LandedState.ON_GROUND
         self._end(ManoeuvreState.FAILED, reason)
         return (Disarm(),) if is_left_armed else ()

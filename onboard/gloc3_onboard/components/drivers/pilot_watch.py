@@ -12,10 +12,11 @@ FOLLOWS: Final[Mapping[FlightMode, frozenset[FlightMode]]] = {
     FlightMode.HOLD: frozenset({FlightMode.HOLD}),
     FlightMode.LAND: frozenset({FlightMode.LAND}),
     FlightMode.MISSION: frozenset({FlightMode.MISSION}),
+    FlightMode.RETURN: frozenset({FlightMode.RETURN}),
 }
 """The modes that a command of ours may lead to, by the mode that was commanded."""
-OURS: Final = frozenset(FOLLOWS)
-"""The modes that we ever command."""
+OURS: Final = frozenset(FOLLOWS) - {FlightMode.RETURN}
+"""The modes that are taken for ours when nothing is known of who commanded them: a return is more often a pilot's."""
 
 ANSWER_S: Final = 5.0
 """So long after a command of ours (its repetitions included) what it asks for is taken for ours."""
@@ -153,7 +154,7 @@ class PilotWatch:
         if state.is_armed and not before.is_armed and now_s > self._arm_until_s:
             self.lose("the vehicle was armed by somebody else")
         if before.is_armed and not state.is_armed:
-            lands = self._expected is FlightMode.LAND or FlightMode.LAND in self._commanded
+            lands = self._expected in (FlightMode.LAND, FlightMode.RETURN) or FlightMode.LAND in self._commanded
             if not lands and now_s > self._disarm_until_s:
                 self.lose("the vehicle was disarmed by somebody else")
         if state.mode is before.mode:

@@ -69,6 +69,11 @@ class SetpointStream:
             self._limiter = SetpointLimiter(limits)
         self._limiter.limits = limits
 
+    @property
+    def home_ned_m(self) -> Vector3 | None:
+        """Where the vehicle was armed; None where that is not known."""
+        return self._limiter.limits.home_ned_m if self._limiter is not None else None
+
     def set_vehicle(self, pose: Envelope[Pose] | None, own: Envelope[AutopilotPose] | None, *, is_guided: bool) -> None:
         """Says where the vehicle is, in our frame and in the autopilot's own.
 

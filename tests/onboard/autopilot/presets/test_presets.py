@@ -12,10 +12,16 @@ from gloc3.mavlink.node import MavlinkComponent
 from gloc3.mavlink.services.heartbeat import Heartbeat
 from gloc3.mavlink.services.parameter import Parameter, ParameterEncoding, ParameterType
 from gloc3.mavlink.services.parameter_server import ParameterServer
+from gloc3.messages.preflight import Verdict
+from gloc3.messages.readiness import AutopilotSetup
 from gloc3.messages.vehicle import Style, VehicleClass
+from gloc3.platform.reader import load_platform
 from gloc3_onboard.autopilot import ardupilot, px4
 from gloc3_onboard.autopilot.presets.files import Preset, PresetValue, load_preset, preset_files
 from gloc3_onboard.autopilot.presets.session import PresetSession, PresetStage
+from gloc3_onboard.checks.failsafes import failsafe_checks
+from gloc3_onboard.checks.readings import Readings
+from gloc3_onboard.checks.tables import table_of
 
 VEHICLE, COMPANION = Address(1, 1), Address(1, 191)
 SUB = load_preset("ardusub_companion")
@@ -142,6 +148,39 @@ def test_a_parameter_that_is_not_there_is_told_and_the_others_are_set() -> None:
     rig.run(10.0)
     assert rig.session.stage is PresetStage.DONE
     assert rig.value("FS_GCS_ENABLE") == 0.0
+
+
+@pytest.mark.parametrize(("name", "value"), [("RTL_ALTITUDE", 60), ("ALT_HOLD_RTL", 6000)])
+def test_a_parameter_is_set_by_the_name_that_the_vehicle_has_for_it(name: str, value: float) -> None:
+    row = PresetValue(60, "below the ceiling", {"ALT_HOLD_RTL": 6000})
+    preset = Preset("x", Style.ARDUPILOT, VehicleClass.SUB, {"RTL_ALTITUDE": row})
+    rig = Rig(preset)
+    rig.server = ParameterServer(VEHICLE, [Parameter(name, 1.0)], encoding=ParameterEncoding.CAST)
+    rig._vehicle = MavlinkComponent(VEHICLE, [rig.server, rig.heartbeat])
+    rig.run(12.0)
+    assert [(change.name, change.now, change.wanted) for change in rig.session.changes] == [(name, 1.0, value)]
+    rig.session.apply(rig.now_s)
+    rig.run(10.0)
+    assert rig.session.stage is PresetStage.DONE, rig.session.problem
+    assert rig.value(name) == value
+
+
+@pytest.mark.parametrize("name", ["arduplane_companion", "px4_plane_companion"])
+def test_a_plane_with_its_preset_has_no_red_failsafe(name: str) -> None:
+    preset = load_preset(name)
+    table = table_of(preset.style, preset.vehicle)
+    assert preset.vehicle is VehicleClass.PLANE
+
+    def reds(values: dict[str, float]) -> list[str]:
+        known = {one: values[one] for one in table.names() if one in values}
+        setup = AutopilotSetup(style=preset.style, vehicle=preset.vehicle, parameters=known, is_complete=True)
+        readings = Readings(platform=load_platform("plane"), now_s=1.0, setup=setup)
+        return [line.title for line in failsafe_checks(readings) if line.verdict is Verdict.RED]
+
+    stock = {"NAV_DLL_ACT": 0, "COM_OBL_RC_ACT": 0, "MIS_TKO_LAND_REQ": 2, "FS_GCS_ENABL": 1, "FS_LONG_ACTN": 1}
+    stock |= {"COM_LOW_BAT_ACT": 0, "BATT_FS_LOW_ACT": 0}
+    assert reds(stock)
+    assert reds(stock | preset.values()) == []
 
 
 def test_another_kind_of_vehicle_is_left_alone() -> None:

@@ -3,8 +3,10 @@
 import pytest
 from msgspec.structs import replace
 from tests.onboard.driver_rig import DriverRig
+from tests.onboard.messages import LIMITS
 from tests.onboard.scripted_autopilot import ScriptedAutopilot
 
+from gloc3.messages.frames import Vector3
 from gloc3.messages.vehicle import FlightMode, LandedState, ManoeuvreKind, VehicleClass
 
 LAND, SET_OFF, TAKE_OFF = ManoeuvreKind.LAND, ManoeuvreKind.SET_OFF, ManoeuvreKind.TAKE_OFF
@@ -102,3 +104,50 @@ def test_a_submarine_whose_pilot_takes_alt_hold_under_way_is_left_to_him() -> No
     rig.autopilot.state = replace(rig.autopilot.state, mode=FlightMode.MANUAL, mode_name="ALT_HOLD")
     rig.see()
     assert rig.state.has_pilot_control
+
+
+def flying(away_m: float, *, home_ned_m: Vector3 | None = (0.0, 0.0, 0.0), refuses: str = "") -> DriverRig:
+    """A PX4 plane so far from home, whose landing is asked for."""
+    rig = DriverRig(autopilot=ScriptedAutopilot("px4", VehicleClass.PLANE)).in_flight()
+    rig.autopilot.refuses |= {refuses: "there is none"} if refuses else {}
+    rig.at, rig.wants = (away_m, 0.0, 60.0), lambda: None
+    rig.step(limits=replace(LIMITS, home_ned_m=home_ned_m))
+    rig.autopilot.commands.clear()
+    rig.request(LAND)
+    return rig
+
+
+def test_a_px4_plane_is_brought_home_before_it_circles_down() -> None:
+    rig = flying(900.0)
+    rig.run(20.0)
+    assert rig.autopilot.modes_asked == ["return"]
+    assert rig.state.manoeuvre_state == "running"
+    assert not rig.state.has_pilot_control
+    rig.at = (100.0, 50.0, 60.0)
+    rig.run(1.0)
+    assert rig.autopilot.modes_asked == ["return", "land"]
+    rig.autopilot.touch_down()
+    rig.run(1.0)
+    assert rig.state.manoeuvre_state == "done"
+
+
+@pytest.mark.parametrize(("away_m", "home_ned_m"), [(100.0, (0.0, 0.0, 0.0)), (900.0, None)])
+def test_a_px4_plane_at_home_or_without_one_lands_where_it_is(away_m: float, home_ned_m: Vector3 | None) -> None:
+    rig = flying(away_m, home_ned_m=home_ned_m)
+    rig.run(2.0)
+    assert rig.autopilot.modes_asked == ["land"]
+
+
+def test_a_px4_plane_that_cannot_return_lands_where_it_is() -> None:
+    rig = flying(900.0, refuses="mode return")
+    rig.run(2.0)
+    assert rig.autopilot.modes_asked == ["return", "land"]
+
+
+def test_a_px4_plane_that_its_own_return_has_landed_has_landed() -> None:
+    rig = flying(900.0)
+    rig.run(2.0)
+    rig.autopilot.touch_down()
+    rig.run(1.0)
+    assert rig.state.manoeuvre_state == "done"
+    assert rig.autopilot.modes_asked == ["return"]

@@ -26,22 +26,33 @@ class OnboardFiles:
         self._log_folder = _parts(log_folder)
         self._files: dict[tuple[str, ...], bytearray] = {}
         self._served: dict[tuple[str, ...], tuple[Callable[[], bytes], Callable[[], int]]] = {}
+        self._queried: dict[tuple[str, ...], Callable[[str], bytes]] = {}
+        """What makes a served file for a query behind its path."""
         self._opened: dict[tuple[str, ...], bytes] = {}
-        """Served files as they were when their size was last requested."""
+        """Served files as they were when their size was last requested, by path and query."""
         self._folders: dict[tuple[str, ...], None] = {(): None}
         for depth in range(1, len(self._log_folder) + 1):
             self._folders[self._log_folder[:depth]] = None
 
-    def serve(self, path: str, content: Callable[[], bytes], size: Callable[[], int] | None = None) -> None:
+    def serve(
+        self,
+        path: str,
+        content: Callable[[], bytes],
+        size: Callable[[], int] | None = None,
+        queried: Callable[[str], bytes] | None = None,
+    ) -> None:
         """Adds a file that cannot be changed, made anew whenever it is opened.
 
         Args:
             path: of the file.
             content: makes it.
             size: bytes that are reported for it, where they are not those of its content.
+            queried: makes it for what stands behind a `?` in the path; None where nothing may stand there.
         """
         parts = _parts(path)
         self._served[parts] = (content, (lambda: len(content())) if size is None else size)
+        if queried is not None:
+            self._queried[parts] = queried
         for depth in range(1, len(parts)):
             self._folders[parts[:depth]] = None
 
@@ -66,6 +77,10 @@ class OnboardFiles:
     def size(self, path: str) -> int:
         """Of a file, in bytes."""
         parts = _parts(path)
+        asked, _, query = path.partition("?")
+        if query and (queried := self._queried.get(_parts(asked))) is not None:
+            self._opened[parts] = queried(query)
+            return self._served[_parts(asked)][1]()
         if parts in self._served:
             content, size = self._served[parts]
             self._opened[parts] = content()

@@ -171,33 +171,54 @@ def read_all(bench: Bench, path: str) -> bytes:
     return bytes(call.data)
 
 
-def unpacked(packed: bytes) -> dict[str, float]:
-    """Parameters by name, as MAVProxy and Mission Planner read the file."""
+def unpacked(packed: bytes) -> tuple[dict[str, float], dict[str, float], int]:
+    """Parameters by name, the defaults that stand with them, and how many there are: as MAVProxy reads the file."""
     magic, count, total = unpack_from("<HHH", packed)
-    assert magic == 0x671B
-    assert count == total
-    forms, found, name, at = {1: "<b", 2: "<h", 3: "<i", 4: "<f"}, {}, "", 6
+    assert magic in (0x671B, 0x671C)
+    forms, name, at = {1: "<b", 2: "<h", 3: "<i", 4: "<f"}, "", 6
+    found: dict[str, float] = {}
+    defaults: dict[str, float] = {}
     while at < len(packed):
         if not packed[at]:
             at += 1
             continue
-        form = forms[packed[at] & 0x0F]
+        form, flags = forms[packed[at] & 0x0F], packed[at] >> 4
+        assert not flags or magic == 0x671C
         shared, rest = packed[at + 1] & 0x0F, (packed[at + 1] >> 4) + 1
         name = name[:shared] + packed[at + 2 : at + 2 + rest].decode()
         at += 2 + rest
-        assert at // 239 == (at + calcsize(form) - 1) // 239, "a value crosses a block"
+        size = calcsize(form) * (1 + (flags & 1))
+        assert at // 239 == (at + size - 1) // 239, "a value crosses a block"
         found[name] = unpack_from(form, packed, at)[0]
-        at += calcsize(form)
+        if flags & 1:
+            defaults[name] = unpack_from(form, packed, at + calcsize(form))[0]
+        at += size
     assert len(found) == count
-    return found
+    return found, defaults, total
 
 
 def test_ardupilot_packs_its_parameters_into_a_file() -> None:
     bench = Bench("ardupilot")
     bench.run(1.0)
     bench.set_parameter("WP_SPD", 3.5)
-    found = unpacked(read_all(bench, "@PARAM/param.pck"))
+    found, defaults, total = unpacked(read_all(bench, "@PARAM/param.pck"))
+    assert total == len(found)
+    assert not defaults
     assert found == pytest.approx({name: bench.autopilot.parameters[name] for name in bench.autopilot.parameters})
+
+
+def test_ardupilot_packs_the_part_of_its_parameters_that_is_asked_for_with_their_defaults() -> None:
+    bench = Bench("ardupilot")
+    bench.run(1.0)
+    bench.set_parameter("WP_SPD", 3.5)
+    names = list(bench.autopilot.parameters)
+    found, defaults, total = unpacked(read_all(bench, "@PARAM/param.pck?start=3&count=5"))
+    assert (list(found), defaults, total) == (names[3:8], {}, len(names))
+    found, defaults, _ = unpacked(read_all(bench, "@PARAM/param.pck?withdefaults=1"))
+    assert list(found) == names
+    assert (found["WP_SPD"], defaults) == (3.5, {"WP_SPD": bench.autopilot.parameters.rows["WP_SPD"].default})
+    found, _, _ = unpacked(read_all(bench, f"@PARAM/param.pck?start={len(names) - 1}"))
+    assert list(found) == names[-1:]
 
 
 def test_ardupilot_tells_its_links_in_a_file_whose_size_it_does_not_know() -> None:

@@ -32,6 +32,7 @@ from gloc3_sitl.autopilot.mavlink.parameter_sync import (
     PACKED_FILE,
     ParameterSync,
     packed_parameters,
+    queried_parameters,
 )
 from gloc3_sitl.autopilot.mavlink.plan_sync import PlanSync
 from gloc3_sitl.autopilot.mavlink.units import boot_ms
@@ -109,7 +110,8 @@ class Front:
             return
         parameters, links = autopilot.parameters, context.router.links
         packed = partial(packed_parameters, parameters)
-        self.files.serve(PACKED_FILE, packed, lambda: PACKED_BYTES_EACH * len(parameters))
+        queried = partial(queried_parameters, parameters)
+        self.files.serve(PACKED_FILE, packed, lambda: PACKED_BYTES_EACH * len(parameters), queried)
         self.files.serve(UARTS_FILE, partial(uarts, links), lambda: UARTS_BYTES)
 
     def _metadata(self, autopilot: Autopilot) -> MavlinkMessage:

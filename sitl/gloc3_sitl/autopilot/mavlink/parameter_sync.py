@@ -63,6 +63,9 @@ PACKED_FILE: Final = "@PARAM/param.pck"
 PACKED_BYTES_EACH: Final = 24
 """Bytes for each parameter in the size that is reported for the file: as ArduPilot's, an estimate above its length."""
 _MAGIC: Final = 0x671B
+_MAGIC_WITH_DEFAULTS: Final = 0x671C
+_HAS_DEFAULT: Final = 1 << 4
+"""The flag of a parameter behind whose value its default stands."""
 _HEADER: Final = Struct("<HHH")
 _PACKED: Final = {
     ParameterKind.INT8: (1, Struct("<b")),
@@ -73,21 +76,42 @@ _PACKED: Final = {
 """Number of the type in the file, and the form of its value."""
 
 
-def packed_parameters(parameters: ParameterStore) -> bytes:
+def queried_parameters(parameters: ParameterStore, query: str) -> bytes:
+    """The file for `start=N&count=N&withdefaults=1`, of which each part may be missing; what else is asked for is ignored."""
+    asked = {key: value for key, _, value in (part.partition("=") for part in query.split("&")) if value.isdecimal()}
+    count = int(asked["count"]) if "count" in asked else None
+    return packed_parameters(
+        parameters, int(asked.get("start", "0")), count, has_defaults=int(asked.get("withdefaults", "0")) != 0
+    )
+
+
+def packed_parameters(
+    parameters: ParameterStore, start: int = 0, count: int | None = None, *, has_defaults: bool = False
+) -> bytes:
     """The content of `@PARAM/param.pck`: a header, then each parameter with what its name does not share with the last.
 
     Zeros before a parameter keep its value inside one block of an FTP reply.
+
+    Args:
+        parameters: all of them.
+        start: the first that is packed.
+        count: how many are packed; None for all that follow.
+        has_defaults: whether a value that is not its default has that behind it.
     """
-    packed = bytearray(_HEADER.pack(_MAGIC, len(parameters), len(parameters)))
+    rows = list(parameters.rows.values())[start:][:count]
+    magic = _MAGIC_WITH_DEFAULTS if has_defaults else _MAGIC
+    packed = bytearray(_HEADER.pack(magic, len(rows), len(parameters)))
     last = ""
-    for name, row in parameters.rows.items():
+    for row in rows:
         number, form = _PACKED[row.kind]
+        name, value = row.name, parameters[row.name]
         shared = next((at for at, (a, b) in enumerate(zip(last, name, strict=False)) if a != b), len(last))
         rest = name[shared:].encode()
-        value = parameters[name]
-        data = form.pack(value if row.kind is ParameterKind.REAL32 else int(value))
+        values = (value, row.default) if has_defaults and value != row.default else (value,)
+        data = b"".join(form.pack(one if row.kind is ParameterKind.REAL32 else int(one)) for one in values)
         over = (len(packed) + 2 + len(rest) + len(data)) % DATA_BYTES
         packed += bytes(len(data) - over if 0 < over < len(data) else 0)
-        packed += bytes((number, shared | len(rest) - 1 << 4)) + rest + data
+        flags = _HAS_DEFAULT if len(values) > 1 else 0
+        packed += bytes((number | flags, shared | len(rest) - 1 << 4)) + rest + data
         last = name
     return bytes(packed)

@@ -177,7 +177,13 @@ def test_a_plane_with_its_preset_has_no_red_failsafe(name: str) -> None:
         readings = Readings(platform=load_platform("plane"), now_s=1.0, setup=setup)
         return [line.title for line in failsafe_checks(readings) if line.verdict is Verdict.RED]
 
-    stock = {"NAV_DLL_ACT": 0, "COM_OBL_RC_ACT": 0, "MIS_TKO_LAND_REQ": 2, "FS_GCS_ENABL": 1, "FS_LONG_ACTN": 1}
+    stock: dict[str, float] = {
+        "NAV_DLL_ACT": 0,
+        "COM_OBL_RC_ACT": 0,
+        "MIS_TKO_LAND_REQ": 2,
+        "FS_GCS_ENABL": 1,
+        "FS_LONG_ACTN": 1,
+    }
     stock |= {"COM_LOW_BAT_ACT": 0, "BATT_FS_LOW_ACT": 0}
     assert reds(stock)
     assert reds(stock | preset.values()) == []

@@ -29,7 +29,7 @@ WARNING: Final = 4
 """MAV_SEVERITY of texts that may be the reason of a refusal; smaller is worse."""
 RESTARTED_MS: Final = 500
 """A clock that goes back by more than this has begun anew; messages overtake each other by less."""
-PREARM_WORDS: Final = ("prearm", "preflight", "arming denied", "arm:")
+PREARM_WORDS: Final = ("prearm", "preflight", "arming denied", "arm:", "config error")
 """How a status text begins that says why the autopilot would not arm, in lower case."""
 
 _LANDED: Final = {

@@ -105,6 +105,19 @@ def test_a_reason_that_is_not_repeated_is_over() -> None:
         assert rig.device.state().reasons == ["PreArm: Battery 1 low voltage failsafe"]
 
 
+def test_a_configuration_error_of_ardupilot_is_a_reason_until_it_is_repaired() -> None:
+    """Its loop is not started then, and it repeats this every 5 s."""
+    with Rig("ardupilot") as rig:
+        not_ready(rig)
+        rig.autopilot.report("Config Error: RC7_OPTION: unsupported")
+        rig.autopilot.report("Config Error: fix problem then reboot")
+        rig.run(0.1)
+        assert rig.device.state().reasons == [
+            "Config Error: RC7_OPTION: unsupported",
+            "Config Error: fix problem then reboot",
+        ]
+
+
 @pytest.mark.parametrize("why_not", ["", "a required component is faulty"])
 def test_leave_to_arm_is_given_or_refused_with_its_reason(why_not: str) -> None:
     with Rig() as rig:

@@ -2,7 +2,9 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar, Final, Generic, NamedTuple, TypeVar, get_type_hints
+from contextlib import ExitStack
+from functools import cached_property
+from typing import Any, ClassVar, Final, Generic, NamedTuple, TypeVar, cast, get_args, get_type_hints
 
 from gloc3.component.ports import Inbox, Input, Output, Result, ports_of
 from gloc3.component.settings import NoSettings, Settings
@@ -71,7 +73,7 @@ class Component(ABC, Generic[S]):
 
     kind: ClassVar[Kind]
     settings_type: ClassVar[type[Settings]] = NoSettings
-    """What `initialize` is given."""
+    """What `initialize` is given: the type in brackets behind the base class, as in `SensorSampler[CameraSettings]`."""
     loggable: ClassVar[tuple[str, ...]] = ()
     """The attributes that the data logger may record at the end of a cycle."""
 
@@ -86,13 +88,23 @@ class Component(ABC, Generic[S]):
     functions: ClassVar[dict[str, "FunctionEntry"]]
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
-        """Collects the class's ports and functions, so that mistakes show at import."""
+        """Collects the class's settings, ports and functions, so that mistakes show at import."""
         super().__init_subclass__(**kwargs)
+        for base in cls.__dict__.get("__orig_bases__", ()):
+            for argument in get_args(base):
+                if isinstance(argument, type) and issubclass(argument, Settings):
+                    cls.settings_type = argument
         cls.inputs, cls.outputs = ports_of(cls)
         cls.functions = _functions_of(cls)
 
+    @cached_property
+    def settings(self) -> S:
+        """The settings that `initialize` has adopted last; before that, the defaults."""
+        return cast("S", self.settings_type())
+
     def initialize(self, settings: S) -> None:
         """Adopts settings; called again to adopt others."""
+        self.settings = settings
 
     def start(self) -> None:
         """Begins to provide the function; `work()` follows every cycle."""
@@ -123,6 +135,15 @@ class SensorSampler(Component[S]):
     """SS: the interface with a physical sensor, sampled at the requested rate."""
 
     kind = Kind.SAMPLER
+
+    @cached_property
+    def until_stop(self) -> ExitStack:
+        """What `start()` enters here, such as an open device, ends with `stop()`."""
+        return ExitStack()
+
+    def stop(self) -> None:
+        """Ends what was begun."""
+        self.until_stop.close()
 
 
 class DataProcessor(Component[S]):

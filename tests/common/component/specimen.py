@@ -96,7 +96,6 @@ class _Noting:
 class Specimen(_Noting, DataProcessor[SpecimenSettings]):
     """Gives what comes in, times a factor, plus an offset."""
 
-    settings_type = SpecimenSettings
     loggable = ("factor", "cycles", "broken", "table")
 
     given = Input(Number)
@@ -137,7 +136,6 @@ class Specimen(_Noting, DataProcessor[SpecimenSettings]):
 class Driver(_Noting, ActuatorDriver[SpecimenSettings]):
     """Writes the time to its device, once a cycle."""
 
-    settings_type = SpecimenSettings
     done = Output(Number)
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:

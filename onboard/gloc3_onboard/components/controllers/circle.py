@@ -22,20 +22,13 @@ class CircleSettings(Settings, frozen=True):
 class CircleController(Holding, Controller[CircleSettings]):
     """Asks the autopilot for its circling mode in the air while it owns motion; performs the action `hold` too."""
 
-    settings_type = CircleSettings
-
     grant = Input(MotionGrant)
     autopilot = Input(AutopilotState)
     manoeuvre_wanted = Output(Manoeuvre)
 
     def __init__(self) -> None:
-        self._settings = CircleSettings()
         self._requested: tuple[str, float] = ("", -math.inf)
         """Under which id, and when."""
-
-    def initialize(self, settings: CircleSettings) -> None:
-        """Adopts the settings."""
-        self._settings = settings
 
     def stop(self) -> None:
         """Forgets the action."""
@@ -52,7 +45,7 @@ class CircleController(Holding, Controller[CircleSettings]):
 
     def _request(self, owner: str, autopilot: AutopilotState, now_s: float) -> list[Manoeuvre]:
         requested, requested_s = self._requested
-        is_requested = requested == owner and now_s - requested_s < self._settings.repeat_s
+        is_requested = requested == owner and now_s - requested_s < self.settings.repeat_s
         is_flying = autopilot.is_armed and autopilot.landed is not LandedState.ON_GROUND
         if is_requested or not is_flying or autopilot.mode is FlightMode.HOLD:
             return []

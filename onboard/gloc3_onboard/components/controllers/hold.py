@@ -31,23 +31,16 @@ class HoldSettings(Settings, frozen=True):
 class HoldController(Holding, Controller[HoldSettings]):
     """Takes the place to keep when it is granted motion, and streams it; performs the action `hold` too."""
 
-    settings_type = HoldSettings
-
     pose = Input(Pose)
     grant = Input(MotionGrant)
     setpoint_wanted = Output(Setpoint, frame="ned")
 
     def __init__(self) -> None:
-        self._settings = HoldSettings()
         self._place_ned_m: Vector3 | None = None
         self._velocity_ned_m_s: Vector3 = (0.0, 0.0, 0.0)
         self._moved_s = 0.0
         self._yaw_rad = 0.0
         self._seen: Envelope[Pose] | None = None
-
-    def initialize(self, settings: HoldSettings) -> None:
-        """Adopts the settings."""
-        self._settings = settings
 
     def stop(self) -> None:
         """Forgets the place and the action."""
@@ -65,7 +58,7 @@ class HoldController(Holding, Controller[HoldSettings]):
         if not owner:
             self._place_ned_m = None
             return []
-        if latest is None or not latest.payload.is_valid or now_s - latest.t_s > self._settings.pose_limit_s:
+        if latest is None or not latest.payload.is_valid or now_s - latest.t_s > self.settings.pose_limit_s:
             return []
         before, self._seen = self._seen, latest
         if self._place_ned_m is None or before is None or latest.t_s - before.t_s > GAP_S:
@@ -91,7 +84,7 @@ class HoldController(Holding, Controller[HoldSettings]):
         """Moves the place on until it rests."""
         assert self._place_ned_m is not None
         speed = math.hypot(*self._velocity_ned_m_s)
-        share = max(0.0, 1.0 - self._settings.braking_m_s2 * duration_s / speed) if speed > 0.0 else 0.0
+        share = max(0.0, 1.0 - self.settings.braking_m_s2 * duration_s / speed) if speed > 0.0 else 0.0
         (n, e, d), (vn, ve, vd) = self._place_ned_m, self._velocity_ned_m_s
         self._velocity_ned_m_s = (vn * share, ve * share, vd * share)
         elapsed_s = 0.5 * (1.0 + share) * duration_s

@@ -42,7 +42,6 @@ class LandingSettings(Settings, frozen=True):
 class LandingController(ActionPerformer, Controller[LandingSettings]):
     """Flies to the place if one is given, asks for the manoeuvre until it is flown, and watches for the disarming."""
 
-    settings_type = LandingSettings
     performs: ClassVar = {"land": LandOrder}
 
     pose = Input(Pose)
@@ -52,16 +51,11 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
     manoeuvre_wanted = Output(Manoeuvre)
 
     def __init__(self) -> None:
-        self._settings = LandingSettings()
         self._pose: Pose | None = None
         self._reference: PathReference | None = None
         self._yaw_rad = 0.0
         self._since_s = 0.0
         self._requested_s = -math.inf
-
-    def initialize(self, settings: LandingSettings) -> None:
-        """Adopts the settings."""
-        self._settings = settings
 
     def stop(self) -> None:
         """Forgets the action."""
@@ -73,14 +67,14 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
         self._since_s, self._requested_s = now_s, -math.inf
         if arguments.at_ned_m is None:
             return
-        if not self._settings.may_approach:
+        if not self.settings.may_approach:
             raise Refused("the autopilot chooses where this vehicle lands: land without a place")
         pose = self._pose
         if pose is None:
             raise Refused("there is no valid pose to fly to a landing place with")
         north, east, _ = arguments.at_ned_m
         place = (north, east, pose.position_ned_m[2])
-        follower = PathFollower(pose.position_ned_m, [place], self._settings.speed_m_s, acceleration_m_s2=1.0)
+        follower = PathFollower(pose.position_ned_m, [place], self.settings.speed_m_s, acceleration_m_s2=1.0)
         self._yaw_rad = yaw_of(pose.ned_from_frd)
         self._reference = PathReference(follower, now_s)
 
@@ -96,7 +90,7 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Flies to the place, then lands."""
         pose, driver, autopilot = inbox.latest(self.pose), inbox.latest(self.driver), inbox.latest(self.autopilot)
-        is_fresh = inbox.is_fresh(self.pose, now_s, self._settings.pose_limit_s)
+        is_fresh = inbox.is_fresh(self.pose, now_s, self.settings.pose_limit_s)
         self._pose = pose.payload if pose is not None and is_fresh and pose.payload.is_valid else None
         results: list[Result] = []
         if self.is_running:
@@ -104,8 +98,8 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
             state = autopilot.payload if autopilot is not None and is_known else None
             if state is not None and state.is_connected and not state.is_armed:
                 self.advance(now_s, 1.0, ActionState.DONE)
-            elif now_s - self._since_s > self._settings.timeout_s:
-                reason = f"not landed after {self._settings.timeout_s:g} s"
+            elif now_s - self._since_s > self.settings.timeout_s:
+                reason = f"not landed after {self.settings.timeout_s:g} s"
                 self.advance(now_s, 0.0, ActionState.FAILED, reason)
             elif self._reference is not None:
                 results += self._approach(self._reference, driver, now_s)
@@ -118,7 +112,7 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
             return []
         action_id = self.action_id
         target = reference.advance(self._pose, driver, now_s)
-        problem = reference.problem(self._settings.settle_s)
+        problem = reference.problem(self.settings.settle_s)
         if problem:
             self.advance(now_s, 0.0, ActionState.FAILED, f"the landing place is not reached: {problem}")
             return []
@@ -141,7 +135,7 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
             self.advance(now_s, 0.5)
         elif driver is not None and is_ours and driver.payload.manoeuvre_state is ManoeuvreState.FAILED:
             self.advance(now_s, 0.3, reason=driver.payload.manoeuvre_reason)
-        if is_flown or now_s - self._requested_s < self._settings.repeat_s:
+        if is_flown or now_s - self._requested_s < self.settings.repeat_s:
             return []
         self._requested_s = now_s
         return [Manoeuvre(action_id=self.action_id, kind=ManoeuvreKind.LAND)]

@@ -43,7 +43,6 @@ class Limiter(Controller[LimiterSettings]):
     need no pose but the autopilot's own.
     """
 
-    settings_type = LimiterSettings
     loggable = ("clamped", "foreign", "stale", "not_finite", "reason")
 
     setpoint_wanted = Input(Setpoint, Keep.ALL)
@@ -59,7 +58,6 @@ class Limiter(Controller[LimiterSettings]):
         self.clamped = self.foreign = self.stale = self.not_finite = 0
         self.reason = ""
         """Why the last setpoint was changed or held back; empty if it was not."""
-        self._settings = LimiterSettings()
         self._gate = SetpointGate()
         self._limiter: SetpointLimiter | None = None
         self._movers = Movers()
@@ -73,7 +71,7 @@ class Limiter(Controller[LimiterSettings]):
         """Adopts the settings; refuses a quality for a hold that is not below the one for full speed."""
         if settings.hold_quality >= settings.full_quality:
             raise Refused("hold_quality must be less than full_quality")
-        self._settings = settings
+        self.settings = settings
 
     def start(self) -> None:
         """Waits for the limits."""
@@ -114,21 +112,21 @@ class Limiter(Controller[LimiterSettings]):
         self._seen_s = scan.t_s
         at, points = pose.payload.position_ned_m, scan.payload.points_ne_m
         soon = self._movers.add_scan(points, at, scan.t_s, pose.payload.reset_counter)
-        self._limiter.obstacles = ObstacleField(points, at, self._settings.keep_m, soon)
+        self._limiter.obstacles = ObstacleField(points, at, self.settings.keep_m, soon)
 
     def _limit(self, wanted: Envelope[Setpoint], pose: Envelope[Pose] | None, now_s: float) -> list[Result]:
         if self._limiter is None:
             self.reason = "the limits are not known yet"
             return []
-        if pose is None or not pose.payload.is_valid or now_s - pose.t_s > self._settings.pose_limit_s:
+        if pose is None or not pose.payload.is_valid or now_s - pose.t_s > self.settings.pose_limit_s:
             self.reason = "there is no valid pose to check the fence with"
             return []
         place = pose.payload
         self._led_s = now_s
         self._limiter.set_vehicle(place.position_ned_m, place.velocity_ned_m_s, pose.t_s, place.reset_counter)
-        if now_s - self._seen_s > self._settings.obstacles_limit_s:
+        if now_s - self._seen_s > self.settings.obstacles_limit_s:
             self._limiter.obstacles = None
-        settings = self._settings
+        settings = self.settings
         self._limiter.careful_m_s = careful_speed_m_s(
             place.quality, settings.full_quality, settings.hold_quality, settings.careful_m_s
         )
@@ -145,7 +143,7 @@ class Limiter(Controller[LimiterSettings]):
         late_s, limiter = now_s - pose.t_s, self._limiter
         if limiter is None:
             return []
-        if late_s <= self._settings.pose_limit_s:
+        if late_s <= self.settings.pose_limit_s:
             if self._has_braked:
                 limiter.restart(pose.payload.position_ned_m, pose.payload.velocity_ned_m_s, pose.t_s)
             self._has_braked = False

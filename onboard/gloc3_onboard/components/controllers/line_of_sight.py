@@ -74,13 +74,11 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
     streams nothing.
     """
 
-    settings_type = LineOfSightSettings
     loggable = ("waypoint", "cross_track_m", "crab_m", "drift_m_s", "left_m")
 
     def __init__(self) -> None:
         self.waypoint = 0
         self.cross_track_m = self.crab_m = self.left_m = self.drift_m_s = 0.0
-        self._settings = LineOfSightSettings()
         self._guide = LineOfSight()
         self._reset(0.0)
 
@@ -92,10 +90,6 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
         self._misses, self.drift_m_s = 0, 0.0
         self._resting_since_s: float | None = None
         self._refusal = ""
-
-    def initialize(self, settings: LineOfSightSettings) -> None:
-        """Adopts the settings."""
-        self._settings = settings
 
     def stop(self) -> None:
         """Forgets the action under way."""
@@ -111,7 +105,7 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
         if order.heading.mode not in ("along", "hold"):
             raise Refused(f"a vehicle that steers by its heading cannot choose it: heading {order.heading.mode}")
         self._order = order
-        self._guide = LineOfSight(self._settings.integral)
+        self._guide = LineOfSight(self.settings.integral)
         self._reset(now_s)
         passed = self.passed(order, pose.position_ned_m)
         start = order.waypoints_ned_m[passed - 1] if passed else pose.position_ned_m
@@ -128,9 +122,9 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
         down = here_ned_m[2] if arguments.height_m is None else home_down - arguments.height_m
         return FollowWaypointsOrder(
             waypoints_ned_m=((north, east, down),),
-            speed_m_s=arguments.speed_m_s or self._settings.return_speed_m_s,
+            speed_m_s=arguments.speed_m_s or self.settings.return_speed_m_s,
             heading=HeadingOrder(mode="along"),
-            acceptance_m=max(1.0, self._settings.lookahead_m),
+            acceptance_m=max(1.0, self.settings.lookahead_m),
         )
 
     def pause_action(self, now_s: float) -> None:
@@ -145,7 +139,7 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Steers on."""
-        self.update_pose(inbox, now_s, self._settings.pose_limit_s)
+        self.update_pose(inbox, now_s, self.settings.pose_limit_s)
         results: list[Result] = []
         duration_s, self._last_s = now_s - self._last_s, now_s
         if not self.is_running or self._order is None:
@@ -175,7 +169,7 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
         self._resting_since_s = None
 
     def _steer(self, order: FollowWaypointsOrder, pose: Pose, now_s: float, duration_s: float) -> Setpoint:
-        settings, place = self._settings, order.waypoints_ned_m[self.waypoint]
+        settings, place = self.settings, order.waypoints_ned_m[self.waypoint]
         ahead_m = max(settings.lookahead_m, settings.lookahead_s * self._now_m_s)
         guidance = self._guide.update(pose.position_ned_m, ahead_m, duration_s)
         self.cross_track_m, self.crab_m, self.left_m = guidance.cross_track_m, self._guide.crab_m, guidance.left_m
@@ -216,7 +210,7 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
         heading_rad = course_rad - math.atan2(self.drift_m_s, max(self._now_m_s, LEAST_M_S))
         if abs(wrap_pi(heading_rad - yaw)) < STRAIGHT_ON_RAD:  # in a turn it slips
             aside_m_s = east * math.cos(yaw) - north * math.sin(yaw)
-            self.drift_m_s += min(1.0, duration_s / self._settings.drift_s) * (aside_m_s - self.drift_m_s)
+            self.drift_m_s += min(1.0, duration_s / self.settings.drift_s) * (aside_m_s - self.drift_m_s)
         return wrap_pi(heading_rad)
 
     def _remainder(
@@ -229,7 +223,7 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
         if rested_s >= order.rest_s and not is_last:
             self._head_for(self.waypoint + 1, place, now_s)
         elif rested_s >= order.rest_s:
-            is_slow = math.hypot(*pose.velocity_ned_m_s[:2]) < self._settings.at_rest_m_s
+            is_slow = math.hypot(*pose.velocity_ned_m_s[:2]) < self.settings.at_rest_m_s
             is_done = is_slow or rested_s >= order.rest_s + REST_S
             state = ActionState.DONE if is_done else ActionState.RUNNING
             count = len(order.waypoints_ned_m)
@@ -249,11 +243,11 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
             return 0.0
         here, after = order.waypoints_ned_m[self.waypoint : self.waypoint + 2]
         turn = wrap_pi(math.atan2(after[1] - here[1], after[0] - here[0]) - self._guide.course_rad)
-        return max(LEAST_M_S, corner_speed_m_s(turn, order.acceptance_m, self._settings.turn_rate_rad_s))
+        return max(LEAST_M_S, corner_speed_m_s(turn, order.acceptance_m, self.settings.turn_rate_rad_s))
 
     def _sink_m_s(self, pose: Pose, place: Vector3) -> float:
         """Vertical speed, positive down, onto the straight way between the waypoints."""
-        most = self._settings.climb_m_s
+        most = self.settings.climb_m_s
         share = 1.0 - max(0.0, self.left_m) / self._length_m if self._length_m > 0.0 else 1.0
         wanted_down = self._start_ned_m[2] + min(max(share, 0.0), 1.0) * (place[2] - self._start_ned_m[2])
         return min(max(DEPTH_HZ * (wanted_down - pose.position_ned_m[2]), -most), most)
@@ -263,7 +257,7 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
         return (self.waypoint + min(max(share, 0.0), 0.99)) / len(order.waypoints_ned_m)
 
     def _problem(self, now_s: float) -> str:
-        settings = self._settings
+        settings = self.settings
         if self._alone_s > settings.follow_s:
             return "the autopilot does not follow our setpoints" + (f": {self._refusal}" if self._refusal else "")
         if self._misses > MISSES or now_s - self._nearer_s > settings.slow_s:

@@ -54,7 +54,6 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
     So the next action finds an autopilot that follows. A take-off that was paused in the air goes on with setpoints.
     """
 
-    settings_type = TakeOffSettings
     performs: ClassVar = {"take_off": TakeOff, "drive_off": DriveOff, "dive": Dive}
     loggable = ("height_m",)
 
@@ -66,7 +65,6 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
 
     def __init__(self) -> None:
         self.height_m = math.nan
-        self._settings = TakeOffSettings()
         self._autopilot: AutopilotState | None = None
         self._pose: Pose | None = None
         self._begin_pose: Pose | None = None
@@ -80,10 +78,6 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         self._has_flown = False
         self._top: tuple[Vector3, float] | None = None
         """Where the vehicle is kept at the end: position and heading."""
-
-    def initialize(self, settings: TakeOffSettings) -> None:
-        """Adopts the settings."""
-        self._settings = settings
 
     def stop(self) -> None:
         """Forgets the action."""
@@ -101,7 +95,7 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         if autopilot.landed in (*IN_AIR, LandedState.LANDING):
             at = "in the air" if isinstance(arguments, TakeOff) else "under way"
             raise Refused(f"the vehicle is {at} already")
-        if not autopilot.is_armed and not self._settings.arm:
+        if not autopilot.is_armed and not self.settings.arm:
             raise Refused("the vehicle is not armed, and the platform file does not allow arming")
         if not autopilot.is_armed and not autopilot.is_armable:
             raise Refused("the autopilot would not arm: " + _why(autopilot))
@@ -131,7 +125,7 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         is_known = inbox.is_fresh(self.autopilot, now_s, AUTOPILOT_SILENT_S)
         self._autopilot = autopilot.payload if autopilot is not None and is_known else None
         pose = inbox.latest(self.pose)
-        is_fresh = inbox.is_fresh(self.pose, now_s, self._settings.pose_limit_s)
+        is_fresh = inbox.is_fresh(self.pose, now_s, self.settings.pose_limit_s)
         is_waited_for = inbox.is_fresh(self.pose, now_s, POSE_LOST_S)
         self._begin_pose = pose.payload if pose is not None and is_waited_for and pose.payload.is_valid else None
         self._pose = self._begin_pose if is_fresh else None
@@ -147,8 +141,8 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         was_up, self._has_flown = self._has_flown, self._has_flown or is_up
         if was_up and autopilot is not None and not autopilot.is_armed:
             return self._fail(now_s, "the vehicle was disarmed")
-        if now_s - self._since_s > self._settings.timeout_s:
-            at = f"after {self._settings.timeout_s:g} s it is at {self.height_m:.1f} m of {self._target_m:.1f} m"
+        if now_s - self._since_s > self.settings.timeout_s:
+            at = f"after {self.settings.timeout_s:g} s it is at {self.height_m:.1f} m of {self._target_m:.1f} m"
             return self._fail(now_s, at + (f": {driver.payload.refusal}" if driver and driver.payload.refusal else ""))
         may_lead = state is not ManoeuvreState.RUNNING or (self._kind is ManoeuvreKind.TAKE_OFF and self._is_there)
         if is_up and (self._top or may_lead):
@@ -159,7 +153,7 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         if self._requested_s is not None or self._pose is None:
             return []  # asked for already, or the pose is late: it stands until the next comes
         self._requested_s = now_s
-        height_m, may_arm = max(self._target_m, 0.0), self._settings.arm
+        height_m, may_arm = max(self._target_m, 0.0), self.settings.arm
         return [Manoeuvre(action_id=self.action_id, kind=self._kind, height_m=height_m, may_arm=may_arm)]
 
     @property
@@ -178,8 +172,8 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
     def _is_there(self) -> bool:
         if self._pose is None:
             return False
-        is_slow = abs(self._pose.velocity_ned_m_s[2]) <= self._settings.settled_m_s
-        return is_slow and abs(self.height_m - self._target_m) <= self._settings.tolerance_m
+        is_slow = abs(self._pose.velocity_ned_m_s[2]) <= self.settings.settled_m_s
+        return is_slow and abs(self.height_m - self._target_m) <= self.settings.tolerance_m
 
     def _hang(self, now_s: float, driver: Envelope[DriverState] | None) -> list[Result]:
         """In the air, and the autopilot's climb is over: ours now, straight up to the height and no farther."""

@@ -46,7 +46,6 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
     led by that velocity and that heading alone until it stands, and then keeps the place where it does.
     """
 
-    settings_type = TeleoperateSettings
     loggable = ("taken", "expired")
     performs: ClassVar = {"teleoperate": Teleoperate}
 
@@ -57,7 +56,6 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
     teleoperation = Output(TeleoperationState)
 
     def __init__(self) -> None:
-        self._settings = TeleoperateSettings()
         self._order = Teleoperate()
         self._ran_s = self._seen_s = self._began_s = 0.0
         self._place_ned_m: Vector3 | None = None
@@ -70,10 +68,6 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
         self._last_report_s = -math.inf
         self.taken = self.expired = 0
         """Demands that were followed, and how often they ended."""
-
-    def initialize(self, settings: TeleoperateSettings) -> None:
-        """Adopts the settings."""
-        self._settings = settings
 
     def stop(self) -> None:
         """Forgets action and place."""
@@ -111,7 +105,7 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
 
     def _lead(self, now_s: float, inbox: Inbox) -> list[Result]:
         pose = inbox.latest(self.pose)
-        if pose is None or not pose.payload.is_valid or now_s - pose.t_s > self._settings.pose_limit_s:
+        if pose is None or not pose.payload.is_valid or now_s - pose.t_s > self.settings.pose_limit_s:
             self._place_ned_m = None
             return []
         at, limits = pose.payload, inbox.latest(self.limits)
@@ -127,7 +121,7 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
     def _setpoint(self, yaw_rate: float, at: Pose) -> Setpoint:
         """The place that moves; for a driven vehicle that does not stand, how fast it goes and where it looks."""
         speed_m_s = math.hypot(*self._velocity_ned_m_s)
-        is_driving = self._settings.is_driven and (speed_m_s > 0.0 or yaw_rate != 0.0)
+        is_driving = self.settings.is_driven and (speed_m_s > 0.0 or yaw_rate != 0.0)
         if is_driving:
             self._place_ned_m = at.position_ned_m
         is_turning = is_driving and speed_m_s < STANDING_M_S
@@ -135,7 +129,7 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
             action_id=self.action_id,
             position_ned_m=None if is_driving else self._place_ned_m,
             velocity_ned_m_s=_STILL if is_turning else self._velocity_ned_m_s,
-            yaw_rad=self._yaw_rad if is_turning or not self._settings.is_driven else None,
+            yaw_rad=self._yaw_rad if is_turning or not self.settings.is_driven else None,
         )
 
     def _demanded(self, now_s: float, inbox: Inbox, limits: MotionLimits | None) -> tuple[Vector3, float]:
@@ -151,7 +145,7 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
         self.taken += demand is not self._last
         self._last = demand
         surge, sway, heave = (part / 100.0 for part in demand.velocity_cm_s)
-        if self._settings.is_driven:
+        if self.settings.is_driven:
             surge, sway, heave = max(surge, 0.0), 0.0, 0.0
         most = self._order.speed_m_s or math.inf
         across = math.hypot(surge, sway)
@@ -164,7 +158,7 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
     def _move(self, level_m_s: Vector3, yaw_rate_rad_s: float, at: Pose, duration_s: float) -> None:
         """Moves place and heading on."""
         assert self._place_ned_m is not None
-        settings, now_rad = self._settings, yaw_of(at.ned_from_frd)
+        settings, now_rad = self.settings, yaw_of(at.ned_from_frd)
         ahead = wrap_pi(self._yaw_rad + yaw_rate_rad_s * duration_s - now_rad)
         self._yaw_rad = wrap_pi(now_rad + min(max(ahead, -settings.turn_ahead_rad), settings.turn_ahead_rad))
         before, wanted = self._velocity_ned_m_s, turned(level_m_s, self._yaw_rad)
@@ -192,7 +186,7 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
         if not self._is_live:
             return "the last demand has expired"
         surge, sway, heave = last.velocity_cm_s
-        return ONLY_AHEAD if self._settings.is_driven and (surge < 0 or sway or heave) else ""
+        return ONLY_AHEAD if self.settings.is_driven and (surge < 0 or sway or heave) else ""
 
     def _report(self, velocity: Vector3, yaw_rate: float, at: Pose, now_s: float) -> list[Result]:
         """What the stations are told, five times a second and when demands begin or end."""

@@ -77,7 +77,6 @@ class WaypointsSettings(Settings, frozen=True):
 class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
     """Streams setpoints along the waypoints of an action; without a valid pose it streams nothing."""
 
-    settings_type = WaypointsSettings
     loggable = ("travelled_m", "waypoint", "cross_track_m")
     keeps = frozenset({"acceptance_m", "hold_s", "altitude_m", "wall_distance_m"})
 
@@ -88,7 +87,6 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
         self.travelled_m = 0.0
         self.waypoint = 0
         self.cross_track_m = 0.0
-        self._settings = WaypointsSettings()
         self._reference: PathReference | None = None
         self._wall: WallDistance | None = None
         self._floor: FloorClearance | None = None
@@ -102,10 +100,6 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
         self._yaw_rad = 0.0
         self._last_s = 0.0
 
-    def initialize(self, settings: WaypointsSettings) -> None:
-        """Adopts the settings."""
-        self._settings = settings
-
     def stop(self) -> None:
         """Forgets the action under way."""
         self.drop_action()
@@ -115,7 +109,7 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
         """Lays the way from where the vehicle is, through the waypoints that no earlier attempt has passed."""
         pose, order = self.wanted(arguments)
         refuse_unkept(order, self.keeps, "this vehicle")
-        least_m = max(self._settings.least_acceptance_m, self._settings.comes_within_m)
+        least_m = max(self.settings.least_acceptance_m, self.settings.comes_within_m)
         order = replace(order, acceptance_m=max(order.acceptance_m, least_m))
         if order.wall_distance_m is not None and self._points is None:
             raise Refused("no sensor sees the wall to keep the distance from: a laser scanner reports no obstacles")
@@ -123,7 +117,7 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
         if order.altitude_m is not None:
             # Its heights are the floor's: the way is laid level, where the vehicle is if the floor is seen from there.
             down_m = order.waypoints_ned_m[0][2] if self._range_m is None else pose.position_ned_m[2]
-            self._floor = FloorClearance(order.altitude_m, down_m, self._settings.climb_m_s)
+            self._floor = FloorClearance(order.altitude_m, down_m, self.settings.climb_m_s)
             order = replace(order, waypoints_ned_m=tuple((n, e, down_m) for n, e, _ in order.waypoints_ned_m))
         self._order = order
         self._is_blocking, self._hindered_s = False, 0.0
@@ -134,12 +128,12 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
             pose.position_ned_m,
             order.waypoints_ned_m[self._passed :],
             order.speed_m_s,
-            self._settings.acceleration_m_s2,
+            self.settings.acceleration_m_s2,
             order.rest_s,
-            climb_m_s=self._settings.climb_m_s,
+            climb_m_s=self.settings.climb_m_s,
             acceptance_m=order.acceptance_m,
         )
-        self._reference = PathReference(follower, now_s, self._settings.at_rest_m_s)
+        self._reference = PathReference(follower, now_s, self.settings.at_rest_m_s)
         self._wall = None if order.wall_distance_m is None else WallDistance(order.wall_distance_m)
 
     def path_home(self, arguments: ReturnHome, home_ned_m: Vector3, here_ned_m: Vector3) -> FollowWaypointsOrder:
@@ -148,7 +142,7 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
         height_down = down if arguments.height_m is None else home[2] - arguments.height_m
         return FollowWaypointsOrder(
             waypoints_ned_m=((north, east, height_down), (home[0], home[1], height_down)),
-            speed_m_s=arguments.speed_m_s or self._settings.return_speed_m_s,
+            speed_m_s=arguments.speed_m_s or self.settings.return_speed_m_s,
             heading=HeadingOrder(mode="hold"),
         )
 
@@ -158,12 +152,12 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Moves the target on and asks for it."""
-        self.update_pose(inbox, now_s, self._settings.pose_limit_s)
+        self.update_pose(inbox, now_s, self.settings.pose_limit_s)
         scan = inbox.latest(self.obstacles)
-        is_seen = scan is not None and inbox.is_fresh(self.obstacles, now_s, self._settings.obstacles_limit_s)
+        is_seen = scan is not None and inbox.is_fresh(self.obstacles, now_s, self.settings.obstacles_limit_s)
         self._points = scan.payload.points_ne_m if scan is not None and is_seen and scan.payload.is_valid else None
         height = inbox.latest(self.height)
-        is_in_contact = height is not None and inbox.is_fresh(self.height, now_s, self._settings.range_limit_s)
+        is_in_contact = height is not None and inbox.is_fresh(self.height, now_s, self.settings.range_limit_s)
         self._range_m = (
             height.payload.height_m if height is not None and is_in_contact and height.payload.is_valid else None
         )
@@ -190,12 +184,12 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
         count = len(order.waypoints_ned_m)
         progress = (self._passed + follower.progress * (count - self._passed)) / count
         self._hindered_s += (now_s - self._last_s) * self._is_blocking
-        settle_s = self._settings.settle_s + min(self._hindered_s, self._settings.detour_s)
+        settle_s = self.settings.settle_s + min(self._hindered_s, self.settings.detour_s)
         left_s = 0.0 if self._floor is None else self._floor.left_s
-        problem = reference.problem(settle_s + left_s, self._settings.follow_s)
-        if self._wall is not None and self._wall.blind_s > self._settings.wall_s:
+        problem = reference.problem(settle_s + left_s, self.settings.follow_s)
+        if self._wall is not None and self._wall.blind_s > self.settings.wall_s:
             problem = "the wall to keep the distance from is out of sight"
-        if self._floor is not None and self._floor.blind_s > self._settings.floor_s:
+        if self._floor is not None and self._floor.blind_s > self.settings.floor_s:
             problem = "the floor to keep the height over is out of sight"
         self._turn(order.heading, target.bearing_rad, pose, now_s - self._last_s)
         if problem:
@@ -231,7 +225,7 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
         if floor is not None:
             target = target._replace(position_ned_m=floor.moved(target.position_ned_m))
         self._is_blocking = self._is_blocked(at, target, points)
-        reference.follower.slack_m = self._settings.comes_within_m + (DETOUR_M if self._is_blocking else 0.0)
+        reference.follower.slack_m = self.settings.comes_within_m + (DETOUR_M if self._is_blocking else 0.0)
         return target
 
     def _is_blocked(self, at: Vector3, target: PathTarget, points: list[tuple[float, float]]) -> bool:
@@ -242,7 +236,7 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
         share = AHEAD_M / speed if speed > 0.0 else 0.0
         north, east, down = target.position_ned_m
         ahead = (north + share * target.velocity_ned_m_s[0], east + share * target.velocity_ned_m_s[1], down)
-        field, keep_m = ObstacleField(points, at, self._settings.keep_m), self._settings.keep_m - NARROW_M
+        field, keep_m = ObstacleField(points, at, self.settings.keep_m), self.settings.keep_m - NARROW_M
         return min(field.leg_clearance_m(at, target.position_ned_m), field.leg_clearance_m(at, ahead)) < keep_m
 
     def _turn(self, heading: HeadingOrder, bearing_rad: float | None, pose: Pose, duration_s: float) -> None:
@@ -258,5 +252,5 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
                 north, east = point[0] - at[0], point[1] - at[1]
                 wanted = math.atan2(east, north) if math.hypot(north, east) > LOOK_AT_M else None
         if wanted is not None:
-            step = self._settings.yaw_rate_rad_s * min(duration_s, 0.1)
+            step = self.settings.yaw_rate_rad_s * min(duration_s, 0.1)
             self._yaw_rad = wrap_pi(self._yaw_rad + min(max(wrap_pi(wanted - self._yaw_rad), -step), step))

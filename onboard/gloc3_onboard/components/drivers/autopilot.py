@@ -63,7 +63,6 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
     working one, from which it hears who has control.
     """
 
-    settings_type = DriverSettings
     loggable = ("foreign", "stale", "not_finite", "clamped", "expired")
 
     setpoint = Input(Setpoint, Keep.ALL)
@@ -81,7 +80,6 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
     def __init__(self, device: AutopilotControl) -> None:
         self.foreign = self.stale = self.not_finite = self.clamped = self.expired = 0
         self._control = device
-        self._settings = DriverSettings()
         self._watch = PilotWatch()
         self._stream = SetpointStream()
         self._now_s = 0.0
@@ -91,7 +89,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         self._autopilot: AutopilotState | None = None
         self._is_autopilot_known = False
         """Whether that state is young enough to tell whether the autopilot obeys."""
-        self._machine = ManoeuvreMachine(self._settings)
+        self._machine = ManoeuvreMachine(self.settings)
         self._stream.stop()
         self._is_quiet = False
         self._owner = ""
@@ -111,10 +109,6 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         self._reported_s = -math.inf
 
     # --- the local command interface ---
-
-    def initialize(self, settings: DriverSettings) -> None:
-        """Adopts the settings."""
-        self._settings = settings
 
     def start(self) -> None:
         """Looks afresh at the autopilot; moves nothing until it is granted motion."""
@@ -254,12 +248,12 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         """For how long the vehicle has stood still, as far as is known."""
         pose = self._stream.young_pose(now_s)
         if pose is not None:
-            share = 1.0 - math.exp(-(now_s - self._rest_seen_s) / max(self._settings.at_rest_over_s, 1e-6))
+            share = 1.0 - math.exp(-(now_s - self._rest_seen_s) / max(self.settings.at_rest_over_s, 1e-6))
             north, east, down = (
                 mean + share * (now - mean) for mean, now in zip(self._mean_ned_m_s, pose.velocity_ned_m_s, strict=True)
             )
             self._mean_ned_m_s, self._rest_seen_s = (north, east, down), now_s
-        if pose is None or math.hypot(*self._mean_ned_m_s) > self._settings.at_rest_m_s:
+        if pose is None or math.hypot(*self._mean_ned_m_s) > self.settings.at_rest_m_s:
             self._rests_since_s = None
         elif self._rests_since_s is None:
             self._rests_since_s = now_s
@@ -332,7 +326,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         if self._requested is not None:
             mode, requested_s = self._requested
             is_obeyed = not self._is_autopilot_known and answer is not None and answer.is_accepted
-            if mode is wanted and (is_obeyed or now_s - requested_s < self._settings.repeat_s):
+            if mode is wanted and (is_obeyed or now_s - requested_s < self.settings.repeat_s):
                 return []  # unseen, a pilot may have chosen another mode since: what was obeyed is not repeated
         self._requested = (wanted, now_s)
         return [SetMode(wanted)]

@@ -10,6 +10,5 @@ from gloc3_onboard.components.drivers.plan_flier import PlanFlier, PlanSettings
 class AutopilotPlan(PlanFlier[PlanSettings], ActuatorDriver[PlanSettings]):
     """Flies `fly_plan`: ways of tasks that say `flown_by: autopilot`."""
 
-    settings_type = PlanSettings
     performs: ClassVar = {"fly_plan": FollowWaypointsOrder}
     loggable = ("uploads", "waypoint")

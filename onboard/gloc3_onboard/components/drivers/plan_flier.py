@@ -77,7 +77,7 @@ class PlanFlier(ActionPerformer, Generic[S]):
     def __init__(self, device: PlanControl) -> None:
         self.uploads = self.waypoint = 0
         self._control = device
-        self._settings: S
+        self.settings: S
         self._order: FollowWaypointsOrder | None = None
         self._pose: Pose | None = None
         self._passed = 0
@@ -87,10 +87,6 @@ class PlanFlier(ActionPerformer, Generic[S]):
         self._since_s = 0.0
         self._requested_s = -math.inf
         self._near_since_s: float | None = None
-
-    def initialize(self, settings: S) -> None:
-        """Adopts the settings."""
-        self._settings = settings
 
     def stop(self) -> None:
         """Forgets the action."""
@@ -149,8 +145,8 @@ class PlanFlier(ActionPerformer, Generic[S]):
             self._is_held, self._since_s = True, now_s
         elif answer is not None:
             self._fail(answer.reason, now_s)
-        elif now_s - self._since_s > self._settings.upload_s:
-            self._fail(f"the plan was not accepted within {self._settings.upload_s:g} s", now_s)
+        elif now_s - self._since_s > self.settings.upload_s:
+            self._fail(f"the plan was not accepted within {self.settings.upload_s:g} s", now_s)
         elif not self._is_sent:
             places = self._places(order, inbox.latest(self.pose), inbox.latest(self.autopilot_pose))
             if places is None:
@@ -200,11 +196,11 @@ class PlanFlier(ActionPerformer, Generic[S]):
         if state is ManoeuvreState.DONE:
             self._fail(f"the autopilot ended its plan after waypoint {self.waypoint} of {count}", now_s)
             return []
-        if now_s - self._since_s > self._settings.start_s:
+        if now_s - self._since_s > self.settings.start_s:
             why = driver.manoeuvre_reason if driver is not None and is_ours else ""
             self._fail(f"the autopilot does not fly the plan{': ' + why if why else ''}", now_s)
             return []
-        if now_s - self._requested_s < self._settings.repeat_s:
+        if now_s - self._requested_s < self.settings.repeat_s:
             return []
         self._requested_s = now_s
         return [self.manoeuvre(order)]
@@ -217,7 +213,7 @@ class PlanFlier(ActionPerformer, Generic[S]):
             self._near_since_s = None
         elif self._near_since_s is None:
             self._near_since_s = now_s
-        return self._near_since_s is not None and now_s - self._near_since_s > order.rest_s + self._settings.settle_s
+        return self._near_since_s is not None and now_s - self._near_since_s > order.rest_s + self.settings.settle_s
 
     def _report(self, now_s: float, reason: str = "") -> None:
         assert self._order is not None

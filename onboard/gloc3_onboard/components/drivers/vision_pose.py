@@ -94,7 +94,6 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
     An invalid pose is not sent: the autopilot misses it within half a second, and does what it is set to do then.
     """
 
-    settings_type = VisionPoseSettings
     loggable = ("sent", "withheld", "reason", "chosen_set", "refusal")
 
     pose = Input(Pose)
@@ -110,7 +109,6 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         self.refusal = ""
         """Why the autopilot did not take it."""
         self._device = device
-        self._settings = VisionPoseSettings()
         self._reset()
 
     def _reset(self) -> None:
@@ -124,10 +122,6 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         """The autopilot lacks what the pose has."""
         self._has_it_since_s: float | None = None
         self.chosen_set, self._ticket = 0, 0
-
-    def initialize(self, settings: VisionPoseSettings) -> None:
-        """Adopts the settings."""
-        self._settings = settings
 
     def start(self) -> None:
         """Begins with the next pose."""
@@ -143,7 +137,7 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
             pose = _from_their_origin(pose, inbox.latest(self.autopilot_pose))
             if self.reason:
                 self.withheld += 1
-            elif t_s - self._sent_s >= 1.0 / self._settings.rate_hz - 2e-3:
+            elif t_s - self._sent_s >= 1.0 / self.settings.rate_hz - 2e-3:
                 self._sent_s = t_s
                 self.sent += 1
                 results.append(Actuation(SendPose(pose, t_s)))
@@ -158,12 +152,12 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
 
     def _check_need(self, pose: Pose, t_s: float) -> bool:
         """Whether the autopilot lacks what the pose rests on."""
-        source = self._settings.in_place_of
+        source = self.settings.in_place_of
         if not source or source not in pose.sources:
             self._has_it_since_s = None
         elif self._has_it_since_s is None:
             self._has_it_since_s = t_s
-        return self._has_it_since_s is None or t_s - self._has_it_since_s < self._settings.lost_s
+        return self._has_it_since_s is None or t_s - self._has_it_since_s < self.settings.lost_s
 
     def _home(self, pose: Pose, inbox: Inbox, now_s: float) -> list[Actuation]:
         """Where it stands is home, for an autopilot that has our origin, and has no home by itself after a while."""
@@ -180,7 +174,7 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
 
     def _sources(self, now_s: float) -> list[Actuation]:
         """Chooses the set of sources that fits what is sent."""
-        settings = self._settings
+        settings = self.settings
         if not settings.source_set:
             return []
         if self._begun_s is None:
@@ -209,7 +203,7 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
             return pose.reason or "the pose is not valid"
         if not all(map(isfinite, numbers)):
             return "the pose is not finite"
-        if pose.quality < self._settings.least_quality:
+        if pose.quality < self.settings.least_quality:
             return f"its quality is only {pose.quality:.2f}"
         return "" if t_s > self._sent_s else "its time does not advance"
 
@@ -230,7 +224,7 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         elif isinstance(write, ChooseSources):
             self._ticket = self._device.command_source_set(write.number)
         else:
-            settings = self._settings
+            settings = self.settings
             deviation_rad = radians(settings.attitude_std_deg)
             self._device.send_pose(write.pose, write.t_s, deviation_rad, settings.velocity_std_m_s)
 

@@ -41,7 +41,6 @@ class WingedPlan(PlanFlier[WingedPlanSettings], ActuatorDriver[WingedPlanSetting
     A plane cannot be led to a point that moves: its autopilot flies lines between places, and passes them.
     """
 
-    settings_type = WingedPlanSettings
     performs: ClassVar = {
         "take_off": TakeOff,
         "follow_waypoints": FollowWaypointsOrder,
@@ -77,31 +76,31 @@ class WingedPlan(PlanFlier[WingedPlanSettings], ActuatorDriver[WingedPlanSetting
         if order.heading.mode not in ("along", "hold"):
             raise Refused(f"a plane points where it flies: heading {order.heading.mode}")
         self._climbs = isinstance(arguments, TakeOff)
-        within_m = min(max(order.acceptance_m, self._settings.comes_within_m), WIDEST_M)
+        within_m = min(max(order.acceptance_m, self.settings.comes_within_m), WIDEST_M)
         super().begin_action(capability, replace(order, acceptance_m=within_m), now_s)
 
     def _climb_path(self, arguments: TakeOff, place: Vector3) -> FollowWaypointsOrder:
-        autopilot, least_m = self._autopilot, self._settings.take_off_min_m
+        autopilot, least_m = self._autopilot, self.settings.take_off_min_m
         if autopilot is None or not autopilot.is_connected:
             raise Refused("the autopilot does not answer")
         if autopilot.is_armed and autopilot.landed not in ON_THE_GROUND:
             raise Refused("the vehicle is in the air already")
         if arguments.height_m < least_m:
             raise Refused(f"{arguments.height_m:g} m is too low to circle at: take off to {least_m:g} m or more")
-        if not autopilot.is_armed and not self._settings.arm:
+        if not autopilot.is_armed and not self.settings.arm:
             raise Refused("the vehicle is not armed, and the platform file does not allow arming")
         if not autopilot.is_armed and not autopilot.is_armable:
             why = "; ".join([*autopilot.reasons, *autopilot.doubts]) or "it gives no reason"
             raise Refused(f"the autopilot would not arm: {why}")
         top = (place[0], place[1], place[2] - arguments.height_m)
-        return FollowWaypointsOrder(waypoints_ned_m=(top,), speed_m_s=self._settings.cruise_m_s)
+        return FollowWaypointsOrder(waypoints_ned_m=(top,), speed_m_s=self.settings.cruise_m_s)
 
     def _path_home(self, arguments: ReturnHome, place: Vector3) -> FollowWaypointsOrder:
         if self._home_ned_m is None:
             raise Refused("home is not known")
         north, east, ground = self._home_ned_m
         down = place[2] if arguments.height_m is None else ground - arguments.height_m
-        speed_m_s = arguments.speed_m_s or self._settings.cruise_m_s
+        speed_m_s = arguments.speed_m_s or self.settings.cruise_m_s
         return FollowWaypointsOrder(waypoints_ned_m=((north, east, down),), speed_m_s=speed_m_s)
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
@@ -124,5 +123,5 @@ class WingedPlan(PlanFlier[WingedPlanSettings], ActuatorDriver[WingedPlanSetting
 
     def manoeuvre(self, order: FollowWaypointsOrder) -> Manoeuvre:
         """It may be armed to take off only."""
-        may_arm = self._climbs and self._settings.arm and self._is_on_the_ground
+        may_arm = self._climbs and self.settings.arm and self._is_on_the_ground
         return replace(super().manoeuvre(order), may_arm=may_arm)

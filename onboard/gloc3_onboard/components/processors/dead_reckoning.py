@@ -83,7 +83,6 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
     pose by more than `jump_m` raises the reset counter.
     """
 
-    settings_type = DeadReckoningSettings
     loggable = ("travelled_m", "adrift_s", "heading_error_deg", "std_m", "reset_counter", "reason")
 
     autopilot_pose = Input(AutopilotPose)
@@ -102,11 +101,10 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         self.std_m = 0.0
         self.reset_counter = 0
         self.reason = ""
-        self._settings = DeadReckoningSettings()
         self._reset()
 
     def _reset(self) -> None:
-        settings = self._settings
+        settings = self.settings
         self._filter = DeadReckoner(
             Errors(
                 heading_rad=radians(settings.heading_std_deg),
@@ -135,7 +133,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
 
     def initialize(self, settings: DeadReckoningSettings) -> None:
         """Adopts the settings."""
-        self._settings = settings
+        self.settings = settings
         self._reset()
 
     def start(self) -> None:
@@ -171,7 +169,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         dt_s = t_s - self._now_s
         if dt_s <= 0.0:
             return
-        is_measured = self._lock_s is not None and t_s - self._lock_s < self._settings.unlocked_s
+        is_measured = self._lock_s is not None and t_s - self._lock_s < self.settings.unlocked_s
         self._filter.predict(min(dt_s, 5.0), is_measured=is_measured, commanded_m_s=self._requested_m_s())
         self.travelled_m += hypot(*self._filter.velocity_m_s) * dt_s
         self._now_s = t_s
@@ -240,7 +238,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         std, self._common_m = max(fix.std_m, 0.05), fix.std_m
         if not self._is_begun:
             self._first.append((north, east, std))
-            if len(self._first) >= self._settings.first_fixes:
+            if len(self._first) >= self.settings.first_fixes:
                 count = len(self._first)
                 self._begin(sum(n for n, _, _ in self._first) / count, sum(e for _, e, _ in self._first) / count, std)
             return
@@ -249,7 +247,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         vn, ve = self._filter.velocity_m_s
         before = self._filter.position_m
         fits = self._filter.use_fix(north + vn * late_s, east + ve * late_s, std) <= 1.0
-        is_distrusted = self._settings.autopilot_std_m_s > 0.0 and self._trust.fix(fits=fits)
+        is_distrusted = self.settings.autopilot_std_m_s > 0.0 and self._trust.fix(fits=fits)
         if is_distrusted:
             self._filter.inflate_velocity()
             self._lock_s = None
@@ -263,7 +261,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
             self._filter.begin(north, east, std)
         self.travelled_m = 0.0
         after = self._filter.position_m
-        if hypot(after[0] - before[0], after[1] - before[1]) > self._settings.jump_m:
+        if hypot(after[0] - before[0], after[1] - before[1]) > self.settings.jump_m:
             self.reset_counter += 1
 
     def _begin(self, north_m: float, east_m: float, std_m: float) -> None:
@@ -280,12 +278,12 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
             self._attitude = given.ned_from_frd
         self._adopt_origin(given)
         self._advance(t_s)
-        is_unlocked = self._lock_s is None or t_s - self._lock_s > self._settings.unlocked_s
+        is_unlocked = self._lock_s is None or t_s - self._lock_s > self.settings.unlocked_s
         has_satellites = t_s - self._seen_s < _AIDED_S
-        is_guided = is_unlocked and has_satellites and self._settings.autopilot_std_m_s > 0.0 and is_finite
+        is_guided = is_unlocked and has_satellites and self.settings.autopilot_std_m_s > 0.0 and is_finite
         if is_guided:
             self._lean_on(given)
-        settings, reckoner = self._settings, self._filter
+        settings, reckoner = self.settings, self._filter
         north, east = reckoner.position_m
         vn, ve = reckoner.velocity_m_s
         std_n, std_e = (hypot(std, self._common_m) for std in reckoner.std_m)
@@ -317,7 +315,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
 
     def _lean_on(self, given: AutopilotPose) -> None:
         """Takes the autopilot's own velocity, where nothing better is there: it has it from the satellites."""
-        yaw, std_m_s = yaw_of(self._attitude), self._settings.autopilot_std_m_s
+        yaw, std_m_s = yaw_of(self._attitude), self.settings.autopilot_std_m_s
         ahead, right, _ = rotate(from_yaw(-yaw), given.velocity_ned_m_s)
         self._filter.use_velocity(ahead, right, yaw, std_m_s)
 
@@ -328,7 +326,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
             return "the autopilot has not sent its origin"
         if not self._is_begun:
             return "the start position is not known: no fixes yet"
-        if self.std_m > self._settings.lost_std_m:
+        if self.std_m > self.settings.lost_std_m:
             return f"lost: its standard deviation is {self.std_m:.0f} m"
         return ""
 
@@ -336,7 +334,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         """Once the autopilot has told its own: the local frame's, if that is near, else that one."""
         if self._plane is not None or given.origin_geo is None:
             return
-        settings, origin = self._settings, given.origin_geo
+        settings, origin = self.settings, given.origin_geo
         wanted = settings.origin_geo
         if wanted is not None:
             away: Vector3 = TangentPlane(GeoPoint(*wanted)).ned_from_geo(origin[0], origin[1], wanted[2])

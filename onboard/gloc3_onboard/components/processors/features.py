@@ -35,7 +35,6 @@ class FeatureSettings(Settings, frozen=True):
 class FeatureProcessor(DataProcessor[FeatureSettings]):
     """Reports the features of each pair of pictures that have the same time; invalid with a reason where there are none."""
 
-    settings_type = FeatureSettings
     loggable = ("pairs", "skipped", "refused", "points", "reason")
 
     left = Input(Image, Keep.ALL)
@@ -46,13 +45,12 @@ class FeatureProcessor(DataProcessor[FeatureSettings]):
         self.pairs = self.skipped = self.refused = self.points = 0
         self.reason = ""
         self._rig = rig
-        self._settings = FeatureSettings()
         self._lefts: dict[float, Envelope[Image]] = {}
         self._rights: dict[float, Envelope[Image]] = {}
 
     def initialize(self, settings: FeatureSettings) -> None:
         """Makes the matcher; refuses cameras that are not calibrated, or do not make a pair."""
-        self._settings = settings
+        self.settings = settings
         self.start()
 
     def start(self) -> None:
@@ -62,7 +60,7 @@ class FeatureProcessor(DataProcessor[FeatureSettings]):
         from gloc3_onboard.algorithms.vision.picture import pixels_of
         from gloc3_onboard.algorithms.vision.stereo_rig import stereo_rig
 
-        given = self._settings
+        given = self.settings
         rig = stereo_rig(calibrated(self._rig, given.left), calibrated(self._rig, given.right))
         options = MatcherOptions(cell_px=given.cell_px, nearest_m=given.nearest_m, may_repeat=given.may_repeat)
         self._pixels_of, self._message_of = pixels_of, message_of
@@ -85,7 +83,7 @@ class FeatureProcessor(DataProcessor[FeatureSettings]):
             return [self._reported(found, t_s)]
         waiting = sorted(self._lefts.keys() | self._rights.keys())
         if waiting and waiting[-1] - waiting[0] > LONELY_S:
-            name = self._settings.right if waiting[0] in self._lefts else self._settings.left
+            name = self.settings.right if waiting[0] in self._lefts else self.settings.left
             self._ignore_until(waiting[0])
             return [self._reported(self._nothing(f"there is no picture of {name} at the same time"), waiting[0])]
         if not self._silence.is_due(now_s):
@@ -102,10 +100,10 @@ class FeatureProcessor(DataProcessor[FeatureSettings]):
             if reason:
                 return self._nothing(f"{image.camera}: {reason}")
         found = self._matcher.update(self._pixels_of(left), self._pixels_of(right), t_s)
-        return self._message_of(found, self._settings.left)
+        return self._message_of(found, self.settings.left)
 
     def _nothing(self, reason: str) -> Features:
-        return Features(camera=self._settings.left, ids=b"", pixels=b"", is_valid=False, reason=reason)
+        return Features(camera=self.settings.left, ids=b"", pixels=b"", is_valid=False, reason=reason)
 
     def _reported(self, found: Features, t_s: float) -> Result:
         self.reason, self.points = found.reason, len(found.ids) // 4

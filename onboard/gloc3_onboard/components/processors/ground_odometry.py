@@ -48,7 +48,6 @@ class GroundOdometrySettings(Settings, frozen=True):
 class GroundOdometryProcessor(DataProcessor[GroundOdometrySettings]):
     """Says for each picture how the body has moved since a key frame; invalid with a reason where it cannot."""
 
-    settings_type = GroundOdometrySettings
     loggable = ("pictures", "refused", "reason")
 
     image = Input(Image, Keep.ALL)
@@ -60,11 +59,10 @@ class GroundOdometryProcessor(DataProcessor[GroundOdometrySettings]):
         self.pictures = self.refused = 0
         self.reason = ""
         self._rig = rig
-        self._settings = GroundOdometrySettings()
 
     def initialize(self, settings: GroundOdometrySettings) -> None:
         """Makes the odometer; refuses a camera that is not calibrated."""
-        self._settings = settings
+        self.settings = settings
         self.start()
 
     def start(self) -> None:
@@ -72,7 +70,7 @@ class GroundOdometryProcessor(DataProcessor[GroundOdometrySettings]):
         from gloc3_onboard.algorithms.vision.ground_odometer import GroundOdometer, GroundSettings
         from gloc3_onboard.algorithms.vision.picture import pixels_of
 
-        given = self._settings
+        given = self.settings
         settings = GroundSettings(
             height_noise_m=given.height_noise_m,
             height_scale_std=given.height_scale_std,

@@ -47,7 +47,6 @@ class LaserOdometrySettings(Settings, frozen=True):
 class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
     """Says for each scan how the body has moved since a key scan; invalid with a reason where it cannot."""
 
-    settings_type = LaserOdometrySettings
     loggable = ("scans", "refused", "degenerate", "reason")
 
     laser = Input(LaserScan, Keep.ALL)
@@ -58,7 +57,6 @@ class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
     def __init__(self) -> None:
         self.scans = self.refused = self.degenerate = 0
         self.reason = ""
-        self._settings = LaserOdometrySettings()
 
     def initialize(self, settings: LaserOdometrySettings) -> None:
         """Adopts the settings and loads what the odometer needs."""
@@ -66,12 +64,12 @@ class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
 
         load_opencv()
         assert scipy.spatial.cKDTree
-        self._settings = settings
+        self.settings = settings
         self.start()
 
     def start(self) -> None:
         """Begins without a past."""
-        given = self._settings
+        given = self.settings
         settings = LaserOdometerSettings(
             reach_m=given.reach_m,
             key_distance_m=given.key_distance_m,

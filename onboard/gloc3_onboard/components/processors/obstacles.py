@@ -32,7 +32,6 @@ class ObstacleSettings(Settings, frozen=True):
 class ObstacleProcessor(DataProcessor[ObstacleSettings]):
     """Places what each scan has hit; nothing seen is a valid answer, a bad scan or a missing pose is not."""
 
-    settings_type = ObstacleSettings
     loggable = ("scans", "refused", "closest_m", "reason")
 
     laser = Input(LaserScan)
@@ -45,11 +44,6 @@ class ObstacleProcessor(DataProcessor[ObstacleSettings]):
         self.closest_m = math.inf
         """Distance of the nearest thing in the last scan."""
         self.reason = ""
-        self._settings = ObstacleSettings()
-
-    def initialize(self, settings: ObstacleSettings) -> None:
-        """Adopts the settings."""
-        self._settings = settings
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """One report for each scan."""
@@ -69,7 +63,7 @@ class ObstacleProcessor(DataProcessor[ObstacleSettings]):
         pose: Envelope[Pose] | None,
         height: Envelope[HeightAboveGround] | None,
     ) -> ObstacleScan:
-        scan, settings = envelope.payload, self._settings
+        scan, settings = envelope.payload, self.settings
         if not scan.is_valid:
             return ObstacleScan(points_ne_m=[], is_valid=False, reason=scan.reason or "the scanner reports it")
         if pose is None or not pose.payload.is_valid or abs(envelope.t_s - pose.t_s) > settings.pose_limit_s:

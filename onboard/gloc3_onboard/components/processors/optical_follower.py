@@ -52,7 +52,6 @@ class OpticalFollowerSettings(Settings, frozen=True):
 class OpticalFollowerProcessor(DataProcessor[OpticalFollowerSettings]):
     """Says for each picture where the lamp is, with what is uncertain along the line of sight; or why it cannot."""
 
-    settings_type = OpticalFollowerSettings
     loggable = ("pictures", "lost", "reason")
 
     image = Input(Image, Keep.ALL)
@@ -64,11 +63,10 @@ class OpticalFollowerProcessor(DataProcessor[OpticalFollowerSettings]):
         self.pictures = self.lost = 0
         self.reason = ""
         self._rig = rig
-        self._settings = OpticalFollowerSettings()
 
     def initialize(self, settings: OpticalFollowerSettings) -> None:
         """Makes the follower; refuses a camera that is not calibrated."""
-        self._settings = settings
+        self.settings = settings
         self.start()
 
     def start(self) -> None:
@@ -76,7 +74,7 @@ class OpticalFollowerProcessor(DataProcessor[OpticalFollowerSettings]):
         from gloc3_onboard.algorithms.vision.optical_follower import FollowerSettings, OpticalFollower
         from gloc3_onboard.algorithms.vision.picture import pixels_of
 
-        given = self._settings
+        given = self.settings
         roll, pitch, yaw = map(math.radians, given.euler_deg)
         settings = FollowerSettings(
             position_ned_m=given.position_ned_m,
@@ -115,7 +113,7 @@ class OpticalFollowerProcessor(DataProcessor[OpticalFollowerSettings]):
 
     def _down(self, t_s: float, pose: Envelope[Pose] | None) -> tuple[float, float]:
         """How far the lamp is below the frame's origin, and how well that is known."""
-        settings = self._settings
+        settings = self.settings
         is_posed = pose is not None and pose.payload.is_valid and abs(t_s - pose.t_s) <= GAP_S
         reported = pose.payload if pose is not None and is_posed else None
         arm = tuple(a - b for a, b in zip(settings.lever_frd_m, settings.sensor_frd_m, strict=True))

@@ -37,7 +37,6 @@ class PoseSettings(Settings, frozen=True):
 class PoseProcessor(DataProcessor[PoseSettings]):
     """Moves the autopilot's estimate into the platform's frame and counts its jumps."""
 
-    settings_type = PoseSettings
     loggable = ("reset_counter", "reason")
 
     autopilot_pose = Input(AutopilotPose)
@@ -46,7 +45,6 @@ class PoseProcessor(DataProcessor[PoseSettings]):
     def __init__(self) -> None:
         self.reset_counter = 0
         self.reason = ""
-        self._settings = PoseSettings()
         self._plane: TangentPlane | None = None
         self._offset_of: tuple[float, float, float] | None = None
         self._offset_ned_m: Vector3 = (0.0, 0.0, 0.0)
@@ -57,7 +55,7 @@ class PoseProcessor(DataProcessor[PoseSettings]):
 
     def initialize(self, settings: PoseSettings) -> None:
         """Adopts the origin."""
-        self._settings = settings
+        self.settings = settings
         self._plane = TangentPlane(GeoPoint(*settings.origin_geo)) if settings.origin_geo else None
         self._offset_of = None
 
@@ -89,7 +87,7 @@ class PoseProcessor(DataProcessor[PoseSettings]):
         n, e, d = given.position_ned_m
         offset = self._offset_ned_m
         north_m_s, east_m_s, down_m_s = given.velocity_ned_m_s
-        is_level = self._settings.is_level
+        is_level = self.settings.is_level
         position = (n + offset[0], e + offset[1], 0.0 if is_level else d + offset[2])
         velocity = (north_m_s, east_m_s, 0.0 if is_level else down_m_s)
         self._count_jump(position, velocity, t_s)
@@ -98,7 +96,7 @@ class PoseProcessor(DataProcessor[PoseSettings]):
             velocity_ned_m_s=velocity,
             ned_from_frd=given.ned_from_frd,
             rate_frd_rad_s=given.rate_frd_rad_s,
-            position_std_m=(self._settings.std_m,) * 3,
+            position_std_m=(self.settings.std_m,) * 3,
             is_valid=not self.reason,
             reason=self.reason,
             quality=0.0 if self.reason else 1.0,
@@ -122,9 +120,9 @@ class PoseProcessor(DataProcessor[PoseSettings]):
     def _move_to(self, autopilot_origin: tuple[float, float, float], plane: TangentPlane) -> None:
         self._offset_of = autopilot_origin
         offset = plane.ned_from_geo(*autopilot_origin)
-        is_near = math.hypot(offset[0], offset[1]) <= self._settings.reach_m
+        is_near = math.hypot(offset[0], offset[1]) <= self.settings.reach_m
         self._offset_ned_m = offset if is_near else (0.0, 0.0, 0.0)
-        self._origin_geo = self._settings.origin_geo if is_near else autopilot_origin
+        self._origin_geo = self.settings.origin_geo if is_near else autopilot_origin
 
     def _count_jump(self, position: Vector3, velocity: Vector3, t_s: float) -> None:
         if self._last is None:
@@ -136,5 +134,5 @@ class PoseProcessor(DataProcessor[PoseSettings]):
                 position, self._last.position_ned_m, velocity, self._last.velocity_ned_m_s, strict=True
             )
         ]
-        if sum(component * component for component in step) > self._settings.jump_m**2:
+        if sum(component * component for component in step) > self.settings.jump_m**2:
             self.reset_counter += 1

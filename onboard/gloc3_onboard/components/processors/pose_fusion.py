@@ -54,7 +54,6 @@ class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
     count on from it when it takes over, and to begin at it where it starts in flight.
     """
 
-    settings_type = PoseFusionSettings
     loggable = ("reset_counter", "quality", "reason", "witnesses")
 
     imu = Input(ImuSample, Keep.ALL)
@@ -73,7 +72,6 @@ class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
         self.reason = ""
         self.witnesses = ""
         """The sources that hold the position, in a word."""
-        self._settings = PoseFusionSettings()
         self._fusion: PoseFusion | None = None
         self._followed: Envelope[Pose] | None = None
         self._shown: tuple[float, Pose] | None = None
@@ -87,14 +85,14 @@ class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
 
     def initialize(self, settings: PoseFusionSettings) -> None:
         """Adopts the settings and loads the filter."""
-        self._settings = settings
+        self.settings = settings
         self.start()
 
     def start(self) -> None:
         """Begins without a past."""
         from gloc3_onboard.algorithms.fusion.pose_fusion import PoseFusion
 
-        self._fusion = PoseFusion(self._settings)
+        self._fusion = PoseFusion(self.settings)
         self._is_quiet = False
         self._followed = self._shown = self._begun_s = None
         self._jumps = 0
@@ -112,7 +110,7 @@ class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
         (t_s, own), primary = self._shown, self._followed.payload
         late_s = t_s - self._followed.t_s
         expected = [p + v * late_s for p, v in zip(primary.position_ned_m, primary.velocity_ned_m_s, strict=True)]
-        is_jump = dist(expected, own.position_ned_m) > self._settings.takeover_jump_m
+        is_jump = dist(expected, own.position_ned_m) > self.settings.takeover_jump_m
         self._jumps = primary.reset_counter + is_jump - self._fusion.estimate.reset_counter
 
     # --- the cycle ---
@@ -146,7 +144,7 @@ class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
         state = inbox.latest(self.autopilot)
         if state is None or not state.payload.is_connected:
             self.reason = "the autopilot has not reported whether the vehicle stands"
-            return now_s - self._begun_s >= self._settings.await_autopilot_s
+            return now_s - self._begun_s >= self.settings.await_autopilot_s
         is_flying = state.payload.is_armed and state.payload.landed in _AIRBORNE
         self._begin_at(fusion, inbox, now_s, is_flying=is_flying)
         if is_flying and not fusion.is_prepared_in_flight:
@@ -158,7 +156,7 @@ class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
         from gloc3_onboard.algorithms.fusion.inertial import InertialState
 
         reported = inbox.latest(self.autopilot_pose)
-        settings = self._settings
+        settings = self.settings
         if is_flying:
             primary = self._followed
             if primary is not None and primary.payload.is_valid and now_s - primary.t_s < YOUNG_S:
@@ -187,7 +185,7 @@ class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
         self.reset_counter = pose.reset_counter + self._jumps
         self.quality, self.reason = pose.quality, pose.reason
         self.witnesses = " ".join(fusion.witnesses)
-        pose = msgspec.structs.replace(pose, reset_counter=self.reset_counter, origin_geo=self._settings.origin_geo)
+        pose = msgspec.structs.replace(pose, reset_counter=self.reset_counter, origin_geo=self.settings.origin_geo)
         t_s = fusion.estimate.t_s if fusion.is_aligned else now_s
         self._shown = (t_s, pose)
         results: list[Result] = [self.pose.report(pose, t_s=t_s)]

@@ -34,7 +34,6 @@ class StereoOdometrySettings(Settings, frozen=True):
 class StereoOdometryProcessor(DataProcessor[StereoOdometrySettings]):
     """Says for each set of features how the body has moved since a key frame; invalid with a reason where it cannot."""
 
-    settings_type = StereoOdometrySettings
     loggable = ("sets", "refused", "points", "reason")
 
     features = Input(Features, Keep.ALL)
@@ -44,11 +43,10 @@ class StereoOdometryProcessor(DataProcessor[StereoOdometrySettings]):
         self.sets = self.refused = self.points = 0
         self.reason = ""
         self._rig = rig
-        self._settings = StereoOdometrySettings()
 
     def initialize(self, settings: StereoOdometrySettings) -> None:
         """Makes the odometer; refuses cameras that are not calibrated, or do not make a pair."""
-        self._settings = settings
+        self.settings = settings
         self.start()
 
     def start(self) -> None:
@@ -57,7 +55,7 @@ class StereoOdometryProcessor(DataProcessor[StereoOdometrySettings]):
         from gloc3_onboard.algorithms.vision.stereo_motion import MotionOptions, StereoMotion
         from gloc3_onboard.algorithms.vision.stereo_rig import stereo_rig
 
-        given = self._settings
+        given = self.settings
         rig = stereo_rig(calibrated(self._rig, given.left), calibrated(self._rig, given.right))
         options = MotionOptions(
             ray_px=given.ray_px,

@@ -49,7 +49,6 @@ class WheelOdometryProcessor(DataProcessor[WheelOdometrySettings]):
     where it is too much the report is not valid.
     """
 
-    settings_type = WheelOdometrySettings
     loggable = ("slip_m_s", "travelled_m", "reason")
 
     wheels = Input(WheelDistances, Keep.ALL)
@@ -59,11 +58,10 @@ class WheelOdometryProcessor(DataProcessor[WheelOdometrySettings]):
     def __init__(self) -> None:
         self.slip_m_s = self.travelled_m = 0.0
         self.reason = ""
-        self._settings = WheelOdometrySettings()
         self._reset()
 
     def _reset(self) -> None:
-        settings = self._settings
+        settings = self.settings
         base = Wheelbase(
             track_m=settings.track_m,
             turn_factor=settings.turn_factor,
@@ -77,7 +75,7 @@ class WheelOdometryProcessor(DataProcessor[WheelOdometrySettings]):
 
     def initialize(self, settings: WheelOdometrySettings) -> None:
         """Adopts the settings."""
-        self._settings = settings
+        self.settings = settings
         self._reset()
 
     def start(self) -> None:
@@ -96,7 +94,7 @@ class WheelOdometryProcessor(DataProcessor[WheelOdometrySettings]):
         return results
 
     def _step(self, wheels: WheelDistances, t_s: float) -> list[Result]:
-        settings, routes = self._settings, wheels.distances_m
+        settings, routes = self.settings, wheels.distances_m
         before_s, before_rad = self._last_s, self._last_yaw_rad
         if not wheels.is_valid or max(settings.left, settings.right) >= len(routes):
             self.reason = wheels.reason or f"{len(routes)} wheels are reported"

@@ -1,7 +1,6 @@
 """SS: the autopilot's own estimate of where it is."""
 
 from collections.abc import Sequence
-from contextlib import ExitStack
 
 from gloc3.component.component import SensorSampler
 from gloc3.component.ports import Inbox, Output, Result
@@ -18,16 +17,11 @@ class AutopilotPoseSampler(SensorSampler[NoSettings]):
     def __init__(self, device: AutopilotTelemetry) -> None:
         self._device = device
         self._last_s = float("-inf")
-        self._until_stop = ExitStack()
 
     def start(self) -> None:
         """Takes what comes from now on."""
         self._last_s = float("-inf")
-        self._until_stop.callback(self._device.on_pose(self.request_cycle))
-
-    def stop(self) -> None:
-        """Listens no longer."""
-        self._until_stop.close()
+        self.until_stop.callback(self._device.on_pose(self.request_cycle))
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports an estimate that has not been reported yet."""

@@ -1,7 +1,6 @@
 """SS: how the autopilot is set up: firmware, parameters that matter, and its sensors' health."""
 
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
 from typing import Protocol
 
 from gloc3.component.component import SensorSampler
@@ -34,7 +33,6 @@ class AutopilotSetupSampler(SensorSampler[NoSettings]):
 
     def __init__(self, device: AutopilotInspection) -> None:
         self._device = device
-        self._until_stop = ExitStack()
         self._clear()
 
     def _clear(self) -> None:
@@ -44,11 +42,7 @@ class AutopilotSetupSampler(SensorSampler[NoSettings]):
     def start(self) -> None:
         """Reports at once."""
         self._clear()
-        self._until_stop.callback(self._device.on_setup(self.request_cycle))
-
-    def stop(self) -> None:
-        """Listens no longer."""
-        self._until_stop.close()
+        self.until_stop.callback(self._device.on_setup(self.request_cycle))
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reads the setup; says it when it is new or due."""

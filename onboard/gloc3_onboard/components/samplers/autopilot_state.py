@@ -1,7 +1,6 @@
 """SS: the autopilot's own state: mode, arming, battery, and why it would not arm."""
 
 from collections.abc import Sequence
-from contextlib import ExitStack
 
 from gloc3.component.component import SensorSampler
 from gloc3.component.ports import Inbox, Output, Result
@@ -24,16 +23,11 @@ class AutopilotStateSampler(SensorSampler[NoSettings]):
         self._device = device
         self._last: AutopilotState | None = None
         self._reported_s = float("-inf")
-        self._until_stop = ExitStack()
 
     def start(self) -> None:
         """Reports at once."""
         self._last, self._reported_s = None, float("-inf")
-        self._until_stop.callback(self._device.on_state(self.request_cycle))
-
-    def stop(self) -> None:
-        """Listens no longer."""
-        self._until_stop.close()
+        self.until_stop.callback(self._device.on_state(self.request_cycle))
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reads the state; says it when it is new or due."""

@@ -1,7 +1,6 @@
 """SS: a camera."""
 
 from collections.abc import Sequence
-from contextlib import ExitStack
 
 from gloc3.component.component import SensorSampler
 from gloc3.component.ports import Inbox, Output, Result
@@ -14,7 +13,6 @@ from gloc3_onboard.sensors.devices import Camera, Rig, opened
 class CameraSampler(SensorSampler[FrameSettings]):
     """Reports each frame once, with the time at which it was exposed; marks those that cannot be used."""
 
-    settings_type = FrameSettings
     loggable = ("frames", "refused", "reason")
 
     image = Output(Image)
@@ -23,23 +21,13 @@ class CameraSampler(SensorSampler[FrameSettings]):
         self.frames = self.refused = 0
         self.reason = ""
         self._device, self._rig = device, rig
-        self._settings = FrameSettings()
         self._camera = ""
-        self._until_stop = ExitStack()
-
-    def initialize(self, settings: FrameSettings) -> None:
-        """Adopts the settings."""
-        self._settings = settings
 
     def start(self) -> None:
         """Opens the camera."""
-        self._checks = FrameChecks(self._rig, may_repeat=self._settings.may_repeat)
-        self._timeline = StampMonitor("picture", self._settings.silent_s)
-        self._until_stop.callback(opened(self._device, self.request_cycle))
-
-    def stop(self) -> None:
-        """Closes the camera."""
-        self._until_stop.close()
+        self._checks = FrameChecks(self._rig, may_repeat=self.settings.may_repeat)
+        self._timeline = StampMonitor("picture", self.settings.silent_s)
+        self.until_stop.callback(opened(self._device, self.request_cycle))
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports a frame that has not been reported yet."""

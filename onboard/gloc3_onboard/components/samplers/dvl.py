@@ -1,7 +1,6 @@
 """SS: a Doppler velocity log."""
 
 from collections.abc import Sequence
-from contextlib import ExitStack
 from math import isfinite
 from typing import Annotated
 
@@ -25,7 +24,6 @@ class DvlSettings(Settings, frozen=True):
 class DvlSampler(SensorSampler[DvlSettings]):
     """Reports each velocity over the floor once; says when there is no bottom lock."""
 
-    settings_type = DvlSettings
     loggable = ("altitude_m", "unlocked", "reason")
 
     dvl = Output(BottomVelocity)
@@ -36,21 +34,11 @@ class DvlSampler(SensorSampler[DvlSettings]):
         """Velocities without bottom lock, and those that cannot be believed."""
         self.reason = ""
         self._device = device
-        self._settings = DvlSettings()
-        self._until_stop = ExitStack()
-
-    def initialize(self, settings: DvlSettings) -> None:
-        """Adopts the settings."""
-        self._settings = settings
 
     def start(self) -> None:
         """Opens the device."""
-        self._timeline = StampMonitor("velocity", self._settings.silent_s)
-        self._until_stop.callback(opened(self._device, self.request_cycle))
-
-    def stop(self) -> None:
-        """Closes it."""
-        self._until_stop.close()
+        self._timeline = StampMonitor("velocity", self.settings.silent_s)
+        self.until_stop.callback(opened(self._device, self.request_cycle))
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports a velocity that has not been reported yet."""
@@ -72,6 +60,6 @@ class DvlSampler(SensorSampler[DvlSettings]):
             return bottom.reason or "no bottom lock"
         if not all(map(isfinite, (*bottom.velocity_frd_m_s, bottom.std_m_s))):
             return "its numbers are not finite"
-        if max(map(abs, bottom.velocity_frd_m_s)) > self._settings.max_m_s:
-            return f"it is faster than {self._settings.max_m_s:g} m/s"
+        if max(map(abs, bottom.velocity_frd_m_s)) > self.settings.max_m_s:
+            return f"it is faster than {self.settings.max_m_s:g} m/s"
         return ""

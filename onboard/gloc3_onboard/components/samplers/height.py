@@ -1,7 +1,6 @@
 """SS: the ground-looking range finder."""
 
 from collections.abc import Sequence
-from contextlib import ExitStack
 from typing import Annotated
 
 from gloc3.component.component import SensorSampler
@@ -23,7 +22,6 @@ class HeightSettings(Settings, frozen=True):
 class HeightSampler(SensorSampler[HeightSettings]):
     """Reports each range once; says `is_valid=False` when there is no echo."""
 
-    settings_type = HeightSettings
     loggable = ("height_m",)
 
     height = Output(HeightAboveGround)
@@ -31,21 +29,11 @@ class HeightSampler(SensorSampler[HeightSettings]):
     def __init__(self, device: HeightSensor) -> None:
         self.height_m = 0.0
         self._device = device
-        self._settings = HeightSettings()
         self._last_s = float("-inf")
-        self._until_stop = ExitStack()
-
-    def initialize(self, settings: HeightSettings) -> None:
-        """Adopts the range."""
-        self._settings = settings
 
     def start(self) -> None:
         """Takes what comes from now on."""
-        self._until_stop.callback(self._device.on_height(self.request_cycle))
-
-    def stop(self) -> None:
-        """Listens no longer."""
-        self._until_stop.close()
+        self.until_stop.callback(self._device.on_height(self.request_cycle))
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports a range that has not been reported yet."""
@@ -53,7 +41,7 @@ class HeightSampler(SensorSampler[HeightSettings]):
         if stamped is None or stamped.t_s <= self._last_s:
             return []
         self._last_s = stamped.t_s
-        height, settings = stamped.height, self._settings
+        height, settings = stamped.height, self.settings
         self.height_m = height.height_m
         if height.is_valid and not settings.min_m <= height.height_m <= settings.max_m:
             reason = f"{height.height_m:.2f} m is outside {settings.min_m:g} to {settings.max_m:g} m"

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from contextlib import ExitStack
 from typing import Annotated, Final
 
 import msgspec
@@ -34,7 +33,6 @@ class ImuSettings(Settings, frozen=True):
 class ImuSampler(SensorSampler[ImuSettings]):
     """Reports every sample, with its own time; marks those that cannot be used."""
 
-    settings_type = ImuSettings
     loggable = ("samples", "refused", "reason")
 
     imu = Output(ImuSample)
@@ -43,27 +41,17 @@ class ImuSampler(SensorSampler[ImuSettings]):
         self.samples = self.refused = 0
         self.reason = ""
         self._device = device
-        self._settings = ImuSettings()
-        self._until_stop = ExitStack()
         self._restart()
 
     def _restart(self) -> None:
-        self._timeline = StampMonitor("sample", self._settings.silent_s)
-        self._check = ImuCheck(may_repeat=self._settings.may_repeat)
+        self._timeline = StampMonitor("sample", self.settings.silent_s)
+        self._check = ImuCheck(may_repeat=self.settings.may_repeat)
         self._last_s = float("-inf")
-
-    def initialize(self, settings: ImuSettings) -> None:
-        """Adopts the settings."""
-        self._settings = settings
 
     def start(self) -> None:
         """Opens the unit."""
         self._restart()
-        self._until_stop.callback(opened(self._device, self.request_cycle))
-
-    def stop(self) -> None:
-        """Closes the unit."""
-        self._until_stop.close()
+        self.until_stop.callback(opened(self._device, self.request_cycle))
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports the samples that have not been reported yet."""

@@ -1,7 +1,6 @@
 """SS: a laser scanner."""
 
 from collections.abc import Sequence
-from contextlib import ExitStack
 from typing import Annotated
 
 import msgspec
@@ -25,7 +24,6 @@ class LaserSettings(Settings, frozen=True):
 class LaserSampler(SensorSampler[LaserSettings]):
     """Reports each turn once, with the time of its last beam; marks those that cannot be used."""
 
-    settings_type = LaserSettings
     loggable = ("scans", "refused", "reason")
 
     laser = Output(LaserScan)
@@ -34,24 +32,14 @@ class LaserSampler(SensorSampler[LaserSettings]):
         self.scans = self.refused = 0
         self.reason = ""
         self._device = device
-        self._settings = LaserSettings()
         self._none = LaserScan(
             scanner="", angle_min_rad=0.0, angle_step_rad=0.0, range_min_m=0.0, range_max_m=0.0, ranges_m=b""
         )
-        self._until_stop = ExitStack()
-
-    def initialize(self, settings: LaserSettings) -> None:
-        """Adopts the settings."""
-        self._settings = settings
 
     def start(self) -> None:
         """Opens the scanner."""
-        self._timeline = StampMonitor("scan", self._settings.silent_s)
-        self._until_stop.callback(opened(self._device, self.request_cycle))
-
-    def stop(self) -> None:
-        """Closes the scanner."""
-        self._until_stop.close()
+        self._timeline = StampMonitor("scan", self.settings.silent_s)
+        self.until_stop.callback(opened(self._device, self.request_cycle))
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports a turn that has not been reported yet."""

@@ -1,7 +1,6 @@
 """SS: the autopilot's satellite receiver."""
 
 from collections.abc import Sequence
-from contextlib import ExitStack
 
 from gloc3.component.component import SensorSampler
 from gloc3.component.ports import Inbox, Output, Result
@@ -22,16 +21,11 @@ class SatellitesSampler(SensorSampler[NoSettings]):
         """Satellites."""
         self._device = device
         self._last_s = float("-inf")
-        self._until_stop = ExitStack()
 
     def start(self) -> None:
         """Takes what comes from now on."""
         self._last_s = float("-inf")
-        self._until_stop.callback(self._device.on_fix(self.request_cycle))
-
-    def stop(self) -> None:
-        """Listens no longer."""
-        self._until_stop.close()
+        self.until_stop.callback(self._device.on_fix(self.request_cycle))
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports a fix that has not been reported yet."""

@@ -1,7 +1,6 @@
 """SS: a stereo pair."""
 
 from collections.abc import Sequence
-from contextlib import ExitStack
 
 from gloc3.component.component import SensorSampler
 from gloc3.component.ports import Inbox, Output, Result
@@ -14,7 +13,6 @@ from gloc3_onboard.sensors.devices import Rig, StereoCamera, opened
 class StereoCameraSampler(SensorSampler[FrameSettings]):
     """Reports both frames of an exposure, once, with one time; marks those that cannot be used."""
 
-    settings_type = FrameSettings
     loggable = ("pairs", "refused", "reason")
 
     left = Output(Image)
@@ -24,23 +22,13 @@ class StereoCameraSampler(SensorSampler[FrameSettings]):
         self.pairs = self.refused = 0
         self.reason = ""
         self._device, self._rig = device, rig
-        self._settings = FrameSettings()
         self._cameras = ("", "")
-        self._until_stop = ExitStack()
-
-    def initialize(self, settings: FrameSettings) -> None:
-        """Adopts the settings."""
-        self._settings = settings
 
     def start(self) -> None:
         """Opens the cameras."""
-        self._checks = FrameChecks(self._rig, may_repeat=self._settings.may_repeat)
-        self._timeline = StampMonitor("pair of pictures", self._settings.silent_s)
-        self._until_stop.callback(opened(self._device, self.request_cycle))
-
-    def stop(self) -> None:
-        """Closes the cameras."""
-        self._until_stop.close()
+        self._checks = FrameChecks(self._rig, may_repeat=self.settings.may_repeat)
+        self._timeline = StampMonitor("pair of pictures", self.settings.silent_s)
+        self.until_stop.callback(opened(self._device, self.request_cycle))
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports a pair that has not been reported yet."""

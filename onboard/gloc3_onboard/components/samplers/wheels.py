@@ -1,7 +1,6 @@
 """SS: the encoders of the wheels."""
 
 from collections.abc import Sequence
-from contextlib import ExitStack
 from math import isfinite
 from typing import Annotated
 
@@ -23,7 +22,6 @@ class WheelsSettings(Settings, frozen=True):
 class WheelsSampler(SensorSampler[WheelsSettings]):
     """Reports each reading of the encoders once; says when none comes, as from vehicles without any."""
 
-    settings_type = WheelsSettings
     loggable = ("reason",)
 
     wheels = Output(WheelDistances)
@@ -31,21 +29,11 @@ class WheelsSampler(SensorSampler[WheelsSettings]):
     def __init__(self, device: Wheels) -> None:
         self.reason = ""
         self._device = device
-        self._settings = WheelsSettings()
-        self._until_stop = ExitStack()
-
-    def initialize(self, settings: WheelsSettings) -> None:
-        """Adopts the settings."""
-        self._settings = settings
 
     def start(self) -> None:
         """Takes what comes from now on."""
-        self._timeline = StampMonitor("wheel distance", self._settings.silent_s)
-        self._until_stop.callback(self._device.on_wheels(self.request_cycle))
-
-    def stop(self) -> None:
-        """Listens no longer."""
-        self._until_stop.close()
+        self._timeline = StampMonitor("wheel distance", self.settings.silent_s)
+        self.until_stop.callback(self._device.on_wheels(self.request_cycle))
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports a reading that has not been reported yet."""

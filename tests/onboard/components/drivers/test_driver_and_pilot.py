@@ -182,7 +182,7 @@ def test_brought_up_again_in_flight_after_a_fault_it_goes_on(style: str) -> None
         rig.autopilot.tick(rig.now_s)
     rig.stage.now_s += 0.4
     rig.autopilot.tick(rig.now_s)
-    rig.driver.initialize(rig.driver._settings)
+    rig.driver.initialize(rig.driver.settings)
     rig.driver.start()
     rig.run(2.0)
     assert not rig.state.has_pilot_control

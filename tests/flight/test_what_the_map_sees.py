@@ -5,9 +5,9 @@ import pytest
 from tests.flight.card import ONE_STYLE, Card
 
 from gloc3.messages.summaries import VehicleSummary
-from gloc3_groundstation.mapping.mission_texts import MissionTexts
 from gloc3_groundstation.mapping.requested import requested
 from gloc3_groundstation.mapping.tracks import TrackChannel, Tracks
+from gloc3_groundstation.missions.plans import MissionTexts
 from gloc3_groundstation.station.snapshots import STALE_AFTER_S, PlatformSnapshot
 
 MISSION = """mission: corner

@@ -25,7 +25,7 @@ from gloc3_groundstation.links.link import LinkContext, LinkSettings, StationLin
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.companion.routing import RoutedLink
 from gloc3_onboard.companion.station_link import StationLink, StationLinkSettings
-from gloc3_onboard.process.signing_memory import SigningMemory
+from gloc3_onboard.process.process_storage import SigningMemory
 
 KEY, OTHER = bytes(range(32)), bytes(range(1, 33))
 STATION_AGAIN = Encoder(255, 190)

@@ -19,7 +19,6 @@ from gloc3_onboard.command_server.site import ServerSettings, Site
 class CommandServer(CommandInterface[ServerSettings]):
     """Checks authority, claims and states; runs missions; supervises; summarises. Each part does one of these."""
 
-    settings_type = ServerSettings
     loggable = ("holder", "policy")
 
     requested = RequestPorts
@@ -31,11 +30,6 @@ class CommandServer(CommandInterface[ServerSettings]):
     def __init__(self, site: Site) -> None:
         self.holder = self.policy = ""
         self._site = site
-        self._settings = ServerSettings()
-
-    def initialize(self, settings: ServerSettings) -> None:
-        """Adopts the settings."""
-        self._settings = settings
 
     def start(self) -> None:
         """Reads what the process before has left; it is taken up when the autopilot has told its state."""
@@ -46,11 +40,11 @@ class CommandServer(CommandInterface[ServerSettings]):
         contacts = Contacts(site.reports)
         self._observing = Observing(site.platform, home, self._events.report_supervision, site.process)
         self._authority = Authority(site.holder if was_running(snapshot) else "", report)
-        self._mission = MissionHost(site, self._observing, self._authority.control, self._settings, report)
+        self._mission = MissionHost(site, self._observing, self._authority.control, self.settings, report)
         commands = MissionCommands(site, self._observing, self._authority, self._mission, report)
         components = ComponentRequests(self._observing, report)
         self._requests = RequestHandler(site, self._authority, commands, components, contacts)
-        self._reporting = Reporting(site, self._settings, self._events, contacts)
+        self._reporting = Reporting(site, self.settings, self._events, contacts)
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Takes everything in, decides, and says what follows."""

@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -25,7 +26,6 @@ from gloc3.messages.envelope import (
     FunctionRequest,
 )
 from gloc3.messages.readiness import SensorCondition
-from gloc3_onboard.hosts.last_words import FATAL, describe_exit, last_error, last_lines
 from gloc3_onboard.hosts.pipe import (
     Beat,
     ChildReady,
@@ -40,6 +40,12 @@ from gloc3_onboard.hosts.pipe import (
 )
 from gloc3_onboard.hosts.stand_in import ComponentPlaceholder
 
+LINE_MAX: Final = 160
+
+FATAL: Final = re.compile(r"Fatal Python error: (?P<what>.+)")
+"""Where the fault handler's dump begins."""
+_THREAD: Final = re.compile(r"(Current thread|Thread) 0x[0-9a-f]+.*most recent call first")
+_FRAME: Final = re.compile(r'\s*File "(?P<file>[^"]+)", line (?P<line>\d+) in (?P<function>.+)')
 PROGRAM: Final = (sys.executable, "-X", "faulthandler", "-m", "gloc3_onboard.hosts.child_main")
 """What a child runs; the arguments are its end of the pipe, and for people who list processes what it is."""
 POLL_PERIOD_S: Final = 0.5
@@ -337,3 +343,47 @@ class ChildProcess:
     def states(self) -> dict[str, State | None]:
         """Its components' states."""
         return {name: placeholder.state for name, placeholder in self._placeholders.items()}
+
+
+def describe_exit(code: int) -> str:
+    """How a process ended, by its code as `subprocess` gives it: `by SIGSEGV`, `with code 1`, `by itself`."""
+    if code < 0:
+        try:
+            return f"by {signal.Signals(-code).name}"
+        except ValueError:
+            return f"by signal {-code}"
+    return f"with code {code}" if code else "by itself"
+
+
+def last_lines(lines: Sequence[str]) -> str:
+    """The gist in a line of what a process wrote on stderr before it ended; empty if it wrote nothing.
+
+    Of a crash that the fault handler caught, that is the error and the innermost function of the thread that had it.
+    """
+    reported = last_error(lines)
+    fatal = FATAL.match(reported[0]) if reported else None
+    if fatal is None:
+        return _cut(reported[-1].strip()) if reported else ""
+    frame = next(filter(None, map(_FRAME.match, reported)), None)
+    where = f" in {frame['function']} ({frame['file'].rpartition('/')[2]}:{frame['line']})" if frame else ""
+    return _cut(fatal["what"] + where)
+
+
+def last_error(lines: Sequence[str]) -> list[str]:
+    """The lines that tell why a process ended: of a dump only the error and the thread that had it, else all."""
+    text = [line for line in lines if line.strip()]
+    begin = next((index for index, line in enumerate(text) if FATAL.match(line)), None)
+    if begin is None:
+        return text
+    starts = [index for index in range(begin, len(text)) if _THREAD.match(text[index])]
+    thread = next((index for index in starts if text[index].startswith("Current")), starts[0] if starts else len(text))
+    frames = []
+    for line in text[thread + 1 :]:
+        if not _FRAME.match(line):
+            break
+        frames.append(line)
+    return [text[begin], *frames]
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= LINE_MAX else text[: LINE_MAX - 1] + "…"

@@ -6,19 +6,20 @@ import os
 import signal
 import socket
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from gloc3.errors import Gloc3Error
 from gloc3.exchange import zenoh_session
+from gloc3.exchange.base import Deliver, Exchange, Unsubscribe
 from gloc3.exchange.zenoh import ZenohExchange, open_exchange
-from gloc3.messages.envelope import Severity
+from gloc3.messages.envelope import Envelope, Severity
 from gloc3.messages.hosts import HOSTS
 from gloc3.messages.topics import TopicTable
 from gloc3.platform.places import ProcessPlace
 from gloc3.platform.reader import load_platform
-from gloc3_onboard.hosts.agent_exchange import AgentExchange
 from gloc3_onboard.hosts.loop import PlatformLoop
 from gloc3_onboard.hosts.node import HostNode, NodeOptions
 from gloc3_onboard.hosts.pipe import (
@@ -34,6 +35,7 @@ from gloc3_onboard.hosts.pipe import (
     first_message,
 )
 
+REQUESTS: Final = ("/command", "/function")
 PR_SET_PDEATHSIG: Final = 1
 OOM_SCORE: Final = Path("/proc/self/oom_score_adj")
 FIRST_TO_GO: Final = "500"
@@ -43,6 +45,39 @@ BEATS_TO_REPORT: Final = 4
 JOIN_S: Final = 20.0
 """How long the main process may take to be found."""
 WRONG: Final = 2
+
+
+class AgentExchange:
+    """An exchange that draws no requests from elsewhere: each comes once, by the pipe, whoever is there to take it.
+
+    Args:
+        exchange: everything else.
+    """
+
+    def __init__(self, exchange: Exchange) -> None:
+        self._exchange = exchange
+
+    @property
+    def here(self) -> Exchange:
+        """What passes inside this process."""
+        return self._exchange.here
+
+    def publish(self, envelope: Envelope[Any]) -> None:
+        """Sends a message."""
+        self._exchange.publish(envelope)
+
+    def subscribe(self, pattern: str, deliver: Deliver) -> Unsubscribe:
+        """Asks for topics; for requests only as far as they come here."""
+        exchange = self._exchange.here if pattern.endswith(REQUESTS) else self._exchange
+        return exchange.subscribe(pattern, deliver)
+
+    def declare_alive(self, token: str) -> Unsubscribe:
+        """Says that something is here."""
+        return self._exchange.declare_alive(token)
+
+    def watch(self, pattern: str, changed: Callable[[str, bool], None]) -> Unsubscribe:
+        """Reports tokens that come and go."""
+        return self._exchange.watch(pattern, changed)
 
 
 def main() -> int:

@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Sequence
 from pathlib import Path
 from random import SystemRandom
-from typing import Final
+from typing import Any, Final
 
 import msgspec
 
@@ -12,13 +12,14 @@ from gloc3.clock import Clock
 from gloc3.component.context import HostContext
 from gloc3.errors import Refused
 from gloc3.exchange.base import Exchange
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.hosts import HOSTS, HostStatus
 from gloc3.messages.readiness import SensorCondition
 from gloc3.messages.topics import TopicTable
 from gloc3.platform.places import ProcessPlace, rows_at
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import find_platform, whole_text
 from gloc3_onboard.assembly import host_components, watch_sensors
-from gloc3_onboard.hosts.boot_time import BootTime
 from gloc3_onboard.inputs import Hosting, devices_of, open_sensors
 from gloc3_onboard.parts import Parts
 from gloc3_onboard.process.event_narration import Report
@@ -27,6 +28,28 @@ from gloc3_onboard.process.run_log import LogLimits, RunLog
 from gloc3_onboard.process.runner import HostMember, Onboard
 from gloc3_onboard.process.storage import PictureFolder
 from gloc3_onboard.sensors.registry import SourceHost
+
+
+class BootTime:
+    """When the autopilot began to count its time, from the clock host's status, for sources whose stamps are in it.
+
+    Args:
+        exchange: of this process.
+        platform: the platform's name.
+    """
+
+    def __init__(self, exchange: Exchange, platform: str) -> None:
+        self._boot_s: float | None = None
+        exchange.subscribe(f"{platform}/{HOSTS}/*", self._receive_status)
+
+    def t_s_of_boot(self, boot_s: float) -> float | None:
+        """The platform's time of a moment in the autopilot's own; None while nothing has been heard of it."""
+        return None if self._boot_s is None else self._boot_s + boot_s
+
+    def _receive_status(self, envelope: Envelope[Any]) -> None:
+        status = envelope.payload
+        if isinstance(status, HostStatus) and status.is_clock_host:
+            self._boot_s = status.vehicle_boot_s
 
 
 class NodeOptions(msgspec.Struct, frozen=True, kw_only=True):

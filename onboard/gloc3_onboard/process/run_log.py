@@ -11,19 +11,92 @@ from gloc3.cli.counting import counted
 from gloc3.clock import Clock
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange.base import Exchange
+from gloc3.log.disk_file import DiskFile
 from gloc3.log.record import PLATFORM_FILE, Recorder
+from gloc3.mavlink.tlog import is_secret, tlog_record
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3
 from gloc3.messages.topics import TopicTable
 from gloc3_onboard.process.log_files import LogFiles
-from gloc3_onboard.process.traffic import Traffic
 
+FLUSH_S: Final = 1.0
 POLL_PERIOD_S: Final = 1.0
 PRUNE_EVERY: Final = 10
 """Looks: other processes' logs grow, too."""
 MEGABYTE: Final = 1_000_000
 CONTINUES: Final = "continues"
 """Metadata of a log: the name of the file before it, of the same run."""
+
+
+class Traffic:
+    """The frames of all links of one run.
+
+    Args:
+        path: of the `.tlog`.
+        recorder: the data log; frames go to its channels `mavlink/LINK/in` and `mavlink/LINK/out`.
+        clock: of the process.
+        loop: wakes it to write what is in memory.
+        warn: told once when the disk takes no more.
+
+    Raises:
+        Refused: the file cannot be written.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        recorder: Recorder,
+        clock: Clock,
+        loop: asyncio.AbstractEventLoop,
+        warn: Callable[[str], None],
+    ) -> None:
+        try:
+            self._file = DiskFile(path)
+        except OSError as error:
+            raise Refused(f"{path} cannot be written: {error.strerror or error}") from error
+        self._path, self._recorder, self._clock, self._loop, self._warn = path, recorder, clock, loop, warn
+        self._is_kept, self._has_failed = True, False
+        self._timer = loop.call_later(FLUSH_S, self._flush)
+
+    def record_frame(self, link: str, direction: Literal["in", "out"], frame: bytes) -> None:
+        """Keeps one frame, unless it carries a key."""
+        if is_secret(frame):
+            return
+        now_s = self._clock.now_s()
+        self._recorder.record_mavlink(link, direction, frame, now_s)
+        if self._is_kept:
+            self._file.write(tlog_record(frame, now_s + self._clock.utc_offset_s))
+
+    def end(self) -> None:
+        """Keeps nothing any more; what is in memory is written by `close`, which may be called in a thread."""
+        self._timer.cancel()
+        self._is_kept = False
+
+    def close(self) -> str:
+        """Waits until everything is on disk.
+
+        Returns:
+            Why it is not, where that was not told before; else nothing.
+        """
+        self.end()
+        try:
+            self._file.close()
+        except OSError as error:
+            return "" if self._has_failed else self._problem(error)
+        return ""
+
+    def _flush(self) -> None:
+        try:
+            self._file.flush()
+        except OSError as error:
+            self._has_failed = True
+            self.end()
+            self._warn(self._problem(error))
+        else:
+            self._timer = self._loop.call_later(FLUSH_S, self._flush)
+
+    def _problem(self, error: OSError) -> str:
+        return f"{self._path} cannot be written: {error.strerror or error}"
 
 
 class LogLimits(msgspec.Struct, frozen=True, kw_only=True):

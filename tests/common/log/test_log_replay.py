@@ -42,7 +42,6 @@ class SmootherSettings(Settings, frozen=True):
 class Smoother(DataProcessor[SmootherSettings]):
     """Follows its input slowly; can be raised by function."""
 
-    settings_type = SmootherSettings
     reading = Input(Reading)
     level = Output(Level)
 

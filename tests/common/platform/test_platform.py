@@ -131,7 +131,6 @@ def _parts(monkeypatch: pytest.MonkeyPatch) -> None:
         gain: float = 1.0
 
     class Steady(DataProcessor[SteadySettings]):
-        settings_type = SteadySettings
         loggable = ("level",)
         out = Output(Out)
 

@@ -4,7 +4,7 @@ import pytest
 
 from gloc3.messages.command_interface import Verb
 from gloc3.messages.summaries import MissionSummary
-from gloc3_groundstation.missions.verbs import legal_verbs
+from gloc3_groundstation.missions.outline import legal_verbs
 
 P, R, S, A, T = Verb.PAUSE, Verb.RESUME, Verb.SKIP, Verb.ABORT, Verb.RETRY
 

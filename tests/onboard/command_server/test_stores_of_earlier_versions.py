@@ -12,7 +12,7 @@ from gloc3.store import RecordFile
 from gloc3_onboard.command_server.journal import Journal
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.command_server.vehicle_state import KeptHome
-from gloc3_onboard.process.signing_memory import SigningMemory
+from gloc3_onboard.process.process_storage import SigningMemory
 
 DATA = next(folder for folder in Path(__file__).parents if folder.name == "tests") / "data" / "stores"
 KEY = bytes(range(32))

@@ -17,8 +17,6 @@ class TickerSettings(Settings, frozen=True):
 
 
 class Ticker(SensorSampler[TickerSettings]):
-    settings_type = TickerSettings
-
     height = Output(HeightAboveGround)
 
     def __init__(self) -> None:

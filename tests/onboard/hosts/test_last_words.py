@@ -2,7 +2,7 @@
 
 import signal
 
-from gloc3_onboard.hosts.last_words import describe_exit, last_error, last_lines
+from gloc3_onboard.hosts.child import describe_exit, last_error, last_lines
 
 DUMP = """\
 loading the vocabulary

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gloc3_onboard.hosts.loop import SLEW, Steering
 from gloc3_onboard.hosts.offset import DRIFT, UNKNOWN, OffsetFilter
-from gloc3_onboard.hosts.steering import SLEW, Steering
 
 
 def request(

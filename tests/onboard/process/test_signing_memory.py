@@ -6,7 +6,7 @@ from pathlib import Path
 from gloc3.clock import Clock, run_virtual
 from gloc3.mavlink.codec import Encoder, Frame, Parser, message
 from gloc3.mavlink.signing import Signing, SigningVerdict, timestamp
-from gloc3_onboard.process.signing_memory import AHEAD, SigningMemory
+from gloc3_onboard.process.process_storage import AHEAD, SigningMemory
 
 KEY = bytes(range(32))
 AHEAD_S = AHEAD / 100_000

@@ -16,7 +16,7 @@ from gloc3.log.record import Recorder
 from gloc3.mavlink.codec import Encoder, message
 from gloc3.mavlink.tlog import OVERHEAD_BYTES
 from gloc3.messages.topics import TopicTable
-from gloc3_onboard.process.traffic import Traffic
+from gloc3_onboard.process.run_log import Traffic
 
 STATION = Encoder(255, 190)
 

@@ -36,7 +36,6 @@ class StuckSettings(Settings, frozen=True):
 class StuckSampler(SensorSampler[StuckSettings]):
     """Hangs when it is told to."""
 
-    settings_type = StuckSettings
 
     def initialize(self, settings):
         Path("depth_m").write_text(str(settings.depth_m))

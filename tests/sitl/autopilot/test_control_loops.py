@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gloc3.messages.frames import from_euler, rotate, to_euler, wrap_pi
 from gloc3_sitl.autopilot.airframe import PELICAN
-from gloc3_sitl.autopilot.control.mixer import Mixer
+from gloc3_sitl.autopilot.control.multirotor import Mixer
 from gloc3_sitl.autopilot.control.position import PositionController, PositionGains
 from gloc3_sitl.autopilot.control.rates import AttitudeController, RateController, attitude_for
 from gloc3_sitl.autopilot.control.setpoint import MotionSetpoint

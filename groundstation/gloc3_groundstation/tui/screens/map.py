@@ -9,23 +9,26 @@ from textual.containers import Horizontal, Vertical
 
 from gloc3.messages.watch import Want
 from gloc3_groundstation.mapping.ground import Ground
-from gloc3_groundstation.mapping.mission_texts import MissionTexts
 from gloc3_groundstation.mapping.progress import PathProgress
 from gloc3_groundstation.mapping.projection import Projection
 from gloc3_groundstation.mapping.requested import Requested, requested
+from gloc3_groundstation.missions.plans import MissionTexts
 from gloc3_groundstation.tui.keys import MISSION_KEYS
 from gloc3_groundstation.tui.screen import StationScreen
 from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.mission.map import (
     Chart,
+    cursor_line,
     extent,
     is_within,
+    legend_lines,
     map_lines,
+    map_title,
     own_place,
     position_of,
     tone_of_vehicle,
+    vehicle_lines,
 )
-from gloc3_groundstation.tui.views.mission.map_labels import cursor_line, legend_lines, map_title, vehicle_lines
 from gloc3_groundstation.tui.views.mission.profile import along_lines, time_lines
 from gloc3_groundstation.tui.widgets.canvas import CELL
 from gloc3_groundstation.tui.widgets.canvas_panel import CanvasPanel

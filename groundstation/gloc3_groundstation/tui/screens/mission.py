@@ -11,8 +11,7 @@ from textual.widgets import TextArea
 from gloc3.messages.command_interface import Verb
 from gloc3.messages.summaries import MissionSummary
 from gloc3.mission.model.states import ActionState
-from gloc3_groundstation.missions.outline import Outline
-from gloc3_groundstation.missions.verbs import legal_verbs
+from gloc3_groundstation.missions.outline import Outline, legal_verbs
 from gloc3_groundstation.tui.dialogues.mission_files import MissionFileDialogue
 from gloc3_groundstation.tui.dialogues.questions import ABORT_QUESTION, YesNoQuestion
 from gloc3_groundstation.tui.dialogues.single_action import SingleAction

@@ -1,6 +1,6 @@
 """State shared by commands and messages: the autopilot, its links, and the telemetry streams of each."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final
 
 from gloc3.mavlink import codec
@@ -8,6 +8,7 @@ from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.parser import Frame
 from gloc3.mavlink.services.command_server import MavCommandRequest
 from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL, StreamScheduler
+from gloc3.mavlink.services.version import ProtocolCapability, Version, version_number
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import GeoPoint, wrap_pi
 from gloc3_sitl.autopilot.autopilot import Autopilot
@@ -16,13 +17,64 @@ from gloc3_sitl.autopilot.mavlink import motion_telemetry
 from gloc3_sitl.autopilot.mavlink.calibration import AccelerometerPositions
 from gloc3_sitl.autopilot.mavlink.events import HealthReporter
 from gloc3_sitl.autopilot.mavlink.links import AutopilotPort, AutopilotRouter, LinkKind, Receive, Send
-from gloc3_sitl.autopilot.mavlink.rates import GROUP_PARAMETERS, GROUPS, starting_rates
 from gloc3_sitl.autopilot.mavlink.signing_sync import SigningSync
 from gloc3_sitl.autopilot.mavlink.telemetry import producers
-from gloc3_sitl.autopilot.mavlink.version import version_of
-from gloc3_sitl.autopilot.modes import Result
+from gloc3_sitl.autopilot.modes import Result, StyleTables
 from gloc3_sitl.autopilot.verdict import ACCEPTED, OUT_OF_RANGE, RequestVerdict
 
+_SLOW: Final = {
+    "SYS_STATUS": 1.0,
+    "EXTENDED_SYS_STATE": 1.0,
+    "GPS_RAW_INT": 1.0,
+    "BATTERY_STATUS": 0.5,
+    "HOME_POSITION": 0.5,
+    "MISSION_CURRENT": 1.0,
+    "SYSTEM_TIME": 1.0,
+}
+
+_DEFAULTS: Final[Mapping[str, Mapping[LinkKind, Mapping[str, float]]]] = {
+    "px4": {
+        LinkKind.GROUND: {
+            **_SLOW,
+            "ALTITUDE": 1.0,
+            "ATTITUDE": 10.0,
+            "ATTITUDE_QUATERNION": 4.0,
+            "DISTANCE_SENSOR": 0.5,
+            "ESTIMATOR_STATUS": 0.5,
+            "GLOBAL_POSITION_INT": 5.0,
+            "LOCAL_POSITION_NED": 4.0,
+            "ORBIT_EXECUTION_STATUS": 2.0,
+            "RC_CHANNELS": 5.0,
+            "SCALED_PRESSURE": 1.0,
+            "SERVO_OUTPUT_RAW": 1.0,
+            "VFR_HUD": 4.0,
+        },
+        LinkKind.COMPANION: {
+            **_SLOW,
+            "ALTITUDE": 1.0,
+            "ATTITUDE_QUATERNION": 25.0,
+            "DISTANCE_SENSOR": 10.0,
+            "ESTIMATOR_STATUS": 1.0,
+            "GLOBAL_POSITION_INT": 5.0,
+            "LOCAL_POSITION_NED": 25.0,
+            "POSITION_TARGET_LOCAL_NED": 1.0,
+        },
+    },
+    # ArduPilot is silent until somebody asks, by SET_MESSAGE_INTERVAL, REQUEST_DATA_STREAM or a stream parameter.
+    "ardupilot": {},
+}
+_COMMON: Final = (
+    ProtocolCapability.MISSION_INT
+    | ProtocolCapability.COMMAND_INT
+    | ProtocolCapability.FTP
+    | ProtocolCapability.SET_ATTITUDE_TARGET
+    | ProtocolCapability.SET_POSITION_TARGET_LOCAL_NED
+    | ProtocolCapability.SET_POSITION_TARGET_GLOBAL_INT
+    | ProtocolCapability.FLIGHT_TERMINATION
+    | ProtocolCapability.MAVLINK2
+    | ProtocolCapability.MISSION_FENCE
+    | ProtocolCapability.MISSION_RALLY
+)
 MOST_HEIGHT_M: Final = 100_000.0
 _ALIGNING_SHARE: Final = 0.01
 _IMU: Final = {codec.shape(name).id: name for name in ("HIGHRES_IMU", "SCALED_IMU")}
@@ -32,6 +84,48 @@ _PX4_FIXED: Final = frozenset({codec.shape("MISSION_CURRENT").id})
 """Messages that PX4 sends at a rate of its own; an interval is refused."""
 _PX4_ON_CHANGE: Final = frozenset({codec.shape("GPS_GLOBAL_ORIGIN").id})
 """Messages that PX4 sends when they change and on request; an interval is accepted without effect."""
+
+
+def starting_rates(style: str, kind: LinkKind) -> dict[str, float]:
+    """Rates in Hz at which a link begins; 0 for what is only sent when somebody asks."""
+    return dict.fromkeys(producers(style), 0.0) | dict(_DEFAULTS[style].get(kind, {}))
+
+
+GROUPS: Final[Mapping[int, tuple[str, ...]]] = {
+    1: ("RAW_IMU", "SCALED_IMU", "SCALED_PRESSURE"),
+    2: ("SYS_STATUS", "MISSION_CURRENT", "GPS_RAW_INT", "FENCE_STATUS"),
+    3: ("RC_CHANNELS", "SERVO_OUTPUT_RAW"),
+    6: ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"),
+    10: ("ATTITUDE",),
+    11: ("VFR_HUD",),
+    12: ("BATTERY_STATUS", "DISTANCE_SENSOR", "EKF_STATUS_REPORT", "EXTENDED_SYS_STATE", "SYSTEM_TIME"),
+}
+"""ArduPilot's groups of messages (MAV_DATA_STREAM)."""
+
+GROUP_PARAMETERS: Final[Mapping[str, int]] = {
+    "MAV1_RAW_SENS": 1,
+    "MAV1_EXT_STAT": 2,
+    "MAV1_RC_CHAN": 3,
+    "MAV1_POSITION": 6,
+    "MAV1_EXTRA1": 10,
+    "MAV1_EXTRA2": 11,
+    "MAV1_EXTRA3": 12,
+}
+"""ArduPilot's parameters for the groups; here they act on all links."""
+
+
+def version_of(style: StyleTables) -> Version:
+    """The version of the firmware whose manners are followed; the vendor and product ids are nobody's."""
+    bytewise = style.name == "px4"
+    return Version(
+        capabilities=_COMMON
+        | (ProtocolCapability.PARAM_ENCODE_BYTEWISE if bytewise else ProtocolCapability.PARAM_ENCODE_C_CAST),
+        flight_software=version_number(*style.version),
+        middleware_software=version_number(*style.version),
+        os_software=version_number(1, 0, 0),
+        board=1,
+        uid=0x676C_6F63_33,
+    )
 
 
 class HeadingOffset:

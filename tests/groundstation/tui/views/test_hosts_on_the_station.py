@@ -15,7 +15,7 @@ from gloc3_groundstation.station import fleet as reducers
 from gloc3_groundstation.station.snapshots import Fleet, PlatformSnapshot
 from gloc3_groundstation.tui.views.hosts import host_lines
 from gloc3_groundstation.tui.widgets.lines import text_of
-from gloc3_onboard.hosts.host_book import ROWS, HostBook
+from gloc3_onboard.hosts.host_watch import ROWS, HostBook
 
 ROW_BYTES = 16
 MAIN = HostStatus(

@@ -27,8 +27,17 @@ from gloc3_groundstation.mapping.tracks import Tracks
 from gloc3_groundstation.station import fleet as reducers
 from gloc3_groundstation.station.snapshots import Fleet
 from gloc3_groundstation.tui.view import StationView
-from gloc3_groundstation.tui.views.mission.map import Chart, ellipse, extent, is_within, map_lines
-from gloc3_groundstation.tui.views.mission.map_labels import cursor_line, legend_lines, map_title, vehicle_lines
+from gloc3_groundstation.tui.views.mission.map import (
+    Chart,
+    cursor_line,
+    ellipse,
+    extent,
+    is_within,
+    legend_lines,
+    map_lines,
+    map_title,
+    vehicle_lines,
+)
 from gloc3_groundstation.tui.views.mission.profile import along_lines, time_lines
 from gloc3_groundstation.tui.widgets.lines import Line, Tone, text_of
 

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from gloc3.cli.counting import counted
 from gloc3.component.context import HostContext
+from gloc3.component.workers import ImmediateExecutor
 from gloc3.evaluation.requested_path import RequestedPath
 from gloc3.exchange.tunnel.pacing import LinkBudget, budget_of
 from gloc3.mavlink.codec import Frame, MavlinkMessage
@@ -24,7 +25,6 @@ from gloc3_onboard.autopilot.arm_authority import ArmAuthority
 from gloc3_onboard.autopilot.device import AutopilotDevice
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.link_reports import LinkReports
-from gloc3_onboard.command_server.log_shelf import ImmediateExecutor
 from gloc3_onboard.command_server.site import Background, Site
 from gloc3_onboard.companion.acoustic_link import PERIOD_S, AcousticLink
 from gloc3_onboard.companion.autopilot_reporter import AutopilotReporter

@@ -36,15 +36,15 @@ from gloc3_sitl.flight.plan import FlightPlan
 
 ROOT: Final = Path(__file__).parents[2]
 PAGE: Final = ROOT / "docs" / "walks.md"
-HARNESS: Final = ("gloc3.clock", "gloc3_sitl.faults", "gloc3_sitl.flight")
-"""What a flight has instead of the world: the virtual clock's loop, the injection of faults, and the flight itself."""
+HARNESS: Final = ("gloc3.clock", "gloc3.mavlink.transport.memory", "gloc3_sitl.faults", "gloc3_sitl.flight")
+"""What a flight has instead of the world: the virtual clock's loop, links in memory, faults, and the flight itself."""
 WITHIN_S: Final = 60.0
 HEAD: Final = """\
 # Walks
 
 Six ways through the code. Each is made by running it: a flight passes the walk's milestones in order (the numbers), and
 the functions listed are those that are on the stack of calls when it does. What only a flight in virtual time has is left
-out: its clock, its fault injection, itself. `make docs` writes this page, and a test flies some of the walks again and
+out: its clock, its links in memory (where a real link has its transport), its fault injection, itself. `make docs` writes this page, and a test flies some of the walks again and
 compares.
 """
 
@@ -162,8 +162,8 @@ WALKS: Final = {
         "gloc3.mission.reading.reader.inspect_mission",
         "gloc3.mission.executing.executor.MissionExecutor.load",
         "gloc3_groundstation.station.command_client.CommandClient.steer",
-        "gloc3.mission.executing.steering.start",
-        "gloc3.mission.executing.flow._start",
+        "gloc3.mission.executing.flow.start_mission",
+        "gloc3.mission.executing.flow._start_action",
         "gloc3.mission.executing.items.MissionItem.move",
     ),
     "record": _walk(

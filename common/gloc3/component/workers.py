@@ -9,9 +9,11 @@ import queue
 import threading
 from collections import deque
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol, TypeVar
+from concurrent.futures import Executor, Future
+from typing import Any, NamedTuple, ParamSpec, Protocol, TypeVar
 
 T = TypeVar("T")
+P = ParamSpec("P")
 
 
 def guard(job: Callable[..., T], *arguments: Any) -> tuple[T | None, BaseException | None]:
@@ -85,6 +87,16 @@ class InlineWorker:
                 self._is_busy = True  # what `done` asks for stands behind those that wait already
                 done(job())
                 self._is_busy = False
+
+
+class ImmediateExecutor(Executor):
+    """Does everything at once, for virtual time, where there are no threads."""
+
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> "Future[T]":
+        """Does it."""
+        done: Future[T] = Future()
+        done.set_result(fn(*args, **kwargs))
+        return done
 
 
 class _Lane:

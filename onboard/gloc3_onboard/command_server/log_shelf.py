@@ -4,7 +4,7 @@ import hashlib
 import re
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Final, ParamSpec, Protocol, TypeVar
 
@@ -31,16 +31,6 @@ LARGEST_CHUNK_BYTES: Final = 1 << 16
 MOST_PENDING: Final = 32
 """Of so much it is asked at once at most; a station that asks for more asks again."""
 _PIECE_BYTES: Final = 1 << 20
-
-
-class ImmediateExecutor(Executor):
-    """Does everything at once, for virtual time, where there are no threads."""
-
-    def submit(self, fn: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> "Future[R]":
-        """Does it."""
-        done: Future[R] = Future()
-        done.set_result(fn(*args, **kwargs))
-        return done
 
 
 class LogStoreBase(Protocol):

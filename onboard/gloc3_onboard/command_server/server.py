@@ -1,19 +1,240 @@
 """CI: the platform's command interface server: the one path from stations to components, and the mission's executor."""
 
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Final, NamedTuple
 
 from gloc3.component.component import CommandInterface
-from gloc3.component.ports import Inbox, Result
+from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup, Result
+from gloc3.errors import Gloc3Error, Refused
+from gloc3.messages.command_interface import (
+    AboutLogs,
+    AnyBody,
+    CallFunction,
+    CiReply,
+    CiRequest,
+    CommandComponent,
+    Control,
+    Elsewhere,
+    Emergency,
+    Hello,
+    ListTopics,
+    LoadMission,
+    LogChunk,
+    Outcome,
+    Preflight,
+    Query,
+    ReadMission,
+    ReadReports,
+    RequestAction,
+    RequestTask,
+    Steer,
+    Watch,
+)
 from gloc3.messages.envelope import CommandReply, CommandRequest, FunctionReply
+from gloc3.messages.preflight import PreflightReport
+from gloc3.messages.readiness import ReadSetup
+from gloc3.messages.vehicle import EmergencyDisarm
 from gloc3_onboard.command_server.authority import Authority, AuthorityPorts
-from gloc3_onboard.command_server.component_requests import ComponentRequests
+from gloc3_onboard.command_server.component_requests import Answered, ComponentRequests
 from gloc3_onboard.command_server.contacts import Contacts
+from gloc3_onboard.command_server.journal import Journal, answer
 from gloc3_onboard.command_server.mission_commands import MissionCommands
 from gloc3_onboard.command_server.mission_host import MissionHost, MissionPorts, was_running
 from gloc3_onboard.command_server.observing import Observing, ObservingPorts
-from gloc3_onboard.command_server.reporting import EventQueue, Reporting, ReportingPorts
-from gloc3_onboard.command_server.requests import RequestHandler, RequestPorts
+from gloc3_onboard.command_server.reporting import AT_ONCE_S, LONGEST_S, EventQueue, Reporting, ReportingPorts
 from gloc3_onboard.command_server.site import ServerSettings, Site
+from gloc3_onboard.command_server.start_gate import RedChecks
+
+URGENT_S: Final = 8.0
+"""So long an emergency waits for a platform that is only just starting."""
+OPEN_TO_ALL: Final = (ReadMission, Control, Emergency, Query, Hello)
+"""What a station may ask for without holding control."""
+
+
+class RequestPorts(PortGroup):
+    """Inputs and outputs of the request handler."""
+
+    request = Input(CiRequest, Keep.ALL)
+    function_reply = Input(FunctionReply, Keep.ALL)
+
+    ci_reply = Output(CiReply)
+    log_chunk = Output(LogChunk)
+    read_setup = Output(ReadSetup)
+    preflight = Output(PreflightReport)
+    emergency = Output(EmergencyDisarm)
+
+
+class _Urgent(NamedTuple):
+    request: CiRequest
+    until_s: float
+
+
+class _Noted(NamedTuple):
+    request: CiRequest
+    mark: int
+    until_s: float
+
+
+class RequestHandler:
+    """One for each life of the server. `handle` answers now, or later through `replied` and `expire`.
+
+    Args:
+        site: keeps the journal, and has the logs.
+        authority: knows who may command.
+        missions: carries out what is wanted of the mission.
+        components: carries out what is wanted of components.
+        contacts: has what stations were told.
+    """
+
+    def __init__(
+        self,
+        site: Site,
+        authority: Authority,
+        missions: MissionCommands,
+        components: ComponentRequests,
+        contacts: Contacts,
+    ) -> None:
+        self.missions: Final = missions
+        self.components: Final = components
+        self._site, self._authority, self._contacts = site, authority, contacts
+        self._journal = Journal(site.journal)
+        self._urgent: list[_Urgent] = []
+        """Emergencies for which there is no executor yet."""
+        self._noted: deque[_Noted] = deque()
+        """What is on its way to the disk: only then it is carried out, so that a power cut has nothing done twice."""
+        self._emergencies: dict[tuple[str, int], int] = {}
+        """The last emergency of each life of a station."""
+        self.wants_everything = False
+        """A station asked for the full state."""
+
+    # --- requests ---
+
+    @property
+    def is_urgent(self) -> bool:
+        """Whether an emergency waits for what was kept to be taken up."""
+        return bool(self._urgent)
+
+    def handle(self, request: CiRequest, now_s: float) -> CiReply | None:
+        """Carries out a request that has not been carried out yet; None if the answer comes later."""
+        if refusal := self._authority.receive(request, now_s):
+            return answer(request, Outcome.REFUSED, refusal)
+        if isinstance(request.body, Query):
+            return self._query(request, request.body)
+        if isinstance(request.body, AboutLogs):
+            return self._site.log_store.handle(request)
+        if isinstance(request.body, ReadReports):
+            return self._contacts.read(request, request.body)
+        if isinstance(request.body, Watch | ListTopics):
+            return self.components.forward_query(request, now_s)
+        if isinstance(request.body, Elsewhere):
+            self.missions.elsewhere(request.sender, request.body, now_s)
+            return None
+        if isinstance(request.body, Preflight):
+            return self.missions.preflight(request, now_s)
+        known = self._journal.begin(request)
+        if not known.is_new:
+            return known.reply
+        if isinstance(request.body, Emergency):
+            if not self.missions.is_ready:
+                self._urgent.append(_Urgent(request, now_s + URGENT_S))
+                return None
+        elif self._noted or not self._site.journal.wait(self._site.journal.mark(), AT_ONCE_S):
+            self._noted.append(_Noted(request, self._site.journal.mark(), now_s + LONGEST_S))
+            return None
+        return self._try(request, lambda: self._carry_out(request, now_s))
+
+    def _try(self, request: CiRequest, carry_out: Callable[[], CiReply | None]) -> CiReply | None:
+        """Carries a request out; what is refused, and what was overtaken meanwhile, gets its reason as the answer."""
+        reply: CiReply | None
+        try:
+            self._refuse_overtaken(request)
+            reply = carry_out()
+        except Gloc3Error as refusal:
+            text = refusal.lines if isinstance(refusal, RedChecks) else ""
+            reply = answer(request, Outcome.REFUSED, str(refusal), text=text)
+        if reply is not None and not isinstance(request.body, Preflight):
+            self._journal.end(reply)
+        return reply
+
+    def _refuse_overtaken(self, request: CiRequest) -> None:
+        """An emergency overtakes on the link; what its sender asked for before it is not done after it."""
+        life = (request.sender, request.boot)
+        if isinstance(request.body, Emergency):
+            self._emergencies[life] = max(request.sequence, self._emergencies.get(life, -1))
+        elif request.sequence < self._emergencies.get(life, -1):
+            raise Refused("superseded by an emergency; send it again if it is still wanted")
+
+    def _query(self, request: CiRequest, body: Query) -> CiReply:
+        outcome, reply = self._journal.query(request.sender, body.boot, body.sequence)
+        if reply is not None:
+            return answer(request, outcome, reply.reason, text=reply.text, result=reply.result)
+        return answer(request, outcome, "that request is not known")
+
+    def _carry_out(self, request: CiRequest, now_s: float) -> CiReply | None:
+        body: AnyBody = request.body
+        if not isinstance(body, OPEN_TO_ALL):
+            self._authority.control.require(request.sender)
+        executor = self.missions.executor
+        match body:
+            case LoadMission():
+                return self.missions.load(request, body, now_s)
+            case ReadMission():
+                return self.missions.read(request)
+            case Steer():
+                return self.missions.steer(request, body, now_s)
+            case RequestTask() | RequestAction():
+                return self.missions.single(request, body, now_s)
+            case Emergency():
+                return self.missions.emergency(request, body, now_s)
+            case CommandComponent():
+                self.components.command(request, body, executor, now_s)
+                return None
+            case CallFunction():
+                self.components.call(request, body, now_s)
+                return None
+            case Control():
+                after_s = executor.board.policies.link_loss_after_s
+                return answer(request, reason=self._authority.control.handle(request.sender, body, after_s, now_s))
+            case Hello():
+                self.wants_everything = True
+                return answer(request)
+        raise Refused("queries are answered elsewhere")
+
+    # --- answers that come later ---
+
+    def replied(self, reply: CommandReply | FunctionReply) -> CiReply | None:
+        """A component has answered; None if that was not asked for by a station."""
+        found = self.components.replied(reply)
+        return None if found is None else self._kept(found)
+
+    def expire(self, now_s: float) -> list[CiReply]:
+        """The answers to requests that have waited: for the disk, a check, a fence, or a component that has not answered."""
+        answers = self.missions.fence_answer(now_s)
+        for one in answers:
+            self._journal.end(one)
+        while self._noted and self._is_kept(self._noted[0], now_s):
+            noted = self._noted.popleft().request
+            reply = self._try(noted, partial(self._carry_out, noted, now_s))
+            answers += [] if reply is None else [reply]
+        for urgent in list(self._urgent):
+            if self.missions.is_ready or now_s >= urgent.until_s:
+                self._urgent.remove(urgent)
+                reply = self._try(urgent.request, partial(self._carry_out, urgent.request, now_s))
+                answers += [] if reply is None else [reply]
+        for waiting in self.missions.due(now_s):
+            judged = self._try(waiting.request, partial(waiting.answer, now_s))
+            answers += [] if judged is None else [judged]
+        return [*answers, *(self._kept(found) for found in self.components.expire(now_s))]
+
+    def _is_kept(self, noted: _Noted, now_s: float) -> bool:
+        return now_s >= noted.until_s or self._site.journal.wait(noted.mark, 0.0)
+
+    def _kept(self, found: Answered) -> CiReply:
+        if found.is_kept:
+            self._journal.end(found.reply)
+        return found.reply
 
 
 class CommandServer(CommandInterface[ServerSettings]):

@@ -7,11 +7,12 @@ from typing import Annotated, Final, NamedTuple
 import msgspec
 
 from gloc3.component.settings import Bounds, Settings
+from gloc3.component.workers import ImmediateExecutor
 from gloc3.messages.envelope import Severity
 from gloc3.mission.executing.snapshot import Snapshot
 from gloc3.platform.platform import Platform
 from gloc3.store import Records, RecordStore
-from gloc3_onboard.command_server.log_shelf import ImmediateExecutor, LogStoreBase, NoLogStore
+from gloc3_onboard.command_server.log_shelf import LogStoreBase, NoLogStore
 from gloc3_onboard.command_server.report_store import ReportStore
 from gloc3_onboard.command_server.vehicle_state import KeptHome
 

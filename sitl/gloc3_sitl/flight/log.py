@@ -4,8 +4,9 @@ from pathlib import Path
 from typing import Final
 
 from gloc3.component.context import HostContext
+from gloc3.component.workers import ImmediateExecutor
 from gloc3.log.record import PLATFORM_FILE, Recorder
-from gloc3_onboard.command_server.log_shelf import ImmediateExecutor, LogStore, LogStoreBase, NoLogStore
+from gloc3_onboard.command_server.log_shelf import LogStore, LogStoreBase, NoLogStore
 from gloc3_onboard.process.log_files import LogFiles
 
 FLUSH_S: Final = 1.0

@@ -11,6 +11,7 @@ import pytest
 from tests.groundstation.scripted_platform import VEHICLE
 
 from gloc3.clock import VirtualLoop
+from gloc3.component.workers import ImmediateExecutor
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.messages.command_interface import (
@@ -31,7 +32,7 @@ from gloc3.messages.topics import TopicTable
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.store.log_pull import ChunkCarrier, LogPuller, Pulled
 from gloc3_onboard.command_server.journal import answer
-from gloc3_onboard.command_server.log_shelf import ImmediateExecutor, LogStore
+from gloc3_onboard.command_server.log_shelf import LogStore
 
 LATENCY_S = 0.3
 

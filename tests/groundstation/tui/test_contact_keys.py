@@ -9,6 +9,7 @@ from tests.groundstation.services_scene import NAME, ServicesScene, services_sce
 from tests.groundstation.station_scene import Scene, scene
 from tests.node_runner import NodeRunner
 
+from gloc3.component.workers import ImmediateExecutor
 from gloc3.exchange import Publisher
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.node import MavlinkComponent
@@ -19,7 +20,7 @@ from gloc3.messages.command_interface import AboutLogs, CiRequest, LoadMission
 from gloc3.messages.envelope import Envelope
 from gloc3_groundstation.desk.service_jobs import ServiceKind
 from gloc3_groundstation.tui.dialogues.questions import YesNoQuestion
-from gloc3_onboard.command_server.log_shelf import ImmediateExecutor, LogStore
+from gloc3_onboard.command_server.log_shelf import LogStore
 
 pytestmark = pytest.mark.sockets
 COMPANION = Address(1, 191)

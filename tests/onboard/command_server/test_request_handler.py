@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from gloc3.component.lci import State
+from gloc3.component.workers import ImmediateExecutor
 from gloc3.messages.command_interface import (
     AnyBody,
     CallFunction,
@@ -53,11 +54,10 @@ from gloc3.store import MemoryRecords
 from gloc3_onboard.command_server.authority import Authority
 from gloc3_onboard.command_server.component_requests import ComponentRequests
 from gloc3_onboard.command_server.contacts import Contacts
-from gloc3_onboard.command_server.log_shelf import ImmediateExecutor
 from gloc3_onboard.command_server.mission_commands import MOST_FINDINGS, MissionCommands
 from gloc3_onboard.command_server.mission_host import MissionHost
 from gloc3_onboard.command_server.observing import Observing
-from gloc3_onboard.command_server.requests import RequestHandler
+from gloc3_onboard.command_server.server import RequestHandler
 from gloc3_onboard.command_server.site import Background, ServerSettings, Site
 
 HOP = """

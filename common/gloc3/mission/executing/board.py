@@ -17,6 +17,9 @@ from gloc3.mission.model.policy import Policy
 from gloc3.mission.model.states import ActionState, StateTrigger
 from gloc3.platform.platform import Capability, Platform
 
+BY_OPERATOR: Final = "by an operator"
+"""Reason of what an operator has started, skipped or aborted."""
+
 
 class PolicyCondition(StrEnum):
     """Conditions that trigger a policy, whatever the vehicle is doing."""

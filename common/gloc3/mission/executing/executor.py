@@ -14,11 +14,10 @@ from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3
 from gloc3.mission.executing import elsewhere, flow, manoeuvres, reactions, steering
 from gloc3.mission.executing.assignments import Assignment
-from gloc3.mission.executing.board import Board, PolicyCondition
+from gloc3.mission.executing.board import BY_OPERATOR, Board, PolicyCondition
 from gloc3.mission.executing.items import MISSION, ActionRun, MissionProgram, TaskRun
 from gloc3.mission.executing.requests import Grant, Persist, ReclaimMotion, Request
 from gloc3.mission.executing.snapshot import Snapshot
-from gloc3.mission.executing.steering import BY_OPERATOR
 from gloc3.mission.model.conditions import Readings
 from gloc3.mission.model.messages import ActionStatus
 from gloc3.mission.model.model import Mission
@@ -105,7 +104,7 @@ class MissionExecutor:
             )
         match trigger:
             case StateTrigger.START:
-                steering.start(board, item, now_s, home_ned_m)
+                flow.start_mission(board, item, now_s, home_ned_m)
             case StateTrigger.PAUSE:
                 manoeuvres.dismiss(board, now_s)
                 board.halt(item, item.level, now_s, BY_OPERATOR)
@@ -127,9 +126,9 @@ class MissionExecutor:
             Refused: something that it needs is claimed or missing, or its tasks' names are taken.
         """
         board = self.board
-        steering.refuse_while_unfit(board)
+        flow.refuse_while_unfit(board)
         self._refuse_claimed(mission, list(board.programs.values()))
-        steering.check_readiness(board, mission)
+        flow.check_readiness(board, mission)
         manoeuvres.dismiss(board, now_s)
         name = next(iter(mission.tasks))
         program = board.program(name, mission)

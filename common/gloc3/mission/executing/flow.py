@@ -1,18 +1,24 @@
-"""Advances programs: ends and starts items, and watches guards, loops, deadlines and availability."""
+"""Starts and advances programs: ends and starts items, and watches guards, loops, deadlines and availability."""
 
 from enum import Enum, auto
 from math import inf
 from typing import Final
 
+from gloc3.errors import Refused
 from gloc3.messages.envelope import Severity
+from gloc3.messages.frames import Vector3
 from gloc3.messages.standard_topics import POSE_LOST_S
+from gloc3.mission.checking.checker import home_problem
 from gloc3.mission.executing import elsewhere, manoeuvres, reactions
 from gloc3.mission.executing.assignments import MOTION, Assignment, AssignmentPhase
-from gloc3.mission.executing.board import Board, PolicyCondition
+from gloc3.mission.executing.board import BY_OPERATOR, Board, PolicyCondition, PolicyManoeuvre
 from gloc3.mission.executing.failures import fail_action, fail_program, fail_task
-from gloc3.mission.executing.items import ActionRun, MissionProgram, TaskRun
-from gloc3.mission.model.arguments import LandOrder, SetOff, Wait
+from gloc3.mission.executing.items import ActionRun, MissionItem, MissionProgram, TaskRun
+from gloc3.mission.model.arguments import LandOrder, SetOff, TakeOff, Wait
+from gloc3.mission.model.model import Mission
+from gloc3.mission.model.policy import Policy
 from gloc3.mission.model.states import ActionState, StateTrigger
+from gloc3.mission.model.structure import PartialOrder
 
 GRACE_S: Final = 0.5
 """A running action outlives the loss of what it needs for this long: a standby may take over."""
@@ -25,6 +31,73 @@ TIMEOUT_S: Final = 2.0
 """An action that is to start waits this long for what it needs."""
 GUARD_TIMEOUT_S: Final = 2.0
 """So long a guard waits for what is not measured at the moment; then it counts as not met."""
+
+
+def start_mission(board: Board, item: MissionItem, now_s: float, home_ned_m: Vector3 | None) -> None:
+    """Starts the mission, where the vehicle stands inside its fence.
+
+    Raises:
+        Refused: it cannot be started now; nothing has changed.
+    """
+    if not isinstance(item, MissionProgram):
+        raise Refused(f"{item.target} starts when its predecessors have ended; start the mission")
+    refuse_while_unfit(board)
+    for condition, reason in board.conditions.items():
+        if condition is not PolicyCondition.LINK_LOST:
+            raise Refused(f"{condition}" + (f": {reason}" if reason else ""))
+    check_readiness(board, item.mission)
+    if home_ned_m is not None and (problem := home_problem(item.mission, home_ned_m)):
+        raise Refused(problem)
+    manoeuvres.dismiss(board, now_s)
+    board.policies = item.mission.policies
+    elsewhere.expect(board, item, now_s)
+    board.move(item, StateTrigger.START, now_s, BY_OPERATOR)
+
+
+def refuse_while_unfit(board: Board) -> None:
+    """Refuses motion while a pilot or a policy moves the vehicle.
+
+    Raises:
+        Refused: with the reason.
+    """
+    if board.has_pilot:
+        raise Refused(f"{board.controller} has control; resume the mission to take it back")
+    manoeuvre = board.manoeuvre
+    if manoeuvre is not None and manoeuvre.contingency is not None:
+        raise Refused(busy(manoeuvre))
+    if manoeuvre is not None and manoeuvre.policy is not Policy.HOLD:
+        raise Refused(f"the policy {manoeuvre.policy} is being carried out ({manoeuvre.cause})")
+
+
+def busy(manoeuvre: PolicyManoeuvre) -> str:
+    """Why nothing else begins while a contingency runs."""
+    task = manoeuvre.contingency.task if manoeuvre.contingency is not None else ""
+    return f"the contingency {task} is under way ({manoeuvre.cause}); skip or abort it first"
+
+
+def check_readiness(board: Board, mission: Mission) -> None:
+    """A mission starts only if everything that it uses is there, and the vehicle is where its first action needs it.
+
+    Raises:
+        Refused: with the reason.
+    """
+    actions = mission.actions()
+    for action in actions.values():
+        if action.ability in board.missing:
+            missing = board.missing.words(action.ability)
+            raise Refused(f"{action.ability} is not available: it lacks {missing}")
+        row = board.rows[action.ability]
+        holder = board.assignments.holder(row)
+        if holder is not None:
+            shared = next(name for name in row.claims if board.assignments.claims.get(name) is holder)
+            raise Refused(f"{shared} is claimed by {holder.label}; pause or abort it first")
+    targets = PartialOrder.of(mission).targets
+    first = next((actions[one].order for one in targets if MOTION in board.rows[actions[one].ability].claims), None)
+    if isinstance(first, SetOff) and board.is_airborne:
+        at = "in the air" if isinstance(first, TakeOff) else "under way"
+        raise Refused(f"the vehicle is already {at}, but the mission begins with a departure")
+    if first is not None and not isinstance(first, SetOff) and not board.is_airborne:
+        raise Refused("the vehicle is on the ground, but the mission does not begin with take_off, drive_off or dive")
 
 
 def advance(board: Board, now_s: float) -> None:
@@ -151,7 +224,7 @@ def _go_on(board: Board, program: MissionProgram, now_s: float) -> bool:
         if program.state is ActionState.RUNNING and task.state is ActionState.RUNNING:
             for run in task.actions.values():
                 if task.state is ActionState.RUNNING:  # the guard of one before may have failed it
-                    has_moved |= _start(board, run, now_s)
+                    has_moved |= _start_action(board, run, now_s)
         if not task.is_open or not all(run.has_ended for run in task.actions.values()):
             pass
         elif is_to_repeat(board, task):
@@ -185,7 +258,7 @@ def _end_companion(board: Board, run: ActionRun, now_s: float) -> bool:
     return True
 
 
-def _start(board: Board, run: ActionRun, now_s: float) -> bool:
+def _start_action(board: Board, run: ActionRun, now_s: float) -> bool:
     """Starts an action that may start now; whether anything has changed."""
     siblings = run.task.actions
     since_s, run.unavailable_since_s = run.unavailable_since_s, None

@@ -1,87 +1,15 @@
-"""Operators' commands that need more than a move: what must hold before a start or a resume, and what follows an abort."""
+"""Operators' commands that need more than a move: what must hold before a resume, and what follows an abort."""
 
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Severity
-from gloc3.messages.frames import Vector3
-from gloc3.mission.checking.checker import home_problem
-from gloc3.mission.executing import elsewhere, manoeuvres, reactions
-from gloc3.mission.executing.assignments import MOTION
-from gloc3.mission.executing.board import Board, PolicyCondition
+from gloc3.mission.executing import manoeuvres, reactions
+from gloc3.mission.executing.board import BY_OPERATOR, Board
 from gloc3.mission.executing.failures import reopen, retry
-from gloc3.mission.executing.flow import go_on_after_pause
+from gloc3.mission.executing.flow import busy, go_on_after_pause
 from gloc3.mission.executing.items import ActionRun, MissionItem, MissionProgram, TaskRun
-from gloc3.mission.model.arguments import SetOff, TakeOff
-from gloc3.mission.model.model import Mission
+from gloc3.mission.model.arguments import SetOff
 from gloc3.mission.model.policy import MANOEUVRES, Policy, resolved
 from gloc3.mission.model.states import ActionState, StateTrigger
-from gloc3.mission.model.structure import PartialOrder
-
-BY_OPERATOR = "by an operator"
-
-
-def start(board: Board, item: MissionItem, now_s: float, home_ned_m: Vector3 | None) -> None:
-    """Starts the mission, where the vehicle stands inside its fence.
-
-    Raises:
-        Refused: it cannot be started now; nothing has changed.
-    """
-    if not isinstance(item, MissionProgram):
-        raise Refused(f"{item.target} starts when its predecessors have ended; start the mission")
-    refuse_while_unfit(board)
-    for condition, reason in board.conditions.items():
-        if condition is not PolicyCondition.LINK_LOST:
-            raise Refused(f"{condition}" + (f": {reason}" if reason else ""))
-    check_readiness(board, item.mission)
-    if home_ned_m is not None and (problem := home_problem(item.mission, home_ned_m)):
-        raise Refused(problem)
-    manoeuvres.dismiss(board, now_s)
-    board.policies = item.mission.policies
-    elsewhere.expect(board, item, now_s)
-    board.move(item, StateTrigger.START, now_s, BY_OPERATOR)
-
-
-def refuse_while_unfit(board: Board) -> None:
-    """Refuses motion while a pilot or a policy moves the vehicle.
-
-    Raises:
-        Refused: with the reason.
-    """
-    if board.has_pilot:
-        raise Refused(f"{board.controller} has control; resume the mission to take it back")
-    manoeuvre = board.manoeuvre
-    if manoeuvre is not None and manoeuvre.contingency is not None:
-        raise Refused(_busy(manoeuvre.contingency.task, manoeuvre.cause))
-    if manoeuvre is not None and manoeuvre.policy is not Policy.HOLD:
-        raise Refused(f"the policy {manoeuvre.policy} is being carried out ({manoeuvre.cause})")
-
-
-def _busy(task: str, cause: str) -> str:
-    return f"the contingency {task} is under way ({cause}); skip or abort it first"
-
-
-def check_readiness(board: Board, mission: Mission) -> None:
-    """A mission starts only if everything that it uses is there, and the vehicle is where its first action needs it.
-
-    Raises:
-        Refused: with the reason.
-    """
-    actions = mission.actions()
-    for action in actions.values():
-        if action.ability in board.missing:
-            missing = board.missing.words(action.ability)
-            raise Refused(f"{action.ability} is not available: it lacks {missing}")
-        row = board.rows[action.ability]
-        holder = board.assignments.holder(row)
-        if holder is not None:
-            shared = next(name for name in row.claims if board.assignments.claims.get(name) is holder)
-            raise Refused(f"{shared} is claimed by {holder.label}; pause or abort it first")
-    targets = PartialOrder.of(mission).targets
-    first = next((actions[one].order for one in targets if MOTION in board.rows[actions[one].ability].claims), None)
-    if isinstance(first, SetOff) and board.is_airborne:
-        at = "in the air" if isinstance(first, TakeOff) else "under way"
-        raise Refused(f"the vehicle is already {at}, but the mission begins with a departure")
-    if first is not None and not isinstance(first, SetOff) and not board.is_airborne:
-        raise Refused("the vehicle is on the ground, but the mission does not begin with take_off, drive_off or dive")
 
 
 def take_back(board: Board, now_s: float) -> None:
@@ -114,7 +42,7 @@ def resume(board: Board, item: MissionItem, now_s: float) -> None:
     manoeuvre = board.manoeuvre
     if manoeuvre is not None and manoeuvre.contingency is not None:
         if item not in (manoeuvre.program, *(manoeuvre.program.items() if manoeuvre.program is not None else ())):
-            raise Refused(_busy(manoeuvre.contingency.task, manoeuvre.cause))
+            raise Refused(busy(manoeuvre))
     elif manoeuvre is not None and manoeuvre.policy is not Policy.HOLD:
         raise Refused(f"the policy {manoeuvre.policy} is being carried out ({manoeuvre.cause})")
     check_resumable(board, item)

@@ -27,7 +27,7 @@ class Mutant(NamedTuple):
 MUTANTS = (
     Mutant(
         "an action does not wait for its siblings",
-        flow._start,
+        flow._start_action,
         "not all(siblings[name].has_ended for name in run.options.after)",
         "False",
     ),

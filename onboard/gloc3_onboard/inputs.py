@@ -13,7 +13,7 @@ from gloc3.mavlink.transport.endpoints import Endpoint
 from gloc3.platform.platform import Platform
 from gloc3.store import Records
 from gloc3_onboard.command_server.log_shelf import LogStoreBase
-from gloc3_onboard.companion.routing import Keep, discard
+from gloc3_onboard.companion.routing import Keep
 from gloc3_onboard.process.event_narration import Report
 from gloc3_onboard.process.runner import Create, HostMember
 from gloc3_onboard.process.vitals import Vitals
@@ -100,7 +100,7 @@ class VehicleInputs(msgspec.Struct, frozen=True, kw_only=True):
     context: HostContext
     report: Report = lambda _severity, _text: None
     """Receives what a person at the terminal should know."""
-    keep: Keep = discard
+    keep: Keep | None = None
     """Receives each MAVLink frame, for a log."""
     vitals: Callable[[], Vitals] = Vitals
     """Reads the computer's load."""

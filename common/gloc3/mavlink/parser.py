@@ -20,7 +20,9 @@ SIGNED: Final = 0x01
 SIGNATURE_LENGTH: Final = 13
 
 _HEADER_1 = struct.Struct("<BBBBBB").unpack_from
-_HEADER_2 = struct.Struct("<BBBBBBBHB").unpack_from
+_HEADER_2 = struct.Struct("<xBBxBBBI").unpack_from
+"""Length, flags, sequence, system, component, and the id in the lower three of four bytes."""
+_ID_2: Final = 0xFFFFFF
 _LENGTH_1: Final = 6
 HEADER_LENGTH: Final = 10
 """Of MAVLink 2, the magic byte included."""
@@ -116,19 +118,15 @@ class FrameParser:
         position, size, shapes = 0, len(data), self._shapes
         while position < size:
             if data[position] == MAGIC_2 and size - position >= HEADER_LENGTH + 2:
-                _, length, flags, _, sequence, system, component, low, high = _HEADER_2(data, position)
+                length, flags, sequence, system, component, number = _HEADER_2(data, position)
+                number &= _ID_2
                 end = position + length + (HEADER_LENGTH + 2)
-                shape = shapes[low | high << 16]
+                shape = shapes[number]
                 if flags == 0 and end <= size and shape is not None:
                     body = end - 2
-                    if (
-                        checksum(shape.crc_extra, checksum(data[position + 1 : body]))
-                        == data[body] | data[end - 1] << 8
-                    ):
+                    if checksum(data[position + 1 : body] + shape.crc_extra) == data[body] | data[end - 1] << 8:
                         raw = data[position:end]
-                        frames.append(
-                            Frame(raw, system, component, sequence, low | high << 16, 0, HEADER_LENGTH, length, shape)
-                        )
+                        frames.append(Frame(raw, system, component, sequence, number, 0, HEADER_LENGTH, length, shape))
                         position = end
                         continue
             found = self._examine(data, position)
@@ -166,10 +164,10 @@ class FrameParser:
         available = len(data) - position
         flags = 0
         if data[position] == MAGIC_2:
-            if available < HEADER_LENGTH:
+            if available < HEADER_LENGTH + 2:
                 return _Suspect.INCOMPLETE
-            _, length, flags, _, sequence, system, component, low, high = _HEADER_2(data, position)
-            message_id, start = low | high << 16, HEADER_LENGTH
+            length, flags, sequence, system, component, number = _HEADER_2(data, position)
+            message_id, start = number & _ID_2, HEADER_LENGTH
         elif data[position] == MAGIC_1:
             if available < _LENGTH_1:
                 return _Suspect.INCOMPLETE
@@ -185,7 +183,7 @@ class FrameParser:
             return _Suspect.INCOMPLETE
         raw = data[position : position + total]
         shape = self._shapes[message_id]
-        if shape is not None and checksum(shape.crc_extra, checksum(raw[1:body])) != raw[body] | raw[body + 1] << 8:
+        if shape is not None and checksum(raw[1:body] + shape.crc_extra) != raw[body] | raw[body + 1] << 8:
             return _Suspect.FALSE_START
         return Frame(raw, system, component, sequence, message_id, flags, start, length, shape)
 

@@ -62,8 +62,6 @@ class LinkCounts(msgspec.Struct):
 
     frames_in: int = 0
     frames_out: int = 0
-    bytes_in: int = 0
-    bytes_out: int = 0
     lost: int = 0
     """Gaps in the senders' sequence numbers: lost before they came here."""
     returned: int = 0
@@ -93,29 +91,17 @@ class RouterLink:
 
     Args:
         name: for people.
-        send: takes frames that are to leave, those together that have come together.
+        send: takes frames that are to leave, those together that have come together, and counts them.
     """
 
-    __slots__ = ("_send", "counts", "name", "senders")
+    __slots__ = ("counts", "name", "send", "senders")
 
     def __init__(self, name: str, send: Callable[[Sequence[Frame]], None]) -> None:
         self.name = name
-        self._send = send
+        self.send: Final = send
         self.counts = LinkCounts()
         self.senders: dict[int, KnownSender] = {}
         """By `system << 8 | component`."""
-
-    def put(self, frames: Sequence[Frame]) -> None:
-        """Has frames leave."""
-        self._send(frames)
-        self.count(frames)
-
-    def count(self, frames: Sequence[Frame]) -> None:
-        """Counts frames that have left."""
-        counts = self.counts
-        for frame in frames:
-            counts.frames_out += 1
-            counts.bytes_out += len(frame.raw)
 
     def has(self, system: int, component: int) -> bool:
         """Whether an address has been heard here; component 0 asks for any of the system."""
@@ -143,8 +129,8 @@ class Router:
         """Frames that came by which link lately."""
         self._before: dict[bytes, RouterLink] = {}
         """Those that came somewhat earlier."""
-        self._turned_s = 0.0
-        """When frames were discarded last."""
+        self._recent_until_s = REPEAT_S
+        """When frames are discarded next."""
         self._changes = 0
         """Counts what makes routes that are known no longer right."""
 
@@ -157,40 +143,44 @@ class Router:
 
     def route(self, source: RouterLink, frames: Sequence[Frame], now_s: float) -> None:
         """Passes on frames that have come in by a link together; where they go on together, they leave together."""
+        source.counts.frames_in += len(frames)
+        if now_s > self._recent_until_s or len(self._recent) > MOST_RECENT:
+            self._discard_recent(now_s)
         if len(frames) == 1:
             for link in self._routes(source, frames[0], now_s):
-                link.put(frames)
+                link.send(frames)
             return
         leaving: dict[RouterLink, list[Frame]] = {}
         for frame in frames:
             for link in self._routes(source, frame, now_s):
                 leaving.setdefault(link, []).append(frame)
         for link, some in leaving.items():
-            link.put(some)
+            link.send(some)
 
     def _routes(self, source: RouterLink, frame: Frame, now_s: float) -> Sequence[RouterLink]:
-        """Where a frame is to go; keeps what it tells of its sender."""
-        counts, raw = source.counts, frame.raw
-        counts.frames_in += 1
-        counts.bytes_in += len(raw)
-        key = frame.system << 8 | frame.component
-        if key == self._own or self._has_returned(source, raw, now_s):
-            counts.returned += 1
+        """Where a frame is to go; keeps what it tells of its sender.
+
+        Every frame passes here: what nearly all have in common is done in place, what few need is called.
+        """
+        raw, message_id, key = frame.raw, frame.message_id, frame.system << 8 | frame.component
+        if key == self._own or (self._before.get(raw) or self._recent.setdefault(raw, source)) is not source:
+            source.counts.returned += 1
             return ()
-        sender = source.senders.get(key)
-        if frame.message_id == SETUP_SIGNING or (
-            sender is None and (sender := self._add_peer(source, key, frame, now_s)) is None
+        if message_id == SETUP_SIGNING or (
+            (sender := source.senders.get(key) or self._add_peer(source, key, frame, now_s)) is None
         ):
-            counts.refused += 1
+            source.counts.refused += 1
             return ()
-        self._remember(source, sender, key, frame, now_s)
+        if 0 < (gap := frame.sequence - sender.sequence - 1 & 0xFF) < MOST_GAP:
+            source.counts.lost += gap
+        if now_s - sender.heard_s >= MOVED_AFTER_S:
+            self._changes += 1
+        sender.heard_s, sender.sequence = now_s, frame.sequence
+        if message_id == _SYSTEM_TIME:
+            self._check_restart(source, sender, key, frame)
         shape = frame.shape
         if shape is not None and shape.target_system_at >= 0 and (system := frame.target_system):
             return self._routes_to(source, key, system, frame.target_component, now_s)
-        return self._routes_to_all(source, sender, key, now_s)
-
-    def _routes_to_all(self, source: RouterLink, sender: KnownSender, key: int, now_s: float) -> Links:
-        """Where goes what somebody says to all."""
         if sender.ways_of != self._changes or now_s > sender.ways_until_s:
             sender.ways = tuple(link for link in self.links if link is not source and not _accepts(link, key, now_s))
             sender.ways_of, sender.ways_until_s = self._changes, now_s + POLL_AGAIN_S
@@ -208,14 +198,10 @@ class Router:
             source.counts.unroutable += 1
         return routes
 
-    def _has_returned(self, source: RouterLink, raw: bytes, now_s: float) -> bool:
-        """Whether the very same frame has just come by another link."""
-        age_s = now_s - self._turned_s
-        if age_s > REPEAT_S or len(self._recent) > MOST_RECENT:
-            self._before = self._recent if age_s <= 2.0 * REPEAT_S else {}
-            self._recent, self._turned_s = {}, now_s
-        first = self._before.get(raw) or self._recent.setdefault(raw, source)
-        return first is not source
+    def _discard_recent(self, now_s: float) -> None:
+        """Discards the frames that came too long ago for one that comes now to be one of them, come back."""
+        self._before = self._recent if now_s <= self._recent_until_s + REPEAT_S else {}
+        self._recent, self._recent_until_s = {}, now_s + REPEAT_S
 
     def _add_peer(self, source: RouterLink, key: int, frame: Frame, now_s: float) -> KnownSender | None:
         """Takes in a sender that is new on this link; None if there is no room for one more."""
@@ -228,21 +214,14 @@ class Router:
         sender = source.senders[key] = KnownSender(now_s, frame.sequence - 1 & 0xFF)
         return sender
 
-    def _remember(self, source: RouterLink, sender: KnownSender, key: int, frame: Frame, now_s: float) -> None:
-        """Keeps what a frame tells of its sender."""
-        gap = frame.sequence - sender.sequence - 1 & 0xFF
-        if gap < MOST_GAP:
-            source.counts.lost += gap
-        if now_s - sender.heard_s >= MOVED_AFTER_S:
-            self._changes += 1
-        sender.heard_s, sender.sequence = now_s, frame.sequence
-        if frame.message_id == _SYSTEM_TIME:
-            boot_ms = int.from_bytes(frame.payload[_BOOT_MS_AT], "little")
-            if boot_ms + _RESTART_MS < sender.boot_ms:
-                self._drop(frame.system)
-                source.senders[key] = sender
-                self._restarted(frame.system)
-            sender.boot_ms = boot_ms
+    def _check_restart(self, source: RouterLink, sender: KnownSender, key: int, frame: Frame) -> None:
+        """Drops the routes of a system whose SYSTEM_TIME says that it has started anew."""
+        boot_ms = int.from_bytes(frame.payload[_BOOT_MS_AT], "little")
+        if boot_ms + _RESTART_MS < sender.boot_ms:
+            self._drop(frame.system)
+            source.senders[key] = sender
+            self._restarted(frame.system)
+        sender.boot_ms = boot_ms
 
     def _drop(self, system: int) -> None:
         self._changes += 1

@@ -21,10 +21,6 @@ Keep = Callable[[str, Literal["in", "out"], bytes], None]
 """Takes a link's URL, a direction, and a frame."""
 
 
-def discard(_url: str, _direction: Literal["in", "out"], _frame: bytes) -> None:
-    """For links whose traffic nobody wants."""
-
-
 class RoutedLink:
     """One link: what it receives goes to listeners and to the other links, what is sent shares its line.
 
@@ -34,7 +30,7 @@ class RoutedLink:
         loop: the process's loop.
         listeners: get the frames that are received and may be used, one after the other; none where they are only passed on.
         signed_only: tells which frames may be used and passed on; None where all may.
-        keep: gets each frame that is heard, or is sent as our own, for a log.
+        keep: gets each frame that is heard, or is sent as our own, for a log; None where nobody wants them.
         withheld: tells which frames go to the listeners alone; None where none does.
     """
 
@@ -44,7 +40,7 @@ class RoutedLink:
         router: Router,
         loop: asyncio.AbstractEventLoop,
         listeners: Sequence[Callable[[list[Frame]], object]] = (),
-        keep: Keep = discard,
+        keep: Keep | None = None,
         signed_only: SignedOnly | None = None,
         withheld: Callable[[Frame], bool] | None = None,
     ) -> None:
@@ -84,20 +80,22 @@ class RoutedLink:
             withheld = self._withheld
             passed = good if withheld is None else [frame for frame in good if not withheld(frame)]
             self._router.route(self.routed, passed, now_s)
-        for frame in frames:
-            self._keep(self.url, "in", frame.raw)
+        if (keep := self._keep) is not None:
+            for frame in frames:
+                keep(self.url, "in", frame.raw)
         if good:
             for listener in self._listeners:
                 listener(good)
 
     def send(self, frame: Frame) -> None:
         """Sends a frame of our own."""
-        self._keep(self.url, "out", frame.raw)
+        if self._keep is not None:
+            self._keep(self.url, "out", frame.raw)
         self._forward((frame,))
-        self.routed.count((frame,))
 
     def _forward(self, frames: Sequence[Frame]) -> None:
         """Frames that came together leave a network together: one datagram costs as much as one frame."""
+        self.routed.counts.frames_out += len(frames)
         if self._is_paced:
             now_s = self._loop.time()
             if self.outlet.rate_byte_s is None:

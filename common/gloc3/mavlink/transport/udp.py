@@ -51,10 +51,12 @@ class UdpEndpoint:
         self.bytes_received = 0
         self.dropped = 0
         self.problem = ""
-        self._loop = loop
+        self._loop, self._now_s = loop, loop.time
         self._on_data = on_data
         self._socket: socket.socket | None = None
         self._read_s = 0.0
+        self._addresses: Sequence[SocketAddress] = ()
+        """Those that are sent to."""
 
     @property
     def intruder(self) -> str:
@@ -81,7 +83,9 @@ class UdpEndpoint:
 
     def _read(self) -> None:
         """Takes what has come; where little comes, one more look into an empty socket would cost a tenth of all."""
-        left = DATAGRAMS_AT_ONCE if self._loop.time() < self._read_s + SOON_S else 1
+        now_s = self._now_s()
+        left = DATAGRAMS_AT_ONCE if now_s < self._read_s + SOON_S else 1
+        self._read_s = now_s
         while left and self._socket is not None:  # a receiver may close it
             left -= 1
             try:
@@ -91,21 +95,37 @@ class UdpEndpoint:
             except OSError as error:  # the peer's port is closed; the next datagram may be received again
                 self.problem = str(error)
                 continue
-            self._receive(data, sender)
-        self._read_s = self._loop.time()
+            self._receive(data, sender, now_s)
 
-    def _receive(self, data: bytes, sender: SocketAddress) -> None:
+    def _receive(self, data: bytes, sender: SocketAddress, now_s: float) -> None:
         raise NotImplementedError
 
-    def _send_to(self, data: bytes, peer: SocketAddress) -> None:
-        if self._socket is None:
+    def send(self, data: bytes) -> None:
+        """Sends one datagram to each address that it is for."""
+        if (opened := self._socket) is None:
             return
-        try:
-            self.bytes_sent += self._socket.sendto(data, peer)
-        except OSError as error:
-            self.dropped += 1
-            if not isinstance(error, BlockingIOError):
-                self.problem = str(error)
+        for address in self._addresses if len(self._addresses) <= 1 else self._addresses_for(data):
+            try:
+                self.bytes_sent += opened.sendto(data, address)
+            except OSError as error:
+                self.dropped += 1
+                if not isinstance(error, BlockingIOError):
+                    self.problem = str(error)
+
+    def _addresses_for(self, frames: bytes) -> Sequence[SocketAddress]:
+        """Those of several addresses to which frames are to be sent."""
+        raise NotImplementedError
+
+
+class UdpPeer:
+    """Somebody who has sent here."""
+
+    __slots__ = ("heard_s", "systems")
+
+    def __init__(self) -> None:
+        self.heard_s = 0.0
+        self.systems: frozenset[int] = frozenset()
+        """Those that are behind it; one peer may stand for many, as a router does."""
 
 
 class UdpServerEndpoint(UdpEndpoint):
@@ -123,12 +143,12 @@ class UdpServerEndpoint(UdpEndpoint):
         self._pins_autopilot = pins_autopilot
         self.unknown_refused = 0
         """Datagrams of peers for which there was no room."""
-        self._received_s: dict[SocketAddress, float] = {}
+        self._peers: dict[SocketAddress, UdpPeer] = {}
         self._pinned: dict[int, SocketAddress] = {}
         """Where the autopilot of each system is heard from."""
         self._intruder, self._intruder_s = "", -INTRUDER_TOLD_S
         self._checked_s = 0.0
-        self._routes = PeerRoutes()
+        self._parser = Parser(is_datagram=True)
 
     @classmethod
     async def open(
@@ -160,38 +180,54 @@ class UdpServerEndpoint(UdpEndpoint):
     @property
     def peers(self) -> list[SocketAddress]:
         """The addresses heard from lately, which are sent to."""
-        self._remove_silent(self._loop.time())
-        return list(self._received_s)
+        self._remove_silent(self._now_s())
+        return list(self._addresses)
 
     @property
     def is_connected(self) -> bool:
         """Whether a peer has been heard lately."""
-        since_s = self._loop.time() - PEER_EXPIRES_S
-        return any(received_s >= since_s for received_s in tuple(self._received_s.values()))
+        since_s = self._now_s() - PEER_EXPIRES_S
+        return any(peer.heard_s >= since_s for peer in tuple(self._peers.values()))
 
     @property
     def intruder(self) -> str:
         """Who claims to be an autopilot that another peer is; empty where nobody has done so lately."""
-        return self._intruder if self._loop.time() < self._intruder_s + INTRUDER_TOLD_S else ""
+        return self._intruder if self._now_s() < self._intruder_s + INTRUDER_TOLD_S else ""
 
     def send(self, data: bytes) -> None:
         """Sends one datagram to each peer that it is for."""
-        peers = tuple(self._received_s)
-        for peer in peers if len(peers) <= 1 else self._routes.peers_for(peers, data):
-            self._send_to(data, peer)
-        if (now_s := self._loop.time()) > self._checked_s + CHECK_SILENT_S:
+        super().send(data)
+        if (now_s := self._now_s()) > self._checked_s + CHECK_SILENT_S:
             self._remove_silent(now_s)
 
-    def _receive(self, data: bytes, sender: SocketAddress) -> None:
-        if sender not in self._received_s and not self._has_room():
+    def _addresses_for(self, frames: bytes) -> Sequence[SocketAddress]:
+        """Where frames are to be sent: to all, unless every frame is for systems whose peers are known.
+
+        The MAVLink guide wants a frame to go where its target system was heard from.
+        """
+        targets = {frame.target_system for frame in self._parser.receive(frames)}
+        if not targets or 0 in targets:
+            return self._addresses
+        found = {address: peer.systems for address, peer in self._peers.items() if targets & peer.systems}
+        return tuple(found) if targets <= frozenset().union(*found.values()) else self._addresses
+
+    def _receive(self, data: bytes, sender: SocketAddress, now_s: float) -> None:
+        peer = self._peers.get(sender)
+        if peer is None and not self._has_room(now_s):
             self.unknown_refused += 1
             return
-        now_s = self._loop.time()
         if self._pins_autopilot and self._is_intruder(data, sender, now_s):
             return
-        self._received_s[sender] = now_s
-        self._routes.learn(sender, data)
-        self.bytes_received += len(data)
+        if peer is None:
+            peer = self._peers[sender] = UdpPeer()
+            self._addresses = tuple(self._peers)
+        peer.heard_s = now_s
+        size = len(data)
+        if not (size >= _AROUND_2 and data[0] == MAGIC_2 and size == data[1] + _AROUND_2 and data[5] in peer.systems):
+            peer.systems = peer.systems.union(
+                system for system, _ in senders_in(data)
+            )  # not one plain frame of one known
+        self.bytes_received += size
         self._on_data(data)
 
     def _is_intruder(self, data: bytes, sender: SocketAddress, now_s: float) -> bool:
@@ -199,7 +235,8 @@ class UdpServerEndpoint(UdpEndpoint):
         for system, component in senders_in(data):
             if component != AUTOPILOT or (pinned := self._pinned.setdefault(system, sender)) == sender:
                 continue
-            if now_s - self._received_s.get(pinned, -PINNED_S) >= PINNED_S:
+            first = self._peers.get(pinned)
+            if first is None or now_s - first.heard_s >= PINNED_S:
                 self._pinned[system] = sender
                 continue
             if not self.intruder:  # one that changes its port all the time is told once
@@ -212,16 +249,16 @@ class UdpServerEndpoint(UdpEndpoint):
             return True
         return False
 
-    def _has_room(self) -> bool:
-        if len(self._received_s) >= MOST_PEERS:
-            self._remove_silent(self._loop.time())
-        return len(self._received_s) < MOST_PEERS
+    def _has_room(self, now_s: float) -> bool:
+        if len(self._peers) >= MOST_PEERS:
+            self._remove_silent(now_s)
+        return len(self._peers) < MOST_PEERS
 
     def _remove_silent(self, now_s: float) -> None:
         self._checked_s = now_s
-        for peer in [peer for peer, received_s in self._received_s.items() if received_s < now_s - PEER_EXPIRES_S]:
-            del self._received_s[peer]
-            self._routes.remove(peer)
+        for address in [address for address, peer in self._peers.items() if peer.heard_s < now_s - PEER_EXPIRES_S]:
+            del self._peers[address]
+            self._addresses = tuple(self._peers)
 
 
 class UdpClientEndpoint(UdpEndpoint):
@@ -235,7 +272,7 @@ class UdpClientEndpoint(UdpEndpoint):
         address: SocketAddress,
     ) -> None:
         super().__init__(url, loop, on_data)
-        self._address = address
+        self._addresses = (address,)
 
     @classmethod
     async def open(
@@ -258,44 +295,10 @@ class UdpClientEndpoint(UdpEndpoint):
         """Whether it is open; whether somebody is there, UDP does not say."""
         return self._socket is not None
 
-    def send(self, data: bytes) -> None:
-        """Sends one datagram."""
-        self._send_to(data, self._address)
-
-    def _receive(self, data: bytes, sender: SocketAddress) -> None:
-        if sender[0] == self._address[0]:
+    def _receive(self, data: bytes, sender: SocketAddress, now_s: float) -> None:
+        if sender[0] == self._addresses[0][0]:
             self.bytes_received += len(data)
             self._on_data(data)
-
-
-class PeerRoutes:
-    """Which of several peers a frame is for: those that its target system was heard from, as the MAVLink guide wants."""
-
-    def __init__(self) -> None:
-        self._systems: dict[SocketAddress, frozenset[int]] = {}
-        """One peer may stand for many systems, as a router does."""
-        self._parser = Parser(is_datagram=True)
-
-    def learn(self, peer: SocketAddress, datagram: bytes) -> None:
-        """Adds the systems of a datagram to those behind a peer."""
-        known = self._systems.get(peer, frozenset())
-        size = len(datagram)
-        if size >= _AROUND_2 and datagram[0] == MAGIC_2 and size == datagram[1] + _AROUND_2 and datagram[5] in known:
-            return  # one plain frame of a known system, as nearly all are
-        self._systems[peer] = known.union(system for system, _ in senders_in(datagram))
-
-    def remove(self, peer: SocketAddress) -> None:
-        """Removes a peer."""
-        self._systems.pop(peer, None)
-
-    def peers_for(self, peers: Sequence[SocketAddress], frames: bytes) -> Sequence[SocketAddress]:
-        """Those of the peers to whom frames are to be sent: all, unless every frame is for systems that are known."""
-        targets = {frame.target_system for frame in self._parser.receive(frames)}
-        if not targets or 0 in targets:
-            return peers
-        found = [peer for peer in peers if not targets.isdisjoint(self._systems.get(peer, ()))]
-        known = {system for peer in found for system in self._systems.get(peer, ())}
-        return found if targets <= known else peers
 
 
 def senders_in(datagram: bytes) -> Iterator[tuple[int, int]]:

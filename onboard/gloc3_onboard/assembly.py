@@ -36,6 +36,7 @@ from gloc3_onboard.companion.station_link import HeartbeatSource, StationLink, S
 from gloc3_onboard.inputs import Attachment, Hosting, Sensors, Storage, VehicleInputs
 from gloc3_onboard.parts import Parts
 from gloc3_onboard.process.event_narration import EventNarration
+from gloc3_onboard.process.memory import RecordMemory
 from gloc3_onboard.process.runner import Onboard
 from gloc3_onboard.process.taps import ExchangeTaps
 from gloc3_onboard.sensors.sensor_watch import SensorWatch
@@ -264,6 +265,7 @@ class VehicleSide:
             "rig": sensors.rig,
             "autopilot": self.autopilot_device,
             "computer": computer,
+            "memory": RecordMemory(storage.memory, storage.computer_start),
             "pictures": storage.pictures,
             "site": parts.add("site", site),
         }

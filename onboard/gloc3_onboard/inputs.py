@@ -83,6 +83,8 @@ class Storage(msgspec.Struct, frozen=True, kw_only=True):
     """Of missions, and home."""
     reports: Records
     """What stations were told."""
+    memory: Records
+    """What components remember."""
     log_store: LogStoreBase
     """The logs that stations may fetch."""
     pictures: Any

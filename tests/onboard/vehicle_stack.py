@@ -23,6 +23,7 @@ from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.link_reports import LinkReports
 from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.process.computer import SimulatedComputer
+from gloc3_onboard.process.memory import RecordMemory
 from gloc3_onboard.process.runner import Onboard
 from gloc3_onboard.process.storage import NoPictures
 from gloc3_onboard.process.taps import ExchangeTaps
@@ -61,6 +62,7 @@ class VehicleStack(Generic[PeerT_co]):
             "computer": SimulatedComputer(clock, list),
             "rig": PlatformRig(self.platform, Path()),
             "ground_camera": NoCamera(),
+            "memory": RecordMemory(MemoryRecords(), ""),
             "pictures": NoPictures(),
             "site": Site(self.platform, MemoryRecords(), MemoryRecords(), MemoryRecords()),
             "taps": ExchangeTaps(self.exchange, loop, name),

@@ -13,6 +13,7 @@ from gloc3.component.component import Component
 from gloc3.component.settings import load_settings
 from gloc3.errors import Finding, Gloc3Error, InputError, nearest
 from gloc3.installed import installed_points
+from gloc3.messages.envelope import Kind
 from gloc3.messages.topics import TopicTable, matches
 
 DEVICES: Final = "gloc3.devices"
@@ -265,6 +266,9 @@ def _class_problems(index: int, row: ComponentRow, component: type[Component[Any
         if trigger not in inputs:
             place = ("trigger",) if isinstance(row.trigger, str) else ("trigger", position)
             yield Problem(index, place, f"{component.__name__} has no input {trigger!r}", nearest(trigger, inputs))
+    if row.triggers and row.rate_hz is None and component.kind in (Kind.CONTROLLER, Kind.DRIVER):
+        message = f"it stops for good when {' and '.join(row.triggers)} stops: nothing tells it of the silence"
+        yield Problem(index, ("trigger",), message, "give it a rate_hz, too, such as 5", is_warning=True)
     for position, item in enumerate(row.log):
         if item not in component.loggable:
             hint = nearest(item, component.loggable)

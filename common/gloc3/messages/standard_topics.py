@@ -59,6 +59,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     # samplers
     "autopilot": TopicRow(AutopilotState, 5.0),
     "autopilot_pose": TopicRow(AutopilotPose, 20.0),
+    "autopilot_attitude": TopicRow(AutopilotPose),
     "height": TopicRow(HeightAboveGround, 20.0),
     "autopilot_setup": TopicRow(AutopilotSetup, 0.2),
     "computer": TopicRow(ComputerState, 1.0),

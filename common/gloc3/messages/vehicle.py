@@ -86,7 +86,10 @@ class AutopilotState(Message, frozen=True):
 
 
 class AutopilotPose(Message, frozen=True):
-    """The autopilot's own estimate, in its own local frame (NED at its estimator's origin)."""
+    """The autopilot's own estimate, in its own local frame (NED at its estimator's origin).
+
+    On the topic `autopilot_attitude`, while the estimator has no position, attitude and rates alone hold.
+    """
 
     position_ned_m: Vector3
     velocity_ned_m_s: Vector3

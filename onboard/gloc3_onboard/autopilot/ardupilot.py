@@ -112,7 +112,9 @@ SUB: Final = ClassProperties(
         21: (_MANUAL, "SURFTRAK"),
     },
     commanded={_HOLD: 16, _MISSION: 3, _GUIDED: 4, _LAND: 9},
-    behaviour=_LED._replace(vehicle=VehicleClass.SUB, land_mode=_LAND, at_rest_s=8.0, lands_into=("ALT_HOLD",)),
+    behaviour=_LED._replace(
+        vehicle=VehicleClass.SUB, land_mode=_LAND, at_rest_s=8.0, floats=True, lands_into=("ALT_HOLD",)
+    ),
     form=Form.MOVING,
     reports_landed=False,
     timeout_s=_TIMEOUT_S,

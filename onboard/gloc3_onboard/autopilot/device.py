@@ -44,16 +44,16 @@ class AutopilotDevice:
     def __init__(self, link: AutopilotLink) -> None:
         self._link = link
         self._lead = ControlLead(link.telemetry)
-        self._rung: tuple[object, object, object] = (None, None, None)
+        self._rung: tuple[object, object, object, object] = (None, None, None, None)
         self._on_state, self._on_pose, self._on_height, self._on_setup = Bell(), Bell(), Bell(), Bell()
         link.reports.listen(self._ring)
 
     def _ring(self) -> None:
         """Rings for what is new."""
-        state, pose, height = self._rung
+        state, pose, height, attitude = self._rung
         telemetry = self._link.telemetry
-        self._rung = (telemetry.state, telemetry.pose, telemetry.height)
-        if telemetry.pose is not pose:
+        self._rung = (telemetry.state, telemetry.pose, telemetry.height, telemetry.attitude)
+        if telemetry.pose is not pose or telemetry.attitude is not attitude:
             self._on_pose.ring()
         if telemetry.height is not height:
             self._on_height.ring()
@@ -71,6 +71,10 @@ class AutopilotDevice:
     def pose(self) -> Stamped | None:
         """The latest estimate; None before the first."""
         return self._link.telemetry.pose
+
+    def attitude(self) -> Stamped | None:
+        """The latest attitude that came without a position; None before the first."""
+        return self._link.telemetry.attitude
 
     def height(self) -> StampedHeight | None:
         """The latest distance to the ground; None before the first."""

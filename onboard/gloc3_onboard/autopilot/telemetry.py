@@ -11,7 +11,7 @@ from gloc3.mavlink.codec import MavlinkMessage
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.heartbeat import ARMED
 from gloc3.mavlink.services.timesync import TimeSync
-from gloc3.messages.frames import normalize, yaw_of
+from gloc3.messages.frames import Vector3, normalize, yaw_of
 from gloc3.messages.vehicle import AutopilotPose, AutopilotState, HeightAboveGround, LandedState
 from gloc3_onboard.autopilot.health_words import UNHEALTHY, estimator_problems, unhealthy
 from gloc3_onboard.autopilot.style import AutopilotStyle
@@ -25,6 +25,8 @@ NOT_REPORTED_MV: Final = 0xFFFF
 MOST_REASONS: Final = 8
 REPEATED_S: Final = 45.0
 """A reason that has not been said again for so long is over: ArduPilot repeats its own every 30 s."""
+NO_POSITION_S: Final = 0.3
+"""Attitudes that come so long after the last position show that the estimator has none."""
 WARNING: Final = 4
 """MAV_SEVERITY of texts that may be the reason of a refusal; smaller is worse."""
 RESTARTED_MS: Final = 500
@@ -107,6 +109,8 @@ class Telemetry:
     def __init__(self) -> None:
         self.state = AutopilotState(is_connected=False)
         self.pose: Stamped | None = None
+        self.attitude: Stamped | None = None
+        """Of an estimator without a position."""
         self.height: StampedHeight | None = None
         self.altitude_m: float | None = None
         """Above mean sea level; None before it is known."""
@@ -118,6 +122,8 @@ class Telemetry:
         self._attitude = (1.0, 0.0, 0.0, 0.0)
         self._rate = (0.0, 0.0, 0.0)
         self._has_attitude = False
+        self._position_s = -math.inf
+        """When the last position came."""
         self._warnings: deque[tuple[float, str]] = deque(maxlen=8)
         self._reasons: dict[str, float] = {}
         """Why it would not arm, and when it said so last."""
@@ -185,7 +191,7 @@ class Telemetry:
 
     def _reset(self) -> None:
         """After a restart the estimator begins elsewhere, maybe with another origin."""
-        self.pose = self.height = self.altitude_m = self._origin = None
+        self.pose = self.attitude = self.height = self.altitude_m = self._origin = None
         self._has_attitude = False
         self._reasons.clear()
         self._set(reasons=[], has_home=False, landed=LandedState.UNKNOWN)
@@ -198,6 +204,9 @@ class Telemetry:
                 self._attitude = normalize((message.q1, message.q2, message.q3, message.q4))
                 self._rate = (message.rollspeed, message.pitchspeed, message.yawspeed)
                 self._has_attitude = True
+                if self._is_without_position(now_s):
+                    attitude = self._estimate((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+                    self.attitude = Stamped(self._clock.t_s(message.time_boot_ms, now_s), attitude)
             case "DISTANCE_SENSOR":
                 self._distance(message, now_s)
             case "HEARTBEAT":
@@ -273,17 +282,26 @@ class Telemetry:
         self._reasons = dict.fromkeys(reasons[:MOST_REASONS], now_s)
         self._set(reasons=list(self._reasons))
 
+    def _is_without_position(self, now_s: float) -> bool:
+        """Whether the estimator has lost its position; on the ground it may not have found one yet."""
+        has_had_one = self.state.is_armed or math.isfinite(self._position_s)
+        return has_had_one and now_s - self._position_s > NO_POSITION_S
+
     def _local_position(self, message: MavlinkMessage, now_s: float) -> None:
+        self._position_s = now_s
         if not self._has_attitude:
             return
-        pose = AutopilotPose(
-            position_ned_m=(message.x, message.y, message.z),
-            velocity_ned_m_s=(message.vx, message.vy, message.vz),
+        pose = self._estimate((message.x, message.y, message.z), (message.vx, message.vy, message.vz))
+        self.pose = Stamped(self._clock.t_s(message.time_boot_ms, now_s), pose)
+
+    def _estimate(self, position_ned_m: Vector3, velocity_ned_m_s: Vector3) -> AutopilotPose:
+        return AutopilotPose(
+            position_ned_m=position_ned_m,
+            velocity_ned_m_s=velocity_ned_m_s,
             ned_from_frd=self._attitude,
             rate_frd_rad_s=self._rate,
             origin_geo=self._origin,
         )
-        self.pose = Stamped(self._clock.t_s(message.time_boot_ms, now_s), pose)
 
     def _distance(self, message: MavlinkMessage, now_s: float) -> None:
         if message.orientation != DOWNWARD:

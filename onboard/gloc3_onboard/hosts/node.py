@@ -19,11 +19,14 @@ from gloc3.messages.topics import TopicTable
 from gloc3.platform.places import ProcessPlace, rows_at
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import find_platform, whole_text
+from gloc3.store import RecordFile
 from gloc3_onboard.assembly import host_components, watch_sensors
 from gloc3_onboard.inputs import Hosting, devices_of, open_sensors
 from gloc3_onboard.parts import Parts
+from gloc3_onboard.process.computer import start_of_computer
 from gloc3_onboard.process.event_narration import Report
 from gloc3_onboard.process.log_files import LogFiles, log_stem
+from gloc3_onboard.process.memory import RecordMemory
 from gloc3_onboard.process.run_log import LogLimits, RunLog
 from gloc3_onboard.process.runner import HostMember, Onboard
 from gloc3_onboard.process.storage import PictureFolder
@@ -100,11 +103,11 @@ class HostNode:
         requested = [each for each in options.devices if each.partition("=")[0] in used]
         self._sensors = open_sensors(platform, used, requested, SourceHost(loop, folder, boot.t_s_of_boot))
         self._watch = watch_sensors(self.parts, self._sensors, loop.time)
-        logs = options.logs
+        logs, self._stem = options.logs, log_stem(platform, place)
         try:
             logs.mkdir(parents=True, exist_ok=True)
             self._log = RunLog(
-                LogFiles(logs, log_stem(platform, place)),
+                LogFiles(logs, self._stem),
                 options.log_limits,
                 self.context.clock,
                 topics,
@@ -124,7 +127,8 @@ class HostNode:
     def make(self, exchange: Sequence[HostMember] = ()) -> Onboard:
         """Makes the components; they take commands from now on."""
         pictures = PictureFolder(self._options.logs / self.log.stem.replace("log", "images", 1), self._sensors.rig)
-        devices = {**self._sensors.devices, "rig": self._sensors.rig, "pictures": pictures}
+        memory = RecordMemory(RecordFile(self._options.logs / f"{self._stem}.memory"), start_of_computer())
+        devices = {**self._sensors.devices, "rig": self._sensors.rig, "pictures": pictures, "memory": memory}
         hosting = Hosting(rows=self.rows, agents=exchange)
         self.onboard = host_components(self.parts, self._platform, self.context, devices, hosting)
         return self.onboard

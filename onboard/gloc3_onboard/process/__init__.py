@@ -7,6 +7,7 @@ __all__ = [
     "computer",
     "event_narration",
     "log_files",
+    "memory",
     "options",
     "process",
     "run_log",

@@ -168,6 +168,7 @@ class ProcessStorage:
             journal=RecordFile(self.out / "requests.journal"),
             progress=RecordFile(self.out / "progress.state"),
             reports=RecordFile(self.out / "events.store"),
+            memory=RecordFile(self.out / "memory.state"),
             log_store=LogStore(self.logs, lambda: log.unfinished, log.cut, parts.add("disk readers", self._readers)),
             pictures=PictureFolder(self.logs / log.path.stem.replace("log", "images", 1), rig),
             computer_start=start_of_computer(),

@@ -8,7 +8,14 @@ from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import GeoPoint, Vector3
 from gloc3.messages.perception import BottomVelocity, ImuSample, LaserScan, SatelliteFix, WheelDistances
-from gloc3.messages.vehicle import AutopilotPose, AutopilotState, FlightMode, HeightAboveGround, Image, VehicleClass
+from gloc3.messages.vehicle import (
+    AutopilotPose,
+    AutopilotState,
+    FlightMode,
+    HeightAboveGround,
+    Image,
+    VehicleClass,
+)
 
 
 class Stamped(NamedTuple):
@@ -109,11 +116,24 @@ class AutopilotTelemetry(Protocol):
     def pose(self) -> Stamped | None:
         """The latest estimate; None before the first."""
 
+    def attitude(self) -> Stamped | None:
+        """The latest attitude that came without a position; None before the first."""
+
     def on_state(self, changed: Callable[[], None]) -> Unwatch:
         """Has `changed` called, from any thread, when the state has changed."""
 
     def on_pose(self, ready: Callable[[], None]) -> Unwatch:
         """Has `ready` called, from any thread, when a new estimate is there."""
+
+
+class Memory(Protocol):
+    """Where a component keeps a few bytes that outlive its process."""
+
+    def load(self) -> bytes | None:
+        """What was kept last since the computer was started; None for nothing."""
+
+    def keep(self, data: bytes) -> None:
+        """Replaces what is kept. A disk that fails is not the component's concern."""
 
 
 class HeightSensor(Protocol):
@@ -278,6 +298,8 @@ class AutopilotBehaviour(NamedTuple):
     """With that: how long it must have stood still in `land_mode`."""
     returns_to_land: bool = False
     """Whether its landing comes down wherever it is, in circles, so that its own return has to bring it home first."""
+    floats: bool = False
+    """With that: it comes to rest at the surface, where a current carries it on: it stands still when it stops to rise."""
     lands_into: tuple[str, ...] = ()
     """Modes, in the autopilot's words, that it enters by itself when a landing is over."""
 

@@ -103,6 +103,7 @@ class FlightProcess:
             journal=MemoryRecords(),
             progress=MemoryRecords(),
             reports=MemoryRecords(),
+            memory=MemoryRecords(),
             log_store=log.log_store(),
             pictures=NoPictures() if plan.out is None else PictureFolder(plan.out / "images", rig),
         )

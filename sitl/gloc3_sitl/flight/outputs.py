@@ -19,7 +19,7 @@ FILES: Final = (
 PROBE_BYTES: Final = 1 << 18
 """The folder must take so much before a flight begins, which leaves more."""
 
-_KEPT: Final = re.compile(r"(requests\.journal|progress\.state|events\.store)\.(\d+|new)")
+_KEPT: Final = re.compile(r"(requests\.journal|progress\.state|events\.store|memory\.state)\.(\d+|new)")
 _PICTURE: Final = re.compile(r"[a-z0-9_]+-\d{5,}\.png|poses\.jsonl")
 
 

@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from gloc3.component import deployment
-from gloc3.component.component import DataProcessor
+from gloc3.component.component import Controller, DataProcessor
 from gloc3.component.deployment import ComponentRow, check_deployment, check_row, problems_of
 from gloc3.component.ports import Inbox, Input, Output
 from gloc3.errors import Gloc3Error
@@ -229,3 +229,22 @@ def test_a_port_is_bound_to_its_own_name_if_nothing_else_is_said() -> None:
     assert listener().topics("given") == ["given"]
     assert listener().topics("event") == ["components/source/event"]
     assert Specimen.settings_type is not None
+
+
+class Follower(Controller):  # type: ignore[type-arg]
+    """Leads by numbers."""
+
+    given = Input(Number)
+
+    def work(self, now_s: float, inbox: Inbox) -> list[Number]:
+        return []
+
+
+@pytest.mark.parametrize(("name", "is_told"), [("Follower", True), ("Listener", False)])
+def test_what_only_an_input_wakes_cannot_act_on_its_silence(name: str, is_told: bool) -> None:
+    ports: dict[str, str | list[str]] = {} if name == "Follower" else {"event": "news"}
+    row = ComponentRow(name="led", class_name=f"{HERE}:{name}", trigger="given", ports=ports)
+    told = [finding for finding in check_row(row, row.load_class()) if "stops for good" in finding.message]
+    assert [finding.is_warning for finding in told] == [True] * is_told
+    paced = msgspec.structs.replace(row, rate_hz=5.0)
+    assert check_row(paced, row.load_class()) == []

@@ -7,6 +7,8 @@ from typing import Any, Final, NamedTuple
 from gloc3.component.component import ActuatorDriver
 from gloc3.component.ports import Actuation, Inbox, Input, Keep, Output, Result
 from gloc3.errors import Misuse, Refused
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.frames import Vector3
 from gloc3.messages.standard_topics import AUTOPILOT_SILENT_S
 from gloc3.messages.vehicle import (
     AutopilotPose,
@@ -22,6 +24,7 @@ from gloc3.messages.vehicle import (
     Setpoint,
     TakeOver,
 )
+from gloc3_onboard.algorithms.paths.setpoint_gate import SETPOINT_AGE_S
 from gloc3_onboard.components.drivers.manoeuvres import (
     Arm,
     AutopilotCommand,
@@ -36,6 +39,8 @@ from gloc3_onboard.components.drivers.setpoint_stream import SetpointStream
 from gloc3_onboard.sensors.devices import AutopilotControl, AutopilotSetpoint
 
 STATE_PERIOD_S: Final = 0.2
+RISING_M_S: Final = 1.0
+"""So fast what floats is taken to rise when it is asked to, until its velocity shows otherwise."""
 NOT_ARMED_IN: Final = (FlightMode.GUIDED, FlightMode.LAND)
 """Modes in which PX4 cannot be armed, or not without a stream: on the ground it is taken out of them."""
 SURRENDER_S: Final = 10.0
@@ -103,7 +108,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         self._rest_seen_s = -math.inf
         self._mean_ned_m_s = (0.0, 0.0, 0.0)
         """Velocity, averaged."""
-        self._rested_s = 0.0
+        self._rested_s: float | None = None
+        self._own: Envelope[AutopilotPose] | None = None
         self._had_control = True
         self._reported: DriverState | None = None
         self._reported_s = -math.inf
@@ -208,7 +214,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
             self._watch.interrupt(now_s)
         for limits in inbox.new(self.limits):
             self._stream.adopt(limits.payload)
-        self._watch.received(inbox.latest(self.autopilot_pose), now_s)
+        self._own = inbox.latest(self.autopilot_pose)
+        self._watch.received(self._own, now_s)
         for state in inbox.new(self.autopilot):
             pose = self._stream.pose
             may_settle = self._machine.may_settle(self._climbed_m, pose.position_ned_m if pose is not None else None)
@@ -228,7 +235,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
                 self._watch.yield_back()
         grant = inbox.latest(self.grant)
         self._owner = grant.payload.action_id if grant is not None else ""
-        self._stream.set_vehicle(inbox.latest(self.pose), inbox.latest(self.autopilot_pose), is_guided=self._is_guided)
+        self._stream.set_vehicle(inbox.latest(self.pose), self._own, is_guided=self._is_guided)
 
     def _note(self, write: Any, now_s: float) -> None:
         """Tells the watch what is ours."""
@@ -245,19 +252,30 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
                 self._climbs_from_down_m = None if pose is None else pose.position_ned_m[2]
 
     def _check_rest(self, now_s: float) -> None:
-        """For how long the vehicle has stood still, as far as is known."""
-        pose = self._stream.young_pose(now_s)
-        if pose is not None:
+        """For how long the vehicle has stood still; None where nobody knows. What floats only stops to rise."""
+        velocity = self._known_velocity(now_s)
+        if velocity is not None:
             share = 1.0 - math.exp(-(now_s - self._rest_seen_s) / max(self.settings.at_rest_over_s, 1e-6))
             north, east, down = (
-                mean + share * (now - mean) for mean, now in zip(self._mean_ned_m_s, pose.velocity_ned_m_s, strict=True)
+                mean + share * (now - mean) for mean, now in zip(self._mean_ned_m_s, velocity, strict=True)
             )
             self._mean_ned_m_s, self._rest_seen_s = (north, east, down), now_s
-        if pose is None or math.hypot(*self._mean_ned_m_s) > self.settings.at_rest_m_s:
+        counts = self._mean_ned_m_s[2:] if self._control.behaviour.floats else self._mean_ned_m_s
+        if velocity is None or math.hypot(*counts) > self.settings.at_rest_m_s:
             self._rests_since_s = None
         elif self._rests_since_s is None:
             self._rests_since_s = now_s
         self._rested_s = 0.0 if self._rests_since_s is None else now_s - self._rests_since_s
+        self._rested_s = None if velocity is None else self._rested_s
+
+    def _known_velocity(self, now_s: float) -> Vector3 | None:
+        """By our own pose, or else by the autopilot's, where that is young."""
+        pose = self._stream.young_pose(now_s)
+        if pose is not None:
+            return pose.velocity_ned_m_s
+        own = self._own
+        is_young = own is not None and now_s - own.t_s <= SETPOINT_AGE_S
+        return own.payload.velocity_ned_m_s if own is not None and is_young else None
 
     @property
     def _climbed_m(self) -> float | None:
@@ -295,6 +313,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
             self._stream.stop()
             self._requested = None
             self._machine.begin(envelope.payload, now_s, self._control.behaviour, self._away_m)
+            if self._control.behaviour.floats:
+                self._rests_since_s, self._mean_ned_m_s = None, (0.0, 0.0, -RISING_M_S)
         if self._machine.action_id != self._owner:
             self._machine.abandon("motion was granted to another owner")
         answer = self._control.answer(self._machine.ticket) if self._machine.ticket else None

@@ -14,6 +14,8 @@ SETTLING_M: Final = 1.0
 """So far below the height asked for the autopilot may end its climb by itself (PX4: NAV_MC_ALT_RAD, 0.8 m)."""
 HOME_M: Final = 160.0
 """So near home what circles in its return begins to land: two radii of PX4's circle (RTL_LOITER_RAD, NAV_LOITER_RAD)."""
+UNSEEN_S: Final = 120.0
+"""So long what shall come to rest is waited for where nobody knows how fast it is; then it counts as standing."""
 ENDING_M: Final = 3.0
 """So far from the last place of a plan the autopilot may end it by itself (PX4: NAV_ACC_RAD, 2 m at most)."""
 
@@ -185,7 +187,7 @@ class ManoeuvreMachine:
         return self.kind is ManoeuvreKind.TAKE_OFF and (climbed_m is None or climbed_m >= self._height_m - SETTLING_M)
 
     def advance(
-        self, now_s: float, autopilot: AutopilotState | None, answer: CommandAnswer | None, rested_s: float = 0.0
+        self, now_s: float, autopilot: AutopilotState | None, answer: CommandAnswer | None, rested_s: float | None = 0.0
     ) -> Sequence[AutopilotCommand]:
         """Looks at what has become of the step under way; returns what to command next.
 
@@ -196,7 +198,7 @@ class ManoeuvreMachine:
             now_s: the time.
             autopilot: its state, where that is known.
             answer: to the command under way.
-            rested_s: for how long the vehicle has stood still.
+            rested_s: for how long the vehicle has stood still; None where nobody knows how fast it is.
         """
         if not self.is_running:
             return ()
@@ -243,7 +245,7 @@ class ManoeuvreMachine:
         autopilot: AutopilotState,
         answer: CommandAnswer | None,
         now_s: float,
-        rested_s: float,
+        rested_s: float | None,
     ) -> bool:
         match step:
             case SetMode(mode=mode):
@@ -255,7 +257,8 @@ class ManoeuvreMachine:
                 return not autopilot.is_armed or (self.away_m is not None and self.away_m <= HOME_M)
             case Settle():
                 rest_s = self._behaviour.at_rest_s
-                rests = rested_s >= rest_s and now_s - self._since_s >= rest_s
+                waited_s = now_s - self._since_s
+                rests = waited_s >= UNSEEN_S if rested_s is None else min(rested_s, waited_s) >= rest_s
                 return rests or self._has_landed_into(autopilot) or not autopilot.is_armed
             case Disarm():
                 return not autopilot.is_armed

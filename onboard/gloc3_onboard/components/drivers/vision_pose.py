@@ -148,7 +148,9 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         latest = inbox.latest(self.pose)
         if latest is not None:
             results += self._home(latest.payload, inbox, now_s)
-        return [*results, *self._sources(now_s)]
+        state = inbox.latest(self.autopilot)
+        is_under_way = state is not None and state.payload.is_armed
+        return [*results, *(self._sources(now_s) if latest is not None or is_under_way else [])]
 
     def _check_need(self, pose: Pose, t_s: float) -> bool:
         """Whether the autopilot lacks what the pose rests on."""

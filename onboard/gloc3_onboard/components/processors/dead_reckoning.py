@@ -1,8 +1,12 @@
 """DP: the platform's pose by dead reckoning: heading, and a DVL or wheels, set right by satellites where these are seen."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from math import hypot, isfinite, radians, sqrt
 from typing import Annotated, Final
+
+import msgspec
+import numpy as np
 
 from gloc3.component.component import DataProcessor
 from gloc3.component.ports import Inbox, Input, Output, Result
@@ -22,6 +26,7 @@ from gloc3.messages.perception import BottomVelocity, Odometry, SatelliteFix
 from gloc3.messages.vehicle import AutopilotPose, Pose, Setpoint
 from gloc3_onboard.algorithms.odometry.dead_reckoner import DeadReckoner, Errors
 from gloc3_onboard.algorithms.odometry.velocity_trust import VelocityTrust
+from gloc3_onboard.sensors.devices import Memory
 
 _FIX_GAP_S: Final = 1.0
 """Errors of fixes are alike for long: no more than one in this time is taken in."""
@@ -35,6 +40,16 @@ _AIDED_S: Final = 2.0
 """After the last fix satellites count as lost, and so does the autopilot's own velocity with them."""
 _LATE_S: Final = 1.0
 """A fix that is no later than this is carried on to the present by the velocity."""
+KEPT_S: Final = 120.0
+"""What was reckoned is carried on after a crash or a restart that is no longer ago than this."""
+DEPTH_LOST_S: Final = 10.0
+"""So long the last depth is held while the autopilot has no position."""
+_ATTITUDE: Final = 2
+"""Rank of an attitude among what is valid at the same time."""
+_KEEP_S: Final = 1.0
+"""How often the memory gets the reckoning."""
+_STEP_S: Final = 5.0
+"""Longest step of a prediction."""
 _STUCK: Final = 10
 """So many fixes in a row that do not fit mean that the reckoning is wrong, not the satellites."""
 
@@ -71,28 +86,49 @@ class DeadReckoningSettings(Settings, frozen=True):
     """How the velocity over ground changes by itself in one second's root: what turns quickly needs more."""
     adrift_std_m_s: Annotated[float, Bounds(0.01, 5.0)] = 0.3
     """Standard deviation of the velocity where nothing measures it."""
+    climb_m_s: Annotated[float, Bounds(0.0, 10.0)] = 0.4
+    """How fast the depth may change while the autopilot does not tell it."""
     autopilot_std_m_s: Annotated[float, Bounds(0.0, 5.0)] = 0.0
     """Standard deviation of the autopilot's own velocity, which is taken while satellites are seen and nothing else measures
     any; 0 takes it never."""
+
+
+class KeptReckoning(msgspec.Struct, frozen=True, array_like=True):
+    """What is carried on after a crash or a restart."""
+
+    t_s: float
+    state: list[float]
+    covariance: list[list[float]]
+    origin_geo: tuple[float, float, float]
+    down_m: float
+    common_m: float
+    reset_counter: int
 
 
 class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
     """One pose for each of the autopilot's estimates, of which attitude, heading and depth are taken.
 
     Its covariance grows with the way and with the time adrift; losing bottom lock is said, not hidden. A fix that moves the
-    pose by more than `jump_m` raises the reset counter.
+    pose by more than `jump_m` raises the reset counter. While the autopilot has no position, its attitude is enough: the
+    position that it lacks may be the one reckoned here. After a crash, or with a memory after a restart of the process, the
+    reckoning goes on from where it was, adrift for as long as nobody reckoned.
+
+    Args:
+        memory: keeps the reckoning, once a second.
     """
 
     loggable = ("travelled_m", "adrift_s", "heading_error_deg", "std_m", "reset_counter", "reason")
 
     autopilot_pose = Input(AutopilotPose)
+    autopilot_attitude = Input(AutopilotPose)
     dvl = Input(BottomVelocity)
     odometry = Input(Odometry)
     satellites = Input(SatelliteFix)
     setpoint = Input(Setpoint)
     pose = Output(Pose, frame="ned")
 
-    def __init__(self) -> None:
+    def __init__(self, memory: Memory | None = None) -> None:
+        self._memory = memory
         self.travelled_m = 0.0
         """Way over ground since the last fix."""
         self.adrift_s = 0.0
@@ -130,27 +166,82 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         self._unlocked = ""
         self._attitude = IDENTITY
         self._requested: Setpoint | None = None
+        self._down_m, self._depth_s = 0.0, float("-inf")
+        """The autopilot's last depth, and when it told it."""
+        self._kept: KeptReckoning | None = None
+        """What is to be carried on."""
+        self._kept_s = float("-inf")
 
     def initialize(self, settings: DeadReckoningSettings) -> None:
         """Adopts the settings."""
+        kept = self._to_keep() or self._kept
         self.settings = settings
         self._reset()
+        self._kept = kept
 
     def start(self) -> None:
-        """Begins without a past: where it is must be told anew."""
+        """Carries on what was reckoned a moment ago; else where it is must be told anew."""
+        kept = self._to_keep() or self._kept or self._remembered()
         self._reset()
+        self._kept = kept
+
+    def _to_keep(self) -> KeptReckoning | None:
+        if not self._is_begun or self._now_s is None or self._origin_geo is None:
+            return None
+        return KeptReckoning(
+            self._now_s,
+            self._filter.x.tolist(),
+            self._filter.covariance.tolist(),
+            self._origin_geo,
+            self._down_m,
+            self._common_m,
+            self.reset_counter,
+        )
+
+    def _remembered(self) -> KeptReckoning | None:
+        data = None if self._memory is None else self._memory.load()
+        with suppress(msgspec.DecodeError):  # of another version: nothing is known
+            return None if data is None else msgspec.msgpack.decode(data, type=KeptReckoning)
+        return None
+
+    def _carry_on(self, now_s: float) -> None:
+        """Adopts what was kept, unless it is too old."""
+        kept, self._kept = self._kept, None
+        if kept is None or not 0.0 <= now_s - kept.t_s <= KEPT_S:
+            return
+        self._filter.x = np.array(kept.state)
+        self._filter.covariance = np.array(kept.covariance)
+        self._origin_geo, self._plane = kept.origin_geo, TangentPlane(GeoPoint(*kept.origin_geo))
+        self._now_s, self._is_begun = kept.t_s, True
+        self._down_m, self._depth_s, self._common_m = kept.down_m, kept.t_s, kept.common_m
+        self.reset_counter = kept.reset_counter
+
+    def _keep(self, now_s: float) -> None:
+        if self._memory is None or now_s - self._kept_s < _KEEP_S - 1e-6:
+            return
+        kept = self._to_keep()
+        if kept is not None:
+            self._kept_s = now_s
+            self._memory.keep(msgspec.msgpack.encode(kept))
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Takes in what is new in the order of time; one pose for each of the autopilot's."""
         results: list[Result] = []
+        if self._kept is not None:
+            self._carry_on(now_s)
         requested = inbox.latest(self.setpoint)
         self._requested = requested.payload if requested is not None and now_s - requested.t_s < _REQUESTED_S else None
-        poses = [(envelope.t_s, 2, envelope.payload) for envelope in inbox.new(self.autopilot_pose)]
+        poses = [(envelope.t_s, 3, envelope.payload) for envelope in inbox.new(self.autopilot_pose)]
+        attitudes = [(envelope.t_s, _ATTITUDE, envelope.payload) for envelope in inbox.new(self.autopilot_attitude)]
         bottoms = [(envelope.t_s, 0, envelope.payload) for envelope in inbox.new(self.dvl)]
         steps = [(envelope.t_s, 0, envelope.payload) for envelope in inbox.new(self.odometry)]
         fixes = [(envelope.t_s, 1, envelope.payload) for envelope in inbox.new(self.satellites)]
-        for t_s, _, reports in sorted([*poses, *bottoms, *steps, *fixes], key=lambda item: (item[0], item[1])):
-            if isinstance(reports, AutopilotPose):
+        for t_s, rank, reports in sorted(
+            [*poses, *attitudes, *bottoms, *steps, *fixes], key=lambda item: (item[0], item[1])
+        ):
+            if rank == _ATTITUDE and isinstance(reports, AutopilotPose):
+                results += self._place_by_attitude(reports, t_s)
+            elif isinstance(reports, AutopilotPose):
                 results.append(self.pose.report(self._place(reports, t_s), t_s=t_s))
             elif isinstance(reports, BottomVelocity):
                 self._measure(reports, t_s)
@@ -158,6 +249,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
                 self._follow(reports, t_s)
             elif isinstance(reports, SatelliteFix):
                 self._fix(reports, t_s)
+        self._keep(now_s)
         return results
 
     # --- what comes ---
@@ -170,7 +262,11 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         if dt_s <= 0.0:
             return
         is_measured = self._lock_s is not None and t_s - self._lock_s < self.settings.unlocked_s
-        self._filter.predict(min(dt_s, 5.0), is_measured=is_measured, commanded_m_s=self._requested_m_s())
+        requested_m_s, left_s = self._requested_m_s(), dt_s
+        while left_s > 0.0:
+            step_s = min(left_s, _STEP_S)
+            self._filter.predict(step_s, is_measured=is_measured, commanded_m_s=requested_m_s)
+            left_s -= step_s
         self.travelled_m += hypot(*self._filter.velocity_m_s) * dt_s
         self._now_s = t_s
 
@@ -270,7 +366,14 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
 
     # --- what is told ---
 
-    def _place(self, given: AutopilotPose, t_s: float) -> Pose:
+    def _place_by_attitude(self, given: AutopilotPose, t_s: float) -> list[Result]:
+        """A pose at the last depth, while the autopilot has no position; none before the reckoning has begun."""
+        if not self._is_begun:
+            return []
+        held = msgspec.structs.replace(given, position_ned_m=(0.0, 0.0, self._down_m))
+        return [self.pose.report(self._place(held, t_s, has_position=False), t_s=t_s)]
+
+    def _place(self, given: AutopilotPose, t_s: float, *, has_position: bool = True) -> Pose:
         numbers = (*given.position_ned_m, *given.velocity_ned_m_s, *given.ned_from_frd, *given.rate_frd_rad_s)
         is_finite = all(map(isfinite, numbers))
         if is_finite:
@@ -281,6 +384,9 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         is_unlocked = self._lock_s is None or t_s - self._lock_s > self.settings.unlocked_s
         has_satellites = t_s - self._seen_s < _AIDED_S
         is_guided = is_unlocked and has_satellites and self.settings.autopilot_std_m_s > 0.0 and is_finite
+        is_guided &= has_position
+        if is_finite and has_position:
+            self._down_m, self._depth_s = given.position_ned_m[2], t_s
         if is_guided:
             self._lean_on(given)
         settings, reckoner = self.settings, self._filter
@@ -291,7 +397,8 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         self.adrift_s = 0.0 if self._lock_s is None else max(0.0, t_s - self._lock_s)
         self.heading_error_deg = reckoner.heading_error_rad * 57.29578
         is_adrift = is_unlocked and not is_guided
-        self.reason = self._why_not(is_finite)
+        unknown_s = 0.0 if settings.is_level else max(0.0, t_s - self._depth_s)
+        self.reason = self._why_not(is_finite, unknown_s)
         is_valid = not self.reason
         if is_valid and is_adrift:
             self.reason = f"adrift: {self._unlocked or 'no velocity over ground'}"
@@ -304,7 +411,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
             velocity_ned_m_s=(vn, ve, given.velocity_ned_m_s[2] if has_depth else 0.0),
             ned_from_frd=self._attitude,
             rate_frd_rad_s=given.rate_frd_rad_s if is_finite else (0.0, 0.0, 0.0),
-            position_std_m=(std_n, std_e, 0.1),
+            position_std_m=(std_n, std_e, 0.1 + settings.climb_m_s * unknown_s),
             is_valid=is_valid,
             reason=self.reason,
             quality=0.0 if not is_valid else max(0.05, 1.0 - self.std_m / settings.lost_std_m),
@@ -319,13 +426,15 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         ahead, right, _ = rotate(from_yaw(-yaw), given.velocity_ned_m_s)
         self._filter.use_velocity(ahead, right, yaw, std_m_s)
 
-    def _why_not(self, is_finite: bool) -> str:
+    def _why_not(self, is_finite: bool, unknown_s: float) -> str:
         if not is_finite:
             return "the autopilot's estimate is not finite"
         if self._origin_geo is None:
             return "the autopilot has not sent its origin"
         if not self._is_begun:
             return "the start position is not known: no fixes yet"
+        if unknown_s > DEPTH_LOST_S:
+            return "the autopilot has no position, and tells no depth"
         if self.std_m > self.settings.lost_std_m:
             return f"lost: its standard deviation is {self.std_m:.0f} m"
         return ""

@@ -10,9 +10,10 @@ from gloc3_onboard.sensors.devices import AutopilotTelemetry
 
 
 class AutopilotPoseSampler(SensorSampler[NoSettings]):
-    """Reports each estimate once, with the time at which it was valid."""
+    """Reports each estimate once, with the time at which it was valid; the attitude alone while there is no position."""
 
     autopilot_pose = Output(AutopilotPose, frame="autopilot_ned")
+    autopilot_attitude = Output(AutopilotPose, frame="autopilot_ned")
 
     def __init__(self, device: AutopilotTelemetry) -> None:
         self._device = device
@@ -25,8 +26,11 @@ class AutopilotPoseSampler(SensorSampler[NoSettings]):
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports an estimate that has not been reported yet."""
-        stamped = self._device.pose()
-        if stamped is None or stamped.t_s <= self._last_s:
-            return []
-        self._last_s = stamped.t_s
-        return [self.autopilot_pose.report(stamped.pose, t_s=stamped.t_s)]
+        stamped, attitude = self._device.pose(), self._device.attitude()
+        if stamped is not None and stamped.t_s > self._last_s:
+            self._last_s = stamped.t_s
+            return [self.autopilot_pose.report(stamped.pose, t_s=stamped.t_s)]
+        if attitude is not None and attitude.t_s > self._last_s:
+            self._last_s = attitude.t_s
+            return [self.autopilot_attitude.report(attitude.pose, t_s=attitude.t_s)]
+        return []

@@ -161,6 +161,24 @@ def test_the_set_of_sources_follows_what_is_sent() -> None:
     assert device.sets == [2, 1, 2]
 
 
+def test_the_set_of_sources_is_changed_when_poses_stop_to_come_and_when_none_comes_after_a_restart() -> None:
+    device = Device()
+    stage = Stage(VisionPoseDriver(device), VisionPoseSettings(source_set=2, other_source_set=1))
+    for _ in range(30):
+        stage.step(0.05, pose=pose())
+    stage.step(1.1)
+    stage.step(0.2)
+    assert device.sets == [2, 1]
+    restarted = Device()
+    fresh = Stage(VisionPoseDriver(restarted), VisionPoseSettings(source_set=2, other_source_set=1))
+    for _ in range(10):
+        fresh.step(0.2)
+    assert restarted.sets == [], "an autopilot on deck chooses for itself"
+    for _ in range(10):
+        fresh.step(0.2, autopilot=standing(is_armed=True))
+    assert restarted.sets == [1]
+
+
 def test_without_the_setting_the_choice_is_left_alone() -> None:
     device = Device()
     stage = Stage(VisionPoseDriver(device))

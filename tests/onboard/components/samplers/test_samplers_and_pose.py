@@ -28,6 +28,7 @@ class Device:
         self.is_open = False
         self.now_state: AutopilotState = standing()
         self.now_pose: Stamped | None = None
+        self.now_attitude: Stamped | None = None
         self.now_height: StampedHeight | None = None
         self.now_frame: StampedImage | None = None
         self.bell = Bell()
@@ -37,6 +38,9 @@ class Device:
 
     def pose(self) -> Stamped | None:
         return self.now_pose
+
+    def attitude(self) -> Stamped | None:
+        return self.now_attitude
 
     def height(self) -> StampedHeight | None:
         return self.now_height
@@ -90,6 +94,18 @@ def test_what_is_sampled_is_reported_once_with_its_own_time(kind: str) -> None:
             envelope.t_s for envelope in envelopes if "time goes back" not in getattr(envelope.payload, "reason", "")
         ]
         assert found == [0.08, 0.15]
+
+
+def test_the_attitude_alone_is_reported_while_there_is_no_position() -> None:
+    with Bench() as bench:
+        device = hosted(bench, AutopilotPoseSampler)
+        device.now_pose = Stamped(0.1, autopilot_pose())
+        device.now_attitude = Stamped(0.05, autopilot_pose())
+        bench.run(0.1)
+        assert bench.all("autopilot_attitude") == [], "an older one"
+        device.now_attitude = Stamped(0.15, autopilot_pose())
+        bench.run(0.1)
+        assert bench.all("autopilot_attitude") == [autopilot_pose()]
 
 
 def test_a_camera_is_open_while_its_sampler_works() -> None:

@@ -95,9 +95,7 @@ def test_the_pages_platform_is_right_and_its_row_fits_class_topics_and_settings(
     platform = _platform(package)
     assert check_deployment(platform.components, TopicTable.installed()) == []
     (row,) = platform.components
-    assert describe(row.load_class(), TopicTable.installed()).settings[1].doc == (
-        "Longest range that is believed, in metres."
-    )
+    assert describe(row.load_class(), TopicTable.installed()).settings[1].doc == ("Longest valid range, in metres.")
 
 
 def test_the_pages_row_runs_as_it_stands_with_the_device_from_its_entry_point(

@@ -57,7 +57,7 @@ class NotFound(InputError):
 
 
 class NoContact(Gloc3Error):
-    """Whom a command speaks to is not heard: the command is right, and fails."""
+    """Nobody answers whom a command speaks to: the command is right, and fails."""
 
 
 def nearest(name: str, known: Sequence[str], also: Sequence[str] = ()) -> str:

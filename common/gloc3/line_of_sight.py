@@ -9,7 +9,7 @@ _LEAST_LOOKAHEAD_M: Final = 0.3
 
 
 class Guidance(NamedTuple):
-    """What a look at the way says."""
+    """Result of the guidance."""
 
     heading_rad: float
     """To be steered, clockwise from north."""

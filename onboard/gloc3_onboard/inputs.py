@@ -1,4 +1,4 @@
-"""What a vehicle's onboard side is built from: sensors, storage, links' ends, and which components a process hosts."""
+"""Inputs of a vehicle's onboard side: sensors, storage, links' ends, and the components that a process hosts."""
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -65,7 +65,7 @@ def devices_of(rows: Sequence[ComponentRow]) -> list[str]:
 
 
 class Hosting(msgspec.Struct, frozen=True, kw_only=True):
-    """Which components a process hosts, and how they are made."""
+    """The components that a process hosts, and their factory."""
 
     rows: Sequence[ComponentRow] | None = None
     """None for all of the platform."""
@@ -75,7 +75,7 @@ class Hosting(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Storage(msgspec.Struct, frozen=True, kw_only=True):
-    """Where a vehicle keeps what must survive its process."""
+    """Storage of what must survive a vehicle's process."""
 
     journal: Records
     """Of the requests of stations."""
@@ -96,7 +96,7 @@ class Storage(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class VehicleInputs(msgspec.Struct, frozen=True, kw_only=True):
-    """What a vehicle's side is built from, besides its links, sensors and storage."""
+    """Inputs of a vehicle's side, besides its links, sensors and storage."""
 
     platform: Platform
     context: HostContext

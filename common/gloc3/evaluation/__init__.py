@@ -1,4 +1,4 @@
-"""How good a flight or an odometer was: trajectories, their errors, and the path that was requested.
+"""Measures of flights and odometers: trajectories, their errors, and the path that was requested.
 
 The figures are those of the field (absolute and relative trajectory error).
 """

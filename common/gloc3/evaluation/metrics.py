@@ -28,7 +28,7 @@ MATCH_S: Final = 0.01
 
 
 class TrajectoryAlignment(StrEnum):
-    """How the estimate's frame is laid over that of the truth; never its scale."""
+    """Alignment of the estimate's frame with that of the truth; never of its scale."""
 
     BEGIN = "begin"
     """By the positions of the first tenth of the poses."""
@@ -50,7 +50,7 @@ class Statistics(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Evaluation(msgspec.Struct, frozen=True, kw_only=True):
-    """How far an estimate is from the truth."""
+    """Errors of an estimate against the truth."""
 
     poses: int
     """Poses of the estimate that the truth has a time for."""

@@ -11,7 +11,7 @@ MOST_WAITING: Final = 64_000_000
 
 
 class DiskFile:
-    """What is written goes to the operating system with the next `flush`, in a thread; `close` waits for that.
+    """Buffered file: content goes to the operating system with the next `flush`, in a thread; `close` waits for that.
 
     Args:
         path: made anew.

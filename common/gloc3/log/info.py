@@ -59,7 +59,7 @@ class FaultInfo(msgspec.Struct, frozen=True):
 
 
 class LogInfo(msgspec.Struct, frozen=True):
-    """What a log holds."""
+    """Contents of a log."""
 
     file: str
     size_bytes: int

@@ -48,7 +48,7 @@ REQUESTED_PATH: Final = "requested_path"
 
 
 class TopicBytes(NamedTuple):
-    """How much of a topic has been recorded."""
+    """Recorded bytes of a topic."""
 
     messages: int
     bytes: int

@@ -34,7 +34,7 @@ LONE_TOLERANCE_S: Final = 0.05
 
 
 class Comparison(msgspec.Struct, frozen=True):
-    """What was recorded on one of the component's outputs, against what the replay gave."""
+    """Recorded outputs of a component against those of the replay."""
 
     topic: str
     recorded: int

@@ -43,7 +43,7 @@ Data = bytes | mmap
 
 
 class Chunk(NamedTuple):
-    """Where a chunk lies."""
+    """Position of a chunk in the file."""
 
     offset: int
     end: int

@@ -27,7 +27,7 @@ _RESERVED = frozenset({"name", "id", "shape"})
 
 
 class Address(NamedTuple):
-    """Who sends or is meant: a MAVLink system and a component in it; 0 means all of them."""
+    """Address of a sender or receiver: a MAVLink system and a component in it; 0 means all of them."""
 
     system: int
     component: int
@@ -85,7 +85,7 @@ class Field(NamedTuple):
 
 
 class MessageLayout:
-    """Where the fields of one message lie in its payload; encodes and decodes with one precompiled `struct`."""
+    """Layout of one message's payload; encodes and decodes with one precompiled `struct`."""
 
     __slots__ = (
         "_pack",

@@ -26,7 +26,7 @@ QUANTUM_BYTES: Final = 64
 
 
 class TrafficKind(StrEnum):
-    """What a frame is for."""
+    """Purposes of frames."""
 
     COMMAND = "command"
     """Commands, answers, heartbeats, setpoints, texts, and our own command interface."""
@@ -39,7 +39,7 @@ class TrafficKind(StrEnum):
 
 
 class Share(msgspec.Struct, frozen=True):
-    """What a class gets of a line."""
+    """Share of a line for a class of frames."""
 
     weight: int
     most: int

@@ -31,7 +31,7 @@ Stream = tuple[int, int, int]
 
 
 class SigningVerdict(StrEnum):
-    """What is to be thought of a frame; the text is for a person."""
+    """Results of a frame's verification; the text is for a person."""
 
     GENUINE = "genuine"
     ALLOWED = "not signed, and need not be"
@@ -62,7 +62,7 @@ def is_signed_with(key: bytes, frame: Frame) -> bool:
 
 
 class Streams:
-    """How far each sender has come who signs with one key: what is not later is a repetition.
+    """Progress of each sender that signs with one key: what is not later is a repetition.
 
     The links of a process that have the same key share it, so that what was heard on one is not taken on another.
 

@@ -36,7 +36,7 @@ class ReadMission(RequestBody, frozen=True):
 
 
 class Verb(StrEnum):
-    """What an operator does to a mission, task or action."""
+    """Commands of an operator to a mission, task or action."""
 
     START = "start"
     PAUSE = "pause"
@@ -97,7 +97,7 @@ class CallFunction(RequestBody, frozen=True):
 
 
 class ControlVerb(StrEnum):
-    """How control of a platform changes hands."""
+    """Requests about control of a platform."""
 
     REQUEST = "request"
     RELEASE = "release"
@@ -120,7 +120,7 @@ class Control(RequestBody, frozen=True):
 
 
 class EmergencyVerb(StrEnum):
-    """What the emergency key asks for."""
+    """Requests of the emergency key."""
 
     HOLD = "hold"
     LAND = "land"
@@ -137,7 +137,7 @@ class Emergency(RequestBody, frozen=True):
 
 
 class Elsewhere(RequestBody, frozen=True):
-    """Tells a platform how far another one is in the mission that both have loaded; the holder of control passes it on.
+    """Progress of another platform in the mission that both have loaded; the holder of control passes it on.
 
     It needs no answer: the next one, a second later at the latest, says more.
     """
@@ -260,7 +260,7 @@ QUERIES: Final = (ReadMission, Query, Hello, Watch, ListTopics, Preflight, ReadR
 
 
 class StationRole(StrEnum):
-    """What a station may do."""
+    """Permissions of a station."""
 
     OPERATOR = "operator"
     """Looks, and commands once it holds control."""
@@ -283,7 +283,7 @@ class CiRequest(Message, frozen=True):
 
 
 class Outcome(StrEnum):
-    """What became of a request."""
+    """Outcomes of a request."""
 
     ACCEPTED = "accepted"
     """Carried out, or (mission, task, action) begun."""

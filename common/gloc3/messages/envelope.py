@@ -19,7 +19,7 @@ M = TypeVar("M", bound=Message)
 
 
 class Source(msgspec.Struct, frozen=True, gc=False):
-    """Who published: a component of a platform, in one of its lives."""
+    """Publisher of a message: a component of a platform, in one of its lives."""
 
     platform: str
     component: str
@@ -54,7 +54,7 @@ class Kind(StrEnum):
 
 
 class Severity(IntEnum):
-    """How bad an event is; the numbers are MAVLink's MAV_SEVERITY."""
+    """Severity of an event; the numbers are MAVLink's MAV_SEVERITY."""
 
     EMERGENCY = 0
     ALERT = 1
@@ -82,7 +82,7 @@ class CommandRequest(Message, frozen=True):
 
 
 class CommandReply(Message, frozen=True):
-    """What became of a command."""
+    """Result of a command."""
 
     request_id: str
     component: str
@@ -154,6 +154,6 @@ class Event(Message, frozen=True):
 
 
 class InternalState(Message, frozen=True):
-    """What the data logger records at the end of a cycle: selected items of the component's internal state."""
+    """Record of the data logger at the end of a cycle: selected items of the component's internal state."""
 
     items: dict[str, Any]

@@ -60,7 +60,7 @@ class HostStatus(Message, frozen=True):
 
 
 class HostState(StrEnum):
-    """How a host stands, as the clock host sees it."""
+    """State of a host, as the clock host sees it."""
 
     EXPECTED = "expected"
     """The platform's file names it, and it has not been heard yet."""
@@ -96,7 +96,7 @@ class HostSummary(Message, frozen=True):
 
 
 class HostWords(msgspec.Struct, frozen=True, array_like=True):
-    """What seldom changes of a host."""
+    """Properties of a host that seldom change."""
 
     name: str
     version: str = ""
@@ -121,7 +121,7 @@ class ClockQuestion(Message, frozen=True):
 
 
 class ClockAnswer(Message, frozen=True):
-    """What time it was on the clock host."""
+    """Time on the clock host."""
 
     number: int
     received_s: float

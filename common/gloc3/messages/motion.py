@@ -11,7 +11,7 @@ Whole3 = tuple[int, int, int]
 
 
 class MotionSummary(Message, frozen=True):
-    """How the vehicle moves, and how it should.
+    """Motion of the vehicle, measured and wanted.
 
     Positions and velocities are x, y, height in the frame of the `SiteSummary`. Angles are hundredths of degrees, and
     headings count clockwise from north.

@@ -10,7 +10,7 @@ from gloc3.messages.frames import IDENTITY, Quaternion, Vector3
 
 
 class ImuSample(Message, frozen=True):
-    """What the inertial measuring unit felt, with its biases."""
+    """A sample of the inertial measuring unit, with its biases."""
 
     rate_frd_rad_s: Vector3
     specific_force_frd_m_s2: Vector3
@@ -52,7 +52,7 @@ class Features(Message, frozen=True):
 
 
 class Odometry(Message, frozen=True):
-    """How the body moved since a moment of its past, by one source. Its time of validity is the end of the motion.
+    """Motion of the body since a moment of its past, by one source. Its time of validity is the end of the motion.
 
     Consecutive reports may share their reference: a key frame, the begin of a map. A direction that the source cannot
     tell has a variance of `UNKNOWN_VARIANCE`.
@@ -80,7 +80,7 @@ class Odometry(Message, frozen=True):
 
 
 class PositionFix(Message, frozen=True):
-    """Where a place on the body is, told from outside."""
+    """Position of a point on the body, measured from outside."""
 
     source: str
     position_ned_m: Vector3
@@ -95,7 +95,7 @@ class PositionFix(Message, frozen=True):
 
 
 class SourceState(Message, frozen=True):
-    """What the fusion makes of one source."""
+    """State of one source in the fusion."""
 
     source: str
     is_used: bool
@@ -109,7 +109,7 @@ class SourceState(Message, frozen=True):
 
 
 class FusionState(Message, frozen=True):
-    """What the pose of the platform rests on."""
+    """Sources on which the pose of the platform rests."""
 
     sources: list[SourceState]
     gyroscope_bias_rad_s: Vector3 = (0.0, 0.0, 0.0)
@@ -149,7 +149,7 @@ class BottomVelocity(Message, frozen=True):
 
 
 class WheelDistances(Message, frozen=True):
-    """How far wheels have turned since their encoders began to count."""
+    """Distances that wheels have turned since their encoders began to count."""
 
     distances_m: tuple[float, ...] = ()
     """Way of each wheel's rim, in the order of its encoders; backwards counts down."""
@@ -158,7 +158,7 @@ class WheelDistances(Message, frozen=True):
 
 
 class SatelliteFix(Message, frozen=True):
-    """Where a satellite receiver says that it is."""
+    """Position that a satellite receiver reports."""
 
     place_geo: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Latitude and longitude in degrees, altitude above mean sea level in metres."""

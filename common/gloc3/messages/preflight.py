@@ -10,7 +10,7 @@ from gloc3.messages.envelope import Message
 
 
 class Verdict(StrEnum):
-    """What a check says, best first."""
+    """Results of a check, best first."""
 
     OK = "ok"
     UNKNOWN = "unknown"
@@ -25,7 +25,7 @@ SEVERITY: Final = {verdict: rank for rank, verdict in enumerate(Verdict)}
 
 
 class Group(StrEnum):
-    """What the checks are about, in the order of the list."""
+    """Subjects of the checks, in the order of the list."""
 
     AUTOPILOT = "autopilot"
     FAILSAFES = "failsafes"

@@ -15,7 +15,7 @@ class ReadSetup(Message, frozen=True):
 
 
 class AutopilotSetup(Message, frozen=True):
-    """What the autopilot is, and is set to."""
+    """Identity and settings of the autopilot."""
 
     style: Style | None = None
     firmware: tuple[int, int, int] | None = None

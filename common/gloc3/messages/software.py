@@ -13,7 +13,7 @@ DIGEST_BYTES: Final = 4
 
 
 class Software(NamedTuple):
-    """What an end tells of itself; empty texts from one that does not tell."""
+    """Software that an end reports; empty texts from one that does not."""
 
     version: str
     protocol: str

@@ -19,7 +19,7 @@ BUSY_PERCENT: Final = 80
 
 
 class ShownComponent(Protocol):
-    """What a field's text may depend on, beside its value."""
+    """Properties that a field's text may depend on, beside its value."""
 
     @property
     def nominal_rate_hz(self) -> float:

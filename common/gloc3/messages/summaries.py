@@ -59,7 +59,7 @@ class Summary(Message, frozen=True):
 
 
 class TableRow(msgspec.Struct, frozen=True, array_like=True):
-    """What of a component does not change while it runs."""
+    """Properties of a component that do not change while it runs."""
 
     name: str
     kind: str
@@ -157,7 +157,7 @@ class MissionSummary(Message, frozen=True):
 
 
 class ControlState(Message, frozen=True):
-    """Who holds control of the platform."""
+    """Holder of control of the platform."""
 
     holder: str
     """The station's id; empty where nobody does."""

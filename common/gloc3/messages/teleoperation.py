@@ -22,7 +22,7 @@ AT_REST: Final[Velocity] = (0, 0, 0)
 
 
 class VelocityDemand(Message, frozen=True):
-    """How the vehicle shall move now."""
+    """Requested velocity of the vehicle."""
 
     sender: str
     """The station's id."""
@@ -39,7 +39,7 @@ class VelocityDemand(Message, frozen=True):
 
 
 class TeleoperationState(Message, frozen=True):
-    """What the vehicle makes of the demands, told while the action `teleoperate` is under way."""
+    """Response of the vehicle to the demands, published while the action `teleoperate` is under way."""
 
     t_s: float
     action_id: str

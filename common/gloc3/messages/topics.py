@@ -24,7 +24,7 @@ from gloc3.messages.wire import TypeRegistry
 
 
 class TopicService(StrEnum):
-    """How a topic travels between processes."""
+    """Quality of service of a topic between processes."""
 
     COMMAND = "command"
     """Everything arrives, before everything else."""
@@ -39,7 +39,7 @@ class TopicService(StrEnum):
 
 
 class TopicRow(msgspec.Struct, frozen=True):
-    """What the system knows of a topic."""
+    """Properties of a topic."""
 
     message: type[Message]
     rate_hz: float = 0.0

@@ -23,7 +23,7 @@ class Style(StrEnum):
 
 
 class VehicleClass(StrEnum):
-    """What an autopilot steers, told by its heartbeat; its modes and manners differ by it."""
+    """Classes of vehicles, reported in the heartbeat; an autopilot's modes and behaviour differ by it."""
 
     COPTER = "copter"
     ROVER = "rover"
@@ -33,7 +33,7 @@ class VehicleClass(StrEnum):
 
 
 class FlightMode(StrEnum):
-    """What an autopilot's mode means to us; each style maps its own numbers to these."""
+    """Meaning of an autopilot's mode; each style maps its own numbers to these."""
 
     TAKE_OFF = "take_off"
     HOLD = "hold"
@@ -49,7 +49,7 @@ class FlightMode(StrEnum):
 
 
 class LandedState(StrEnum):
-    """Where the autopilot believes that the vehicle is."""
+    """The autopilot's belief about being on the ground or in the air."""
 
     UNKNOWN = "unknown"
     ON_GROUND = "on_ground"
@@ -100,7 +100,7 @@ class AutopilotPose(Message, frozen=True):
 
 
 class HeightAboveGround(Message, frozen=True):
-    """How far the ground below is, as a range finder tells that is fixed to the body."""
+    """Distance to the ground below, from a range finder that is fixed to the body."""
 
     height_m: float
     """Along the body's down axis: where the body is tilted, more than the height above level ground."""
@@ -109,7 +109,7 @@ class HeightAboveGround(Message, frozen=True):
 
 
 class Pose(Message, frozen=True):
-    """Where the platform is, in the NED frame at the origin of its local frame."""
+    """Pose of the platform, in the NED frame at the origin of its local frame."""
 
     position_ned_m: Vector3
     velocity_ned_m_s: Vector3
@@ -135,7 +135,7 @@ NOT_MEASURED_M: Final = -1.0
 
 
 class ObstacleScan(Message, frozen=True):
-    """What a range scanner has hit, once round."""
+    """Hits of a range scanner, once round."""
 
     points_ne_m: list[tuple[float, float]]
     """Where something was hit: metres north and east, in the NED frame of the pose."""
@@ -176,7 +176,7 @@ class ImageRecorded(Message, frozen=True):
 
 
 class MotionGrant(Message, frozen=True):
-    """Who owns `motion`: published by the command interface server, obeyed by limiter and driver."""
+    """Owner of `motion`: published by the command interface server, obeyed by limiter and driver."""
 
     action_id: str
     component: str
@@ -184,7 +184,7 @@ class MotionGrant(Message, frozen=True):
 
 
 class Setpoint(Message, frozen=True):
-    """What the vehicle shall do next; streamed. Fields that are None are left to the autopilot."""
+    """Next motion of the vehicle; streamed. Fields that are None are left to the autopilot."""
 
     action_id: str
     """The owner of motion that this comes from."""
@@ -196,7 +196,7 @@ class Setpoint(Message, frozen=True):
 
 
 class ManoeuvreKind(StrEnum):
-    """What the autopilot does by itself when asked."""
+    """Manoeuvres that the autopilot flies by itself on request."""
 
     TAKE_OFF = "take_off"
     LAND = "land"
@@ -221,7 +221,7 @@ class Manoeuvre(Message, frozen=True):
 
 
 class ManoeuvreState(StrEnum):
-    """How far a manoeuvre has come."""
+    """Progress of a manoeuvre."""
 
     RUNNING = "running"
     DONE = "done"
@@ -229,7 +229,7 @@ class ManoeuvreState(StrEnum):
 
 
 class DriverState(Message, frozen=True):
-    """What the autopilot driver does and has turned down."""
+    """State of the autopilot driver, and counts of what it has turned down."""
 
     action_id: str = ""
     """The owner of motion that it obeys."""
@@ -264,7 +264,7 @@ class DriverState(Message, frozen=True):
 
 
 class MotionLimits(Message, frozen=True):
-    """What the limiter and the driver keep to: the platform's limits and the mission's fence."""
+    """Limits that the limiter and the driver keep to: the platform's limits and the mission's fence."""
 
     speed_m_s: float
     climb_m_s: float
@@ -299,7 +299,7 @@ class GeoFence(Message, frozen=True):
 
 
 class FenceProgress(StrEnum):
-    """How far the autopilot's fence is."""
+    """Progress of the autopilot's fence."""
 
     NONE = "none"
     UPLOADING = "uploading"
@@ -309,7 +309,7 @@ class FenceProgress(StrEnum):
 
 
 class FenceState(Message, frozen=True):
-    """What has become of the fence that the autopilot was given."""
+    """State of the fence that the autopilot was given."""
 
     digest: str
     progress: FenceProgress
@@ -317,7 +317,7 @@ class FenceState(Message, frozen=True):
 
 
 class Home(Message, frozen=True):
-    """Where the vehicle stood when it was armed; kept on disk by the command interface server."""
+    """Position at which the vehicle was armed; kept on disk by the command interface server."""
 
     position_ned_m: Vector3
 

@@ -89,7 +89,7 @@ class Preview(Message, frozen=True):
 
 
 class TopicActivity(Message, frozen=True):
-    """How the topics of the platform's list speak, in its order; while somebody looks at the list."""
+    """Activity of the topics of the platform's list, in its order; while somebody watches the list."""
 
     rates: list[int]
     """Messages in ten seconds."""

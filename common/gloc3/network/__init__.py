@@ -1,4 +1,4 @@
-"""Who is on the network, and what each may do: members, certificates, roles (docs/network.md).
+"""The network's members and their permissions: certificates and roles (docs/network.md).
 
 `file` reads a member's network file, `stations` bridges its stations' requests, `access` derives who may what.
 """

@@ -1,4 +1,4 @@
-"""Where the components of a platform run: on which of its hosts, and in which process there."""
+"""Places of a platform's components: the host, and the process there, in which each runs."""
 
 from collections import Counter
 from typing import Final, NamedTuple

@@ -112,7 +112,7 @@ def pull(
 
 
 class PullRequest(msgspec.Struct, frozen=True, kw_only=True):
-    """What is to be done with the logs."""
+    """Options of a log download."""
 
     names: tuple[str, ...] = ()
     """Which; none for all."""

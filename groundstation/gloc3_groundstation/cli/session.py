@@ -52,7 +52,7 @@ class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class HeadlessOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """How a session without a terminal goes."""
+    """Options of a session without a terminal."""
 
     wait_s: float = 60.0
     """How long the platform may take to be heard."""
@@ -67,7 +67,7 @@ class HeadlessOptions(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class TerminalOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """How a session in the terminal goes."""
+    """Options of a session in the terminal."""
 
     is_starting: bool = False
     """Starts the selected mission without waiting for the key."""

@@ -29,7 +29,7 @@ TAKEN_OVER: Final = {"pilot": "a pilot", "failsafe": "the autopilot's failsafe"}
 
 
 class End(msgspec.Struct, frozen=True, kw_only=True):
-    """How a mission ended."""
+    """End of a mission."""
 
     state: str
     """An `ActionState`, or `lost` where the platform no longer holds the mission."""
@@ -178,7 +178,7 @@ async def start(station: Station, platform: str, override: str = "", author: str
 
 
 class Follower:
-    """Tells from the snapshots when a mission that was started has ended, and how."""
+    """Detects the end of a started mission in the snapshots."""
 
     def __init__(self, started_s: float) -> None:
         self._settled_s = started_s + SETTLED_AFTER_S

@@ -28,7 +28,7 @@ READ_BYTES: Final = 64 * EVENT.size
 
 
 class GamepadState:
-    """What the events so far say; told bytes, which may be cut anywhere."""
+    """State of a gamepad from its events; fed bytes, which may be cut anywhere."""
 
     def __init__(self) -> None:
         self._remainder = b""

@@ -24,7 +24,7 @@ class Judged(NamedTuple):
 
 
 class ParameterDesk:
-    """See the module.
+    """Parameters of one vehicle on the desk.
 
     Args:
         begin: begins what takes time.

@@ -21,7 +21,7 @@ class PlanFile(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PlanDesk:
-    """See the module.
+    """Plans of one vehicle on the desk.
 
     Args:
         begin: begins what takes time.

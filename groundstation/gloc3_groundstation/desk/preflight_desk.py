@@ -37,7 +37,7 @@ class ReceivedList(NamedTuple):
 
 
 class CheckList(NamedTuple):
-    """What is known of a platform's readiness now."""
+    """Readiness of a platform, as known now."""
 
     checks: tuple[Check, ...]
     """The platform's lines and the station's; empty while the platform has told none."""

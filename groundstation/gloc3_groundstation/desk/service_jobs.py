@@ -33,7 +33,7 @@ class ServiceJob(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class JobOutcome(msgspec.Struct, frozen=True, kw_only=True):
-    """How a job ended."""
+    """End of a job."""
 
     text: str
     is_good: bool = True
@@ -53,7 +53,7 @@ class JobStarter(Protocol):
 
 
 class Jobs:
-    """See the module. Different services of a vehicle work side by side."""
+    """Jobs of a vehicle's services; different services work side by side."""
 
     def __init__(self) -> None:
         self.running: Final[dict[ServiceKind, ServiceJob]] = {}

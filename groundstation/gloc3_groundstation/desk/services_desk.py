@@ -21,7 +21,7 @@ def nowhere(name: str) -> Never:
 
 
 class ServicesDesk:
-    """See the module."""
+    """The services of all vehicles, each opened when it is first asked for."""
 
     def __init__(self, station: Station, reach: Reach = nowhere, folder: Path = Path()) -> None:
         """A desk.

@@ -24,7 +24,7 @@ class StickDemand(NamedTuple):
 
 
 class FullSpeed(NamedTuple):
-    """What a stick at its end asks for; the vehicle keeps to its own limits besides."""
+    """Speeds of a stick at its end; the vehicle keeps to its own limits besides."""
 
     across_m_s: float = 0.5
     up_m_s: float = 0.3

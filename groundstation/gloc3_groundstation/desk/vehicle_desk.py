@@ -43,7 +43,7 @@ __all__ = [
 
 
 class VehicleDesk:
-    """See the module; what was listed or fetched stays at hand until it is asked for again.
+    """One vehicle's services; what was listed or fetched stays at hand until it is requested again.
 
     Args:
         station: is told what was changed on the vehicle.

@@ -25,7 +25,7 @@ _VERBS: Final = {EmergencyVerb.HOLD: AcousticVerb.HOLD, EmergencyVerb.LAND: Acou
 
 
 class ModemContext(msgspec.Struct, frozen=True, kw_only=True):
-    """What a modem's way needs of its station."""
+    """The parts of its station that a modem's route needs."""
 
     exchange: Exchange
     boot: int

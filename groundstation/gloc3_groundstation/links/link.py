@@ -36,7 +36,7 @@ GivenUp = Callable[[Undelivered], None]
 
 
 class LinkContext(msgspec.Struct, frozen=True, kw_only=True):
-    """What all links of a station share."""
+    """Context that all links of a station share."""
 
     loop: asyncio.AbstractEventLoop
     """Gives the time and wakes the links."""
@@ -65,7 +65,7 @@ class LinkContext(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LinkSettings(msgspec.Struct, frozen=True, kw_only=True):
-    """What is known of one link."""
+    """Settings of one link."""
 
     url: str = ""
     """Named in what is reported; empty for a link that needs no name."""

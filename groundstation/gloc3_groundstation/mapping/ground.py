@@ -22,7 +22,7 @@ FARTHEST_M = 100_000.0
 
 
 class MapPlacement(NamedTuple):
-    """How a vehicle's frame (x, y, height) lies on the map."""
+    """Placement of a vehicle's frame (x, y, height) on the map."""
 
     cosine: float = 1.0
     """Of the bearing of x."""

@@ -65,7 +65,7 @@ class Ring:
 
 
 class HistoryLevel(NamedTuple):
-    """How values are kept beyond the last minutes."""
+    """Resolution of values beyond the last minutes."""
 
     period_s: float
     """A row stands for so long."""

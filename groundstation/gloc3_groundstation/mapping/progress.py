@@ -1,4 +1,4 @@
-"""How far along the requested path a vehicle has come, point by point as it flies."""
+"""Progress of a vehicle along the requested path, point by point as it flies."""
 
 from collections.abc import Sequence
 from typing import Final

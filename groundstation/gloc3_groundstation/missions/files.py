@@ -31,7 +31,7 @@ _BEGINS: Final = {
 
 
 class FileGroup(StrEnum):
-    """Where an entry comes from."""
+    """Origins of an entry."""
 
     RECENT = "recent"
     EXAMPLE = "examples"

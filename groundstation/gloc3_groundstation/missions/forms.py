@@ -33,7 +33,7 @@ FLAT: Final = ("at_m", "area_m", "wall_m", "to_m")
 
 
 class FieldShape(StrEnum):
-    """How a field is typed."""
+    """Input shapes of a field."""
 
     VALUE = "value"
     POSITION = "position"
@@ -67,7 +67,7 @@ class CapabilityForm(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FormError(Gloc3Error):
-    """What was typed is no value; `field` is the argument's name, empty where all of them together are meant."""
+    """Invalid input; `field` is the argument's name, empty where all of them together are meant."""
 
     def __init__(self, field: str, reason: str) -> None:
         super().__init__(reason)

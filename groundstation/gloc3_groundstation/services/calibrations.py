@@ -22,7 +22,7 @@ OnState = Callable[[CalibrationState], None]
 
 
 class CalibrationService:
-    """See the module. One calibration of a vehicle runs at a time."""
+    """Calibrates sensors, one at a time on a vehicle."""
 
     def __init__(self, wire: Wire, machines: Machines, snapshot: SnapshotService) -> None:
         self._wire = wire

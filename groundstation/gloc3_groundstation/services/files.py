@@ -22,7 +22,7 @@ LARGEST_UPLOAD_BYTES: Final = 64_000_000
 
 
 class Folder(msgspec.Struct, frozen=True, kw_only=True):
-    """What a folder on the vehicle holds."""
+    """Contents of a folder on the vehicle."""
 
     path: str
     entries: tuple[FolderEntry, ...]
@@ -39,7 +39,7 @@ class Folder(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FileService:
-    """See the module. One transfer runs at a time, further ones wait for it.
+    """Transfers files. One transfer runs at a time, further ones wait for it.
 
     Args:
         machines: run the client.

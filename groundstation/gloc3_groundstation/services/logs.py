@@ -39,7 +39,7 @@ class LogLine(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LogService:
-    """See the module. One request runs at a time."""
+    """Lists and downloads logs. One request runs at a time."""
 
     def __init__(self, machines: Machines, client: LogClient, target: Address, snapshot: SnapshotService) -> None:
         self._machines = machines

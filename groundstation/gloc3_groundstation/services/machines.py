@@ -13,7 +13,7 @@ from gloc3.mavlink.service import Microservice
 
 
 class Wire(Protocol):
-    """What a service needs of a link; `gloc3_groundstation.links.links.Link` is one."""
+    """The part of a link that a service needs; `gloc3_groundstation.links.links.Link` is one."""
 
     @property
     def own(self) -> Address:

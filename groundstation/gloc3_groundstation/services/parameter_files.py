@@ -31,7 +31,7 @@ _WORD: Final = re.compile(r"[^\s,]+")
 
 
 class ParameterFormat(StrEnum):
-    """Whose file it is; the value is the suffix."""
+    """File formats; the value is the suffix."""
 
     QGROUNDCONTROL = ".params"
     MAVPROXY = ".parm"

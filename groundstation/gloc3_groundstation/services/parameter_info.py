@@ -1,4 +1,4 @@
-"""What is known about a parameter beside its value: bounds, unit, meaning; read from the firmware's own descriptions.
+"""Descriptions of parameters: bounds, unit, meaning; read from the firmware's own files.
 
 PX4 describes its parameters in `parameters.json` (often packed as `.xz`; the vehicle itself has one), ArduPilot in
 `apm.pdef.xml` or `apm.pdef.json`.
@@ -23,7 +23,7 @@ _INDEXED: Final = re.compile(r"\{n\}")
 
 
 class ParameterInfo(msgspec.Struct, frozen=True, kw_only=True):
-    """What a firmware says about one of its parameters."""
+    """A firmware's description of one of its parameters."""
 
     title: str = ""
     description: str = ""

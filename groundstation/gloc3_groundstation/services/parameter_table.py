@@ -68,7 +68,7 @@ class ParameterRow(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class DiffKind(StrEnum):
-    """How a file and a vehicle differ in one parameter."""
+    """Differences of a file and a vehicle in one parameter."""
 
     DIFFERENT = "different"
     SAME = "same"
@@ -99,7 +99,7 @@ class ParameterChange(msgspec.Struct, frozen=True):
 
 
 class ParameterDiff(msgspec.Struct, frozen=True, kw_only=True):
-    """What would change if a file were loaded."""
+    """Changes that loading a file would make."""
 
     file: str
     rows: tuple[DiffRow, ...]

@@ -30,7 +30,7 @@ MOST_SILENT: Final = 2
 
 
 class WriteReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What became of several changes."""
+    """Results of several changes."""
 
     written: tuple[ParameterChange, ...] = ()
     """Set, and read back as they were set."""
@@ -41,7 +41,7 @@ class WriteReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ParameterService:
-    """See the module. `table` is what is known now; it is exchanged for another one at each change."""
+    """Reads and sets parameters. `table` holds what is known now; it is replaced at each change."""
 
     def __init__(
         self, machines: Machines, client: ParameterClient, snapshot: SnapshotService, files: FileService

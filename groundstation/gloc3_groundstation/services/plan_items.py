@@ -41,7 +41,7 @@ class PlanParts(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PlanDifference(msgspec.Struct, frozen=True, kw_only=True):
-    """Where the vehicle's plan is not the wanted one."""
+    """A difference between the vehicle's plan and the wanted one."""
 
     kind: PlanType
     number: int

@@ -25,7 +25,7 @@ _NEEDED: Final = {PlanType.FENCE: ProtocolCapability.MISSION_FENCE, PlanType.RAL
 
 
 class VehiclePlan(msgspec.Struct, frozen=True, kw_only=True):
-    """What is on the vehicle."""
+    """The plan on the vehicle."""
 
     plan: ForeignPlan
     """As a file has it."""
@@ -49,7 +49,7 @@ class VehiclePlan(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PlanService:
-    """See the module."""
+    """Transfers plans, and compares them."""
 
     def __init__(self, machines: Machines, client: MissionClient, snapshot: SnapshotService) -> None:
         self._machines = machines

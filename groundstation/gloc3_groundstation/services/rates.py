@@ -121,7 +121,7 @@ class FrameRateMeter:
 
 
 class RateService:
-    """See the module."""
+    """Measures message rates and requests others."""
 
     def __init__(self, machines: Machines, commands: MavCommandClient, meter: FrameRateMeter, target: Address) -> None:
         self._machines = machines

@@ -11,7 +11,7 @@ _PIECE_BYTES: Final = 1 << 16
 
 
 class Saving:
-    """Where a download goes.
+    """Destination of a download.
 
     Args:
         path: the file that it becomes.

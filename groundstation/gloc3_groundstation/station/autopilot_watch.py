@@ -100,7 +100,7 @@ class PlaceWatch:
 
 
 class AutopilotWatch:
-    """Takes in the frames of one autopilot."""
+    """Follows one autopilot by its frames."""
 
     def __init__(self, now_s: float) -> None:
         self.first_s: Final = now_s

@@ -45,7 +45,7 @@ _Key = tuple[str, int]
 
 
 class Unanswered(Gloc3Error):
-    """It is not known whether a request was carried out."""
+    """The outcome of a request is unknown."""
 
 
 class ReadBackDiffers(Gloc3Error):

@@ -26,7 +26,7 @@ Listener = Callable[[Fleet, Fleet, float], None]
 
 
 class Relay:
-    """Tells each platform in our control of the others in its mission, as soon as anything is heard of these.
+    """Relays the progress of a mission among the platforms in our control, as soon as anything is heard of one.
 
     What is not heard here is not passed on: a platform that falls silent does so for all.
     """

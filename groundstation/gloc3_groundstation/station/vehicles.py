@@ -43,7 +43,7 @@ _IDS_HINT: Final = "give one of them another id (PX4: MAV_SYS_ID, ArduPilot: SYS
 
 
 class VehicleListener(Wire, Protocol):
-    """What is needed of a link; `gloc3_groundstation.links.links.Link` is one."""
+    """The part of a link that the vehicles need; `gloc3_groundstation.links.links.Link` is one."""
 
     def platforms(self) -> list[tuple[str, Address]]:
         """The platforms whose companions are heard there, with the companions' addresses."""

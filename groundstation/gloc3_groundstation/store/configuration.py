@@ -34,7 +34,7 @@ class LastSession(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 
 class Configuration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the file holds."""
+    """Contents of the configuration file."""
 
     theme: ThemeName = "dark"
     station_id: int = 255

@@ -39,7 +39,7 @@ class Queued(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ContactQueue:
-    """See the module.
+    """Requests that wait for the next contact.
 
     Args:
         station: brings them over.

@@ -25,7 +25,7 @@ POLL_PERIOD_S: Final = 1.0
 
 
 class RecordingLimits(NamedTuple):
-    """How much is kept."""
+    """Limits of what is kept."""
 
     part_bytes: int = PART_BYTES
     kept_bytes: int = KEPT_BYTES

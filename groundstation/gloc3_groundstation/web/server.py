@@ -70,7 +70,7 @@ class TerminalWindow(Protocol):
 
 
 class WebOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """Where the page is served."""
+    """Options of the web server."""
 
     host: str = HOST
     port: int = PORT

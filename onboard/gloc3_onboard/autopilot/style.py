@@ -1,4 +1,4 @@
-"""What differs between PX4 and ArduPilot: mode numbers, and how arming, take-off and setpoints are asked for."""
+"""Differences between PX4 and ArduPilot: mode numbers, and how arming, take-off and setpoints are requested."""
 
 import math
 from collections.abc import Mapping, Sequence

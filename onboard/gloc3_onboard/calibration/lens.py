@@ -32,7 +32,7 @@ def size_of(values: Values, where: Where, size: Sequence[object]) -> tuple[int, 
 
 
 class WrittenLens(NamedTuple):
-    """What a calibration file says of a lens."""
+    """A lens as a calibration file describes it."""
 
     size: tuple[int, int]
     """Width and height of its pictures."""

@@ -1,4 +1,4 @@
-"""How a camera sits: transformations of calibration files, and the letters that tell a file's axes on our body."""
+"""Mounting of a camera: transformations of calibration files, and the letters that map a file's axes to our body."""
 
 import math
 from typing import Final, NamedTuple

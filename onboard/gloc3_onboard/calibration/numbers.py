@@ -9,7 +9,7 @@ from gloc3.errors import Finding, nearest
 
 
 class Values:
-    """Takes values out of a document and keeps what is wrong with them.
+    """Reads values from a document and collects its errors.
 
     Each method gives None, and adds a finding, where the value is missing or of another shape.
     """

@@ -20,7 +20,7 @@ FORMS: Final = "OpenCV (YAML, XML), Kalibr camchain, EuRoC sensor.yaml, KITTI ca
 
 
 class CalibrationFile(NamedTuple):
-    """What a file tells."""
+    """Contents of a calibration file."""
 
     file: str
     form: str

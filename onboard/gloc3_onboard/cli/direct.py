@@ -1,4 +1,4 @@
-"""What commands need that speak to an autopilot directly, while `gloc3 onboard` is not running."""
+"""Direct link to an autopilot, for commands that run while `gloc3 onboard` does not."""
 
 import asyncio
 from pathlib import Path

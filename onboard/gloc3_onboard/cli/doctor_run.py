@@ -1,4 +1,4 @@
-"""Looks at a vehicle's computer and autopilot without flying: opens the link, listens for a while, makes the list."""
+"""Checks a vehicle's computer and autopilot without flying: opens the link, listens for a while, makes the list."""
 
 import asyncio
 from functools import partial
@@ -30,7 +30,7 @@ FRESH_S: Final = 1.0
 
 
 class DoctorOptions(NamedTuple):
-    """What `gloc3 doctor` was asked."""
+    """Options of `gloc3 doctor`."""
 
     platform: Platform
     autopilot: str

@@ -1,4 +1,4 @@
-"""What every `gloc3 odometry` command does with its estimate: write it, compare it with the truth, print the errors."""
+"""Common end of the `gloc3 odometry` commands: writes the estimate, compares it with the truth, prints the errors."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,7 +54,7 @@ class ReportOptions:
 
 
 class Cost(msgspec.Struct, frozen=True, kw_only=True):
-    """What became of the inputs of a run."""
+    """Inputs of a run: used, refused, and what they cost."""
 
     inputs: int
     """Pictures, pairs of pictures, or scans."""

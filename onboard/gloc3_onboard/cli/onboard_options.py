@@ -1,4 +1,4 @@
-"""What `gloc3 onboard` can be asked for, as its command line takes it; `gloc3 onboard install` takes the same."""
+"""Options of `gloc3 onboard` on its command line; `gloc3 onboard install` takes the same."""
 
 from dataclasses import dataclass, field
 from math import inf

@@ -93,7 +93,7 @@ KINDS: Final = {
 
 
 class Found(NamedTuple):
-    """What the autopilot has told."""
+    """Properties that the autopilot has reported."""
 
     setup: AutopilotSetup
     origin_geo: tuple[float, float, float] | None
@@ -127,7 +127,7 @@ class Found(NamedTuple):
 
 
 class Answers(NamedTuple):
-    """What a person knows."""
+    """Properties given by a person."""
 
     name: str
     type: str

@@ -1,4 +1,4 @@
-"""What an autopilot's parameters say about a vehicle's limits and battery, for a new platform file."""
+"""Limits and battery of a vehicle from its autopilot's parameters, for a new platform file."""
 
 from collections.abc import Mapping
 from typing import Final, NamedTuple

@@ -17,7 +17,7 @@ from gloc3_onboard.sensors.rig import PlatformRig
 
 
 class PlatformReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What was found in a platform file."""
+    """Findings in a platform file."""
 
     file: str
     findings: list[Finding]

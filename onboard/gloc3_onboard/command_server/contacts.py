@@ -17,7 +17,7 @@ SOURCE: Final = "status"
 
 
 class Contacts:
-    """When each station was last heard, and the reports that follow.
+    """Last contact of each station, and the reports that follow.
 
     Args:
         reports: what the platform has told.

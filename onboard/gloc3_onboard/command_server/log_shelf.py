@@ -34,7 +34,7 @@ _PIECE_BYTES: Final = 1 << 20
 
 
 class LogStoreBase(Protocol):
-    """What the command interface server needs of it."""
+    """The log store as the command interface server uses it."""
 
     def handle(self, request: CiRequest) -> CiReply | None:
         """Takes a request about logs; the answer where that is known at once."""
@@ -44,7 +44,7 @@ class LogStoreBase(Protocol):
 
 
 class NoLogStore:
-    """Where no logs are kept."""
+    """A log store without logs."""
 
     def handle(self, request: CiRequest) -> CiReply | None:
         """Refuses."""

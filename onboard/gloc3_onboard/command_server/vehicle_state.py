@@ -35,7 +35,7 @@ AIRBORNE: Final = (LandedState.IN_AIR, LandedState.TAKING_OFF, LandedState.LANDI
 
 
 class KeptHome(msgspec.Struct, frozen=True, array_like=True):
-    """Where the vehicle was armed, as it is kept on disk."""
+    """The place where the vehicle was armed, as kept on disk."""
 
     position_ned_m: Vector3
     origin_geo: tuple[float, float, float] | None

@@ -1,4 +1,4 @@
-"""Which parameters the onboard computer has: its own, and of each component the rate and the settings that are numbers."""
+"""Parameters of the onboard computer: its own, and of each component the rate and the settings that are numbers."""
 
 import typing
 from collections.abc import Callable, Collection, Iterator, Mapping

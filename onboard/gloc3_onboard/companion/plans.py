@@ -272,7 +272,7 @@ _PLACED: Final = frozenset({16, 19, 21, 22, 195, 201})
 
 
 class Verdict(NamedTuple):
-    """What is wrong with a plan."""
+    """Result of a plan's check."""
 
     result: PlanResult
     reason: str

@@ -70,7 +70,7 @@ class HeartbeatSource:
 
 
 class StationLinkSettings(NamedTuple):
-    """What is known of a link to stations."""
+    """Settings of a link to stations."""
 
     budget: LinkBudget = RADIO
     """What the link carries."""

@@ -63,7 +63,7 @@ Lives = dict[str, str | None]
 
 
 class ChildPhase(StrEnum):
-    """Where a child is in its life."""
+    """Phases in the life of a child process."""
 
     AWAY = "away"
     BEGINNING = "beginning"

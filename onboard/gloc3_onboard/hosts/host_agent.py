@@ -1,4 +1,4 @@
-"""What a host's main process does for its host: leads the child processes, says that it is here, and how all of them are."""
+"""Host agent, in a host's main process: starts and controls the child processes, reports presence and state."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -20,7 +20,7 @@ STATUS_S: Final = 1.0
 
 
 class ClockState(NamedTuple):
-    """What a host knows of the platform's time."""
+    """A host's knowledge of the platform's time."""
 
     offset_s: float = 0.0
     bound_s: float = 0.0

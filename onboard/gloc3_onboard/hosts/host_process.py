@@ -36,7 +36,7 @@ Open = Callable[[], AbstractContextManager[SharedExchange]]
 
 
 class HostOptions(NodeOptions, frozen=True, kw_only=True):
-    """What a host is to do."""
+    """Options of a host."""
 
     is_quiet: bool = False
     network: Path | None = None

@@ -1,4 +1,4 @@
-"""What a process of a platform holds that is not the one with the autopilot's link: log, sensors and components."""
+"""A process of a platform other than the one with the autopilot's link: log, sensors and components."""
 
 import asyncio
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ from gloc3_onboard.sensors.registry import SourceHost
 
 
 class BootTime:
-    """When the autopilot began to count its time, from the clock host's status, for sources whose stamps are in it.
+    """Start of the autopilot's time, from the clock host's status, for sources whose stamps are in it.
 
     Args:
         exchange: of this process.
@@ -56,7 +56,7 @@ class BootTime:
 
 
 class NodeOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """What a process of a platform was asked for."""
+    """Options of a process of a platform."""
 
     platform: str
     """The platform file, or the name of one that is installed."""

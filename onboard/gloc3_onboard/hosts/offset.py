@@ -13,7 +13,7 @@ SLACK_S: Final = 1e-3
 
 
 class OffsetEstimate(NamedTuple):
-    """What is known of an offset."""
+    """Estimate of an offset."""
 
     offset_s: float
     """The other clock minus ours."""

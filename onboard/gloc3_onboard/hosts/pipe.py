@@ -1,4 +1,4 @@
-"""What a host's main process and its child processes say to each other on the socket pair between them."""
+"""Messages between a host's main process and its child processes, on the socket pair between them."""
 
 import asyncio
 import socket

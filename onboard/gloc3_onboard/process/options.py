@@ -1,4 +1,4 @@
-"""What an onboard process was asked for."""
+"""Options of an onboard process."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from gloc3_onboard.process.run_log import LogLimits
 
 
 class ProcessOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """What `gloc3 onboard` was asked for."""
+    """Options of `gloc3 onboard`."""
 
     platform: str
     autopilot: str

@@ -39,7 +39,7 @@ through it is heard again so much later."""
 
 
 class SigningMemory:
-    """What each key of a process has heard, in a file for each, which says nothing of the key.
+    """The progress of the signers of each key, in a file for each key, which does not reveal the key.
 
     Args:
         folder: where the files are.
@@ -114,7 +114,7 @@ class _Kept:
 
 
 class ProcessStorage:
-    """What an onboard process keeps on disk: its log, its state, and how far the signers of its links came.
+    """Storage of an onboard process: its log, its state, and the progress of its links' signers.
 
     Args:
         options: what was asked for.

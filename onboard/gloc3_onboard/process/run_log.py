@@ -100,7 +100,7 @@ class Traffic:
 
 
 class LogLimits(msgspec.Struct, frozen=True, kw_only=True):
-    """How large logs may become; 0 for no limit."""
+    """Size limits of logs; 0 for no limit."""
 
     file_mb: float = 500.0
     """A file that is larger is followed by the next."""

@@ -1,4 +1,4 @@
-"""How the onboard computer is doing, from Linux's /proc: load of its processor, memory, disk, time since its start."""
+"""State of the onboard computer, from Linux's /proc: processor load, memory, disk, time since its start."""
 
 import shutil
 from pathlib import Path
@@ -26,7 +26,7 @@ class Vitals(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class VitalSigns:
-    """Looks at the computer now and then.
+    """Reads the computer's state now and then.
 
     Args:
         folder: whose disk counts.

@@ -55,7 +55,7 @@ class StampedScan(NamedTuple):
 
 
 class StampedImu(NamedTuple):
-    """What an inertial unit felt, with its time of validity."""
+    """A sample of an inertial unit, with its time of validity."""
 
     t_s: float
     sample: ImuSample
@@ -108,7 +108,7 @@ class Bell:
 
 
 class AutopilotTelemetry(Protocol):
-    """What an autopilot tells. Every method gives what is known now and may be called from any thread."""
+    """Telemetry of an autopilot. Every method gives the latest value and may be called from any thread."""
 
     def state(self) -> AutopilotState:
         """Mode, arming, battery."""
@@ -257,7 +257,7 @@ def opened(device: SensorSource, ready: Callable[[], None]) -> Unwatch:
 
 
 class CommandAnswer(NamedTuple):
-    """What an autopilot said to a command."""
+    """An autopilot's answer to a command."""
 
     is_accepted: bool
     reason: str
@@ -280,7 +280,7 @@ class GeoPath(NamedTuple):
 
 
 class AutopilotBehaviour(NamedTuple):
-    """How an autopilot of one family and class wants to be commanded."""
+    """Rules for commanding an autopilot of one family and class."""
 
     vehicle: VehicleClass = VehicleClass.COPTER
     arm_in_mode: FlightMode | None = None
@@ -313,7 +313,7 @@ class AutopilotSetpoint(NamedTuple):
 
 
 class AutopilotControl(Protocol):
-    """How an autopilot is commanded. Nothing blocks; answers are asked for with the ticket of the command."""
+    """Interface for commanding an autopilot. Nothing blocks; answers are polled with the command's ticket."""
 
     @property
     def behaviour(self) -> AutopilotBehaviour:
@@ -353,7 +353,7 @@ class Tap(Protocol):
 
 
 class Taps(Protocol):
-    """Where topics can be listened to; may be called from any thread."""
+    """Subscriptions to topics; may be called from any thread."""
 
     def open(self, topic: str, reports: Callable[[], None] | None = None) -> Tap:
         """Listens to a topic, given below the platform's name; `reports` is called for every message."""

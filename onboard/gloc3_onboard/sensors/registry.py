@@ -28,7 +28,7 @@ NOWHERE: Final = "none://"
 
 
 class SourceHost(NamedTuple):
-    """What sources are made with."""
+    """Inputs of sources."""
 
     loop: asyncio.AbstractEventLoop
     folder: Path
@@ -41,7 +41,7 @@ class SourceHost(NamedTuple):
 
 
 class SensorKind(NamedTuple):
-    """What a device senses."""
+    """Kinds of sensors."""
 
     name: str
     """The end of such devices' names: `front_laser` is a `laser`."""

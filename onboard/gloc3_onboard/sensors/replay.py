@@ -40,7 +40,7 @@ def matching(left: Sequence[Recorded[T]], right: Sequence[Recorded[T]]) -> "list
 
 
 class LogTime:
-    """Where a log's time lies in ours; shared by all devices that play the same log, so that they stay together.
+    """Offset of a log's time to ours; shared by all devices that play the same log, so that they stay together.
 
     Args:
         skip_s: of the log's begin are left out.

@@ -1,4 +1,4 @@
-"""Looks at the sensors of an onboard process: whether they bring something, and whether their calibrations fit."""
+"""Monitors the sensors of an onboard process: whether they produce data, and whether their calibrations fit."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -14,7 +14,7 @@ from gloc3_onboard.sensors.registry import NOWHERE, parse_source, place_problem,
 
 
 class SensorWatch:
-    """Knows when each sensor brought something last.
+    """Time of each sensor's last data.
 
     Args:
         urls: the sources by device; of a device of the simulation a word for it.

@@ -28,7 +28,7 @@ DISARMS_S: Final = 10.0
 
 
 class Departure:
-    """Knows whether the vehicle flies, and lands it before the process leaves.
+    """Monitors whether the vehicle flies, and lands it before the process leaves.
 
     Args:
         exchange: of the process.

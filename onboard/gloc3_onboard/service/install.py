@@ -37,7 +37,7 @@ STEADY: Final = ("/dev/serial/", "/dev/v4l/", f"/dev/{FOLDER}/")
 
 
 class UsbDevice(NamedTuple):
-    """What a device on USB says of itself."""
+    """Properties that a USB device reports."""
 
     subsystem: str
     vendor: str
@@ -135,7 +135,7 @@ Report = Callable[[str], None]
 
 
 class InstallPlan(msgspec.Struct, frozen=True, kw_only=True):
-    """What is to be written."""
+    """Files to be written."""
 
     unit: SystemdUnit
     rules: str = ""

@@ -11,7 +11,7 @@ WATCHDOG_PID: Final = "WATCHDOG_PID"
 
 
 class ServiceManager:
-    """Tells the manager how the service is; where there is none, nothing is told.
+    """Reports the service's state to the service manager, where there is one.
 
     Args:
         address: of its socket, `@` before an abstract one; empty where there is none.

@@ -1,4 +1,4 @@
-"""What a service of `gloc3 onboard` needs of its computer: files that it reads, and devices that it opens."""
+"""Needs of a `gloc3 onboard` service on its computer: files that it reads, and devices that it opens."""
 
 import re
 import sys

@@ -22,7 +22,7 @@ STOPS: Final = (signal.SIGINT, signal.SIGTERM)
 
 
 class Process(Protocol):
-    """What the service is made of."""
+    """The process behind the service."""
 
     @property
     def exchange(self) -> Exchange:
@@ -53,7 +53,7 @@ class Process(Protocol):
 
 
 class SystemdService:
-    """Takes the signals from its making on: SIGTERM and SIGINT end the process, SIGHUP has its files read again."""
+    """Handles signals from its creation on: SIGTERM and SIGINT end the process, SIGHUP has its files read again."""
 
     def __init__(self, manager: ServiceManager, process: Process, loop: asyncio.AbstractEventLoop) -> None:
         self._manager, self._process, self._loop = manager, process, loop

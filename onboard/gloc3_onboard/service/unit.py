@@ -50,7 +50,7 @@ UMask=0027
 
 
 class SystemdUnit(msgspec.Struct, frozen=True, kw_only=True):
-    """What a service needs."""
+    """Needs of a service, as a systemd unit."""
 
     name: str
     """The instance: PLATFORM, or PLATFORM-HOST for one host of several."""

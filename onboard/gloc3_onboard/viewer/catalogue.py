@@ -14,7 +14,7 @@ OFFERED_OF_EACH: Final = ("status", "event", "reply", "function", "function_repl
 
 
 class Catalogue:
-    """What the components of a platform publish."""
+    """Topics that the components of a platform publish."""
 
     def __init__(self, platform: Platform, topics: TopicTable) -> None:
         self._topics = topics

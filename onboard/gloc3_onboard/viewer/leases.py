@@ -1,4 +1,4 @@
-"""Which station looks at what, and until when: wants are leased, so that a lost station costs nothing."""
+"""Leases of watched topics by station: wants expire, so that a lost station costs nothing."""
 
 from collections.abc import Sequence
 from typing import Final, NamedTuple
@@ -16,7 +16,7 @@ LARGEST: Final = (640, 480)
 
 
 class Demand(NamedTuple):
-    """What all stations together want of a topic: the most that any of them does."""
+    """Combined demand of all stations for a topic: the most that any of them wants."""
 
     rate_hz: float
     width: int

@@ -34,7 +34,7 @@ class WatchRequest(Message, frozen=True):
 
 
 class WatchReply(Message, frozen=True):
-    """What it will see."""
+    """Reply to a request to watch topics."""
 
     lease_s: float
     """For so long; then it has to ask again."""

@@ -77,7 +77,7 @@ def vehicle_problems(craft: Craft, behaviour: Behaviour, battery_share: float) -
 
 
 class ArmPermission(Enum):
-    """Whether the motors may start."""
+    """Permission to start the motors."""
 
     GIVEN = auto()
     AWAITED = auto()

@@ -57,7 +57,7 @@ class _Alarm:
 
 
 class FailsafeMonitor:
-    """Looks at every row ten times a second; an action is carried out once, when its condition begins."""
+    """Checks every row ten times a second; an action is carried out once, when its condition begins."""
 
     def __init__(self, commander: Commander) -> None:
         self.commander: Final = commander

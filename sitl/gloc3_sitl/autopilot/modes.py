@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Behaviour(StrEnum):
-    """What the vehicle does in a mode; several modes may share one."""
+    """Behaviours of the vehicle; several modes may share one."""
 
     STABILIZE = "stabilize"
     ALTITUDE = "altitude"
@@ -74,7 +74,7 @@ POSITIONED: Final = frozenset(Behaviour) - {
 
 
 class Landed(IntEnum):
-    """Where the vehicle is between ground and air, numbered as MAV_LANDED_STATE."""
+    """States between ground and air, numbered as MAV_LANDED_STATE."""
 
     ON_GROUND = 1
     IN_AIR = 2
@@ -83,7 +83,7 @@ class Landed(IntEnum):
 
 
 class Result(IntEnum):
-    """How a request ended, numbered as MAV_RESULT."""
+    """Results of a request, numbered as MAV_RESULT."""
 
     ACCEPTED = 0
     TEMPORARILY_REJECTED = 1

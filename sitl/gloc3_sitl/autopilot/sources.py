@@ -1,4 +1,4 @@
-"""Which sources the estimator uses (bits of `Source`), as the parameters of each style say."""
+"""Sources that the estimator uses (bits of `Source`), from the parameters of each style."""
 
 from collections.abc import Callable, Mapping
 from typing import Final

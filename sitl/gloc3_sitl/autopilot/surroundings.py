@@ -15,7 +15,7 @@ class SupplyState(IntEnum):
 
 
 class FailureUnit(IntEnum):
-    """What can be made to fail, numbered as FAILURE_UNIT."""
+    """Units that can be made to fail, numbered as FAILURE_UNIT."""
 
     MAGNETOMETER = 2
     BAROMETER = 3
@@ -27,7 +27,7 @@ class FailureUnit(IntEnum):
 
 
 class FailureKind(IntEnum):
-    """How it fails, numbered as FAILURE_TYPE."""
+    """Kinds of failures, numbered as FAILURE_TYPE."""
 
     OK = 0
     OFF = 1

@@ -16,7 +16,7 @@ class Author(StrEnum):
 
 
 class RequestVerdict(NamedTuple):
-    """How a request ended, with the reason where it was refused."""
+    """Result of a request, with the reason where it was refused."""
 
     result: Result
     reason: str = ""

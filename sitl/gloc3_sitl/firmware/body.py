@@ -21,7 +21,7 @@ from gloc3_sitl.world.probe import WorldProbe
 
 
 class BodySettings(msgspec.Struct, frozen=True, kw_only=True):
-    """What is simulated."""
+    """Settings of the simulated body."""
 
     vehicle: str = "pelican"
     """What flies, by the name of a model."""

@@ -17,7 +17,7 @@ _CHANNELS: Final = {MAGIC_16: struct.Struct("<16H"), MAGIC_32: struct.Struct("<3
 
 
 class Servos(NamedTuple):
-    """What the firmware wants its outputs to do."""
+    """Outputs that the firmware wants."""
 
     rate_hz: int
     """Steps a second that it would like."""
@@ -28,7 +28,7 @@ class Servos(NamedTuple):
 
 
 class JsonState(NamedTuple):
-    """What the vehicle does after a step."""
+    """State of the vehicle after a step."""
 
     t_s: float
     """Time of the physics, from 0."""

@@ -7,7 +7,7 @@ MOST_BEHIND_S: Final = 2.0
 
 
 class RealTimePacer:
-    """Says how long to wait for a simulated time.
+    """Computes how long to wait for a simulated time.
 
     A companion maps its autopilot's clock to its own by the quickest messages. If time that is lost once were lost for good,
     all that comes later would seem old.

@@ -9,7 +9,7 @@ from gloc3.messages.topics import TopicRow
 
 
 class SimTruth(Message, frozen=True):
-    """Where the simulated vehicle really is, in the NED frame of the platform's pose."""
+    """True pose of the simulated vehicle, in the NED frame of the platform's pose."""
 
     position_ned_m: Vector3
     velocity_ned_m_s: Vector3

@@ -66,7 +66,7 @@ def platform_for(path: Path) -> str:
 
 
 class FlightSite(NamedTuple):
-    """Where a flight is simulated."""
+    """Place in which a flight is simulated."""
 
     world: str
     home: GeoPoint | None = None

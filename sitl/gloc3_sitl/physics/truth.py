@@ -56,7 +56,7 @@ class Truth(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class TrueMotion(Protocol):
-    """What sensors look at: a simulated vehicle, or one instant of it."""
+    """True motion for the sensors: of a simulated vehicle, or one instant of it."""
 
     def imu(self) -> tuple[Vector3, Vector3]:
         """Specific force in m/s^2 and turn rate in rad/s, both FRD."""

@@ -24,7 +24,7 @@ _MEASURED_SHARE: Final = 0.35
 
 
 class Hydrodynamics(NamedTuple):
-    """What follows from a vessel's drawing (Fossen 2021, chapters 4 and 6; about the point amidships)."""
+    """Coefficients that follow from a vessel's drawing (Fossen 2021, chapters 4 and 6; about the point amidships)."""
 
     mass_kg: float
     centre_x_m: float

@@ -8,7 +8,7 @@ from gloc3.messages.frames import Vector3
 
 
 class Wind(msgspec.Struct, frozen=True, kw_only=True):
-    """What the air does around the vehicle."""
+    """The air around the vehicle."""
 
     velocity_ned_m_s: Vector3 = (0.0, 0.0, 0.0)
     """Velocity of the air, north, east and down (not where it comes from)."""

@@ -104,7 +104,7 @@ class BatteryReading(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class WheelReading(msgspec.Struct, frozen=True, kw_only=True):
-    """How far wheels have turned since the start."""
+    """Distances that wheels have turned since the start."""
 
     t_s: float
     """Time of validity."""
@@ -113,7 +113,7 @@ class WheelReading(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class AirspeedReading(msgspec.Struct, frozen=True, kw_only=True):
-    """What a pitot tube says."""
+    """A reading of a pitot tube."""
 
     t_s: float
     """Time of validity."""
@@ -122,7 +122,7 @@ class AirspeedReading(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LeakReading(msgspec.Struct, frozen=True, kw_only=True):
-    """Whether there is water in the hull."""
+    """Presence of water in the hull."""
 
     t_s: float
     """Time of validity."""

@@ -20,7 +20,7 @@ R = TypeVar("R", bound=Reading)
 
 
 class FaultMode(StrEnum):
-    """How a sensor can fail."""
+    """Failure modes of a sensor."""
 
     LOST = "lost"
     """Nothing comes any more; a range finder has no echo, a receiver reports no fix."""

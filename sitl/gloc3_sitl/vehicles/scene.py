@@ -7,7 +7,7 @@ from gloc3_sitl.world import World
 
 
 class Scene(Protocol):
-    """Where the vehicle is, when, and what is around it."""
+    """Place of the vehicle, its time, and its surroundings."""
 
     @property
     def world(self) -> World:

@@ -65,7 +65,7 @@ def _deaf(data: bytes) -> None:
 
 
 class SimulatorSettings(msgspec.Struct, frozen=True, kw_only=True):
-    """What is simulated, but for the world."""
+    """Settings of a simulated vehicle, without the world."""
 
     vehicle: str = "pelican"
     """The name of a model."""

@@ -22,7 +22,7 @@ _SHIPPED: Final = files("gloc3_sitl.world") / "worlds"
 
 
 class World:
-    """What a world file says, ready to be asked. All positions are `[x, y, height]` in `frame`."""
+    """A world file, ready for queries. All positions are `[x, y, height]` in `frame`."""
 
     def __init__(self, file: WorldFile, home: GeoPoint | None = None, heading_deg: float | None = None) -> None:
         row = file.frames[file.spawn.frame]

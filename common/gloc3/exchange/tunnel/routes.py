@@ -1,4 +1,4 @@
-"""Which topics cross the link, in which direction, how, and how urgently."""
+"""Routes of topics over the link: direction, reliability and urgency."""
 
 from __future__ import annotations
 

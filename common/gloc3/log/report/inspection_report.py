@@ -30,7 +30,7 @@ _STYLE: Final = (
 
 
 class ReportFigures(msgspec.Struct, frozen=True):
-    """What the report says in numbers."""
+    """Figures of the report."""
 
     pictures: int
     flown_m: float

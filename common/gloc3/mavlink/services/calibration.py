@@ -29,7 +29,7 @@ MOST_TEXTS: Final = 40
 
 
 class CalibrationKind(StrEnum):
-    """What is calibrated."""
+    """Sensors that can be calibrated."""
 
     GYRO = "gyro"
     ACCELEROMETER = "accelerometer"
@@ -38,7 +38,7 @@ class CalibrationKind(StrEnum):
 
 
 class Side(StrEnum):
-    """How the vehicle lies; the text ends the sentence "put the vehicle ..."."""
+    """Orientations of the vehicle; the text ends the sentence "put the vehicle ..."."""
 
     LEVEL = "level"
     LEFT = "on its left side"
@@ -49,7 +49,7 @@ class Side(StrEnum):
 
 
 class SideState(StrEnum):
-    """How far one side is."""
+    """Progress of one side."""
 
     PENDING = "pending"
     MEASURING = "measuring"
@@ -57,7 +57,7 @@ class SideState(StrEnum):
 
 
 class CalibrationPhase(StrEnum):
-    """How far a calibration is."""
+    """Phases of a calibration."""
 
     ASKED = "asked"
     RUNNING = "running"

@@ -1,4 +1,4 @@
-"""How a command ends, in numbers and words; `command_client` sends commands, `command_server` takes them.
+"""Results of commands, in numbers and words; `command_client` sends commands, `command_server` receives them.
 
 An accepted command is valid and will be tried; it need not be done yet. In progress prolongs the waiting. One command
 of a kind runs at a time. What is lost is asked again, and what is asked again is not run again.
@@ -9,7 +9,7 @@ from typing import Final
 
 
 class CommandResult(IntEnum):
-    """How a command ended: MAV_RESULT, and two ends that have no message."""
+    """Results of a command: MAV_RESULT, and two ends that have no message."""
 
     ACCEPTED = 0
     TEMPORARILY_REJECTED = 1

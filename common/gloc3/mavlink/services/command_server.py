@@ -58,7 +58,7 @@ class _Answered(msgspec.Struct):
 
 
 class MavCommandServer(Microservice[MavCommandRequest]):
-    """Takes commands: each comes out as an event once, and is to be answered with `answer`.
+    """Receives commands: each comes out as an event once, and is answered with `answer`.
 
     Args:
         own: as whom it answers.
@@ -188,7 +188,7 @@ class CommandCancel(msgspec.Struct, frozen=True):
 
 
 class CancelServer(Microservice[CommandCancel]):
-    """Takes COMMAND_CANCEL, which is answered with the acknowledgement of the command that it ends, or not at all."""
+    """Receives COMMAND_CANCEL, which is answered with the acknowledgement of the command that it ends, or not at all."""
 
     handles = frozenset({"COMMAND_CANCEL"})
 

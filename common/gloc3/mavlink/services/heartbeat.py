@@ -77,7 +77,7 @@ class Heartbeat(Microservice[Never]):
 
 
 class PeerChange(StrEnum):
-    """What may happen to somebody else."""
+    """Changes of a peer."""
 
     APPEARED = "appeared"
     LOST = "gone"
@@ -114,7 +114,7 @@ class PeerEvent(msgspec.Struct, frozen=True):
 
 
 class MavlinkPeers(Microservice[PeerEvent]):
-    """Who else is there: from their heartbeats, with a bound on how many are kept."""
+    """Peers by their heartbeats, with a bound on how many are kept."""
 
     handles = frozenset({"HEARTBEAT", "SYSTEM_TIME"})
 

@@ -18,7 +18,7 @@ SILENT_S: Final = 9.0
 
 
 class Need(Enum):
-    """What the receiver wants to happen."""
+    """Next step that the receiver needs."""
 
     NOTHING = "wait"
     REQUEST = "ask for the next item"

@@ -25,7 +25,7 @@ MOST_RESTARTS: Final = 5
 
 
 class Work(Enum):
-    """What a transfer is about."""
+    """Kinds of transfers."""
 
     UPLOAD = "upload"
     DOWNLOAD = "download"

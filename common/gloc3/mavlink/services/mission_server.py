@@ -53,7 +53,7 @@ def admit_all(_sender: Address) -> bool:
 
 
 class MissionDialect(NamedTuple):
-    """How a mission server speaks where autopilots differ."""
+    """Properties of a mission server in which autopilots differ."""
 
     tells_current: bool = True
     """Sends MISSION_CURRENT once a second."""

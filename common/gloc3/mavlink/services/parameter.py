@@ -38,7 +38,7 @@ _CODES: Final = {
 
 
 class ParameterEncoding(Enum):
-    """How an integer travels; told by the capabilities in AUTOPILOT_VERSION."""
+    """Encoding of an integer on the wire; reported by the capabilities in AUTOPILOT_VERSION."""
 
     BYTEWISE = "bytewise"
     """Its bytes in the float's place, as PX4 does."""

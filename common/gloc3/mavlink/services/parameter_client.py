@@ -22,7 +22,7 @@ DIFFERENT: Final = 3
 
 
 class ParameterResult(StrEnum):
-    """How a request ended; the text is for a person."""
+    """Results of requests; the text is for a person."""
 
     DONE = "done"
     NO_SUCH = "there is no such parameter"

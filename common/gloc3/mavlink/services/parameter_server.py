@@ -28,7 +28,7 @@ CAST_ROUNDING: Final = 0.01
 
 
 class ParameterError(IntEnum):
-    """Why a parameter cannot be read or set: MAV_PARAM_ERROR."""
+    """Reasons why a parameter cannot be read or set: MAV_PARAM_ERROR."""
 
     DOES_NOT_EXIST = 1
     VALUE_OUT_OF_RANGE = 2

@@ -111,7 +111,7 @@ def units_per_degree(frame: int) -> float:
 
 
 class PlanResult(IntEnum):
-    """How a transfer ended: MAV_MISSION_RESULT, and ends that have no message."""
+    """Results of transfers: MAV_MISSION_RESULT, and ends that have no message."""
 
     ACCEPTED = 0
     ERROR = 1

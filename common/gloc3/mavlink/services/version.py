@@ -51,7 +51,7 @@ def version_number(major: int, minor: int, patch: int, release: int = 255) -> in
 
 
 class Version(msgspec.Struct, frozen=True, kw_only=True):
-    """What a component says of itself."""
+    """Version and capabilities that a component reports."""
 
     capabilities: ProtocolCapability
     flight_software: int = 0
@@ -100,7 +100,7 @@ def read_version(message: MavlinkMessage) -> Version:
 
 
 class VersionServer(Microservice[Version]):
-    """Tells what we are, when a command asks for it."""
+    """Sends our version when a command requests it."""
 
     def __init__(self, own: Address, version: Version) -> None:
         super().__init__(own)

@@ -81,7 +81,7 @@ class Endpoint(Protocol):
 
 
 class EndpointUrl(msgspec.Struct, frozen=True, kw_only=True):
-    """What a URL says."""
+    """A parsed URL of an endpoint."""
 
     url: str
     scheme: str

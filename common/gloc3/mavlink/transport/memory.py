@@ -21,7 +21,7 @@ class Scheduler(Protocol):
 
 
 class Conditions(msgspec.Struct, frozen=True, kw_only=True):
-    """What one direction of a link does to what is sent over it. The default is a perfect cable."""
+    """Effects of one direction of a link on what is sent over it. The default is a perfect cable."""
 
     latency_s: float = 0.0
     jitter_s: float = 0.0

@@ -38,7 +38,7 @@ HOME_CLEARANCE_M: Final = 0.5
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Circumstances:
-    """What a mission is checked against."""
+    """Circumstances against which a mission is checked."""
 
     platform: Platform | None = None
     """None: every capability is taken to be there, and nothing is known of limits, energy and failsafes."""

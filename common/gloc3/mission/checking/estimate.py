@@ -37,7 +37,7 @@ class ActionEstimate:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MissionFigures:
-    """What a mission takes."""
+    """Time, path and energy of a mission."""
 
     duration_s: float
     energy_wh: float

@@ -19,7 +19,7 @@ SILENT_S: Final = 5.0
 
 
 class AssignmentPhase(StrEnum):
-    """How far an assignment is."""
+    """Phases of an assignment."""
 
     STARTING = "starting"
     ACTIVE = "active"

@@ -1,4 +1,4 @@
-"""What the executor knows at one moment: programs, assignments, the vehicle, conditions, and the policy under way."""
+"""The executor's knowledge at one moment: programs, assignments, the vehicle, conditions, and the policy under way."""
 
 from collections.abc import Mapping
 from enum import StrEnum
@@ -69,7 +69,7 @@ class PolicyManoeuvre:
 
 
 class OtherPlatform:
-    """What is known of another platform of the mission."""
+    """State of another platform of the mission."""
 
     __slots__ = ("received_s", "state")
 
@@ -105,7 +105,7 @@ class Missing(dict[str, tuple[str, ...]]):
 
 
 class AirState:
-    """Whether the vehicle is in the air: as it is reported, and as actions have ended since."""
+    """State in the air or on the ground: as it is reported, and as actions have ended since."""
 
     __slots__ = ("has_landed", "is_reported", "is_taking_off")
 

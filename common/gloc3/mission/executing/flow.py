@@ -347,7 +347,7 @@ def due_s(board: Board) -> float:
 
 
 class GuardDecision(Enum):
-    """What a guard says."""
+    """Decisions of a guard."""
 
     BEGIN = auto()
     WAIT = auto()

@@ -19,7 +19,7 @@ _OVER: Final = (ActionState.DONE, ActionState.SKIPPED, ActionState.ABORTED)
 
 
 class MissionItem:
-    """What a mission, a task and an action have in common."""
+    """Common part of a mission, a task and an action."""
 
     level: str = ""
 

@@ -29,7 +29,7 @@ class MavItem(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PlanEntry(msgspec.Struct, frozen=True, kw_only=True):
-    """What a file lists as one thing: a simple item, or a complex one with the items that it stands for."""
+    """An entry of a file: a simple item, or a complex one with the items that it stands for."""
 
     items: tuple[MavItem, ...]
     raw: dict[str, Any] | None = None

@@ -1,4 +1,4 @@
-"""What a platform can do: the capabilities that its file declares, and those that follow from them.
+"""Abilities of a platform: the capabilities that its file declares, and those that follow from them.
 
 A pattern such as `survey` is flown by whatever follows waypoints; `depart` is whichever way of setting off the platform
 has. So a mission that says only these is the same for a multirotor, a boat, a rover and a submarine.

@@ -1,4 +1,4 @@
-"""What the actions of a mission take: typed arguments as written in the file, and as ordered from a component in NED.
+"""Arguments of a mission's actions: typed as written in the file, and as ordered from a component in NED.
 
 An action's arguments are written in the mission's frame (`FollowWaypoints`) and handed to the component in NED
 (`FollowWaypointsOrder`). Where nothing is a position, both are the same structure. Every package, ours too, brings its
@@ -120,7 +120,7 @@ Heading = Literal["along", "hold"] | Degrees | LookAt
 
 
 class HeadingOrder(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """Where the vehicle's nose points, as a component gets it."""
+    """Direction of the vehicle's nose, as a component gets it."""
 
     mode: Literal["along", "hold", "fixed", "look_at"] = "along"
     heading_rad: float = 0.0
@@ -141,7 +141,7 @@ def heading_order(heading: Heading, placement: Placement) -> HeadingOrder:
 
 
 class SetOff(Arguments, frozen=True, kw_only=True):
-    """What every kind of setting off is: arm (where that is allowed), and be ready to move."""
+    """Common part of all departures: arm (where that is allowed), and be ready to move."""
 
     moves = True
 

@@ -13,7 +13,7 @@ Readings = Mapping[str, float]
 
 
 class Quantity(msgspec.Struct, frozen=True):
-    """What can be asked for."""
+    """Quantities that conditions compare."""
 
     words: str
     unit: str
@@ -37,7 +37,7 @@ QUANTITIES: Final[Mapping[str, Quantity]] = {
 
 
 class Range(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
-    """Where a quantity has to be: above a value, below one, or between two."""
+    """Range of a quantity: above a value, below one, or between two."""
 
     above: float | None = None
     below: float | None = None

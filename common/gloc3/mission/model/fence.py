@@ -90,7 +90,7 @@ class Area(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Fence(msgspec.Struct, frozen=True, kw_only=True):
-    """Where the vehicle may be: inside the area, outside all keep-out areas, below the ceiling."""
+    """Allowed space of the vehicle: inside the area, outside all keep-out areas, below the ceiling."""
 
     area: Area | None = None
     """None where only height is limited."""

@@ -43,7 +43,7 @@ class FlightLeg(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Budget(msgspec.Struct, frozen=True, kw_only=True):
-    """What the estimate of a flight is made with."""
+    """Assumptions of a flight's estimate."""
 
     home_ned_m: Vector3 = (0.0, 0.0, 0.0)
     speed_m_s: float = 1.0

@@ -42,7 +42,7 @@ class ActionAccepted(Message, frozen=True):
 
 
 class ActionStatus(Message, frozen=True):
-    """How far an action is; reported on change and at 1 Hz."""
+    """Progress of an action; reported on change and at 1 Hz."""
 
     action_id: str
     state: ActionState

@@ -91,7 +91,7 @@ def answer(wanted: "str | Contingency") -> Policy:
 
 
 class Policies(_Part, frozen=True, kw_only=True):
-    """What is done when something goes wrong."""
+    """Reactions to failures and conditions."""
 
     on_failure: Policy = Policy.HOLD
     """When a task fails that says nothing itself."""

@@ -1,4 +1,4 @@
-"""Where a mission's positions are on Earth: the only place that turns them into NED."""
+"""Placement of a mission on Earth: the only place that turns its positions into NED."""
 
 from enum import StrEnum
 from typing import Protocol, TypeVar
@@ -13,7 +13,7 @@ Point = tuple[float, float]
 
 
 class HeightAbove(StrEnum):
-    """What the heights of a mission in `frame: geo` are counted from."""
+    """Reference of the heights of a mission in `frame: geo`."""
 
     HOME = "home"
     """The height at which the vehicle stood when it was armed."""

@@ -8,7 +8,7 @@ from gloc3.errors import Refused
 
 
 class ActionState(StrEnum):
-    """How far an action, a task or a mission is."""
+    """States of actions, tasks and missions."""
 
     WAITING = "waiting"
     """Not begun: what it comes after has not ended."""
@@ -25,7 +25,7 @@ class ActionState(StrEnum):
 
 
 class StateTrigger(StrEnum):
-    """What moves an action, a task or a mission: commands of operators and policies, and how it ends."""
+    """Triggers of transitions: commands of operators and policies, and ends of actions."""
 
     START = "start"
     PAUSE = "pause"

@@ -137,7 +137,7 @@ def _cycles(graph: Graph) -> Iterator[list[str]]:
 
 @dataclass(frozen=True, slots=True)
 class PartialOrder:
-    """What is known of the order in which a mission's actions run."""
+    """Order in which a mission's actions run, as far as it is fixed."""
 
     targets: tuple[str, ...]
     """The actions, `TASK.ACTION`, in an order in which they can run."""

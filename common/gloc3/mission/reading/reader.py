@@ -85,7 +85,7 @@ class MissionReferences:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Reading:
-    """What was found in a mission file, usable or not."""
+    """Content of a mission file, usable or not."""
 
     document: Document
     findings: list[Finding]

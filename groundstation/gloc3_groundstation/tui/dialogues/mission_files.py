@@ -268,7 +268,7 @@ def _text(text: str, tone: Tone, width: int) -> list[Line]:
 
 
 class Unsaved(StrEnum):
-    """What to do with the changes."""
+    """Answers about unsaved changes."""
 
     SAVE = "save"
     DISCARD = "discard"

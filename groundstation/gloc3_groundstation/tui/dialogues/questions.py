@@ -50,7 +50,7 @@ class YesNoQuestion(ModalScreen[bool]):
 
 
 class EmergencyQuestion(ModalScreen[tuple[EmergencyVerb, str] | None]):
-    """What more than hold: land, or disarm after the platform's name has been typed."""
+    """Asks for more than hold: land, or disarm after the platform's name has been typed."""
 
     BINDINGS = [
         Binding("space", "choose('hold')", "Hold"),

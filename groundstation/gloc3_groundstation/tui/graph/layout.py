@@ -16,7 +16,7 @@ Heights = Mapping[str, int]
 
 
 class BoxPosition(NamedTuple):
-    """Where a box stands."""
+    """Position of a box."""
 
     x: int
     y: int
@@ -48,7 +48,7 @@ def channel_tracks(wires: list[tuple[int, int]]) -> dict[int, int]:
 
 
 class Layout:
-    """Where everything stands, for boxes of known heights and of one width."""
+    """Positions of boxes of known heights and of one width, and of their wires."""
 
     def __init__(self, before: Before, heights: Heights) -> None:
         """Lays out.

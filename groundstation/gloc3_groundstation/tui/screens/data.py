@@ -28,7 +28,7 @@ STEP: Final = 0.25
 
 
 class FlightDataScreen(StationScreen):
-    """What the vehicle does, against what it should do."""
+    """Motion of the vehicle, measured and wanted."""
 
     HELP = """How the vehicle in view flies: its attitude on an artificial horizon, and charts of measured values (line)
     against setpoints (dotted). Chart limits are round numbers that follow the values; all charts show the same time.

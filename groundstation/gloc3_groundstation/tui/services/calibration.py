@@ -13,7 +13,7 @@ from gloc3_groundstation.tui.widgets.panel import Row
 
 
 class CalibrationPane(ServicePane):
-    """See the module."""
+    """The pane of the calibration."""
 
     service = ServiceKind.CALIBRATION
     detail_lines = 1

@@ -16,7 +16,7 @@ ABOVE = ".."
 
 
 class FilesPane(ServicePane):
-    """See the module."""
+    """The pane of files."""
 
     service = ServiceKind.FILES
     BINDINGS: ClassVar[list[BindingType]] = [

@@ -13,7 +13,7 @@ from gloc3_groundstation.tui.widgets.panel import Row
 
 
 class LogsPane(ServicePane):
-    """See the module."""
+    """The pane of logs."""
 
     service = ServiceKind.LOGS
     BINDINGS: ClassVar[list[BindingType]] = [

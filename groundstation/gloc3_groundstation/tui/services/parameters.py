@@ -30,7 +30,7 @@ from gloc3_groundstation.tui.widgets.panel import Row
 
 
 class ParametersPane(ServicePane):
-    """See the module."""
+    """The pane of parameters."""
 
     service = ServiceKind.PARAMETERS
     detail_lines = 7

@@ -13,7 +13,7 @@ from gloc3_groundstation.tui.widgets.panel import Row
 
 
 class PlansPane(ServicePane):
-    """See the module."""
+    """The pane of plans."""
 
     service = ServiceKind.PLANS
     BINDINGS: ClassVar[list[BindingType]] = [

@@ -20,7 +20,7 @@ FASTEST_HZ = 1000.0
 
 
 class RatesPane(ServicePane):
-    """See the module."""
+    """The pane of message rates."""
 
     service = ServiceKind.RATES
     BINDINGS: ClassVar[list[BindingType]] = [

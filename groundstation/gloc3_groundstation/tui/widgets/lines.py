@@ -1,4 +1,4 @@
-"""What panels show: lines of spans, each with a tone. Made without Textual, so that tests read them as text."""
+"""Lines of panels: spans, each with a tone. Made without Textual, so that tests read them as text."""
 
 from collections.abc import Sequence
 from enum import StrEnum
@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 
 class Tone(StrEnum):
-    """What a span means; the theme gives it a colour. No tone is needed to read a line: the words say it too."""
+    """Meaning of a span; the theme gives it a colour. No tone is needed to read a line: the words say it too."""
 
     __hash__ = str.__hash__  # the enum's own is written in Python, and lines are looked up by their spans all the time
 

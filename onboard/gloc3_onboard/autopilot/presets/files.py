@@ -49,7 +49,7 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class PresetChange(NamedTuple):
-    """What a preset means for one parameter of a vehicle."""
+    """Effect of a preset on one parameter of a vehicle."""
 
     name: str
     now: float | None

@@ -29,7 +29,7 @@ class HoldSettings(Settings, frozen=True):
 
 
 class HoldController(Holding, Controller[HoldSettings]):
-    """Takes the place to keep when it is granted motion, and streams it; performs the action `hold` too."""
+    """Keeps the position at which it is granted motion, and streams it; performs the action `hold` too."""
 
     pose = Input(Pose)
     grant = Input(MotionGrant)

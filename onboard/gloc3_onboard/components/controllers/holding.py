@@ -1,4 +1,4 @@
-"""What controllers share that have the vehicle stay: the action `hold`, and motion that nobody else owns."""
+"""Base of controllers that keep the vehicle in place: the action `hold`, and motion that nobody else owns."""
 
 from typing import ClassVar, Final
 

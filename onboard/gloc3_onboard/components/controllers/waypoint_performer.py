@@ -1,4 +1,4 @@
-"""What controllers share that lead a vehicle along waypoints: what they perform, what they hear, and how a way begins."""
+"""Base of controllers that follow waypoints: their actions, their inputs, and the begin of a path."""
 
 from abc import abstractmethod
 from typing import ClassVar

@@ -17,7 +17,7 @@ ON_S = 3.0
 
 
 class FenceControl(Protocol):
-    """How an autopilot is given a fence. Nothing blocks."""
+    """Interface for giving an autopilot a fence. Nothing blocks."""
 
     def command_fence(self, areas: Sequence[FenceArea]) -> int:
         """Uploads areas in place of those before, reads them back and switches the fence on; without areas it clears it."""

@@ -28,7 +28,7 @@ class RecordedPicture(NamedTuple):
 
 
 class PictureStore(Protocol):
-    """Where pictures go: a folder."""
+    """A folder for pictures."""
 
     def highest(self, camera: str) -> int:
         """The greatest number of a camera's picture that is there already; 0 for none."""

@@ -1,4 +1,4 @@
-"""Tells a human pilot, the autopilot's failsafe and a gap of ours apart (DESIGN §7: the pilot wins)."""
+"""Distinguishes a human pilot, the autopilot's failsafe and a gap of ours (DESIGN §7: the pilot wins)."""
 
 from collections.abc import Mapping
 from typing import Final

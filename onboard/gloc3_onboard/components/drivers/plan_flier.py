@@ -1,4 +1,4 @@
-"""What has the autopilot fly ways by itself: plans that are uploaded, read back, started and followed."""
+"""Base of drivers that have the autopilot fly paths by itself: plans uploaded, read back, started and followed."""
 
 import math
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ S = TypeVar("S", bound=PlanSettings)
 
 
 class PlanControl(Protocol):
-    """How an autopilot is given a plan. Nothing blocks."""
+    """Interface for giving an autopilot a plan. Nothing blocks."""
 
     def command_plan(self, way: GeoPath) -> int:
         """Uploads the plan of a way and reads it back."""

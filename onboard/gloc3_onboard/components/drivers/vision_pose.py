@@ -22,7 +22,7 @@ _SAME_M: Final = 0.01
 
 
 class PoseInput(Protocol):
-    """How an autopilot is told where it is. Nothing blocks."""
+    """Interface for sending an autopilot its pose. Nothing blocks."""
 
     def send_pose(self, pose: Pose, t_s: float, attitude_std_rad: float, velocity_std_m_s: float) -> None:
         """Sends a valid pose of the time `t_s`."""

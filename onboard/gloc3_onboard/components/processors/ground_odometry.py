@@ -46,7 +46,7 @@ class GroundOdometrySettings(Settings, frozen=True):
 
 
 class GroundOdometryProcessor(DataProcessor[GroundOdometrySettings]):
-    """Says for each picture how the body has moved since a key frame; invalid with a reason where it cannot."""
+    """Reports for each picture the motion of the body since a key frame; invalid with a reason where it cannot."""
 
     loggable = ("pictures", "refused", "reason")
 

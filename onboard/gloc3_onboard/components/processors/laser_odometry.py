@@ -45,7 +45,7 @@ class LaserOdometrySettings(Settings, frozen=True):
 
 
 class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
-    """Says for each scan how the body has moved since a key scan; invalid with a reason where it cannot."""
+    """Reports for each scan the motion of the body since a key scan; invalid with a reason where it cannot."""
 
     loggable = ("scans", "refused", "degenerate", "reason")
 

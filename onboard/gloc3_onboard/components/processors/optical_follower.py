@@ -50,7 +50,7 @@ class OpticalFollowerSettings(Settings, frozen=True):
 
 
 class OpticalFollowerProcessor(DataProcessor[OpticalFollowerSettings]):
-    """Says for each picture where the lamp is, with what is uncertain along the line of sight; or why it cannot."""
+    """Reports for each picture the position of the lamp, with what is uncertain along the line of sight; or why it cannot."""
 
     loggable = ("pictures", "lost", "reason")
 

@@ -32,7 +32,7 @@ class StereoOdometrySettings(Settings, frozen=True):
 
 
 class StereoOdometryProcessor(DataProcessor[StereoOdometrySettings]):
-    """Says for each set of features how the body has moved since a key frame; invalid with a reason where it cannot."""
+    """Reports for each set of features the motion of the body since a key frame; invalid with a reason where it cannot."""
 
     loggable = ("sets", "refused", "points", "reason")
 

@@ -77,7 +77,7 @@ class ImuSampler(SensorSampler[ImuSettings]):
 
 
 class ImuCheck:
-    """Looks at the samples of one unit.
+    """Checks the samples of one unit.
 
     Args:
         may_repeat: whether samples may be equal for ever, as those of a unit without noise at rest are.

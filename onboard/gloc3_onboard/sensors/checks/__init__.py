@@ -1,4 +1,4 @@
-"""What is known of sensors' data without knowing the sensor: order in time, whole pictures, sane ranges; no I/O.
+"""Checks of sensor data that need not know the sensor: order in time, whole pictures, sane ranges; no I/O.
 
 Pure checks; each returns a reason in words.
 """

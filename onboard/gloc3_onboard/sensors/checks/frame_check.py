@@ -1,4 +1,4 @@
-"""Whether a picture can be used at all: whole, of the calibrated size, neither black nor white, not the last one again."""
+"""Checks that a picture is usable: whole, of the calibrated size, neither black nor white, not the last one again."""
 
 from typing import Annotated, Final
 
@@ -38,7 +38,7 @@ def complaint(image: Image) -> str:
 
 
 class FrameCheck:
-    """Looks at the pictures of one camera.
+    """Checks the pictures of one camera.
 
     Args:
         model: as it was calibrated; None where that is not known: its first picture then tells the size.

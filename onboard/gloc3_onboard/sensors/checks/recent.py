@@ -1,4 +1,4 @@
-"""What was measured lately, asked for the time of a picture or a scan."""
+"""Recent measurements, looked up by the time of a picture or a scan."""
 
 import math
 from bisect import bisect_right

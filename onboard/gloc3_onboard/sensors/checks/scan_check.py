@@ -1,4 +1,4 @@
-"""Whether a scanner's turn can be used: a number for each beam, and something in it."""
+"""Checks that a scanner's turn is usable: a number for each beam, and something in it."""
 
 import math
 from typing import TYPE_CHECKING, Final

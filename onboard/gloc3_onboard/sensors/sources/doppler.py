@@ -1,4 +1,4 @@
-"""What Doppler velocity logs say: Water Linked's JSON and Teledyne RDI's PD6, cut out of a stream and decoded; no I/O.
+"""Protocols of Doppler velocity logs: Water Linked's JSON and Teledyne RDI's PD6, cut out of a stream and decoded; no I/O.
 
 Water Linked, "DVL A50/A125 protocols", report *velocity* of format json_v3; Teledyne RD Instruments, "Workhorse Commands and
 Output Data Format", PD6.
@@ -25,7 +25,7 @@ class DopplerReport(NamedTuple):
 
 
 class Decoder(Protocol):
-    """Takes the bytes of a line, gives what they say."""
+    """Decodes the bytes of a line."""
 
     damaged: int
     """Lines that could not be read."""

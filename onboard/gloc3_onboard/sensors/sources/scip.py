@@ -25,7 +25,7 @@ class ScipError(Gloc3Error):
 
 
 class ScannerParameters(NamedTuple):
-    """What a scanner says of itself."""
+    """Properties that a scanner reports."""
 
     model: str
     min_mm: int

@@ -22,7 +22,7 @@ REST: Final = DriveSetpoint(is_at_rest=True)
 
 
 class SteeringTarget:
-    """Where the vehicle is steered to, and how."""
+    """Target of the steering."""
 
     __slots__ = ("_craft", "_end_m_s", "_guide", "_is_pivoting", "left_m", "speed_m_s", "target")
 

@@ -19,7 +19,7 @@ _LAG_M = 1.0
 
 
 class Facing(IntEnum):
-    """Where the nose points, numbered as ORBIT_YAW_BEHAVIOUR."""
+    """Directions of the nose, numbered as ORBIT_YAW_BEHAVIOUR."""
 
     CENTRE = 0
     AS_BEFORE = 1

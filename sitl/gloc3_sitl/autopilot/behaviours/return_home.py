@@ -11,7 +11,7 @@ from gloc3_sitl.autopilot.craft import Craft
 
 
 class ReturnPhase(StrEnum):
-    """Where a return is."""
+    """Phases of a return."""
 
     CLIMB = "climb"
     BACK = "back"

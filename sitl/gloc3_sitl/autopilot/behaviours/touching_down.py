@@ -18,7 +18,7 @@ _FLARE_SPEED_S: Final = 1.5
 
 
 class LandingPhase(StrEnum):
-    """Where a landing is."""
+    """Phases of a landing."""
 
     CIRCLE = "circle"
     FINAL = "final"

@@ -1,4 +1,4 @@
-"""What a VTOL flies on, rotors or wings, when that changes, and the figures of the change."""
+"""The form of a VTOL, rotors or wings: when it changes, and the figures of the change."""
 
 from dataclasses import dataclass
 from enum import IntEnum

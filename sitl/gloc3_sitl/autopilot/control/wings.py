@@ -156,7 +156,7 @@ _FILTER_S: Final = 0.5
 
 
 class EnergyDemand(NamedTuple):
-    """What is to be had of height and speed."""
+    """Demanded height and speed."""
 
     height_error_m: float
     """Metres that it is too low; 0 where the climb alone is wanted."""

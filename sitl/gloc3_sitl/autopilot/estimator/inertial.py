@@ -11,7 +11,7 @@ _HISTORY_PERIODS: Final = 5
 
 
 class PastState(NamedTuple):
-    """Where the vehicle was, for measurements that arrive late."""
+    """A past state of the vehicle, for measurements that arrive late."""
 
     t_s: float
     position_ned_m: Vector3

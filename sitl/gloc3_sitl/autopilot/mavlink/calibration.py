@@ -10,7 +10,7 @@ from gloc3_sitl.autopilot.craft import Craft
 
 
 class Subject(StrEnum):
-    """What is calibrated, in PX4's words."""
+    """Sensors that are calibrated, in PX4's words."""
 
     GYRO = "gyro"
     MAGNETOMETER = "mag"

@@ -17,7 +17,7 @@ _MOST_PEERS: Final = 64
 
 
 class LinkKind(StrEnum):
-    """What a link is for; it decides the rates at which telemetry begins."""
+    """Purposes of a link, which decide the rates at which telemetry begins."""
 
     GROUND = "ground"
     COMPANION = "companion"

@@ -16,7 +16,7 @@ _HEADER: Final = struct.Struct("<HBBBBBxI")
 
 
 class Operation(IntEnum):
-    """What is asked for, or how it was answered."""
+    """Operations of requests, and results of replies."""
 
     NONE = 0
     TERMINATE_SESSION = 1
@@ -39,7 +39,7 @@ class Operation(IntEnum):
 
 
 class FtpError(IntEnum):
-    """Why an operation failed: the protocol's numbers, and ends that have none."""
+    """Reasons for a failed operation: the protocol's numbers, and ends that have none."""
 
     NONE = 0
     FAILED = 1
@@ -146,7 +146,7 @@ def read_payload(raw: bytes) -> Payload | None:
 
 
 class FolderEntry(msgspec.Struct, frozen=True, order=True):
-    """What a folder holds."""
+    """An entry of a folder."""
 
     name: str
     is_folder: bool

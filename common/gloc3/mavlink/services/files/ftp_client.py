@@ -29,7 +29,7 @@ LARGEST_BYTES: Final = 1 << 24
 
 
 class FtpJob(Enum):
-    """What a call is about."""
+    """Kinds of calls."""
 
     LIST = "list"
     READ = "read"

@@ -11,7 +11,7 @@ So much is lost at most when a download is cut off, which goes on at its first h
 
 
 class Sink(Protocol):
-    """Takes a file in."""
+    """Receiver of a file's content."""
 
     def opened(self, size: int) -> int:
         """The file is there; gives how many of its bytes, from the beginning on, are here already.

@@ -19,7 +19,7 @@ ALL: Final = 0xFFFF
 
 
 class LogResult(StrEnum):
-    """How a request ended; the text is for a person."""
+    """Results of requests; the text is for a person."""
 
     DONE = "done"
     NO_ANSWER = "no answer"

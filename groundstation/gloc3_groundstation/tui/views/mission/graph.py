@@ -34,7 +34,7 @@ UNSTATED: Final = ("○", Tone.DIM)
 
 
 class GraphSpot(NamedTuple):
-    """Where an item can be pointed at."""
+    """Position of an item in the drawing."""
 
     target: str
     """Empty for the mission."""
@@ -45,7 +45,7 @@ class GraphSpot(NamedTuple):
 
 
 class Graph(NamedTuple):
-    """What is drawn."""
+    """The drawing of a mission."""
 
     lines: list[Line]
     spots: tuple[GraphSpot, ...]

@@ -30,7 +30,7 @@ ARROWS: Final = "↑↗→↘↓↙←↖"
 
 
 class Chart(NamedTuple):
-    """What is on the map, and the part of it that is seen."""
+    """Contents of the map, and the visible part."""
 
     view: StationView
     ground: Ground

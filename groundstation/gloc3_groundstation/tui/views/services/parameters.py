@@ -32,7 +32,7 @@ _VALUES_SHOWN: Final = 12
 
 
 class Only(StrEnum):
-    """Which parameters are listed; the text ends a sentence."""
+    """Filters of the list; the text ends a sentence."""
 
     ALL = ""
     CHANGED = "changed since they were listed"

@@ -76,6 +76,26 @@ def test_a_required_component_that_keeps_crashing_ends_in_its_failure_policy(fli
     flight.await_landed()
 
 
+def test_a_limiter_and_its_standby_that_were_both_lost_come_back_and_the_vehicle_lands(flight: Card) -> None:
+    sweep(flight, on_failure="land")
+    flight.fault("crash:limiter", for_s=8.0)
+    flight.wait(4.0)
+    flight.fault("crash:limiter_standby", for_s=8.0)
+    flight.await_policy("land")
+    flight.await_landed(40.0)
+    flight.await_component("limiter", "quiet" if flight.lci("limiter_standby") is State.WORKING else "working", 10.0)
+
+
+def test_without_any_limiter_the_autopilot_lands_by_itself(flight: Card) -> None:
+    sweep(flight, on_failure="land")
+    flight.fault("crash:limiter", for_s=120.0)
+    flight.fault("crash:limiter_standby", for_s=120.0)
+    flight.await_policy("land")
+    flight.await_landed(30.0)
+    assert flight.was_told("the autopilot is asked to land by itself")
+    flight.await_policy("")
+
+
 def test_a_required_component_that_hangs_is_replaced_by_a_new_one(flight: Card) -> None:
     sweep(flight, on_failure="hold")
     hang = flight.fault("hang:waypoints")

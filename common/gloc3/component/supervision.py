@@ -20,6 +20,8 @@ SILENT_PERIODS: Final = 3.0
 SILENT: Final = f"no status for {SILENT_PERIODS:g} periods"
 STABLE_S: Final = 30.0
 """A component that has been up for so long has all its attempts again."""
+KEEP_TRYING_S: Final = 5.0
+"""So long after its last attempt a required component is tried once more, as long as the vehicle is under way."""
 RESUME_LIMIT_S: Final = 1.0
 """A standby that has not taken over by then is passed over."""
 MARGIN_S: Final = 1.0
@@ -146,6 +148,8 @@ class Supervision:
     def __init__(self, rows: Sequence[ComponentRow], name: str = "supervision") -> None:
         self._watched: Final = {row.name: _Watched(row) for row in rows}
         self._groups: Final = _groups_of(list(self._watched.values()))
+        self.is_under_way = False
+        """Whether the vehicle is in the air: then what is required is tried again and again."""
         self._name = name
         self._orders = 0
         self._next_s = -inf
@@ -326,8 +330,12 @@ class Supervision:
             self._next_s = -inf
             return
         group = self._groups[watched.row.name]
+        if watched.state is State.FAULTY and self.is_under_way and (watched.row.required or group.primary.row.required):
+            watched.due_s = now_s + KEEP_TRYING_S
+            self._next_s = -inf
         policy = group.primary.on_fault.then
-        if group.in_charge is watched and policy is not FaultPolicy.IGNORE and not watched.is_lost:
+        is_told = watched.is_lost or watched.attempts > (0 if plan is None else plan.times)
+        if group.in_charge is watched and policy is not FaultPolicy.IGNORE and not is_told:
             watched.is_lost = True
             yield SupervisionVerdict(watched.row.name, policy, watched.reason)
 

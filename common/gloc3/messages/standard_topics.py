@@ -81,6 +81,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "manoeuvre_wanted/*": TopicRow(Manoeuvre, service=TopicService.COMMAND),
     "setpoint": TopicRow(Setpoint, 20.0, service=TopicService.CONTROL),
     "manoeuvre": TopicRow(Manoeuvre, service=TopicService.COMMAND),
+    "direct_landing": TopicRow(Manoeuvre, service=TopicService.COMMAND),
     "action_status/*": TopicRow(ActionStatus, service=TopicService.COMMAND),
     "image_recorded": TopicRow(ImageRecorded),
     # drivers

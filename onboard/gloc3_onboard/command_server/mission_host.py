@@ -1,11 +1,20 @@
 """The mission host: restores the executor, updates its state, and carries out its requests to components."""
 
+from math import inf
 from typing import Any, Final
 
 from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup, PortReport, Result
 from gloc3.messages.envelope import CommandReply, FunctionReply, FunctionRequest, Severity
 from gloc3.messages.frames import GeoPoint
-from gloc3.messages.vehicle import DriverState, FlightMode, MotionGrant, TakeOver
+from gloc3.messages.vehicle import (
+    DriverState,
+    FlightMode,
+    Manoeuvre,
+    ManoeuvreKind,
+    ManoeuvreState,
+    MotionGrant,
+    TakeOver,
+)
 from gloc3.mission.executing.executor import MissionExecutor, Verb
 from gloc3.mission.executing.requests import (
     Cancel,
@@ -32,6 +41,8 @@ from gloc3_onboard.command_server.site import Report, ServerSettings, Site
 from gloc3_onboard.command_server.summaries import RequestCounts
 from gloc3_onboard.command_server.vehicle_state import VehicleState
 
+DIRECT_PERIOD_S: Final = 2.0
+"""How often the autopilot is asked for its own landing until it lands."""
 COME_UP_S: Final = 30.0
 """After a restart: how long components that are still coming up are waited for before the mission is taken up."""
 
@@ -44,6 +55,7 @@ class MissionPorts(PortGroup):
     function = Output(FunctionRequest)
     grant = Output(MotionGrant)
     take_over = Output(TakeOver)
+    direct_landing = Output(Manoeuvre)
 
 
 class MissionHost:
@@ -65,6 +77,7 @@ class MissionHost:
         self.counts = RequestCounts()
         """What the loaded mission takes."""
         self.granted = MotionGrant(action_id="", component="")
+        self._landed_directly_s = -inf
         """The owner of motion."""
         self._site, self._observing, self._control, self._report = site, observing, control, report
         self._settle_s = settings.settle_s
@@ -109,6 +122,7 @@ class MissionHost:
             self._inform(self.executor, now_s, inbox)
             if self._is_handing_over(self.executor, now_s):
                 results.append(TakeOver(is_resumed=True))
+            results += self._land_directly(self.executor, now_s)
         return results
 
     def _try_to_begin(self, now_s: float, *, is_urgent: bool) -> list[Result]:
@@ -142,6 +156,22 @@ class MissionHost:
         altitude_m = None if home is None or origin is None else origin.altitude_m - home.position_ned_m[2]
         surroundings = MissionReferences.of(self._site.platform, origin=origin, home_altitude_m=altitude_m)
         return read_mission(text, "kept mission", surroundings)
+
+    def _land_directly(self, executor: MissionExecutor, now_s: float) -> list[Result]:
+        """The last way down, which needs the autopilot's driver alone: its own landing, until it is under way."""
+        if not executor.needs_direct_landing(now_s) or executor.board.has_pilot:
+            return []
+        driver = self._observing.snapshot.driver
+        is_landing = driver is not None and driver.manoeuvre is ManoeuvreKind.LAND
+        if driver is not None and is_landing and driver.manoeuvre_state is ManoeuvreState.RUNNING:
+            return []
+        if now_s - self._landed_directly_s < DIRECT_PERIOD_S:
+            return []
+        self._landed_directly_s = now_s
+        self._report(Severity.WARNING, "the autopilot is asked to land by itself")
+        return [
+            MissionPorts.direct_landing.report(Manoeuvre(action_id=self.granted.action_id, kind=ManoeuvreKind.LAND))
+        ]
 
     def _is_handing_over(self, executor: MissionExecutor, now_s: float) -> bool:
         return not executor.board.has_pilot and self._observing.is_handing_over(now_s)

@@ -125,6 +125,7 @@ class Observing:
         if self.supervision is None:
             self.supervision = Supervision(self._platform.components, f"supervision-{now_s:.3f}")
         supervision = self.supervision
+        supervision.is_under_way = self.snapshot.is_airborne
         steps: list[Step] = []
         for reply in inbox.new(ObservingPorts.reply):
             steps += supervision.receive_reply(reply.payload, now_s)

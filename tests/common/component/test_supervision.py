@@ -8,7 +8,14 @@ from tests.common.supervised import ALONE, PAIR, pair, reply_to, reported, row, 
 
 from gloc3.component.deployment import FaultPolicy
 from gloc3.component.lci import Command, State
-from gloc3.component.supervision import HEARTBEAT_STATE, STABLE_S, LciRequest, Supervision, SupervisionVerdict
+from gloc3.component.supervision import (
+    HEARTBEAT_STATE,
+    KEEP_TRYING_S,
+    STABLE_S,
+    LciRequest,
+    Supervision,
+    SupervisionVerdict,
+)
 from gloc3.errors import Refused
 from gloc3.messages.envelope import CommandReply
 from gloc3.messages.summaries import Health
@@ -70,6 +77,27 @@ def test_without_a_standby_a_component_is_initialized_again_with_pauses_that_dou
     for second in range(10):
         assert reported(supervision, now_s + second, alone=State.FAULTY) == []
         assert supervision.tick(now_s + second) == []
+
+
+def test_in_the_air_a_required_component_is_tried_for_as_long_as_it_takes_and_its_loss_is_told_once() -> None:
+    supervision = Supervision(ALONE)
+    supervision.is_under_way = True
+    reported(supervision, 0.0, alone=State.WORKING)
+    steps = reported(supervision, 0.5, alone=State.FAULTY)
+    for tenth in range(10, 1000):
+        now_s = 0.1 * tenth
+        for step in supervision.tick(now_s):
+            steps += [step, *supervision.receive_reply(reply_to(step, State.WORKING), now_s)]
+            steps += reported(supervision, now_s, alone=State.WORKING)
+        steps += reported(supervision, now_s + 0.05, alone=State.FAULTY)
+    assert len([step for step in steps if isinstance(step, LciRequest)]) == pytest.approx(99.0 / KEEP_TRYING_S, abs=5.0)
+    assert len([step for step in steps if isinstance(step, SupervisionVerdict)]) == 1
+    supervision.is_under_way = False
+    for second in range(100, 130):
+        for step in supervision.tick(float(second)):
+            supervision.receive_reply(reply_to(step, State.FAULTY, "initialize failed"), float(second))
+        reported(supervision, float(second), alone=State.FAULTY)
+    assert supervision.tick(131.0) == [], "on the ground somebody looks after it"
 
 
 def test_a_component_that_was_up_for_long_has_all_its_attempts_again() -> None:

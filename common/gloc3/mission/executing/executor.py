@@ -204,6 +204,14 @@ class MissionExecutor:
         self.board.missing.replace(missing, now_s)
         self.settle(now_s)
 
+    def needs_direct_landing(self, now_s: float) -> bool:
+        """Whether the vehicle shall land, and who performs that has been missing for long: the autopilot can do it alone."""
+        manoeuvre = self.board.manoeuvre
+        if manoeuvre is None or manoeuvre.policy is not Policy.LAND or manoeuvre.program is not None:
+            return False
+        missing_s = now_s - self.board.missing.since_s.get("land", now_s)
+        return manoeuvre.assignment is None and self.board.is_airborne and missing_s >= manoeuvres.DIRECT_S
+
     def component_failed(self, component: str, reason: str, now_s: float) -> None:
         """A component has turned faulty, has left, or is taken away: its actions fail.
 

@@ -13,6 +13,8 @@ from gloc3.mission.model.states import ENDED, ActionState, StateTrigger
 
 AGAIN_S: Final = 1.0
 """A landing that cannot be begun is tried again after this time, for as long as it takes."""
+DIRECT_S: Final = 3.0
+"""After so long without the components that land, the autopilot is asked for its own landing directly."""
 TIMEOUT_S: Final = 2.0
 """A return outlives the loss of what it needs for this long; then it becomes a landing here."""
 

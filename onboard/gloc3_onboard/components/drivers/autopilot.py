@@ -72,6 +72,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
 
     setpoint = Input(Setpoint, Keep.ALL)
     manoeuvre = Input(Manoeuvre, Keep.ALL)
+    direct_landing = Input(Manoeuvre, Keep.ALL)
     grant = Input(MotionGrant)
     limits = Input(MotionLimits)
     autopilot = Input(AutopilotState, Keep.ALL)
@@ -306,7 +307,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
 
     def _manoeuvre(self, now_s: float, inbox: Inbox) -> list[ManoeuvreStep]:
         self._had_control = True
-        for envelope in inbox.new(self.manoeuvre):
+        for envelope in (*inbox.new(self.manoeuvre), *inbox.new(self.direct_landing)):
             if not self._owner or envelope.payload.action_id != self._owner:
                 self._stream.gate.foreign += 1
                 continue

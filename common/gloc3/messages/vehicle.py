@@ -30,6 +30,17 @@ class VehicleClass(StrEnum):
     BOAT = "boat"
     SUB = "sub"
     PLANE = "plane"
+    VTOL = "vtol"
+    """A plane that rotors lift and hold: on rotors it is led as it likes, on wings it does not stop."""
+
+
+class VtolForm(StrEnum):
+    """What carries a VTOL, by EXTENDED_SYS_STATE."""
+
+    ROTORS = "rotors"
+    TO_WINGS = "to_wings"
+    WINGS = "wings"
+    TO_ROTORS = "to_rotors"
 
 
 class FlightMode(StrEnum):
@@ -83,6 +94,8 @@ class AutopilotState(Message, frozen=True):
     """What its sensors' health and its estimator's flags say against a start, in words."""
     has_home: bool = False
     """Whether it has told where its home is."""
+    form: VtolForm | None = None
+    """What carries it, where it is a VTOL."""
 
 
 class AutopilotPose(Message, frozen=True):

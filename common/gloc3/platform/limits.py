@@ -43,6 +43,13 @@ class Limits(PlatformRow, frozen=True, kw_only=True):
     turn_radius_m: NotNegative = 0.0
     """Of what cannot turn on the spot nor stop, such as a plane: ways need room to turn, and it waits in circles."""
 
+    rotors_speed_m_s: NotNegative = 0.0
+    """Of what has both wings and rotors: speed of ways on rotors. 0 for others."""
+    transition_m: NotNegative = 0.0
+    """With that: way that it makes from wings to a hover, or from a hover to wings, at most."""
+    wings_height_min_m: NotNegative = 0.0
+    """With that: least height above home of ways on wings; a transition loses some height."""
+
     def __post_init__(self) -> None:
         if self.height_min_m >= self.height_max_m:
             raise ValueError("height_min_m must be less than height_max_m")
@@ -52,6 +59,15 @@ class Limits(PlatformRow, frozen=True, kw_only=True):
             raise ValueError("survey_speed_m_s must be no more than speed_m_s")
         if not self.speed_min_m_s <= (self.survey_speed_m_s or self.speed_m_s) <= self.speed_m_s:
             raise ValueError("speed_min_m_s must be no more than survey_speed_m_s and speed_m_s")
+
+    def is_on_wings(self, length_m: float, by: str | None = None) -> bool:
+        """Whether a way of this length is flown on wings: as asked for, or where it is longer than two transitions.
+
+        True for what has no rotors to hover on, as far as it needs room to turn.
+        """
+        if self.turn_radius_m <= 0.0 or self.rotors_speed_m_s <= 0.0:
+            return self.turn_radius_m > 0.0
+        return by == "wings" if by is not None else length_m > 2.0 * self.transition_m
 
 
 class Power(PlatformRow, frozen=True, kw_only=True):
@@ -69,6 +85,9 @@ class Power(PlatformRow, frozen=True, kw_only=True):
     """Energy of the full battery."""
     reserve: Share = 0.25
     """Share of the battery that missions must leave; below it the battery counts as low."""
+
+    wings_w: NotNegative = 0.0
+    """Power to fly on wings at `survey_speed_m_s`, of what can hover, too; in place of `hover_w` and `per_m_s_w`."""
 
     @property
     def usable_wh(self) -> float:

@@ -17,7 +17,7 @@ Name = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
 class Vehicle(PlatformRow, frozen=True, kw_only=True):
     """The vehicle itself."""
 
-    type: Literal["quadrotor", "hexarotor", "aircraft", "rover", "boat", "auv", "rov"]
+    type: Literal["quadrotor", "hexarotor", "aircraft", "vtol", "rover", "boat", "auv", "rov"]
     mass_kg: Positive
     airframe: str = ""
     """What stands for it in simulation, of `gloc3 sitl --vehicle`; empty for the usual one of its type."""

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Final
 
-from gloc3.messages.vehicle import FlightMode, Style, VehicleClass
+from gloc3.messages.vehicle import FlightMode, Style, VehicleClass, VtolForm
 from gloc3_onboard.autopilot.style import (
     COMMON_STREAMS,
     DO_FENCE_ENABLE,
@@ -156,8 +156,24 @@ PLANE: Final = ClassProperties(
 )
 """AUTOLAND is there from 4.6 on; it takes off in TAKEOFF, to the height of TKOFF_ALT."""
 
+VTOL: Final = ClassProperties(
+    vehicle=VehicleClass.VTOL,
+    modes={
+        **PLANE.modes,
+        15: (_HOLD, "GUIDED"),
+        22: (_MANUAL, "QAUTOTUNE"),
+        23: (_MANUAL, "QACRO"),
+        25: (_LAND, "LOITER2QLAND"),
+    },
+    commanded={_HOLD: 12, _MISSION: 10, _RETURN: 11, _LAND: 20},
+    behaviour=AutopilotBehaviour(vehicle=VehicleClass.VTOL),
+    hold_on_rotors=15,
+    timeout_s=float("inf"),
+)
+"""LOITER circles on wings, and GUIDED hovers where Q_GUIDED_MODE is 1; both hold. QLAND lands on rotors."""
+
 CLASSES: Final[Mapping[VehicleClass, ClassProperties]] = {
-    snapshot.vehicle: snapshot for snapshot in (COPTER, ROVER, BOAT, SUB, PLANE)
+    snapshot.vehicle: snapshot for snapshot in (COPTER, ROVER, BOAT, SUB, PLANE, VTOL)
 }
 
 
@@ -192,9 +208,12 @@ class ArduPilot:
         """A mode in ArduPilot's own words."""
         return mode_by_number(self.class_properties.modes, custom_mode)[1]
 
-    def mode_command(self, mode: FlightMode) -> MavCommand | CommandAnswer:
+    def mode_command(self, mode: FlightMode, form: VtolForm | None = None) -> MavCommand | CommandAnswer:
         """The command that asks for a mode."""
         number = self.class_properties.commanded.get(mode)
+        on_rotors = self.class_properties.hold_on_rotors
+        if on_rotors is not None and mode is FlightMode.HOLD and form in (VtolForm.ROTORS, VtolForm.TO_ROTORS):
+            number = on_rotors
         if number is None:
             return CommandAnswer(False, f"a {self.class_properties.vehicle} has no mode for {mode}")
         return MavCommand(SET_MODE, (_CUSTOM_MODE_ENABLED, float(number), 0.0, 0.0, 0.0, 0.0, 0.0))

@@ -197,7 +197,7 @@ class AutopilotDevice:
 
     def command_mode(self, mode: FlightMode) -> int:
         """Requests a mode."""
-        return self._command(lambda: self._link.style.mode_command(mode))
+        return self._command(lambda: self._link.style.mode_command(mode, self._link.telemetry.state.form))
 
     def command_arm(self) -> int:
         """Requests arming."""

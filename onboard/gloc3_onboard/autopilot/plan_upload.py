@@ -1,7 +1,10 @@
 """Uploads a plan to the autopilot, reads it back, and follows its progress: mission protocol without I/O."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import accumulate
 from typing import Final
+
+import msgspec
 
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.mission_client import CurrentItem, ItemReached, MissionClient, Transfer
@@ -10,11 +13,14 @@ from gloc3.messages.frames import GeoPoint
 from gloc3.messages.vehicle import Style
 from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem
 from gloc3.plan_wire import to_wire
-from gloc3_onboard.sensors.devices import CommandAnswer, GeoPath
+from gloc3_onboard.sensors.devices import CommandAnswer, GeoPath, VtolWay
 
-ABSOLUTE: Final = 0
-"""MAV_FRAME_GLOBAL: heights above mean sea level."""
-WAYPOINT, CIRCLE, CIRCLE_FOR_A_TIME, TAKE_OFF, CHANGE_SPEED = 16, 17, 19, 22, 178
+ABSOLUTE, NO_PLACE, RELATIVE = 0, 2, 3
+"""MAV_FRAME: heights above mean sea level, none, above home."""
+WAYPOINT, STAY, STAY_FOR_A_TIME, TAKE_OFF, CHANGE_SPEED = 16, 17, 19, 22, 178
+VTOL_TAKE_OFF, VTOL_TRANSITION = 84, 3000
+ON_ROTORS, ON_WINGS = 3.0, 4.0
+"""MAV_VTOL_STATE."""
 AIR_SPEED, GROUND_SPEED = 0.0, 1.0
 SAME_HEIGHT_M: Final = 0.02
 """ArduPilot keeps heights in whole centimetres."""
@@ -77,8 +83,10 @@ class PlanUpload(PlanUploader):
         super().__init__(client, PlanType.MISSION, "plan")
         self.reached = 0
         """Places of the way that the autopilot has passed."""
-        self._first = self._count = 0
-        """Where its places begin among the items, and how many there are."""
+        self._begin = self._first = 0
+        """Its first item, and the first one that is flown to."""
+        self._passed: tuple[int, ...] = (0,)
+        """How many places are passed while each item from the first is flown, and after the last one."""
         self._setting: Transfer | None = None
         self._has_begun = False
         """What the autopilot says of its progress is of this plan: until the first item is set it is of the one before."""
@@ -90,7 +98,10 @@ class PlanUpload(PlanUploader):
             Refused: a number does not fit the wire.
         """
         items = path_items(way, style)
-        self._first, self._count, self.reached = 1 + (style is Style.ARDUPILOT), len(way.places), 0
+        planned = plan_of(way, style)
+        self._begin = int(style is Style.ARDUPILOT)
+        self._first = self._begin + next(number for number, (item, _) in enumerate(planned) if item.frame != NO_PLACE)
+        self._passed, self.reached = tuple(accumulate((passes for _, passes in planned), initial=0)), 0
         self._has_begun = False
         self.send(ticket, items, target, now_s)
 
@@ -100,8 +111,7 @@ class PlanUpload(PlanUploader):
             ended = super().received(transfer, now_s)
             if ended is None or not ended[1].is_accepted:
                 return ended
-            begin = self._first - 1
-            self._setting = self._client.set_current(transfer.target, begin, now_s=now_s)
+            self._setting = self._client.set_current(transfer.target, self._begin, now_s=now_s)
             return None
         if transfer.result is None:
             return None
@@ -113,9 +123,9 @@ class PlanUpload(PlanUploader):
 
     def follow(self, event: CurrentItem | ItemReached) -> None:
         """The autopilot tells where it is in its plan; a report that was lost is made up for by the next."""
-        passed = event.number - self._first + isinstance(event, ItemReached)
-        if self._has_begun:
-            self.reached = max(self.reached, min(passed, self._count))
+        number = event.number - self._begin + isinstance(event, ItemReached)
+        if self._has_begun and number >= 0:
+            self.reached = max(self.reached, self._passed[min(number, len(self._passed) - 1)])
 
     def _is_same(self, held: Sequence[PlanItem]) -> bool:
         """ArduPilot keeps its own home in the first item, and of a speed the number alone."""
@@ -130,27 +140,68 @@ class PlanUpload(PlanUploader):
 
 
 def path_items(way: GeoPath, style: Style) -> tuple[PlanItem, ...]:
-    """A way as items of the mission protocol: the speed, then its places; before them ArduPilot's home.
-
-    What flies on wings ends in a circle round its last place, until it is told otherwise.
+    """A way as items of the mission protocol: `plan_of`, and before that ArduPilot's home.
 
     Raises:
         Refused: a number does not fit the wire.
     """
-    kind = AIR_SPEED if way.is_winged else GROUND_SPEED
-    speed = MavItem(command=CHANGE_SPEED, frame=2, params=(kind, way.speed_m_s, -1.0, 0.0))
-    places = [_waypoint(place, way) for place in way.places]
-    if way.is_from_ground:
-        places[0] = _at(way.places[0], TAKE_OFF)
-    if way.is_winged:
-        places.append(_at(way.places[-1], CIRCLE))
-    items = [places[0], speed, *places] if style is Style.ARDUPILOT else [speed, *places]
+    items = [item for item, _ in plan_of(way, style)]
+    if style is Style.ARDUPILOT:
+        items = [_at(way.places[0], WAYPOINT), *items]
     return tuple(to_wire(item, f"plan item {number}") for number, item in enumerate(items))
+
+
+def plan_of(way: GeoPath, style: Style) -> tuple[tuple[MavItem, bool], ...]:
+    """The items of a way, each with whether one more of its places is passed once it is done.
+
+    What flies on wings ends in a circle round its last place, until it is told otherwise. What has rotors, too, begins with
+    the form of the way, leaves its wings before the last place, and hovers there.
+    """
+    kind = AIR_SPEED if way.is_winged else GROUND_SPEED
+    speed = _instant(CHANGE_SPEED, kind, way.speed_m_s, -1.0)
+    places = [(_waypoint(place, way), True) for place in way.places]
+    if way.vtol is not None:
+        return tuple(_vtol_plan(way, way.vtol, (speed, False), places, style))
+    if way.is_from_ground:
+        places[0] = (_at(way.places[0], TAKE_OFF), True)
+    ends = [(_at(way.places[-1], STAY), False)] if way.is_winged else []
+    return ((speed, False), *places, *ends)
+
+
+PlannedItem = tuple[MavItem, bool]
+
+
+def _vtol_plan(
+    way: GeoPath, vtol: VtolWay, speed: PlannedItem, places: list[PlannedItem], style: Style
+) -> Iterator[PlannedItem]:
+    last = way.places[-1]
+    if way.is_from_ground:
+        if style is Style.ARDUPILOT:  # it would go on on wings; its height counts from where it stands
+            yield _instant(VTOL_TRANSITION, ON_ROTORS), False
+            yield msgspec.structs.replace(_at(last, VTOL_TAKE_OFF), frame=RELATIVE, z=vtol.climb_m), True
+        else:
+            yield _at(last, TAKE_OFF), True
+    else:
+        yield _instant(VTOL_TRANSITION, ON_WINGS if vtol.on_wings else ON_ROTORS), False
+        yield speed
+        yield from places[:-1]
+        if vtol.on_wings and vtol.hovers:
+            if vtol.brakes_at is not None:
+                yield _waypoint(vtol.brakes_at, way), False
+            yield _instant(VTOL_TRANSITION, ON_ROTORS), False
+            yield _at(last, WAYPOINT, way.hold_s, vtol.within_m), True
+        else:
+            yield places[-1]
+    yield _at(last, STAY), False
+
+
+def _instant(command: int, one: float, two: float = 0.0, three: float = 0.0) -> MavItem:
+    return MavItem(command=command, frame=NO_PLACE, params=(one, two, three, 0.0))
 
 
 def _waypoint(place: GeoPoint, way: GeoPath) -> MavItem:
     if way.is_winged and way.hold_s > 0.0:
-        return _at(place, CIRCLE_FOR_A_TIME, way.hold_s)
+        return _at(place, STAY_FOR_A_TIME, way.hold_s)
     return _at(place, WAYPOINT, way.hold_s, way.acceptance_m, 0.0, way.heading_deg)
 
 

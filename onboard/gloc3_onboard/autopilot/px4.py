@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Final
 
-from gloc3.messages.vehicle import FlightMode, Style, VehicleClass
+from gloc3.messages.vehicle import FlightMode, Style, VehicleClass, VtolForm
 from gloc3_onboard.autopilot.style import (
     COMMON_STREAMS,
     ESTIMATOR_STATUS,
@@ -91,8 +91,17 @@ PLANE: Final = ClassProperties(
 )
 """In offboard mode it flies to the position and circles there; in AUTO.LAND it circles down where it is."""
 
+VTOL: Final = ClassProperties(
+    vehicle=VehicleClass.VTOL,
+    modes={**MODES, 4 << 16 | 10 << 24: (FlightMode.TAKE_OFF, "AUTO.VTOL_TAKEOFF")},
+    commanded=_COMMANDED,
+    behaviour=AutopilotBehaviour(vehicle=VehicleClass.VTOL, arm_in_mode=FlightMode.HOLD),
+    timeout_s=float("inf"),
+)
+"""It holds, returns and lands in the form in which it flies; landings are on rotors (NAV_FORCE_VT)."""
+
 CLASSES: Final[Mapping[VehicleClass, ClassProperties]] = {
-    snapshot.vehicle: snapshot for snapshot in (COPTER, ROVER, PLANE)
+    snapshot.vehicle: snapshot for snapshot in (COPTER, ROVER, PLANE, VTOL)
 }
 
 
@@ -124,8 +133,9 @@ class Px4:
         """A mode in PX4's own words."""
         return mode_by_number(self.class_properties.modes, custom_mode & _MODE_BITS)[1]
 
-    def mode_command(self, mode: FlightMode) -> MavCommand | CommandAnswer:
+    def mode_command(self, mode: FlightMode, form: VtolForm | None = None) -> MavCommand | CommandAnswer:
         """The command that asks for a mode."""
+        del form
         number = self.class_properties.commanded.get(mode)
         if number is not None:
             main, sub = float(number >> 16 & 0xFF), float(number >> 24)

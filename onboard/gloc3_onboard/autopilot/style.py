@@ -8,7 +8,7 @@ from typing import Final, NamedTuple, Protocol
 
 from gloc3.mavlink.codec import Address, MavlinkMessage, message
 from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL
-from gloc3.messages.vehicle import FlightMode, Style, VehicleClass
+from gloc3.messages.vehicle import FlightMode, Style, VehicleClass, VtolForm
 from gloc3_onboard.sensors.devices import AutopilotBehaviour, CommandAnswer
 
 Modes = Mapping[int, tuple[FlightMode, str]]
@@ -40,6 +40,8 @@ class ClassProperties:
     form: Form = Form.POSITION
     reports_landed: bool = True
     """Whether EXTENDED_SYS_STATE tells where it is; else it counts as under way while it is armed."""
+    hold_on_rotors: int | None = None
+    """The `custom_mode` that is asked for to hold on rotors, where it is another than on wings."""
     timeout_s: float
     """So long after the last setpoint the autopilot acts by itself."""
     why_no_take_off: str = field(default="")
@@ -47,10 +49,12 @@ class ClassProperties:
 
 
 COPTERS: Final = (2, 3, 4, 13, 14, 15, 29, 35)
-PLANES: Final = (1, 16, *range(19, 26))
+PLANES: Final = (1, 16)
+VTOLS: Final = tuple(range(19, 26))
 CLASSES: Final[Mapping[int, VehicleClass]] = {
     **dict.fromkeys(COPTERS, VehicleClass.COPTER),
     **dict.fromkeys(PLANES, VehicleClass.PLANE),
+    **dict.fromkeys(VTOLS, VehicleClass.VTOL),
     10: VehicleClass.ROVER,
     11: VehicleClass.BOAT,
     12: VehicleClass.SUB,
@@ -117,8 +121,8 @@ class AutopilotStyle(Protocol):
     def mode_name(self, custom_mode: int) -> str:
         """A mode in the autopilot's own words."""
 
-    def mode_command(self, mode: FlightMode) -> MavCommand | CommandAnswer:
-        """The command that asks for a mode, or why there is none."""
+    def mode_command(self, mode: FlightMode, form: VtolForm | None) -> MavCommand | CommandAnswer:
+        """The command that asks for a mode, or why there is none; a VTOL's hold may depend on what carries it."""
 
     def take_off_command(self, height_m: float, ground_altitude_m: float) -> MavCommand | CommandAnswer:
         """The command that asks to climb, or why there is none.

@@ -14,6 +14,7 @@ CLASSES: Final[Mapping[str, tuple[VehicleClass, ...]]] = {
     "quadrotor": (VehicleClass.COPTER,),
     "hexarotor": (VehicleClass.COPTER,),
     "aircraft": (VehicleClass.PLANE,),
+    "vtol": (VehicleClass.VTOL,),
     "rover": (VehicleClass.ROVER,),
     "boat": (VehicleClass.BOAT, VehicleClass.ROVER),
     "auv": (VehicleClass.SUB,),

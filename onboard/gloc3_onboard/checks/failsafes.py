@@ -34,9 +34,9 @@ def failsafe_checks(readings: Readings) -> Iterator[Check]:
     for name, (value, what) in table.doubtful.items():
         if setup.parameters.get(name) == value:
             yield Check(GROUP, name, Verdict.WARNING, f"{value:g}: it {what}", f"set {name} to another value")
-    for name, (values, what) in table.hindering.items():
+    for name, (values, what, right) in table.hindering.items():
         if (given := setup.parameters.get(name)) in values:
-            yield Check(GROUP, name, Verdict.RED, f"{given:g}: it {what}", f"set {name} to 0")
+            yield Check(GROUP, name, Verdict.RED, f"{given:g}: it {what}", f"set {name} to {right:g}")
 
 
 def action_of(setup: AutopilotSetup, failsafe: Failsafe) -> str | None:

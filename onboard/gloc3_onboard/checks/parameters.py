@@ -72,8 +72,8 @@ class StyleTable(NamedTuple):
     """The parameter of the arming checks by the names of several versions, and its value while all are made."""
     doubtful: Mapping[str, tuple[float, str]] = {}
     """Parameters with a value that is worth a warning, and what it does."""
-    hindering: Mapping[str, tuple[tuple[float, ...], str]] = {}
-    """Parameters with values by which our paths are not flown, and what they do; 0 does not."""
+    hindering: Mapping[str, tuple[tuple[float, ...], str, float]] = {}
+    """Parameters with values by which our paths are not flown, what they do, and a value that does not."""
 
     def names(self) -> tuple[str, ...]:
         """Every parameter that is to be read."""

@@ -106,10 +106,20 @@ PLANE: Final = COPTER._replace(
 )
 """To *hold* is to circle; without a position it flies on by what it believes."""
 
+VTOL: Final = PLANE._replace(
+    doubtful={
+        "Q_RTL_MODE": (0.0, "has RTL circle over home instead of landing there"),
+        "Q_TRANS_FAIL": (0.0, "tries a transition to wings without end"),
+    },
+    hindering={"Q_GUIDED_MODE": ((0.0,), "has GUIDED circle on wings, by which GLOC3 hovers", 1.0)},
+)
+"""To *hold* is to circle on wings, and to hover on rotors."""
+
 CLASSES: Final[Mapping[VehicleClass, StyleTable]] = {
     VehicleClass.COPTER: COPTER,
     VehicleClass.ROVER: ROVER,
     VehicleClass.BOAT: ROVER,
     VehicleClass.SUB: SUB,
     VehicleClass.PLANE: PLANE,
+    VehicleClass.VTOL: VTOL,
 }

@@ -53,11 +53,18 @@ ROVER: Final = COPTER._replace(pose_lost=Failsafe("", {0: HOLD}))
 """What cannot land stops."""
 
 PLANE: Final = COPTER._replace(
-    hindering={"MIS_TKO_LAND_REQ": ((1.0, 2.0, 3.0, 4.0, 5.0), "refuses to fly paths without a take-off or landing")}
+    hindering={
+        "MIS_TKO_LAND_REQ": ((1.0, 2.0, 3.0, 4.0, 5.0), "refuses to fly paths without a take-off or landing", 0.0)
+    }
+)
+
+VTOL: Final = PLANE._replace(
+    doubtful={"NAV_FORCE_VT": (0.0, "lands on wings where it flies on wings")},
 )
 
 CLASSES: Final[Mapping[VehicleClass, StyleTable]] = {
     VehicleClass.COPTER: COPTER,
     VehicleClass.ROVER: ROVER,
     VehicleClass.PLANE: PLANE,
+    VehicleClass.VTOL: VTOL,
 }

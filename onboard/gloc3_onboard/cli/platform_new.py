@@ -88,6 +88,20 @@ KINDS: Final = {
             "turn_radius_m": (80.0, "compare it with WP_LOITER_RAD"),
         },
     ),
+    VehicleClass.VTOL: VehicleKind(
+        "fixed_wing_vtol", ("vtol",), 5.0, 25.0, 2.5, 0.7, 2.0, (2.0, 100.0), 30.0,
+        "hover_w: 1000, per_m_s_w: 10, climb_w_per_m_s: 90, avionics_w: 12, wings_w: 250", 350.0, "ways",
+        more={
+            "survey_height_m": (50.0, "of take-offs and patterns without one"),
+            "survey_speed_m_s": (18.0, "of paths on wings without one"),
+            "survey_acceptance_m": (30.0, "acceptance radius of waypoints on wings"),
+            "speed_min_m_s": (13.0, "slower paths on wings are refused"),
+            "turn_radius_m": (80.0, "compare it with WP_LOITER_RAD or NAV_LOITER_RAD"),
+            "rotors_speed_m_s": (5.0, "of paths on rotors"),
+            "transition_m": (150.0, "from wings to a hover, and from a hover to wings"),
+            "wings_height_min_m": (20.0, "least height of paths on wings"),
+        },
+    ),
 }  # fmt: skip
 """By class; a plane is ArduPilot's, whose plans its components know."""
 

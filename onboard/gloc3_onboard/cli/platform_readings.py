@@ -35,6 +35,15 @@ SOURCES: Final[Mapping[tuple[Style, VehicleClass], Mapping[str, Mapping[str, flo
         "speed_min_m_s": {"FW_AIRSPD_MIN": 1.0},
         "height_max_m": {"GF_MAX_VER_DIST": 1.0},
     },
+    (Style.PX4, VehicleClass.VTOL): {
+        "survey_speed_m_s": {"FW_AIRSPD_TRIM": 1.0},
+        "speed_min_m_s": {"FW_AIRSPD_MIN": 1.0},
+        "turn_radius_m": {"NAV_LOITER_RAD": 1.0},
+        "rotors_speed_m_s": {"MPC_XY_CRUISE": 1.0},
+        "climb_m_s": {"MPC_Z_V_AUTO_UP": 1.0},
+        "landing_m_s": {"MPC_LAND_SPEED": 1.0},
+        "height_max_m": {"GF_MAX_VER_DIST": 1.0},
+    },
     (Style.ARDUPILOT, VehicleClass.COPTER): {
         "speed_m_s": {"WP_SPD": 1.0, "WPNAV_SPEED": CENTI},
         "climb_m_s": {"WP_SPD_UP": 1.0, "WPNAV_SPEED_UP": CENTI},
@@ -47,6 +56,14 @@ SOURCES: Final[Mapping[tuple[Style, VehicleClass], Mapping[str, Mapping[str, flo
     (Style.ARDUPILOT, VehicleClass.PLANE): {
         "survey_speed_m_s": {"AIRSPEED_CRUISE": 1.0},
         "speed_min_m_s": {"AIRSPEED_MIN": 1.0},
+        "height_max_m": {"FENCE_ALT_MAX": 1.0},
+    },
+    (Style.ARDUPILOT, VehicleClass.VTOL): {
+        "survey_speed_m_s": {"AIRSPEED_CRUISE": 1.0},
+        "speed_min_m_s": {"AIRSPEED_MIN": 1.0},
+        "turn_radius_m": {"WP_LOITER_RAD": 1.0},
+        "rotors_speed_m_s": {"Q_WP_SPEED": CENTI},
+        "landing_m_s": {"Q_LAND_FINAL_SPD": 1.0},
         "height_max_m": {"FENCE_ALT_MAX": 1.0},
     },
 }

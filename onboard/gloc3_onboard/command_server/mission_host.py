@@ -311,5 +311,5 @@ def flies_for_us(snapshot: VehicleState, kept: Snapshot, platform: Platform) -> 
 def _flew_a_plan(kept: Snapshot, platform: Platform) -> bool:
     """Whether the autopilot had been given a plan to fly by itself, as what flies on wings always is."""
     items = (item for program in kept.programs for item in program.items.values())
-    has_wings = platform.vehicle.type == "aircraft"
+    has_wings = platform.vehicle.type in ("aircraft", "vtol")
     return any((has_wings or item.is_planned) and item.state is ActionState.RUNNING for item in items)

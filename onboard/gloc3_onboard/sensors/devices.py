@@ -277,6 +277,23 @@ class GeoPath(NamedTuple):
     """For what flies on wings: it waits in circles, at the end, too, and its speed is that in the air."""
     is_from_ground: bool = False
     """With that: the first place tells how high it climbs from the ground."""
+    vtol: "VtolWay | None" = None
+    """For what has both wings and rotors."""
+
+
+class VtolWay(NamedTuple):
+    """How what has both wings and rotors flies a way."""
+
+    on_wings: bool
+    """Whether its places are flown to on wings."""
+    hovers: bool = True
+    """Whether it hovers at the end; else, on wings, it circles there."""
+    climb_m: float = 0.0
+    """Of a take-off: height over the place where it stands."""
+    within_m: float = 2.0
+    """So near it comes on rotors to the last place of a way on wings."""
+    brakes_at: GeoPoint | None = None
+    """Place before the last one at which it leaves its wings; None for at once, where it is to hover."""
 
 
 class AutopilotBehaviour(NamedTuple):

@@ -211,8 +211,14 @@ VEHICLES: Final[Mapping[str, VehicleRow]] = {
         styles={"px4": PX4_VTOL, "ardupilot": QUADPLANE_STYLE},
         sensors=lambda seed, home: [Airspeed(seed, home)],
         parameters={
-            "px4": {"MIS_TKO_LAND_REQ": 0.0},
-            "ardupilot": {"Q_MAV_TYPE": 22.0, "Q_GUIDED_MODE": 1.0, "Q_RTL_MODE": 1.0, "Q_TRANS_FAIL": 15.0},
+            "px4": {"MIS_TKO_LAND_REQ": 0.0, "COM_QC_ACT": -1.0, "COM_LOW_BAT_ACT": 0.0, "RTL_TYPE": 0.0},
+            "ardupilot": {
+                "Q_MAV_TYPE": 22.0,
+                "Q_GUIDED_MODE": 1.0,
+                "Q_RTL_MODE": 1.0,
+                "Q_TRANS_FAIL": 15.0,
+                "Q_TRANS_FAIL_ACT": -1.0,
+            },
         },
     ),
 }

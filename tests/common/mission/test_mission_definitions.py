@@ -88,7 +88,7 @@ def test_a_finding_in_a_used_task_names_the_place_of_the_value_and_that_of_the_d
         read_mission(text, str(lanes), HERE)
     shown = [str(finding).replace(f"{lanes.parent}/", "") for finding in caught.value.findings]
     assert "m.yaml:7:69: speed_m_s: expected a number <= 50.0 (99) ('speed' of 'lane', lanes.yaml:2:3)" in shown
-    hurry = "lanes.yaml:9:42: unknown key 'hurry' (in 'east', m.yaml:6:9) (known: acceptance_m, altitude_m, heading, "
+    hurry = "lanes.yaml:9:42: unknown key 'hurry' (in 'east', m.yaml:6:9) (known: acceptance_m, altitude_m, by, "
     assert [one for one in shown if one.startswith(hurry)]
     assert any("(in 'west', m.yaml:7:9)" in one for one in shown)
 

@@ -7,7 +7,7 @@ import pytest
 from gloc3.mavlink import codec
 from gloc3.mavlink.message import Address
 from gloc3.messages.frames import from_yaw
-from gloc3.messages.vehicle import AutopilotPose, FlightMode, LandedState, Style, VehicleClass
+from gloc3.messages.vehicle import AutopilotPose, FlightMode, LandedState, Style, VehicleClass, VtolForm
 from gloc3_onboard.autopilot import ardupilot, px4
 from gloc3_onboard.autopilot.ardupilot import ArduPilot
 from gloc3_onboard.autopilot.families import style_of
@@ -39,10 +39,12 @@ EVERY = [*ardupilot.CLASSES.values(), *px4.CLASSES.values()]
         ("ardupilot", 11, "boat"),
         ("ardupilot", 12, "sub"),
         ("ardupilot", 1, "plane"),
-        ("ardupilot", 20, "plane"),
+        ("ardupilot", 20, "vtol"),
+        ("ardupilot", 22, "vtol"),
         ("px4", 2, "copter"),
         ("px4", 10, "rover"),
         ("px4", 1, "plane"),
+        ("px4", 22, "vtol"),
     ],
 )
 def test_the_adapter_is_chosen_by_autopilot_and_type(style: str, number: int, vehicle: str) -> None:
@@ -52,6 +54,17 @@ def test_the_adapter_is_chosen_by_autopilot_and_type(style: str, number: int, ve
         assert (rig.device.state().style, rig.device.state().vehicle) == (Style(style), VehicleClass(vehicle))
         assert rig.device.behaviour.vehicle is VehicleClass(vehicle)
         assert rig.device.setup().vehicle is VehicleClass(vehicle)
+
+
+def test_a_quadplane_holds_on_wings_in_a_circle_and_on_rotors_in_a_hover() -> None:
+    style = ArduPilot(VehicleClass.VTOL)
+    asked = {form: style.mode_command(FlightMode.HOLD, form) for form in (None, *VtolForm)}
+    numbers = {form: command.parameters[1] for form, command in asked.items() if isinstance(command, MavCommand)}
+    assert numbers == {None: 12.0, "rotors": 15.0, "to_rotors": 15.0, "to_wings": 12.0, "wings": 12.0}
+    assert style.flight_mode(15) is FlightMode.HOLD
+    plane = ArduPilot(VehicleClass.PLANE).mode_command(FlightMode.HOLD, VtolForm.ROTORS)
+    assert isinstance(plane, MavCommand)
+    assert plane.parameters[1] == 12.0
 
 
 @pytest.mark.parametrize(("style", "number"), [("ardupilot", 5), ("ardupilot", 7), ("px4", 12), ("px4", 0)])
@@ -92,7 +105,8 @@ def test_every_mode_that_is_commanded_is_read_as_what_it_does(facts: ClassProper
     for mode, number in facts.commanded.items():
         read, _ = facts.modes[number]
         assert read is (facts.behaviour.land_mode if mode is FlightMode.LAND else mode)
-    assert {FlightMode.HOLD, FlightMode.GUIDED} <= set(facts.commanded)
+    is_led = facts is not ardupilot.VTOL  # its GUIDED is a hold
+    assert {FlightMode.HOLD, *([FlightMode.GUIDED] if is_led else [])} <= set(facts.commanded)
     assert facts.behaviour.vehicle is facts.vehicle
     assert facts.behaviour.climbs != bool(facts.why_no_take_off)
 

@@ -167,6 +167,7 @@ def test_a_transition_that_takes_too_long_leaves_it_on_its_rotors_and_sends_it_d
         bench.set_parameter("COM_QC_ACT", 1)
     else:
         bench.set_parameter("Q_TRANS_FAIL", 3)
+        bench.set_parameter("Q_TRANS_FAIL_ACT", 0)
     to_wings(bench)
     bench.run_until(lambda: form(bench) is VtolForm.TO_WINGS, 1.0)
     assert bench.run_until(lambda: form(bench) is VtolForm.ROTORS, 5.0) == pytest.approx(3.0, abs=0.2)
@@ -174,6 +175,15 @@ def test_a_transition_that_takes_too_long_leaves_it_on_its_rotors_and_sends_it_d
     bench.run(0.5)
     assert bench.mode == {"px4": "Land", "ardupilot": "QLAND"}[style]
     bench.run_until(lambda: bench.is_landed, 90.0)
+
+
+def test_ardupilot_that_only_warns_goes_on_with_a_transition_that_takes_too_long() -> None:
+    bench = flying("ardupilot")
+    bench.set_parameter("Q_TRANS_FAIL", 3)
+    to_wings(bench)
+    bench.run_until(lambda: form(bench) is VtolForm.WINGS, 15.0)
+    assert sum("Transition failed" in text for text in bench.texts) == 1
+    assert bench.mode == "LOITER"
 
 
 @STYLES

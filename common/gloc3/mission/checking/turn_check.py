@@ -2,7 +2,7 @@
 
 from collections.abc import Container, Iterable, Iterator, Sequence
 from itertools import pairwise
-from math import atan2, cos, degrees, dist, pi, tan
+from math import atan2, cos, degrees, dist, pi, sin, tan
 from typing import Final
 
 from msgspec.structs import replace
@@ -40,6 +40,11 @@ def turn_findings(
         where = (*where_of(target), action.capability)
         yield from _impossible(action, where, limits, document)
         routes = [leg for leg in part.legs if dist(leg.start[:2], leg.end[:2]) > _SHORT_M]
+        if limits.rotors_speed_m_s > 0.0 and not _goes_on_wings(action, routes, limits):
+            continue
+        yield from _too_slow(action, where, limits, document)
+        if limits.rotors_speed_m_s > 0.0:
+            yield from _transitions(mission, action, where, routes, limits, document)
         if isinstance(action.order, FollowWaypointsOrder):
             yield from _legs(action, where, routes, limits, document)
         if not isinstance(action.order, LandOrder):
@@ -49,15 +54,59 @@ def turn_findings(
         yield document.finding(("geofence",), message, "write the mission in frame geo", at_key=True, is_warning=True)
 
 
-def _impossible(action: Action, where: Where, limits: Limits, document: Document) -> Iterator[Finding]:
-    """What only a vehicle can do that stops, or points elsewhere than it flies."""
+def _goes_on_wings(action: Action, legs: Sequence[FlightLeg], limits: Limits) -> bool:
+    """Whether what can hover flies this way on wings."""
+    order, length_m = action.order, sum(leg.length_m for leg in legs)
+    if isinstance(order, FollowWaypointsOrder | ReturnHome):
+        return limits.is_on_wings(length_m, order.by if isinstance(order, FollowWaypointsOrder) else None)
+    return False
+
+
+def _transitions(
+    mission: Mission, action: Action, where: Where, legs: Sequence[FlightLeg], limits: Limits, document: Document
+) -> Iterator[Finding]:
+    """A way that is too short or too low for its transitions, and places beyond which it would stop outside the fence."""
+    length_m, needed_m = sum(leg.length_m for leg in legs), 2.0 * limits.transition_m
+    if length_m < needed_m:
+        message = (
+            f"{length_m:.0f} m is too short to fly on wings: transitions to wings and to a hover take {needed_m:g} m"
+        )
+        yield document.finding(where, message, "by: rotors", at_key=True)
+    for leg in legs:
+        if (height_m := -leg.end[2]) < limits.wings_height_min_m - _SHORT_M and isinstance(
+            action.order, FollowWaypointsOrder
+        ):
+            place = place_of(where, action, leg, document)
+            message = f"{name_of(place)} is {height_m:.0f} m high: limit on wings {limits.wings_height_min_m:g} m"
+            yield document.finding(place, message, "fly higher, or by: rotors")
+            break
+    if mission.fence is None or not legs:
+        return
+    fence = replace(mission.fence, ceiling_m=None)  # a transition is level
+    begin_m = fence.clearance_m(legs[0].start)
+    if begin_m < limits.transition_m:
+        message = (
+            f"it goes over to its wings {begin_m:.0f} m inside the fence; that takes {limits.transition_m:g} m, to where "
+            "its nose points"
+        )
+        yield document.finding(where, message, "fly away from the fence by rotors before", at_key=True)
+    for leg in legs[:-1]:
+        course_rad = _course_rad(leg.start, leg.end)
+        north, east, down = leg.end
+        ahead_m = limits.transition_m
+        beyond = (north + ahead_m * cos(course_rad), east + ahead_m * sin(course_rad), down)
+        if fence.clearance_m(beyond) < 0.0:
+            place = place_of(where, action, leg, document)
+            message = (
+                f"told to land or to hover at {name_of(place)} it stops up to {ahead_m:g} m ahead, outside the fence"
+            )
+            yield document.finding(place, message, "move it inwards")
+            break
+
+
+def _too_slow(action: Action, where: Where, limits: Limits, document: Document) -> Iterator[Finding]:
+    """What on wings would fall, or cannot point where it does not fly."""
     order = action.order
-    if isinstance(order, LandOrder) and order.at_ned_m is not None:
-        message = "the autopilot chooses where this vehicle lands: at home, along its runway"
-        yield document.finding(where, message, "remove the place", at_key=True)
-    if isinstance(order, TakeOff) and order.height_m < limits.height_min_m:
-        message = f"take-off to {order.height_m:g} m is below the platform's limit of {limits.height_min_m:g} m"
-        yield document.finding(where, message, "take off higher", at_key=True)
     speed_m_s = order.speed_m_s if isinstance(order, FollowWaypointsOrder | ReturnHome) else None
     if speed_m_s is not None and speed_m_s < limits.speed_min_m_s:
         message = f"{speed_m_s:g} m/s is below the minimum of {limits.speed_min_m_s:g} m/s that keeps it in the air"
@@ -65,6 +114,19 @@ def _impossible(action: Action, where: Where, limits: Limits, document: Document
     if isinstance(order, FollowWaypointsOrder) and order.heading.mode not in ("along", "hold"):
         message = "a fixed-wing vehicle cannot choose its heading"
         yield document.finding((*where, "heading"), message, "remove heading")
+
+
+def _impossible(action: Action, where: Where, limits: Limits, document: Document) -> Iterator[Finding]:
+    """What only a vehicle can do that stops."""
+    order = action.order
+    if isinstance(order, LandOrder) and order.at_ned_m is not None:
+        message, hint = "the autopilot chooses where this vehicle lands: at home, along its runway", "remove the place"
+        if limits.rotors_speed_m_s > 0.0:
+            message, hint = "this vehicle lands where it hovers", "remove the place, and fly there before"
+        yield document.finding(where, message, hint, at_key=True)
+    if isinstance(order, TakeOff) and order.height_m < limits.height_min_m:
+        message = f"take-off to {order.height_m:g} m is below the platform's limit of {limits.height_min_m:g} m"
+        yield document.finding(where, message, "take off higher", at_key=True)
 
 
 def _legs(
@@ -110,7 +172,10 @@ def _circles(
         return
     fence = replace(mission.fence, ceiling_m=None)  # it turns level
     waits = isinstance(order, Hold) or (isinstance(order, FollowWaypointsOrder) and order.rest_s > 0.0)
-    for leg, after in zip(legs, [*legs[1:], None], strict=True):
+    hovers_at_end = limits.rotors_speed_m_s > 0.0
+    for leg, after in zip(
+        legs[:-1] if hovers_at_end else legs, [*legs[1:], *([] if hovers_at_end else [None])], strict=True
+    ):
         turn = pi / 2.0 if after is None or waits else min(_turn_rad(leg, after), pi / 2.0)
         needed_m = limits.turn_radius_m * (1.0 - cos(turn))
         clearance_m = fence.clearance_m(leg.end)

@@ -17,7 +17,7 @@ from msgspec.structs import replace
 from gloc3.errors import Gloc3Error, Misuse, Refused
 from gloc3.installed import installed_points
 from gloc3.messages.frames import Vector3
-from gloc3.mission.model.legs import Budget, FlightLeg, climb, fly
+from gloc3.mission.model.legs import TRANSITION_S, Budget, FlightLeg, climb, fly, fly_by_form
 from gloc3.mission.model.placement import Placement, written_for
 from gloc3.mission.model.waypoint_options import KeptWallDistance, WaypointOptions, rest_s, with_options
 from gloc3.platform.limits import Limits
@@ -241,6 +241,20 @@ class Hold(Arguments, frozen=True, kw_only=True):
         return (FlightLeg(start=start_ned_m, end=start_ned_m, duration_s=self.duration_s or 0.0),)
 
 
+class VtolTransition(Arguments, frozen=True, kw_only=True):
+    """Go over to wings, straight ahead, and circle there; or to rotors, and hover where that ends."""
+
+    moves = True
+    example = "{to: wings}"
+
+    to: Literal["wings", "rotors"]
+
+    def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[FlightLeg, ...]:
+        """Where ahead is, is not known before: it is counted as staying where it is."""
+        del budget
+        return (FlightLeg(start=start_ned_m, end=start_ned_m, duration_s=TRANSITION_S),)
+
+
 LONGEST_BY_HAND_S: Final = 1800.0
 """Steering by hand without a stated duration ends after so long."""
 COUNTED_BY_HAND_S: Final = 60.0
@@ -284,7 +298,7 @@ class ReturnHome(Arguments, frozen=True, kw_only=True):
         home = budget.home_ned_m
         height_down = down if self.height_m is None else home[2] - self.height_m
         way = [(north, east, height_down), (home[0], home[1], height_down)]
-        return fly(start_ned_m, way, self.speed_m_s or budget.speed_m_s, 0.0, budget)
+        return fly_by_form(start_ned_m, way, self.speed_m_s, 0.0, budget)
 
 
 class FollowWaypointsOrder(WaypointOptions, Arguments, frozen=True, kw_only=True):
@@ -305,7 +319,7 @@ class FollowWaypointsOrder(WaypointOptions, Arguments, frozen=True, kw_only=True
 
     def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[FlightLeg, ...]:
         """Straight from waypoint to waypoint."""
-        return fly(start_ned_m, self.waypoints_ned_m, self.speed_m_s, self.rest_s, budget)
+        return fly_by_form(start_ned_m, self.waypoints_ned_m, self.speed_m_s, self.rest_s, budget, self.by)
 
 
 class _Flight(WaypointOptions, Arguments, frozen=True, kw_only=True):

@@ -7,7 +7,7 @@ turns, and whoever does not keep it refuses it, before the flight and in it.
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
-from typing import Annotated, Any, Final, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Final, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 import msgspec
 
@@ -42,6 +42,8 @@ WallDistance = Annotated[float, msgspec.Meta(ge=1.2, le=6.0)]
 """No nearer than the limiter keeps from obstacles, no farther than a wall is looked for."""
 KeptWallDistance = Annotated[WallDistance | None, WaypointOption("cannot keep a distance from a wall")]
 
+CarriedBy = Annotated[Literal["wings", "rotors"] | None, WaypointOption("has no choice between wings and rotors")]
+
 S = TypeVar("S", bound=msgspec.Struct)
 
 
@@ -52,6 +54,8 @@ class WaypointOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     """A waypoint counts as passed within this distance."""
     hold_s: HoldTime = 0.0
     """Stay so long at each waypoint."""
+    by: CarriedBy = None
+    """Of what has both, `wings` or `rotors`; None: wings where the way is longer than two transitions."""
     altitude_m: KeptAltitude = None
     """Keep so high over the ground or the floor of the water, by the range finder that looks down. The height of the first
     waypoint counts until that sees something; the others are not flown."""

@@ -76,8 +76,13 @@ class WingedPlan(PlanFlier[WingedPlanSettings], ActuatorDriver[WingedPlanSetting
         if order.heading.mode not in ("along", "hold"):
             raise Refused(f"a plane points where it flies: heading {order.heading.mode}")
         self._climbs = isinstance(arguments, TakeOff)
-        within_m = min(max(order.acceptance_m, self.settings.comes_within_m), WIDEST_M)
+        within_m = min(max(order.acceptance_m, self._least_within_m), WIDEST_M)
         super().begin_action(capability, replace(order, acceptance_m=within_m), now_s)
+
+    @property
+    def _least_within_m(self) -> float:
+        """So near it comes to places of ways that ask for less."""
+        return self.settings.comes_within_m
 
     def _climb_path(self, arguments: TakeOff, place: Vector3) -> FollowWaypointsOrder:
         autopilot, least_m = self._autopilot, self.settings.take_off_min_m

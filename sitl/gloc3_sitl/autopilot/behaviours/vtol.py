@@ -4,7 +4,7 @@ from collections.abc import Callable
 from math import atan2, hypot, nan
 from typing import Final
 
-from gloc3.messages.frames import Vector3
+from gloc3.messages.frames import Vector3, wrap_pi
 from gloc3_sitl.autopilot.behaviours.base import Activity, FliesMission, GoesTo, TakesOff
 from gloc3_sitl.autopilot.behaviours.flight_path import PlanePath
 from gloc3_sitl.autopilot.behaviours.hold import HoldPosition
@@ -14,13 +14,14 @@ from gloc3_sitl.autopilot.behaviours.piloted import Altitude, Position, Stabiliz
 from gloc3_sitl.autopilot.behaviours.return_home import ReturnFlight, nearest_goal
 from gloc3_sitl.autopilot.behaviours.streamed import Guided, Offboard
 from gloc3_sitl.autopilot.behaviours.winged import BySticks, CircleLoiter, Cruise, MissionOnWings, ReturnToCircle
-from gloc3_sitl.autopilot.control.setpoint import Setpoint, WingSetpoint
+from gloc3_sitl.autopilot.control.setpoint import Setpoint
 from gloc3_sitl.autopilot.control.vtol_form import VtolForm, VtolState
 from gloc3_sitl.autopilot.craft import Craft
 from gloc3_sitl.autopilot.plans import LANDINGS, TAKE_OFFS, MissionCommand, StoredItem
 
 _MOVES_M_S: Final = 3.0
 """Slower than this the nose says where ahead is, faster the course."""
+_TURNED_RAD: Final = 0.1
 _WINGS: Final = 4.0
 """Parameter of a transition item."""
 
@@ -57,9 +58,22 @@ class StraightOn(Activity):
 
     def update(self) -> Setpoint:
         """The setpoint for the next 20 ms."""
-        if speed_m_s(self.craft) < _MOVES_M_S:
-            return WingSetpoint(down_m=self._down_m)
         return self._path.on_course(self._course_rad, self._down_m)
+
+
+class TurnOnTheSpot(HoldPosition):
+    """Hovers and turns its nose: before PX4 goes over to wings."""
+
+    __slots__ = ()
+
+    def __init__(self, craft: Craft, course_rad: float) -> None:
+        super().__init__(craft)
+        self.yaw_wanted_rad = course_rad
+
+    @property
+    def is_turned(self) -> bool:
+        """Whether the nose points there."""
+        return abs(wrap_pi(self.yaw_wanted_rad - self.craft.estimator.yaw_rad)) < _TURNED_RAD
 
 
 class TwoForms(Activity):
@@ -267,6 +281,8 @@ class VtolMission(TwoForms, FliesMission):
 
     def _choose_form(self, item: StoredItem) -> None:
         if item.command == MissionCommand.VTOL_TRANSITION:
+            if item.parameters[0] == _WINGS and self.form is VtolForm.ROTORS and self._turns():
+                return
             self.state.want(wings=item.parameters[0] == _WINGS)
             if self.state.is_settled or self.state.problem or self.craft.is_landed:
                 self._pass_item()
@@ -274,6 +290,27 @@ class VtolMission(TwoForms, FliesMission):
             self.state.want(wings=True)
             if self.state.is_settled:
                 self._pass_item()
+
+    def _turns(self) -> bool:
+        """Turns its nose to the next place before the transition; false once it points there."""
+        if self.state.wants_wings or self.state.problem or self.craft.is_landed:
+            return False
+        if not isinstance(self.active, TurnOnTheSpot):
+            n, e, _ = self.craft.estimator.inertial.position_ned_m
+            place = self._next_place()
+            if place is None or hypot(place[0] - n, place[1] - e) < 1.0:
+                return False
+            self.active = TurnOnTheSpot(self.craft, atan2(place[1] - e, place[0] - n))
+        return not self.active.is_turned
+
+    def _next_place(self) -> tuple[float, float] | None:
+        """Of the first item from the current one on that has one, north and east."""
+        origin, progress = self.craft.estimator.origin, self.craft.mission
+        for item in self.craft.plans.mission[progress.current :]:
+            if origin is not None and item.has_place:
+                n, e, _ = origin.ned_from_geo(item.latitude_deg, item.longitude_deg, origin.origin.altitude_m)
+                return n, e
+        return None
 
     def _has_climbed(self, item: StoredItem) -> bool:
         home = self.craft.home
@@ -313,6 +350,10 @@ class QuadplaneMission(VtolMission):
         self._stays_on_rotors = False
         super().__init__(craft)
 
+    def make(self) -> Activity:
+        """In a transition to wings it turns to its way already."""
+        return MissionPartOnWings(self.craft) if self.form is VtolForm.TO_WINGS else super().make()
+
     def _choose_form(self, item: StoredItem) -> None:
         if item.command == MissionCommand.VTOL_TRANSITION:
             self._stays_on_rotors = item.parameters[0] != _WINGS
@@ -321,4 +362,5 @@ class QuadplaneMission(VtolMission):
             pass  # on wings until it can stop there
         else:
             is_lifted = self._stays_on_rotors or item.command in TAKE_OFFS or self.craft.is_landed
-            self.state.want(wings=not is_lifted and not self.state.problem)
+            has_given_up = bool(self.state.problem) and self.craft.tuning.vtol.gives_up
+            self.state.want(wings=not is_lifted and not has_given_up)

@@ -20,7 +20,9 @@ _STILL: Final = (0.0, 0.0, -1.0, 0.0)
 _TAKE_OVER_S: Final = 1.5
 """Time in which rotors that stood take over."""
 _BANK_RAD: Final = radians(20.0)
-"""Largest bank in a transition."""
+"""Largest bank in a transition …"""
+_BANKS_FROM_M_S: Final = 6.0
+"""… from twice this air speed on; below it, none."""
 _NOSE_UP_RAD: Final = radians(10.0)
 _CARRIES_RAD: Final = radians(7.0)
 """Nose up at which wings that have it carry."""
@@ -109,9 +111,10 @@ class VtolControl:
 
     def _blend(self, setpoint: WingSetpoint, throttle: float, pitch: float, least: float, most: float) -> None:
         """The wings steer as at all speeds; the rotors keep the height, and the same attitude."""
+        bank = _BANK_RAD * min(1.0, max(0.0, self._wings.airspeed_m_s / _BANKS_FROM_M_S - 1.0))
         self._wings.follow(
             WingSetpoint(
-                roll_rad=max(-_BANK_RAD, min(_BANK_RAD, setpoint.roll_rad)),
+                roll_rad=max(-bank, min(bank, setpoint.roll_rad)),
                 down_m=setpoint.down_m,
                 climb_m_s=setpoint.climb_m_s,
                 pitch_rad=pitch,
@@ -141,9 +144,13 @@ class VtolControl:
             case VtolForm.TO_WINGS if not state.wants_wings:
                 state.begin(VtolForm.ROTORS if speed < gains.blend_m_s else VtolForm.TO_ROTORS, now_s)
             case VtolForm.TO_WINGS if speed >= gains.wings_m_s and since_s > gains.wings_least_s:
+                state.problem = ""
                 state.begin(VtolForm.WINGS, now_s)
             case VtolForm.TO_WINGS if 0.0 < gains.wings_most_s < since_s:
-                self._fail(f"transition failed: {speed:.1f} m/s of {gains.wings_m_s:g} m/s after {since_s:.0f} s")
+                self._fail(
+                    f"transition failed: {speed:.1f} m/s of {gains.wings_m_s:g} m/s after {since_s:.0f} s",
+                    gives_up=gains.gives_up,
+                )
             case VtolForm.WINGS if not state.wants_wings:
                 state.begin(VtolForm.TO_ROTORS, now_s)
             case VtolForm.WINGS if craft.height_over_home_m < gains.wings_height_m:
@@ -157,9 +164,14 @@ class VtolControl:
             case _:
                 pass
 
-    def _fail(self, problem: str) -> None:
-        self._state.fail(problem, self._craft.now_s)
-        self._craft.send_text(Severity.CRITICAL, f"Quad-chute: {problem}")
+    def _fail(self, problem: str, *, gives_up: bool = True) -> None:
+        state, craft = self._state, self._craft
+        if not gives_up and state.problem:
+            return
+        if gives_up:
+            state.fail(problem, craft.now_s)
+        state.problem = problem
+        craft.send_text(Severity.CRITICAL, f"Quad-chute: {problem}" if gives_up else problem.capitalize())
 
     def outputs(self) -> tuple[float, ...]:
         """The outputs for the next 5 ms."""

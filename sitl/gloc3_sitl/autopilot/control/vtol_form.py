@@ -35,6 +35,8 @@ class VtolGains:
     """Mean deceleration of a transition to rotors, by which its place is chosen."""
     wings_height_m: float = 0.0
     """Lower than this over home it does not stay on wings; 0 for no limit."""
+    gives_up: bool = True
+    """A transition that has failed ends on the rotors; else it is told of, and gone on with."""
     guided_hovers: bool = True
     """ArduPilot: Guided is flown on rotors."""
     return_lands: bool = True

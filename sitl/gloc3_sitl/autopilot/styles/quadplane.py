@@ -86,6 +86,7 @@ def derive(request: Callable[[str], float], tuning: Tuning) -> None:
     tuning.pilot_lost_action = action if request("THR_FAILSAFE") == 1 else FailsafeAction.NONE
     tuning.vtol.wings_m_s = request("AIRSPEED_MIN")
     tuning.vtol.wings_most_s = request("Q_TRANS_FAIL")
+    tuning.vtol.gives_up = request("Q_TRANS_FAIL_ACT") >= 0.0
     tuning.vtol.rotors_m_s = tuning.limits.speed_xy_m_s = 0.01 * request("Q_WP_SPEED")
     tuning.limits.jerk_m_s3 = 4.0
     tuning.gains.speed_xy_m_s = 8.0

@@ -139,10 +139,10 @@ class MavlinkExchange:
 
         undo = []
         for name, row in topics:
-            way = route(name, row)
-            if way is None:
+            topic_route = route(name, row)
+            if topic_route is None:
                 continue
-            if way.sender is self.endpoint.role:
+            if topic_route.sender is self.endpoint.role:
                 undo.append(other.subscribe(f"{platform}/{name}", send_out))
         self._deliver = receive
 

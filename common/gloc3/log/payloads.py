@@ -143,9 +143,9 @@ def _not_finite(value: Any, path: str = "") -> Iterator[tuple[str, str]]:
 
 def _put(values: Any, path: str, number: float) -> None:
     """Sets the value at a path; one that leads nowhere changes nothing."""
-    *way, last = path.split("\t")
+    *steps, last = path.split("\t")
     try:
-        for step in way:
+        for step in steps:
             values = values[int(step) if isinstance(values, list) else step]
         values[int(last) if isinstance(values, list) else last] = number
     except (KeyError, IndexError, TypeError, ValueError):

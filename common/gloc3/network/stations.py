@@ -86,8 +86,8 @@ def join_platforms(
         inside.subscribe("*/velocity_demand", demand),
     ]
     for name, row in topics:
-        way = route(name, row)
-        if name == CHUNKS or (way is not None and way.sender is End.PLATFORM):
+        topic_route = route(name, row)
+        if name == CHUNKS or (topic_route is not None and topic_route.sender is End.PLATFORM):
             undo.append(network.subscribe(f"*/{name}", handle))
 
     def part() -> None:

@@ -121,8 +121,8 @@ class AcousticRoute:
 class Modem:
     """An acoustic modem of the station, with its endpoint."""
 
-    def __init__(self, way: AcousticRoute, endpoint: Endpoint) -> None:
-        self.way: Final = way
+    def __init__(self, route: AcousticRoute, endpoint: Endpoint) -> None:
+        self.route: Final = route
         self._endpoint = endpoint
 
     @property
@@ -132,7 +132,7 @@ class Modem:
 
     async def close(self) -> None:
         """Closes both."""
-        self.way.close()
+        self.route.close()
         await self._endpoint.close()
 
 
@@ -154,9 +154,9 @@ async def open_modem(platform: str, url: str, station: Station, exchange: Exchan
 def attach_modem(platform: str, end: MemoryEnd, station: Station, exchange: Exchange, boot: int) -> Modem:
     """Opens a modem in memory that leads to a platform."""
     loop = asyncio.get_running_loop()
-    way = AcousticRoute(platform, loop, end.send, _context(platform, station, exchange, boot))
-    end.on_data = way.receive
-    return Modem(way, end)
+    route = AcousticRoute(platform, loop, end.send, _context(platform, station, exchange, boot))
+    end.on_data = route.receive
+    return Modem(route, end)
 
 
 def _context(platform: str, station: Station, exchange: Exchange, boot: int, key: bytes | None = None) -> ModemContext:

@@ -106,7 +106,7 @@ class StationLinkCore:
         self._gaps = Gaps()
         self._context, self._url = context, settings.url
         routes = context.routes
-        way = self._route = routes.open(StationRoute(settings.rank, self.age_s))
+        route = self._route = routes.open(StationRoute(settings.rank, self.age_s))
         self._signing = None if settings.key is None else self._new_signing(settings.key)
         self._signed_only = None if self._signing is None else SignedOnly(self._signing, self._report)
         self._parser = Parser(is_datagram=settings.is_datagram)
@@ -120,8 +120,8 @@ class StationLinkCore:
         self._part = self._tunnel.bridge(
             context.exchange,
             context.topics,
-            inward=lambda envelope: envelope if routes.is_new(way, envelope) else None,
-            outward=partial(routes.carries, way),
+            inward=lambda envelope: envelope if routes.is_new(route, envelope) else None,
+            outward=partial(routes.carries, route),
         )
         self._timer = loop.call_soon(self._tick)
 

@@ -58,8 +58,8 @@ class NetworkRoute:
 
         self._now_s = loop.time
         membership = self._membership
-        way = self._routes.open(StationRoute(OWN_NETWORK, self._age_s))
-        self._stack.callback(self._routes.close, way)
+        route = self._routes.open(StationRoute(OWN_NETWORK, self._age_s))
+        self._stack.callback(self._routes.close, route)
         network = self._stack.enter_context(
             open_exchange(membership.node(), loop, topics, lambda _, text: self._reported(text), membership.settings())
         )
@@ -68,10 +68,15 @@ class NetworkRoute:
         def handle(envelope: Envelope[Any]) -> bool:
             self._received += 1
             self._received_s[envelope.topic.partition("/")[0]] = loop.time()
-            return self._routes.is_new(way, envelope)
+            return self._routes.is_new(route, envelope)
 
         part: Unsubscribe = join_platforms(
-            network, exchange, topics, membership.file.member, carries=partial(self._routes.carries, way), is_new=handle
+            network,
+            exchange,
+            topics,
+            membership.file.member,
+            carries=partial(self._routes.carries, route),
+            is_new=handle,
         )
         self._stack.callback(part)
 

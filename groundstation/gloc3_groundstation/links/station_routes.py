@@ -45,10 +45,10 @@ class StationRoutes:
         self._came: dict[Key, int] = {}
         self._certain: dict[Key, set[int]] = {}
 
-    def open(self, way: StationRoute) -> int:
+    def open(self, route: StationRoute) -> int:
         """One more way; its number."""
         self._count += 1
-        self._routes[self._count] = way
+        self._routes[self._count] = route
         return self._count
 
     def close(self, number: int) -> None:
@@ -89,7 +89,9 @@ class StationRoutes:
     def _choose(self, envelope: Envelope[Any]) -> frozenset[int]:
         platform, request = envelope.topic.partition("/")[0], envelope.payload
         leading = {
-            n: way for n, way in self._routes.items() if (age_s := way.age_s(platform)) is not None and age_s < FRESH_S
+            n: route
+            for n, route in self._routes.items()
+            if (age_s := route.age_s(platform)) is not None and age_s < FRESH_S
         }
         if not leading or not isinstance(request, CiRequest) or isinstance(request.body, Emergency | Query):
             return frozenset(self._routes)

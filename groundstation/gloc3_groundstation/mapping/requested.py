@@ -55,8 +55,8 @@ class Requested(msgspec.Struct, frozen=True):
     def path_ned_m(self) -> tuple[Vector3, ...]:
         """The whole path."""
         points: list[Vector3] = []
-        for way in self.paths:
-            points += [point for point in way.points_ned_m if not points or dist(point, points[-1]) > SAME_M]
+        for path in self.paths:
+            points += [point for point in path.points_ned_m if not points or dist(point, points[-1]) > SAME_M]
         return tuple(points)
 
     @property

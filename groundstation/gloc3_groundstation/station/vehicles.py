@@ -96,11 +96,11 @@ class Vehicles:
         Raises:
             Refused: no link hears it.
         """
-        way = self._route(name)
-        if way is None:
+        key = self._route(name)
+        if key is None:
             hint = "--link udpin://0.0.0.0:14550 listens where autopilots and telemetry routers send"
             raise Refused(f"no link of this station hears the autopilot of {name}; {hint}")
-        return self._lines[way[0]].link, Address(way[1], way[2])
+        return self._lines[key[0]].link, Address(key[1], key[2])
 
     def close(self) -> None:
         """Hears nothing more."""
@@ -111,8 +111,8 @@ class Vehicles:
     # --- what is heard ---
 
     def _receive_frame(self, number: int, frame: Frame) -> None:
-        way = (number, frame.system, frame.component)
-        watch = self._watches.get(way)
+        key = (number, frame.system, frame.component)
+        watch = self._watches.get(key)
         if watch is None:
             if frame.message_id != _HEARTBEAT:
                 return
@@ -123,7 +123,7 @@ class Vehicles:
                 return
             if len(self._watches) >= MOST_VEHICLES:
                 return
-            watch = self._watches[way] = AutopilotWatch(self._station.now_s())
+            watch = self._watches[key] = AutopilotWatch(self._station.now_s())
         watch.receive(frame, self._station.now_s())
 
     # --- what follows from it ---
@@ -147,21 +147,21 @@ class Vehicles:
             if known is not None and not known.has_companion and best is not None:
                 self._request_streams(best)
 
-    def _request_streams(self, way: SenderKey) -> None:
+    def _request_streams(self, key: SenderKey) -> None:
         """Asks a bare vehicle for what it does not tell by itself, as radios' default streams leave it out."""
-        now_s, (times, last_s) = self._station.now_s(), self._requested.get(way, (0, float("-inf")))
-        missing = self._watches[way].missing
+        now_s, (times, last_s) = self._station.now_s(), self._requested.get(key, (0, float("-inf")))
+        missing = self._watches[key].missing
         if not missing or times >= REQUEST_COUNT or now_s < last_s + REQUEST_PERIOD_S:
             return
-        self._requested[way] = times + 1, now_s
-        link = self._lines[way[0]].link
+        self._requested[key] = times + 1, now_s
+        link = self._lines[key[0]].link
         for number in missing:
             params = {"param1": float(number), "param2": 1e6 / REPORTED_HZ}
             link.send(
                 message(
                     "COMMAND_LONG",
-                    target_system=way[1],
-                    target_component=way[2],
+                    target_system=key[1],
+                    target_component=key[2],
                     command=SET_MESSAGE_INTERVAL,
                     **params,
                 )
@@ -170,11 +170,11 @@ class Vehicles:
     def _drop_link(self, number: int) -> None:
         """A link was closed: vehicles that were heard there alone are no longer shown, or have lost their autopilot."""
         self._lines.pop(number).unlisten()
-        routes = [way for way in self._watches if way[0] == number]
-        before = {self._names[way] for way in routes if way in self._names}
-        for way in routes:
-            del self._watches[way]
-            self._names.pop(way, None)
+        routes = [key for key in self._watches if key[0] == number]
+        before = {self._names[key] for key in routes if key in self._names}
+        for key in routes:
+            del self._watches[key]
+            self._names.pop(key, None)
         lost = before - set(self._names.values())
 
         def without(fleet: Fleet, now_s: float) -> Fleet:
@@ -191,12 +191,12 @@ class Vehicles:
 
     def _settled(self, fleet: Fleet, now_s: float) -> Fleet:
         """The fleet with every autopilot where it belongs."""
-        for way, watch in self._watches.items():
-            name = self._name_for(way, watch, fleet, now_s)
-            before = self._names.get(way)
+        for key, watch in self._watches.items():
+            name = self._name_for(key, watch, fleet, now_s)
+            before = self._names.get(key)
             if name is None or name == before:
                 continue
-            self._names[way] = name
+            self._names[key] = name
             if before is not None and before not in self._names.values():
                 fleet = reducers.without(fleet, before)
                 fleet = reducers.note(fleet, name, Severity.INFO, f"was shown as {before} so far", now_s)
@@ -206,14 +206,14 @@ class Vehicles:
                 fleet = self._shown(fleet, name, best, now_s)
         return fleet
 
-    def _name_for(self, way: SenderKey, watch: AutopilotWatch, fleet: Fleet, now_s: float) -> str | None:
+    def _name_for(self, key: SenderKey, watch: AutopilotWatch, fleet: Fleet, now_s: float) -> str | None:
         """Which vehicle an autopilot belongs to; None while that is not known."""
-        number, system, _ = way
+        number, system, _ = key
         platform = self._platforms.get((number, system))
         if platform is not None and fleet.get(platform) is not None:
             return platform
-        if way in self._names:
-            return self._names[way]
+        if key in self._names:
+            return self._names[key]
         for other, name in self._names.items():
             if other[0] != number and other[1] == system and self._watches[other].is_same_life(watch):
                 return name
@@ -224,12 +224,12 @@ class Vehicles:
         base = f"{firmware.lower() if firmware else 'autopilot'}-{system}"
         used = {*self._names.values(), *fleet.platforms}
         name = base if base not in used else f"{base}@{number}"
-        return name if name not in used else f"{name}.{way[2]}"
+        return name if name not in used else f"{name}.{key[2]}"
 
-    def _shown(self, fleet: Fleet, name: str, way: SenderKey, now_s: float) -> Fleet:
+    def _shown(self, fleet: Fleet, name: str, key: SenderKey, now_s: float) -> Fleet:
         """The fleet with what is known of one autopilot."""
-        number, system, component = way
-        watch, known = self._watches[way], fleet.get(name)
+        number, system, component = key
+        watch, known = self._watches[key], fleet.get(name)
         autopilot = AutopilotSnapshot(
             link=self._lines[number].url,
             system=system,
@@ -237,7 +237,7 @@ class Vehicles:
             firmware=autopilot_name(watch.autopilot),
             vehicle_type=type_name(watch.vehicle_type),
         )
-        problems = tuple(self._problems(name, way, now_s))
+        problems = tuple(self._problems(name, key, now_s))
         if known is not None and known.has_companion:
             if (known.autopilot, known.problems) == (autopilot, problems):
                 return fleet
@@ -250,8 +250,8 @@ class Vehicles:
             silence = duration(watch.received_s - known.received_s)
             fleet = reducers.note(fleet, name, Severity.NOTICE, f"is heard again after {silence} of silence", now_s)
         restarted_s = watch.restarted_s(now_s)
-        if restarted_s is not None and restarted_s != self._restarts.get(way):
-            self._restarts[way] = restarted_s
+        if restarted_s is not None and restarted_s != self._restarts.get(key):
+            self._restarts[key] = restarted_s
             fleet = reducers.note(fleet, name, Severity.WARNING, RESTARTED, now_s)
         platform = PlatformSnapshot(
             name=name,
@@ -270,16 +270,16 @@ class Vehicles:
 
     def _route(self, name: str) -> SenderKey | None:
         """The best way to a vehicle: where its heartbeats come, the link first that was given first."""
-        routes = sorted(way for way, owner in self._names.items() if owner == name)
+        routes = sorted(key for key, owner in self._names.items() if owner == name)
         now_s = self._station.now_s()
-        alive = [way for way in routes if now_s - self._watches[way].beat_s < BEATS_WITHIN_S]
+        alive = [key for key in routes if now_s - self._watches[key].beat_s < BEATS_WITHIN_S]
         return next(iter(alive or routes), None)
 
-    def _problems(self, name: str, way: SenderKey, now_s: float) -> list[VehicleProblem]:
+    def _problems(self, name: str, key: SenderKey, now_s: float) -> list[VehicleProblem]:
         """What is wrong with one autopilot."""
         found = []
-        number, system, _ = way
-        watch = self._watches[way]
+        number, system, _ = key
+        watch = self._watches[key]
         if watch.autopilot not in FIRMWARES:
             said = autopilot_name(watch.autopilot)
             text = (

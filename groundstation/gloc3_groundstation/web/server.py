@@ -157,10 +157,10 @@ class WebServer:
             return await self._guarded(request, handler)
 
         app = web.Application(middlewares=[guard])
-        way = f"/{self._key}" if self._key else ""
-        app.router.add_get(f"{way}/", self._index)
-        app.router.add_get(f"{way}/ws", self._poll_terminal)
-        app.router.add_static(f"{way}/static", Path(str(textual_serve.__file__)).parent / "static")
+        prefix = f"/{self._key}" if self._key else ""
+        app.router.add_get(f"{prefix}/", self._index)
+        app.router.add_get(f"{prefix}/ws", self._poll_terminal)
+        app.router.add_static(f"{prefix}/static", Path(str(textual_serve.__file__)).parent / "static")
         runner = web.AppRunner(app, access_log=None, shutdown_timeout=CLOSE_S)
         await runner.setup()
         host, port = self._options.host, self._options.port
@@ -175,7 +175,7 @@ class WebServer:
                     "free one; another address: --web-host"
                 ) from error
             port = runner.addresses[0][1]
-            yield f"http://{_named(host)}:{port}{way}/"
+            yield f"http://{_named(host)}:{port}{prefix}/"
         finally:
             self._shown = None
             with suppress(TimeoutError):  # of a browser that takes nothing any more

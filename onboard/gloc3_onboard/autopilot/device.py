@@ -243,7 +243,7 @@ class AutopilotDevice:
             "its fence is switched off (SYS_STATUS); FENCE_ACTION must not be 0, FENCE_TYPE must contain 4 (polygons)"
         )
 
-    def command_plan(self, way: GeoPath) -> int:
+    def command_plan(self, path: GeoPath) -> int:
         """Uploads the plan of a path and reads it back."""
         ticket = self._link.commands.ticket()
 
@@ -253,7 +253,7 @@ class AutopilotDevice:
                 self._link.commands.put(ticket, CommandAnswer(False, NO_OWNER))
                 return
             try:
-                self._link.plan.begin(ticket, way, self._link.style.style, self._link.target, now_s)
+                self._link.plan.begin(ticket, path, self._link.style.style, self._link.target, now_s)
             except Refused as refusal:
                 self._link.commands.put(ticket, CommandAnswer(False, str(refusal)))
             else:

@@ -21,7 +21,7 @@ from gloc3_onboard.checks.tables import table_of
 
 GROUP: Final = Group.FAILSAFES
 TITLE: Final = "fence"
-_WAYS: Final = {"away": "{:.1f} m away from home", "up": "{:.1f} m above home", "down": "{:.1f} m below home"}
+_REACHES: Final = {"away": "{:.1f} m away from home", "up": "{:.1f} m above home", "down": "{:.1f} m below home"}
 
 
 def fence_checks(readings: Readings) -> Iterator[Check]:
@@ -87,12 +87,12 @@ def _limits(
         needed_m = reaches[one.reach] + limits.fence_margin_m
         if needed_m <= limit_m:
             continue
-        way = _WAYS[one.reach].format(reaches[one.reach])
-        finding = f"the mission goes {way}, with a margin of {limits.fence_margin_m:g} m; the autopilot's limit is {value:g} m"
-        yield Check(GROUP, one.parameter, Verdict.RED, finding, _way_out(one, fence, needed_m, kinds))
+        reached = _REACHES[one.reach].format(reaches[one.reach])
+        finding = f"the mission goes {reached}, with a margin of {limits.fence_margin_m:g} m; the autopilot's limit is {value:g} m"
+        yield Check(GROUP, one.parameter, Verdict.RED, finding, _advice(one, fence, needed_m, kinds))
 
 
-def _way_out(limit: FenceLimit, fence: FenceTable, needed_m: float, kinds: int) -> str:
+def _advice(limit: FenceLimit, fence: FenceTable, needed_m: float, kinds: int) -> str:
     wanted = f"-{ceil(needed_m)} or less" if limit.reach == "down" else f"{ceil(needed_m)} or more"
     or_off = f"{fence.kinds} to {kinds & ~limit.kind}" if limit.kind else f"{limit.parameter} to 0"
     return f"set {limit.parameter} to {wanted}, or {or_off}, or change the mission"
@@ -104,7 +104,7 @@ def reach_m(mission: Mission, limits: Limits, home_ned_m: Vector3) -> dict[str, 
     What cannot turn on the spot goes further by the radius of its turns.
     """
     budget = Budget.of(limits, home_ned_m)
-    found = dict.fromkeys(_WAYS, 0.0)
+    found = dict.fromkeys(_REACHES, 0.0)
     for part in (mission, *(part_of(mission, name) for name, task in mission.contingencies.items() if task.actions)):
         for order in (action.order for action in part.actions().values()):
             if isinstance(order, FollowWaypointsOrder):  # there may be thousands, and this is done in the control path

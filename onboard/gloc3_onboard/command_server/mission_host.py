@@ -196,8 +196,8 @@ class MissionHost:
             self._inform_control(executor, driver, now_s)
         fence = executor.mission.mission.fence if executor.mission is not None and executor.mission.is_open else None
         if is_silence_judged:
-            if (news := snapshot.late_pose_news(now_s)) and not executor.board.has_pilot:
-                self._report(Severity.WARNING, news)
+            if (report := snapshot.late_pose_report(now_s)) and not executor.board.has_pilot:
+                self._report(Severity.WARNING, report)
             for condition, is_on, reason in snapshot.conditions(fence, now_s):
                 executor.condition(condition, is_on, reason, now_s)
             silent_s = self._control.silent_s(now_s)

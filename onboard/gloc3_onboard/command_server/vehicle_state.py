@@ -25,7 +25,7 @@ from gloc3_onboard.algorithms.paths.motion_limits import is_finite
 
 POSE_SILENT_S: Final = POSE_LATE_S + 0.05
 """A pose that is older counts as late here: it may wait for the next cycle of the server."""
-POSE_TOLD_S: Final = 0.4
+POSE_REPORTED_S: Final = 0.4
 """A pose that is late by so much is told."""
 POSE_INVALID_S: Final = 0.4
 """A pose that says of itself that it is not valid is lost after so long: whoever made it has waited before."""
@@ -68,7 +68,7 @@ class VehicleState:
         """When there was last a pose to fly by; None before the first look."""
         self._pose_gap_s = 0.0
         """How long after the one before it the last late pose was valid."""
-        self._is_late_told = False
+        self._is_late_reported = False
         self._was_armed: bool | None = None
         self._height_m: float | None = None
         self._height_s = float("-inf")
@@ -131,16 +131,16 @@ class VehicleState:
         age_s = now_s - self._pose_s
         return self.pose is not None and self.pose.is_valid and POSE_SILENT_S < age_s <= POSE_LOST_S
 
-    def late_pose_news(self, now_s: float) -> str:
+    def late_pose_report(self, now_s: float) -> str:
         """What is to be told in flight of a pose that is late, or that is back; empty for nothing."""
         age_s = now_s - self._pose_s
-        if self._is_late_told and self.is_pose_fresh(now_s):
-            self._is_late_told = False
+        if self._is_late_reported and self.is_pose_fresh(now_s):
+            self._is_late_reported = False
             return f"pose is back after {self._pose_gap_s:.1f} s: going on"
-        self._is_late_told &= age_s <= POSE_LOST_S
-        if self._is_late_told or not self.is_airborne or not self.is_pose_late(now_s) or age_s < POSE_TOLD_S:
+        self._is_late_reported &= age_s <= POSE_LOST_S
+        if self._is_late_reported or not self.is_airborne or not self.is_pose_late(now_s) or age_s < POSE_REPORTED_S:
             return ""
-        self._is_late_told = True
+        self._is_late_reported = True
         holding = "holding, " if self.driver is not None and self.driver.is_streaming else ""
         return f"pose is late by {age_s:.1f} s: {holding}waiting up to {POSE_LOST_S:g} s"
 

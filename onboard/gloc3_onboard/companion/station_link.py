@@ -105,9 +105,9 @@ class StationLink:
         boot: int,
         settings: StationLinkSettings = StationLinkSettings(),  # noqa: B008 - immutable
     ) -> None:
-        signing, budget, way = settings.signing, settings.budget, settings.name
+        signing, budget, name = settings.signing, settings.budget, settings.name
         self._loop = loop
-        self._role, self._route = settings.role, f"{way}, signed" if signing is not None else way
+        self._role, self._route = settings.role, f"{name}, signed" if signing is not None else name
         self._signing = signing
         self.signed_only: Final = None if signing is None else SignedOnly(signing, self._warn)
         """Judges what is heard; None on a link without a key."""

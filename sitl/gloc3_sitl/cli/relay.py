@@ -77,16 +77,16 @@ async def _relay(one: str, other: str, conditions: Conditions, seed: int, *, is_
     loop, over = asyncio.get_running_loop(), asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, over.set)
-    way = MemoryLink(loop, Random(seed), conditions, is_half_duplex=is_half_duplex)
-    endpoints = [await _joined(one, way.a, loop), await _joined(other, way.b, loop)]
+    link = MemoryLink(loop, Random(seed), conditions, is_half_duplex=is_half_duplex)
+    endpoints = [await _joined(one, link.a, loop), await _joined(other, link.b, loop)]
     narrate(f"relaying between {' and '.join(map(_address, endpoints))}")
     try:
         await over.wait()
     finally:
         for endpoint in endpoints:
             await endpoint.close()
-    passed = f"{way.a.sent + way.b.sent} datagrams; {way.a.lost + way.b.lost} lost"
-    narrate(f"{passed}, {way.a.dropped + way.b.dropped} dropped from full queues")
+    passed = f"{link.a.sent + link.b.sent} datagrams; {link.a.lost + link.b.lost} lost"
+    narrate(f"{passed}, {link.a.dropped + link.b.dropped} dropped from full queues")
     return 0
 
 

@@ -116,12 +116,12 @@ def _nearest(
         if length_m == 0.0:
             continue
         along = [(q - p) / length_m for p, q in zip(a, b, strict=True)]
-        way = sum((x - p) * u for x, p, u in zip(position, a, along, strict=True))
+        along_m = sum((x - p) * u for x, p, u in zip(position, a, along, strict=True))
         low = max(progress_m - starts[index], 0.0)
         high = min(progress_m + ahead_m - starts[index], length_m)
-        way = min(max(way, low), high)
-        point = [p + u * way for p, u in zip(a, along, strict=True)]
+        along_m = min(max(along_m, low), high)
+        point = [p + u * along_m for p, u in zip(a, along, strict=True)]
         distance_m = math.dist(position, point)
         if distance_m < best_m:
-            best_m, best_at = distance_m, starts[index] + way
+            best_m, best_at = distance_m, starts[index] + along_m
     return best_m, best_at

@@ -34,7 +34,9 @@ class WheelEncoders(SimulatedSensor[WheelReading]):
     def measure(self, motion: TrueMotion, t_s: float) -> WheelReading:
         """Counts ticks."""
         routes = zip(motion.truth().wheels_m, self._scales, strict=True)
-        left, right = (floor(way * scale * self._ticks_per_m) / self._ticks_per_m for way, scale in routes)
+        left, right = (
+            floor(travelled_m * scale * self._ticks_per_m) / self._ticks_per_m for travelled_m, scale in routes
+        )
         return WheelReading(t_s=t_s, distances_m=(left, right))
 
     def shift(self, reading: WheelReading, offset: Vector3) -> WheelReading:

@@ -135,7 +135,7 @@ def test_a_late_pose_is_told_once_and_again_when_it_is_back(is_streaming: bool, 
         if not (1.0 <= now_s < 1.65 or 2.0 <= now_s < 2.3):
             snapshot.update_pose(at(now_s, pose()))
         snapshot.expire(now_s)
-        told += [(now_s, news)] if (news := snapshot.late_pose_news(now_s)) else []
+        told += [(now_s, news)] if (news := snapshot.late_pose_report(now_s)) else []
     assert told == [
         (1.35, f"pose is late by 0.4 s: {does}waiting up to 2 s"),
         (1.65, "pose is back after 0.7 s: going on"),

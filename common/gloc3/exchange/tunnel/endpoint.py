@@ -90,19 +90,25 @@ class TunnelEndpoint:
     def publish(self, envelope: Envelope[Any], now_s: float) -> None:
         """Sends a message if its topic crosses the link in this direction; others are none of its business."""
         platform, _, name = envelope.topic.partition("/")
-        way = route(name, self.topics.row(envelope.topic))
-        if way is None or way.sender is not self.role or (self.role is TunnelRole.PLATFORM and platform != self.name):
+        topic_route = route(name, self.topics.row(envelope.topic))
+        if (
+            topic_route is None
+            or topic_route.sender is not self.role
+            or (self.role is TunnelRole.PLATFORM and platform != self.name)
+        ):
             return
-        if way.is_reliable:
+        if topic_route.is_reliable:
             self._submit(envelope, now_s)
             return
-        if way.is_view and not self._viewers(envelope.payload):
+        if topic_route.is_view and not self._viewers(envelope.payload):
             return  # who looks at it is on another link
         count = self._published.get(envelope.topic, 0)
         self._published[envelope.topic] = count + 1
-        if count % way.every == 0:
+        if count % topic_route.every == 0:
             try:
-                (self._outbox.views if way.is_view else self._outbox.status).offer(self._number(envelope), envelope)
+                (self._outbox.views if topic_route.is_view else self._outbox.status).offer(
+                    self._number(envelope), envelope
+                )
             except Refused as refusal:
                 self._peers.problem(self.own, str(refusal))
 

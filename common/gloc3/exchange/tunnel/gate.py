@@ -43,9 +43,14 @@ class TunnelGate:
         """
         platform, _, name = channel.topic.partition("/")
         row = self._topics.row(channel.topic)
-        way = route(name, row)
+        topic_route = route(name, row)
         expected = self._name if self._role is TunnelRole.PLATFORM else peer.name
-        if row is None or way is None or way.sender is not peer.role or way.is_reliable is not is_reliable:
+        if (
+            row is None
+            or topic_route is None
+            or topic_route.sender is not peer.role
+            or topic_route.is_reliable is not is_reliable
+        ):
             raise NotAccepted(f"{channel.topic} is not accepted from a {peer.role.name.lower()}")
         if platform != expected:
             raise NotAccepted(f"{channel.topic} is not accepted from {peer.name}: it belongs to {platform}")

@@ -84,15 +84,17 @@ def path_findings(
     legs = [(one.target, one.leg) for one in path if one.is_end_known and one.leg.length_m > 0.0]
     if document is None or first is None or not legs:
         return
-    way, begin = first
+    action, begin = first
     fence = mission.fence
     margin_m = platform.limits.fence_margin_m if platform is not None else 0.0
-    where: Where = ("contingencies", name, "actions", way.name, way.capability)
+    where: Where = ("contingencies", name, "actions", action.name, action.capability)
     if fence is not None and fence.clearance_m(begin) >= margin_m - TOLERANCE_M:
         for target, leg in legs:
             is_inside = fence.clearance_m(leg.end) >= margin_m - TOLERANCE_M
             if is_inside and fence.leg_clearance_m(leg.end, begin) < margin_m - TOLERANCE_M:
-                message = f"from the end of a leg of {target} the straight path to {name}.{way.name} leaves the fence"
+                message = (
+                    f"from the end of a leg of {target} the straight path to {name}.{action.name} leaves the fence"
+                )
                 hint = "begin with waypoints inside the fence, or move the first one"
                 yield document.finding(where, message, hint, at_key=True, is_warning=True)
                 break

@@ -156,13 +156,13 @@ class _Planner:
         if action.order.moves:
             start_s = max(start_s, self._moved_until_s) if action.options.until is None else start_s
             legs = action.order.legs(self.here, budget)
-            way_s = sum(leg.duration_s for leg in legs)
-            end_s = start_s + max(way_s, needed_s)
+            flown_s = sum(leg.duration_s for leg in legs)
+            end_s = start_s + max(flown_s, needed_s)
             if len(self.places) > 1 and power is not None:
                 idle_s = max(0.0, start_s - self._moved_until_s)
                 self.hover_wh += (power.hover_w + power.avionics_w) * idle_s / 3600.0
             if power is not None:
-                self.hover_wh += (power.hover_w + power.avionics_w) * (end_s - start_s - way_s) / 3600.0
+                self.hover_wh += (power.hover_w + power.avionics_w) * (end_s - start_s - flown_s) / 3600.0
             self.here = legs[-1].end if legs else self.here
             self.places.extend(leg.end for leg in legs)
             self._moved_until_s = max(self._moved_until_s, end_s)

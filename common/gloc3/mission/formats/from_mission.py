@@ -114,7 +114,7 @@ class _Converter:
                 self._note(target, f"{target} is left out: plans have no dive", hint, is_warning=True)
                 return
             case Pattern():
-                self._action(target, arguments.way(GeoPlacement(_EARTH, self._mission.height_above)))
+                self._action(target, arguments.path(GeoPlacement(_EARTH, self._mission.height_above)))
             case FollowWaypoints() | GoTo() if missing := [
                 option.unkept for _, option in given_options(arguments) if not option.is_in_plans
             ]:

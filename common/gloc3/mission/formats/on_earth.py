@@ -35,7 +35,7 @@ def on_earth(mission: Mission, frame: LocalFrame) -> Mission:
 def _arguments(arguments: Arguments, frame: LocalFrame) -> Arguments:
     match arguments:
         case Pattern():
-            return _arguments(arguments.way(LocalPlacement(frame)), frame)
+            return _arguments(arguments.path(LocalPlacement(frame)), frame)
         case FollowWaypoints(waypoints_m=waypoints) if waypoints is not None:
             places = tuple(_geo(place, frame) for place in waypoints)
             heading = _heading(arguments.heading, frame)

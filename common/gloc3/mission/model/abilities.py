@@ -29,8 +29,8 @@ def abilities(platform: Platform) -> Mapping[str, Capability]:
     for name, kind in argument_kinds().items():
         if issubclass(kind, Pattern) and "follow_waypoints" in by_kind:
             found[name] = _as(declared, by_kind["follow_waypoints"], name)
-        elif issubclass(kind, Depart) and (way := departure(platform)) in by_kind:
-            found[name] = _as(declared, by_kind[way], name)
+        elif issubclass(kind, Depart) and (setting_off := departure(platform)) in by_kind:
+            found[name] = _as(declared, by_kind[setting_off], name)
     if {"return_home", "land"} <= by_kind.keys():
         found[ARRIVE] = _as(declared, by_kind["land"], ARRIVE)
     return found | declared

@@ -97,9 +97,9 @@ class Pattern(Arguments, frozen=True, kw_only=True):
 
     def order(self, placement: Placement) -> FollowWaypointsOrder:
         """The waypoints in NED."""
-        return self.way(placement).order(placement)
+        return self.path(placement).order(placement)
 
-    def way(self, placement: Placement) -> FollowWaypoints:
+    def path(self, placement: Placement) -> FollowWaypoints:
         """The same as waypoints, in the mission's frame.
 
         Raises:
@@ -166,7 +166,7 @@ class Survey(Pattern, frozen=True, kw_only=True):
         is_reported = self.turn_m is not None or turn_m is None
         return super(Survey, self if is_reported else msgspec.structs.replace(self, turn_m=turn_m)).filled(limits)
 
-    def way(self, placement: Placement) -> FollowWaypoints:
+    def path(self, placement: Placement) -> FollowWaypoints:
         """The lines, each by its two ends."""
         corners = written_for(placement, self.area_m, self.area, "area")
         assert corners is not None  # one of the two is given, and not that of the other kind of frame
@@ -181,8 +181,8 @@ class Survey(Pattern, frozen=True, kw_only=True):
         if not places:
             raise Refused("no line fits into the area: its margin or spacing is too large")
         height_m = self._height_m(placement)
-        way = self._path(ground, [(*place, height_m) for place in places], self.heading)
-        return with_options(way, self)
+        path = self._path(ground, [(*place, height_m) for place in places], self.heading)
+        return with_options(path, self)
 
 
 class FollowWall(Pattern, frozen=True, kw_only=True):
@@ -239,7 +239,7 @@ class FollowWall(Pattern, frozen=True, kw_only=True):
             return super().filled(limits)
         return super(FollowWall, msgspec.structs.replace(self, height_m=self.heights_m[0])).filled(limits)
 
-    def way(self, placement: Placement) -> FollowWaypoints:
+    def path(self, placement: Placement) -> FollowWaypoints:
         """The lines, each by its two ends, with the nose towards the wall."""
         ends = written_for(placement, self.wall_m, self.wall, "wall")
         assert ends is not None  # one of the two is given, and not that of the other kind of frame
@@ -262,9 +262,9 @@ class FollowWall(Pattern, frozen=True, kw_only=True):
             shares = _steps(high_m - low_m, spacing_m or 1.0)
             heights = [low_m + share * (high_m - low_m) for share in shares]
             places = _to_and_fro([((*first, height_m), (*last, height_m)) for height_m in heights])
-        way = self._path(ground, places, degrees(atan2(-away[1], -away[0])))
+        path = self._path(ground, places, degrees(atan2(-away[1], -away[0])))
         measured: WallDistance | None = self.standoff_m if self.is_measured else None
-        return msgspec.structs.replace(way, wall_distance_m=measured)
+        return msgspec.structs.replace(path, wall_distance_m=measured)
 
 
 class Transit(Pattern, frozen=True, kw_only=True):
@@ -284,14 +284,14 @@ class Transit(Pattern, frozen=True, kw_only=True):
     altitude_m: KeptAltitude = None
     """Keep so high over the ground or the floor of the water, by the range finder that looks down."""
 
-    def way(self, placement: Placement) -> FollowWaypoints:
+    def path(self, placement: Placement) -> FollowWaypoints:
         """The places, with a height."""
         places = written_for(placement, self.to_m, self.to, "to")
         assert places is not None  # one of the two is given, and not that of the other kind of frame
         height_m = self._height_m(placement)
         points = tuple((*place, height_m) for place in places)
-        way = self._through(points, is_geo=placement.is_geo, heading=self.heading)
-        return with_options(way, self)
+        path = self._through(points, is_geo=placement.is_geo, heading=self.heading)
+        return with_options(path, self)
 
 
 class _Ground:

@@ -72,32 +72,32 @@ def options_of(kind: type[msgspec.Struct]) -> Mapping[str, WaypointOption]:
     }
 
 
-def with_options(way: S, written: msgspec.Struct) -> S:
+def with_options(path: S, written: msgspec.Struct) -> S:
     """A way with the options of another structure, as far as both have them."""
-    shared = options_of(type(way)).keys() & options_of(type(written)).keys()
-    return msgspec.structs.replace(way, **{name: getattr(written, name) for name in sorted(shared)})
+    shared = options_of(type(path)).keys() & options_of(type(written)).keys()
+    return msgspec.structs.replace(path, **{name: getattr(written, name) for name in sorted(shared)})
 
 
-def given_options(way: msgspec.Struct) -> Iterator[tuple[str, WaypointOption]]:
+def given_options(path: msgspec.Struct) -> Iterator[tuple[str, WaypointOption]]:
     """The options of a way that are not left to their defaults."""
-    defaults = {field.name: field.default for field in msgspec.structs.fields(type(way))}
-    for name, option in options_of(type(way)).items():
-        if getattr(way, name) != defaults[name]:
+    defaults = {field.name: field.default for field in msgspec.structs.fields(type(path))}
+    for name, option in options_of(type(path)).items():
+        if getattr(path, name) != defaults[name]:
             yield name, option
 
 
-def rest_s(way: msgspec.Struct) -> float:
+def rest_s(path: msgspec.Struct) -> float:
     """How long the vehicle stays at each waypoint."""
-    return sum(option.rest_s(getattr(way, name)) for name, option in options_of(type(way)).items())
+    return sum(option.rest_s(getattr(path, name)) for name, option in options_of(type(path)).items())
 
 
-def refuse_unkept(way: msgspec.Struct, keeps: frozenset[str], who: str) -> None:
+def refuse_unkept(path: msgspec.Struct, keeps: frozenset[str], who: str) -> None:
     """Refuses options that a component does not support.
 
     Raises:
         Refused: the way has one.
     """
-    for name, option in given_options(way):
+    for name, option in given_options(path):
         if name not in keeps:
             raise Refused(f"{who} {option.unkept}")
 

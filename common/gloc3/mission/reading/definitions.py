@@ -186,15 +186,15 @@ def _arrivals(task: YamlNode) -> YamlNode:
                 first.put(key, child, action.key_places[str(key)])
             if key not in (ARRIVE, *_BEGIN_KEYS):
                 last.put(key, child, action.key_places[str(key)])
-        way = f"{str(name)[: NAME_MAX - len(RETURN_SUFFIX)]}{RETURN_SUFFIX}"
-        while way in actions.children:
-            way = way[:-1]
+        back = f"{str(name)[: NAME_MAX - len(RETURN_SUFFIX)]}{RETURN_SUFFIX}"
+        while back in actions.children:
+            back = back[:-1]
         first.put(RETURN, _put(given, {}), action.key_places[ARRIVE])
         last.put("land", _put(given, {}), action.key_places[ARRIVE])
         after = _put(given, [])
-        after.put(0, _put(given, way))
+        after.put(0, _put(given, back))
         last.put("after", after, action.key_places[ARRIVE])
-        found.put(way, first, place)
+        found.put(back, first, place)
         found.put(name, last, place)
     made = _copy(task)
     made.put("actions", found)

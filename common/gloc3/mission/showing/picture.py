@@ -61,8 +61,8 @@ def _plan(mission: Mission, figures: MissionEstimate, colours: dict[str, str]) -
         if part.legs
     }
     fence, ready = list(_fence_points(mission.fence)), list(_ready(mission))
-    known = [*routes.values(), *(way for _, way in ready)]
-    places = [*(point for way in known for point in way), *fence, (0.0, 0.0, 0.0)]
+    known = [*routes.values(), *(path for _, path in ready)]
+    places = [*(point for path in known for point in path), *fence, (0.0, 0.0, 0.0)]
     north, east = [place[0] for place in places], [place[1] for place in places]
     span = max(max(north) - min(north), max(east) - min(east), 1.0)
     scale = (_PLAN - 40) / span
@@ -80,22 +80,22 @@ def _plan(mission: Mission, figures: MissionEstimate, colours: dict[str, str]) -
             x, y = at(area.center_ne_m)
             yield f'<circle cx="{x}" cy="{y}" r="{area.radius_m * scale:.1f}" {style}/>'
     number = 0
-    for target, way in routes.items():
+    for target, path in routes.items():
         colour = colours[target.partition(".")[0]]
-        points = " ".join(f"{x},{y}" for x, y in map(at, way))
+        points = " ".join(f"{x},{y}" for x, y in map(at, path))
         yield f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="1.6"><title>{escape(target)}</title></polyline>'
-        for point in way[1:]:
+        for point in path[1:]:
             number += 1
             x, y = at(point)
             yield f'<circle cx="{x}" cy="{y}" r="2.5" fill="#ffffff" stroke="{colour}"/>'
             if number <= _NUMBERED_MAX:
                 yield _text(x + 4, y - 4, str(number), f'fill="{colour}" font-size="10"')
-    for target, way in ready:
-        points = " ".join(f"{x},{y}" for x, y in map(at, way))
+    for target, path in ready:
+        points = " ".join(f"{x},{y}" for x, y in map(at, path))
         yield f'<polyline points="{points}" {_READY}><title>{escape(target)}</title></polyline>'
-        for x, y in map(at, way):
+        for x, y in map(at, path):
             yield f'<circle cx="{x}" cy="{y}" r="2.5" fill="#ffffff" stroke="#555555"/>'
-        x, y = at(way[0])
+        x, y = at(path[0])
         yield _text(x + 4, y + 12, target.partition(".")[0], 'fill="#555555" font-size="10"')
     x, y = at((0.0, 0.0))
     yield f'<path d="M{x - 6},{y} h12 M{x},{y - 6} v12" stroke="#000000"/>' + _text(x + 7, y + 12, "home", "")
@@ -153,9 +153,9 @@ def _link(x0: float, y0: float, x1: float, y1: float) -> str:
 
 
 def _path(start: Vector3, ends: Sequence[Vector3]) -> list[Vector3]:
-    way = [start]
-    way += [end for index, end in enumerate(ends) if dist(end[:2], (ends[index - 1] if index else start)[:2]) > 1e-3]
-    return way
+    path = [start]
+    path += [end for index, end in enumerate(ends) if dist(end[:2], (ends[index - 1] if index else start)[:2]) > 1e-3]
+    return path
 
 
 def _areas(fence: Fence | None) -> Iterator[tuple[Area, str]]:

@@ -245,4 +245,4 @@ class MapScreen(StationScreen):
         """Where on the path the action begins that is flown now."""
         mission = chart.view.platform.mission if chart.view.platform is not None else None
         running = mission.value.tasks if mission is not None else {}
-        return next((way.starts_m for way in request.paths if running.get(way.target) == "running"), 0.0)
+        return next((path.starts_m for path in request.paths if running.get(path.target) == "running"), 0.0)

@@ -185,8 +185,8 @@ class PoseEstimate:
         # Integrals of the specific force since then: u = v - v_then - g a, d = p - p_then - v_then a - g a^2/2.
         fall = GRAVITY_M_S2 * age_s
         change = (vn - un, ve - ue, vd - ud - fall)
-        way = (pn - qn - un * age_s, pe - qe - ue * age_s, pd - qd - ud * age_s - 0.5 * fall * age_s)
-        return Past(state, past_pose(age_s, matrix_of(now.ned_from_frd), change, way))
+        shift = (pn - qn - un * age_s, pe - qe - ue * age_s, pd - qd - ud * age_s - 0.5 * fall * age_s)
+        return Past(state, past_pose(age_s, matrix_of(now.ned_from_frd), change, shift))
 
     # --- measurements ---
 

@@ -79,8 +79,8 @@ def relative(
     (cx, cy, cz), attitude_then = reference
     (px, py, pz), attitude = pose
     # Residual: z_p - A^T (p - c), log((A^T R)^T Z), with the reference's place c and axes A.
-    way = (px - cx, py - cy, pz - cz)
-    expected = rotate_back(axes, way)
+    shift = (px - cx, py - cy, pz - cz)
+    expected = rotate_back(axes, shift)
     turned = multiply(conjugate(axes), attitude)
     rotation = to_rotation_vector(multiply(conjugate(turned), reported[1]))
     residual = np.array(
@@ -95,10 +95,10 @@ def relative(
     by_reference[:3, :3] = -back
     if is_level:
         gradient = heading_gradient(attitude_then)
-        by_reference[:3, 3:] = _outer(rotate_back(axes, (way[1], -way[0], 0.0)), gradient)
+        by_reference[:3, 3:] = _outer(rotate_back(axes, (shift[1], -shift[0], 0.0)), gradient)
         by_reference[3:, 3:] = _outer(rotate_back(attitude, (0.0, 0.0, -1.0)), gradient)
     else:
-        by_reference[:3, 3:] = back @ skew(way)
+        by_reference[:3, 3:] = back @ skew(shift)
         by_reference[3:, 3:] = -body
     return _reported(Measured(residual, by_pose, by_reference, covariance))
 

@@ -31,10 +31,10 @@ class SourceReports:
         if reported is None or not self._inertial.covers(reported[0]):
             record.reset()
             return
-        since_s, way, is_new = reported
+        since_s, shift, is_new = reported
         axes = multiply(state.ned_from_frd, conjugate(report.attitude))
         # Excess: reported less estimated motion over the same interval, in NED.
-        excess = _minus(way, self._believed(since_s, state))
+        excess = _minus(shift, self._believed(since_s, state))
         record.add(report.t_s, excess, report.covariance[:3, :3], axes, is_new_reference=is_new)
 
     def book_place(self, source: str, position_ned_m: Vector3, covariance: Matrix, state: InertialState) -> None:
@@ -48,8 +48,8 @@ class SourceReports:
         if not self._inertial.covers(before[0]):
             record.reset()
             return
-        way = _minus(position_ned_m, before[1])
-        record.add(state.t_s, _minus(way, self._believed(before[0], state)), covariance)
+        shift = _minus(position_ned_m, before[1])
+        record.add(state.t_s, _minus(shift, self._believed(before[0], state)), covariance)
 
     def _believed(self, since_s: float, state: InertialState) -> Vector3:
         return _minus(state.position_ned_m, self._inertial.at(since_s).position_ned_m)

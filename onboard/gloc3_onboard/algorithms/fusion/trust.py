@@ -164,8 +164,8 @@ class Trust:
         self._same += 1
         if self._same < _SAME:
             return False
-        way = sum((a - b) ** 2 for a, b in zip(position, self._same_since, strict=True))
-        return way > 0.015**2 or (is_moving and self._same >= 5 * _SAME)
+        moved_m2 = sum((a - b) ** 2 for a, b in zip(position, self._same_since, strict=True))
+        return moved_m2 > 0.015**2 or (is_moving and self._same >= 5 * _SAME)
 
     def state(self) -> SourceState:
         """Its state, as a message."""

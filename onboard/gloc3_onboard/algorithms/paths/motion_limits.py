@@ -308,8 +308,8 @@ class SetpointLimiter:
         if duration_s <= 0.0:
             return
         at = self._at
-        way = _minus(target, at)
-        straight = (way[0] / duration_s, way[1] / duration_s, way[2] / duration_s)
+        shift = _minus(target, at)
+        straight = (shift[0] / duration_s, shift[1] / duration_s, shift[2] / duration_s)
         change = math.dist(straight, self._velocity)
         most = self._limits.acceleration_m_s2 * duration_s * 1.001 + 1e-3
         is_near = change <= most and math.dist(straight, moving) <= most
@@ -318,7 +318,7 @@ class SetpointLimiter:
             return
         # It keeps up with a moving target, and comes nearer to it no faster than it could stop there.
         moving = self._slowed(moving)
-        behind = _plus(way, moving, -duration_s)
+        behind = _plus(shift, moving, -duration_s)
         distance_m = math.hypot(*behind)
         closing_m_s = _speed_to_stop(distance_m, APPROACH_SHARE * self._limits.acceleration_m_s2, duration_s)
         wanted = self._slowed(_plus(moving, behind, closing_m_s / max(distance_m, TOLERANCE_M)))

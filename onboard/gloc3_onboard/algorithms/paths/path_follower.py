@@ -96,9 +96,9 @@ class PathFollower:
         self._lay(start_ned_m, list(enumerate(self._waypoints)))
         self.length_m = sum(leg.length_m for leg in self._legs)
 
-    def _lay(self, start: Vector3, way: Sequence[tuple[int, Vector3]]) -> None:
+    def _lay(self, start: Vector3, path: Sequence[tuple[int, Vector3]]) -> None:
         self._legs = _legs_of(
-            start, way, self._speed_m_s, self._climb_m_s, self._acceleration, stops=self._hold_s > 0.0
+            start, path, self._speed_m_s, self._climb_m_s, self._acceleration, stops=self._hold_s > 0.0
         )
         self._index, self._on_leg_m, self._now_m_s = 0, 0.0, 0.0
 
@@ -215,9 +215,9 @@ class PathFollower:
     def _here(self) -> PathTarget:
         if self._index >= len(self._legs):
             return PathTarget(self._waypoints[-1], (0.0, 0.0, 0.0), self._bearing(len(self._legs) - 1))
-        leg, way, speed = self._legs[self._index], self._on_leg_m, self._now_m_s
+        leg, path, speed = self._legs[self._index], self._on_leg_m, self._now_m_s
         n, e, d = leg.along
-        position = (leg.start[0] + n * way, leg.start[1] + e * way, leg.start[2] + d * way)
+        position = (leg.start[0] + n * path, leg.start[1] + e * path, leg.start[2] + d * path)
         return PathTarget(position, (n * speed, e * speed, d * speed), self._bearing(self._index - self._is_staying))
 
     def _bearing(self, index: int) -> float | None:
@@ -256,7 +256,7 @@ def _along_m(start: Vector3, end: Vector3, position: Vector3) -> float:
 
 def _legs_of(
     start: Vector3,
-    way: Sequence[tuple[int, Vector3]],
+    path: Sequence[tuple[int, Vector3]],
     speed_m_s: float,
     climb_m_s: float,
     acceleration_m_s2: float,
@@ -266,7 +266,7 @@ def _legs_of(
     """The legs, without those of no length; from the last to the first, since each must be able to end as it shall."""
     pieces: list[tuple[Vector3, Vector3, float, int]] = []
     at = start
-    for waypoint, place in way:
+    for waypoint, place in path:
         length_m = math.dist(at, place)
         if length_m > SAME_M:
             along = ((place[0] - at[0]) / length_m, (place[1] - at[1]) / length_m, (place[2] - at[2]) / length_m)

@@ -70,8 +70,10 @@ def _spread(points: Array, cell_m: float) -> Array:
     if len(near) <= POINTS:
         return near
     steps = np.minimum(np.hypot(*np.diff(near, axis=0).T), 2.0 * cell_m)
-    way = np.concatenate(((0.0,), np.cumsum(steps + 0.01)))
-    chosen: Array = near[np.unique(np.searchsorted(way, np.linspace(0.0, way[-1], POINTS)).clip(0, len(near) - 1))]
+    distances_m = np.concatenate(((0.0,), np.cumsum(steps + 0.01)))
+    chosen: Array = near[
+        np.unique(np.searchsorted(distances_m, np.linspace(0.0, distances_m[-1], POINTS)).clip(0, len(near) - 1))
+    ]
     return chosen
 
 

@@ -62,7 +62,7 @@ class Limiter(Controller[LimiterSettings]):
         self._limiter: SetpointLimiter | None = None
         self._movers = Movers()
         self._seen_s = -math.inf
-        self._led_s = -math.inf
+        self._limited_s = -math.inf
         """When a setpoint of the owner last passed; never, once a manoeuvre has."""
         self._has_braked = False
         """Since the last pose that was not late."""
@@ -77,7 +77,7 @@ class Limiter(Controller[LimiterSettings]):
         """Waits for the limits."""
         self._limiter = None
         self._movers, self._seen_s = Movers(), -math.inf
-        self._led_s, self._has_braked = -math.inf, False
+        self._limited_s, self._has_braked = -math.inf, False
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Limits what the owner of motion wants."""
@@ -92,7 +92,7 @@ class Limiter(Controller[LimiterSettings]):
         results: list[Result] = []
         for manoeuvre in inbox.new(self.manoeuvre_wanted):
             if owner and manoeuvre.payload.action_id == owner:
-                self._led_s = -math.inf
+                self._limited_s = -math.inf
                 results.append(self._limit_manoeuvre(manoeuvre.payload, inbox.latest(self.pose)))
             else:
                 self._gate.foreign += 1
@@ -122,7 +122,7 @@ class Limiter(Controller[LimiterSettings]):
             self.reason = "there is no valid pose to check the fence with"
             return []
         place = pose.payload
-        self._led_s = now_s
+        self._limited_s = now_s
         self._limiter.set_vehicle(place.position_ned_m, place.velocity_ned_m_s, pose.t_s, place.reset_counter)
         if now_s - self._seen_s > self.settings.obstacles_limit_s:
             self._limiter.obstacles = None
@@ -148,7 +148,7 @@ class Limiter(Controller[LimiterSettings]):
                 limiter.restart(pose.payload.position_ned_m, pose.payload.velocity_ned_m_s, pose.t_s)
             self._has_braked = False
             return []
-        if not owner or late_s > POSE_LOST_S or self._led_s < pose.t_s - SETPOINT_AGE_S:
+        if not owner or late_s > POSE_LOST_S or self._limited_s < pose.t_s - SETPOINT_AGE_S:
             return []
         self._has_braked = True
         self.reason = f"the pose is late by {late_s:.1f} s: it brakes and holds"

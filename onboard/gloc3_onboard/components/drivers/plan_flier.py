@@ -42,7 +42,7 @@ S = TypeVar("S", bound=PlanSettings)
 class PlanControl(Protocol):
     """Interface for giving an autopilot a plan. Nothing blocks."""
 
-    def command_plan(self, way: GeoPath) -> int:
+    def command_plan(self, path: GeoPath) -> int:
         """Uploads the plan of a way and reads it back."""
 
     @property
@@ -56,7 +56,7 @@ class PlanControl(Protocol):
 class SendPlan(NamedTuple):
     """Write: the way whose plan is to be uploaded."""
 
-    way: GeoPath
+    path: GeoPath
 
 
 class PlanFlier(ActionPerformer, Generic[S]):
@@ -110,7 +110,7 @@ class PlanFlier(ActionPerformer, Generic[S]):
         """Uploads what is left."""
         self._restart(now_s)
 
-    def way(self, order: FollowWaypointsOrder, places: tuple[GeoPoint, ...]) -> GeoPath:
+    def path(self, order: FollowWaypointsOrder, places: tuple[GeoPoint, ...]) -> GeoPath:
         """What the autopilot is to fly, through the places of an order that are left."""
         heading = order.heading
         heading_deg = math.degrees(heading.heading_rad) if heading.mode == "fixed" else None
@@ -154,7 +154,7 @@ class PlanFlier(ActionPerformer, Generic[S]):
                 return []
             self._is_sent = True
             self._report(now_s)
-            return [Actuation(SendPlan(self.way(order, places)))]
+            return [Actuation(SendPlan(self.path(order, places)))]
         return []
 
     def _places(
@@ -227,7 +227,7 @@ class PlanFlier(ActionPerformer, Generic[S]):
 
     def actuate(self, write: Any) -> None:
         """Begins an upload."""
-        self._ticket = self._control.command_plan(write.way)
+        self._ticket = self._control.command_plan(write.path)
         self.uploads += 1
 
     def make_safe(self) -> None:

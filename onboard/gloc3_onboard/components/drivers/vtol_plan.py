@@ -39,7 +39,6 @@ class VtolPlan(WingedPlan):
     than two transitions and does not say; a return home likewise.
     """
 
-    settings_type = VtolPlanSettings
     performs: ClassVar = {**WingedPlan.performs, "transition": VtolTransition}
     keeps = IN_PLANS | {"by"}
     settings: VtolPlanSettings
@@ -116,9 +115,9 @@ class VtolPlan(WingedPlan):
     def _least_within_m(self) -> float:
         return self.settings.comes_within_m if self._goes_on_wings else self.settings.rotors_within_m
 
-    def way(self, order: FollowWaypointsOrder, places: tuple[GeoPoint, ...]) -> GeoPath:
+    def path(self, order: FollowWaypointsOrder, places: tuple[GeoPoint, ...]) -> GeoPath:
         """On wings or on rotors; a take-off that was paused in the air is a way like any other."""
-        way = super().way(order, places)
+        way = super().path(order, places)
         is_climb = way.is_from_ground
         speed_m_s = way.speed_m_s if self._goes_on_wings else min(way.speed_m_s, self.settings.rotors_m_s)
         vtol = VtolWay(

@@ -121,10 +121,10 @@ class WingedPlan(PlanFlier[WingedPlanSettings], ActuatorDriver[WingedPlanSetting
         state = self._autopilot
         return state is not None and (not state.is_armed or state.landed in ON_THE_GROUND)
 
-    def way(self, order: FollowWaypointsOrder, places: tuple[GeoPoint, ...]) -> GeoPath:
+    def path(self, order: FollowWaypointsOrder, places: tuple[GeoPoint, ...]) -> GeoPath:
         """On wings; a take-off that was paused in the air is a way like any other."""
         is_from_ground = self._climbs and self._is_on_the_ground
-        return super().way(order, places)._replace(heading_deg=None, is_winged=True, is_from_ground=is_from_ground)
+        return super().path(order, places)._replace(heading_deg=None, is_winged=True, is_from_ground=is_from_ground)
 
     def manoeuvre(self, order: FollowWaypointsOrder) -> Manoeuvre:
         """It may be armed to take off only."""

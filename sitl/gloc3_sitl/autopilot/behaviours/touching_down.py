@@ -53,10 +53,10 @@ class Descent(Activity):
             self._fix = start
             self.phase = LandingPhase.FINAL
         # The flare takes it on beyond the end of the slope.
-        way = hypot(place[0] - self._fix[0], place[1] - self._fix[1])
-        sink = gains.approach_m_s * (place[2] - self._fix[2]) / max(1.0, way)
+        away_m = hypot(place[0] - self._fix[0], place[1] - self._fix[1])
+        sink = gains.approach_m_s * (place[2] - self._fix[2]) / max(1.0, away_m)
         flare_m = 2.0 * gains.flare_m * gains.approach_m_s / max(0.5, sink + gains.flare_sink_m_s)
-        self._path.head_for(beyond(place, self._directions_rad, -min(flare_m, 0.5 * way)), self._fix)
+        self._path.head_for(beyond(place, self._directions_rad, -min(flare_m, 0.5 * away_m)), self._fix)
 
     def update(self) -> Setpoint:
         """The setpoint for the next 20 ms."""

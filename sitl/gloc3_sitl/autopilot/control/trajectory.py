@@ -47,8 +47,8 @@ def wanted_speed_m_s(
     if change <= 0.0:
         return approach_speed_m_s(max(distance_m, 0.0), braking_m_s2)
     then_m_s = speed_m_s + change * (acceleration_m_s2 - 0.5 * jerk_m_s3 * change)
-    way_m = change * (speed_m_s + change * (0.5 * acceleration_m_s2 - jerk_m_s3 * change / 6.0))
-    allowed = approach_speed_m_s(max(distance_m - way_m, 0.0), braking_m_s2)
+    change_m = change * (speed_m_s + change * (0.5 * acceleration_m_s2 - jerk_m_s3 * change / 6.0))
+    allowed = approach_speed_m_s(max(distance_m - change_m, 0.0), braking_m_s2)
     return max(0.0, speed_m_s + allowed - then_m_s)
 
 
@@ -79,8 +79,8 @@ class SmoothTrajectory:
         vn, ve, vd = self.velocity
         speed = hypot(vn, ve)
         limits = self.limits
-        way = _stopping_distance_m(speed, limits.acceleration_xy_m_s2)
-        share = way / speed if speed > 1e-6 else 0.0
+        stop_m = _stopping_distance_m(speed, limits.acceleration_xy_m_s2)
+        share = stop_m / speed if speed > 1e-6 else 0.0
         n, e, d = self.position
         down = _stopping_distance_m(abs(vd), limits.acceleration_z_m_s2)
         self.go_to((n + vn * share, e + ve * share, d + (down if vd > 0.0 else -down)))

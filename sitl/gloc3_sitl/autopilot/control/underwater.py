@@ -285,10 +285,10 @@ class UnderwaterControl:
         room = [most - abs(own) for own, most in zip(turns, self._most, strict=True)]
         heave = _scaled(self._shared((0.0, 0.0, fz, 0.0, 0.0, 0.0)), room)
         room = [left - 0.8 * abs(own) for own, left in zip(heave, room, strict=True)]
-        way = _scaled(self._shared((fx, fy, 0.0, 0.0, 0.0, 0.0)), room)
+        level = _scaled(self._shared((fx, fy, 0.0, 0.0, 0.0, 0.0)), room)
         commands = [
             _command(model, thruster, turn + up + on)
-            for thruster, turn, up, on in zip(model.thrusters, turns, heave, way, strict=True)
+            for thruster, turn, up, on in zip(model.thrusters, turns, heave, level, strict=True)
         ]
         largest = max(map(abs, commands))
         self.thrust = largest

@@ -86,7 +86,7 @@ def extent(chart: Chart) -> list[Plane]:
         fence = chart.request.fence
         if fence is not None and fence.area is not None:
             parts.append(own.plane_of_ne(outline(fence.area)))
-        parts += [own.from_ned(np.array(way.points_ned_m)) for way in chart.request.paths]
+        parts += [own.from_ned(np.array(path.points_ned_m)) for path in chart.request.paths]
     site = chart.ground.site
     if site is not None and site.home_m is not None:
         parts.append(np.array([own.point(site.home_m)[:2]]))
@@ -145,25 +145,25 @@ def _draw_fence(canvas: CellCanvas, chart: Chart, request: Requested, own: MapPl
 
 
 def _draw_paths(canvas: CellCanvas, chart: Chart, request: Requested, own: MapPlacement) -> None:
-    for way in sorted(request.paths, key=lambda way: not _is_over(chart, way)):
-        dots = chart.projection.dots(own.from_ned(np.array(way.points_ned_m)))
-        if _is_over(chart, way) or not chart.is_loaded:
+    for path in sorted(request.paths, key=lambda path: not _is_over(chart, path)):
+        dots = chart.projection.dots(own.from_ned(np.array(path.points_ned_m)))
+        if _is_over(chart, path) or not chart.is_loaded:
             canvas.line(dots, Tone.DIM, on=1, off=3)
         else:
             canvas.line(dots, Tone.TEXT, on=3, off=2)
 
 
-def _is_over(chart: Chart, way: ActionPath) -> bool:
+def _is_over(chart: Chart, path: ActionPath) -> bool:
     mission = chart.view.platform.mission if chart.view.platform is not None else None
     if mission is None or not chart.is_loaded:
         return False
-    state = mission.value.tasks.get(way.target, "")
+    state = mission.value.tasks.get(path.target, "")
     return state in list(ActionState) and ActionState(state) in ENDED
 
 
 def _draw_waypoints(canvas: CellCanvas, chart: Chart, request: Requested, own: MapPlacement) -> None:
     """A number at each, the first and how many more where several are at one place."""
-    over = {way.target for way in request.paths if _is_over(chart, way)}
+    over = {path.target for path in request.paths if _is_over(chart, path)}
     cells: dict[tuple[int, int], list[tuple[int, bool]]] = {}
     for waypoint in request.waypoints:
         north, east = own.from_ned(np.array([waypoint.position_ned_m]))[0]

@@ -33,6 +33,7 @@ SUMMARIES: Final = {
     "signing": "Make the key of signed MAVLink links, and give it to an autopilot.",
     "station": "Run the ground station: the terminal, --web for a browser, --headless for scripts.",
     "fly": "Fly a mission in simulation: everything in one process, in virtual time.",
+    "prove": "Look for a flight that goes wrong: faults at any moment, judged by what must hold.",
     "demo": "Fly a mission with three real processes on this machine.",
     "relay": "Pass datagrams on as a bad link would: a radio, an acoustic modem.",
     "mission": "Make, check, show, simulate and convert mission files; list capabilities.",

@@ -21,6 +21,10 @@ class RequestedFlight(msgspec.Struct):
     """Where the vehicle was at the begin, then every waypoint."""
     speed_m_s: float
     end_s: float | None = None
+    acceptance_m: float = 0.0
+    """So near to a waypoint counts as passed, where the action says it."""
+    is_continued: bool = False
+    """It goes on where an earlier attempt had come to."""
 
 
 class RequestedPath:
@@ -62,6 +66,8 @@ class RequestedPath:
                 envelope.t_s,
                 [self._position_ned_m, *points],
                 float(order.get("speed_m_s", 0.0)),
+                acceptance_m=float(order.get("acceptance_m") or 0.0),
+                is_continued=bool(request.arguments.get("progress")),
             )
         )
 

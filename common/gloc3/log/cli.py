@@ -11,6 +11,7 @@ from cyclopts import App, Parameter
 
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.installed import installed_points
+from gloc3.log.causes import causes_of, find_happening, read_happenings, render_causes
 from gloc3.log.commands import list_commands, render_commands
 from gloc3.log.fields import plot_series, read_series
 from gloc3.log.info import render, require_topic, summarize
@@ -33,6 +34,7 @@ app = App(
     - `gloc3 log plot runs/inspection`: the path flown and the path requested
     - `gloc3 log plot runs/inspection pose velocity_ned_m_s[2]`: numbers over time
     - `gloc3 log commands runs/inspection`: the commands of stations, and their outcomes
+    - `gloc3 log why runs/inspection "policy land"`: what led there: messages, faults, commands, back to the root
     - `gloc3 log report runs/inspection --wall "0,12,0 20,12,0 20,0,0 0,0,0"`: how much of the floor was seen
     - `gloc3 log replay runs/inspection limiter`: run a component again on its recorded inputs
     - `gloc3 log pull udpin://0.0.0.0:14550`: download a vehicle's logs, resuming the last attempt
@@ -93,6 +95,21 @@ def commands_(
         found = list_commands(reader, has_queries=looks)
         _warn(reader)
     print(msgspec.json.format(msgspec.json.encode(found)).decode() if json else render_commands(found))  # noqa: T201
+    return DONE
+
+
+@app.command(usage="gloc3 log why FILE TIME|EVENT")
+def why(file: Path, what: str, /) -> int:
+    """Tell why something happened: the chain of causes through the log, back to its root.
+
+    Args:
+        file: The log, or the folder of a run: its last one.
+        what: A time in seconds (the last event until then), or a part of an event's text.
+    """
+    with LogReader(find_log(file), TopicTable.installed().types) as reader:
+        happenings = read_happenings(reader)
+        print(render_causes(causes_of(happenings, find_happening(happenings, what))))  # noqa: T201
+        _warn(reader)
     return DONE
 
 

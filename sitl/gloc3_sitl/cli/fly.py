@@ -31,11 +31,14 @@ app = App(
 
     Faults are written KIND[:TARGET][=VALUE[/SIZE]][@BEGIN[..[END]]], with times in seconds of the flight:
 
-    - `link_loss`, `cable_loss`: loss on the station's radio or the autopilot's cable; `=SHARE` for some of the messages
-    - `wind=SPEED/FROM`, `battery=SHARE`, `sensor:NAME=lost|stuck|biased|noisy|late|old`
+    - `link_loss`, `cable_loss`: loss on the station's radio or the autopilot's cable; `=SHARE` for some of the messages;
+      `link_slow=SECONDS`, `cable_slow=SECONDS`, `link_twice`, `cable_twice`: they are late, or come twice
+    - `wind=SPEED/FROM`, `current=SPEED/TOWARDS`, `motor:NUMBER=SHARE`, `battery=SHARE`, `sensor:NAME=lost|stuck|biased|noisy|late|old`
     - `device:NAME=lost|stuck|late|old|scaled|step|garbage`…: cameras (`black`, `white`, `torn`…), laser scanner, external
       tracker (`dark`, `twin`), `imu`
-    - `crash:COMPONENT`, `hang:COMPONENT`, `slow:COMPONENT=SECONDS`, `restart` of the onboard process
+    - `crash:COMPONENT`, `hang:COMPONENT`, `slow:COMPONENT=SECONDS`, `leak:COMPONENT=SECONDS` (each cycle takes longer
+      than the one before), `restart` of the onboard process, `disk_full`, `clock_jump=SECONDS`
+    - `operator:pause|resume|skip|abort|retry|start|clear[=TASK[.ACTION]]`, `operator:hold|land` (the emergency key)
     - `pilot:MODE|arm|disarm|kill|on|off`: the human pilot's switches
     - `topic:TOPIC=lost|late|stale|nan|jump|foreign`: a topic's messages; short forms are `no_setpoints`,
       `stale_setpoints`, `nan_setpoints`, `far_setpoints`, `foreign_setpoints`, `pose_jump`

@@ -1,15 +1,17 @@
 """Effects of the kinds of faults on a flight: a table with the text form, the begin and the end of each."""
 
-from collections.abc import Callable, Mapping
-from typing import Final, NamedTuple
-
-import msgspec
+from collections.abc import Mapping
+from math import cos, radians, sin
+from typing import Any, Final
 
 from gloc3.errors import Refused, nearest
-from gloc3.mavlink.transport.memory import MemoryLink
 from gloc3_sitl.autopilot.modes import Behaviour, StyleTables
+from gloc3_sitl.faults.computer_faults import COMPUTER
 from gloc3_sitl.faults.device_faults import ALL, CAMERA, LASER, SIZES, DeviceFault
+from gloc3_sitl.faults.effect import Effect, nothing
 from gloc3_sitl.faults.fault_form import Ended, FaultForm, Parsed
+from gloc3_sitl.faults.link_faults import LINKS
+from gloc3_sitl.faults.operator_faults import OPERATOR
 from gloc3_sitl.faults.topic_faults import TOPIC_WORDS, check_topic, corrupt_topic
 from gloc3_sitl.firmware.in_step import SENSORS as FLOWN_BY
 from gloc3_sitl.flight.flight import Flight
@@ -18,6 +20,7 @@ from gloc3_sitl.flight.sim_imu import IMU, SimImu
 from gloc3_sitl.flight.sim_rig import SimDevice
 from gloc3_sitl.physics.wind import gusty
 from gloc3_sitl.sensors.sensor import SIZED, FaultMode
+from gloc3_sitl.vehicles.simulator import Simulator
 from gloc3_sitl.vehicles.table import vehicle_of
 
 SCALED: Final = ("height", "wheels")
@@ -27,39 +30,7 @@ AWAY_S: Final = 2.0
 """How long a restarted onboard process is away."""
 
 
-def _fits(flight: Flight, given: Parsed) -> None:
-    """For faults that fit every flight."""
-
-
-class Effect(NamedTuple):
-    """One kind of fault: its text form, its check and its effect."""
-
-    form: FaultForm
-    begin: Callable[[Flight, Parsed, bool], Ended]
-    """Begins it; the flag says that it is a single event."""
-    check: Callable[[Flight, Parsed], None] = _fits
-    """Raises `Refused` where it does not fit the flight."""
-
-
-def _nothing() -> None:
-    """What happened once needs no end."""
-
-
-# --- links, air, battery, sensors ---
-
-
-def _lose(link: MemoryLink, share: float) -> Ended:
-    before = link.a.conditions
-    link.set_conditions(msgspec.structs.replace(before, loss=share))
-    return lambda: link.set_conditions(before)
-
-
-def _lose_radio(flight: Flight, given: Parsed, _: bool) -> Ended:
-    return _lose(flight.links.radio, given.number)
-
-
-def _lose_cable(flight: Flight, given: Parsed, _: bool) -> Ended:
-    return _lose(flight.links.cable, given.number)
+# --- air, water, battery, motors, sensors ---
 
 
 def _blow(flight: Flight, given: Parsed, _: bool) -> Ended:
@@ -72,9 +43,48 @@ def _blow(flight: Flight, given: Parsed, _: bool) -> Ended:
     return calm_down
 
 
+def _check_water(flight: Flight, _: Parsed) -> None:
+    if not hasattr(_body(flight), "current_ned_m_s"):
+        raise Refused(f"the {vehicle_of(flight.platform)} is not in the water")
+
+
+def _body(flight: Flight) -> Any:
+    return getattr(flight.simulator, "body", None)
+
+
+def _flow(flight: Flight, given: Parsed, _: bool) -> Ended:
+    body, towards_rad = _body(flight), radians(0.0 if given.size is None else given.size)
+    before = body.current_ned_m_s
+    body.current_ned_m_s = (given.number * cos(towards_rad), given.number * sin(towards_rad), 0.0)
+
+    def calm_down() -> None:
+        body.current_ned_m_s = before
+
+    return calm_down
+
+
+def _check_motor(flight: Flight, given: Parsed) -> None:
+    if not isinstance(flight.simulator, Simulator):
+        raise Refused("the real firmware drives its own motors")
+    count = len(flight.simulator.autopilot.control.stopped)
+    if not given.target.isdecimal() or not 1 <= int(given.target) <= count:
+        raise Refused(f"no motor {given.target!r}; the {vehicle_of(flight.platform)} has 1 to {count}")
+
+
+def _weaken_motor(flight: Flight, given: Parsed, _: bool) -> Ended:
+    assert isinstance(flight.simulator, Simulator)
+    left, number = flight.simulator.motors_left, int(given.target)
+    left[number] = given.number
+
+    def end() -> None:
+        left.pop(number, None)
+
+    return end
+
+
 def _drain(flight: Flight, given: Parsed, _: bool) -> Ended:
     flight.simulator.sensors.battery.remaining = given.number
-    return _nothing
+    return nothing
 
 
 def _corrupt_sensor(flight: Flight, given: Parsed, _: bool) -> Ended:
@@ -121,6 +131,10 @@ def _slow(flight: Flight, given: Parsed, _: bool) -> Ended:
 
 def _crash(flight: Flight, given: Parsed, is_once: bool) -> Ended:
     return flight.fault_injector.crash(given.target, is_once=is_once)
+
+
+def _leak(flight: Flight, given: Parsed, _: bool) -> Ended:
+    return flight.fault_injector.leak(given.target, given.number)
 
 
 def _restart(flight: Flight, _: Parsed, __: bool) -> Ended:
@@ -173,7 +187,7 @@ def _pilot(flight: Flight, given: Parsed, _: bool) -> Ended:
             pilot.switch_off()
         case _:
             pilot.switch_mode(_modes(flight.simulator.autopilot.style)[word])
-    return _nothing
+    return nothing
 
 
 # --- cameras, scanners, the inertial unit ---
@@ -183,13 +197,13 @@ _LIGHTS: Final = ("dark", "twin")
 _DEVICE_WORDS: Final = tuple(dict.fromkeys((*ALL, *CAMERA, *LASER, *_LIGHTS)))
 
 
-def _devices(flight: Flight) -> dict[str, SimDevice | SimImu]:
+def devices_of(flight: Flight) -> dict[str, SimDevice | SimImu]:
     """What there is in the flight's world."""
     devices: dict[str, SimDevice | SimImu] = {"imu": flight.process.imu, **flight.rig.devices}
     return {name: device for name, device in devices.items() if not isinstance(device, NoCamera)}
 
 
-def _words(name: str, device: SimDevice | SimImu) -> tuple[str, ...]:
+def words_of(name: str, device: SimDevice | SimImu) -> tuple[str, ...]:
     """The faults that a device may have."""
     if isinstance(device, SimImu):
         return IMU
@@ -201,16 +215,16 @@ def _words(name: str, device: SimDevice | SimImu) -> tuple[str, ...]:
 
 
 def _check_device(flight: Flight, given: Parsed) -> None:
-    devices = _devices(flight)
+    devices = devices_of(flight)
     if given.target not in devices:
         raise Refused(f"the world has no device {given.target!r}; {nearest(given.target, list(devices))}")
-    words = _words(given.target, devices[given.target])
+    words = words_of(given.target, devices[given.target])
     if given.word not in words:
         raise Refused(f"{given.word!r} is not a fault of {given.target}; its faults: {', '.join(words)}")
 
 
 def _corrupt_device(flight: Flight, given: Parsed, _: bool) -> Ended:
-    tracker, device = flight.rig.tracker, _devices(flight)[given.target]
+    tracker, device = flight.rig.tracker, devices_of(flight)[given.target]
     if given.word in _LIGHTS and tracker is not None:
         tracker.is_lit, tracker.has_twin = given.word != "dark", given.word == "twin"
     elif not isinstance(device, NoCamera):
@@ -228,15 +242,7 @@ def _corrupt_device(flight: Flight, given: Parsed, _: bool) -> Ended:
 _SHARE: Final = (0.0, 1.0)
 
 EFFECTS: Final[Mapping[str, Effect]] = {
-    "link_loss": Effect(
-        FaultForm(
-            text="link_loss[=SHARE]", does="the station's radio loses this share, or all", bounds=_SHARE, default=1.0
-        ),
-        _lose_radio,
-    ),
-    "cable_loss": Effect(
-        FaultForm(text="cable_loss[=SHARE]", does="the autopilot's cable, too", bounds=_SHARE, default=1.0), _lose_cable
-    ),
+    **LINKS,
     "wind": Effect(
         FaultForm(
             text="wind=SPEED[/FROM]",
@@ -245,6 +251,27 @@ EFFECTS: Final[Mapping[str, Effect]] = {
             size_of=("",),
         ),
         _blow,
+    ),
+    "current": Effect(
+        FaultForm(
+            text="current=SPEED[/TOWARDS]",
+            does="the water flows, in m/s, towards a bearing (0)",
+            bounds=(0.0, 3.0),
+            size_of=("",),
+        ),
+        _flow,
+        _check_water,
+    ),
+    "motor": Effect(
+        FaultForm(
+            text="motor:NUMBER[=SHARE]",
+            does="this share of a motor's output is left (0)",
+            has_target=True,
+            bounds=_SHARE,
+            default=0.0,
+        ),
+        _weaken_motor,
+        _check_motor,
     ),
     "battery": Effect(
         FaultForm(text="battery=SHARE", does="remaining charge, 0 to 1", bounds=_SHARE, is_event=True),
@@ -286,6 +313,16 @@ EFFECTS: Final[Mapping[str, Effect]] = {
         _slow,
         _check_component,
     ),
+    "leak": Effect(
+        FaultForm(
+            text="leak:COMPONENT=SECONDS",
+            does="each of its cycles takes this much longer than the one before",
+            has_target=True,
+            bounds=(0.0, 60.0),
+        ),
+        _leak,
+        _check_component,
+    ),
     "crash": Effect(
         FaultForm(
             text="crash:COMPONENT",
@@ -305,6 +342,8 @@ EFFECTS: Final[Mapping[str, Effect]] = {
         ),
         _restart,
     ),
+    **COMPUTER,
+    "operator": OPERATOR,
     "pilot": Effect(
         FaultForm(
             text="pilot:MODE|" + "|".join(_SWITCHES),

@@ -40,6 +40,8 @@ class FaultForm(msgspec.Struct, frozen=True, kw_only=True):
     """Of the number; None where it must be given."""
     size_of: tuple[str, ...] = ()
     """The words that take a size; the number takes one where this holds an empty text."""
+    takes_text: bool = False
+    """The value may be any text, or missing."""
     is_event: bool = False
     """It happens once, unless a span is given and it `may_last`."""
     may_last: bool = False
@@ -59,6 +61,8 @@ class FaultForm(msgspec.Struct, frozen=True, kw_only=True):
             word = value or ""
             if word not in self.words:
                 raise Refused(f"{word!r} is unknown; known: {', '.join(self.words)}")
+        elif self.takes_text:
+            word = value or ""
         elif self.bounds is not None:
             number = self._number(value)
         elif value is not None:

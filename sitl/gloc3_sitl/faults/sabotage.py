@@ -71,6 +71,10 @@ class FaultInjector:
         self._loop: Final = loop
         self._base_s = cost_s
         self._costs_s: dict[str, list[float]] = {}
+        self.replaced: Final[dict[str, ComponentRow]] = {}
+        """Rows that components are made of from now on, in place of the platform's."""
+        self._leaks_s: dict[str, list[list[float]]] = {}
+        """Component to its leaks: by how much more a cycle takes, and how much it takes by now."""
         self._crashes: dict[str, list[bool]] = {}
         """Component to its crashes: True for one that is over after a cycle."""
 
@@ -84,6 +88,12 @@ class FaultInjector:
     def hang(self, component: str) -> Unsubscribe:
         """Makes cycles never end."""
         return self.slow(component, inf)
+
+    def leak(self, component: str, more_s: float) -> Unsubscribe:
+        """Makes each cycle take this much longer than the one before, until the component is made anew."""
+        self._leaks_s.setdefault(component, []).append([more_s, 0.0])
+        leak = self._leaks_s[component][-1]
+        return lambda: self._leaks_s[component].remove(leak)
 
     def crash(self, component: str, *, is_once: bool) -> Unsubscribe:
         """Makes the next cycle raise an error, or every one."""
@@ -101,12 +111,17 @@ class FaultInjector:
     def cost_s(self, component: str, now_s: float) -> float:
         """Returns the duration of a cycle: the fault model of the hosts."""
         base_s = self._base_s(component, now_s) if self._base_s is not None else 0.0
+        for leak in self._leaks_s.get(component, ()):
+            leak[1] += leak[0]
+            base_s += leak[1]
         costs_s = self._costs_s.get(component)
         return base_s + sum(costs_s) if costs_s else base_s
 
     def create(self, row: ComponentRow, devices: Mapping[str, Any]) -> Component[Any]:
         """Creates a component whose cycles can be crashed."""
-        component = row.create(devices)
+        component = self.replaced.get(row.name, row).create(devices)
+        for leak in self._leaks_s.get(row.name, ()):
+            leak[1] = 0.0
         work = component.work
 
         def with_faults(now_s: float, inbox: Inbox) -> Sequence[Result]:

@@ -10,6 +10,7 @@ __all__ = [
     "mission_file",
     "outputs",
     "path_error",
+    "plan",
     "report",
     "sim_devices",
     "sim_imu",

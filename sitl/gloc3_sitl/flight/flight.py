@@ -17,7 +17,8 @@ import msgspec
 
 from gloc3.clock import Clock
 from gloc3.component.context import HostContext
-from gloc3.errors import Gloc3Error, Refused
+from gloc3.errors import Gloc3Error, Refused, nearest
+from gloc3.messages.command_interface import AnyBody, CommandComponent
 from gloc3.messages.envelope import Envelope, Message
 from gloc3.messages.topics import TopicTable
 from gloc3.mission.examples import find_mission
@@ -41,6 +42,7 @@ from gloc3_sitl.flight.plan import FlightPlan
 from gloc3_sitl.flight.sim_rig import SIM_DEVICES, SimRig
 from gloc3_sitl.flight.truth import FlightTruth
 from gloc3_sitl.physics.water import rough
+from gloc3_sitl.physics.wind import CALM
 from gloc3_sitl.vehicles.simulator import LinkKind, Simulator, SimulatorSettings
 from gloc3_sitl.vehicles.table import style_of, vehicle_of
 from gloc3_sitl.world import World
@@ -48,6 +50,17 @@ from gloc3_sitl.world import World
 WEST_DEG: Final = 270.0
 DEVICES: Final = (*HOST_DEVICES, *SIM_DEVICES, "imu")
 """What the onboard process of a flight has."""
+
+
+class SettableClock(Clock):
+    """A clock whose date, not its time since boot, may be set in flight."""
+
+    set_by_s = 0.0
+    """So much later is the date than it would be."""
+
+    def utc_s(self) -> float:
+        """Seconds since 1970 by the computer's clock."""
+        return super().utc_s() + self.set_by_s
 
 
 class Flight:
@@ -60,13 +73,15 @@ class Flight:
         self.mission: Final[Mission] = load_mission(plan.mission, MissionReferences.of(self.platform, origin=plan.home))
         self.loop: Final = asyncio.get_running_loop()
         self.exchange: Final = TappedExchange()
+        self.clock: Final = SettableClock(self.loop)
+        """Of the onboard computer; its date may be set."""
         self.fault_injector: Final = FaultInjector(self.loop, plan.cycle_cost_s)
         """What faults have the onboard process suffer."""
         random = Random(plan.seed)
         self.context: Final = HostContext(
             self.name,
             self.exchange,
-            Clock(self.loop),
+            self.clock,
             self.loop,
             TopicTable.installed(),
             random,
@@ -77,6 +92,8 @@ class Flight:
         self.simulator: Final = self._simulator(world)
         self.rig: Final = SimRig(world, self.loop, self.simulator.truth, plan.seed)
         """The cameras and the laser scanner; they cost nothing until they are opened."""
+        self._requests: set[asyncio.Task[Any]] = set()
+        """Commands that have not been answered."""
         self._ground_boot = random.getrandbits(32)
         self.process: Final = FlightProcess(
             plan, self.platform, self.mission, self.context, self.fault_injector.create, self.rig, self.log
@@ -104,6 +121,9 @@ class Flight:
     def _open_log(self) -> FlightRecording:
         plan = self.plan
         metadata = {"platform": self.name, "autopilot": self.autopilot, "seed": str(plan.seed)}
+        metadata |= {"wind": msgspec.json.encode(plan.wind).decode()} if plan.wind != CALM else {}
+        beside = {"waves_m": plan.waves_m, "current_m_s": plan.current_m_s}
+        metadata |= {name: f"{value:g}" for name, value in beside.items() if value}
         file = whole_text(plan.platform).encode()
         return FlightRecording(plan.out, self.context, metadata, file, self.mission.text)
 
@@ -151,6 +171,8 @@ class Flight:
     ) -> None:
         """Ends everything; the log is closed whatever has happened."""
         self.truth.close()
+        for request in self._requests:
+            request.cancel()
         if self.plan.has_station:
             await self.ground.close()
         self.process.kill()
@@ -194,6 +216,36 @@ class Flight:
         """
         async with asyncio.timeout(within_s):
             return await flights.follow(self.station, self.name, follower)
+
+    async def exchange_component(self, name: str, class_name: str, settings: dict[str, Any]) -> None:
+        """Has a component made anew in flight, of another class or with other settings.
+
+        Raises:
+            Gloc3Error: the platform turned it down.
+        """
+        row = self.platform.component(name)
+        if row is None:
+            raise Refused(
+                f"{self.name} has no component {name!r}; {nearest(name, [one.name for one in self.platform.components])}"
+            )
+        new = msgspec.structs.replace(
+            row, class_name=class_name or row.class_name, settings={**row.settings, **settings}
+        )
+        self.fault_injector.replaced[name] = new
+        client = self.station.client
+        await client.carry_out(self.name, CommandComponent(component=name, command="shutdown", is_forced=True))
+        await client.carry_out(self.name, CommandComponent(component=name, command="create", is_forced=True))
+        await client.carry_out(
+            self.name, CommandComponent(component=name, command="initialize", settings=new.settings, is_forced=True)
+        )
+        await client.carry_out(self.name, CommandComponent(component=name, command="start", is_forced=True))
+
+    def operate(self, body: AnyBody) -> None:
+        """Sends a command of the operator, if the station is up, without waiting for what becomes of it."""
+        if hasattr(self, "ground"):
+            request = self.loop.create_task(self.station.client.request(self.name, body))
+            self._requests.add(request)
+            request.add_done_callback(self._requests.discard)
 
     async def expect(self, topic: str, predicate: Callable[[Any], bool], within_s: float) -> Message:
         """Waits for a matching message on a topic below the platform's name.

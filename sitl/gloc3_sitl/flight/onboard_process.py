@@ -1,8 +1,11 @@
 """The onboard process of a flight in virtual time: the assembly of `gloc3 onboard`, on links and devices in memory."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from errno import ENOSPC
 from random import Random
 from typing import Any, Final
+
+from msgspec.structs import replace
 
 from gloc3.component.context import HostContext
 from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
@@ -33,6 +36,35 @@ SIMULATED: Final = "simulated"
 """What stands for the source of a sensor."""
 
 
+class FlightRecords(MemoryRecords):
+    """Records in memory on a disk that can be full."""
+
+    def __init__(self, disk: "FlightDisk") -> None:
+        super().__init__()
+        self._disk = disk
+
+    def append(self, record: bytes, *, outlives_power_cut: bool = True) -> None:
+        """Adds a record."""
+        self._disk.check()
+        super().append(record, outlives_power_cut=outlives_power_cut)
+
+    def rewrite(self, records: list[bytes], *, outlives_power_cut: bool = True) -> None:
+        """Replaces all records."""
+        self._disk.check()
+        super().rewrite(records, outlives_power_cut=outlives_power_cut)
+
+
+class FlightDisk:
+    """The disk of the onboard process, as far as its journal, its progress and its reports are kept there."""
+
+    is_full = False
+
+    def check(self) -> None:
+        """Raises what a full disk raises."""
+        if self.is_full:
+            raise OSError(ENOSPC, "No space left on device")
+
+
 class FlightLinks:
     """The links of a flight's onboard process, which outlive it; its own end is `b` of each.
 
@@ -53,6 +85,9 @@ class FlightLinks:
         self.is_below = False
         """The vehicle is too deep for the radio."""
         self._plan = plan
+        self._whole: Final = {self.cable: AUTOPILOT_CABLE, self.radio: plan.station_link}
+        """How links are without a fault."""
+        self._impairments: Final[dict[MemoryLink, list[dict[str, float]]]] = {self.cable: [], self.radio: []}
 
     def add_radio(self) -> MemoryLink:
         """One more link to a station."""
@@ -66,7 +101,30 @@ class FlightLinks:
         is_below = depth_m > self._plan.radio_depth_m
         if is_below != self.is_below:
             self.is_below = is_below
-            self.radio.set_conditions(Conditions(loss=1.0) if is_below else self._plan.station_link)
+            self._whole[self.radio] = Conditions(loss=1.0) if is_below else self._plan.station_link
+            self._set(self.radio)
+
+    def impair(self, link: MemoryLink, **worse: float) -> Callable[[], None]:
+        """Makes the cable or the radio worse in some of its `Conditions`; of several impairments the worst value counts.
+
+        Returns:
+            What takes this impairment away again.
+        """
+        self._impairments[link].append(worse)
+        self._set(link)
+
+        def end() -> None:
+            self._impairments[link].remove(worse)
+            self._set(link)
+
+        return end
+
+    def _set(self, link: MemoryLink) -> None:
+        conditions = self._whole[link]
+        for worse in self._impairments[link]:
+            worst = {name: max(value, getattr(conditions, name)) for name, value in worse.items()}
+            conditions = replace(conditions, **worst)
+        link.set_conditions(conditions)
 
 
 class FlightProcess:
@@ -99,11 +157,12 @@ class FlightProcess:
         self.imu: Final = SimImu(context.loop, plan.seed)
         """The autopilot's inertial unit, as the process gets it."""
         self._ends: list[MemoryEnd] = []
+        self.disk: Final = FlightDisk()
         self._storage = Storage(
-            journal=MemoryRecords(),
-            progress=MemoryRecords(),
-            reports=MemoryRecords(),
-            memory=MemoryRecords(),
+            journal=FlightRecords(self.disk),
+            progress=FlightRecords(self.disk),
+            reports=FlightRecords(self.disk),
+            memory=FlightRecords(self.disk),
             log_store=log.log_store(),
             pictures=NoPictures() if plan.out is None else PictureFolder(plan.out / "images", rig),
         )

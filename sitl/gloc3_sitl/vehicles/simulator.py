@@ -138,6 +138,8 @@ class Simulator:
         self._outputs = self._idle = self.autopilot.control.stopped
         self._timer: TimerHandle | None = None
         self._is_flat, self._is_diving = world.is_flat, row.is_diving
+        self.motors_left: Final[dict[int, float]] = {}
+        """The share of its output that is left of a motor that fails, by the motor's number from 1."""
 
     def _set_parameters(self, row: VehicleRow, settings: SimulatorSettings) -> None:
         changed = dict(row.parameters.get(self.style, {}))
@@ -160,12 +162,16 @@ class Simulator:
         outputs = self._outputs
         rate_hz = body.rate_hz
         for count in range(body.steps + 1, int(now_s * rate_hz + 1e-6) + 1):
-            body.step(outputs)
+            body.step(outputs if not self.motors_left else self._weakened(outputs))
             t_s = count / rate_hz
             outputs = self._step(sample(body, t_s), t_s)
             if not self._is_flat and count % PERIOD_STEPS == 0:
                 raise_ground(body, self.world, self.now_s, is_diving=self._is_diving)
         self._outputs = outputs
+
+    def _weakened(self, outputs: Outputs) -> Outputs:
+        """What failing motors make of the outputs."""
+        return tuple(value * self.motors_left.get(number, 1.0) for number, value in enumerate(outputs, start=1))
 
     def start(self, loop: AbstractEventLoop, speed: float = 1.0) -> None:
         """Lets an event loop advance it from now on, `speed` times as fast as the loop's clock."""

@@ -280,7 +280,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
 
     @property
     def _climbed_m(self) -> float | None:
-        pose, begin = self._stream.pose, self._climbs_from_down_m
+        """How far a take-off has come; None where nobody knows, as without a pose."""
+        pose, begin = self._stream.young_pose(self._now_s), self._climbs_from_down_m
         return None if pose is None or begin is None else begin - pose.position_ned_m[2]
 
     @property

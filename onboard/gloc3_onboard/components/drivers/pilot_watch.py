@@ -54,6 +54,8 @@ class PilotWatch:
         """Length of the last gap, which explains a hold until `_gap_until_s`."""
         self._received_s: float | None = None
         self._begins = True
+        self._is_left_alone = False
+        """The driver was stopped during a take-off of ours, which the autopilot ends in its hold."""
 
     # --- what we do ---
 
@@ -99,6 +101,7 @@ class PilotWatch:
     def begin(self) -> None:
         """The driver starts, maybe after a time in which it did not look."""
         self._begins = True
+        self._is_left_alone = self._expected is FlightMode.TAKE_OFF
 
     def received(self, pose: Envelope[AutopilotPose] | None, now_s: float) -> None:
         """Measures the gaps between the autopilot's poses, which come all the time; before `update`."""
@@ -165,7 +168,10 @@ class PilotWatch:
                 del self._commanded[next(iter(self._commanded))]
             del self._commanded[ours]
         elif state.is_armed:
-            may_settle &= self._expected in (FlightMode.TAKE_OFF, FlightMode.MISSION)
+            may_settle = (may_settle or self._is_left_alone) and self._expected in (
+                FlightMode.TAKE_OFF,
+                FlightMode.MISSION,
+            )
             settles = may_settle and state.mode is FlightMode.HOLD
             has_landed = self._expected is FlightMode.LAND and state.mode_name in self.lands_into
             returns = may_return and state.mode is FlightMode.GUIDED
@@ -176,6 +182,7 @@ class PilotWatch:
             elif not (settles or has_landed or returns):
                 self.lose(self._chosen(state), is_failsafe=state.is_failsafe)
         self._expected = state.mode
+        self._is_left_alone = False
 
     def _holds_after_gap(self, before: AutopilotState, state: AutopilotState, now_s: float) -> bool:
         """Whether the autopilot's failsafe has just begun to hold because it has not heard us for a while."""

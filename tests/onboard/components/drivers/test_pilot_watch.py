@@ -171,6 +171,13 @@ def test_hold_before_the_climb_is_over_is_the_pilots() -> None:
     assert story.see(flying(HOLD), may_settle=False)
 
 
+def test_a_hold_after_a_take_off_that_lost_its_driver_is_no_pilots() -> None:
+    story = in_flight(TAKE_OFF)
+    story.watch.begin()
+    assert not story.see(flying(TAKE_OFF), flying(HOLD))
+    assert story.see(flying(GUIDED), flying(HOLD)), "once is enough"
+
+
 def test_what_happens_while_the_autopilot_is_silent_is_seen_afterwards() -> None:
     story = in_flight()
     silent = AutopilotState(is_connected=False, is_armed=True, mode=GUIDED)

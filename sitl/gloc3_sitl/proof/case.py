@@ -1,0 +1,72 @@
+"""A flight as data: what is flown, with which seed, weather and faults. One line of JSON replays it."""
+
+import shlex
+from pathlib import Path
+
+import msgspec
+
+from gloc3.errors import Refused
+
+
+class FlightCase(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """One flight of a search; equal cases give equal flights."""
+
+    mission: str
+    """A file, or the name of an example."""
+    platform: str
+    autopilot: str = ""
+    """`px4` or `ardupilot`; empty for the vehicle's usual one."""
+    seed: int = 0
+    wind_m_s: float = 0.0
+    """Gusty, from the west."""
+    waves_m: float = 0.0
+    current_m_s: float = 0.0
+    world: str = ""
+    faults: tuple[str, ...] = ()
+    """As `gloc3 fly --fault` takes them."""
+    text: str = ""
+    """Of the mission where it is no longer the file's: a shortened one."""
+
+    def line(self) -> str:
+        """The case as one line of JSON: a replay file, and a row of a table of cases."""
+        return msgspec.json.encode(self).decode()
+
+    def command(self, mission: str = "") -> str:
+        """The command that flies it.
+
+        Args:
+            mission: the file that holds `text`, where there is one.
+        """
+        words = ["gloc3", "fly", mission or self.mission, "--platform", self.platform]
+        words += ["--autopilot", self.autopilot] if self.autopilot else []
+        words += ["--seed", str(self.seed)] if self.seed else []
+        for name, value in (("wind", self.wind_m_s), ("waves", self.waves_m), ("current", self.current_m_s)):
+            words += [f"--{name}", f"{value:g}"] if value else []
+        words += ["--world", self.world] if self.world else []
+        for fault in self.faults:
+            words += ["--fault", fault]
+        return shlex.join(words)
+
+    def file(self, folder: Path) -> Path:
+        """The mission's file; a text is written into a folder first."""
+        from gloc3_sitl.flight.mission_file import find_file
+
+        if not self.text:
+            return find_file(self.mission)
+        path = folder / "mission.yaml"
+        path.write_text(self.text, encoding="utf-8")
+        return path
+
+
+def read_case(path: Path) -> FlightCase:
+    """Reads a replay file.
+
+    Raises:
+        Refused: there is none, or it holds no case.
+    """
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=FlightCase)
+    except OSError as error:
+        raise Refused(f"{path} cannot be read: {error.strerror or error}") from error
+    except msgspec.MsgspecError as error:
+        raise Refused(f"{path} is no replay file: {error}") from error

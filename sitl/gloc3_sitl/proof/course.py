@@ -1,0 +1,122 @@
+"""Invariants of a flight's course: transitions of the mission, and that it ends."""
+
+import re
+from typing import Any, Final
+
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.summaries import CiEvent, MissionSummary
+from gloc3.messages.vehicle import DriverState
+from gloc3.mission.model.states import TABLE, ActionState
+from gloc3_sitl.proof.invariant import FlightFacts, FlownMission, Invariant, TrueMoment
+
+_MOVE: Final = re.compile(
+    r"(mission|[\w-]+(?:\.[\w-]+)?) (waiting|running|paused|done|failed|skipped|aborted)(?:: .*)?"
+)
+_REPEATED: Final = re.compile(r"([\w-]+): \d+ of \d+")
+BY_OPERATOR: Final = "by an operator"
+"""The reason of a mission that an operator has paused or ended."""
+EMERGENCY: Final = "emergency hold by "
+SURFACED_M: Final = 1.0
+SLOW_M_S: Final = 1.0
+
+
+class OnlyTableTransitions(Invariant):
+    """The states that the mission is told to be in, against the table of transitions."""
+
+    name = "only_table_transitions"
+    sentence = "Mission, tasks and actions change their states only as the table of transitions says."
+    topics = ("ci/event",)
+
+    def __init__(self, facts: FlightFacts) -> None:
+        super().__init__(facts)
+        self._states: dict[str, ActionState] = {}
+        self._boot: int | None = None
+        self._is_corrupted = facts.has_corrupted("ci/event")
+
+    def receive(self, topic: str, envelope: Envelope[Any], now_s: float) -> None:
+        """Judges one event."""
+        event: CiEvent = envelope.payload
+        if envelope.source.boot != self._boot:  # what happened in between is on its disk
+            self._boot = envelope.source.boot
+            self._states.clear()
+        if event.source != "mission" or self._is_corrupted:
+            return
+        repeated = _REPEATED.match(event.text)
+        if repeated is not None:
+            self._states = {key: state for key, state in self._states.items() if key.partition(".")[0] != repeated[1]}
+        move = _MOVE.fullmatch(event.text)
+        if move is None:
+            return
+        target, to = move[1], ActionState(move[2])
+        if target == "mission" and to is ActionState.RUNNING and "by an operator" in event.text:
+            self._states.clear()
+        before = self._states.get(target)
+        if before is not None and before is not to and to not in TABLE[before].values():
+            self.break_at(now_s, f"{target} went from {before} to {to}")
+        self._states[target] = to
+
+
+class ItEnds(Invariant):
+    """What is so when the time that the flight was given is up."""
+
+    name = "it_ends"
+    sentence = (
+        "Every flight ends: landed and disarmed, or surfaced and disarmed; or a pilot or an operator who is there has "
+        "the vehicle."
+    )
+    topics = ("driver", "ci/mission", "ci/request")
+
+    def __init__(self, facts: FlightFacts) -> None:
+        super().__init__(facts)
+        self._driver: DriverState | None = None
+        self._mission: MissionSummary | None = None
+        self._is_in_hand = False
+
+    def receive(self, topic: str, envelope: Envelope[Any], now_s: float) -> None:
+        """Keeps who has the vehicle."""
+        payload = envelope.payload
+        if isinstance(payload, DriverState):
+            self._driver = payload
+        elif isinstance(payload, MissionSummary):
+            self._mission = payload
+
+    def end(self, flown: FlownMission) -> None:
+        """Judges the end."""
+        last = flown.last
+        if last is None or (not last.is_armed and self._is_at_rest(last)):
+            return
+        is_heard = not self.facts.has_fault(flown.t_s, "link_loss", for_s=10.0)
+        if last.is_armed and (self._is_a_pilots(last) or (is_heard and self._is_an_operators())):
+            return
+        policy = self._mission.policy if self._mission is not None else ""
+        how = (
+            "armed"
+            if last.is_armed
+            else f"disarmed at {last.speed_m_s:.1f} m/s and a height of {-last.position_ned_m[2]:.1f} m"
+        )
+        state = f"mission {flown.state or 'not started'}" + (f" ({flown.reason})" if flown.reason else "")
+        self.break_at(
+            flown.t_s,
+            f"still {how} in {last.mode_name} after {flown.given_s:.0f} s; {state}, policy {policy or 'none'}",
+        )
+
+    def _is_at_rest(self, last: TrueMoment) -> bool:
+        """On the ground, or at the surface, where it may drift."""
+        if self.facts.platform.vehicle.type in ("auv", "rov"):
+            return last.position_ned_m[2] < SURFACED_M
+        if self.facts.platform.vehicle.type == "boat":
+            return True
+        return last.is_on_ground and last.speed_m_s < SLOW_M_S
+
+    def _is_a_pilots(self, last: TrueMoment) -> bool:
+        return last.has_transmitter and self._driver is not None and self._driver.has_pilot_control
+
+    def _is_an_operators(self) -> bool:
+        """Whether an operator has paused or ended the mission or a part of it, or has pressed the emergency key."""
+        mission = self._mission
+        if mission is None or mission.policy == "pilot":
+            return False
+        if mission.state == "running":
+            return "paused" in mission.tasks.values()
+        is_by_operator = mission.reason == BY_OPERATOR or mission.reason.startswith(EMERGENCY)
+        return is_by_operator and mission.state in ("paused", "skipped", "aborted")

@@ -1,0 +1,214 @@
+"""The search: draws cases, flies them on all cores, keeps those that reach something new, and remembers it all in a folder.
+
+It goes by rounds: every case of a round is drawn from what the rounds before have found, so that the same seed gives the
+same flights, in whichever order they are flown and on however many cores.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_context
+from pathlib import Path
+from random import Random
+from typing import Final
+
+import msgspec
+
+from gloc3.component.workers import guard
+from gloc3.errors import Gloc3Error, Refused
+from gloc3_sitl.faults.fault_menu import PossibleFault, possible_faults
+from gloc3_sitl.flight.flight import Flight
+from gloc3_sitl.proof.case import FlightCase
+from gloc3_sitl.proof.draw import Course, Draw
+from gloc3_sitl.proof.invariant import BrokenInvariant, Invariant
+from gloc3_sitl.proof.record import NoTraceback
+from gloc3_sitl.proof.trial import TrialResult, fly_case
+from gloc3_sitl.vehicles.table import vehicle_named, vehicle_of
+
+ROUND: Final = 16
+"""Flights of a round; the same on every machine."""
+FRESH: Final = 0.35
+"""The share of cases that are drawn without looking at what was found."""
+STATE: Final = "search.jsonl"
+MOST_ENERGY: Final = 12
+Invariants = tuple[type[Invariant], ...]
+FlyAll = Callable[[Sequence[FlightCase], Invariants], Iterator[TrialResult]]
+"""Flies cases and judges them by invariants; the results come in the order of the cases."""
+
+
+class SearchedFlight(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """A flight of the search, as it is remembered."""
+
+    case: FlightCase
+    broken: tuple[BrokenInvariant, ...] = ()
+    new: tuple[str, ...] = ()
+    """What no flight before had reached."""
+    state: str = ""
+    refused: str = ""
+    ended_s: float = 0.0
+
+
+class _Seed(msgspec.Struct):
+    """A case that reached something new, and how often it is still worth a try."""
+
+    case: FlightCase
+    energy: float
+
+
+class Search:
+    """A search for one mission on one platform.
+
+    Args:
+        base: what is flown, without faults.
+        fly: flies cases and gives their results in the same order.
+        out: the folder in which it is remembered; None for nowhere.
+        kinds: the invariants.
+    """
+
+    def __init__(self, base: FlightCase, fly: FlyAll, kinds: Invariants, out: Path | None = None) -> None:
+        self.base: Final = base
+        self.flights: Final[list[SearchedFlight]] = []
+        self.reached: Final[set[str]] = set()
+        self.course = Course(0.0, 0.0, ())
+        self.broken_at_rest: tuple[BrokenInvariant, ...] = ()
+        """What the flight without a fault breaks: it is not judged in the others, where it would hide everything else."""
+        self.kinds = kinds
+        """The invariants that are judged."""
+        self._fly, self._out = fly, out
+        self._corpus: list[_Seed] = []
+        self._kept: list[SearchedFlight] = []
+        self._menu: list[PossibleFault] = []
+        self._draw: Draw
+
+    # --- begin ---
+
+    def begin(self) -> TrialResult:
+        """Flies without a fault, and reads what an interrupted search has left.
+
+        Raises:
+            Gloc3Error: the mission cannot be flown at all, or the folder holds another search.
+        """
+        menu: list[PossibleFault] = []
+
+        def prepare(flight: Flight) -> None:
+            menu.extend(possible_faults(flight))
+
+        flown = fly_case(self.base, kinds=self.kinds, is_stopping=False, prepare=prepare)
+        if flown.refused:
+            raise Gloc3Error(f"the mission cannot be flown: {flown.refused}")
+        if not flown.started_s:
+            raise Gloc3Error(f"the mission does not start without any fault: {flown.reason}")
+        self.broken_at_rest = flown.broken
+        names = {one.invariant for one in flown.broken}
+        self.kinds = tuple(kind for kind in self.kinds if kind.name not in names)
+        self.course = Course(flown.started_s, flown.ended_s, flown.phases)
+        self._menu = menu
+        swims = vehicle_named(_vehicle(self.base)).swims
+        self._draw = Draw(self.base, menu, self.course, swims=swims)
+        self.reached.update(flown.reached)
+        self._kept = self._read()
+        return flown
+
+    def _read(self) -> list[SearchedFlight]:
+        path = self._path
+        if path is None or not path.exists():
+            if path is not None:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(msgspec.json.encode(self.base) + b"\n")
+            return []
+        first, *lines = path.read_bytes().splitlines()
+        if msgspec.json.decode(first, type=FlightCase) != self.base:
+            raise Refused(f"{path} belongs to another search; choose another folder or remove it")
+        kept = []
+        for line in lines:
+            try:
+                kept.append(msgspec.json.decode(line, type=SearchedFlight))
+            except msgspec.MsgspecError:
+                break  # the last line of a run that was killed
+        return kept
+
+    @property
+    def _path(self) -> Path | None:
+        return None if self._out is None else self._out / STATE
+
+    # --- rounds ---
+
+    def round(self) -> list[SearchedFlight]:
+        """Flies one round, or takes it from what is remembered; returns its flights."""
+        first = len(self.flights)
+        cases = [self._next(Random(f"{self.base.seed}/{first + index}")) for index in range(ROUND)]
+        kept = self._kept[first : first + ROUND]
+        if len(kept) == ROUND and [one.case for one in kept] == cases:
+            made = kept
+            for one in made:
+                self._learn(one.case, one.new)
+        else:
+            made = [self._judge(result) for result in self._fly(cases, self.kinds)]
+            self._remember(made)
+        self.flights.extend(made)
+        return made
+
+    def _judge(self, result: TrialResult) -> SearchedFlight:
+        new = tuple(word for word in result.reached if word not in self.reached)
+        self._learn(result.case, new)
+        return SearchedFlight(
+            case=result.case,
+            broken=result.broken,
+            new=new,
+            state=result.state,
+            refused=result.refused,
+            ended_s=result.ended_s,
+        )
+
+    def _learn(self, case: FlightCase, new: Sequence[str]) -> None:
+        self.reached.update(new)
+        if new:
+            self._corpus.append(_Seed(case, min(MOST_ENERGY, 1.0 + len(new))))
+
+    def _remember(self, made: Sequence[SearchedFlight]) -> None:
+        if self._path is not None:
+            with self._path.open("ab") as file:
+                file.writelines(msgspec.json.encode(one) + b"\n" for one in made)
+
+    def _next(self, random: Random) -> FlightCase:
+        if not self._corpus or random.random() < FRESH:
+            return self._draw.fresh(random)
+        weights = [seed.energy for seed in self._corpus]
+        seed = random.choices(self._corpus, weights)[0]
+        seed.energy = max(0.2, 0.9 * seed.energy)
+        other = random.choice(self._corpus)
+        return self._draw.mutated(seed.case, other.case, random)
+
+    @property
+    def found(self) -> list[SearchedFlight]:
+        """The flights that broke an invariant."""
+        return [one for one in self.flights if one.broken]
+
+
+def _vehicle(base: FlightCase) -> str:
+    from gloc3.platform.reader import load_platform
+
+    return vehicle_of(load_platform(base.platform))
+
+
+# --- many flights at once ---
+
+
+def _fly_one(case: FlightCase, kinds: Invariants) -> TrialResult:
+    """In a process of its own: a flight; one that ends with an error has broken an invariant, too."""
+    result, error = guard(lambda: fly_case(case, kinds=kinds))
+    if result is not None:
+        return result
+    text = f"the flight ended with {type(error).__name__}: {error}"
+    broken = BrokenInvariant(invariant=NoTraceback.name, t_s=0.0, text=text)
+    return TrialResult(case=case, broken=(broken,))
+
+
+@contextmanager
+def flying(jobs: int) -> Iterator[FlyAll]:
+    """Gives a function that flies cases in as many processes."""
+    if jobs <= 1:
+        yield lambda cases, kinds: iter([_fly_one(case, kinds) for case in cases])
+        return
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        yield lambda cases, kinds: pool.map(_fly_one, cases, [kinds] * len(cases))

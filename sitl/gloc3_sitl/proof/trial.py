@@ -1,0 +1,220 @@
+"""Flies a case in virtual time to its real end, and judges it."""
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+import msgspec
+
+from gloc3.clock import VirtualLoop
+from gloc3.errors import Gloc3Error, InputError, Refused
+from gloc3.messages.summaries import MissionSummary
+from gloc3.platform.platform import Platform
+from gloc3.platform.reader import load_platform
+from gloc3_sitl.faults.faults import Injection, read_fault
+from gloc3_sitl.flight.flight import DEVICES, Flight
+from gloc3_sitl.flight.mission_file import read_mission_file
+from gloc3_sitl.flight.plan import FlightPlan
+from gloc3_sitl.physics.wind import CALM, Wind, gusty
+from gloc3_sitl.proof.case import FlightCase
+from gloc3_sitl.proof.invariant import BrokenInvariant, Invariant
+from gloc3_sitl.proof.observer import Observer
+from gloc3_sitl.proof.standard_invariants import all_invariants
+
+START_WITHIN_S: Final = 150.0
+PATIENCE: Final = 3.0
+WAY_BACK_S: Final = 120.0
+"""Beside three times its estimate and its policy's hold, a flight has so long to end."""
+SETTLED_S: Final = 4.0
+"""A vehicle that stays disarmed for so long has ended its flight."""
+POLL_PERIOD_S: Final = 0.2
+AFTER_S: Final = 2.0
+"""A flight goes on for so long after an invariant was broken, so that its log shows what follows."""
+
+
+class TrialResult(msgspec.Struct, frozen=True, kw_only=True):
+    """What became of a flight."""
+
+    case: FlightCase
+    refused: str = ""
+    """Why it could not be flown: the mission does not pass the check, a fault does not fit."""
+    broken: tuple[BrokenInvariant, ...] = ()
+    """The earliest first."""
+    reached: tuple[str, ...] = ()
+    state: str = ""
+    """Of the mission, at the end."""
+    reason: str = ""
+    ended_s: float = 0.0
+    """On the flight's clock."""
+    started_s: float = 0.0
+    """When the mission began to run; 0 where it never did."""
+    phases: tuple[tuple[float, str], ...] = ()
+    """When each action began: time and target."""
+    story: tuple[str, ...] = ()
+    """What happened, a line each."""
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the mission was done."""
+        return self.state == "done"
+
+
+class Conditions(msgspec.Struct, frozen=True, kw_only=True):
+    """What a case does not say of the surroundings."""
+
+    wind: Wind
+
+
+def fly_case(
+    case: FlightCase,
+    *,
+    out: Path | None = None,
+    kinds: tuple[type[Invariant], ...] | None = None,
+    is_stopping: bool = True,
+    prepare: Callable[[Flight], None] | None = None,
+    conditions: Conditions | None = None,
+) -> TrialResult:
+    """Flies a case and judges it.
+
+    Args:
+        case: what is flown.
+        out: a folder for log, report and picture; None keeps nothing.
+        kinds: the invariants; None for all that are installed.
+        is_stopping: ends the flight soon after an invariant was broken.
+        prepare: is given the flight before it begins.
+        conditions: in place of the case's wind.
+
+    Raises:
+        Gloc3Error: there is no such platform or mission.
+    """
+    with TemporaryDirectory() as scratch:
+        trial = _Trial(case, Path(scratch), out, all_invariants() if kinds is None else kinds)
+        trial.is_stopping, trial.prepare = is_stopping, prepare
+        trial.wind = conditions.wind if conditions is not None else trial.wind
+        with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+            try:
+                return runner.run(trial.fly())
+            except InputError as error:
+                return TrialResult(case=case, refused=str(error).splitlines()[0])
+            except Refused as error:
+                return TrialResult(case=case, refused=str(error))
+
+
+class _Trial:
+    """One flight."""
+
+    is_stopping = True
+    prepare: Callable[[Flight], None] | None = None
+
+    def __init__(self, case: FlightCase, scratch: Path, out: Path | None, kinds: tuple[type[Invariant], ...]) -> None:
+        self._case, self._out, self._kinds = case, out, kinds
+        self._platform: Platform = load_platform(case.platform, is_loading_classes=True, devices=DEVICES)
+        self._mission = read_mission_file(case.file(scratch), self._platform, out or scratch)
+        self._phases: list[tuple[float, str]] = []
+        self._started_s = 0.0
+        self.wind = gusty(case.wind_m_s, from_deg=270.0) if case.wind_m_s else CALM
+
+    async def fly(self) -> TrialResult:
+        case, mission = self._case, self._mission
+        plan = FlightPlan(
+            mission=mission.file,
+            platform=case.platform,
+            autopilot=case.autopilot,
+            seed=case.seed,
+            wind=self.wind,
+            waves_m=case.waves_m,
+            current_m_s=case.current_m_s,
+            world=case.world,
+            home=mission.home,
+            out=self._out,
+        )
+        faults = tuple(read_fault(text) for text in case.faults)
+        async with Flight(plan) as flight:
+            for fault in faults:
+                Injection(flight, fault)
+            if self.prepare is not None:
+                self.prepare(flight)
+            observer = Observer(flight, faults, self._kinds)
+            flight.exchange.subscribe(
+                f"{flight.name}/ci/mission", lambda envelope: self._note(envelope.payload, flight)
+            )
+            given_s = PATIENCE * mission.duration_s + flight.mission.policies.hold_s + WAY_BACK_S
+            await self._to_the_end(flight, observer, given_s)
+            recorder = flight.log.recorder
+            loop = flight.loop
+            failures = [repr(one) for one in loop.failures] if isinstance(loop, VirtualLoop) else []
+            lost = "" if recorder is None else recorder.problem
+            if recorder is not None and recorder.lost and not lost:
+                lost = f"{recorder.lost} messages were not recorded"
+            if not (self.is_stopping and observer.broken):
+                observer.end(given_s, failures, lost)
+            if recorder is not None:
+                recorder.write_requested_path(observer.path.points_ned_m)
+            if self._out is not None:
+                _draw(self._out, flight, observer)
+            return TrialResult(
+                case=case,
+                broken=tuple(observer.broken),
+                reached=tuple(sorted(observer.reached.words)),
+                state=observer.mission_state,
+                reason=observer.mission_reason,
+                ended_s=round(flight.loop.time(), 3),
+                started_s=self._started_s,
+                phases=tuple(self._phases),
+                story=tuple(str(line) for line in observer.story),
+            )
+
+    def _note(self, summary: MissionSummary, flight: Flight) -> None:
+        now_s = round(flight.loop.time(), 2)
+        if summary.state == "running" and not self._started_s:
+            self._started_s = now_s
+        known = {target for _, target in self._phases}
+        for target, state in summary.tasks.items():
+            if state == "running" and "." in target and target not in known:
+                self._phases.append((now_s, target))
+
+    async def _to_the_end(self, flight: Flight, observer: Observer, given_s: float) -> None:
+        """Starts the mission and waits until the vehicle is at rest, whatever becomes of the mission."""
+        try:
+            async with asyncio.timeout(START_WITHIN_S):
+                await flight.upload_and_start()
+        except Gloc3Error as error:
+            observer.mission_reason = f"not started: {error}"
+        except TimeoutError:
+            observer.mission_reason = f"not started: not ready within {START_WITHIN_S:g} s"
+        end_s = flight.loop.time() + given_s
+        at_rest_s: float | None = None
+        while flight.loop.time() < end_s:
+            now_s = flight.loop.time()
+            if self.is_stopping and observer.broken:
+                await asyncio.sleep(AFTER_S)
+                return
+            last = observer.last
+            is_at_rest = last is not None and not last.is_armed and observer.mission_state not in ("running", "")
+            is_at_rest = is_at_rest or (not self._started_s and (last is None or not last.is_armed))
+            is_waiting = observer.mission_state == "running" and last is not None and not last.is_armed
+            if is_at_rest:
+                at_rest_s = now_s if at_rest_s is None else at_rest_s
+                if now_s - at_rest_s >= SETTLED_S:
+                    return
+            elif not is_waiting:
+                at_rest_s = None
+            await asyncio.sleep(POLL_PERIOD_S)
+
+
+def _draw(out: Path, flight: Flight, observer: Observer) -> None:
+    """The picture beside the log."""
+    from gloc3.log.report.plot import plot_path
+
+    truth = flight.truth
+    flown = [sample.position_ned_m for sample in truth.samples]
+    plot_path(
+        flown,
+        observer.path.points_ned_m,
+        out / "path.svg",
+        home=flown[0] if flown else None,
+        fence=flight.mission.fence,
+        title=flight.mission.name,
+    )

@@ -1,0 +1,20 @@
+"""Flights that once broke an invariant. A new one is a line of `found_cases.jsonl`: the replay file of `gloc3 prove`."""
+
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from gloc3_sitl.proof.case import FlightCase
+from gloc3_sitl.proof.trial import fly_case
+
+pytestmark = pytest.mark.flight
+
+LINES = (Path(__file__).with_name("found_cases.jsonl")).read_text(encoding="utf-8").splitlines()
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_every_invariant_holds(line: str) -> None:
+    result = fly_case(msgspec.json.decode(line, type=FlightCase))
+    assert not result.refused
+    assert not result.broken, "\n".join(["", *result.story, *map(str, result.broken)])

@@ -1,0 +1,78 @@
+"""`gloc3 log why` and `gloc3 log fork`, on the log of a flight with faults."""
+
+from pathlib import Path
+
+import pytest
+
+from gloc3.cli.program import run as run_command
+from gloc3.errors import Refused
+from gloc3.log.causes import causes_of, find_happening, read_happenings, render_causes
+from gloc3.log.reader import LogReader, find_log
+from gloc3.messages.topics import TopicTable
+from gloc3_sitl.proof.fork import Changed, fork
+
+pytestmark = pytest.mark.flight
+
+FLOWN = ("--fault", "link_loss@6..14", "--fault", "crash:pose@8..8.4", "--wind", "2", "--quiet")
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("flown")
+    assert run_command(["fly", "hop", "--platform", "pelican_rtk", *FLOWN, "--out", str(folder)]) == 1, "it fails"
+    return folder
+
+
+def why(run: Path, what: str) -> list[str]:
+    with LogReader(find_log(run), TopicTable.installed().types) as reader:
+        happenings = read_happenings(reader)
+    return [f"{one.subject}: {one.text}" for one in causes_of(happenings, find_happening(happenings, what))]
+
+
+def test_a_policy_goes_back_to_the_fault_that_cut_the_link(run: Path) -> None:
+    chain = why(run, "policy land")
+    assert chain[0] == "mission: policy land: link lost"
+    assert chain[-1] == "injected: fault link_loss@6..14"
+
+
+def test_a_component_that_fails_goes_back_to_its_own_fault(run: Path) -> None:
+    assert why(run, "pose: working -> faulty")[-1] == "injected: fault crash:pose@8..8.4"
+
+
+def test_a_start_goes_back_to_the_operators_command(run: Path) -> None:
+    assert why(run, "mission running")[-1].startswith("station 255: Steer start")
+
+
+def test_each_cause_is_shown_with_its_source_and_number(run: Path) -> None:
+    with LogReader(find_log(run), TopicTable.installed().types) as reader:
+        happenings = read_happenings(reader)
+    text = render_causes(causes_of(happenings, find_happening(happenings, "11.5")))
+    assert "because\n" in text
+    assert "(sim/fault 0 of simulator)" in text
+    with pytest.raises(Refused, match="nothing in the log says 'a whale'"):
+        find_happening(happenings, "a whale")
+    with pytest.raises(Refused, match=r"nothing is told in the log until 0\.1 s"):
+        find_happening(happenings, "0.1")
+
+
+def test_a_flight_is_the_recorded_one_until_it_is_changed(run: Path, tmp_path: Path) -> None:
+    forked = fork(run, Changed(at_s=9.0, faults=("pilot:land",)), tmp_path)
+    assert forked.apart_s is not None
+    assert 9.0 <= forked.apart_s < 9.5
+    assert forked.most_apart_m > 0.5
+    assert forked.state == "paused"
+    assert (tmp_path / "fork.svg").is_file()
+    assert (tmp_path / "log.mcap").is_file()
+
+
+def test_nothing_changed_is_the_same_flight(run: Path, tmp_path: Path) -> None:
+    forked = fork(run, Changed(at_s=9.0), tmp_path)
+    assert (forked.apart_s, forked.most_apart_m) == (None, 0.0)
+
+
+def test_a_component_is_made_anew_with_other_settings(run: Path, tmp_path: Path) -> None:
+    forked = fork(run, Changed(at_s=9.0, settings={"viewer": {}}), tmp_path)
+    assert any("shutdown viewer" in line for line in forked.story)
+    assert any("start viewer" in line for line in forked.story)
+    with pytest.raises(Refused, match="has no component 'viewr'; did you mean 'viewer'"):
+        fork(run, Changed(at_s=9.0, settings={"viewr": {}}), tmp_path)

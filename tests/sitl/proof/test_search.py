@@ -1,0 +1,205 @@
+"""The search: the same flights for the same seed, in any order, and after an interruption; the shrinking of what it finds."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import msgspec
+import pytest
+
+from gloc3.errors import Refused
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.summaries import MissionSummary
+from gloc3_sitl.faults.fault_menu import possible_faults
+from gloc3_sitl.proof.campaign import SearchLimits, run_search
+from gloc3_sitl.proof.case import FlightCase, read_case
+from gloc3_sitl.proof.found import distinct, replay, write_found
+from gloc3_sitl.proof.invariant import BrokenInvariant, Invariant
+from gloc3_sitl.proof.search import ROUND, STATE, Invariants, Search, flying
+from gloc3_sitl.proof.shrink import Shrinker
+from gloc3_sitl.proof.trial import TrialResult, fly_case
+
+HOP = FlightCase(mission="hop", platform="pelican_rtk")
+
+
+class NeverPaused(Invariant):
+    """Something that an operator's command breaks."""
+
+    name = "never_paused"
+    sentence = "The mission is never paused."
+    topics = ("ci/mission",)
+
+    def receive(self, topic: str, envelope: Envelope[Any], now_s: float) -> None:
+        summary: MissionSummary = envelope.payload
+        if summary.state == "paused":
+            self.break_at(now_s, f"paused: {summary.reason}")
+
+
+class NeverHindered(Invariant):
+    """Something that many faults break."""
+
+    name = "never_hindered"
+    sentence = "No policy is carried out, and the mission runs to its end."
+    topics = ("ci/mission",)
+
+    def receive(self, topic: str, envelope: Envelope[Any], now_s: float) -> None:
+        summary: MissionSummary = envelope.payload
+        if summary.policy or summary.state in ("paused", "failed", "aborted", "skipped"):
+            self.break_at(now_s, f"{summary.state}, policy {summary.policy}")
+
+
+def pretend(cases: Sequence[FlightCase], kinds: Invariants) -> Iterator[TrialResult]:
+    """What a flight reaches is said by its faults: nothing is flown."""
+    for case in cases:
+        words = [text.partition("@")[0] for text in case.faults]
+        broken = (
+            (BrokenInvariant(invariant="it_ends", t_s=1.0, text="x"),) if any("restart" in one for one in words) else ()
+        )
+        yield TrialResult(case=case, reached=tuple(words), broken=broken, state="done", ended_s=20.0)
+
+
+@pytest.fixture(scope="module")
+def first_flights(tmp_path_factory: pytest.TempPathFactory) -> tuple[Search, Path]:
+    out = tmp_path_factory.mktemp("search")
+    search = Search(HOP, pretend, (NeverPaused,), out)
+    search.begin()
+    for _ in range(3):
+        search.round()
+    return search, out
+
+
+def test_the_same_seed_draws_the_same_flights(first_flights: tuple[Search, Path]) -> None:
+    search, _ = first_flights
+    again = Search(HOP, pretend, (NeverPaused,))
+    again.begin()
+    for _ in range(3):
+        again.round()
+    assert again.flights == search.flights
+    assert len({one.case for one in search.flights}) > 0.9 * 3 * ROUND
+    other = Search(msgspec.structs.replace(HOP, seed=5), pretend, (NeverPaused,))
+    other.begin()
+    assert other.round() != search.flights[:ROUND]
+
+
+def test_an_interrupted_search_goes_on_with_what_it_has_flown(
+    first_flights: tuple[Search, Path], tmp_path: Path
+) -> None:
+    search, out = first_flights
+    lines = (out / STATE).read_bytes().splitlines(keepends=True)
+    (tmp_path / STATE).write_bytes(b"".join(lines[: 2 * ROUND + 1]) + lines[2 * ROUND + 1][:40])
+    flown: list[FlightCase] = []
+
+    def count(cases: Sequence[FlightCase], kinds: Invariants) -> Iterator[TrialResult]:
+        flown.extend(cases)
+        return pretend(cases, kinds)
+
+    again = Search(HOP, count, (NeverPaused,), tmp_path)
+    again.begin()
+    for _ in range(3):
+        again.round()
+    assert again.flights == search.flights
+    assert len(flown) == ROUND, "the last round alone was flown again"
+
+
+def test_a_folder_of_another_search_is_refused(first_flights: tuple[Search, Path]) -> None:
+    _, out = first_flights
+    other = Search(msgspec.structs.replace(HOP, seed=7), pretend, (NeverPaused,), out)
+    with pytest.raises(Refused, match="belongs to another search"):
+        other.begin()
+
+
+def test_what_reaches_something_new_is_varied(first_flights: tuple[Search, Path]) -> None:
+    search, _ = first_flights
+    first = {one.case.faults for one in search.flights[:ROUND]}
+    heirs = [one for one in search.flights[ROUND:] if any(set(one.case.faults) & set(before) for before in first)]
+    assert len(heirs) > ROUND // 4
+
+
+def test_everything_that_is_drawn_fits_the_flight(first_flights: tuple[Search, Path]) -> None:
+    search, _ = first_flights
+    kinds = {one.text.partition(":")[0].partition("=")[0] for one in search._menu}
+    assert {
+        "link_loss",
+        "cable_slow",
+        "crash",
+        "leak",
+        "sensor",
+        "pilot",
+        "operator",
+        "restart",
+        "topic",
+        "motor",
+    } <= kinds
+    assert "current" not in kinds, "it is not in the water"
+    menu = []
+    fly_case(HOP, kinds=(NeverPaused,), prepare=lambda flight: menu.extend(possible_faults(flight)))
+    assert menu == search._menu
+    random = Random(1)
+    for _ in range(200):
+        case = search._draw.fresh(random)
+        assert 1 <= len(case.faults) <= 9
+
+
+SOUGHT = ("link_twice=0.5@4..9", "operator:pause@9.3", "operator:resume@11")
+
+
+@pytest.mark.flight
+@pytest.mark.thorough
+def test_a_finding_is_shrunk_written_and_replayed(tmp_path: Path) -> None:
+    case = msgspec.structs.replace(HOP, seed=3, wind_m_s=3.0, faults=SOUGHT)
+    with flying(1) as fly:
+        shrunk = Shrinker(NeverPaused, fly, most=30).shrink(case)
+    assert len(shrunk.case.faults) == 1
+    assert shrunk.case.faults[0].startswith("operator:pause@")
+    assert (shrunk.case.seed, shrunk.case.wind_m_s) == (0, 0.0)
+    assert 0 < shrunk.case.text.count("{") < 6, "one action is left"
+    found = write_found(shrunk.case, NeverPaused, tmp_path / "found")
+    assert found is not None
+    assert found.broken.text == "paused: by an operator"
+    assert len(found.cause) == 5 or len(found.cause) == 4
+    assert found.cause[0] == "must hold: The mission is never paused."
+    assert {"replay.json", "log.mcap", "path.svg", "cause.txt", "mission.yaml"} <= {
+        path.name for path in (tmp_path / "found").iterdir()
+    }
+    assert read_case(tmp_path / "found" / "replay.json") == shrunk.case
+    assert replay(tmp_path / "found" / "replay.json", None).case == shrunk.case
+
+
+@pytest.mark.flight
+@pytest.mark.thorough
+def test_a_search_that_flies_finds_and_shrinks(tmp_path: Path) -> None:
+    seen = []
+    limits = SearchLimits(flights=1, most_found=1, shrink_flights=4)
+    progress = run_search(HOP, limits, 1, tmp_path, lambda one: seen.append(one.flights), (NeverHindered,))
+    assert [one.broken.invariant for one in progress.found] == ["never_hindered"]
+    assert (tmp_path / "found" / "01-never_hindered" / "log.mcap").is_file()
+    assert progress.reached["event"] > 20
+    assert seen[-1] == progress.flights
+
+
+def test_one_of_each_kind_is_shrunk_the_simplest_first() -> None:
+    def case(*faults: str) -> FlightCase:
+        return msgspec.structs.replace(HOP, faults=faults)
+
+    pairs = [
+        ("it_ends", case("crash:pose@3", "wind=3@1")),
+        ("it_ends", case("crash:pose@8")),
+        ("it_ends", case("crash:pose@9..12")),
+        ("pose_honest", case("crash:pose@3")),
+    ]
+    assert distinct(pairs, 10) == [pairs[1], pairs[3], pairs[0]]
+
+
+def test_a_case_is_one_line_and_one_command() -> None:
+    case = msgspec.structs.replace(HOP, seed=3, wind_m_s=2.5, faults=("crash:pose@3",))
+    assert msgspec.json.decode(case.line(), type=FlightCase) == case
+    assert case.command() == "gloc3 fly hop --platform pelican_rtk --seed 3 --wind 2.5 --fault crash:pose@3"
+
+
+def test_a_replay_file_that_is_none_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(Refused, match="cannot be read"):
+        read_case(tmp_path / "none.json")
+    (tmp_path / "wrong.json").write_text("{}")
+    with pytest.raises(Refused, match="is no replay file"):
+        read_case(tmp_path / "wrong.json")

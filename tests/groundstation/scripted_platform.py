@@ -75,6 +75,7 @@ VEHICLE = VehicleSummary(
     has_pilot_control=False,
     is_autopilot_connected=True,
     frame="hold",
+    geo=(43.1, 9.2, 12.0),
     pose_sources=["autopilot"],
     pose_quality_percent=100,
 )

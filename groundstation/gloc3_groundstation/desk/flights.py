@@ -58,6 +58,8 @@ def missing(platform: PlatformSnapshot, now_s: float) -> list[str]:
         missing.append("the autopilot")
     elif not vehicle.value.is_pose_valid:
         missing.append("a valid position")
+    elif vehicle.value.geo is None:
+        missing.append("the origin of its local frame")
     elif not vehicle.value.is_armable:
         missing.append("readiness to arm")
     if summary is None or summary.is_stale(now_s):

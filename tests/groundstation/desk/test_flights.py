@@ -74,6 +74,17 @@ def test_a_start_waits_for_what_is_missing_and_names_it() -> None:
     with_station(play)
 
 
+def test_a_start_waits_until_the_origin_is_known_which_px4_tells_only_when_it_is_requested() -> None:
+    async def play(station: Station, platform: ScriptedPlatform) -> None:
+        platform.vehicle = msgspec.structs.replace(VEHICLE, geo=None)
+        await flights.await_platform(station, "heron")
+        platform.loop.call_later(2.0, setattr, platform, "vehicle", VEHICLE)
+        assert not await flights.await_ready(station, "heron", 10.0)
+        assert 2.0 < station.now_s() < 4.0
+
+    with_station(play)
+
+
 def test_control_that_is_held_is_not_asked_for_again() -> None:
     async def play(station: Station, platform: ScriptedPlatform) -> None:
         platform.control = ControlState(holder="255")

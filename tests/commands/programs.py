@@ -20,15 +20,22 @@ class Program:
         folder: where it runs.
         before: a program that runs it, such as `unshare`, with its arguments.
         module: what runs in place of `gloc3`.
+        is_told: whether it is told lines, by `tell`.
     """
 
     def __init__(
-        self, arguments: Sequence[str], folder: Path, before: Sequence[str] = (), module: str = "gloc3"
+        self,
+        arguments: Sequence[str],
+        folder: Path,
+        before: Sequence[str] = (),
+        module: str = "gloc3",
+        *,
+        is_told: bool = False,
     ) -> None:
         self.process = subprocess.Popen(
             [*before, sys.executable, "-m", module, *arguments],
             cwd=folder,
-            stdin=subprocess.DEVNULL,
+            stdin=subprocess.PIPE if is_told else subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -67,6 +74,12 @@ class Program:
         assert found is not None, self.text
         return found
 
+    def tell(self, line: str) -> None:
+        """Types a line."""
+        assert self.process.stdin is not None
+        self.process.stdin.write(f"{line}\n")
+        self.process.stdin.flush()
+
     def interrupt(self, number: int = signal.SIGINT) -> None:
         """Ctrl-C: the signal goes to the whole process group."""
         os.killpg(self.process.pid, number)
@@ -79,14 +92,15 @@ class Program:
 
     def close(self) -> None:
         """Lets go of what it said, after its end."""
-        assert self.process.stdout is not None
-        self.process.stdout.close()
+        for pipe in (self.process.stdin, self.process.stdout):
+            if pipe is not None:
+                pipe.close()
 
 
 @contextmanager
-def program(*arguments: str, folder: Path, before: Sequence[str] = ()) -> Iterator[Program]:
+def program(*arguments: str, folder: Path, before: Sequence[str] = (), is_told: bool = False) -> Iterator[Program]:
     """A program that is killed with everything in its group if the test does not see to its end."""
-    running = Program(arguments, folder, before)
+    running = Program(arguments, folder, before, is_told=is_told)
     try:
         yield running
     finally:

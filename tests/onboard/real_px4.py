@@ -2,22 +2,16 @@
 
 import os
 import shutil
-import signal
 import subprocess
 import time
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping
-from contextlib import asynccontextmanager, contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
+from typing import Final, Self
 
 from tests.commands.programs import Program, program
-from tests.onboard.real_vehicle import station as station_on
 
-from gloc3.messages.command_interface import Verb
-from gloc3_groundstation.station.snapshots import PlatformSnapshot
-from gloc3_groundstation.station.station import Station
-
-HOME: Final = (47.397742, 8.545594, 488.0)
+HOME: Final = {"LAT": "47.397742", "LON": "8.545594", "ALT": "488"}
 PLATFORM: Final = "heron"
 PARAMETERS: Final = {"COM_OBL_RC_ACT": 5.0}
 """A vehicle without a transmitter holds when its companion is gone."""
@@ -60,25 +54,37 @@ class RealPx4:
     """
 
     def __init__(
-        self, folder: Path, model: str = "sihsim_quadx", instance: int = 3, parameters: Mapping[str, float] | None = None
+        self,
+        folder: Path,
+        model: str = "sihsim_quadx",
+        instance: int = 3,
+        parameters: Mapping[str, float] | None = None,
     ) -> None:
         found = build_tree()
         assert found is not None, "no px4 of a build tree is on PATH: see docs/firmware.md"
         self._binary, self._root = found
         self.folder, self.instance, self._model = folder, instance, model
-        self.autopilot: Final = ("--autopilot", f"udpin://127.0.0.1:{14540 + instance}", "--system-id", str(instance + 1))
-        self._station: Final = 14760 + 2 * instance
+        self.said: Final = folder / "px4.txt"
+        link = f"udpin://127.0.0.1:{14540 + instance}"
+        self.autopilot: Final = ("--autopilot", link, "--system-id", str(instance + 1))
+        self.station_port: Final = 14700 + 2 * instance
+        self.other_link: Final = f"--station=udpin://127.0.0.1:{self.station_port + 50}"
+        """Of the onboard process, for somebody else's station."""
         self._process: subprocess.Popen[bytes] | None = None
-        (folder / "mission.yaml").write_text(MISSION)
+        self.write_mission(MISSION)
         lines = [f"param set {name} {value:g}\n" for name, value in (PARAMETERS | dict(parameters or {})).items()]
         (folder / "px4-rc.params").write_text("".join(lines))
 
-    def __enter__(self) -> "RealPx4":
+    def __enter__(self) -> Self:
         self.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self.kill()
+
+    def write_mission(self, text: str, name: str = "mission.yaml") -> None:
+        """What the station flies."""
+        (self.folder / name).write_text(text)
 
     def start(self) -> None:
         """Starts it, and waits until it says that it is ready."""
@@ -87,17 +93,18 @@ class RealPx4:
             "PATH": os.pathsep.join([str(self.folder), str(self._root.parent / "bin"), os.environ["PATH"]]),
             "PX4_SIM_MODEL": self._model,
             "PX4_SIMULATOR": "sihsim",
-            **{f"PX4_HOME_{name}": str(value) for name, value in zip(("LAT", "LON", "ALT"), HOME, strict=True)},
+            **{f"PX4_HOME_{name}": value for name, value in HOME.items()},
         }
         command = [str(self._binary), "-d", "-i", str(self.instance), "-w", str(self.folder), str(self._root)]
-        said = self.folder / "px4.txt"
-        with said.open("wb") as output:
-            self._process = subprocess.Popen(command, cwd=self.folder, env=environment, stdout=output, stderr=output)
+        with self.said.open("wb") as output:
+            self._process = subprocess.Popen(
+                command, cwd=self.folder, env=environment, stdin=subprocess.DEVNULL, stdout=output, stderr=output
+            )
         try:
             limit_s = time.monotonic() + READY_S
-            while READY not in said.read_text(errors="replace"):
-                assert self._process.poll() is None, said.read_text(errors="replace")
-                assert time.monotonic() < limit_s, said.read_text(errors="replace")
+            while READY not in self.said.read_text(errors="replace"):
+                assert self._process.poll() is None, self.said.read_text(errors="replace")
+                assert time.monotonic() < limit_s, self.said.read_text(errors="replace")
                 time.sleep(STEP_S)
         except BaseException:
             self.kill()
@@ -109,16 +116,10 @@ class RealPx4:
             self._process.kill()
             self._process.wait()
 
-    @property
-    def tool_names(self) -> list[str]:
-        """PX4's own commands that can be run beside it."""
-        return sorted(file.name.removeprefix("px4-") for file in self._binary.parent.glob("px4-*"))
-
     def shell(self, command: str, *words: str) -> str:
         """Runs one of PX4's own commands; what it said."""
         tool = [str(self._binary.parent / f"px4-{command}"), "--instance", str(self.instance), *words]
-        done = subprocess.run(tool, check=True, capture_output=True, timeout=20.0, text=True)
-        return done.stdout
+        return subprocess.run(tool, check=True, capture_output=True, timeout=20.0, text=True).stdout
 
     def make_platform(self) -> str:
         """`gloc3 platform new`, with leave to arm."""
@@ -128,24 +129,29 @@ class RealPx4:
         return (self.folder / f"{PLATFORM}.yaml").read_text()
 
     @contextmanager
-    def onboard(self, platform: str = f"{PLATFORM}.yaml", *more: str) -> Iterator[Program]:
-        """The onboard process with links to two stations, which ends well."""
-        links = [word for url in self.station_urls("udpout") for word in ("--station", url)]
-        with program("onboard", platform, *self.autopilot, *links, *more, "--out", "out", folder=self.folder) as running:
+    def onboard(self, *more: str, platform: str = f"{PLATFORM}.yaml") -> Iterator[Program]:
+        """The onboard process, with links to two stations, which ends well."""
+        links = [f"--station=udpout://127.0.0.1:{self.station_port + number}" for number in (0, 1)]
+        with program(
+            "onboard", platform, *self.autopilot, *links, *more, "--out", "out", folder=self.folder
+        ) as running:
             yield running
             if running.process.poll() is None:
                 running.interrupt()
                 assert running.end() == 0, running.text
 
-    def station_urls(self, scheme: str) -> list[str]:
-        """The links to the first and to the second station."""
-        return [f"{scheme}://127.0.0.1:{self._station + number}" for number in (0, 1)]
+    @contextmanager
+    def station(self, *more: str, mission: str = "mission.yaml") -> Iterator[Program]:
+        """A station that flies the mission, and is told commands."""
+        words = ["--headless", "--mission", mission, "--link", f"udpin://127.0.0.1:{self.station_port}", "--commands"]
+        with program("station", *words, *more, folder=self.folder, is_told=True) as running:
+            yield running
 
     @contextmanager
-    def station(self, *more: str) -> Iterator[Program]:
-        """A station that flies the mission."""
-        words = ("--headless", "--mission", "mission.yaml", "--link", self.station_urls("udpin")[0], *more)
-        with program("station", *words, folder=self.folder) as running:
+    def watcher(self) -> Iterator[Program]:
+        """Another station, which commands nothing."""
+        link = f"udpin://127.0.0.1:{self.station_port + 1}"
+        with program("station", "--headless", "--link", link, "--station-id", "254", folder=self.folder) as running:
             yield running
 
     def fly(self) -> Program:
@@ -154,55 +160,8 @@ class RealPx4:
             assert station.end() == 0, station.text
         return station
 
-    @asynccontextmanager
-    async def operator(self) -> AsyncIterator["Operator"]:
-        """Another station, which takes control when it commands."""
-        async with station_on(self.station_urls("udpin")[1], 254) as made:
-            yield Operator(made)
 
-
-class Operator:
-    """Somebody at a second station."""
-
-    def __init__(self, station: Station) -> None:
-        self.station = station
-
-    @property
-    def known(self) -> PlatformSnapshot | None:
-        """What is known of the platform."""
-        return self.station.fleet.get(PLATFORM)
-
-    @property
-    def state(self) -> str:
-        """The mission's state; empty while none is known."""
-        mission = self.known.mission if self.known is not None else None
-        return str(mission.value.state) if mission is not None else ""
-
-    @property
-    def speed_m_s(self) -> float:
-        """The vehicle's speed; infinite while it is not known."""
-        vehicle = self.known.vehicle if self.known is not None else None
-        return float(vehicle.value.speed_m_s) if vehicle is not None else float("inf")
-
-    async def take_control(self) -> None:
-        """Has control from now on."""
-        await self.station.client.request_control(PLATFORM, is_take_over=True)
-
-    async def steer(self, verb: Verb, path: str = "") -> None:
-        """Pauses, resumes, skips or aborts the mission, or a task or action of it."""
-        await self.station.client.steer(PLATFORM, verb, path)
-
-
-def under_way(station: Program) -> None:
+def under_way(station: Program, action: str = "go.way", after_s: float = 4.0) -> None:
     """Some seconds into the path."""
-    station.await_line(lambda line: "action go.way: running" in line)
-    time.sleep(4.0)
-
-
-def line_with(running: Program, *words: str) -> str:
-    """The last line that holds all the words, as an operator reads it; empty where there is none."""
-    said = [line for line in running.lines if all(word in line for word in words)]
-    return said[-1] if said else ""
-
-
-__all__ = ["HOME", "MISSION", "PLATFORM", "Callable", "Operator", "RealPx4", "build_tree", "line_with", "signal", "under_way"]
+    station.await_line(lambda line: f"action {action}: running" in line, 180.0)
+    time.sleep(after_s)

@@ -60,7 +60,7 @@ class FlyCommandOptions:
     Pelican, with a satellite receiver if the mission is on Earth."""
     autopilot: Literal["px4", "ardupilot"] | None = None
     """Style of the simulated autopilot; by default the vehicle's usual one."""
-    firmware: Literal["ardupilot"] | None = None
+    firmware: Literal["px4", "ardupilot"] | None = None
     """Real firmware instead, in lockstep with the flight's clock; its program must be on PATH. See
     docs/firmware.md."""
     seed: int = 0

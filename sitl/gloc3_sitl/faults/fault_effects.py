@@ -108,8 +108,9 @@ def _check_battery(flight: Flight, _: Parsed) -> None:
 
 
 def _check_ours(flight: Flight, sensor: str) -> None:
-    if flight.plan.is_firmware and sensor not in FLOWN_BY:
-        raise Refused(f"the real firmware simulates its own {sensor}; only {' and '.join(FLOWN_BY)} can fail here")
+    flown_by = FLOWN_BY[flight.plan.autopilot] if flight.plan.is_firmware else SENSORS
+    if sensor not in flown_by:
+        raise Refused(f"the real firmware simulates its own {sensor}; only {' and '.join(flown_by)} can fail here")
 
 
 # --- components ---

@@ -1,4 +1,4 @@
-"""A real ArduPilot in lockstep with a flight in virtual time, in place of the simulator with its autopilot.
+"""A real firmware in lockstep with a flight in virtual time, in place of the simulator with its autopilot.
 
 It waits for physics after each of its steps, and we step only when the flight's clock asks for it; so cameras that take
 long, and a computer that is busy, cost wall time and nothing else.
@@ -8,7 +8,7 @@ import select
 import socket
 from asyncio import AbstractEventLoop, TimerHandle
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final, NoReturn
@@ -19,9 +19,9 @@ from gloc3_sitl.autopilot.autopilot import Autopilot
 from gloc3_sitl.autopilot.mavlink.links import LinkKind, Receive, Send
 from gloc3_sitl.autopilot.pilot import Pilot
 from gloc3_sitl.autopilot.surroundings import SupplyState
-from gloc3_sitl.firmware.ardupilot import RATE_HZ, ArduPilotBridge
 from gloc3_sitl.firmware.body import BodySettings, SensedBody
-from gloc3_sitl.firmware.json_server import SocketAddress, newest
+from gloc3_sitl.firmware.ends_in_step import HilEnd, JsonEnd
+from gloc3_sitl.firmware.json_server import SocketAddress
 from gloc3_sitl.firmware.kinds import FirmwareOptionsWanted, kind_named, start_program
 from gloc3_sitl.firmware.program import find_binary
 from gloc3_sitl.physics.truth import Truth
@@ -33,17 +33,22 @@ PERIOD_S: Final = 0.02
 """How often messages of the link go back and forth, in simulated time."""
 READY_WITHIN_S: Final = 120.0
 """Its estimator takes 40 s to believe satellites."""
-SENSORS: Final = ("imu", "height")
-"""Those of ours that it flies by; the others it simulates by itself."""
+SENSORS: Final[Mapping[str, tuple[str, ...]]] = {
+    "ardupilot": ("imu", "height"),
+    "px4": ("imu", "height", "barometer", "magnetometer", "fix"),
+}
+"""Those of ours that each firmware flies by; the others it simulates by itself."""
+_ENDS: Final[Mapping[str, Callable[[SensedBody], JsonEnd | HilEnd]]] = {"ardupilot": JsonEnd, "px4": HilEnd}
 _SILENT_S: Final = 20.0
 _AS_FAST_AS_IT_CAN: Final = 1000.0
 _LARGEST: Final = 2048
 
 
 class FirmwareInStep:
-    """One vehicle in one world, flown by ArduPilot.
+    """One vehicle in one world, flown by a real firmware.
 
     Args:
+        firmware: which.
         world: where it flies.
         settings: what is simulated.
         parameters: of the firmware, beside those of the vehicle.
@@ -54,21 +59,27 @@ class FirmwareInStep:
     """
 
     def __init__(
-        self, world: World, settings: BodySettings, parameters: Mapping[str, float], out: Path | None = None
+        self,
+        firmware: str,
+        world: World,
+        settings: BodySettings,
+        parameters: Mapping[str, float],
+        out: Path | None = None,
     ) -> None:
-        kind = kind_named("ardupilot")
+        kind = kind_named(firmware)
+        if settings.vehicle not in kind.programs:
+            raise Refused(f"{kind.title} has no parameters for the vehicle {settings.vehicle!r} yet")
         binary = find_binary(kind.programs[settings.vehicle], None)
         self.world: Final = world
         self.texts: Final[deque[tuple[float, Severity, str]]] = deque()
         """Always empty: what it says is on its link, and in `firmware.txt`."""
         self.problem = ""
         """Why time does not go on any more."""
-        self._body: Final = SensedBody(world, settings, RATE_HZ)
-        self._bridge: Final = ArduPilotBridge(self._body)
+        self._body: Final = SensedBody(world, settings, kind.rate_hz)
+        self._end: Final = _ENDS[firmware](self._body)
         self._scratch: Final = TemporaryDirectory(prefix="gloc3-firmware-")
         folder = Path(self._scratch.name) if out is None else out.absolute() / "firmware"
         folder.mkdir(parents=True, exist_ok=True)
-        self._physics, self._line = _listen(), _listen()
         self._peer: SocketAddress | None = None
         self._send: Send | None = None
         self._timer: TimerHandle | None = None
@@ -78,11 +89,11 @@ class FirmwareInStep:
             FirmwareOptionsWanted(
                 world=world,
                 vehicle=settings.vehicle,
-                port=int(self._physics.getsockname()[1]),
-                links=(f"udpout://127.0.0.1:{self._line.getsockname()[1]}",),
+                port=self._end.port,
+                links=self._end.links,
                 speedup=_AS_FAST_AS_IT_CAN,
                 is_without_gps=settings.is_without_gps,
-                parameters=parameters,
+                parameters={**self._end.parameters, **parameters},
                 folder=folder,
             ),
         )
@@ -109,8 +120,7 @@ class FirmwareInStep:
             self._timer.cancel()
             self._timer = None
         self._program.kill()
-        self._physics.close()
-        self._line.close()
+        self._end.close()
         self._scratch.cleanup()
 
     def advance(self, now_s: float) -> None:
@@ -119,23 +129,17 @@ class FirmwareInStep:
         Raises:
             Gloc3Error: the firmware has ended, or says nothing.
         """
-        until = int(now_s * RATE_HZ + 1e-6)
-        while self._bridge.steps < until:
-            self._await_packet()
-            for data, sender in newest(self._physics):
-                answer = self._bridge.receive(data, sender)
-                if answer is not None:
-                    self._physics.sendto(answer, sender)
+        self._end.advance(now_s, self._await)
         self._receive()
 
-    def _await_packet(self) -> None:
+    def _await(self, opened: socket.socket) -> None:
         for _ in range(round(_SILENT_S)):
-            if select.select([self._physics], [], [], 1.0)[0]:
+            if select.select([opened], [], [], 1.0)[0]:
                 return
             if self._program.exit_code is not None:
                 break
         why = "does not respond" if self._program.exit_code is None else "has exited"
-        raise Gloc3Error(f"ArduPilot {why}: {self._program.last_lines()}")
+        raise Gloc3Error(f"{self._end.title} {why}: {self._program.last_lines()}")
 
     # -- the outside --------------------------------------------------------------------------------------------------
 
@@ -155,7 +159,7 @@ class FirmwareInStep:
     def _receive(self) -> None:
         while True:
             try:
-                data, self._peer = self._line.recvfrom(_LARGEST)
+                data, self._peer = self._end.line.recvfrom(_LARGEST)
             except (BlockingIOError, InterruptedError):
                 return
             except OSError:  # it is starting anew
@@ -165,7 +169,7 @@ class FirmwareInStep:
 
     def _send_bytes(self, data: bytes) -> None:
         if self._peer is not None:
-            self._line.sendto(data, self._peer)
+            self._end.line.sendto(data, self._peer)
 
     def truth(self) -> Truth:
         """What the vehicle really does now."""
@@ -214,11 +218,3 @@ class FirmwareInStep:
 
 def _none_of_ours() -> NoReturn:
     raise Refused("a real firmware has no simulated pilot and no power switch")
-
-
-def _listen() -> socket.socket:
-    opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    opened.bind(("127.0.0.1", 0))
-    opened.setblocking(False)
-    opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
-    return opened

@@ -144,7 +144,8 @@ _READING, _READ = "gloc3: parameters", "gloc3: parameters read"
 def _start_px4(binary: Path, options: FirmwareOptionsWanted) -> FirmwareStart:
     """A PX4 with its build's root file system, whose start script opens 14550 and 14540, and reads our parameters.
 
-    Every version reads `px4-rc.params`, the first on PATH; parameters in the environment only newer ones.
+    Every version reads `px4-rc.params`, the first on PATH; parameters in the environment only newer ones. Its speed is ours:
+    PX4_SIM_SPEED_FACTOR would only make its failsafes wait longer (COM_OF_LOSS_T and others are multiplied by it).
     """
     if options.links:
         raise Refused("omit --link: PX4 opens 127.0.0.1:14550 for stations and 127.0.0.1:14540 for companions")
@@ -167,7 +168,7 @@ def _start_px4(binary: Path, options: FirmwareOptionsWanted) -> FirmwareStart:
             "PATH": os.pathsep.join([str(options.folder), str(binary.resolve().parent), os.environ.get("PATH", "")]),
             "PX4_SIM_MODEL": "none_iris",
             "PX4_SIM_HOST_ADDR": "127.0.0.1",
-            "PX4_SIM_SPEED_FACTOR": f"{options.speedup:g}",
+            "PX4_SIM_SPEED_FACTOR": "1",
         },
     )
 

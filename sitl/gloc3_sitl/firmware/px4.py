@@ -1,7 +1,4 @@
-"""PX4 bridge: one step for each HIL_SENSOR, and the next after PX4's HIL_ACTUATOR_CONTROLS.
-
-Not yet flown against the real firmware: written from its documentation and from the source of its `simulator_mavlink`.
-"""
+"""PX4 bridge: one step for each HIL_SENSOR, and the next after PX4's HIL_ACTUATOR_CONTROLS."""
 
 from collections.abc import Sequence
 from typing import Final

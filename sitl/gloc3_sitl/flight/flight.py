@@ -142,7 +142,7 @@ class Flight:
         vehicle = vehicle_of(self.platform)
         if plan.is_firmware:
             body = BodySettings(vehicle=vehicle, seed=plan.seed, wind=plan.wind, is_without_gps=is_without_gps)
-            return FirmwareInStep(world, body, plan.parameters, plan.out)
+            return FirmwareInStep(plan.autopilot, world, body, plan.parameters, plan.out)
         settings = SimulatorSettings(
             vehicle=vehicle,
             style=plan.autopilot or None,

@@ -24,7 +24,7 @@ class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):
     autopilot: str = ""
     """`px4` or `ardupilot`; empty for the usual one of the vehicle."""
     is_firmware: bool = False
-    """That autopilot's real firmware flies, in place of one of ours; `autopilot` is `ardupilot` then."""
+    """That autopilot's real firmware flies, in place of one of ours; `autopilot` names it then."""
     seed: int = 0
     wind: Wind = CALM
     waves_m: float = 0.0

@@ -1,7 +1,6 @@
 """`gloc3 onboard` flies a PX4 that lives by our physics in lock-step: bridge, peer and adapter in one loop.
 
-PX4's side is played by the embedded autopilot behind a peer written from PX4's simulator interface, over TCP; the real
-firmware has not flown on this yet.
+PX4's side is played by the embedded autopilot behind a peer written from PX4's simulator interface, over TCP.
 """
 
 import math

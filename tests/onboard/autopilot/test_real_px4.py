@@ -1,115 +1,23 @@
 """A build of the real PX4 with its own physics (SIH), and the programs of a user: what its documents do not say."""
 
-import os
-import shutil
 import signal
-import subprocess
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from tests.commands.programs import Program, program
+from tests.commands.programs import program
+from tests.onboard.real_px4 import RealPx4, build_tree, under_way
 
 pytestmark = [pytest.mark.firmware, pytest.mark.sockets, pytest.mark.thorough, pytest.mark.timeout(400)]
-
-INSTANCE = 3
-AUTOPILOT = ("--autopilot", f"udpin://127.0.0.1:{14540 + INSTANCE}", "--system-id", str(INSTANCE + 1))
-STATION = 14763
-PARAMETERS = "param set COM_OBL_RC_ACT 5\n"
-"""A vehicle without a transmitter holds when its companion is gone."""
-MISSION = """\
-mission: a corner
-frame: site
-on_failure: land
-on_link_loss: continue
-on_low_battery: return
-on_pose_lost: land
-on_restart: continue
-tasks:
-  depart: {actions: {climb: {take_off: {height_m: 3}}}}
-  go: {after: [depart], actions: {way: {follow_waypoints: {waypoints_m: [[8, 0, 3], [8, 8, 3]], speed_m_s: 1.5}}}}
-  recover: {after: [go], actions: {home: {return_home: {}}, down: {land: {}, after: [home]}}}
-"""
-
-
-class RealPx4:
-    """The firmware, a platform file that was made from it, and a mission."""
-
-    def __init__(self, folder: Path, binary: Path) -> None:
-        self.folder, self._tools = folder, binary.parent
-        (folder / "mission.yaml").write_text(MISSION)
-
-    def shell(self, command: str, *words: str) -> None:
-        """Runs one of PX4's own commands."""
-        tool = [str(self._tools / f"px4-{command}"), "--instance", str(INSTANCE), *words]
-        subprocess.run(tool, check=True, capture_output=True, timeout=20.0)
-
-    def make_platform(self) -> str:
-        """`gloc3 platform new`, with leave to arm."""
-        with program("platform", "new", "--yes", "--arm", "--name", "heron", *AUTOPILOT, folder=self.folder) as new:
-            assert new.end() == 0, new.text
-        return (self.folder / "heron.yaml").read_text()
-
-    @contextmanager
-    def onboard(self) -> Iterator[Program]:
-        """The onboard process, which ends well."""
-        station = ("--station", f"udpout://127.0.0.1:{STATION}")
-        with program("onboard", "heron.yaml", *AUTOPILOT, *station, "--out", "out", folder=self.folder) as running:
-            yield running
-            if running.process.poll() is None:
-                running.interrupt()
-                assert running.end() == 0, running.text
-
-    @contextmanager
-    def station(self) -> Iterator[Program]:
-        """A station that flies the mission."""
-        link = ("--link", f"udpin://127.0.0.1:{STATION}")
-        with program("station", "--headless", "--mission", "mission.yaml", *link, folder=self.folder) as running:
-            yield running
-
-    def fly(self) -> None:
-        """One mission, whole."""
-        with self.station() as station:
-            assert station.end() == 0, station.text
 
 
 @pytest.fixture
 def px4(tmp_path: Path) -> Iterator[RealPx4]:
-    found = shutil.which("px4")
-    root = None if found is None else Path(found).resolve().parent.parent / "etc"
-    if found is None or root is None or not (root / "init.d-posix" / "rcS").is_file():
+    if build_tree() is None:
         pytest.skip("no px4 of a build tree is on PATH: see docs/firmware.md")
-    (tmp_path / "px4-rc.params").write_text(PARAMETERS)
-    environment = {
-        **os.environ,
-        "PATH": os.pathsep.join([str(tmp_path), str(root.parent / "bin"), os.environ["PATH"]]),
-        "PX4_SIM_MODEL": "sihsim_quadx",
-        "PX4_SIMULATOR": "sihsim",
-        "PX4_HOME_LAT": "47.397742",
-        "PX4_HOME_LON": "8.545594",
-        "PX4_HOME_ALT": "488",
-    }
-    command = [found, "-d", "-i", str(INSTANCE), "-w", str(tmp_path), str(root)]
-    with (tmp_path / "px4.txt").open("wb") as output:
-        firmware = subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=output, stderr=output)
-        try:
-            limit_s = time.monotonic() + 60.0
-            while "Ready for takeoff" not in (tmp_path / "px4.txt").read_text(errors="replace"):
-                assert firmware.poll() is None
-                assert time.monotonic() < limit_s
-                time.sleep(0.2)
-            yield RealPx4(tmp_path, Path(found).resolve())
-        finally:
-            firmware.kill()
-            firmware.wait()
-
-
-def under_way(station: Program) -> None:
-    """Some seconds into the path."""
-    station.await_line(lambda line: "action go.way: running" in line)
-    time.sleep(4.0)
+    with RealPx4(tmp_path) as made:
+        yield made
 
 
 def test_it_knows_where_it_is_though_px4_says_so_only_on_request(px4: RealPx4) -> None:
@@ -123,7 +31,7 @@ def test_it_says_why_it_would_not_arm_in_px4_s_own_sentence(px4: RealPx4) -> Non
     px4.make_platform()
     px4.shell("sensor_gps_sim", "stop")
     time.sleep(10.0)
-    with program("doctor", "heron.yaml", *AUTOPILOT, folder=px4.folder) as doctor:
+    with program("doctor", "heron.yaml", *px4.autopilot, folder=px4.folder) as doctor:
         assert doctor.end() == 1
         assert "No valid global position estimate" in doctor.text
 

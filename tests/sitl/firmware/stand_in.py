@@ -30,11 +30,14 @@ def main(words: list[str]) -> None:
 
 
 def px4_parameters() -> dict[str, float]:
-    """Runs `px4-rc.params`, the first on PATH, as PX4's start script does, and prints what PX4 prints."""
+    """Runs `px4-rc.params`, the first on PATH, as PX4's start script does, and prints what PX4 prints.
+
+    Before, as in that script, the failsafe's time is multiplied by the speed; and PX4 comes set up for a pilot.
+    """
     file = next(
         file for folder in os.environ["PATH"].split(os.pathsep) if (file := Path(folder, "px4-rc.params")).is_file()
     )
-    values = {}
+    values = {"COM_OBL_RC_ACT": 0.0, "COM_OF_LOSS_T": float(os.environ.get("PX4_SIM_SPEED_FACTOR", "1"))}
     for line in file.read_text().splitlines():
         command, *words = shlex.split(line)
         if command == "echo":

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from gloc3.cli.component import app
-from gloc3.component.deployment import check_deployment
+from gloc3.component.deployment import problems_of
 from gloc3.component.description import describe, find_class, installed
 from gloc3.component.lci import State
 from gloc3.component.test_bench import Bench
@@ -93,7 +93,7 @@ def test_the_pages_own_test_catches_a_component_that_is_wrong(package: Path) -> 
 
 def test_the_pages_platform_is_right_and_its_row_fits_class_topics_and_settings(package: Path) -> None:
     platform = _platform(package)
-    assert check_deployment(platform.components, TopicTable.installed()) == []
+    assert list(problems_of(platform.components, TopicTable.installed())) == []
     (row,) = platform.components
     assert describe(row.load_class(), TopicTable.installed()).settings[1].doc == ("Longest valid range, in metres.")
 

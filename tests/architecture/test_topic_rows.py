@@ -4,7 +4,7 @@ from typing import Final
 
 import pytest
 
-from gloc3.component.deployment import PUBLISHED_BY_HOSTS, check_deployment
+from gloc3.component.deployment import PUBLISHED_BY_HOSTS, problems_of
 from gloc3.messages.envelope import Message
 from gloc3.messages.topics import TopicTable, matches
 from gloc3.messages.wire import type_name
@@ -76,5 +76,5 @@ def test_the_pose_is_silent_after_three_periods() -> None:
 @pytest.mark.parametrize("name", PLATFORMS)
 def test_our_platforms_rows_fit_their_classes_the_topics_and_each_other(name: str) -> None:
     rows = load_platform(name, is_loading_classes=True).components
-    findings = check_deployment(rows, TABLE, external=tuple(FROM_ELSEWHERE))
+    findings = list(problems_of(rows, TABLE, external=tuple(FROM_ELSEWHERE)))
     assert [str(finding) for finding in findings if not finding.is_warning] == []

@@ -191,19 +191,6 @@ class Problem(NamedTuple):
         return Finding(file=f"component {name}", message=text, hint=self.hint, is_warning=self.is_warning)
 
 
-def check_deployment(
-    rows: Sequence[ComponentRow], topics: TopicTable, *, external: Collection[str] = ()
-) -> list[Finding]:
-    """Everything that is wrong with a deployment whose rows fit their types.
-
-    Args:
-        rows: the components of a platform.
-        topics: the topics that are known.
-        external: patterns of topics that come from elsewhere, such as from a station.
-    """
-    return [problem.finding(rows[problem.row].name) for problem in problems_of(rows, topics, external=external)]
-
-
 def check_row(row: ComponentRow, component: type[Component[Any]]) -> list[Finding]:
     """What in a row does not fit its class; settings are checked when the component initializes."""
     return [problem.finding(row.name) for problem in _class_problems(0, row, component)]
@@ -217,7 +204,7 @@ def problems_of(
     devices: Collection[str] | None = None,
     is_loading_classes: bool = True,
 ) -> Iterator[Problem]:
-    """The problems of a deployment, each with its place; see `check_deployment`.
+    """The problems of a deployment, each with its place.
 
     Args:
         rows: the components of a platform.

@@ -268,7 +268,3 @@ class LocalFrame:
     def from_geo(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> Vector3:
         """Local `(x, y, height)` of a place on Earth."""
         return self.from_ned(self.plane.ned_from_geo(latitude_deg, longitude_deg, altitude_m))
-
-    def bearing_from_yaw(self, yaw_local_rad: float) -> float:
-        """Heading clockwise from north, in [-pi, pi), of an angle counted from x towards y."""
-        return wrap_pi(radians(self.x_axis_bearing_deg) - yaw_local_rad)

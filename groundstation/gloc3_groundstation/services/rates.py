@@ -62,11 +62,10 @@ class RateTable(msgspec.Struct, frozen=True, kw_only=True):
 class _Meter:
     """The times at which one message came."""
 
-    __slots__ = ("begun_s", "count", "size", "times_s")
+    __slots__ = ("count", "size", "times_s")
 
-    def __init__(self, now_s: float) -> None:
+    def __init__(self) -> None:
         self.times_s: deque[float] = deque(maxlen=_MOST_TIMES)
-        self.begun_s = now_s
         self.count = 0
         self.size = 0
 
@@ -86,7 +85,7 @@ class FrameRateMeter:
         if meter is None:
             if len(self._meters) >= MOST_MESSAGES:
                 return
-            meter = self._meters[key] = _Meter(now_s)
+            meter = self._meters[key] = _Meter()
         meter.times_s.append(now_s)
         meter.count += 1
         meter.size = len(frame.raw)

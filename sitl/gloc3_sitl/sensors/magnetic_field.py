@@ -76,12 +76,6 @@ def declination_deg(place: GeoPoint) -> float:
     return degrees(atan2(east, north))
 
 
-def inclination_deg(place: GeoPoint) -> float:
-    """Angle of the field below the horizon."""
-    north, east, down = field_ned_tesla(place)
-    return degrees(atan2(down, hypot(north, east)))
-
-
 def _legendre(n: int, m: int, sine: float, cosine: float) -> float:
     """Schmidt semi-normalised associated Legendre function of the sine of the geocentric latitude."""
     value = 1.0

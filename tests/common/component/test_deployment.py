@@ -9,7 +9,7 @@ import pytest
 
 from gloc3.component import deployment
 from gloc3.component.component import Controller, DataProcessor
-from gloc3.component.deployment import ComponentRow, check_deployment, check_row, problems_of
+from gloc3.component.deployment import ComponentRow, check_row, problems_of
 from gloc3.component.ports import Inbox, Input, Output
 from gloc3.errors import Gloc3Error
 from gloc3.messages.envelope import Event
@@ -70,7 +70,7 @@ def listener(name: str = "listener", **entries: Any) -> ComponentRow:
 
 def found(*rows: ComponentRow) -> list[str]:
     """What is wrong with a deployment."""
-    return [str(finding) for finding in check_deployment(rows, TOPICS)]
+    return [str(problem.finding(rows[problem.row].name)) for problem in problems_of(rows, TOPICS)]
 
 
 def test_a_good_deployment_has_no_findings() -> None:
@@ -171,8 +171,8 @@ def test_an_input_takes_many_topics_by_a_pattern_or_a_list_and_a_key_makes_an_ou
 
 def test_topics_that_come_from_elsewhere_can_be_named() -> None:
     rows = [listener(ports={"event": "news"})]
-    assert len(check_deployment(rows, TOPICS)) == 2
-    assert check_deployment(rows, TOPICS, external=["news", "given"]) == []
+    assert len(found(*rows)) == 2
+    assert list(problems_of(rows, TOPICS, external=["news", "given"])) == []
 
 
 def test_a_row_is_checked_against_a_class_alone() -> None:

@@ -2,9 +2,10 @@
 
 import pytest
 
+from gloc3.errors import InputError
 from gloc3.messages.frames import GeoPoint, Vector3
-from gloc3.mission.checking.checker import CheckReport, Circumstances, check_file, check_text, home_problem
-from gloc3.mission.examples import example_missions
+from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text, home_problem
+from gloc3.mission.examples import example_missions, find_mission
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform, read_platform
 
@@ -41,7 +42,7 @@ def reported(report: CheckReport) -> list[str]:
 @pytest.mark.parametrize("name", sorted(example_missions()))
 def test_the_examples_pass(name: str, pelican: Platform) -> None:
     platform = load_platform(OTHERS[name]) if name in OTHERS else pelican
-    report = check_file(name, Circumstances(platform=platform, home_ned_m=HOME))
+    report = check_text(find_mission(name).read_bytes(), name, Circumstances(platform=platform, home_ned_m=HOME))
     assert reported(report) == []
     assert report.is_ok
     assert report.flyable().tasks
@@ -49,7 +50,9 @@ def test_the_examples_pass(name: str, pelican: Platform) -> None:
 
 def test_the_examples_take_the_time_that_is_promised(pelican: Platform) -> None:
     def duration_s(name: str) -> float:
-        figures = check_file(name, Circumstances(platform=pelican, home_ned_m=HOME)).estimate
+        figures = check_text(
+            find_mission(name).read_bytes(), name, Circumstances(platform=pelican, home_ned_m=HOME)
+        ).estimate
         assert figures is not None
         return figures.duration_s
 
@@ -290,7 +293,8 @@ def test_a_file_that_is_no_mission_is_told_without_a_traceback(pelican: Platform
     assert reported(check_text("[1, 2]", "m", Circumstances(platform=pelican))) == [
         "m:1:1: a mission file is a mapping (begin with 'mission: NAME')"
     ]
-    assert reported(check_file("no_such_mission", Circumstances()))[0].startswith("no_such_mission: no such mission")
+    with pytest.raises(InputError, match="no_such_mission: no such mission"):
+        find_mission("no_such_mission")
 
 
 def test_an_action_that_cannot_be_read_does_not_hide_what_comes_after_it(pelican: Platform) -> None:

@@ -7,7 +7,7 @@ from typing import Any, Final
 import msgspec
 from msgspec import structs
 
-from gloc3.documents.document import Document, Where, load_bytes
+from gloc3.documents.document import Document, Where
 from gloc3.errors import Finding, InputError, nearest
 from gloc3.messages.frames import GeoPoint, LocalFrame, Vector3
 from gloc3.mission.checking.agreement import agreement_findings, silence_findings
@@ -22,7 +22,6 @@ from gloc3.mission.checking.space_check import (
     space_findings,
 )
 from gloc3.mission.checking.turn_check import turn_findings
-from gloc3.mission.examples import find_mission
 from gloc3.mission.model.abilities import WAIT, abilities
 from gloc3.mission.model.arguments import SetOff, argument_kinds
 from gloc3.mission.model.legs import Budget
@@ -122,15 +121,6 @@ def _rounded(figures: MissionFigures) -> dict[str, Any]:
         "energy_wh": round(figures.energy_wh, 2),
         "length_m": round(figures.length_m, 1),
     }
-
-
-def check_file(name: str, circumstances: Circumstances) -> CheckReport:
-    """Checks a mission file, or an example by its name; never raises for what is in the file."""
-    try:
-        path = find_mission(name)
-        return check_text(load_bytes(path), str(path), circumstances)
-    except InputError as error:
-        return CheckReport(file=name, findings=error.findings)
 
 
 def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> CheckReport:

@@ -22,7 +22,7 @@ WRONG_USE: list[tuple[Sequence[str], str]] = [
     (["mission"], "Usage: gloc3 mission COMMAND"),
     (["mission", "chek", "hop"], "no command 'chek'; did you mean 'check'?"),
     (["mission", "check"], "MISSION is missing"),
-    (["mission", "check", "nosuch"], "no such mission (known: hop, inspection, mapping, patrol, survey)"),
+    (["mission", "check", "nosuch"], "no such mission (known: hop, inspection, mapping, patrol, powerline, survey)"),
     (["mission", "check", "no/such.yaml"], "no/such.yaml: cannot be read: no such file or directory"),
     (["mission", "show", "."], ".: is a folder, not a mission file"),
     (["mission", "check", "hop", "more"], "unexpected after the arguments: 'more'"),

@@ -31,7 +31,7 @@ tasks:
       down:   {land: {}, after: [home]}
 """
 HOME = (0.0, 0.0, 0.0)
-OTHERS = {"survey": "boat", "mapping": "plane"}
+OTHERS = {"survey": "boat", "mapping": "plane", "powerline": "vtol"}
 """Platforms that examples are for, where that is not the Pelican."""
 
 

@@ -98,7 +98,15 @@ def test_a_mission_is_drawn_with_its_branches_bars_and_claims(pelican: Platform)
 
 @pytest.mark.parametrize("name", sorted(example_missions()))
 def test_drawings_fit_a_terminal(name: str, platform_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("show", name, "--platform", {"survey": "boat", "mapping": "plane"}.get(name, platform_file)) == 0
+    assert (
+        run(
+            "show",
+            name,
+            "--platform",
+            {"survey": "boat", "mapping": "plane", "powerline": "vtol"}.get(name, platform_file),
+        )
+        == 0
+    )
     assert max(len(line) for line in capsys.readouterr().out.splitlines()) <= WIDTH
 
 

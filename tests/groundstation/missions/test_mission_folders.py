@@ -37,6 +37,14 @@ def test_a_folder_lists_folders_then_missions_and_nothing_else(tmp_path: Path) -
 def test_what_was_opened_lately_and_is_still_there_comes_first(tmp_path: Path) -> None:
     (tmp_path / "here.yaml").write_text("")
     entries = start_entries((str(tmp_path / "here.yaml"), str(tmp_path / "gone.yaml"), "hop"))
-    assert [entry.name for entry in entries] == ["here.yaml", "hop", "inspection", "mapping", "patrol", "survey"]
+    assert [entry.name for entry in entries] == [
+        "here.yaml",
+        "hop",
+        "inspection",
+        "mapping",
+        "patrol",
+        "powerline",
+        "survey",
+    ]
     assert entries[0].group is FileGroup.RECENT
     assert [entry.name for entry in matching(entries, "pat")] == ["patrol"]

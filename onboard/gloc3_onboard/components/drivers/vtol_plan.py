@@ -41,6 +41,7 @@ class VtolPlan(WingedPlan):
 
     performs: ClassVar = {**WingedPlan.performs, "transition": VtolTransition}
     keeps = IN_PLANS | {"by"}
+    settings_type = VtolPlanSettings
     settings: VtolPlanSettings
 
     def __init__(self, device: PlanControl) -> None:

@@ -111,12 +111,14 @@ class Mover(Activity):
         n, e, d = self.craft.estimator.inertial.position_ned_m
         pn, pe, pd = trajectory.position
         lag = sqrt((pn - n) ** 2 + (pe - e) ** 2 + (pd - d) ** 2)
-        trajectory.advance(PERIOD_S if lag < _LAG_M else PERIOD_S * max(0.0, 2.0 - lag / _LAG_M))
+        pace = 1.0 if lag < _LAG_M else max(0.0, 2.0 - lag / _LAG_M)
+        trajectory.advance(PERIOD_S * pace)
         self.turn()
+        vn, ve, vd = trajectory.velocity
         return MotionSetpoint(
             position_ned_m=trajectory.position,
-            velocity_ned_m_s=trajectory.velocity,
-            acceleration_ned_m_s2=trajectory.acceleration,
+            velocity_ned_m_s=(pace * vn, pace * ve, pace * vd),  # of a trajectory that waits for it, too
+            acceleration_ned_m_s2=trajectory.acceleration if pace == 1.0 else (0.0, 0.0, 0.0),
             yaw_rad=self.yaw_rad,
         )
 

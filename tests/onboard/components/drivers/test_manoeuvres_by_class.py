@@ -151,3 +151,14 @@ def test_a_px4_plane_that_its_own_return_has_landed_has_landed() -> None:
     rig.run(1.0)
     assert rig.state.manoeuvre_state == "done"
     assert rig.autopilot.modes_asked == ["return"]
+
+
+def test_a_plan_s_mode_is_asked_for_although_the_last_heartbeat_shows_it_still() -> None:
+    """The hold between two plans may have been commanded since; PX4's heartbeat comes once a second."""
+    rig = DriverRig(autopilot=ScriptedAutopilot("px4", VehicleClass.VTOL)).in_flight()
+    for _ in range(2):
+        rig.autopilot.commands.clear()
+        rig.request(ManoeuvreKind.PLAN)
+        rig.run(1.0)
+        assert rig.autopilot.commands == ["mode mission"]
+    assert rig.state.manoeuvre_state == "running"

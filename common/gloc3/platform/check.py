@@ -1,13 +1,17 @@
 """Checks of a platform file beyond its types: references between names, classes, ports and settings."""
 
 from collections.abc import Collection, Iterator
-from typing import Final
+from contextlib import suppress
+from typing import Any, Final
 
+from gloc3.component.action import ActionPerformer
+from gloc3.component.component import Component
 from gloc3.component.deployment import ComponentRow, Problem, problems_of
 from gloc3.documents import schema
 from gloc3.documents.document import Document, Where
-from gloc3.errors import Finding, nearest
+from gloc3.errors import Finding, Gloc3Error, nearest
 from gloc3.messages.topics import TopicTable
+from gloc3.messages.vehicle import Manoeuvre, Setpoint
 from gloc3.mission.model.arguments import argument_kinds
 from gloc3.mission.model.model import ActionFile
 from gloc3.platform.places import ProcessPlace, clock_host, host_names, place_of, tied_device
@@ -31,6 +35,7 @@ def findings_of(
     ]
     if is_loading_classes:
         found += _needs(platform, document)
+        found += _performers(platform, document)
     return found
 
 
@@ -139,3 +144,39 @@ def _needs(platform: Platform, document: Document) -> Iterator[Finding]:
             if need not in known:
                 where = ("capabilities", name, "needs", index)
                 yield document.finding(where, f"no topic, capability or component {need!r}", nearest(need, known))
+
+
+def _performers(platform: Platform, document: Document) -> Iterator[Finding]:
+    """Capabilities whose component does not perform them, or whose motion nobody reads."""
+    classes = _classes(platform)
+    rows = {row.name: row for row in platform.components}
+    read = {topic for name, kind in classes.items() for port in kind.inputs for topic in rows[name].topics(port)}
+    for name, capability in platform.capabilities.items():
+        kind = classes.get(capability.performed_by)
+        if kind is None:
+            continue
+        where, by = ("capabilities", name, "performed_by"), capability.performed_by
+        performed = sorted(kind.performs) if issubclass(kind, ActionPerformer) else []
+        if (capability.performed_as or name) not in performed:
+            what = f"it performs {', '.join(performed)}" if performed else f"{kind.__name__} performs no actions"
+            yield document.finding(where, f"{by} does not perform {name}", what)
+        elif "motion" in capability.claims:
+            topics = [
+                topic
+                for port, output in kind.outputs.items()
+                if issubclass(output.message, (Setpoint, Manoeuvre))
+                for topic in rows[by].topics(port)
+            ]
+            for topic in topics:
+                if topic not in read:
+                    message = f"nothing reads {topic!r}, by which {by} moves the vehicle"
+                    yield document.finding(where, message, f"list {topic} in the ports of the limiter")
+
+
+def _classes(platform: Platform) -> dict[str, type[Component[Any]]]:
+    """The classes of the components that can be loaded."""
+    found = {}
+    for row in platform.components:
+        with suppress(Gloc3Error):  # told with the row
+            found[row.name] = row.load_class()
+    return found

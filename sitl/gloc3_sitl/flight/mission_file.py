@@ -77,15 +77,15 @@ class FlightSite(NamedTuple):
 def place_for(mission: Mission, platform: Platform, vehicle: str, home: GeoPoint | None = None) -> FlightSite:
     """Returns the world of a mission's frame.
 
-    For frames of the platform that is the open, ground or water, at their origin; for missions on Earth the vehicle's,
-    at the planned home, or without one at the first place of the mission.
+    That is the vehicle's usual one, such as water with a floor: at the origin of a frame of the platform, and for missions
+    on Earth at the planned home, or without one at the first place of the mission.
 
     Raises:
         Gloc3Error: a mission on Earth has no position.
     """
     row = platform.frames.get(mission.frame)
     if row is not None and mission.frame != HOLD:
-        return FlightSite("open", GeoPoint(*row.origin.geo), row.x_axis_bearing_deg)
+        return FlightSite(vehicle_named(vehicle).world, GeoPoint(*row.origin.geo), row.x_axis_bearing_deg)
     if mission.frame != GEO:
         return FlightSite(HOLD)
     return FlightSite(vehicle_named(vehicle).world, home or home_of(mission))

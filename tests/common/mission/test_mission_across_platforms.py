@@ -261,3 +261,11 @@ def test_each_part_is_checked_for_its_own_platform_and_all_findings_come_at_once
     ]
     assert check_text(TEXT, "mission.yaml", Circumstances(known=known.get, frames=FRAMES)).is_ok
     assert check_text(TEXT, "mission.yaml", Circumstances(frames=FRAMES)).is_ok
+
+
+def test_a_platform_that_nobody_knows_is_warned_of_with_the_nearest_name() -> None:
+    text = TEXT.replace("platform: hummingbird", "platform: hummingbrd")
+    (warning,) = check_text(text, "mission.yaml", Circumstances(frames=FRAMES)).findings
+    assert warning.is_warning
+    assert "'hummingbrd' is not known here" in warning.message
+    assert "hummingbird" in warning.hint

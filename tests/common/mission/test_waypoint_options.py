@@ -57,3 +57,27 @@ def test_what_a_platform_does_not_keep_is_found_before_the_flight(platform: str,
     assert f"{who} cannot hold a height above ground" in found[0] + found[1]
     assert f"{who} cannot keep a distance from a wall" in found[0] + found[1]
     assert all(line.startswith("m:7:") for line in found)
+
+
+BOAT = """\
+mission: two places
+frame: site
+tasks:
+  away: {actions: {off: {drive_off: {}}}}
+  there: {after: [away], actions: {way: {follow_waypoints: {waypoints_m: [[20, 0, 0], [20, 20, 0]]ACCEPTANCE}}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("written", "acceptance_m", "told"), [("", 2.5, 0), (", acceptance_m: 2", 2.0, 0), (", acceptance_m: 0.5", 0.5, 1)]
+)
+def test_the_acceptance_is_the_platforms_and_much_less_is_warned_of(
+    written: str, acceptance_m: float, told: int
+) -> None:
+    report = check_text(BOAT.replace("ACCEPTANCE", written), "m", Circumstances(platform=load_platform("boat")))
+    assert report.is_ok
+    order = report.flyable().actions()["there.way"].order
+    assert isinstance(order, FollowWaypointsOrder)
+    assert order.acceptance_m == acceptance_m
+    found = [finding for finding in report.findings if "may pass no waypoint" in finding.message]
+    assert [(finding.line, finding.is_warning) for finding in found] == [(5, True)] * told

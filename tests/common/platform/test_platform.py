@@ -101,7 +101,11 @@ def test_ports_settings_and_needs_are_checked_against_the_classes() -> None:
     )
     found = findings(text, is_loading_classes=True)
     assert [line.partition(": ")[2].partition(" (known: a")[0] for line in found] == [
+        "flight does not perform take_off (Steady performs no actions)",
         "no topic, capability or component 'poze' (did you mean 'pose'?)",
+        "flight does not perform land (Steady performs no actions)",
+        "flight does not perform hold (Steady performs no actions)",
+        "flight does not perform return_home (Steady performs no actions)",
         "unknown topic 'out'",
         "Steady has no port 'outt' (did you mean 'out'?)",
         "unknown key 'gian' (did you mean 'gain'?)",
@@ -164,6 +168,24 @@ def test_what_is_doubtful_but_can_fly_is_told_as_a_warning(tmp_path: Path) -> No
         (unused, "no component uses a device 'ground_camra', so v4l2:///dev/video0 is not read"),
         (line, "no component publishes 'camera/ground'"),
     ]
+
+
+@pytest.mark.parametrize(
+    ("was", "now", "told"),
+    [
+        ("performed_by: landing", "performed_by: waypoints", "waypoints does not perform land (it performs"),
+        (
+            "performed_by: landing",
+            "performed_by: limiter",
+            "limiter does not perform land (Limiter performs no actions)",
+        ),
+        (", setpoint_wanted/hold", "", "nothing reads 'setpoint_wanted/hold', by which hold moves the vehicle"),
+    ],
+)
+def test_a_capability_that_would_do_nothing_is_found(was: str, now: str, told: str) -> None:
+    text = (Path(__file__).parents[2] / "data" / "platforms" / "pelican_rtk.yaml").read_text(encoding="utf-8")
+    found = findings(text.replace(was, now), is_loading_classes=True)
+    assert any(told in finding for finding in found), found
 
 
 def test_a_folder_that_is_called_like_a_platform_is_not_taken_for_its_file(

@@ -1,6 +1,6 @@
 """Checks a mission against a platform before it is sent, and again onboard; reports all findings at once."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -13,7 +13,12 @@ from gloc3.messages.frames import GeoPoint, LocalFrame, Vector3
 from gloc3.mission.checking.agreement import agreement_findings, silence_findings
 from gloc3.mission.checking.contingency_check import contingency_findings, path_findings
 from gloc3.mission.checking.estimate import MissionEstimate, MissionFigures, estimate, may_vary, together
-from gloc3.mission.checking.option_check import guard_findings, plan_findings, unkept_findings
+from gloc3.mission.checking.option_check import (
+    acceptance_findings,
+    guard_findings,
+    plan_findings,
+    unkept_findings,
+)
 from gloc3.mission.checking.space_check import (
     PlacedLeg,
     altitude_findings,
@@ -28,6 +33,7 @@ from gloc3.mission.model.legs import Budget
 from gloc3.mission.model.model import Mission, Task, answer, part_of, where_of
 from gloc3.mission.model.structure import PartialOrder, structure_findings
 from gloc3.mission.reading.reader import MissionReferences, Reading, inspect_mission
+from gloc3.platform.bases import platform_files
 from gloc3.platform.limits import Limits
 from gloc3.platform.platform import Capability, Platform
 
@@ -135,8 +141,10 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Ch
     if mission is None or structural:
         return CheckReport(file=file, findings=tuple(sorted(findings)), mission=None)
     is_whole = circumstances.known is not None or circumstances.platform is None
+    if circumstances.part is None:
+        findings += _unknown_platforms(mission, circumstances)
     if mission.platforms and circumstances.part is None and is_whole:
-        return _check_parts(data, file, circumstances, mission)
+        return _check_parts(data, file, circumstances, mission, findings)
     order = PartialOrder.of(mission)
     platform = circumstances.platform
     budget = Budget.of(platform.limits if platform else Limits(), circumstances.home_ned_m or (0.0, 0.0, 0.0))
@@ -154,6 +162,7 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Ch
     findings += plan_findings(mission, platform)
     findings += altitude_findings(mission, platform)
     findings += unkept_findings(mission, platform)
+    findings += acceptance_findings(mission, platform)
     findings += contingency_findings(mission)
     for name, ready in mission.contingencies.items():
         if ready.actions:
@@ -171,9 +180,25 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Ch
     return CheckReport(file=file, findings=tuple(sorted(set(findings))), mission=mission, estimate=figures, order=order)
 
 
-def _check_parts(data: bytes | str, file: str, circumstances: Circumstances, mission: Mission) -> CheckReport:
+def _unknown_platforms(mission: Mission, circumstances: Circumstances) -> Iterator[Finding]:
+    """Tasks for platforms of which there is no file here: their part is judged by nothing, and a name may be misspelt."""
+    document, find, own = mission.document, circumstances.known, circumstances.platform
+    if document is None:
+        return
+    known = sorted({*platform_files(), *([own.platform] if own is not None else [])})
+    for name, task in mission.tasks.items():
+        wanted = task.options.platform
+        if wanted is None or wanted in known or (find is not None and find(wanted) is not None):
+            continue
+        message = f"the platform {wanted!r} is not known here: what {name} needs is not checked"
+        yield document.finding((*where_of(name), "platform"), message, nearest(wanted, known), is_warning=True)
+
+
+def _check_parts(
+    data: bytes | str, file: str, circumstances: Circumstances, mission: Mission, found: Iterable[Finding]
+) -> CheckReport:
     """Checks a mission for several platforms, each part for its own; what is said of a part names its platform."""
-    findings: set[Finding] = set()
+    findings = set(found)
     figures: list[MissionEstimate] = []
     for name in mission.platforms:
         known = circumstances.known(name) if circumstances.known is not None else None

@@ -72,6 +72,25 @@ def unkept_findings(mission: Mission, platform: Platform | None) -> Iterator[Fin
                 yield document.finding(where, f"{row.name} of {platform.platform} {option.unkept}", "leave it out")
 
 
+def acceptance_findings(mission: Mission, platform: Platform | None) -> Iterator[Finding]:
+    """Acceptance radii that are much less than what the vehicle keeps."""
+    document = mission.document
+    if document is None or platform is None:
+        return
+    kept_m = platform.limits.survey_acceptance_m
+    for target, action in mission.actions().items():
+        where = (*where_of(target), action.capability)
+        given = document.node(where).children
+        order = action.order
+        is_written = isinstance(order, FollowWaypointsOrder) and "acceptance_m" in given
+        if is_written and isinstance(order, FollowWaypointsOrder) and order.acceptance_m < 0.5 * kept_m:
+            message = (
+                f"{platform.platform} may pass no waypoint within {order.acceptance_m:g} m: it keeps to {kept_m:g} m"
+            )
+            hint = f"set {kept_m:g} or more, or leave it out"
+            yield document.finding((*where, "acceptance_m"), message, hint, is_warning=True)
+
+
 def kept_options(row: ComponentRow) -> frozenset[str]:
     """The options of ways that a component keeps; all of them where it does not say, or its class is not installed here."""
     every = frozenset(options_of(FollowWaypointsOrder))

@@ -51,7 +51,7 @@ class WaypointOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     """The options of every way through waypoints, in a mission and in the order that a component gets."""
 
     acceptance_m: Acceptance = 0.25
-    """A waypoint counts as passed within this distance."""
+    """A waypoint counts as passed within this distance; where a mission says none, the platform's `survey_acceptance_m`."""
     hold_s: HoldTime = 0.0
     """Stay so long at each waypoint."""
     by: CarriedBy = None

@@ -4,6 +4,8 @@ from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final, TypeVar
 
+from msgspec import structs
+
 from gloc3.documents import schema
 from gloc3.documents.document import Document, Where, load_bytes, parse
 from gloc3.documents.yaml_nodes import YamlNode
@@ -30,6 +32,7 @@ from gloc3.mission.model.model import (
 from gloc3.mission.model.patterns import MAX_WAYPOINTS, height_is_known
 from gloc3.mission.model.placement import GeoPlacement, HeightAbove, LocalPlacement, Placement, Point
 from gloc3.mission.model.structure import Tasks, structure_findings
+from gloc3.mission.model.waypoint_options import WaypointOptions
 from gloc3.mission.reading.definitions import expanded
 from gloc3.mission.reading.library import bundled
 from gloc3.platform.limits import Limits
@@ -287,12 +290,19 @@ def _action(
     try:
         if not height_is_known(placement, arguments):
             raise Refused("height_m is missing: the mission's heights are above sea level, the platform's above home")
-        filled = arguments.filled(surroundings.limits)
+        filled = _with_acceptance(arguments.filled(surroundings.limits), given, surroundings.limits)
         order = filled.order(placement)
     except Refused as refusal:
         findings.append(document.finding((*where, capability), str(refusal)))
         return options
     return Action(name=name, capability=capability, arguments=arguments, filled=filled, order=order, options=options)
+
+
+def _with_acceptance(filled: Arguments, given: YamlNode, limits: Limits | None) -> Arguments:
+    """With the platform's acceptance where the mission says none: no vehicle passes a place more exactly than it steers."""
+    if limits is None or "acceptance_m" in given.children or not isinstance(filled, WaypointOptions):
+        return filled
+    return structs.replace(filled, acceptance_m=limits.survey_acceptance_m)
 
 
 def _options(node: YamlNode, kind: type[Item], file: str, findings: list[Finding], name: str) -> Item:

@@ -17,6 +17,14 @@ _NOWHERE: Final = Pose(
 )
 
 
+DOUBT_S: Final = 60.0
+"""Time in which a displacement that the velocity did not explain is forgotten."""
+
+
+WORTHLESS_M: Final = 10.0
+"""A position in as much doubt has no quality left."""
+
+
 class PoseSettings(Settings, frozen=True):
     """Settings of the pose processor."""
 
@@ -28,16 +36,20 @@ class PoseSettings(Settings, frozen=True):
     jump_m: Annotated[float, Bounds(0.05, 100.0)] = 0.5
     """A step of the position that its velocity does not explain by more than this is a jump."""
     std_m: Annotated[float, Bounds(0.001, 100.0)] = 0.05
-    """Standard deviation that is claimed along each axis."""
+    """Standard deviation that is claimed along each axis, while the position moves as its velocity says."""
     is_level: bool = False
     """Takes the height for 0 at all times: for vehicles that stay on the ground or on the water, whose estimate of it
     drifts, and whose way does not depend on it."""
 
 
 class PoseProcessor(DataProcessor[PoseSettings]):
-    """Moves the autopilot's estimate into the platform's frame and counts its jumps."""
+    """Moves the autopilot's estimate into the platform's frame and counts its jumps.
 
-    loggable = ("reset_counter", "reason")
+    The position has a second opinion in the velocity: what that does not explain, a jump or a drift, is claimed as standard
+    deviation until it is taken back or forgotten, because nothing tells which of the two is right.
+    """
+
+    loggable = ("reset_counter", "reason", "doubt_m")
 
     autopilot_pose = Input(AutopilotPose)
     pose = Output(Pose, frame="ned")
@@ -45,6 +57,8 @@ class PoseProcessor(DataProcessor[PoseSettings]):
     def __init__(self) -> None:
         self.reset_counter = 0
         self.reason = ""
+        self.doubt_m = 0.0
+        """Horizontal displacement of late that the velocity does not explain."""
         self._plane: TangentPlane | None = None
         self._offset_of: tuple[float, float, float] | None = None
         self._offset_ned_m: Vector3 = (0.0, 0.0, 0.0)
@@ -52,6 +66,10 @@ class PoseProcessor(DataProcessor[PoseSettings]):
         self._last: Pose | None = None
         self._shown = _NOWHERE
         self._last_s = 0.0
+        self._drift_ned_m: Vector3 = (0.0, 0.0, 0.0)
+        """Sum of the displacements that the velocity does not explain, older ones fading."""
+        self._jump_m = 0.0
+        """Largest of them in one step, fading."""
 
     def initialize(self, settings: PoseSettings) -> None:
         """Adopts the origin."""
@@ -62,6 +80,7 @@ class PoseProcessor(DataProcessor[PoseSettings]):
     def start(self) -> None:
         """Begins without a past."""
         self._last = None
+        self._drift_ned_m, self._jump_m = (0.0, 0.0, 0.0), 0.0
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """One pose for each of the autopilot's."""
@@ -91,15 +110,16 @@ class PoseProcessor(DataProcessor[PoseSettings]):
         position = (n + offset[0], e + offset[1], 0.0 if is_level else d + offset[2])
         velocity = (north_m_s, east_m_s, 0.0 if is_level else down_m_s)
         self._count_jump(position, velocity, t_s)
+        std_m = self._std_m()
         pose = Pose(
             position_ned_m=position,
             velocity_ned_m_s=velocity,
             ned_from_frd=given.ned_from_frd,
             rate_frd_rad_s=given.rate_frd_rad_s,
-            position_std_m=(self.settings.std_m,) * 3,
+            position_std_m=std_m,
             is_valid=not self.reason,
             reason=self.reason,
-            quality=0.0 if self.reason else 1.0,
+            quality=0.0 if self.reason else self._quality(),
             reset_counter=self.reset_counter,
             sources=["autopilot"],
             origin_geo=self._origin_geo or given.origin_geo,
@@ -134,5 +154,20 @@ class PoseProcessor(DataProcessor[PoseSettings]):
                 position, self._last.position_ned_m, velocity, self._last.velocity_ned_m_s, strict=True
             )
         ]
-        if sum(component * component for component in step) > self.settings.jump_m**2:
+        size_m = math.hypot(*step)
+        kept = math.exp(-max(duration_s, 0.0) / DOUBT_S)
+        n, e, d = (kept * drift + now for drift, now in zip(self._drift_ned_m, step, strict=True))
+        self._drift_ned_m, self._jump_m = (n, e, d), kept * self._jump_m
+        if size_m > self.settings.jump_m:
             self.reset_counter += 1
+            self._jump_m = max(self._jump_m, size_m)
+
+    def _quality(self) -> float:
+        return 1.0 if self.doubt_m <= self.settings.jump_m else max(0.05, 1.0 - self.doubt_m / WORTHLESS_M)
+
+    def _std_m(self) -> Vector3:
+        """What is claimed: no less than what is in doubt. A jump that was taken back still shows how much may be wrong."""
+        north, east, down = self._drift_ned_m
+        self.doubt_m = max(math.hypot(north, east), self._jump_m)
+        level_m = math.hypot(self.settings.std_m, self.doubt_m / math.sqrt(2.0))
+        return level_m, level_m, math.hypot(self.settings.std_m, down)

@@ -193,3 +193,26 @@ def test_an_estimate_that_is_not_finite_is_not_passed_on_and_counts_as_one_jump(
     assert not spun.is_valid
     (first,) = poses(processor(), autopilot_pose(math.inf))
     assert (first.is_valid, first.position_ned_m) == (False, (0.0, 0.0, 0.0))
+
+
+def test_a_jump_that_the_velocity_does_not_explain_is_claimed_as_doubt_and_forgotten_in_minutes() -> None:
+    stage = processor(std_m=0.05)
+    for _ in range(40):
+        stage.step(0.05, autopilot_pose=autopilot_pose(origin_geo=HOLD))
+    assert stage.all(Pose)[-1].position_std_m[:2] == pytest.approx((0.05, 0.05))
+    for _ in range(40):
+        stage.step(0.05, autopilot_pose=autopilot_pose(north=5.0, origin_geo=HOLD))
+    off = stage.all(Pose)[-1]
+    assert math.hypot(*off.position_std_m[:2]) > 4.5
+    assert off.quality < 0.6
+    for _ in range(6000):
+        stage.step(0.05, autopilot_pose=autopilot_pose(north=5.0, origin_geo=HOLD))
+    assert math.hypot(*stage.all(Pose)[-1].position_std_m[:2]) < 0.1
+
+
+def test_a_position_that_drifts_against_its_velocity_is_in_doubt() -> None:
+    stage = processor(std_m=0.05)
+    for step in range(100):
+        stage.step(0.05, autopilot_pose=autopilot_pose(north=0.01 * step, origin_geo=HOLD))
+    assert stage.all(Pose)[-1].reset_counter == 0
+    assert math.hypot(*stage.all(Pose)[-1].position_std_m[:2]) > 0.9

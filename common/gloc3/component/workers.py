@@ -20,10 +20,14 @@ def guard(job: Callable[..., T], *arguments: Any) -> tuple[T | None, BaseExcepti
     """Runs an author's code: its result, or what it raised.
 
     `SystemExit` and the like are an author's errors too: no component may end its host. Only the operator's
-    `KeyboardInterrupt` goes through.
+    `KeyboardInterrupt` goes through, which Python raises in the main thread alone.
     """
     try:
         return job(*arguments), None
+    except KeyboardInterrupt as error:
+        if threading.current_thread() is threading.main_thread():
+            raise
+        return None, error
     except (Exception, SystemExit, GeneratorExit, asyncio.CancelledError) as error:  # noqa: BLE001
         return None, error
 

@@ -15,7 +15,7 @@ from gloc3.mission.model.policy import Policy
 from gloc3.platform.limits import Limits
 from gloc3_onboard.autopilot.health_words import FENCE_BIT
 from gloc3_onboard.checks.failsafes import action_of
-from gloc3_onboard.checks.parameters import CONTINUE, POLYGONS, FenceLimit, FenceTable
+from gloc3_onboard.checks.parameters import CONTINUE, POLYGONS, Failsafe, FenceLimit, FenceTable
 from gloc3_onboard.checks.readings import Readings
 from gloc3_onboard.checks.tables import table_of
 
@@ -29,13 +29,42 @@ def fence_checks(readings: Readings) -> Iterator[Check]:
     setup, mission = readings.setup, readings.mission
     if setup is None or setup.style is None or not setup.is_complete or mission is None:
         return
-    fence = table_of(setup.style, setup.vehicle).fence
+    table = table_of(setup.style, setup.vehicle)
+    yield from _flies_on(setup, table.setpoints_lost, mission, readings.platform.limits)
+    fence = table.fence
     has_fence = bool(fence_on_earth(mission))
     if has_fence:
         yield _breach(setup, fence)
         yield from _polygons(setup, fence)
     if readings.home_ned_m is not None and (has_fence or _is_on(setup, fence)):
         yield from _limits(setup, fence, mission, readings.platform.limits, readings.home_ned_m)
+
+
+def _flies_on(setup: AutopilotSetup, lost: Failsafe, mission: Mission, limits: Limits) -> Iterator[Check]:
+    """Whether the vehicle stays inside while the autopilot waits for setpoints of a companion that has died."""
+    timeout_s = lost.limit(setup.parameters.get)
+    if mission.fence is None or timeout_s is None:
+        return
+    orders = [order for action in mission.actions().values() if isinstance(order := action.order, FollowWaypointsOrder)]
+    worst = min(
+        ((mission.fence.clearance_m(place), order.speed_m_s) for order in orders for place in order.waypoints_ned_m),
+        key=lambda one: one[0] - _run_on_m(one[1], timeout_s, limits),
+        default=None,
+    )
+    if worst is None or (needed_m := _run_on_m(worst[1], timeout_s, limits)) <= worst[0]:
+        return
+    finding = (
+        f"at {worst[1]:g} m/s the autopilot flies on for {timeout_s:g} s and {needed_m:.1f} m if the companion dies; "
+        f"the mission comes within {worst[0]:.1f} m of its fence"
+    )
+    names = " or ".join(lost.limit_parameters)
+    advice = "fly slower there, or keep waypoints farther from the fence"
+    yield Check(GROUP, TITLE, Verdict.WARNING, finding, f"lower {names}, {advice}" if names else advice)
+
+
+def _run_on_m(speed_m_s: float, timeout_s: float, limits: Limits) -> float:
+    """How far it flies on and brakes."""
+    return speed_m_s * timeout_s + speed_m_s**2 / (2.0 * limits.acceleration_m_s2)
 
 
 def _is_on(setup: AutopilotSetup, fence: FenceTable) -> bool:

@@ -190,10 +190,11 @@ def test_methods_run_off_the_control_path_and_other_commands_are_busy() -> None:
     in_wall_time(main)
 
 
-def test_an_author_who_exits_or_kills_his_thread_harms_only_himself() -> None:
+@pytest.mark.parametrize("error", [SystemExit(1), KeyboardInterrupt()])
+def test_an_author_who_exits_or_kills_his_thread_harms_only_himself(error: BaseException) -> None:
     async def main() -> None:
         diary, other = Diary(), Diary()
-        diary.errors["work"] = SystemExit(1)
+        diary.errors["work"] = error
         with site() as here:
             host = here.host(lambda: Specimen(diary))
             here.host(lambda: Specimen(other), "other", ports={"result": "other"})

@@ -152,3 +152,29 @@ def test_a_submarine_s_fence_has_a_depth_and_does_nothing_at_it() -> None:
         "the mission goes 20.0 m below home, with a margin of 1 m; the autopilot's limit is -15"
     )
     assert line.advice == "set FENCE_ALT_MIN to -22 or less, or FENCE_TYPE to 4, or change the mission"
+
+
+NEAR = "geofence: {circle: {center: [47.0, 8.0], radius_m: 114}}"
+SLOW = MISSION.replace("[47.001, 8.0, 40]}", "[47.001, 8.0, 40], speed_m_s: 0.5}")
+
+
+@pytest.mark.parametrize(
+    ("style", "changes", "mission", "finding"),
+    [
+        (ARDUPILOT, {"GUID_TIMEOUT": 3.0}, MISSION, "flies on for 3 s"),
+        (PX4, {"COM_OF_LOSS_T": 5.0}, MISSION, "flies on for 5 s"),
+        (ARDUPILOT, {"GUID_TIMEOUT": 3.0}, SLOW, ""),
+        (ARDUPILOT, {}, MISSION, ""),
+    ],
+)
+def test_it_is_told_where_a_dead_companion_would_let_the_vehicle_out(
+    style: Style, changes: dict[str, float], mission: str, finding: str
+) -> None:
+    mission = mission.replace("8.0, 40]}", "8.0, 40], speed_m_s: 2}")
+    told = [
+        one.finding
+        for one in lines(style, COPTER, changes, geofence=NEAR, mission=mission)
+        if "flies on" in one.finding
+    ]
+    assert len(told) == bool(finding)
+    assert all(finding in one and "within 2.8 m of its fence" in one for one in told), told

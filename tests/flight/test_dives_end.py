@@ -56,6 +56,7 @@ def dive(tmp_path: Path) -> Iterator[Dive]:
 def test_a_crash_of_the_pose_costs_nothing_but_a_moment(dive: Dive) -> None:
     card = dive("auv", "crash:pose@30")
     assert card.mission.state == "done", card.story("a pose that comes back knows where it was")
+    assert card.was_told("the position is uncertain by"), card.story("nobody says how well it knows its waypoints")
 
 
 def test_after_seconds_without_its_cable_it_surfaces_and_is_found(dive: Dive) -> None:

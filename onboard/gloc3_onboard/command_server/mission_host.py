@@ -1,6 +1,6 @@
 """The mission host: restores the executor, updates its state, and carries out its requests to components."""
 
-from math import inf
+from math import hypot, inf
 from typing import Any, Final
 
 from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup, PortReport, Result
@@ -16,6 +16,7 @@ from gloc3.messages.vehicle import (
     TakeOver,
 )
 from gloc3.mission.executing.executor import MissionExecutor, Verb
+from gloc3.mission.executing.items import MissionProgram
 from gloc3.mission.executing.requests import (
     Cancel,
     Grant,
@@ -78,6 +79,8 @@ class MissionHost:
         """What the loaded mission takes."""
         self.granted = MotionGrant(action_id="", component="")
         self._landed_directly_s = -inf
+        self._ended: MissionProgram | None = None
+        """The program whose end was reported."""
         """The owner of motion."""
         self._site, self._observing, self._control, self._report = site, observing, control, report
         self._settle_s = settings.settle_s
@@ -204,6 +207,7 @@ class MissionHost:
             executor.link(silent_s, now_s)
             executor.sensed(snapshot.readings(now_s) | {"link_silent_s": silent_s}, now_s)
         self._count_up(executor, now_s)
+        self._tell_uncertainty(executor)
         for verdict in known.verdicts:
             executor.component_lost(verdict.component, Policy(verdict.policy), verdict.reason, now_s)
         known.verdicts.clear()
@@ -224,6 +228,18 @@ class MissionHost:
             )
             self._report(Severity.WARNING, text)
         self._gap_s = driver.held_after_gap_s
+
+    def _tell_uncertainty(self, executor: MissionExecutor) -> None:
+        """Says once, at the end of a mission, where the position is less certain than its waypoints needed."""
+        program, pose = executor.mission, self._observing.snapshot.pose
+        if program is None or program is self._ended or not program.has_ended:
+            return
+        self._ended = program
+        std_m = 0.0 if pose is None else hypot(*pose.position_std_m[:2])
+        near_m = self._site.platform.limits.survey_acceptance_m
+        if std_m > near_m:
+            text = f"the position is uncertain by {std_m:.1f} m (standard deviation); waypoints counted within {near_m:g} m"
+            self._report(Severity.NOTICE, text)
 
     def _count_up(self, executor: MissionExecutor, now_s: float) -> None:
         """What the mission takes, for the comparison with its estimate."""

@@ -11,6 +11,9 @@ from gloc3.mission.checking.estimate import span
 from gloc3.platform.limits import Limits
 from gloc3_sitl.flight.path_error import PASSED_M, LegResult, PathResult, TruthSample, path_error
 
+CERTAIN_M = 0.25
+"""A smaller standard deviation is not mentioned in words."""
+
 
 class FlightReport(msgspec.Struct, kw_only=True):
     """`report.json`: everything but `wall` is the same for the same seed."""
@@ -39,6 +42,8 @@ class FlightReport(msgspec.Struct, kw_only=True):
     """So near a waypoint counts as passed."""
     slowest_leg_share: float | None = None
     """The smallest mean speed of a leg, as a share of the speed asked for."""
+    position_std_m: float | None = None
+    """Horizontal standard deviation that the pose claimed when the mission ended; None where there was no valid pose."""
     images: int = 0
     battery_remaining: float | None = None
     energy_wh: float | None = None
@@ -131,6 +136,8 @@ def as_lines(report: FlightReport) -> list[str]:
         )
     if report.slowest_leg_share is not None:
         lines.append(f"  speed    slowest leg at {100.0 * report.slowest_leg_share:.0f} % of what was asked")
+    if report.position_std_m is not None and report.position_std_m > CERTAIN_M:
+        lines.append(f"  position known to {report.position_std_m:.1f} m at the end (standard deviation, as claimed)")
     if report.estimate:
         lines.append("  estimate " + ", ".join(_compared(report)))
     if report.images:

@@ -1,12 +1,13 @@
 """Follows a flight for its report."""
 
 from collections.abc import Callable
+from math import hypot
 
 from gloc3.evaluation.requested_path import RequestedPath
 from gloc3.exchange.base import Exchange
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.summaries import CiEvent, MissionSummary
-from gloc3.messages.vehicle import AutopilotState, ImageRecorded, LandedState
+from gloc3.messages.vehicle import AutopilotState, ImageRecorded, LandedState, Pose
 from gloc3_sitl.flight.report import FlightReport
 
 Narrate = Callable[[str], None]
@@ -39,6 +40,7 @@ class FlightWatch:
         subscribe(f"{name}/ci/event", self._event)
         subscribe(f"{name}/ci/mission", self._mission)
         subscribe(f"{name}/autopilot", self._autopilot)
+        subscribe(f"{name}/pose", self._pose)
         subscribe(f"{name}/image_recorded", self._image)
 
     def land(self, now_s: float) -> None:
@@ -63,6 +65,11 @@ class FlightWatch:
                 self.report.mission_time_s = round(envelope.t_s - self._started_s, 3)
             self.report.mission_state, self.report.reason = mission.state, mission.reason
             self.report.tasks = dict(mission.tasks)
+
+    def _pose(self, envelope: Envelope[Pose]) -> None:
+        pose = envelope.payload
+        if pose.is_valid and self.report.mission_state in ("waiting", "running", "paused"):
+            self.report.position_std_m = round(hypot(*pose.position_std_m[:2]), 3)
 
     def _autopilot(self, envelope: Envelope[AutopilotState]) -> None:
         state = envelope.payload

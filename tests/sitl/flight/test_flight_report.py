@@ -104,3 +104,11 @@ def test_what_the_flight_took_is_told_beside_the_estimate_or_its_range() -> None
     report.estimate = {"mission_time_s": 100.0, "distance_m": 50.0, "energy_wh": 4.0}
     report.estimate_least = {"mission_time_s": 40.0, "distance_m": 20.0, "energy_wh": 2.75}
     assert "  estimate 40 to 100 s (within), 20 to 50 m (+20 %), 2.8 to 4.0 Wh (-20 %)" in as_lines(report)
+
+
+@pytest.mark.parametrize(("std_m", "told"), [(None, 0), (0.07, 0), (1.94, 1)])
+def test_an_uncertain_position_is_told_in_the_report(std_m: float | None, told: int) -> None:
+    report = FlightReport(
+        mission="dive", mission_state="done", platform="auv", autopilot="ardupilot", seed=1, position_std_m=std_m
+    )
+    assert len([line for line in as_lines(report) if "known to 1.9 m at the end" in line]) == told

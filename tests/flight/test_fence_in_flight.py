@@ -61,8 +61,8 @@ def test_a_vehicle_that_a_storm_blows_out_of_the_fence_comes_back(flight: Card) 
     flight.wait(2.0)
     flight.fault("wind=20/90", for_s=4.0)  # from the east, to where the walls of the hold are far
     flight.until(lambda: flight.was_told("fence breached"), 6.0, "it is out")
-    flight.await_policy("return", 1.0)
-    flight.await_landed(40.0)
+    flight.until(lambda: flight.mission.policy in ("return", "failsafe"), 1.0, "we, or the autopilot by its own fence")
+    flight.await_landed(60.0)
     assert abs(flight.position_m[1]) < 1.6
 
 

@@ -1,14 +1,16 @@
 """DESIGN §6: in frame geo the fence is also given to the autopilot and read back before the mission starts."""
 
-from math import dist
+from math import dist, nan
 from pathlib import Path
 from typing import Any
 
 import pytest
 from tests.data_folders import OWN
-from tests.flight.card import Card
+from tests.flight.card import ONE_STYLE, Card
+from tests.flight.missions import mission
 
 from gloc3.errors import Refused
+from gloc3.mavlink.codec import message
 from gloc3.platform.reader import load_platform
 from gloc3_sitl.flight.mission_file import read_mission_file
 
@@ -42,6 +44,33 @@ def test_a_mission_on_earth_is_flown_with_its_fence_in_the_autopilot(flight: Car
     truth = flight.flight.simulator.truth()
     assert truth.longitude_deg == pytest.approx(EAST, abs=6e-6)
     assert truth.latitude_deg == pytest.approx(LATITUDE, abs=4e-6)
+
+
+def test_a_mission_in_a_local_frame_has_its_fence_in_the_autopilot_too(flight: Card) -> None:
+    fence = "{polygon_m: [[-2, -2], [12, -2], [12, 3], [-2, 3]], ceiling_m: 8, keep_out: [{circle_m: {center_m: [6, 2.5], radius_m: 0.4}}]}"
+    flight.begin(mission(fence=fence), is_started=False)
+    held = held_fence(flight)
+    frame = flight.flight.platform.local_frames()["hold"]
+    places = [frame.from_geo(item.latitude_deg, item.longitude_deg, frame.origin.altitude_m)[:2] for item in held]
+    wanted = [(-2.0, -2.0), (12.0, -2.0), (12.0, 3.0), (-2.0, 3.0), (6.0, 2.5)]
+    assert [dist(place, one) for place, one in zip(places, wanted, strict=True)] == pytest.approx([0.0] * 5, abs=0.02)
+    assert flight.last("autopilot_fence").progress == "confirmed"
+
+
+@ONE_STYLE
+def test_a_vehicle_that_is_led_out_of_a_fence_in_a_local_frame_is_stopped_by_its_autopilot(flight: Card) -> None:
+    flight.begin(mission(fence="{polygon_m: [[-2, -2], [12, -2], [12, 3], [-2, 3]], ceiling_m: 8}"))
+    flight.await_state("sweep.out", "running")
+    place = flight.flight.platform.local_frames()["hold"].to_geo((60.0, 0.0, 2.0))
+    out = message(
+        "COMMAND_INT", target_system=1, target_component=1, frame=6, command=192, param1=-1.0, param2=1.0,
+        param4=nan, x=round(place.latitude_deg * 1e7), y=round(place.longitude_deg * 1e7), z=2.0,
+    )  # fmt: skip
+    flight.flight.process.vehicle.autopilot.send_message(out)
+    flight.until(
+        lambda: any("outside the fence" in text for _, _, text in flight.flight.simulator.texts), 30.0, "the fence"
+    )
+    flight.always(lambda: flight.position_m[0] < 20.0, 15.0, "it does not go on")
 
 
 def test_without_the_fence_in_the_autopilot_no_mission_on_earth_starts(flight: Card) -> None:

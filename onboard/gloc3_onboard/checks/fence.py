@@ -32,7 +32,7 @@ def fence_checks(readings: Readings) -> Iterator[Check]:
     table = table_of(setup.style, setup.vehicle)
     yield from _flies_on(setup, table.setpoints_lost, mission, readings.platform.limits)
     fence = table.fence
-    has_fence = bool(fence_on_earth(mission))
+    has_fence = bool(fence_on_earth(mission, readings.platform.frames))
     if has_fence:
         yield _breach(setup, fence)
         yield from _polygons(setup, fence)

@@ -121,7 +121,7 @@ class MissionCommands:
                 count = sum(not finding.is_warning for finding in report.findings)
                 return answer(request, Outcome.REFUSED, f"the mission has {count} error(s)", text=findings)
             executor.load(report.flyable(), at_s)
-            if geofence_of(executor).areas:
+            if geofence_of(self._platform, executor).areas:
                 self._fence_wait = _FenceWait(request, findings, at_s + FENCE_S)
                 return None
             return answer(request, text=findings)
@@ -292,7 +292,7 @@ class MissionCommands:
             raise Refused(self._fence_problem())
 
     def _fence_progress(self, executor: MissionExecutor) -> FenceProgress:
-        wanted, held = geofence_of(executor), self._snapshot.fence
+        wanted, held = geofence_of(self._platform, executor), self._snapshot.fence
         if not wanted.areas:
             return FenceProgress.CONFIRMED
         return held.progress if held is not None and held.digest == wanted.digest else FenceProgress.NONE

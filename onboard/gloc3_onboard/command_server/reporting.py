@@ -191,7 +191,7 @@ class Reporting:
         reports, snapshot = self._reports, observing.snapshot
         if not host.is_mission_unknown:
             results += reports.of(mission_summary(host.executor, host.counts), is_due=is_slow)
-            results += reports.of(geofence_of(host.executor), is_due=is_slow)
+            results += reports.of(geofence_of(self._site.platform, host.executor), is_due=is_slow)
         results += reports.of(control.state(), is_due=is_slow)
         results += reports.of(observing.book.table(), is_due=False)
         results += reports.of(motion_limits(self._site.platform, snapshot, host.executor), is_due=is_slow)

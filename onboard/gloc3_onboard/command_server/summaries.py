@@ -119,13 +119,14 @@ def _reasons(executor: MissionExecutor) -> dict[str, str]:
     return {item.target: item.reason[:REASON_MAX] for item in reported[:REASONS_MAX]}
 
 
-def geofence_of(executor: MissionExecutor | None) -> GeoFence:
+def geofence_of(platform: Platform, executor: MissionExecutor | None) -> GeoFence:
     """The loaded mission's fence on Earth; without areas where it has none, and without a digest where no mission is."""
     mission = executor.mission.mission if executor is not None and executor.mission is not None else None
     if mission is None:
         return GeoFence(digest="")
     areas = [
-        GeoArea(area.is_inclusion, list(area.polygon), area.center, area.radius_m) for area in fence_on_earth(mission)
+        GeoArea(area.is_inclusion, list(area.polygon), area.center, area.radius_m)
+        for area in fence_on_earth(mission, platform.frames)
     ]
     return GeoFence(digest=digest_of(mission.text), areas=areas)
 

@@ -1,10 +1,13 @@
 """Makes a plan of MAVLink items from a mission of GLOC3, as far as it is a chain in geographic positions."""
 
+from collections.abc import Mapping
+from functools import lru_cache
 from typing import Final
 
 from gloc3.errors import Finding, InputError
 from gloc3.messages.frames import GeoPoint
 from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
+from gloc3.mission.formats.on_earth import geofence_on_earth
 from gloc3.mission.model.arguments import (
     Arguments,
     Dive,
@@ -25,6 +28,7 @@ from gloc3.mission.model.patterns import Pattern
 from gloc3.mission.model.placement import GeoPlacement, HeightAbove
 from gloc3.mission.model.structure import PartialOrder
 from gloc3.mission.model.waypoint_options import given_options, rest_s
+from gloc3.platform.platform import FrameRow
 
 _FRAMES: Final = {HeightAbove.SEA: 0, HeightAbove.HOME: 3, HeightAbove.GROUND: 10}
 _EARTH: Final = GeoPoint(0.0, 0.0, 0.0)
@@ -177,9 +181,24 @@ class _Converter:
         return fence_areas(geofence)
 
 
-def fence_on_earth(mission: Mission) -> tuple[FenceArea, ...]:
-    """The areas of a mission's fence that an autopilot can keep too; none where it has none in frame geo."""
-    return fence_areas(mission.geofence) if mission.frame == GEO and mission.geofence is not None else ()
+def fence_on_earth(mission: Mission, frames: Mapping[str, FrameRow]) -> tuple[FenceArea, ...]:
+    """The areas of a mission's fence that an autopilot can keep too; none where its frame has no place on Earth.
+
+    Args:
+        mission: what was read.
+        frames: the platform's local frames.
+    """
+    if mission.geofence is None:
+        return ()
+    if mission.frame == GEO:
+        return fence_areas(mission.geofence)
+    row = frames.get(mission.frame)
+    return _placed_areas(mission.geofence, row) if row is not None else ()
+
+
+@lru_cache(maxsize=16)
+def _placed_areas(geofence: GeofenceFile, row: FrameRow) -> tuple[FenceArea, ...]:
+    return fence_areas(geofence_on_earth(geofence, row.frame()))
 
 
 def fence_areas(geofence: GeofenceFile) -> tuple[FenceArea, ...]:

@@ -28,7 +28,7 @@ def on_earth(mission: Mission, frame: LocalFrame) -> Mission:
         )
         for name, task in mission.tasks.items()
     }
-    geofence = _fence(mission.geofence, frame) if mission.geofence is not None else None
+    geofence = geofence_on_earth(mission.geofence, frame) if mission.geofence is not None else None
     return replace(mission, frame=GEO, height_above=HeightAbove.SEA, tasks=tasks, geofence=geofence)
 
 
@@ -57,7 +57,8 @@ def _heading(heading: Heading, frame: LocalFrame) -> Heading:
     return LookAt(look_at=_geo(heading.look_at, frame)) if isinstance(heading, LookAt) else heading
 
 
-def _fence(geofence: GeofenceFile, frame: LocalFrame) -> GeofenceFile:
+def geofence_on_earth(geofence: GeofenceFile, frame: LocalFrame) -> GeofenceFile:
+    """The same fence in frame geo; its ceiling stays a height above the frame's origin."""
     return GeofenceFile(
         polygon=_polygon(geofence, frame),
         circle=_circle(geofence, frame),

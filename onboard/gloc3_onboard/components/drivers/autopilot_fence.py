@@ -1,4 +1,4 @@
-"""AD: keeps the autopilot's own geofence like that of the loaded mission, in frame geo: uploaded, read back, switched on."""
+"""AD: keeps the autopilot's own geofence like that of the loaded mission: uploaded, read back, switched on."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol

@@ -49,6 +49,7 @@ COPTER: Final = ClassProperties(
     },
     commanded={_HOLD: 17, _MISSION: 3, _RETURN: 6, _GUIDED: 4, _LAND: 9},
     behaviour=AutopilotBehaviour(arm_in_mode=_GUIDED),
+    form=Form.ACCELERATED,
     timeout_s=_TIMEOUT_S,
 )
 

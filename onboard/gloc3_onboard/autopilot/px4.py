@@ -55,6 +55,7 @@ COPTER: Final = ClassProperties(
     modes=MODES,
     commanded=_COMMANDED,
     behaviour=AutopilotBehaviour(arm_in_mode=FlightMode.HOLD, stream_before_guided_s=_STREAM_S),
+    form=Form.ACCELERATED,
     timeout_s=_LOSS_S,
 )
 

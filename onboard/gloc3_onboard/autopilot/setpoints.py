@@ -61,12 +61,15 @@ def setpoint_message(
         setpoint = AutopilotSetpoint(
             None, (0.0, 0.0, 0.0), yaw_of(pose.ned_from_frd) if setpoint.yaw_rad is None else setpoint.yaw_rad
         )
-    mask = IGNORE_ACCELERATION | IGNORE_YAW_RATE
+    acceleration = setpoint.acceleration_ned_m_s2 if form is Form.ACCELERATED else None
+    mask = IGNORE_YAW_RATE
+    mask |= IGNORE_ACCELERATION if acceleration is None else 0
     mask |= IGNORE_POSITION if setpoint.position_ned_m is None else 0
     mask |= IGNORE_VELOCITY if setpoint.velocity_ned_m_s is None else 0
     mask |= IGNORE_YAW if setpoint.yaw_rad is None else 0
     x, y, z = setpoint.position_ned_m or (0.0, 0.0, 0.0)
     vx, vy, vz = setpoint.velocity_ned_m_s or (0.0, 0.0, 0.0)
+    afx, afy, afz = acceleration or (0.0, 0.0, 0.0)
     return codec.message(
         "SET_POSITION_TARGET_LOCAL_NED",
         time_boot_ms=boot_ms,
@@ -80,6 +83,9 @@ def setpoint_message(
         vx=vx,
         vy=vy,
         vz=vz,
+        afx=afx,
+        afy=afy,
+        afz=afz,
         yaw=setpoint.yaw_rad or 0.0,
     )
 

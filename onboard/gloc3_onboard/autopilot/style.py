@@ -20,6 +20,8 @@ class Form(StrEnum):
 
     POSITION = "position"
     """SET_POSITION_TARGET_LOCAL_NED with position, velocity as feed-forward, and yaw, as far as they are given."""
+    ACCELERATED = "accelerated"
+    """The same, with the acceleration of what moves beside its velocity: a multirotor leans before it has to."""
     MOVING = "moving"
     """The same, always with a velocity: a position alone begins a way anew, and a stream of such leads nowhere."""
     VELOCITY = "velocity"

@@ -63,7 +63,7 @@ class VehicleKind(NamedTuple):
 KINDS: Final = {
     VehicleClass.COPTER: VehicleKind(
         "multirotor", ("quadrotor", "hexarotor"), 1.5, 3.0, 1.0, 0.5, 2.0, (0.3, 30.0), 1.0,
-        "hover_w: 250, per_m_s_w: 4, climb_w_per_m_s: 16, avionics_w: 12", 74.0, braking_share=0.5, acceptance_m=1.0,
+        "hover_w: 250, per_m_s_w: 4, climb_w_per_m_s: 16, avionics_w: 12", 74.0, braking_share=0.7, acceptance_m=1.0,
     ),
     VehicleClass.ROVER: VehicleKind(
         "wheeled", ("rover",), 5.0, 2.0, 1.0, 0.5, 1.0, (-0.5, 0.5), 2.0,

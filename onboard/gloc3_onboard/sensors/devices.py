@@ -327,6 +327,8 @@ class AutopilotSetpoint(NamedTuple):
     position_ned_m: Vector3 | None
     velocity_ned_m_s: Vector3 | None
     yaw_rad: float | None
+    acceleration_ned_m_s2: Vector3 | None = None
+    """With a position and a velocity: how the velocity changes, for vehicles that take it as feed-forward."""
 
 
 class AutopilotControl(Protocol):

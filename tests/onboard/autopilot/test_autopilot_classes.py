@@ -168,6 +168,19 @@ def test_a_rover_does_not_circle_to_come_back_to_a_place_that_it_has_just_passed
         assert math.hypot(message.vx, message.vy) == pytest.approx(speed, abs=0.01), east_m
 
 
+@pytest.mark.parametrize("facts", EVERY, ids=lambda snapshot: f"{snapshot.vehicle}-{snapshot.timeout_s}")
+def test_only_a_multirotor_gets_the_acceleration_of_the_moving_place(facts: ClassProperties) -> None:
+    setpoint = AutopilotSetpoint((10.0, 5.0, -3.0), (2.0, 0.0, 0.0), 0.0, (1.5, 0.0, -0.2))
+    message = setpoint_message(setpoint, facts.form, AUTOPILOT, 0, EAST)
+    assert message is not None
+    if message.name != "SET_POSITION_TARGET_LOCAL_NED":
+        return
+    has_acceleration = not message.type_mask & 0b1_1100_0000
+    assert has_acceleration == (facts.vehicle is VehicleClass.COPTER)
+    if has_acceleration:
+        assert (message.afx, message.afy, message.afz) == pytest.approx((1.5, 0.0, -0.2))
+
+
 def test_a_submarine_never_gets_a_position_without_a_velocity() -> None:
     message = setpoint_message(AutopilotSetpoint((1.0, 2.0, 3.0), None, None), Form.MOVING, AUTOPILOT, 0, EAST)
     assert message is not None

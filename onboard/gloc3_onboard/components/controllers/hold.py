@@ -22,7 +22,7 @@ GAP_S = 0.5
 class HoldSettings(Settings, frozen=True):
     """Settings of the hold controller."""
 
-    braking_m_s2: Annotated[float, Bounds(0.1, 20.0)] = 1.2
+    braking_m_s2: Annotated[float, Bounds(0.1, 20.0)] = 1.75
     """How hard a moving vehicle is braked. The place to keep is where it comes to rest, so that it need not come back."""
     pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = POSE_LATE_S
     """An older pose is late: without a younger one no setpoint is asked for."""

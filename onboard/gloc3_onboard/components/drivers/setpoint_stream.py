@@ -20,6 +20,9 @@ STEADY_MOST_S: Final = 8.0
 RECOVERED_S: Final = 30.0
 """A stream that the autopilot has followed for so long has never run dry."""
 _AT_REST: Final = (0.0, 0.0, 0.0)
+SHORTEST_S: Final = 0.01
+LONGEST_S: Final = 0.2
+"""Setpoints that follow each other within these times tell an acceleration."""
 PAIRED_S: Final = 0.1
 """Two estimates that are valid at most so far apart tell how their frames lie to each other."""
 
@@ -40,6 +43,8 @@ class SetpointStream:
         self._pose_s = -math.inf
         self._offset_ned_m: Vector3 | None = None
         """From the autopilot's frame to ours."""
+        self._led: tuple[Vector3, float] | None = None
+        """The last velocity that went with a position, and when it was."""
 
     @property
     def is_steady(self) -> bool:
@@ -157,4 +162,21 @@ class SetpointStream:
             if offset is None:
                 return None
             position = (position[0] - offset[0], position[1] - offset[1], position[2] - offset[2])
-        return AutopilotSetpoint(position, setpoint.velocity_ned_m_s, setpoint.yaw_rad)
+        acceleration = self._acceleration(setpoint, wanted.t_s)
+        return AutopilotSetpoint(position, setpoint.velocity_ned_m_s, setpoint.yaw_rad, acceleration)
+
+    def _acceleration(self, setpoint: Setpoint, t_s: float) -> Vector3 | None:
+        """How the velocity of a moving place changes: without it a vehicle lags, then hurries, and flies past corners."""
+        before, velocity = self._led, setpoint.velocity_ned_m_s
+        if setpoint.position_ned_m is None or velocity is None:
+            self._led = None
+            return None
+        self._led = velocity, t_s
+        if before is None or not SHORTEST_S <= (duration_s := t_s - before[1]) <= LONGEST_S:
+            return None
+        assert self._limiter is not None
+        change = math.dist(velocity, before[0])
+        most = self._limiter.limits.acceleration_m_s2 * duration_s
+        share = (min(1.0, most / change) if change > 0.0 else 1.0) / duration_s
+        (vn, ve, vd), (n, e, d) = velocity, before[0]
+        return ((vn - n) * share, (ve - e) * share, (vd - d) * share)

@@ -45,9 +45,9 @@ def test_at_speed_the_place_moves_on_until_it_rests() -> None:
         places.append(place(stage))
         speeds.append(math.hypot(*stage.last(Setpoint).velocity_ned_m_s))
     assert math.dist(places[0], (1.0, 2.0, -3.0)) < 0.1
-    assert math.dist(places[-1], (1.0, 2.0, -3.0)) == pytest.approx(1.3**2 / 2.4, abs=0.05)
+    assert math.dist(places[-1], (1.0, 2.0, -3.0)) == pytest.approx(1.3**2 / 3.5, abs=0.05)
     assert speeds[-1] == 0.0
-    assert max(a - b for a, b in itertools.pairwise(speeds)) <= 1.2 * 0.1 + 1e-9
+    assert max(a - b for a, b in itertools.pairwise(speeds)) <= 1.75 * 0.1 + 1e-9
     assert max(math.dist(a, b) for a, b in itertools.pairwise(places)) <= 1.3 * 0.05 + 1e-9
 
 

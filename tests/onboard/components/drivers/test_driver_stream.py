@@ -10,6 +10,7 @@ from tests.onboard.messages import LIMITS, at, autopilot_pose, pose, setpoint
 
 from gloc3.messages.vehicle import AutopilotState, EmergencyDisarm, FlightMode, LandedState, ManoeuvreKind
 from gloc3_onboard.components.drivers.autopilot import AutopilotDriver
+from gloc3_onboard.components.drivers.setpoint_stream import SetpointStream
 
 STYLES = pytest.mark.parametrize("style", ["px4", "ardupilot"])
 
@@ -354,3 +355,25 @@ def test_an_emergency_disarm_goes_out_whoever_owns_motion() -> None:
     rig.run(0.2)
     rig.step(emergency=EmergencyDisarm(author="ana"))
     assert "disarm, forced" in rig.autopilot.commands
+
+
+def test_setpoints_that_go_faster_and_slower_tell_how_much_no_more_than_the_platform_may() -> None:
+    stream = SetpointStream()
+    stream.adopt(LIMITS)
+    place, told = 0.0, []
+    for step in range(60):
+        now_s = 1.0 + 0.05 * step
+        speed = min(0.05 * step * 2.0, 2.0) if step < 40 else max(0.0, 2.0 - 2.0 * 0.05 * (step - 40))
+        place += 0.05 * speed
+        here = at(now_s, pose(place, 0.0, 2.0, velocity_ned_m_s=(speed, 0.0, 0.0)))
+        stream.set_vehicle(here, at(now_s, autopilot_pose(place - 10.0, 0.0, 2.0)), is_guided=True)
+        wanted = at(now_s, setpoint((place, 0.0, -2.0), (speed, 0.0, 0.0)))
+        sent = stream.next_setpoint([wanted], "go", now_s, may_fly=True, is_guided=True)
+        assert sent is not None
+        told.append(sent.acceleration_ned_m_s2)
+    assert told[0] is None
+    known = [one[0] for one in told[1:] if one is not None]
+    assert known[10] == pytest.approx(2.0, abs=0.1)
+    assert known[30] == pytest.approx(0.0, abs=0.1)
+    assert known[50] == pytest.approx(-2.0, abs=0.1)
+    assert max(map(abs, known)) <= LIMITS.acceleration_m_s2 + 1e-9

@@ -11,6 +11,7 @@ from tests.flight.missions import mission
 
 from gloc3.errors import Refused
 from gloc3.mavlink.codec import message
+from gloc3.messages.command_interface import Outcome, Steer, Verb
 from gloc3.platform.reader import load_platform
 from gloc3_sitl.flight.mission_file import read_mission_file
 
@@ -58,8 +59,9 @@ def test_a_mission_in_a_local_frame_has_its_fence_in_the_autopilot_too(flight: C
 
 
 @ONE_STYLE
-def test_a_vehicle_that_is_led_out_of_a_fence_in_a_local_frame_is_stopped_by_its_autopilot(flight: Card) -> None:
-    flight.begin(mission(fence="{polygon_m: [[-2, -2], [12, -2], [12, 3], [-2, 3]], ceiling_m: 8}"))
+def test_a_vehicle_that_is_led_out_of_a_fence_in_a_local_frame_is_brought_back_by_its_autopilot(flight: Card) -> None:
+    fence = "{polygon_m: [[-2, -2], [12, -2], [12, 3], [-2, 3]], ceiling_m: 8}"
+    flight.begin(mission(fence=fence), parameters={"GF_ACTION": 3})
     flight.await_state("sweep.out", "running")
     place = flight.flight.platform.local_frames()["hold"].to_geo((60.0, 0.0, 2.0))
     out = message(
@@ -70,7 +72,9 @@ def test_a_vehicle_that_is_led_out_of_a_fence_in_a_local_frame_is_stopped_by_its
     flight.until(
         lambda: any("outside the fence" in text for _, _, text in flight.flight.simulator.texts), 30.0, "the fence"
     )
-    flight.always(lambda: flight.position_m[0] < 20.0, 15.0, "it does not go on")
+    flight.always(lambda: flight.position_m[0] < 22.0, 15.0, "it does not go on")
+    flight.await_landed(60.0)
+    assert dist(flight.position_m[:2], (0.0, 0.0)) < 1.0
 
 
 def test_without_the_fence_in_the_autopilot_no_mission_on_earth_starts(flight: Card) -> None:
@@ -84,8 +88,11 @@ def test_a_plan_of_qgroundcontrol_with_a_fence_is_checked_uploaded_and_flown_to_
 ) -> None:
     plan = OWN / "missions" / "box_and_return_in_a_fence.plan"
     mission = read_mission_file(plan, load_platform("pelican_rtk"), tmp_path)
-    flight.begin(mission.file, platform="pelican_rtk", home=mission.home)
+    flight.begin(mission.file, platform="pelican_rtk", home=mission.home, is_started=False)
     assert len(held_fence(flight)) == 5
+    assert "its own return" in flight.refused_steer("start"), "straight home leads through the plan's keep-out area"
+    override = Steer(verb=Verb.START, override="the return is watched by a pilot", author="a test")
+    assert flight.request(override).outcome is Outcome.ACCEPTED
     flight.await_state("mission", "done", 120.0)
     truth = flight.flight.truth.samples[-1]
     assert dist(truth.position_ned_m[:2], (0.0, 0.0)) < 0.5

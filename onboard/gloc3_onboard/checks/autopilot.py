@@ -110,7 +110,7 @@ def _parameters(readings: Readings) -> Check:
     if not readings.is_setup_fresh:
         finding = f"{count} were read earlier, but not for this check"
         return Check(GROUP, "parameters", Verdict.WARNING, finding, "check the link to the autopilot, then check again")
-    alternatives = table_of(setup.style, setup.vehicle).arming_checks if setup.style is not None else {}
+    alternatives = table_of(setup.style, setup.vehicle).alternatives if setup.style is not None else ()
     unread = [name for name in setup.unread if name not in alternatives]
     without = f"; missing: {', '.join(unread)}" if unread else ""
     return Check(GROUP, "parameters", Verdict.OK, f"{count} read{without}")

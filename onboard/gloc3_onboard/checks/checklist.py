@@ -13,6 +13,7 @@ from gloc3_onboard.checks.autopilot import autopilot_checks
 from gloc3_onboard.checks.computer import computer_checks
 from gloc3_onboard.checks.failsafes import failsafe_checks
 from gloc3_onboard.checks.fence import fence_checks
+from gloc3_onboard.checks.own_return import own_return_checks
 from gloc3_onboard.checks.readings import Readings
 from gloc3_onboard.checks.sensors import sensor_checks
 
@@ -24,6 +25,7 @@ def checklist(readings: Readings) -> list[Check]:
             *autopilot_checks(readings),
             *failsafe_checks(readings),
             *fence_checks(readings),
+            *own_return_checks(readings),
             *sensor_checks(readings),
             *own_sensor_checks(readings),
             *component_checks(readings),

@@ -48,11 +48,19 @@ def action_of(setup: AutopilotSetup, failsafe: Failsafe) -> str | None:
     value = setup.parameters.get(failsafe.parameter)
     if value is None or (failsafe.enabled_by and failsafe.enabled_by not in setup.parameters):
         return None
+    if _has_no_limit(setup, failsafe):
+        return CONTINUE
     if failsafe.exempt is not None:
         name, bit = failsafe.exempt
         if int(setup.parameters.get(name, 0.0)) & bit:
             return CONTINUE
     return failsafe.actions.get(int(value), f"an unknown action ({failsafe.parameter} is {value:g})")
+
+
+def _has_no_limit(setup: AutopilotSetup, failsafe: Failsafe) -> bool:
+    """Whether neither a share of the charge nor a voltage brings it about."""
+    is_off = failsafe.volts and setup.parameters.get(failsafe.volts) == 0.0
+    return bool(is_off) and failsafe.limit(setup.parameters.get) == 0.0
 
 
 def _compared(
@@ -63,12 +71,16 @@ def _compared(
     if action is None:
         return Check(GROUP, name, Verdict.UNKNOWN, f"{failsafe.parameter} could not be read")
     limit = failsafe.limit(setup.parameters.get)
+    volts = setup.parameters.get(failsafe.volts, 0.0)
     decides = failsafe.parameter
     if failsafe.enabled_by and CONTINUE in (wanted, action) and setup.parameters.get(decides, 0.0) != 0.0:
         decides = failsafe.enabled_by
-    finding = (
-        f"{action}{_when(limit, unit) if action != CONTINUE else ''} ({decides} {setup.parameters.get(decides, 0.0):g})"
-    )
+    when = _when(limit, unit) if limit or not volts else ""
+    when += f"{' or' if when else ''} at {volts:g} V ({failsafe.volts})" if volts else ""
+    if _has_no_limit(setup, failsafe):
+        when = f": {' and '.join((failsafe.limit_parameters[0], failsafe.volts))} are 0"
+    finding = f"{action}{when if action != CONTINUE or when[:1] == ':' else ''}"
+    finding += f" ({decides} {setup.parameters.get(decides, 0.0):g})"
     if action != wanted:
         finding += f"; the platform file says {wanted}{_when(wanted_limit, unit)}"
         right = ", ".join(f"{number}" for number, meaning in failsafe.actions.items() if meaning == wanted)
@@ -77,7 +89,7 @@ def _compared(
         correct = "failsafes in the platform file"
         advice = f"set {decides} to {right}, or correct {correct}" if right else f"correct {correct}, and the missions"
         return Check(GROUP, name, Verdict.RED, finding, advice)
-    if action == CONTINUE or limit is None or wanted_limit is None:
+    if action == CONTINUE or limit is None or wanted_limit is None or (volts and not limit):
         return Check(GROUP, name, Verdict.OK, finding)
     near = NEAR_S if unit else NEAR_SHARE
     is_sooner = limit < wanted_limit - near if unit else limit > wanted_limit + near

@@ -27,6 +27,21 @@ class Failsafe(NamedTuple):
     """A parameter and the bit of it by which nothing is done while it follows our setpoints."""
     enabled_by: str = ""
     """A parameter that is 0 where nothing is done."""
+    volts: str = ""
+    """A parameter with a voltage at which it acts, too; 0 for none."""
+
+
+class ReturnTable(NamedTuple):
+    """The autopilot's own return: to a height, straight home, and down."""
+
+    heights: Mapping[str, float]
+    """The parameter of its least height above home by its names in several versions, to its unit in metres."""
+    climbs: Mapping[str, float] = {}
+    """The same of the least climb from where it is."""
+    lands: str = ""
+    """A parameter that is 0 where it ends at home or at a rally point."""
+    rally: str = ""
+    """A parameter that counts the rally points that it holds."""
 
 
 class FenceLimit(NamedTuple):
@@ -74,6 +89,13 @@ class StyleTable(NamedTuple):
     """Parameters with a value that is worth a warning, and what it does."""
     hindering: Mapping[str, tuple[tuple[float, ...], str, float]] = {}
     """Parameters with values by which our paths are not flown, what they do, and a value that does not."""
+    own_return: ReturnTable = ReturnTable({})
+    """Without heights where it does not climb."""
+
+    @property
+    def alternatives(self) -> tuple[str, ...]:
+        """Names of which a vehicle has one or another, by its version."""
+        return (*self.arming_checks, *self.own_return.heights, *self.own_return.climbs)
 
     def names(self) -> tuple[str, ...]:
         """Every parameter that is to be read."""
@@ -82,8 +104,11 @@ class StyleTable(NamedTuple):
         for failsafe in (self.link_loss, self.low_battery, self.pose_lost, self.setpoints_lost, fence.breach):
             exempt = failsafe.exempt[0] if failsafe.exempt is not None else ""
             found |= dict.fromkeys((failsafe.parameter, failsafe.enabled_by, *failsafe.limit_parameters, exempt))
+            found |= dict.fromkeys((failsafe.volts,))
         found |= dict.fromkeys((fence.kinds, fence.enabled_by, *(limit.parameter for limit in fence.limits)))
         found |= dict.fromkeys((*self.calibrated, *self.arming_checks, *self.doubtful, *self.hindering))
+        own = self.own_return
+        found |= dict.fromkeys((*own.heights, *own.climbs, own.lands, own.rally))
         return tuple(name for name in found if name)
 
 

@@ -19,12 +19,14 @@ from gloc3_onboard.checks.parameters import (
     Failsafe,
     FenceLimit,
     FenceTable,
+    ReturnTable,
     StyleTable,
     share_of,
     value_of,
 )
 
 _BATTERY_LIMIT: Final = share_of("BATT_LOW_MAH", "BATT_CAPACITY"), ("BATT_LOW_MAH", "BATT_CAPACITY")
+_LOW_V: Final = "BATT_LOW_VOLT"
 _FIXED_STOP: Final = Failsafe("", {0: HOLD}, lambda _: 3.0)
 """Rover and Sub stop three seconds after the last setpoint, which cannot be changed."""
 
@@ -50,12 +52,16 @@ COPTER: Final = StyleTable(
         "BATT_FS_LOW_ACT",
         {0: CONTINUE, 1: LAND, 2: RETURN, 3: RETURN, 4: LAND, 5: TERMINATE, 6: RETURN, 7: HOLD},
         *_BATTERY_LIMIT,
+        volts=_LOW_V,
     ),
     pose_lost=Failsafe("FS_EKF_ACTION", {0: CONTINUE, 1: LAND, 2: PILOT, 3: LAND}),
     setpoints_lost=Failsafe("", {0: HOLD}, value_of("GUID_TIMEOUT"), ("GUID_TIMEOUT",)),
     fence=_FENCE,
     calibrated={},
     arming_checks={"ARMING_SKIPCHK": 0.0, "ARMING_CHECK": 1.0},
+    own_return=ReturnTable(
+        {"RTL_ALT_M": 1.0, "RTL_ALT": 0.01}, {"RTL_CLIMB_MIN_M": 1.0, "RTL_CLIMB_MIN": 0.01}, rally="RALLY_TOTAL"
+    ),
 )
 
 _ROVER_ACTIONS: Final = {0: CONTINUE, 1: RETURN, 2: HOLD, 3: RETURN, 4: RETURN, 5: TERMINATE, 6: HOLD}
@@ -63,13 +69,14 @@ ROVER: Final = COPTER._replace(
     link_loss=Failsafe(
         "FS_ACTION", _ROVER_ACTIONS, value_of("FS_GCS_TIMEOUT"), ("FS_GCS_TIMEOUT",), enabled_by="FS_GCS_ENABLE"
     ),
-    low_battery=Failsafe("BATT_FS_LOW_ACT", _ROVER_ACTIONS, *_BATTERY_LIMIT),
+    low_battery=Failsafe("BATT_FS_LOW_ACT", _ROVER_ACTIONS, *_BATTERY_LIMIT, volts=_LOW_V),
     pose_lost=Failsafe("FS_EKF_ACTION", {0: CONTINUE, 1: HOLD, 2: CONTINUE}),
     setpoints_lost=_FIXED_STOP,
     fence=_FENCE._replace(
         breach=Failsafe("FENCE_ACTION", {0: CONTINUE, 1: RETURN, 2: HOLD, 3: RETURN, 4: RETURN}),
         limits=(_CIRCLE,),
     ),
+    own_return=ReturnTable({}, rally="RALLY_TOTAL"),
 )
 
 SUB: Final = COPTER._replace(
@@ -79,10 +86,13 @@ SUB: Final = COPTER._replace(
         value_of("FS_GCS_TIMEOUT"),
         ("FS_GCS_TIMEOUT",),
     ),
-    low_battery=Failsafe("BATT_FS_LOW_ACT", {0: CONTINUE, 1: CONTINUE, 2: DISARM, 3: LAND}, *_BATTERY_LIMIT),
+    low_battery=Failsafe(
+        "BATT_FS_LOW_ACT", {0: CONTINUE, 1: CONTINUE, 2: DISARM, 3: LAND}, *_BATTERY_LIMIT, volts=_LOW_V
+    ),
     pose_lost=Failsafe("FS_EKF_ACTION", {0: CONTINUE, 1: CONTINUE, 2: DISARM}),
     setpoints_lost=_FIXED_STOP,
     fence=_FENCE._replace(breach=Failsafe("", {0: CONTINUE}), limits=(_TOP, _CIRCLE, _BOTTOM)),
+    own_return=ReturnTable({}),
     doubtful={"FS_PILOT_INPUT": (2.0, "disarms under way when a connected joystick stops sending")},
 )
 """To *land* is to surface. At its fence it does nothing but record that it was left."""
@@ -99,10 +109,12 @@ PLANE: Final = COPTER._replace(
         "BATT_FS_LOW_ACT",
         {0: CONTINUE, 1: RETURN, 2: LAND, 3: TERMINATE, 4: LAND, 5: TERMINATE, 6: LAND, 7: LAND},
         *_BATTERY_LIMIT,
+        volts=_LOW_V,
     ),
     pose_lost=Failsafe("", {0: CONTINUE}),
     setpoints_lost=Failsafe("", {0: HOLD}),
     fence=_FENCE._replace(breach=Failsafe("FENCE_ACTION", {0: CONTINUE, 1: RETURN, 6: HOLD, 7: HOLD, 8: LAND})),
+    own_return=ReturnTable({"RTL_ALTITUDE": 1.0, "ALT_HOLD_RTL": 0.01}, rally="RALLY_TOTAL"),
 )
 """To *hold* is to circle; without a position it flies on by what it believes."""
 

@@ -18,6 +18,7 @@ from gloc3_onboard.checks.parameters import (
     Failsafe,
     FenceLimit,
     FenceTable,
+    ReturnTable,
     StyleTable,
     value_of,
 )
@@ -47,9 +48,10 @@ COPTER: Final = StyleTable(
     ),
     calibrated={"CAL_GYRO0_ID": "gyroscope", "CAL_ACC0_ID": "accelerometer", "CAL_MAG0_ID": "compass"},
     arming_checks={},
+    own_return=ReturnTable({"RTL_RETURN_ALT": 1.0}, lands="RTL_TYPE"),
 )
 
-ROVER: Final = COPTER._replace(pose_lost=Failsafe("", {0: HOLD}))
+ROVER: Final = COPTER._replace(pose_lost=Failsafe("", {0: HOLD}), own_return=ReturnTable({}))
 """What cannot land stops."""
 
 PLANE: Final = COPTER._replace(

@@ -74,3 +74,22 @@ def test_every_class_that_is_led_has_a_table_of_its_own_whose_names_fit_the_prot
         names = table_of(style, vehicle).names()
         assert all(0 < len(name) <= 16 for name in names)
         assert len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize(
+    ("changes", "verdict", "finding"),
+    [
+        ({"BATT_FS_LOW_ACT": 2, "BATT_LOW_MAH": 0, "BATT_LOW_VOLT": 14.4}, Verdict.RED,
+         "return at 14.4 V (BATT_LOW_VOLT) (BATT_FS_LOW_ACT 2); the platform file says continue"),
+        ({"BATT_FS_LOW_ACT": 2, "BATT_LOW_MAH": 660, "BATT_LOW_VOLT": 14.4}, Verdict.RED,
+         "return at 20 % or at 14.4 V (BATT_LOW_VOLT) (BATT_FS_LOW_ACT 2)"),
+        ({"BATT_FS_LOW_ACT": 2, "BATT_LOW_MAH": 0, "BATT_LOW_VOLT": 0}, Verdict.OK,
+         "continue: BATT_LOW_MAH and BATT_LOW_VOLT are 0 (BATT_FS_LOW_ACT 2)"),
+    ],
+)  # fmt: skip
+def test_a_battery_failsafe_acts_at_a_charge_or_a_voltage_or_never(
+    changes: dict[str, float], verdict: Verdict, finding: str
+) -> None:
+    found = lines(VehicleClass.COPTER, **changes)["low battery"]
+    assert found[0] is verdict
+    assert found[1].startswith(finding)

@@ -111,7 +111,7 @@ PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     real("WP_ACC_Z", 2.0, 0.5, 5.0, "vertical acceleration, m/s^2", "limits.acceleration_z_m_s2"),
     real("WP_JERK", 6.0, 1.0, 20.0, "jerk, m/s^3", "limits.jerk_m_s3"),
     real("WP_RADIUS_M", 2.0, 0.05, 10.0, "acceptance radius, m", "acceptance_radius_m"),
-    real("RTL_ALT_M", 15.0, 0.3, 3000.0, "return height, m", "return_height_m"),
+    real("RTL_ALT_M", 2.0, 0.3, 3000.0, "return height, m", "return_height_m"),
     real("RTL_ALT_FINAL_M", 0.0, 0.0, 10.0, "height to wait at, m; 0 lands"),
     real("RTL_CLIMB_MIN_M", 0.0, 0.0, 30.0, "least climb, m"),
     whole("RTL_LOIT_TIME", 5000, 0, 60000, "wait before landing, ms", "return_wait_s", scale=0.001),

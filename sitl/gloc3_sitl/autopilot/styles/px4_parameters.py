@@ -99,7 +99,7 @@ PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     whole("MIS_YAWMODE", 1, 0, 4, "heading in missions"),
     real("NAV_ACC_RAD", 2.0, 0.05, 200.0, "acceptance radius, m", "acceptance_radius_m"),
     real("NAV_MC_ALT_RAD", 0.8, 0.05, 200.0, "acceptance height, m"),
-    real("RTL_RETURN_ALT", 30.0, 0.0, 2000.0, "return height, m", "return_height_m"),
+    real("RTL_RETURN_ALT", 2.0, 0.0, 2000.0, "return height, m", "return_height_m"),
     real("RTL_DESCEND_ALT", 10.0, 0.0, 2000.0, "height to wait at, m", "return_descend_m"),
     real("RTL_LAND_DELAY", 0.0, -1.0, 3600.0, "wait before landing, s", "return_wait_s"),
     real("RTL_MIN_DIST", 10.0, 0.5, 100.0, "no climb closer to home, m", "return_near_m"),

@@ -1,0 +1,135 @@
+"""The autopilot's own return before a start: below the ceiling, inside the fence, and home."""
+
+from collections.abc import Mapping
+
+import pytest
+
+from gloc3.messages.frames import GeoPoint
+from gloc3.messages.preflight import Check, Verdict
+from gloc3.messages.readiness import AutopilotSetup
+from gloc3.messages.vehicle import Style, VehicleClass
+from gloc3.mission.checking.checker import Circumstances, check_text
+from gloc3.platform.reader import load_platform
+from gloc3_onboard.autopilot.presets.files import load_preset
+from gloc3_onboard.checks.own_return import own_return_checks
+from gloc3_onboard.checks.readings import Readings
+from gloc3_onboard.checks.tables import table_of
+
+PX4, ARDUPILOT = Style.PX4, Style.ARDUPILOT
+COPTER, PLANE, ROVER = VehicleClass.COPTER, VehicleClass.PLANE, VehicleClass.ROVER
+SQUARE = "{polygon_m: [[-5, -5], [40, -5], [40, 40], [-5, 40]], ceiling_m: 8}"
+CORNER = "{polygon_m: [[-5, -5], [40, -5], [40, 40], [30, 40], [30, 5], [-5, 5]], ceiling_m: 8}"
+KEEP_OUT = SQUARE.replace("ceiling_m: 8", "ceiling_m: 8, keep_out: [{circle_m: {center_m: [17, 17], radius_m: 3}}]")
+MISSION = """\
+mission: around the corner
+frame: site
+geofence: FENCE
+on_failure: land
+tasks:
+  out: {actions: {up: {take_off: {height_m: 5}}, far: {follow_waypoints: {waypoints_m: [[35, 0, 5], [35, 35, 5]]}, after: [up]}}}
+  back: {after: [out], actions: {way: {follow_waypoints: {waypoints_m: [[35, 0, 5], [0, 0, 5]]}}, down: {land: {}, after: [way]}}}
+"""
+RETURNING: Mapping[Style, dict[str, float]] = {
+    PX4: {"NAV_DLL_ACT": 0, "COM_LOW_BAT_ACT": 3, "BAT_CRIT_THR": 0.1, "COM_OBL_RC_ACT": 5, "GF_ACTION": 2,
+          "RTL_RETURN_ALT": 4, "RTL_TYPE": 0, "GF_MAX_VER_DIST": 0},
+    ARDUPILOT: {"FS_GCS_ENABLE": 0, "FS_GCS_ENABL": 0, "FS_LONG_ACTN": 0, "BATT_FS_LOW_ACT": 2, "BATT_LOW_MAH": 660,
+                "BATT_CAPACITY": 3300, "BATT_LOW_VOLT": 0, "FENCE_ACTION": 1, "RTL_ALT_M": 4, "RTL_ALTITUDE": 4},
+}  # fmt: skip
+
+
+def lines(
+    style: Style,
+    changes: Mapping[str, float] | None = None,
+    *,
+    vehicle: VehicleClass = COPTER,
+    fence: str = SQUARE,
+    without: tuple[str, ...] = (),
+) -> list[Check]:
+    platform = load_platform("copter")
+    circumstances = Circumstances(
+        platform=platform, origin=GeoPoint(*platform.frames["site"].origin.geo), home_ned_m=(0.0, 0.0, 0.0)
+    )
+    report = check_text(MISSION.replace("FENCE", fence), "m", circumstances)
+    names = [name for name in table_of(style, vehicle).names() if name not in without]
+    values = {name: float(value) for name, value in {**RETURNING[style], **(changes or {})}.items() if name in names}
+    setup = AutopilotSetup(style=style, vehicle=vehicle, parameters=values, is_complete=True)
+    readings = Readings(
+        platform=platform, now_s=1.0, setup=setup, mission=report.mission, home_ned_m=circumstances.home_ned_m
+    )
+    return list(own_return_checks(readings))
+
+
+@pytest.mark.parametrize(
+    ("style", "vehicle", "causes"),
+    [(PX4, COPTER, "low battery"), (ARDUPILOT, COPTER, "low battery, fence"), (ARDUPILOT, ROVER, "low battery, fence")],
+)
+def test_a_return_that_stays_inside_is_told(style: Style, vehicle: VehicleClass, causes: str) -> None:
+    changes = {"BATT_FS_LOW_ACT": 1} if vehicle is ROVER else {}
+    (line,) = lines(style, changes, vehicle=vehicle)
+    assert line.verdict is Verdict.OK
+    assert line.finding == f"its own return ({causes}) stays inside the mission's fence"
+
+
+@pytest.mark.parametrize(
+    ("style", "vehicle", "changes", "without", "finding", "advice"),
+    [
+        (PX4, COPTER, {"RTL_RETURN_ALT": 30}, (), "climbs to 30 m above home; the mission's ceiling is 8.0 m above it",
+         "set RTL_RETURN_ALT to 7 or less, which is 7 m, or raise the ceiling"),
+        (ARDUPILOT, COPTER, {"RTL_ALT_M": 15}, (), "climbs to 15 m above home",
+         "set RTL_ALT_M to 7 or less, which is 7 m, or raise the ceiling"),
+        (ARDUPILOT, COPTER, {"RTL_ALT": 1500}, ("RTL_ALT_M",), "climbs to 15 m above home",
+         "set RTL_ALT to 700 or less, which is 7 m, or raise the ceiling"),
+        (ARDUPILOT, COPTER, {"RTL_CLIMB_MIN_M": 5}, (), "climbs by 5 m, to 10.0 m above home", "set RTL_CLIMB_MIN_M to 0"),
+        (ARDUPILOT, PLANE, {"ALT_HOLD_RTL": 10000}, ("RTL_ALTITUDE",), "climbs to 100 m above home",
+         "set ALT_HOLD_RTL to 700 or less, which is 7 m, or raise the ceiling"),
+        (PX4, COPTER, {"RTL_TYPE": 2}, (), "may end along a plan or elsewhere (RTL_TYPE 2)",
+         "set RTL_TYPE to 0 (home, or a nearer rally point)"),
+    ],
+)  # fmt: skip
+def test_a_return_through_the_ceiling_or_to_elsewhere_is_red(
+    style: Style,
+    vehicle: VehicleClass,
+    changes: dict[str, float],
+    without: tuple[str, ...],
+    finding: str,
+    advice: str,
+) -> None:
+    (line,) = lines(style, changes, vehicle=vehicle, without=without)
+    assert line.verdict is Verdict.RED
+    assert finding in line.finding
+    assert line.advice == advice
+
+
+@pytest.mark.parametrize("fence", [CORNER, KEEP_OUT])
+@pytest.mark.parametrize("style", Style)
+def test_a_return_straight_through_the_fence_is_red(style: Style, fence: str) -> None:
+    (line,) = lines(style, fence=fence)
+    assert line.verdict is Verdict.RED
+    assert "on out.far, it would leave the mission's fence" in line.finding
+
+
+def test_rally_points_of_the_autopilot_are_a_warning() -> None:
+    (line,) = lines(ARDUPILOT, {"RALLY_TOTAL": 2})
+    assert line.verdict is Verdict.WARNING
+    assert "(RALLY_TOTAL 2)" in line.finding
+
+
+@pytest.mark.parametrize(
+    ("style", "changes"),
+    [
+        (PX4, {"COM_LOW_BAT_ACT": 2, "RTL_RETURN_ALT": 60, "RTL_TYPE": 3}),
+        (ARDUPILOT, {"BATT_FS_LOW_ACT": 1, "FENCE_ACTION": 4, "RTL_ALT_M": 60}),
+        (ARDUPILOT, {"BATT_LOW_MAH": 0, "FENCE_ACTION": 4, "RTL_ALT_M": 60}),
+    ],
+)
+def test_without_a_failsafe_that_returns_its_return_is_no_matter(style: Style, changes: dict[str, float]) -> None:
+    assert lines(style, changes, fence=CORNER) == []
+
+
+@pytest.mark.parametrize(("style", "name"), [(PX4, "px4_companion"), (ARDUPILOT, "arducopter_companion")])
+def test_a_multirotor_s_preset_keeps_its_return_below_any_ceiling(style: Style, name: str) -> None:
+    values = load_preset(name).values()
+    (line,) = lines(
+        style, {**values, "RTL_CLIMB_MIN_M": values.get("RTL_CLIMB_MIN_M", 0.0)}, fence=SQUARE.replace("8}", "6.1}")
+    )
+    assert line.verdict is Verdict.OK

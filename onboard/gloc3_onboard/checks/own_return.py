@@ -20,7 +20,6 @@ from gloc3_onboard.checks.readings import Readings
 from gloc3_onboard.checks.tables import table_of
 
 GROUP: Final = Group.FAILSAFES
-TITLE: Final = "own return"
 LEAST_HEIGHT_M: Final = 0.3
 """What ArduPilot takes for the height of its return at least."""
 EVERY_M: Final = 2.0
@@ -44,7 +43,7 @@ def own_return_checks(readings: Readings) -> Iterator[Check]:
         *_way(mission, fence, readings.platform.limits, home, why),
         *_landing(setup, table.own_return, why),
     ]
-    yield from lines or [Check(GROUP, TITLE, Verdict.OK, f"{why} stays inside the mission's fence")]
+    yield from lines or [Check(GROUP, "own return", Verdict.OK, f"{why} stays inside the mission's fence")]
 
 
 def _causes(setup: AutopilotSetup, table: StyleTable) -> list[str]:
@@ -68,7 +67,7 @@ def _height(
     room_m = ceiling_m + home[2]
     name = next((one for one in own.heights if one in setup.parameters), None)
     if name is None:
-        yield Check(GROUP, TITLE, Verdict.UNKNOWN, f"{' or '.join(own.heights)} could not be read")
+        yield Check(GROUP, "own return: height", Verdict.UNKNOWN, f"{' or '.join(own.heights)} could not be read")
         return
     unit_m = own.heights[name]
     height_m = setup.parameters[name] * unit_m
@@ -76,12 +75,12 @@ def _height(
         finding = f"{why} climbs to {height_m:g} m above home; the mission's ceiling is {room_m:.1f} m above it"
         most_m = max(floor(10.0 * (room_m - limits.fence_margin_m)) / 10.0, LEAST_HEIGHT_M)
         advice = f"set {name} to {most_m / unit_m:g} or less, which is {most_m:g} m, or raise the ceiling"
-        yield Check(GROUP, TITLE, Verdict.RED, finding, advice)
+        yield Check(GROUP, "own return: height", Verdict.RED, finding, advice)
     climb = next((one for one in own.climbs if one in setup.parameters), None)
     climb_m = setup.parameters[climb] * own.climbs[climb] if climb is not None else 0.0
     if climb is not None and climb_m > 0.0 and (top_m := reach_m(mission, limits, home)["up"] + climb_m) > room_m:
         finding = f"{why} climbs by {climb_m:g} m, to {top_m:.1f} m above home; the ceiling is {room_m:.1f} m above it"
-        yield Check(GROUP, TITLE, Verdict.RED, finding, f"set {climb} to 0")
+        yield Check(GROUP, "own return: climb", Verdict.RED, finding, f"set {climb} to 0")
 
 
 def _way(mission: Mission, fence: Fence, limits: Limits, home: Vector3, why: str) -> Iterator[Check]:
@@ -97,7 +96,7 @@ def _way(mission: Mission, fence: Fence, limits: Limits, home: Vector3, why: str
             advice = (
                 "have these failsafes hold or land, or change the way or the fence so that home is in sight everywhere"
             )
-            yield Check(GROUP, TITLE, Verdict.RED, finding, advice)
+            yield Check(GROUP, "own return: way", Verdict.RED, finding, advice)
             return
 
 
@@ -127,11 +126,17 @@ def _landing(setup: AutopilotSetup, own: ReturnTable, why: str) -> Iterator[Chec
         finding = (
             f"{why} may end along a plan or elsewhere ({own.lands} {value:g}), which may be outside the mission's fence"
         )
-        yield Check(GROUP, TITLE, Verdict.RED, finding, f"set {own.lands} to 0 (home, or a nearer rally point)")
+        yield Check(
+            GROUP, "own return: landing", Verdict.RED, finding, f"set {own.lands} to 0 (home, or a nearer rally point)"
+        )
     if own.rally and (count := setup.parameters.get(own.rally)):
         finding = (
             f"{why} may end at one of its rally points ({own.rally} {count:g}), which are not compared with the fence"
         )
         yield Check(
-            GROUP, TITLE, Verdict.WARNING, finding, "clear them, or see that they are inside the mission's fence"
+            GROUP,
+            "own return: rally points",
+            Verdict.WARNING,
+            finding,
+            "clear them, or see that they are inside the mission's fence",
         )

@@ -133,3 +133,9 @@ def test_a_multirotor_s_preset_keeps_its_return_below_any_ceiling(style: Style, 
         style, {**values, "RTL_CLIMB_MIN_M": values.get("RTL_CLIMB_MIN_M", 0.0)}, fence=SQUARE.replace("8}", "6.1}")
     )
     assert line.verdict is Verdict.OK
+
+
+def test_no_two_lines_have_the_same_name() -> None:
+    found = lines(ARDUPILOT, {"RTL_ALT_M": 15, "RTL_CLIMB_MIN_M": 20, "RALLY_TOTAL": 1}, fence=CORNER)
+    names = [line.name for line in found]
+    assert names == [f"own return: {what}" for what in ("height", "climb", "way", "rally points")]

@@ -7,7 +7,7 @@ from gloc3.messages.preflight import Check, Group, Verdict
 from gloc3.messages.readiness import AutopilotSetup
 from gloc3.mission.model.model import answer
 from gloc3.mission.model.policy import SEVERITY, Policy, resolved
-from gloc3_onboard.checks.parameters import CONTINUE, PILOT, Failsafe, StyleTable
+from gloc3_onboard.checks.parameters import CONTINUE, PILOT, Failsafe
 from gloc3_onboard.checks.readings import Readings
 from gloc3_onboard.checks.tables import table_of
 
@@ -31,7 +31,6 @@ def failsafe_checks(readings: Readings) -> Iterator[Check]:
     yield _compared(setup, "low battery", table.low_battery, battery.action if battery else CONTINUE, wanted_share, "")
     yield _pose_lost(readings, setup, table.pose_lost)
     yield _setpoints_lost(setup, table.setpoints_lost, has_pilot=readings.platform.pilot)
-    yield from _flies_on(readings, setup, table)
     for name, (value, what) in table.doubtful.items():
         if setup.parameters.get(name) == value:
             yield Check(GROUP, name, Verdict.WARNING, f"{value:g}: it {what}", f"set {name} to another value")
@@ -130,24 +129,6 @@ def _pose_lost(readings: Readings, setup: AutopilotSetup, failsafe: Failsafe) ->
             advice = f"the autopilot may overrule the mission: set on_pose_lost: {action}"
             return Check(GROUP, name, Verdict.WARNING, finding, advice)
     return Check(GROUP, name, Verdict.OK, f"{action}{source}")
-
-
-def _flies_on(readings: Readings, setup: AutopilotSetup, table: StyleTable) -> Iterator[Check]:
-    """How far it flies on until it acts when this computer dies, where its own fence does not stop it."""
-    mission, limits = readings.mission, readings.platform.limits
-    limit_s = table.setpoints_lost.limit(setup.parameters.get)
-    if mission is None or mission.fence is None or limit_s is None or action_of(setup, table.fence.breach) != CONTINUE:
-        return
-    speeds = [getattr(action.order, "speed_m_s", None) or 0.0 for action in mission.actions().values()]
-    speed_m_s = min(max(speeds, default=0.0) or limits.speed_m_s, limits.speed_m_s)
-    on_m = speed_m_s * limit_s + speed_m_s**2 / (2.0 * limits.acceleration_m_s2)
-    if on_m > limits.fence_margin_m:
-        finding = (
-            f"without setpoints it goes on for {limit_s:g} s, {on_m:.1f} m at {speed_m_s:g} m/s; the margin to the "
-            f"mission's fence is {limits.fence_margin_m:g} m, and its own fence does not stop it"
-        )
-        advice = f"keep waypoints {on_m:.1f} m inside the fence, or go slower"
-        yield Check(GROUP, "setpoints lost near the fence", Verdict.WARNING, finding, advice)
 
 
 def _setpoints_lost(setup: AutopilotSetup, failsafe: Failsafe, *, has_pilot: bool) -> Check:

@@ -11,7 +11,6 @@ from gloc3.messages.vehicle import Style, VehicleClass
 from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.platform.reader import load_platform
 from gloc3_onboard.autopilot.presets.files import load_preset
-from gloc3_onboard.checks.failsafes import failsafe_checks
 from gloc3_onboard.checks.own_return import own_return_checks
 from gloc3_onboard.checks.readings import Readings
 from gloc3_onboard.checks.tables import table_of
@@ -144,18 +143,6 @@ def test_a_multirotor_s_preset_keeps_its_return_below_any_ceiling(style: Style, 
         style, {**values, "RTL_CLIMB_MIN_M": values.get("RTL_CLIMB_MIN_M", 0.0)}, fence=SQUARE.replace("8}", "6.1}")
     )
     assert line.verdict is Verdict.OK
-
-
-@pytest.mark.parametrize(("action", "reports"), [(0, True), (1, False)])
-def test_how_far_it_goes_on_without_setpoints_matters_where_its_fence_does_not_stop_it(
-    action: int, reports: bool
-) -> None:
-    readings = readings_of(ARDUPILOT, {"FENCE_ACTION": action, "GUID_TIMEOUT": 3})
-    found = [line for line in failsafe_checks(readings) if line.name == "setpoints lost near the fence"]
-    assert bool(found) is reports
-    if found:
-        assert found[0].verdict is Verdict.WARNING
-        assert "goes on for 3 s, 3.2 m at 1 m/s; the margin to the mission's fence is 1 m" in found[0].finding
 
 
 def test_no_two_lines_have_the_same_name() -> None:

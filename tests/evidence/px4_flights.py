@@ -16,7 +16,7 @@ from tests.onboard.real_px4 import MISSION, RealPx4, under_way
 DONE, NOT_DONE, LANDED_BY_OTHERS = 0, 1, 3
 """Exit codes of a headless station."""
 STOPPED_S: Final = 4.0
-HEIGHT: Final = "climb: {take_off: {height_m: 3}}"
+PLANE_S: Final = 400.0
 
 
 class Told(msgspec.Struct, frozen=True):
@@ -216,28 +216,40 @@ def satellites_lost(px4: RealPx4) -> str:
 # --- what PX4 does by itself, and other people's software ---
 
 
-FENCE: Final = "geofence: {polygon_m: [[-15, -15], [25, -15], [25, 25], [-15, 25]], ceiling_m: 10}"
+IN_A_FENCE: Final = """\
+mission: in a fence
+frame: geo
+on_failure: land
+on_link_loss: continue
+on_low_battery: return
+on_pose_lost: land
+geofence: {polygon: [[47.3976, 8.5454], [47.3976, 8.5459], [47.39795, 8.5459], [47.39795, 8.5454]], ceiling_m: 10}
+tasks:
+  depart: {actions: {climb: {take_off: {height_m: 3}}}}
+  go: {after: [depart], actions: {way: {go_to: {position: [47.39785, 8.545594, 3], speed_m_s: 1}}}}
+  recover: {after: [go], actions: {home: {return_home: {}}, down: {land: {}, after: [home]}}}
+"""
 
 
 def fence(px4: RealPx4) -> str:
-    """Another station sends it beyond the mission's fence, at which PX4 holds."""
-    with flying(px4, MISSION.replace("frame: site", f"frame: site\n{FENCE}"), links=[px4.other_link]) as flight:
+    """Another station sends it beyond the fence that our limiter keeps, and leaves: nobody is in charge."""
+    area = "geofence: {polygon_m: [[-15, -15], [25, -15], [25, 25], [-15, 25]], ceiling_m: 10}"
+    with flying(px4, MISSION.replace("frame: site", f"frame: site\n{area}"), links=[px4.other_link]) as flight:
         with beside(px4) as other:
-            flight.station.tell("pause")
-            flight.await_words("paused")
             other.go_to(40.0, 0.0)
-            breach = flight.await_words("ence", within_s=40.0)
-        return f"{breach} · {flight.end(NOT_DONE)}"
+            breach = flight.await_words("fence breached", within_s=40.0)
+        left = flight.await_words("neither a transmitter nor another station", within_s=45.0)
+        return f"{breach} · {left} · {flight.end(NOT_DONE)}"
 
 
 def fence_without_action(px4: RealPx4) -> str:
-    """PX4 is set to do nothing at its fence: a mission that has one is not started."""
+    """A mission that has a fence is not started."""
     px4.make_platform()
     px4.shell("param", "set", "GF_ACTION", "0")
-    px4.write_mission(MISSION.replace("frame: site", f"frame: site\n{FENCE}"))
+    px4.write_mission(IN_A_FENCE)
     with px4.onboard(), px4.station() as station:
         assert station.end() == NOT_DONE, station.text
-        return plain(station.lines[-1])
+        return plain(next(line for line in station.lines if "GF_ACTION" in line))
 
 
 def plan(px4: RealPx4) -> str:
@@ -256,38 +268,74 @@ def services(px4: RealPx4) -> str:
         return " · ".join([end, *found, other.ulog(px4.folder / "fetched.ulg")])
 
 
-FLIGHTS: Final[Mapping[str, Callable[[RealPx4], str]]] = {
-    "two missions in one boot": two_missions,
-    "pause, and resume": paused,
-    "skip a task": skipped,
-    "abort": aborted,
-    "a pilot takes over, and gives back": pilot,
-    "a pilot lands": pilot_lands,
-    "onboard process killed in flight": onboard_killed,
-    "onboard process stopped for 4 s in flight": onboard_stopped,
-    "autopilot rebooted on the ground": rebooted_on_the_ground,
-    "autopilot killed in the air": killed_in_the_air,
-    "link to the station lost": link_lost,
-    "battery low": battery_low,
-    "satellites lost": satellites_lost,
-    "fence": fence,
-    "fence at which PX4 does nothing": fence_without_action,
-    "plan flown by the autopilot": plan,
-    "MAVSDK, parameters, files and ULog through the router": services,
+FIELD: Final = """\
+mission: a field
+frame: site
+on_failure: land
+on_link_loss: continue
+on_low_battery: return
+on_pose_lost: land
+on_restart: continue
+tasks:
+  depart: {actions: {off: {take_off: {height_m: 50}}}}
+  go:
+    after: [depart]
+    actions: {way: {follow_waypoints: {waypoints_m: [[300, 0, 60], [300, 200, 60], [0, 200, 60]], speed_m_s: 15}}}
+  wait: {after: [go], actions: {stay: {hold: {duration_s: 15}}}}
+  recover: {after: [wait], actions: {home: {return_home: {}}, down: {land: {}, after: [home]}}}
+"""
+
+
+def airplane(px4: RealPx4) -> str:
+    """Its ways are plans of PX4."""
+    with flying(px4, FIELD, after_s=0.0) as flight:
+        limit_s = time.monotonic() + PLANE_S
+        while flight.station.process.poll() is None and time.monotonic() < limit_s:
+            time.sleep(1.0)
+        return flight.end()
+
+
+FLIGHTS: Final[Mapping[str, tuple[Callable[[RealPx4], str], str]]] = {
+    "two missions in one boot": (two_missions, "both done"),
+    "pause, and resume": (paused, "it stands; then done"),
+    "skip a task": (skipped, "skipped; the tasks behind it done"),
+    "abort": (aborted, "aborted, landed, disarmed"),
+    "a pilot takes over, and gives back": (pilot, "named as a pilot; resumed, done"),
+    "a pilot lands": (pilot_lands, "ends with exit code 3"),
+    "onboard process killed in flight, another started after 3 s": (onboard_killed, "done"),
+    "onboard process stopped for 4 s in flight": (onboard_stopped, "no pilot; done"),
+    "autopilot restarted on the ground": (rebooted_on_the_ground, "gone, back; the next mission done"),
+    "autopilot killed in the air": (killed_in_the_air, "gone, failed, back; the next mission done"),
+    "link to the station lost": (link_lost, "returned, landed, disarmed"),
+    "battery low": (battery_low, "returned, landed"),
+    "satellites lost": (satellites_lost, "landed by PX4's failsafe, named as it: exit code 3"),
+    "led out of the fence by another station, which then leaves": (fence, "told; lands after 30 s with nobody there"),
+    "PX4 does nothing at its fence": (fence_without_action, "not started; why, and what to set"),
+    "plan flown by the autopilot": (plan, "in its mission mode; done"),
+    "MAVSDK, parameters, files and ULog through the router": (services, "all of them beside a mission that is done"),
+    "airplane: take-off, way, hold, return, landing": (airplane, "done"),
 }
-"""Of the quadrotor, by what befalls it."""
+"""By what befalls it, with what must be. Those that are no quadrotors say so."""
+MODELS: Final = {"airplane: take-off, way, hold, return, landing": "sihsim_airplane"}
 PARAMETERS: Final[Mapping[str, Mapping[str, float]]] = {
     "battery low": {"SIM_BAT_MIN_PCT": 5.0, "COM_LOW_BAT_ACT": 0.0},
+    "airplane: take-off, way, hold, return, landing": {"MIS_TKO_LAND_REQ": 0.0},
 }
 """What PX4 is to be set to for one of them."""
+
+
+def what_must_be(title: str) -> str:
+    """Of a flight."""
+    return FLIGHTS[title][1]
 
 
 def fly(title: str, folder: Path, instance: int) -> Told:
     """One of them, with a PX4 of its own."""
     folder.mkdir(parents=True, exist_ok=True)
     try:
-        with RealPx4(folder, instance=instance, parameters=PARAMETERS.get(title)) as px4:
-            return Told(FLIGHTS[title](px4))
+        model = MODELS.get(title, "sihsim_quadx")
+        with RealPx4(folder, model, instance, PARAMETERS.get(title)) as px4:
+            return Told(FLIGHTS[title][0](px4))
     except (AssertionError, subprocess.TimeoutExpired) as error:
         (folder / "problem.txt").write_text(str(error))
         return Told("", "; ".join(str(error).strip().splitlines()[-2:]))

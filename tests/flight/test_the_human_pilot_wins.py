@@ -6,6 +6,8 @@ from tests.flight.missions import mission, platform
 
 from gloc3.messages.command_interface import CommandComponent, Outcome, RequestAction
 from gloc3.messages.vehicle import FlightMode, LandedState
+from gloc3_sitl.autopilot.modes import Behaviour
+from gloc3_sitl.autopilot.verdict import Author
 
 HOME_M = 0.3
 SETPOINT = "SET_POSITION_TARGET_LOCAL_NED"
@@ -85,6 +87,21 @@ def test_what_arose_while_the_pilot_flew_is_answered_when_he_hands_back(flight: 
     flight.wait(2.0)
     flight.command("resume")
     flight.await_policy("land", 2.0)
+    flight.await_landed()
+
+
+def test_a_vehicle_that_hovers_with_nobody_in_charge_has_a_policy_and_a_time(flight: Card) -> None:
+    sweep(flight, on_low_battery="land")
+    autopilot = flight.flight.simulator.autopilot
+    wanted = Behaviour.HOLD if flight.style == "px4" else Behaviour.BRAKE
+    hold = next(mode.custom_mode for mode in autopilot.style.modes if mode.behaviour is wanted)
+    autopilot.commander.set_mode(hold, Author.COMMAND)
+    flight.until(lambda: flight.driver.has_pilot_control, 1.0, "the driver sees that somebody else chose a mode")
+    flight.await_policy("pilot", 1.0)
+    flight.fault("battery=0.18")
+    flight.always(lambda: flight.mission.policy == "pilot", 25.0, "he may still be there")
+    flight.await_policy("land", 6.0)
+    assert flight.was_told("neither a transmitter nor another station was heard for 30 s")
     flight.await_landed()
 
 

@@ -16,6 +16,8 @@ from gloc3.messages.envelope import Message
 from gloc3.messages.watch import Want
 from gloc3.messages.wire import wire_name
 
+OURSELVES: Final = "onboard"
+"""As whom a platform asks for its own mission, for other people's software."""
 FORCE: Final = "force the command"
 """In the reason of a refusal: the same would be carried out with `CommandComponent.is_forced`."""
 

@@ -96,6 +96,8 @@ class AutopilotState(Message, frozen=True):
     """Whether it has told where its home is."""
     form: VtolForm | None = None
     """What carries it, where it is a VTOL."""
+    has_transmitter: bool = False
+    """Whether it hears a pilot's transmitter or joystick, by SYS_STATUS."""
 
 
 class AutopilotPose(Message, frozen=True):

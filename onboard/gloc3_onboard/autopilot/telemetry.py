@@ -19,6 +19,7 @@ from gloc3_onboard.sensors.devices import Stamped, StampedHeight
 
 CRITICAL: Final = 5
 PREARM_BIT: Final = 1 << 28
+TRANSMITTER_BIT: Final = 1 << 16
 DOWNWARD: Final = 25
 """MAV_SENSOR_ROTATION_PITCH_270."""
 NOT_REPORTED_MV: Final = 0xFFFF
@@ -267,6 +268,9 @@ class Telemetry:
             battery_a=message.current_battery * 1e-2 if message.current_battery >= 0 else 0.0,
             battery_remaining=message.battery_remaining * 1e-2 if message.battery_remaining >= 0 else -1.0,
             is_armable=is_armable,
+            has_transmitter=bool(
+                message.onboard_control_sensors_present & message.onboard_control_sensors_health & TRANSMITTER_BIT
+            ),
             reasons=list(self._reasons),
             doubts=[*self._is_unhealthy, *self._estimator],
         )

@@ -14,7 +14,6 @@ from cyclopts import App, Parameter
 from gloc3.cli.counting import counted
 from gloc3.cli.narration import narrate
 from gloc3.errors import Refused
-from gloc3.messages.vehicle import Style, VehicleClass
 from gloc3_onboard.cli.onboard_options import DEFAULT_AUTOPILOT, MOST_SYSTEM_ID, Flag
 
 T = TypeVar("T")
@@ -166,7 +165,7 @@ def new(*, options: NewOptions = DEFAULTS) -> int:
     found = asyncio.run(probe_autopilot(options.autopilot, options.wait, options.system_id))
     narrate(f"found {found.title}")
     kind = KINDS.get(found.setup.vehicle) if found.setup.vehicle is not None else None
-    if kind is None or (found.setup.vehicle is VehicleClass.PLANE and found.setup.style is not Style.ARDUPILOT):
+    if kind is None:
         raise Refused(f"no components are available for {found.title}; see docs/autopilots.md")
     request = _Prompt(may_prompt=not options.yes)
 

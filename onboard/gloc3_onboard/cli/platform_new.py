@@ -103,7 +103,7 @@ KINDS: Final = {
         },
     ),
 }  # fmt: skip
-"""By class; a plane is ArduPilot's, whose plans its components know."""
+"""By class."""
 
 
 class Found(NamedTuple):
@@ -218,7 +218,7 @@ def platform_text(found: Found, answers: Answers) -> str:
             f"  ground_camera: {answers.camera!r}",
             "",
         ]
-    return "\n".join([*lines, *_changes(kind, answers, acceleration.value)]).rstrip() + "\n"
+    return "\n".join([*lines, *_changes(kind, answers, acceleration.value, readings)]).rstrip() + "\n"
 
 
 def _answered(name: str, answer: float, readings: Mapping[str, Reading]) -> Reading:
@@ -304,14 +304,18 @@ def _source(setup: AutopilotSetup, failsafe: Failsafe) -> str:
     return "" if value is None else f"   # {failsafe.parameter} {value:g}"
 
 
-def _changes(kind: VehicleKind, answers: Answers, acceleration_m_s2: float) -> Iterator[str]:
+def _changes(
+    kind: VehicleKind, answers: Answers, acceleration_m_s2: float, readings: Mapping[str, Reading]
+) -> Iterator[str]:
     """What differs from the base: no camera, no arming, how briskly it moves."""
     if not answers.camera:
         yield _noted("capabilities:", "in addition to the base's; null removes one")
         yield f"  {RECORD_IMAGES}: null"
     rows = [] if answers.camera else [f"{{name: {name}, class: null}}" for name in CAMERA]
-    if not answers.arm:
-        rows.append(f"{{name: {kind.sets_off}, settings: {{arm: false}}}}")
+    cruise = readings.get("survey_speed_m_s")
+    setting_off = ["arm: false"] * (not answers.arm) + ([f"cruise_m_s: {cruise.value:g}"] if cruise is not None else [])
+    if setting_off:
+        rows.append(f"{{name: {kind.sets_off}, settings: {{{', '.join(setting_off)}}}}}")
     if (braking := kind.braking_share) is not None:
         limit = f"acceleration_m_s2: {SHARE * acceleration_m_s2:g}"
         least = f", least_acceptance_m: {kind.acceptance_m:g}" if kind.acceptance_m else ""

@@ -10,7 +10,7 @@ from typing import Final
 
 from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup
 from gloc3.errors import Refused
-from gloc3.messages.command_interface import QUERIES, CiRequest, Control, ControlVerb, Hello, StationRole
+from gloc3.messages.command_interface import OURSELVES, QUERIES, CiRequest, Control, ControlVerb, Hello, StationRole
 from gloc3.messages.envelope import Envelope, Severity
 from gloc3.messages.software import Software
 from gloc3.messages.summaries import ControlState, StationHeard
@@ -78,6 +78,11 @@ class ControlAuthority:
     def is_in_contact(self, station: str, now_s: float, within_s: float) -> bool:
         """Whether something has been heard of a station lately."""
         return now_s - self._received_s.get(station, float("-inf")) <= within_s
+
+    def is_another_there(self, now_s: float) -> bool:
+        """Whether a station other than the holder has been heard lately: it may be a pilot's."""
+        others = self._received_s.keys() - {self.holder, OURSELVES}
+        return any(self.is_in_contact(name, now_s, THERE_S) for name in others)
 
     def silent_s(self, now_s: float) -> float:
         """How long nothing has been heard of the holder; 0 while nobody holds control."""

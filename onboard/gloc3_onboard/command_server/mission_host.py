@@ -36,7 +36,7 @@ from gloc3.mission.model.policy import Policy
 from gloc3.mission.model.states import ActionState
 from gloc3.mission.reading.reader import MissionReferences, read_mission
 from gloc3.platform.platform import Platform
-from gloc3_onboard.command_server.authority import ControlAuthority
+from gloc3_onboard.command_server.authority import THERE_S, ControlAuthority
 from gloc3_onboard.command_server.observing import OURS, TAKE_OVER_S, Observing
 from gloc3_onboard.command_server.site import Report, ServerSettings, Site
 from gloc3_onboard.command_server.summaries import RequestCounts
@@ -44,6 +44,8 @@ from gloc3_onboard.command_server.vehicle_state import VehicleState
 
 DIRECT_PERIOD_S: Final = 2.0
 """How often the autopilot is asked for its own landing until it lands."""
+UNATTENDED_S: Final = THERE_S
+"""A pilot who has control and of whom nothing is heard for so long has left the vehicle to the policies (DESIGN §7)."""
 COME_UP_S: Final = 30.0
 """After a restart: how long components that are still coming up are waited for before the mission is taken up."""
 
@@ -90,6 +92,8 @@ class MissionHost:
         self._waiting: dict[str, tuple[str, Verb]] = {}
         """Request id to the action and what was asked of it."""
         self._count = 0
+        self._attended_s: float | None = None
+        """When we had control last, or somebody was heard who may be the pilot."""
         self._gap_s = 0.0
         """Of the last gap that was reported."""
 
@@ -222,6 +226,11 @@ class MissionHost:
                 executor.failsafe_landed(now_s)
             elif autopilot.mode is FlightMode.HOLD:
                 executor.failsafe_holds(now_s)
+        is_there = autopilot is None or autopilot.has_transmitter or self._control.is_another_there(now_s)
+        if not driver.has_pilot_control or is_there or self._attended_s is None:
+            self._attended_s = now_s
+        elif now_s - self._attended_s >= UNATTENDED_S:
+            executor.unattended(UNATTENDED_S, now_s)
         if driver.held_after_gap_s not in (0.0, self._gap_s):
             text = (
                 f"no contact with the autopilot for {driver.held_after_gap_s:.1f} s: it held meanwhile, now it goes on"

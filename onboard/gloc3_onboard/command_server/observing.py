@@ -95,6 +95,7 @@ class Observing:
         self.stalled_s = self._standstill.tick(now_s)
         if self.stalled_s:
             self._report(Severity.WARNING, f"this process stalled for {self.stalled_s:.1f} s")
+            self.snapshot.stalled(self.stalled_s)
         snapshot = self.snapshot
         for status in inbox.new(ObservingPorts.status):
             self.book.receive(status.payload, status.t_s)

@@ -15,6 +15,8 @@ from gloc3_onboard.checks.checklist import checklist
 from gloc3_onboard.checks.readings import ComponentCondition, Readings
 from gloc3_onboard.command_server.observing import Observing
 
+FIRST_READ_S: Final = 12.0
+"""So long the first reading is waited for: PX4 does not answer for parameters that its version does not have."""
 READ_S: Final = 3.0
 """So long a start waits for the autopilot's setup, and for a late pose; then it is judged by what was read before."""
 
@@ -61,7 +63,8 @@ class StartGate:
             return answer(now_s)
         self._number = max(self._number, setup.number) + 1
         self._outgoing.append(ReadSetup(number=self._number))
-        self._held.append(HeldRequest(request, answer, self._number, now_s + READ_S))
+        wait_s = READ_S if setup.is_complete else FIRST_READ_S
+        self._held.append(HeldRequest(request, answer, self._number, now_s + wait_s))
         return None
 
     def due(self, now_s: float) -> list[HeldRequest]:

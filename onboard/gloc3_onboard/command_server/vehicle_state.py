@@ -167,6 +167,11 @@ class VehicleState:
         self._height_m = height.height_m if height.is_valid and isfinite(height.height_m) else None
         self._height_s = envelope.t_s
 
+    def stalled(self, by_s: float) -> None:
+        """The process stood still for so long: that is no lateness of the poses."""
+        if self._posed_s is not None:
+            self._posed_s += by_s
+
     def expire(self, now_s: float) -> None:
         """Lets the time pass: what is old is no longer known."""
         self.is_autopilot_known = now_s - self._autopilot_s < AUTOPILOT_SILENT_S

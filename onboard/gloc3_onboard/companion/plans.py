@@ -14,7 +14,16 @@ from gloc3.mavlink.services.mission_server import MissionDialect, MissionServer
 from gloc3.mavlink.services.mission_transfers import PlanOffered, SetCurrentRequested
 from gloc3.mavlink.services.plan import FRAME_MISSION, PlanItem, PlanResult, PlanType
 from gloc3.mavlink.services.plan import Plan as Items
-from gloc3.messages.command_interface import AnyBody, CiReply, LoadMission, Outcome, ReadMission, Steer, Verb
+from gloc3.messages.command_interface import (
+    OURSELVES,
+    AnyBody,
+    CiReply,
+    LoadMission,
+    Outcome,
+    ReadMission,
+    Steer,
+    Verb,
+)
 from gloc3.mission.formats import from_mission, to_mission
 from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
 from gloc3.mission.formats.to_mission import CONVERTED, LEFT_OUT
@@ -28,8 +37,6 @@ from gloc3_onboard.companion.pending_requests import PendingRequests
 TIMEOUT_S: Final = 5.0
 """So long the command interface may take to load a mission."""
 MOST_WARNINGS: Final = 3
-READER: Final = "onboard"
-"""As whom the loaded mission is read."""
 _MISSION_STATES: Final = {
     "": 1,
     ActionState.RUNNING: 3,
@@ -240,7 +247,7 @@ class PlanServer:
             self.server.set_plan(PlanType.MISSION, ())
             return
         try:
-            self._requesting.request(READER, ReadMission(), self._read)
+            self._requesting.request(OURSELVES, ReadMission(), self._read)
         except Refused:
             self._seen = None  # tried again
 

@@ -55,6 +55,20 @@ def test_after_a_pilot_only_an_operator_s_resume_goes_on(rig: Rig) -> None:
     assert rig.grant.action_id == rig.id_of("sweep.wall")
 
 
+def test_a_pilot_who_has_left_leaves_safety_to_the_policies_and_nothing_else(rig: Rig) -> None:
+    pilot(rig, has_control=True)
+    rig.arise(PolicyCondition.OBSTACLE)
+    rig.executor.unattended(30.0, rig.now_s)
+    rig.settle()
+    assert rig.executor.policy == "pilot"
+    rig.arise(PolicyCondition.POSE_LOST)
+    assert rig.executor.policy == "pilot"
+    rig.executor.unattended(30.0, rig.now_s)
+    rig.settle()
+    assert rig.taken_back == 1
+    assert rig.executor.policy == "land"
+
+
 def test_what_arose_under_the_pilot_is_answered_when_he_has_handed_back(rig: Rig) -> None:
     pilot(rig, has_control=True)
     rig.arise(PolicyCondition.LOW_BATTERY)

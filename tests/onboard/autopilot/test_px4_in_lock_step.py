@@ -10,7 +10,7 @@ import pytest
 from tests.onboard.vehicle_stack import VehicleStack
 from tests.sitl.firmware.px4_in_step import Px4InStep
 
-from gloc3.messages.command_interface import Verb
+from gloc3.messages.command_interface import Outcome, Steer, Verb
 from gloc3.messages.vehicle import FlightMode
 
 pytestmark = pytest.mark.sockets
@@ -72,6 +72,22 @@ def test_it_takes_off_flies_waypoints_and_lands_in_lock_step(stack: Stack) -> No
     peer = stack.peer.peer
     assert not peer.is_armed
     assert peer.answered == stack.peer.bridge.answers == stack.peer.bridge.steps - 25
+
+
+def test_a_start_waits_for_the_first_reading_of_parameters_of_which_px4_does_not_know_one() -> None:
+    stack = Stack("copter", Px4InStep, {"COM_LOW_BAT_ACT": 0, "COM_OBL_RC_ACT": 0})
+    try:
+        stack.peer.autopilot._front._parameters.server._values.pop("COM_DLL_EXCEPT")
+        stack.until(lambda: "ci/vehicle" in stack.received, 5.0, "the vehicle is heard")
+        stack.until(lambda: stack.last("ci/vehicle").is_armable, 10.0, "it would arm")
+        stack.upload(MISSION)
+        assert not stack.last("autopilot_setup").is_complete
+        reply = stack.request(Steer(verb=Verb.START))
+        assert reply.outcome is Outcome.REFUSED
+        assert "COM_OBL_RC_ACT 0" in reply.reason
+    finally:
+        stack.close()
+        stack.peer.close()
 
 
 def test_a_px4_that_is_held_up_holds_up_the_time_and_the_flight_goes_on(stack: Stack) -> None:

@@ -140,3 +140,22 @@ def test_a_late_pose_is_told_once_and_again_when_it_is_back(is_streaming: bool, 
         (1.35, f"pose is late by 0.4 s: {does}waiting up to 2 s"),
         (1.65, "pose is back after 0.7 s: going on"),
     ]
+
+
+def test_a_stall_of_the_process_itself_is_no_lateness_of_the_poses() -> None:
+    snapshot = facts_of(flying(FlightMode.GUIDED))
+    snapshot.update_pose(at(0.0, pose(1.0, 0.0, 0.0)))
+    snapshot.expire(0.1)
+    for now_s in (0.3, 0.6):
+        snapshot.update_pose(at(now_s - 0.5, pose(1.0, 0.0, 0.0)))
+        snapshot.expire(now_s)
+    stall_s = 1.6
+    snapshot.stalled(stall_s)
+    now_s = 0.6 + stall_s
+    snapshot.update_pose(at(now_s - 0.6, pose(1.0, 0.0, 0.0)))
+    snapshot.expire(now_s)
+    assert not conditions(snapshot, now_s).get(PolicyCondition.POSE_LOST, False)
+    for late_s in (now_s + 1.5, now_s + 2.0):
+        snapshot.update_pose(at(late_s - 0.6, pose(1.0, 0.0, 0.0)))
+        snapshot.expire(late_s)
+    assert conditions(snapshot, late_s)[PolicyCondition.POSE_LOST]

@@ -92,6 +92,7 @@ class ParameterServer(Microservice[ParameterChanged | ParameterWanted]):
         check: Callable[[Parameter], None] = allow_all,
         leave: Callable[[ParameterWanted], bool] = decide_at_once,
         per_second: float = PER_SECOND,
+        tells_unknown: bool = True,
     ) -> None:
         super().__init__(own)
         self._values = {each.name: each for each in sorted(parameters, key=lambda each: each.name)}
@@ -100,6 +101,7 @@ class ParameterServer(Microservice[ParameterChanged | ParameterWanted]):
         self._encoding = encoding
         self._check = check
         self._leave = leave
+        self._tells_unknown = tells_unknown
         self._wanted: dict[str, ParameterWanted] = {}
         self._burst = max(1, round(per_second * BURST_S))
         self._burst_s = self._burst / per_second
@@ -245,5 +247,7 @@ class ParameterServer(Microservice[ParameterChanged | ParameterWanted]):
         )
 
     def _refuse(self, sender: Address, name: str, index: int, error: ParameterError) -> None:
+        if error is ParameterError.DOES_NOT_EXIST and not self._tells_unknown:
+            return
         fitting = name.encode()[:LONGEST_NAME]
         self._send_to(sender, "PARAM_ERROR", param_id=fitting, param_index=index, error=error)

@@ -36,6 +36,12 @@ class PolicyCondition(StrEnum):
     """Another platform of the mission, whose tasks are waited for."""
 
 
+SAFETY: Final = frozenset(
+    {PolicyCondition.LINK_LOST, PolicyCondition.LOW_BATTERY, PolicyCondition.POSE_LOST, PolicyCondition.FENCE_BREACHED}
+)
+"""Those that are answered also where a pilot has control of whom nothing is heard any more."""
+
+
 class PolicyManoeuvre:
     """A policy that is being carried out."""
 

@@ -14,7 +14,7 @@ from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3
 from gloc3.mission.executing import elsewhere, flow, manoeuvres, reactions, steering
 from gloc3.mission.executing.assignments import Assignment
-from gloc3.mission.executing.board import BY_OPERATOR, Board, PolicyCondition
+from gloc3.mission.executing.board import BY_OPERATOR, SAFETY, Board, PolicyCondition
 from gloc3.mission.executing.items import MISSION, ActionRun, MissionProgram, TaskRun
 from gloc3.mission.executing.requests import Grant, Persist, ReclaimMotion, Request
 from gloc3.mission.executing.snapshot import Snapshot
@@ -297,6 +297,26 @@ class MissionExecutor:
                 manoeuvres.end_program(board, program, StateTrigger.ABORT, now_s, ENDED_BY_FAILSAFE)
             self._take_back()
             self.settle(now_s)
+
+    def unattended(self, silent_s: float, now_s: float) -> None:
+        """Nobody has been heard who could fly: what waits for the pilot's end is answered by the safety policies now.
+
+        Args:
+            silent_s: how long nobody has been heard.
+            now_s: the time.
+        """
+        board = self.board
+        waiting = {one: reason for one, reason in board.unanswered.items() if one in SAFETY}
+        if not board.has_pilot or board.is_failsafe or not waiting:
+            return
+        for condition in waiting:
+            del board.unanswered[condition]
+        self._take_back()
+        who = "neither a transmitter nor another station"
+        board.report(Severity.WARNING, f"{who} was heard for {silent_s:g} s: the mission's policies apply")
+        for condition, reason in waiting.items():
+            reactions.apply_policy(board, condition, reason, now_s)
+        self.settle(now_s)
 
     def _take_back(self) -> None:
         board = self.board

@@ -252,7 +252,8 @@ class ManoeuvreMachine:
                 # What was heard last may be older than a hold that was commanded since.
                 return autopilot.mode is mode and answer is not None and answer.is_accepted
             case SetMode(mode=mode):
-                has_come_down = self._behaviour.returns_to_land and not autopilot.is_armed
+                is_landing = self.kind is ManoeuvreKind.LAND
+                has_come_down = is_landing and self._behaviour.returns_to_land and not autopilot.is_armed
                 return autopilot.mode is mode or self._has_landed_into(autopilot) or has_come_down
             case Arm():
                 return autopilot.is_armed

@@ -34,6 +34,7 @@ class ParameterSync:
             [parameter(row.name, store[row.name], _TYPES[row.kind]) for row in store.rows.values()],
             encoding=ParameterEncoding.BYTEWISE if is_bytewise else ParameterEncoding.CAST,
             check=self._check,
+            tells_unknown=not is_bytewise,  # PX4 says nothing
         )
         store.on_change.append(self._changed)
 

@@ -162,3 +162,13 @@ def test_a_plan_s_mode_is_asked_for_although_the_last_heartbeat_shows_it_still()
         rig.run(1.0)
         assert rig.autopilot.commands == ["mode mission"]
     assert rig.state.manoeuvre_state == "running"
+
+
+def test_a_px4_plane_on_the_ground_is_put_into_the_mission_mode_before_it_is_armed_for_its_plan() -> None:
+    rig = DriverRig(autopilot=ScriptedAutopilot("px4", VehicleClass.PLANE))
+    rig.autopilot.state = replace(rig.autopilot.state, mode=FlightMode.HOLD)
+    rig.step()
+    rig.request(ManoeuvreKind.PLAN, may_arm=True)
+    rig.run(2.0)
+    assert rig.autopilot.modes_asked == ["mission"]
+    assert rig.state.manoeuvre_state == "running"

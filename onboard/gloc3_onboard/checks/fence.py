@@ -30,9 +30,10 @@ def fence_checks(readings: Readings) -> Iterator[Check]:
     if setup is None or setup.style is None or not setup.is_complete or mission is None:
         return
     table = table_of(setup.style, setup.vehicle)
-    yield from _flies_on(setup, table.setpoints_lost, mission, readings.platform.limits)
     fence = table.fence
     has_fence = bool(fence_on_earth(mission, readings.platform.frames))
+    is_stopped = has_fence and action_of(setup, fence.breach) not in (CONTINUE, None)
+    yield from _flies_on(setup, table.setpoints_lost, mission, readings.platform.limits, is_stopped=is_stopped)
     if has_fence:
         yield _breach(setup, fence)
         yield from _polygons(setup, fence)
@@ -40,7 +41,9 @@ def fence_checks(readings: Readings) -> Iterator[Check]:
         yield from _limits(setup, fence, mission, readings.platform.limits, readings.home_ned_m)
 
 
-def _flies_on(setup: AutopilotSetup, lost: Failsafe, mission: Mission, limits: Limits) -> Iterator[Check]:
+def _flies_on(
+    setup: AutopilotSetup, lost: Failsafe, mission: Mission, limits: Limits, *, is_stopped: bool
+) -> Iterator[Check]:
     """Whether the vehicle stays inside while the autopilot waits for setpoints of a companion that has died."""
     timeout_s = lost.limit(setup.parameters.get)
     if mission.fence is None or timeout_s is None:
@@ -57,9 +60,12 @@ def _flies_on(setup: AutopilotSetup, lost: Failsafe, mission: Mission, limits: L
         f"at {worst[1]:g} m/s the autopilot flies on for {timeout_s:g} s and {needed_m:.1f} m if the companion dies; "
         f"the mission comes within {worst[0]:.1f} m of its fence"
     )
+    if is_stopped:
+        yield Check(GROUP, "companion lost", Verdict.OK, f"{finding}, at which the autopilot acts by itself")
+        return
     names = " or ".join(lost.limit_parameters)
     advice = "fly slower there, or keep waypoints farther from the fence"
-    yield Check(GROUP, TITLE, Verdict.WARNING, finding, f"lower {names}, {advice}" if names else advice)
+    yield Check(GROUP, "companion lost", Verdict.WARNING, finding, f"lower {names}, {advice}" if names else advice)
 
 
 def _run_on_m(speed_m_s: float, timeout_s: float, limits: Limits) -> float:

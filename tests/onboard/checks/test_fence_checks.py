@@ -178,3 +178,14 @@ def test_it_is_told_where_a_dead_companion_would_let_the_vehicle_out(
     ]
     assert len(told) == bool(finding)
     assert all(finding in one and "within 2.8 m of its fence" in one for one in told), told
+
+
+@pytest.mark.parametrize(("action", "verdict"), [(1, Verdict.OK), (0, Verdict.WARNING)])
+def test_a_dead_companion_is_a_warning_where_the_autopilot_does_not_act_at_the_fence(
+    action: int, verdict: Verdict
+) -> None:
+    mission = MISSION.replace("8.0, 40]}", "8.0, 40], speed_m_s: 2}")
+    found = lines(ARDUPILOT, COPTER, {"GUID_TIMEOUT": 3.0, "FENCE_ACTION": action}, geofence=NEAR, mission=mission)
+    (line,) = [one for one in found if one.name == "companion lost"]
+    assert line.verdict is verdict
+    assert len({one.name for one in found}) == len(found)

@@ -84,9 +84,9 @@ class Program:
         """Ctrl-C: the signal goes to the whole process group."""
         os.killpg(self.process.pid, number)
 
-    def end(self) -> int:
+    def end(self, within_s: float = TIMEOUT_S) -> int:
         """Waits for its end; the exit code."""
-        code = self.process.wait(TIMEOUT_S)
+        code = self.process.wait(within_s)
         self._reader.join(TIMEOUT_S)
         return code
 

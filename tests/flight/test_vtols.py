@@ -82,6 +82,7 @@ def test_it_takes_off_flies_its_lines_on_wings_hovers_and_lands_on_rotors_at_hom
     await_form(vtol, VtolForm.WINGS, 30.0)
     vtol.until(lambda: dist(place_m(vtol), CORNER) < 60.0, 40.0, "it comes to the corner")
     assert vtol.speed_m_s > 20.0
+    assert vtol.last("ci/vehicle").mode == {"px4": "AUTO.MISSION, on wings", "ardupilot": "AUTO, on wings"}[vtol.style]
     vtol.await_state("field.lines", "done", 60.0)
     assert vtol.autopilot.form is VtolForm.ROTORS
     assert dist(place_m(vtol), END) < 15.0

@@ -43,6 +43,26 @@ class VtolForm(StrEnum):
     TO_ROTORS = "to_rotors"
 
 
+VTOL_FORMS: Final = {
+    1: VtolForm.TO_WINGS,
+    2: VtolForm.TO_ROTORS,
+    3: VtolForm.ROTORS,
+    4: VtolForm.WINGS,
+}
+"""By MAV_VTOL_STATE."""
+_FORM_WORDS: Final = {
+    VtolForm.ROTORS: "on rotors",
+    VtolForm.TO_WINGS: "in transition to wings",
+    VtolForm.WINGS: "on wings",
+    VtolForm.TO_ROTORS: "in transition to rotors",
+}
+
+
+def mode_in_words(mode_name: str, form: VtolForm | None) -> str:
+    """A mode as people read it, with what carries a VTOL: `AUTO.MISSION, on wings`."""
+    return mode_name if form is None else f"{mode_name}, {_FORM_WORDS[form]}"
+
+
 class FlightMode(StrEnum):
     """Meaning of an autopilot's mode; each style maps its own numbers to these."""
 

@@ -14,6 +14,7 @@ from gloc3.mavlink.services.heartbeat import ARMED
 from gloc3.messages.frames import GeoPoint, LocalFrame
 from gloc3.messages.motion import MotionSummary, SiteSummary, Whole3
 from gloc3.messages.summaries import VehicleSummary
+from gloc3.messages.vehicle import VTOL_FORMS, VtolForm, mode_in_words
 from gloc3_groundstation.station.fleet import SMOOTHING
 from gloc3_groundstation.station.snapshots import LinkStatistics
 
@@ -119,6 +120,7 @@ class AutopilotWatch:
         self._mode = 0
         self._battery_percent = -1
         self._landed = ""
+        self._form: VtolForm | None = None
         self._place: MavlinkMessage | None = None
         self.place_s = 0.0
         """When it told its place last."""
@@ -147,6 +149,7 @@ class AutopilotWatch:
                 self._battery_percent = message.battery_remaining if 0 <= message.battery_remaining <= 100 else -1
             case "EXTENDED_SYS_STATE":
                 self._landed = _LANDED.get(message.landed_state, "")
+                self._form = VTOL_FORMS.get(message.vtol_state)
             case "VFR_HUD":
                 self._speed_m_s = message.groundspeed
             case "GLOBAL_POSITION_INT":
@@ -195,7 +198,7 @@ class AutopilotWatch:
         heading = place.hdg if place is not None else _HEADING_UNKNOWN
         return VehicleSummary(
             t_s=0.0,
-            mode=mode_name(self.autopilot, self.vehicle_type, self._mode),
+            mode=mode_in_words(mode_name(self.autopilot, self.vehicle_type, self._mode), self._form),
             is_armed=self.is_armed,
             landed=self._landed,
             battery_percent=self._battery_percent,

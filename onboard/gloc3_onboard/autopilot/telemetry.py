@@ -12,7 +12,7 @@ from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.heartbeat import ARMED
 from gloc3.mavlink.services.timesync import TimeSync
 from gloc3.messages.frames import Vector3, normalize, yaw_of
-from gloc3.messages.vehicle import AutopilotPose, AutopilotState, HeightAboveGround, LandedState, VtolForm
+from gloc3.messages.vehicle import VTOL_FORMS, AutopilotPose, AutopilotState, HeightAboveGround, LandedState
 from gloc3_onboard.autopilot.health_words import UNHEALTHY, estimator_problems, unhealthy
 from gloc3_onboard.autopilot.style import AutopilotStyle
 from gloc3_onboard.sensors.devices import Stamped, StampedHeight
@@ -41,13 +41,6 @@ _LANDED: Final = {
     3: LandedState.TAKING_OFF,
     4: LandedState.LANDING,
 }
-_FORMS: Final = {
-    1: VtolForm.TO_WINGS,
-    2: VtolForm.TO_ROTORS,
-    3: VtolForm.ROTORS,
-    4: VtolForm.WINGS,
-}
-"""By MAV_VTOL_STATE."""
 
 
 class BootClock:
@@ -222,7 +215,7 @@ class Telemetry:
             case "EXTENDED_SYS_STATE":
                 if self._style is None or self._style.class_properties.reports_landed:
                     self._set(landed=_LANDED.get(message.landed_state, LandedState.UNKNOWN))
-                self._set(form=_FORMS.get(message.vtol_state))
+                self._set(form=VTOL_FORMS.get(message.vtol_state))
             case "SYS_STATUS":
                 self._system(message, now_s)
             case "EKF_STATUS_REPORT" | "ESTIMATOR_STATUS":

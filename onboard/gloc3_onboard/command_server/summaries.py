@@ -8,7 +8,16 @@ from typing import Final
 from gloc3.messages.frames import GeoPoint, LocalFrame, TangentPlane, Vector3, to_euler, yaw_of
 from gloc3.messages.motion import MotionSummary, SiteSummary, Whole3
 from gloc3.messages.summaries import MissionSummary, VehicleSummary
-from gloc3.messages.vehicle import AutopilotState, GeoArea, GeoFence, LandedState, MotionLimits, Pose, VehicleClass
+from gloc3.messages.vehicle import (
+    AutopilotState,
+    GeoArea,
+    GeoFence,
+    LandedState,
+    MotionLimits,
+    Pose,
+    VehicleClass,
+    mode_in_words,
+)
 from gloc3.mission.executing.executor import MissionExecutor
 from gloc3.mission.executing.items import MissionProgram
 from gloc3.mission.formats.from_mission import fence_on_earth
@@ -157,7 +166,7 @@ def vehicle_summary(platform: Platform, snapshot: VehicleState, now_s: float) ->
         heading_deg = round(math.degrees(yaw_of(pose.ned_from_frd))) % 360
     return VehicleSummary(
         t_s=round(now_s, 3),
-        mode=autopilot.mode_name if autopilot is not None else "",
+        mode=mode_in_words(autopilot.mode_name, autopilot.form) if autopilot is not None else "",
         is_armed=autopilot.is_armed if autopilot is not None else False,
         landed=_position(autopilot) if autopilot is not None and snapshot.is_autopilot_known else "unknown",
         battery_percent=round(100.0 * autopilot.battery_remaining)

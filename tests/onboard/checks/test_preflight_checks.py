@@ -208,6 +208,26 @@ def test_a_plane_whose_plans_need_a_landing_is_red(value: float, is_red: bool) -
     assert ("failsafes: MIS_TKO_LAND_REQ" in titles) is is_red
 
 
+@pytest.mark.parametrize(
+    ("style", "name", "value", "verdict", "right"),
+    [
+        (Style.PX4, "MIS_TKO_LAND_REQ", 2.0, Verdict.RED, "0"),
+        (Style.PX4, "NAV_FORCE_VT", 0.0, Verdict.WARNING, "another value"),
+        (Style.ARDUPILOT, "Q_GUIDED_MODE", 0.0, Verdict.RED, "1"),
+        (Style.ARDUPILOT, "Q_TRANS_FAIL", 0.0, Verdict.WARNING, "another value"),
+        (Style.ARDUPILOT, "Q_RTL_MODE", 0.0, Verdict.WARNING, "another value"),
+    ],
+)
+def test_what_keeps_a_vtol_from_its_paths_or_its_hover_is_told_with_the_right_value(
+    style: Style, name: str, value: float, verdict: Verdict, right: str
+) -> None:
+    assert name in table_of(style, VehicleClass.VTOL).names()
+    vtol = msgspec.structs.replace(setup(style, set={name: value}), vehicle=VehicleClass.VTOL)
+    check = found(setup=vtol)[f"failsafes: {name}"]
+    assert check.verdict is verdict
+    assert check.advice == f"set {name} to {right}"
+
+
 def test_what_the_platform_file_states_is_what_counts() -> None:
     returns = setup(set={"NAV_DLL_ACT": 2.0, "COM_LOW_BAT_ACT": 0.0})
     stated = stating(link_loss=LinkLossFailsafe(action="return", after_s=10.0))

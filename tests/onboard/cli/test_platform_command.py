@@ -14,6 +14,7 @@ from gloc3.cli.program import run
 from gloc3.mavlink.transport.endpoints import open_endpoint
 from gloc3.messages.readiness import AutopilotSetup
 from gloc3.messages.vehicle import Style, VehicleClass
+from gloc3.platform.bases import platform_files
 from gloc3.platform.reader import load_platform
 from gloc3_onboard.autopilot.inspection import AT_ONCE
 from gloc3_onboard.checks.tables import table_of
@@ -311,3 +312,8 @@ def test_a_platform_is_shown_in_words(capsys: pytest.CaptureFixture[str]) -> Non
     shown = capsys.readouterr().out
     assert "copter: quadrotor, 1.5 kg, missions may arm it" in shown
     assert "host       main: 19 components" in shown
+
+
+@pytest.mark.parametrize("name", sorted(platform_files()))
+def test_every_installed_platform_can_be_used_with_its_settings(name: str) -> None:
+    assert run(["platform", "check", name]) == 0

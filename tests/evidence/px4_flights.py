@@ -223,7 +223,7 @@ on_failure: land
 on_link_loss: continue
 on_low_battery: return
 on_pose_lost: land
-geofence: {polygon: [[47.3976, 8.5454], [47.3976, 8.5459], [47.39795, 8.5459], [47.39795, 8.5454]], ceiling_m: 10}
+geofence: {polygon: [[47.3976, 8.5454], [47.3976, 8.5459], [47.39795, 8.5459], [47.39795, 8.5454]]}
 tasks:
   depart: {actions: {climb: {take_off: {height_m: 3}}}}
   go: {after: [depart], actions: {way: {go_to: {position: [47.39785, 8.545594, 3], speed_m_s: 1}}}}
@@ -233,7 +233,7 @@ tasks:
 
 def fence(px4: RealPx4) -> str:
     """Another station sends it beyond the fence that our limiter keeps, and leaves: nobody is in charge."""
-    area = "geofence: {polygon_m: [[-15, -15], [25, -15], [25, 25], [-15, 25]], ceiling_m: 10}"
+    area = "geofence: {polygon_m: [[-15, -15], [25, -15], [25, 25], [-15, 25]]}"
     with flying(px4, MISSION.replace("frame: site", f"frame: site\n{area}"), links=[px4.other_link]) as flight:
         with beside(px4) as other:
             other.go_to(40.0, 0.0)

@@ -6,6 +6,7 @@ from tests.flight.missions import OUT, mission
 
 from gloc3.component.lci import State
 from gloc3.messages.envelope import ComponentStatus
+from gloc3.messages.readiness import ComputerState
 from gloc3.messages.summaries import Health
 from gloc3.messages.vehicle import FlightMode
 from gloc3.platform.reader import load_platform
@@ -201,3 +202,12 @@ def test_every_device_that_a_row_may_name_is_there_and_every_one_that_is_there_m
     assert onboard is not None
     assert sorted(onboard.devices) == sorted(DEVICES)
     load_platform("pelican_rtk", is_loading_classes=True, devices=PROCESS_DEVICES)
+
+
+def test_a_log_that_stops_in_flight_is_an_alert_that_names_it(flight: Card) -> None:
+    sweep(flight)
+    stopped = ComputerState(log_problem="log.mcap: No space left on device; log.tlog: No space left on device")
+    flight.flight.exchange.publish(flight.envelope("computer", stopped))
+    flight.wait(3.0)
+    assert flight.was_told("logging has stopped: log.mcap: No space left on device; log.tlog")
+    assert flight.was_told("logging goes on")

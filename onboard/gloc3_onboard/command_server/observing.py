@@ -116,10 +116,19 @@ class Observing:
         for setup in inbox.new(ObservingPorts.autopilot_setup):
             self.setup = setup.payload
         for computer in inbox.new(ObservingPorts.computer):
+            self._tell_of_logs(computer.payload)
             self.computer = computer.payload
         for height in inbox.new(ObservingPorts.height):
             self.height = height.payload
             snapshot.update_height(height)
+
+    def _tell_of_logs(self, computer: ComputerState) -> None:
+        """A log that has stopped does not end a flight, but nobody can look into it afterwards."""
+        before = "" if self.computer is None else self.computer.log_problem
+        if computer.log_problem and computer.log_problem != before:
+            self._report(Severity.ALERT, f"logging has stopped: {computer.log_problem}")
+        elif before and not computer.log_problem:
+            self._report(Severity.NOTICE, "logging goes on")
 
     def supervise(self, now_s: float, inbox: Inbox) -> list[PortReport]:
         """Has standbys take over and faulty components come up again; what is lost for good becomes a verdict."""

@@ -56,6 +56,8 @@ class Traffic:
             raise Refused(f"{path} cannot be written: {error.strerror or error}") from error
         self._path, self._recorder, self._clock, self._loop, self._warn = path, recorder, clock, loop, warn
         self._is_kept, self._has_failed = True, False
+        self.problem = ""
+        """Why nothing is kept any more; empty while it is."""
         self._timer = loop.call_later(FLUSH_S, self._flush)
 
     def record_frame(self, link: str, direction: Literal["in", "out"], frame: bytes) -> None:
@@ -91,6 +93,7 @@ class Traffic:
         except OSError as error:
             self._has_failed = True
             self.end()
+            self.problem = error.strerror or str(error)
             self._warn(self._problem(error))
         else:
             self._timer = self._loop.call_later(FLUSH_S, self._flush)
@@ -163,8 +166,11 @@ class RunLog:
 
     @property
     def problem(self) -> str:
-        """Why recording has ended early; empty while it goes on."""
-        return self._recorder.problem
+        """The files whose recording has ended early, each with the reason; empty while it goes on."""
+        stopped = {self.path.name: self._recorder.problem}
+        if self._traffic is not None:
+            stopped[self.path.with_suffix(".tlog").name] = self._traffic.problem
+        return "; ".join(f"{name}: {problem}" for name, problem in stopped.items() if problem)
 
     @property
     def unfinished(self) -> set[Path]:
@@ -180,8 +186,8 @@ class RunLog:
         """
         if self._closing is not None and not self._closing.done():
             raise Refused("the previous log is still being finished")
-        if self.problem:
-            raise Refused(self.problem)
+        if self._recorder.problem:
+            raise Refused(self._recorder.problem)
         self._go_on()
 
     def record_frame(self, link: str, direction: Literal["in", "out"], frame: bytes) -> None:
@@ -228,7 +234,7 @@ class RunLog:
         self._polls += 1
         if self._polls % PRUNE_EVERY == 0:
             self._prune()
-        if limit and size > limit and not self.problem and (self._closing is None or self._closing.done()):
+        if limit and size > limit and not self._recorder.problem and (self._closing is None or self._closing.done()):
             self._go_on()
 
     def _go_on(self) -> None:

@@ -98,3 +98,27 @@ def test_the_oldest_logs_of_all_processes_go_but_never_the_last_of_one(tmp_path:
     removed = LogFiles(tmp_path, "log-front").prune(0)
     assert [path.name for path in removed] == ["log-front-2.mcap", "log-front-2.tlog"]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["log-front-3.mcap", "log-rear-2.mcap", "map.yaml"]
+
+
+class FullDisk(LogFiles):
+    """Logs on a disk without room."""
+
+    def next(self) -> Path:
+        return self._folder / "log.mcap"
+
+
+async def test_a_full_disk_names_every_log_that_has_stopped(tmp_path: Path) -> None:
+    for name in ("log.mcap", "log.tlog"):
+        (tmp_path / name).symlink_to("/dev/full")
+    loop, exchange, said = asyncio.get_running_loop(), LocalExchange(), list[str]()
+    files = FullDisk(tmp_path)
+    report = lambda _, text: said.append(text)  # noqa: E731 # as above
+    log = RunLog(files, LogLimits(), Clock(loop), TopicTable.installed(), exchange, loop, {}, b"", list, report)
+    log.record_frame("a", "in", bytes(range(1, 200)))
+    for _ in range(100):
+        await asyncio.sleep(0.05)
+        if log.problem.count("No space left") == 2:
+            break
+    assert "log.mcap: " in log.problem
+    assert "log.tlog: " in log.problem
+    await log.close()

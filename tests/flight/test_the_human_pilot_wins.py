@@ -187,3 +187,19 @@ def test_the_driver_that_goes_quiet_leaves_the_vehicle_in_the_autopilots_hold(fl
     seen_s = flight.now_s
     flight.until(lambda: flight.speed_m_s < 0.1, 6.0, "it stands")
     assert not sent(flight, seen_s + 0.3)
+
+
+def test_a_pilot_who_is_not_heard_any_more_leaves_the_vehicle_to_the_safety_policies(flight: Card) -> None:
+    lost = {"COM_RCL_EXCEPT": 7.0} if flight.style == "px4" else {"FS_THR_ENABLE": 0.0}
+    flight.begin(mission(on_low_battery="land"), parameters=lost)
+    flight.await_state("sweep.out", "running")
+    flight.wait(2.0)
+    seen_s = take_over(flight, "pilot:hold")
+    flight.fault("battery=0.18")
+    flight.wait(20.0)
+    assert not sent(flight, seen_s + 0.05), "the pilot is there"
+    flight.fault("pilot:off")
+    flight.wait(25.0)
+    assert not sent(flight, seen_s + 0.05), "he may come back"
+    flight.await_policy("land", 15.0)
+    flight.await_landed()

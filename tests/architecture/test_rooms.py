@@ -1,16 +1,19 @@
 """Rooms: each says what it is and names its face, other rooms import faces, and the documents list them all."""
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import pytest
 from tests.house import where
-from tests.house.measure import Measures, Module, find_circles, imports_of, measure, read_modules
+from tests.house.measure import Measures, Module, find_circles, imports_of, measure, read_modules, room_names
 
-MODULES = read_modules(where.ROOT)
-PACKAGES = {name: module for name, module in MODULES.items() if module.is_package}
+ROOMS = room_names(where.ROOT)
 LARGEST = 20
 """Modules of a room, at most."""
+
+
+def modules() -> Mapping[str, Module]:
+    return read_modules(where.ROOT)
 
 
 @pytest.fixture(scope="module")
@@ -19,22 +22,23 @@ def measures() -> Measures:
 
 
 def room_of(name: str) -> str:
-    return name if name in PACKAGES else name.rpartition(".")[0]
+    return name if name in ROOMS else name.rpartition(".")[0]
 
 
 def modules_in(room: str) -> list[str]:
-    return [name for name in MODULES if name.rpartition(".")[0] == room and name not in PACKAGES]
+    return [name for name in modules() if name.rpartition(".")[0] == room and name not in ROOMS]
 
 
-@pytest.mark.parametrize("room", sorted(PACKAGES))
+@pytest.mark.parametrize("room", ROOMS)
 def test_a_room_says_what_it_is_and_names_a_face_that_is_there(room: str) -> None:
-    text = ast.get_docstring(PACKAGES[room].tree) or ""
+    package = modules()[room]
+    text = ast.get_docstring(package.tree) or ""
     first, _, rest = text.partition("\n")
     assert first.endswith(".")
     if modules_in(room):
         assert rest.strip(), "a second sentence says what of it others use"
     names = {name.rpartition(".")[2] for name in modules_in(room)}
-    assert set(where.face_of(PACKAGES[room])) <= names | defined_in(PACKAGES[room])
+    assert set(where.face_of(package)) <= names | defined_in(package)
 
 
 def defined_in(module: Module) -> set[str]:
@@ -55,31 +59,31 @@ def test_other_rooms_import_faces() -> None:
 
 
 def _behind_faces() -> Iterator[str]:
-    for name, module in MODULES.items():
-        for other in imports_of(module, MODULES):
+    for name, module in modules().items():
+        for other in imports_of(module, modules()):
             room, _, own = other.rpartition(".")
-            if other not in PACKAGES and room != room_of(name) and own not in where.face_of(PACKAGES[room]):
+            if other not in ROOMS and room != room_of(name) and own not in where.face_of(modules()[room]):
                 yield f"{name} imports {other}"
 
 
 def test_a_face_holds_nothing_that_no_other_room_imports() -> None:
     used = {
         other
-        for name, module in MODULES.items()
-        for other in imports_of(module, MODULES)
+        for name, module in modules().items()
+        for other in imports_of(module, modules())
         if room_of(other) != room_of(name)
     }
     unused = {
         f"{room}.{name}"
-        for room, package in PACKAGES.items()
-        for name in where.face_of(package)
-        if f"{room}.{name}" in MODULES and f"{room}.{name}" not in used
+        for room in ROOMS
+        for name in where.face_of(modules()[room])
+        if f"{room}.{name}" in modules() and f"{room}.{name}" not in used
     }
     assert unused == set()
 
 
 def test_no_room_is_a_corridor() -> None:
-    assert {room: len(modules_in(room)) for room in PACKAGES if len(modules_in(room)) > LARGEST} == {}
+    assert {room: len(modules_in(room)) for room in ROOMS if len(modules_in(room)) > LARGEST} == {}
 
 
 def test_no_modules_import_each_other(measures: Measures) -> None:

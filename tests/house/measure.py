@@ -5,7 +5,8 @@ Everything is read as text with `ast`, so that trees of other commits can be mea
 
 import ast
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -50,8 +51,9 @@ class Measures(NamedTuple):
     """Functions with more than `MOST_PARAMETERS` parameters."""
 
 
-def read_modules(root: Path) -> dict[str, Module]:
-    """All modules of the four packages below a root, by their dotted names."""
+@cache
+def read_modules(root: Path) -> Mapping[str, Module]:
+    """All modules of the four packages below a root, by their dotted names; they are read once."""
     found = {}
     for package, folder in PACKAGES.items():
         for path in sorted((root / folder / package).rglob("*.py")):
@@ -61,6 +63,15 @@ def read_modules(root: Path) -> dict[str, Module]:
             text = path.read_text(encoding="utf-8")
             found[name] = Module(name, path.relative_to(root), ast.parse(text), text.count("\n"), is_package)
     return found
+
+
+def room_names(root: Path) -> list[str]:
+    """The dotted names of all packages below a root."""
+    return sorted(
+        ".".join(path.parent.relative_to(root / folder).parts)
+        for package, folder in PACKAGES.items()
+        for path in (root / folder / package).rglob("__init__.py")
+    )
 
 
 def imports_of(module: Module, known: Iterable[str]) -> Iterator[str]:

@@ -1,7 +1,7 @@
 """`docs/where-things-are.md`, made from the docstrings of the rooms and the first lines of their modules."""
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -30,7 +30,7 @@ def face_of(package: Module) -> tuple[str, ...]:
     return ()
 
 
-def _rooms(modules: dict[str, Module]) -> Iterator[str]:
+def _rooms(modules: Mapping[str, Module]) -> Iterator[str]:
     for name, module in modules.items():
         if not module.is_package:
             continue

@@ -6,6 +6,7 @@ and with them a short file can stand for a huge one.
 """
 
 from collections.abc import Mapping
+from functools import lru_cache
 from math import inf
 from pathlib import Path
 from typing import Any, Final, TypeVar, cast
@@ -188,6 +189,18 @@ def dump_rows(value: Mapping[str, Any]) -> str:
 
 
 def _in_line(value: Any) -> str:
+    match value:
+        case dict():
+            return "{" + ", ".join(f"{_in_line(key)}: {_in_line(part)}" for key, part in value.items()) + "}"
+        case list():
+            return "[" + ", ".join(map(_in_line, value)) + "]"
+        case _:
+            return _scalar(value, repr(value))
+
+
+@lru_cache(4096)
+def _scalar(value: str | float | bool | None, _exactly: str) -> str:
+    """A single value, as it stands in one line with others; its `repr` tells equal ones apart, as 1, True and 1.0."""
     text: str = yaml.dump(
         [value], Dumper=_Dumper, default_flow_style=True, sort_keys=False, width=inf, allow_unicode=True
     )

@@ -22,6 +22,7 @@ _WORDS: Final = {
 _WHOLE: Final = re.compile(r"[-+]?[0-9]+|0x[0-9a-fA-F]+|0o[0-7]+")
 _NUMBER: Final = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _NOT_FINITE: Final = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+_NUMBERS_BEGIN: Final = frozenset("+-.0123456789")
 _DIGITS_MAX: Final = 40
 _WHOLE_MAX: Final = 2**63 - 1
 
@@ -167,6 +168,8 @@ class _Builder:
         text: str = event.value
         if text in _WORDS:
             return _WORDS[text]
+        if text[0] not in _NUMBERS_BEGIN:
+            return text
         if _WHOLE.fullmatch(text) or _NUMBER.fullmatch(text):
             if len(text) <= _DIGITS_MAX:
                 value = _number(text)

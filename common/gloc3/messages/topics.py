@@ -122,6 +122,8 @@ class TopicTable:
 
 def matches(pattern: str, topic: str) -> bool:
     """Whether a topic fits a pattern: `*` stands for one level, `**` at the end for any number of levels."""
+    if "*" not in pattern:
+        return pattern == topic
     wanted, levels = pattern.split("/"), topic.split("/")
     if wanted[-1] == "**":
         wanted.pop()

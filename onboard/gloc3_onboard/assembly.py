@@ -178,6 +178,7 @@ class VehicleSide:
         if not is_for_observers and self._inputs.accepts_plans:
             keeps = self.companion.keeps
         routed = self._route(url, (link.receive_frames, *to_companion, watch.receive), link.signed_only, keeps)
+        routed.routed.is_to_stations = True
         self.parts.add(f"station link {number}", link, link.close)
         return self._attachment(routed, link.open)
 

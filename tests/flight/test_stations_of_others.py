@@ -1,13 +1,16 @@
 """Other programs' stations at the onboard computer: commands, missions and control, by MAVLink's protocols alone."""
 
+from random import Random
+
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.tool import COMPANION, GEO_HOP, HOP, Tool, item
 
+from gloc3.mavlink.codec import Encoder, Frame, Parser, message
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.mission_client import Transfer
 from gloc3.mavlink.services.parameter_client import ParameterResult
 from gloc3.mavlink.services.plan import PlanResult, PlanType
-from gloc3.mavlink.transport.memory import Conditions
+from gloc3.mavlink.transport.memory import Conditions, MemoryEnd, MemoryLink
 from gloc3.messages.command_interface import CiRequest, Control, ControlVerb, LoadMission, Outcome, Steer, Verb
 
 pytestmark = [ONE_STYLE]
@@ -303,3 +306,30 @@ def test_strangers_by_the_thousand_change_nothing_and_leave_nothing_behind(fligh
     assert len(reasons(flight)) < 60, "a flood of requests is no flood of texts"
     assert any("more refusals" in text for text in reasons(flight))
     assert tool.command(START) is CommandResult.ACCEPTED, "whoever holds control is served as before"
+
+
+def test_who_claims_to_be_the_autopilot_on_a_station_link_gets_none_of_its_commands(flight: Card) -> None:
+    flight.begin(GEO_HOP, is_started=False)
+    vehicle, ends, received = flight.flight.process.vehicle, list[MemoryEnd](), ([], [])  # type: ignore[var-annotated]
+    for number, frames in enumerate(received):
+        wire, parser = MemoryLink(flight.flight.loop, Random(number)), Parser(is_datagram=True)
+        link = vehicle.attach_station(f"udpin://127.0.0.1:{15_000 + number}")
+        wire.b.on_data = link.receive
+        link.open(wire.b)
+        wire.a.on_data = lambda data, frames=frames, parser=parser: frames.extend(parser.receive(data))
+        ends.append(wire.a)
+    station, forger = Encoder(251, 190), Encoder(1, 1)
+    ends[0].send(station.encode(message("HEARTBEAT", type=6)))
+    for boot_ms in (900_000, 10):
+        ends[1].send(forger.encode(message("SYSTEM_TIME", time_boot_ms=boot_ms)))
+    flight.wait(0.1)
+    ends[0].send(station.encode(message("COMMAND_LONG", target_system=1, target_component=1, command=512, param1=148)))
+    flight.wait(0.5)
+    assert "COMMAND_ACK" in names(received[0])
+    assert "COMMAND_LONG" not in names(received[1])
+    refused = vehicle.link_conditions()[-1].traffic.refused
+    assert list(refused.values()) == [2]
+
+
+def names(frames: list[Frame]) -> list[str]:
+    return [frame.shape.name for frame in frames if frame.shape is not None]

@@ -5,6 +5,7 @@
 
 __all__ = [
     "codec",
+    "fair_share",
     "flight_modes",
     "message",
     "node",

@@ -13,6 +13,7 @@ from typing import Final, TypeAlias
 
 import msgspec
 
+from gloc3.mavlink.fair_share import to_evict
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.parser import Frame
 from gloc3.mavlink.tlog import SETUP_SIGNING
@@ -40,7 +41,8 @@ class Gaps:
 
 
 MOST_ADDRESSES: Final = 256
-"""So many senders a link may have; a flood of invented ones finds no room, and costs nobody else's."""
+"""So many senders a link may have. A flood of invented ones costs nobody else's room: behind the peer that has most of
+it, the newest makes room for a newcomer behind another one."""
 MOVED_AFTER_S: Final = 10.0
 """A sender that is silent on a link for so long, and is heard on another, has moved there."""
 FORGOTTEN_AFTER_S: Final = 300.0
@@ -51,6 +53,8 @@ MOST_RECENT: Final = 20_000
 """So many frames are remembered at most, twice; in a flood for less time than that."""
 POLL_AGAIN_S: Final = 1.0
 """So long at most the ways of a sender are taken for right before they are looked up anew."""
+AUTOPILOT: Final = 1
+"""MAV_COMP_ID_AUTOPILOT1."""
 _SYSTEM_TIME: Final = 2
 _BOOT_MS_AT: Final = slice(8, 12)
 _RESTART_MS: Final = 1000
@@ -69,7 +73,7 @@ class LinkCounts(msgspec.Struct):
     unroutable: int = 0
     """Frames for an address that has been heard nowhere else."""
     refused: int = 0
-    """Frames of senders for whom there was no room, and keys: nobody passes these on."""
+    """Frames of senders for whom there was no room, of stations in our autopilot's name, and keys: nobody passes these on."""
 
 
 class KnownSender(msgspec.Struct, gc=False):
@@ -84,6 +88,8 @@ class KnownSender(msgspec.Struct, gc=False):
     ways_of: int = -1
     """The router's count of changes when this was found out."""
     ways_until_s: float = 0.0
+    origin: str = ""
+    """Behind which peer of the link it was heard first."""
 
 
 class RouterLink:
@@ -94,14 +100,18 @@ class RouterLink:
         send: takes frames that are to leave, those together that have come together, and counts them.
     """
 
-    __slots__ = ("counts", "name", "send", "senders")
+    __slots__ = ("counts", "is_to_stations", "name", "origin", "send", "senders")
 
     def __init__(self, name: str, send: Callable[[Sequence[Frame]], None]) -> None:
         self.name = name
         self.send: Final = send
         self.counts = LinkCounts()
         self.senders: dict[int, KnownSender] = {}
-        """By `system << 8 | component`."""
+        """By `system << 8 | component`, oldest first."""
+        self.is_to_stations = False
+        """Whether our own autopilot is never behind it, whoever says so there."""
+        self.origin: Callable[[], str] = lambda: ""
+        """Tells the peer that what comes in comes from; empty where peers are not told apart."""
 
     def has(self, system: int, component: int) -> bool:
         """Whether an address has been heard here; component 0 asks for any of the system."""
@@ -118,12 +128,13 @@ class Router:
 
     Args:
         own: the address of this process; frames for it alone are not passed on.
-        restarted: told of a system whose time since boot has fallen. Its routes are forgotten.
+        restarted: told of a system whose time since boot has fallen. Its routes on the link that told so are forgotten.
     """
 
     def __init__(self, own: Address, restarted: Callable[[int], None] = lambda _: None) -> None:
         self.links: Final[list[RouterLink]] = []
         self._own = own.system << 8 | own.component
+        self._autopilot = own.system << 8 | AUTOPILOT
         self._restarted = restarted
         self._recent: dict[bytes, RouterLink] = {}
         """Frames that came by which link lately."""
@@ -204,30 +215,26 @@ class Router:
         self._recent, self._recent_until_s = {}, now_s + REPEAT_S
 
     def _add_peer(self, source: RouterLink, key: int, frame: Frame, now_s: float) -> KnownSender | None:
-        """Takes in a sender that is new on this link; None if there is no room for one more."""
-        if not _make_room(source, now_s):
+        """Takes in a sender that is new on this link; None if it has no room, or claims to be our autopilot among stations."""
+        origin = source.origin()
+        if (source.is_to_stations and key == self._autopilot) or not _make_room(source, origin, now_s):
             return None
         self._changes += 1
         for link in self.links:
             if link is not source and key in link.senders and not _accepts(link, key, now_s):
                 del link.senders[key]
-        sender = source.senders[key] = KnownSender(now_s, frame.sequence - 1 & 0xFF)
+        sender = source.senders[key] = KnownSender(now_s, frame.sequence - 1 & 0xFF, origin=origin)
         return sender
 
     def _check_restart(self, source: RouterLink, sender: KnownSender, key: int, frame: Frame) -> None:
-        """Drops the routes of a system whose SYSTEM_TIME says that it has started anew."""
+        """Drops the routes of a system whose SYSTEM_TIME says that it has started anew, on the link that says so."""
         boot_ms = int.from_bytes(frame.payload[_BOOT_MS_AT], "little")
         if boot_ms + _RESTART_MS < sender.boot_ms:
-            self._drop(frame.system)
-            source.senders[key] = sender
+            self._changes += 1
+            for other in [other for other in source.senders if other >> 8 == frame.system and other != key]:
+                del source.senders[other]
             self._restarted(frame.system)
         sender.boot_ms = boot_ms
-
-    def _drop(self, system: int) -> None:
-        self._changes += 1
-        for link in self.links:
-            for key in [key for key in link.senders if key >> 8 == system]:
-                del link.senders[key]
 
 
 def _accepts(link: RouterLink, key: int, now_s: float) -> bool:
@@ -236,9 +243,15 @@ def _accepts(link: RouterLink, key: int, now_s: float) -> bool:
     return sender is not None and now_s - sender.heard_s < MOVED_AFTER_S
 
 
-def _make_room(link: RouterLink, now_s: float) -> bool:
+def _make_room(link: RouterLink, origin: str, now_s: float) -> bool:
     if len(link.senders) < MOST_ADDRESSES:
         return True
     for key in [key for key, sender in link.senders.items() if now_s - sender.heard_s > FORGOTTEN_AFTER_S]:
         del link.senders[key]
-    return len(link.senders) < MOST_ADDRESSES
+    if len(link.senders) < MOST_ADDRESSES:
+        return True
+    evicted = to_evict({key: sender.origin for key, sender in link.senders.items()}, origin)
+    if evicted is None:
+        return False
+    del link.senders[evicted]
+    return True

@@ -63,6 +63,7 @@ class RoutedLink:
         """Begins; the endpoint's owner passes what it hears to `receive`."""
         self._endpoint = endpoint
         self._parser = Parser(is_datagram=endpoint.is_datagram)
+        self.routed.origin = lambda: endpoint.origin
 
     def close(self) -> None:
         """Sends nothing any more."""
@@ -133,7 +134,7 @@ class RoutedLink:
             dropped["link"] = endpoint.dropped
         refused = {} if self._signed_only is None else self._signed_only.refused()
         if counts.refused:
-            refused["senders without room, or keys"] = counts.refused
+            refused["senders without room, or in our autopilot's name, or keys"] = counts.refused
         traffic = LinkTraffic(
             frames_in=counts.frames_in,
             frames_out=max(0, counts.frames_out - sum(dropped.values()) - outlet.overtaken - outlet.waiting),

@@ -127,6 +127,28 @@ async def test_udp_listener_keeps_a_bounded_number_of_peers_and_forgets_silent_o
     await until(lambda: len(received) == 3)
 
 
+async def test_the_peers_of_one_host_keep_out_nobody_of_another(
+    opener: Opener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(udp, "MOST_PEERS", 4)
+    server, received = await opener("udpin://127.0.0.1:0")
+    assert isinstance(server, UdpServerEndpoint)
+    flood = [(await opener(f"udpout://127.0.0.1:{server.local_port}"))[0] for _ in range(6)]
+    for client in flood:
+        client.send(b"x")
+    await until(lambda: server.unknown_refused == 2)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.2", 0))
+        other.sendto(b"y", ("127.0.0.1", server.local_port or 0))
+        await until(lambda: received[4:] == [b"y"])
+        assert server.origin == "127.0.0.2"
+        for client in flood:
+            client.send(b"x")
+        await until(lambda: len(received) == 8)
+        assert server.peers[-1] == other.getsockname()
+        assert len(server.peers) == 4
+
+
 async def test_a_peer_that_comes_late_gets_the_first_datagram(opener: Opener) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))

@@ -181,3 +181,39 @@ def test_invented_systems_in_the_thousands_fill_no_memory_and_keep_nobody_out(ne
     net.now_s = FORGOTTEN_AFTER_S + 1.0
     assert net.report("wifi", OTHER_VEHICLE) == {"serial": 1, "radio": 1}, "the silent make room"
     assert len(wifi.senders) == 1
+
+
+def test_a_flood_behind_one_peer_keeps_out_nobody_behind_another(net: Net) -> None:
+    wifi, peer = net.links["wifi"], "10.0.0.66"
+    wifi.origin = lambda: peer
+    for number in range(2 * MOST_ADDRESSES):
+        net.report("wifi", Encoder(3 + number // 200, 1 + number % 200))
+    assert len(wifi.senders) == MOST_ADDRESSES
+    peer = "10.0.0.2"
+    assert net.report("wifi", OTHER_VEHICLE) == {"serial": 1, "radio": 1}, "a newcomer behind another peer"
+    assert len(wifi.senders) == MOST_ADDRESSES
+    assert command(net, "serial", AUTOPILOT, 2, 1) == {"wifi": 1}
+    assert command(net, "serial", AUTOPILOT, 254, 190) == {"wifi": 1}, "who was there before"
+    peer = "10.0.0.66"
+    for number in range(MOST_ADDRESSES):
+        net.report("wifi", Encoder(9 + number // 200, 1 + number % 200))
+    assert command(net, "serial", AUTOPILOT, 2, 1) == {"wifi": 1}, "the flood does not take its room back"
+
+
+def test_our_autopilot_is_never_learned_from_a_link_to_stations(net: Net) -> None:
+    net.links["radio"].is_to_stations = True
+    net.report("serial", AUTOPILOT, "SYSTEM_TIME", time_boot_ms=600_000)
+    assert net.report("radio", Encoder(1, 1), "SYSTEM_TIME", time_boot_ms=700_000) == {}
+    assert net.report("radio", Encoder(1, 1), "SYSTEM_TIME", time_boot_ms=1_000) == {}
+    assert net.links["radio"].counts.refused == 2
+    assert net.restarted == []
+    assert command(net, "wifi", OTHER_STATION, 1, 1) == {"serial": 1}
+    assert net.report("serial", AUTOPILOT, "ATTITUDE") == {"radio": 1, "wifi": 1}
+
+
+def test_a_restart_that_one_link_tells_of_wipes_no_route_of_another(net: Net) -> None:
+    for boot_ms in (600_000, 1_000):
+        net.report("radio", Encoder(1, 55), "SYSTEM_TIME", time_boot_ms=boot_ms)
+    assert net.restarted == [1]
+    assert net.links["serial"].has(1, 1)
+    assert net.links["serial"].has(1, 100)

@@ -22,7 +22,7 @@ class Wire:
     """An endpoint that keeps what it is given, with the time."""
 
     is_datagram = False
-    intruder = ""
+    intruder = origin = ""
     url, problem, local_port = "wire", "", None
     is_connected = True
     bytes_received = bytes_sent = dropped = 0

@@ -66,6 +66,10 @@ class Endpoint(Protocol):
         """Why it is not connected, or the last failure; empty if there was none."""
 
     @property
+    def origin(self) -> str:
+        """The host that what is received now comes from; empty where there is only one."""
+
+    @property
     def intruder(self) -> str:
         """Who claims to be an autopilot that is heard from somewhere else; empty where nobody has done so lately."""
 

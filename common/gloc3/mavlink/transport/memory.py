@@ -51,6 +51,7 @@ class MemoryEnd:
 
     is_datagram = True
     intruder = ""
+    origin = ""
     problem = ""
     local_port = None
 

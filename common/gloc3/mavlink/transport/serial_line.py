@@ -66,6 +66,7 @@ class SerialEndpoint:
 
     is_datagram = False
     intruder = ""
+    origin = ""
     local_port = None
 
     def __init__(

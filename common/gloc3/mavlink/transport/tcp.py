@@ -35,6 +35,7 @@ class _TcpEndpoint:
         self.bytes_sent = 0
         self.dropped = 0
         self.problem = ""
+        self.origin = ""
         self._loop = loop
         self._on_data = on_data
         self._is_closed = False
@@ -54,10 +55,13 @@ class _Connection(asyncio.Protocol):
         self._endpoint = endpoint
         self.parser = Parser()
         self.transport: asyncio.Transport
+        self.host = ""
+        """Of the other end."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
         self.transport = transport
+        self.host = str(transport.get_extra_info("peername")[0])
         transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._endpoint.on_connected(self)
 
@@ -135,6 +139,7 @@ class TcpServerEndpoint(_TcpEndpoint):
         self.bytes_received += len(data)
         frames = connection.parser.receive(data)
         if frames and not self._is_closed:
+            self.origin = connection.host
             self._on_data(b"".join(frame.raw for frame in frames))
 
     def on_lost(self, connection: _Connection, error: Exception | None) -> None:

@@ -11,6 +11,7 @@ from typing import Any, Final, TypeAlias
 
 from gloc3.errors import Refused
 from gloc3.mavlink.codec import Parser
+from gloc3.mavlink.fair_share import to_evict
 from gloc3.mavlink.parser import MAGIC_1, MAGIC_2, SIGNATURE_LENGTH, SIGNED
 
 RECEIVE_BUFFER_BYTES: Final = 1 << 22
@@ -51,6 +52,7 @@ class UdpEndpoint:
         self.bytes_received = 0
         self.dropped = 0
         self.problem = ""
+        self.origin = ""
         self._loop, self._now_s = loop, loop.time
         self._on_data = on_data
         self._socket: socket.socket | None = None
@@ -213,7 +215,7 @@ class UdpServerEndpoint(UdpEndpoint):
 
     def _receive(self, data: bytes, sender: SocketAddress, now_s: float) -> None:
         peer = self._peers.get(sender)
-        if peer is None and not self._has_room(now_s):
+        if peer is None and not self._make_room(sender[0], now_s):
             self.unknown_refused += 1
             return
         if self._pins_autopilot and self._is_intruder(data, sender, now_s):
@@ -228,6 +230,7 @@ class UdpServerEndpoint(UdpEndpoint):
                 system for system, _ in senders_in(data)
             )  # not one plain frame of one known
         self.bytes_received += size
+        self.origin = sender[0]
         self._on_data(data)
 
     def _is_intruder(self, data: bytes, sender: SocketAddress, now_s: float) -> bool:
@@ -249,10 +252,18 @@ class UdpServerEndpoint(UdpEndpoint):
             return True
         return False
 
-    def _has_room(self, now_s: float) -> bool:
+    def _make_room(self, host: str, now_s: float) -> bool:
+        """Whether there is room for one more peer of a host; of the host that has most, the newest may make it."""
         if len(self._peers) >= MOST_PEERS:
             self._remove_silent(now_s)
-        return len(self._peers) < MOST_PEERS
+        if len(self._peers) < MOST_PEERS:
+            return True
+        evicted = to_evict({address: address[0] for address in self._peers}, host)
+        if evicted is None:
+            return False
+        del self._peers[evicted]
+        self._addresses = tuple(self._peers)
+        return True
 
     def _remove_silent(self, now_s: float) -> None:
         self._checked_s = now_s

@@ -20,7 +20,7 @@ KEY_BYTES: Final = 32
 EPOCH_UTC_S: Final = datetime(2015, 1, 1, tzinfo=UTC).timestamp()
 TICKS_PER_S: Final = 100_000
 MAY_BE_OFF: Final = 60 * TICKS_PER_S
-"""A new stream may be so late, and any so early."""
+"""A new stream may be so late, and any so early. Where the clock can be relied on, any may be no later either."""
 MOST_STREAMS: Final = 256
 RADIO_STATUS: Final = 109
 """Comes from the radio at our own end of the link, which has no key."""
@@ -78,11 +78,20 @@ class Streams:
         """Signing's time of the last frame of each stream."""
         self._noted = noted
 
-    def accepts(self, stream: Stream, time: int, earliest: int) -> bool:
-        """Whether a frame is the next of its stream; a new stream begins no earlier than that. It is noted then."""
+    def accepts(self, stream: Stream, time: int, earliest: int, *, is_clock_right: bool) -> bool:
+        """Whether a frame is the next of its stream, and not too late. It is noted then.
+
+        Args:
+            stream: the sender's.
+            time: signing's time of the frame.
+            earliest: a new stream begins no earlier than that.
+            is_clock_right: whether that goes for a stream that has begun, too: what somebody has held back stays out.
+        """
         last = self.latest.get(stream)
+        if time < earliest and (last is None or is_clock_right):
+            return False
         if last is None:
-            if time < earliest or len(self.latest) >= MOST_STREAMS:
+            if len(self.latest) >= MOST_STREAMS:
                 return False
         elif time <= last:
             return False
@@ -165,10 +174,11 @@ class Signing:
         raw = frame.raw
         time = int.from_bytes(raw[-12:-6], "little")
         is_early = self._most_ahead is not None and time > self._now + self._most_ahead
-        if is_early and (self._has_seen or self._is_clock_right()):
+        is_clock_right = self._is_clock_right()
+        if is_early and (self._has_seen or is_clock_right):
             return SigningVerdict.FUTURE
         stream = (frame.system, frame.component, raw[-SIGNATURE_LENGTH])
-        if not self._streams.accepts(stream, time, self._now - MAY_BE_OFF):
+        if not self._streams.accepts(stream, time, self._now - MAY_BE_OFF, is_clock_right=is_clock_right):
             return SigningVerdict.REPEATED
         if is_early:
             self._ahead += time - self._now

@@ -61,6 +61,20 @@ def test_a_new_stream_may_be_a_minute_late_and_no_more() -> None:
         assert signing().verify(parsed(sender.encode(message("HEARTBEAT")))) is expected
 
 
+@pytest.mark.parametrize(("is_clock_right", "expected"), [(True, "REPEATED"), (False, "GENUINE")])
+def test_what_was_held_back_for_more_than_a_minute_stays_out_where_the_clock_is_right(
+    is_clock_right: bool, expected: str
+) -> None:
+    judge = Signing(KEY, link_id=3, now=NOW, is_clock_right=lambda: is_clock_right)
+    sender = codec.Encoder(1, 1, signing())
+    first, second, third = (parsed(sender.encode(message("HEARTBEAT"))) for _ in range(3))
+    assert judge.verify(first) is SigningVerdict.GENUINE
+    judge.advance(NOW + MAY_BE_OFF)
+    assert judge.verify(second) is SigningVerdict.GENUINE
+    judge.advance(NOW + 60 * MAY_BE_OFF)
+    assert judge.verify(third) is SigningVerdict[expected]
+
+
 def test_our_time_follows_and_never_goes_back() -> None:
     judge = signing()
     ahead = codec.Encoder(1, 1, signing(now=NOW + 500))

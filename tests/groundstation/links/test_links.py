@@ -14,7 +14,7 @@ from gloc3.exchange.mavlink import MavlinkExchange, TunnelEndpoint, TunnelRole
 from gloc3.exchange.tunnel.pacing import budget_of
 from gloc3.mavlink.codec import Encoder, Frame, Parser, message
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.signing import Signing, is_signed_with, timestamp
+from gloc3.mavlink.signing import TICKS_PER_S, Signing, is_signed_with, timestamp
 from gloc3.mavlink.transport.memory import Conditions, MemoryLink
 from gloc3.messages.command_interface import Outcome, Steer, Verb
 from gloc3.messages.topics import TopicTable
@@ -198,12 +198,17 @@ def test_on_a_signed_link_other_frames_are_dropped_counted_and_told_once_a_minut
         memory.b.on_data = lambda data: received.extend(Parser(is_datagram=True).receive(data))
         beat = message("HEARTBEAT", type=2, autopilot=12)
         now = timestamp(Clock(loop).utc_offset_s)
-        genuine = Encoder(1, 1, Signing(key, link_id=1, now=now))
-        forged = Encoder(2, 1, Signing(bytes(32), link_id=1, now=100))
+        signing = Signing(key, link_id=1, now=now)
+        genuine, forged = Encoder(1, 1, signing), Encoder(2, 1, Signing(bytes(32), link_id=1, now=100))
+
+        def send_genuine(number: int) -> None:
+            signing.advance(now + number * TICKS_PER_S)
+            memory.b.send(genuine.encode(beat))
+
         for number in range(70):
             loop.call_later(number, lambda: memory.b.send(forged.encode(beat)))
             loop.call_later(number, lambda: memory.b.send(Encoder(3, 1).encode(beat)))
-            loop.call_later(number, lambda: memory.b.send(genuine.encode(beat)))
+            loop.call_later(number, send_genuine, number)
         ended: asyncio.Future[None] = loop.create_future()
         loop.call_later(70.0, ended.set_result, None)
         await ended

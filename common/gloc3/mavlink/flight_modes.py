@@ -71,9 +71,15 @@ def autopilot_name(autopilot: int) -> str:
     return name.removeprefix("MAV_AUTOPILOT_").lower().replace("_", " ") if not name.isdigit() else f"number {name}"
 
 
+_LIFT_ROTORS: Final = 22
+"""MAV_TYPE_VTOL_FIXEDROTOR, which older dialects call reserved."""
+
+
 def type_name(vehicle_type: int) -> str:
     """What a vehicle is, as `quadrotor`; empty where it does not say."""
     if vehicle_type == enums.MAV_TYPE_GENERIC:
         return ""
+    if vehicle_type == _LIFT_ROTORS:
+        return "vtol with lift rotors"
     name = enum_name("MAV_TYPE", vehicle_type)
     return name.removeprefix("MAV_TYPE_").lower().replace("_", " ") if not name.isdigit() else f"type {name}"

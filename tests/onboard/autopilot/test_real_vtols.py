@@ -3,12 +3,13 @@
 import os
 import shutil
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import pytest
 from tests.commands.programs import program
+from tests.onboard.real_vehicle import COMPASS, INERTIAL
 
 pytestmark = [pytest.mark.firmware, pytest.mark.sockets, pytest.mark.thorough, pytest.mark.timeout(600)]
 
@@ -45,12 +46,17 @@ PX4 = {
 }  # fmt: skip
 ARDUPILOT = {
     "Q_ENABLE": 1, "Q_MAV_TYPE": 22, "Q_GUIDED_MODE": 1, "Q_RTL_MODE": 1, "Q_TRANS_FAIL": 15, "Q_TRANS_FAIL_ACT": -1,
-    "FS_GCS_ENABL": 0, "FENCE_TYPE": 4, "ARSPD_USE": 1, "AIRSPEED_MIN": 13, "AIRSPEED_MAX": 35, "ROLL_LIMIT_DEG": 65,
+    "FS_GCS_ENABL": 0, "FENCE_TYPE": 4, "ARSPD_USE": 1, "AIRSPEED_MIN": 13, "AIRSPEED_MAX": 35, "AIRSPEED_CRUISE": 25,
+    "ROLL_LIMIT_DEG": 65, "PTCH_LIM_MAX_DEG": 30, "PTCH_LIM_MIN_DEG": -30, "NAVL1_PERIOD": 14, "Q_ASSIST_SPEED": 18,
+    "RLL_RATE_P": 0.141, "RLL_RATE_I": 0.2125, "RLL_RATE_FF": 0.5527, "PTCH_RATE_P": 0.31, "PTCH_RATE_I": 0.2125,
+    "PTCH_RATE_FF": 1.407, "KFF_RDDRMIX": 0.5, "Q_A_RAT_RLL_P": 0.108, "Q_A_RAT_RLL_I": 0.108, "Q_A_RAT_RLL_D": 0.001,
+    "Q_A_RAT_PIT_P": 0.103, "Q_A_RAT_PIT_I": 0.103, "Q_A_RAT_PIT_D": 0.001, "Q_A_RAT_YAW_P": 0.2, "Q_A_RAT_YAW_I": 0.02,
+    "Q_A_ANG_RLL_P": 6, "Q_A_ANG_PIT_P": 6, "SCHED_LOOP_RATE": 300,
 }  # fmt: skip
-"""As its autotest's QuadPlane, where the presets do not say."""
+"""The preset's, and the gains of the simulated QuadPlane."""
 
 
-def words(parameters: dict[str, int], form: str) -> str:
+def words(parameters: Mapping[str, float], form: str) -> str:
     return "".join(form.format(name, value) for name, value in parameters.items())
 
 
@@ -90,7 +96,7 @@ def ardupilot(folder: Path) -> Iterator[list[str]]:
     found = shutil.which("arduplane")
     if found is None:
         pytest.skip("arduplane is not on PATH: see docs/firmware.md")
-    (folder / "defaults.parm").write_text(words(ARDUPILOT, "{} {}\n"))
+    (folder / "defaults.parm").write_text(words(ARDUPILOT, "{} {}\n") + COMPASS + INERTIAL)
     place = ",".join(map(str, (*HOME, 0)))
     command = [found, "--model", "quadplane", "--home", place, f"-I{INSTANCE}", "--defaults", "defaults.parm"]
     with running(command, folder, dict(os.environ)):

@@ -12,8 +12,14 @@ from gloc3_sitl.sensors.sensor import FaultMode
 
 PILOT_MODES: Final = ("manual", "position", "hold", "return", "land")
 STEERS: Final = ("pause", "resume", "skip", "abort", "retry", "start")
-CORRUPTED: Final = ("autopilot_pose", "pose", "setpoint", "autopilot")
-_WORDS: Final = ("lost", "late", "stale", "nan", "jump", "foreign")
+CORRUPTED: Final = {
+    "autopilot_pose": ("lost", "late", "nan"),
+    "pose": ("lost", "late", "nan"),
+    "setpoint": ("lost", "late", "stale", "nan", "jump", "foreign"),
+    "autopilot": ("lost", "late"),
+}
+"""Topics whose messages are corrupted on their way, and how. A position that is wrong in transit and nowhere else, stamp and
+all, is no fault of anything real: its sensors go wrong instead."""
 
 
 class PossibleFault(NamedTuple):
@@ -110,6 +116,6 @@ def _people(flight: Flight) -> Iterator[PossibleFault]:
 
 
 def _topics() -> Iterator[PossibleFault]:
-    for topic in CORRUPTED:
-        for word in _WORDS:
+    for topic, words in CORRUPTED.items():
+        for word in words:
             yield PossibleFault(f"topic:{topic}={word}", longest_s=30.0, group="topic")

@@ -18,6 +18,8 @@ LEAST_STD_M: Final = 0.02
 """A smaller standard deviation than this is not held against a pose: the model of the body is no better."""
 SIGMAS: Final = 4.0
 DISHONEST_S: Final = 0.3
+CRASH_M_S: Final = 2.0
+"""What comes down on the ground faster than this has crashed."""
 _HISTORY_S: Final = 3.0
 
 
@@ -80,7 +82,7 @@ class PoseHonest(Invariant):
     name = "pose_honest"
     sentence = (
         f"A pose that says that it is valid is not farther off the truth than {SIGMAS:g} of its standard deviations for "
-        f"{DISHONEST_S:g} s."
+        f"{DISHONEST_S:g} s; after a crash into the ground it is not judged any more."
     )
     topics = ("pose",)
 
@@ -92,10 +94,12 @@ class PoseHonest(Invariant):
         self._is_level = facts.platform.limits.survey_height_m == 0.0
         self._is_corrupted = facts.has_corrupted("pose")
         self._waiting: list[tuple[float, Pose]] = []
+        self._has_crashed = False
 
     def observe(self, moment: TrueMoment) -> None:
         """Judges the poses since the moment before."""
         before = self._moments[-1] if self._moments else None
+        self._has_crashed |= moment.is_on_ground and before is not None and before.velocity_ned_m_s[2] > CRASH_M_S
         self._moments.append(moment)
         if len(self._moments) > 10 * _HISTORY_S:
             self._moments.pop(0)
@@ -112,7 +116,7 @@ class PoseHonest(Invariant):
             self._waiting.append((envelope.t_s, envelope.payload))
 
     def _judge(self, t_s: float, pose: Pose) -> None:
-        if not pose.is_valid:
+        if not pose.is_valid or self._has_crashed:
             self._since_s = None
             return
         found = self._truth_at(t_s)

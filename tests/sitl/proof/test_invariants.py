@@ -98,6 +98,14 @@ def test_a_pose_that_admits_it_is_honest(given: dict[str, Any]) -> None:
     assert not told(judge)
 
 
+def test_a_pose_is_not_judged_after_a_crash() -> None:
+    judge = PoseHonest(facts())
+    judge.observe(moment(4.7, velocity_ned_m_s=(0.0, 0.0, 3.0)))
+    judge.observe(moment(4.8, is_on_ground=True))
+    watch_poses(judge, east_m=0.5)
+    assert not told(judge)
+
+
 def test_a_pose_that_a_fault_corrupts_on_its_way_is_not_held_against_the_one_that_sent_it() -> None:
     judge = PoseHonest(facts("topic:pose=jump@3..4"))
     watch_poses(judge, east_m=2.0)

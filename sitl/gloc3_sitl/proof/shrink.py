@@ -13,6 +13,7 @@ from gloc3_sitl.proof.fault_text import FaultText, parse
 from gloc3_sitl.proof.invariant import Invariant
 from gloc3_sitl.proof.mission_cuts import shorter
 from gloc3_sitl.proof.search import FlyAll
+from gloc3_sitl.proof.trial import TrialResult
 
 MOST_FLIGHTS: Final = 80
 BATCH: Final = 8
@@ -39,9 +40,11 @@ class Shrinker:
     def __init__(self, kind: type[Invariant], fly: FlyAll, most: int = MOST_FLIGHTS) -> None:
         self._kind, self._fly, self._most = kind, fly, most
         self.flights = 0
+        self._is_without_faults = False
 
     def shrink(self, case: FlightCase) -> Shrunk:
         """Returns the smallest case that was found."""
+        self._is_without_faults = not case.faults
         before = None
         while before != case and self.flights < self._most:
             before = case
@@ -64,11 +67,23 @@ class Shrinker:
             if self.flights >= self._most:
                 return None
             self.flights += len(batch)
-            results = list(self._fly(batch, (self._kind,)))
-            for result in results:
-                if not result.refused and any(one.invariant == self._kind.name for one in result.broken):
+            for result in self._fly(batch, (self._kind,)):
+                if self._is_broken(result) and self._is_by_its_faults(result.case):
                     return result.case
         return None
+
+    def _is_broken(self, result: TrialResult) -> bool:
+        return not result.refused and any(one.invariant == self._kind.name for one in result.broken)
+
+    def _is_by_its_faults(self, case: FlightCase) -> bool:
+        """Whether a shortened mission holds without the faults: one that ends in the air would break it by itself."""
+        if not case.text or self._is_without_faults:
+            return True
+        if not case.faults:
+            return False
+        self.flights += 1
+        calm = msgspec.structs.replace(case, faults=())
+        return not any(self._is_broken(result) for result in self._fly([calm], (self._kind,)))
 
 
 _Candidates = Callable[[FlightCase], Iterator[FlightCase]]

@@ -1,5 +1,6 @@
 """The real PX4: with its own physics and what befalls it in flight, and on our physics. Says so where it is not there."""
 
+import re
 import subprocess
 import sys
 import tempfile
@@ -57,7 +58,7 @@ def run(progress: Progress) -> list[Figure]:
         return [Figure("`px4` of a build tree on PATH", why, "yes", is_met=False)]
     figures = []
     for title in px4_flights.FLIGHTS:
-        folder = SCRATCH / "px4" / title.replace(" ", "_").replace(",", "")
+        folder = SCRATCH / "px4" / re.sub(r"\W+", "_", title)  # it comes into PATH, which knows no colons
         told = msgspec.convert(progress.part(title, partial(px4_flights.fly, title, folder, INSTANCE)), Told)
         bar = px4_flights.what_must_be(title)
         figures.append(Figure(title, f"not so: {told.problem}" if told.problem else told.said, bar, not told.problem))

@@ -104,6 +104,8 @@ def test_poses_that_never_come_in_time_are_late_and_not_absent(flight: Card) -> 
     flight.wait(3.0)
     begin_s = flight.now_s
     flight.fault("topic:autopilot_pose=stale/0.5")
+    flight.always(lambda: flight.mission.policy == "", 9.0, "each is waited for, in a hold")
+    assert flight.speed_m_s < 0.3
     flight.await_policy("land", 3.0)
     (text,) = [event.text for event in flight.events if event.t_s >= begin_s and "pose lost: poses" in event.text]
     assert re.fullmatch(r"pose lost: poses are 0\.[56] s late; policy: land", text)

@@ -209,7 +209,8 @@ class _LastSeen(NamedTuple):
 
     working: frozenset[str]
     silent: frozenset[tuple[str, str]]
-    is_pose_fresh: bool
+    has_pose: bool
+    """There is a valid one, which may be late."""
     is_connected: bool
 
 
@@ -237,14 +238,15 @@ class Availability:
 
     def missing(self, book: ComponentBook, snapshot: VehicleState, now_s: float) -> dict[str, tuple[str, ...]]:
         """Capability to what it lacks, for those that cannot be used."""
-        seen = _LastSeen(book.working(now_s), book.silent, snapshot.is_pose_fresh(now_s), snapshot.is_connected)
+        has_pose = snapshot.is_pose_fresh(now_s) or snapshot.is_pose_late(now_s)
+        seen = _LastSeen(book.working(now_s), book.silent, has_pose, snapshot.is_connected)
         if seen != self._seen:
             self._seen = seen
             self._missing = dict(self._find(seen))
         return self._missing
 
     def _find(self, seen: _LastSeen) -> Iterable[tuple[str, tuple[str, ...]]]:
-        snapshot = {"pose": seen.is_pose_fresh, "autopilot": seen.is_connected}
+        snapshot = {"pose": seen.has_pose, "autopilot": seen.is_connected}
 
         def is_alive(need: str, who: frozenset[str]) -> bool:
             return snapshot.get(need, any(one in seen.working and (one, need) not in seen.silent for one in who))

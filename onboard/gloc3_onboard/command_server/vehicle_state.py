@@ -27,6 +27,8 @@ POSE_SILENT_S: Final = POSE_LATE_S + 0.05
 """A pose that is older counts as late here: it may wait for the next cycle of the server."""
 POSE_REPORTED_S: Final = 0.4
 """A pose that is late by so much is told."""
+POSE_LATE_MOST_S: Final = 10.0
+"""Poses that keep coming, each less than `POSE_LOST_S` late, are waited for this long in a hold; then they count as lost."""
 POSE_INVALID_S: Final = 0.4
 """A pose that says of itself that it is not valid is lost after so long: whoever made it has waited before."""
 HEIGHT_SILENT_S: Final = 0.5
@@ -211,7 +213,8 @@ class VehicleState:
         """Every condition of which it is known whether it holds, and why."""
         is_airborne, is_fresh = self.is_airborne, self.is_pose_fresh(now_s)
         is_invalid = self.pose is not None and not self.pose.is_valid
-        age_s, wait_s = now_s - self._pose_s, POSE_INVALID_S if is_invalid else POSE_LOST_S
+        age_s = now_s - self._pose_s
+        wait_s = POSE_INVALID_S if is_invalid else POSE_LOST_S if age_s >= POSE_LOST_S else POSE_LATE_MOST_S
         if is_fresh or not is_airborne:
             yield PolicyCondition.POSE_LOST, False, ""
         elif self._posed_s is not None and now_s - self._posed_s >= wait_s:  # until then it stays as it was

@@ -2,9 +2,11 @@
 
 import msgspec
 import pytest
+from tests.onboard.messages import at, pose
 
 from gloc3.component.lci import State
 from gloc3.messages.envelope import ComponentStatus, Kind
+from gloc3.messages.standard_topics import POSE_LOST_S
 from gloc3.platform.reader import load_platform
 from gloc3_onboard.command_server.component_book import ComponentBook
 from gloc3_onboard.command_server.observing import Availability
@@ -57,6 +59,15 @@ def test_the_silence_of_other_topics_of_that_component_is_no_matter() -> None:
     desk.report("ground_camera", State.WORKING, "camera/extra")
     desk.report("height", State.WORKING, "height")
     assert desk.missing() == ()
+
+
+def test_a_late_pose_is_waited_for_and_a_lost_one_is_not() -> None:
+    desk = Desk("pose")
+    desk.snapshot.update_pose(at(0.0, pose(0.0, 0.0, 0.0)))
+    desk.now_s = 0.9 * POSE_LOST_S
+    assert desk.missing() == ()
+    desk.now_s = 1.1 * POSE_LOST_S
+    assert desk.missing() == ("pose",)
 
 
 def test_without_a_young_pose_what_needs_it_is_not_to_be_had() -> None:

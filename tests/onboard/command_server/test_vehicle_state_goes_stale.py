@@ -9,7 +9,7 @@ from gloc3.messages.vehicle import AutopilotState, DriverState, FlightMode, Land
 from gloc3.mission.executing.board import PolicyCondition
 from gloc3.platform.reader import load_platform
 from gloc3_onboard.command_server.summaries import vehicle_summary
-from gloc3_onboard.command_server.vehicle_state import POSE_SILENT_S, VehicleState
+from gloc3_onboard.command_server.vehicle_state import POSE_LATE_MOST_S, POSE_SILENT_S, VehicleState
 
 PLATFORM = load_platform("pelican_rtk")
 STALE_S = AUTOPILOT_SILENT_S + 0.1
@@ -105,7 +105,11 @@ def test_a_pose_is_lost_after_two_seconds_and_is_back_at_once() -> None:
 
 @pytest.mark.parametrize(
     ("age_s", "is_valid", "reason", "within_s"),
-    [(0.0, True, "no pose for 2 s", 2.3), (0.5, True, "poses are 0.5 s late", 2.3), (0.0, False, "no source", 0.5)],
+    [
+        (0.0, True, "no pose for 2 s", 2.3),
+        (0.5, True, "poses are 0.5 s late", POSE_LATE_MOST_S + 0.5),
+        (0.0, False, "no source", 0.5),
+    ],
 )
 def test_absent_late_and_invalid_poses_are_told_apart(
     age_s: float, is_valid: bool, reason: str, within_s: float
@@ -155,7 +159,19 @@ def test_a_stall_of_the_process_itself_is_no_lateness_of_the_poses() -> None:
     snapshot.update_pose(at(now_s - 0.6, pose(1.0, 0.0, 0.0)))
     snapshot.expire(now_s)
     assert not conditions(snapshot, now_s).get(PolicyCondition.POSE_LOST, False)
-    for late_s in (now_s + 1.5, now_s + 2.0):
-        snapshot.update_pose(at(late_s - 0.6, pose(1.0, 0.0, 0.0)))
-        snapshot.expire(late_s)
-    assert conditions(snapshot, late_s)[PolicyCondition.POSE_LOST]
+    assert conditions(snapshot, now_s + POSE_LOST_S)[PolicyCondition.POSE_LOST], "no more come"
+
+
+def test_poses_that_keep_coming_late_are_waited_for_longer_than_one_that_does_not_come() -> None:
+    snapshot = facts_of(flying(FlightMode.GUIDED))
+    snapshot.update_pose(at(0.0, pose(1.0, 0.0, 0.0)))
+    snapshot.expire(0.1)
+    late_s, step_s, now_s = 0.9, 0.1, 0.1
+    while now_s < POSE_LATE_MOST_S - 0.1:
+        now_s += step_s
+        snapshot.update_pose(at(max(0.0, now_s - late_s), pose(1.0, 0.0, 0.0)))
+        snapshot.expire(now_s)
+        assert not conditions(snapshot, now_s).get(PolicyCondition.POSE_LOST, False)
+    now_s += 0.5
+    snapshot.update_pose(at(now_s - late_s, pose(1.0, 0.0, 0.0)))
+    assert conditions(snapshot, now_s)[PolicyCondition.POSE_LOST]

@@ -1,5 +1,6 @@
 """Invariants of what is recorded: numbers that are numbers, no unhandled error, a whole log."""
 
+import re
 from collections.abc import Iterator
 from math import isfinite
 from typing import Any, Final
@@ -8,7 +9,8 @@ from gloc3.messages.envelope import Envelope, Event
 from gloc3.messages.vehicle import Pose
 from gloc3_sitl.proof.invariant import FlightFacts, FlownMission, Invariant
 
-INJECTED: Final = "InjectedFault"
+_OWN_ERROR: Final = re.compile(r"-> faulty: [A-Z]\w*(Error|Exception|Exit|Iteration|Lookup|Misuse)\b")
+"""A component's cause that is an error of Python's, or a broken rule; injected crashes and devices' errors are told in words."""
 
 
 class OnlyNumbers(Invariant):
@@ -46,9 +48,8 @@ class NoTraceback(Invariant):
     def receive(self, topic: str, envelope: Envelope[Any], now_s: float) -> None:
         """Judges one event."""
         event: Event = envelope.payload
-        if "Traceback" in event.details and INJECTED not in event.details:
-            last = event.details.strip().splitlines()[-1]
-            self.break_at(now_s, f"{envelope.source.component}: {last}")
+        if _OWN_ERROR.search(event.text):
+            self.break_at(now_s, f"{envelope.source.component}: {event.text}")
 
     def end(self, flown: FlownMission) -> None:
         """Judges what nobody handled."""

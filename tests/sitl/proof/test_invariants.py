@@ -314,14 +314,12 @@ def test_a_value_that_is_no_number_is_told() -> None:
 
 def test_an_error_that_no_fault_has_injected_is_told() -> None:
     judge = NoTraceback(facts())
-    crash = Event(
-        severity=Severity.ERROR, text="working -> faulty", details="Traceback\ngloc3_sitl...InjectedFault: crash"
-    )
+    crash = Event(severity=Severity.ERROR, text="working -> faulty: injected crash of pose")
     judge.receive("components/pose/event", message(crash), 5.0)
     assert not told(judge)
-    error = Event(severity=Severity.ERROR, text="working -> faulty", details="Traceback (...)\n  x\nKeyError: 'a'\n")
+    error = Event(severity=Severity.ERROR, text="working -> faulty: KeyError: 'a'")
     judge.receive("components/pose/event", message(error, component="pose"), 5.0)
-    assert told(judge) == "pose: KeyError: 'a'"
+    assert told(judge) == "pose: working -> faulty: KeyError: 'a'"
     unhandled = NoTraceback(facts())
     unhandled.end(flown(failures=["KeyError('b')"]))
     assert told(unhandled) == "not handled: KeyError('b')"

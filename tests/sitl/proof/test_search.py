@@ -11,11 +11,13 @@ import pytest
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.summaries import MissionSummary
+from gloc3_onboard.components.controllers.hold import HoldController
 from gloc3_sitl.faults.fault_menu import possible_faults
 from gloc3_sitl.proof.campaign import SearchLimits, run_search
 from gloc3_sitl.proof.case import FlightCase, read_case
 from gloc3_sitl.proof.found import distinct, replay, write_found
 from gloc3_sitl.proof.invariant import BrokenInvariant, Invariant
+from gloc3_sitl.proof.record import NoTraceback
 from gloc3_sitl.proof.search import ROUND, STATE, Invariants, Search, flying
 from gloc3_sitl.proof.shrink import Shrinker
 from gloc3_sitl.proof.trial import TrialResult, fly_case
@@ -191,6 +193,16 @@ def test_a_mission_that_is_cut_so_that_it_breaks_it_by_itself_is_no_finding() ->
     shrunk = Shrinker(NeverPaused, pretend_to_end).shrink(case).case
     assert "land" in shrunk.text.partition("tasks")[2]
     assert len(shrunk.faults) == 1
+
+
+@pytest.mark.flight
+def test_an_error_of_a_component_is_found_in_flight(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: Any) -> None:
+        raise ZeroDivisionError("float division by zero")
+
+    monkeypatch.setattr(HoldController, "_brake", fail)
+    broken = fly_case(HOP, kinds=(NoTraceback,)).broken
+    assert [one.text for one in broken] == ["hold: working -> faulty: ZeroDivisionError: float division by zero"]
 
 
 def test_one_of_each_kind_is_shrunk_the_simplest_first() -> None:

@@ -84,7 +84,7 @@ def look_for(tree: Path, planted: PlantedMistake, minutes: float = MINUTES) -> d
         found = msgspec.json.decode(ended.stdout)
     except msgspec.DecodeError:
         return {"is_found": False, "text": ended.stderr.strip()[-200:], "flights": 0}
-    smallest = found["found"][0] if found["found"] else None
+    smallest = next((one for one in found["found"] if _holds_without_it(tree, environment, one["folder"])), None)
     return {
         "is_found": smallest is not None,
         "flights": found["flights"],
@@ -93,6 +93,12 @@ def look_for(tree: Path, planted: PlantedMistake, minutes: float = MINUTES) -> d
         "faults": len(smallest["case"].get("faults", [])) if smallest else 0,
         "command": smallest["command"] if smallest else "",
     }
+
+
+def _holds_without_it(tree: Path, environment: dict[str, str], folder: str) -> bool:
+    """Whether a finding is the mistake's: the same flight breaks nothing where it is not made."""
+    called = [sys.executable, "-m", "gloc3", "prove", "--replay", str(Path(folder, "replay.json")), "--quiet"]
+    return subprocess.run(called, cwd=tree, env=environment, check=False, capture_output=True).returncode == 0
 
 
 def judge(progress: Progress) -> Sequence[Figure]:

@@ -13,8 +13,8 @@ PAGES = ROOT / "docs" / "evidence"
 INDEX = PAGES / "README.md"
 RESULT = "- result: "
 ABOUT = """\
-Each page states a claim, the command that shows it, the commit at which that was done, and its figures beside what they must
-be. `make evidence NAME=flight` makes one of them anew, `make evidence` all and this list."""
+Each page states a claim, the command that shows it, the commit at which it ran, and its figures with their bars.
+`make evidence NAME=flight` writes one page again; `make evidence` writes all pages and this list."""
 SCRATCH = ROOT / "runs" / "evidence"
 
 

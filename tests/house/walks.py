@@ -1,4 +1,4 @@
-"""`docs/walks.md`: six ways through the code, each a list of functions made by running it in a flight.
+"""`docs/walks.md`: six paths through the code, each a list of functions made by running it in a flight.
 
 A walk is a short list of milestones: functions that something passes one after the other, from a thread of control to the
 next. While a flight runs, a tracer notes the stack of calls at the first call of each milestone after the one before; the
@@ -42,10 +42,10 @@ WITHIN_S: Final = 60.0
 HEAD: Final = """\
 # Walks
 
-Six ways through the code. Each is made by running it: a flight passes the walk's milestones in order (the numbers), and
-the functions listed are those that are on the stack of calls when it does. What only a flight in virtual time has is left
-out: its clock, its links in memory (where a real link has its transport), its fault injection, itself. `make docs` writes this page, and a test flies some of the walks again and
-compares.
+Six paths through the code. Each was recorded in a flight that passed the walk's numbered milestones in order; listed are
+the functions on the call stack at each of them. Parts that exist only in virtual time are left out: its clock, its links
+in memory (a real link has its transport there), fault injection, and the flight itself. `make docs` writes this page, and
+a test repeats some of the walks and compares.
 """
 
 

@@ -34,11 +34,11 @@ _CLOCK_NOT_SYNCHRONISED: Final = 5
 
 
 def utc_text(utc_s: float, form: str = "%Y-%m-%d %H:%M") -> str:
-    """A moment for people, in UTC.
+    """Formats a UTC time for display.
 
     Args:
         utc_s: seconds since 1970.
-        form: as `strftime` takes it.
+        form: a `strftime` format.
     """
     return datetime.fromtimestamp(utc_s, UTC).strftime(form)
 
@@ -59,13 +59,13 @@ class Clock:
         """Add it to `now_s()` for seconds since 1970. Recorded once a log, never used in control."""
 
     def utc_s(self) -> float:
-        """Seconds since 1970 by the computer's clock, which somebody may have set meanwhile; never used in control."""
+        """Seconds since 1970 by the computer's clock, which may jump when it is set; never used in control."""
         return self.now_s() + VIRTUAL_EPOCH_S if self.is_virtual else time.time()
 
     def is_utc_right(self) -> bool:
-        """Whether the computer's clock is kept right by somebody (NTP, GPS...), as far as its kernel knows.
+        """Whether the kernel reports the computer's clock as synchronized (NTP, GPS...).
 
-        A computer without a clock of its own, as many on vehicles, begins in the past and finds out later.
+        A computer without a real-time clock, common on vehicles, starts with a date in the past.
         """
         return self.is_virtual or _is_synchronised()
 
@@ -82,7 +82,7 @@ def _is_synchronised() -> bool:
 
 
 class _Call(asyncio.TimerHandle):
-    """A call that is to come, made and begun in half the time: in a flight there are hundreds a second.
+    """A scheduled call, cheaper to create and run than asyncio's: in a flight there are hundreds a second.
 
     Without a context it runs in that of the loop; tasks bring their own.
     """
@@ -141,7 +141,7 @@ class VirtualLoop(asyncio.BaseEventLoop):
     def call_at(
         self, when: float, callback: Callable[[*Ts], object], *args: *Ts, context: Context | None = None
     ) -> asyncio.TimerHandle:
-        """Calls back at a time; at once, after what is ready, if that has passed."""
+        """Schedules a callback at a time; one in the past runs at once, after the callbacks that are ready."""
         self._check_closed()  # type: ignore[attr-defined] # asyncio's own, as in every loop built on its base
         timer = _Call(when, callback, args, self, context)
         self._timers_made += 1
@@ -151,7 +151,7 @@ class VirtualLoop(asyncio.BaseEventLoop):
     def call_soon(
         self, callback: Callable[[*Ts], object], *args: *Ts, context: Context | None = None
     ) -> asyncio.Handle:
-        """Calls back after what is ready."""
+        """Schedules a callback after those that are ready."""
         self._check_closed()  # type: ignore[attr-defined] # asyncio's own
         call = _Call(self._now_s, callback, args, self, context)
         self._ready.append(call)

@@ -13,7 +13,7 @@ LEAST_BEGINNING: Final = 3
 
 
 class Gloc3Error(Exception):
-    """The base of every error that this project raises on purpose."""
+    """Base of every error that this project raises on purpose."""
 
 
 class Misuse(Gloc3Error):
@@ -53,7 +53,7 @@ class InputError(Gloc3Error):
 
 
 class NotFound(InputError):
-    """A file or a name that was asked for is not there, or cannot be read: nothing in it is wrong."""
+    """A requested file or name does not exist, or cannot be read."""
 
 
 class NoContact(Gloc3Error):
@@ -61,7 +61,7 @@ class NoContact(Gloc3Error):
 
 
 def nearest(name: str, known: Sequence[str], also: Sequence[str] = ()) -> str:
-    """A hint that names the known word nearest to `name`, or lists what is known; words in `also` are not listed."""
+    """A hint with the known word nearest to `name`, or a list of the known words; words in `also` are not listed."""
     words = [*known, *also]
     begun = [word for word in words if len(name) >= LEAST_BEGINNING and word.startswith(name)]
     close = begun if len(begun) == 1 else get_close_matches(name, words, n=1, cutoff=0.65)

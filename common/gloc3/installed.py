@@ -12,5 +12,5 @@ def installed_points(group: str) -> tuple[EntryPoint, ...]:
 
 @cache
 def _read(group: str, path: tuple[str, ...]) -> tuple[EntryPoint, ...]:  # noqa: ARG001 - part of the key
-    """It takes milliseconds, as each installed package is asked, and some groups are needed with every file."""
+    """Reads entry points, cached: it takes milliseconds, and some groups are needed with every file."""
     return tuple(sorted(entry_points(group=group), key=lambda point: (point.name, point.value)))

@@ -14,17 +14,17 @@ class Guidance(NamedTuple):
     heading_rad: float
     """To be steered, clockwise from north."""
     cross_track_m: float
-    """To the right of the way."""
+    """To the right of the path."""
     left_m: float
     """Way to its end, along it; negative beyond."""
 
 
 class LineOfSight:
-    """Steers for a point on the way, a lookahead ahead of the vehicle, and aside of it as the current needs.
+    """Steers towards a point on the path, a lookahead ahead of the vehicle, and corrects for current.
 
     The integral line of sight of Børhaug, Pavlov and Pettersen (2008), as in Fossen 2021, section 12.5: the heading is
-    `course - atan((y + s) / D)` with `ds/dt = k y D^2 / (D^2 + (y + s)^2)`; s settles where the crab angle `atan(s / D)`
-    makes good the drift. It grows slowly far away, so that it does not wind up.
+    `course - atan((y + s) / D)` with `ds/dt = k y D^2 / (D^2 + (y + s)^2)`; s settles where the crab angle `atan(s /
+    D)` compensates the drift. It grows slowly far from the path, so that it does not wind up.
 
     Args:
         integral: k, in 1/s: 0 for vehicles that do not drift; for others less than a quarter of speed over lookahead.
@@ -40,16 +40,16 @@ class LineOfSight:
 
     @property
     def course_rad(self) -> float:
-        """Bearing of the way."""
+        """Bearing of the path."""
         return self._course_rad
 
     @property
     def crab_m(self) -> float:
-        """What is steered aside of the way at the lookahead, to make good the drift."""
+        """Lateral offset steered for at the lookahead to compensate the drift."""
         return self._sum_m
 
     def follow(self, start_ned_m: Vector3, end_ned_m: Vector3, *, keeps_drift: bool = False) -> None:
-        """Sets the way; what is known of the drift is kept where the way goes on in much the same direction."""
+        """Sets the path; with `keeps_drift`, for a path in much the same direction, the drift estimate is kept."""
         north, east = end_ned_m[0] - start_ned_m[0], end_ned_m[1] - start_ned_m[1]
         self._length_m = hypot(north, east)
         if self._length_m > 0.0:
@@ -60,12 +60,12 @@ class LineOfSight:
             self._sum_m = 0.0
 
     def update(self, position_ned_m: Vector3, lookahead_m: float, duration_s: float) -> Guidance:
-        """The heading to steer now.
+        """Computes the heading to steer.
 
         Args:
-            position_ned_m: where the vehicle is.
-            lookahead_m: how far ahead on the way is steered for: the shorter, the harder it turns.
-            duration_s: since the last look; 0 while the vehicle does not follow.
+            position_ned_m: position of the vehicle.
+            lookahead_m: distance ahead on the path of the target point: the shorter, the tighter it turns.
+            duration_s: since the last update; 0 while the vehicle does not follow.
         """
         north, east = position_ned_m[0] - self._start[0], position_ned_m[1] - self._start[1]
         ahead, right = self._along

@@ -12,15 +12,15 @@ _INT_MAX: Final = 2**31 - 1
 
 
 def to_wire(item: MavItem, where: str, *, is_current: bool = False) -> PlanItem:
-    """An item as it is sent: numbers in single precision, places in whole units of the frame.
+    """Encodes an item for sending: numbers in single precision, positions in the integer units of the frame.
 
     Args:
         item: as in a file.
-        where: what it is called in a refusal.
-        is_current: whether the plan begins there.
+        where: its name in a refusal.
+        is_current: whether the plan starts at it.
 
     Raises:
-        Refused: a number does not fit the wire.
+        Refused: a number is out of the wire's range.
     """
     p1, p2, p3, p4 = (_single(param, where) for param in item.params)
     scale = units_per_degree(item.frame)

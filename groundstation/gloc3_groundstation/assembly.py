@@ -1,8 +1,8 @@
-"""The assembly of a ground station: everything below its screens, from links, storage and a network; the only wiring.
+"""Assembly of a ground station without its screens, from links, storage and a network; the only place of wiring.
 
-`gloc3 station`, the commands that speak with a vehicle, and a flight in virtual time build their stations here. They differ in
-the links (sockets, or ends in memory), in the storage (a folder, or none) and in the event loop, whose clock is the
-station's. `NOT_IN_FLIGHTS` lists what a flight leaves out, with the reasons.
+`gloc3 station`, the commands that connect to a vehicle, and a flight in virtual time build their stations here. They
+differ in the links (sockets, or ends in memory), in the storage (a folder, or none) and in the event loop, whose clock
+is the station's. `NOT_IN_FLIGHTS` lists what a flight leaves out, with the reasons.
 """
 
 import asyncio
@@ -54,9 +54,9 @@ class StationSetup(msgspec.Struct, frozen=True, kw_only=True):
     system: int = 255
     """Its MAVLink system."""
     record: Path | None = None
-    """The folder of records, where each session has a folder of its own; None to keep nothing."""
+    """Folder of records, with a subfolder for each session; None to record nothing."""
     downloads: Path = Path()
-    """For what is downloaded from vehicles, and where file names that are typed begin."""
+    """Folder for downloads from vehicles, and base of file names that the operator types."""
     signing_key: bytes | None = None
     """Signs all links; None for links that are not signed."""
     network: Membership | None = None
@@ -64,16 +64,16 @@ class StationSetup(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def name(self) -> str:
-        """Under which platforms know the station."""
+        """Name under which platforms know the station."""
         return str(self.system) if self.network is None else self.network.file.member
 
 
 class GroundStation:
-    """A station that is heard as soon as it has a link.
+    """A station that is active as soon as it has a link.
 
     Args:
-        setup: what it is.
-        report: receives in words what a person should know of the links; None for events of the station.
+        setup: its setup.
+        report: called with text about the links for users; None to use the station's events.
     """
 
     def __init__(self, setup: StationSetup, report: Callable[[str], None] | None = None) -> None:
@@ -107,7 +107,7 @@ class GroundStation:
             modems: acoustic modems: the platform that each leads to, and its URL.
 
         Raises:
-            Gloc3Error: a URL is wrong, or an address cannot be had.
+            Gloc3Error: a URL is wrong, or an address is not available.
         """
         if self.setup.network is not None:
             self.links.join(self.setup.network)

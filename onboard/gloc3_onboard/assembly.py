@@ -1,7 +1,7 @@
 """The only wiring of a vehicle's onboard side: platform, links, devices, clock and storage in, named parts out.
 
-The onboard process, another host, a child process and a flight in virtual time differ in what they hand in, and in
-`gloc3_onboard.parts.NOT_IN_FLIGHTS`, in nothing else.
+The onboard process, another host, a child process and a flight in virtual time differ only in their inputs and in
+`gloc3_onboard.parts.NOT_IN_FLIGHTS`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -52,7 +52,7 @@ def watch_sensors(parts: Parts, sensors: Sensors, now_s: Callable[[], float]) ->
 def host_components(
     parts: Parts, platform: Platform, context: HostContext, devices: Mapping[str, Any], hosting: Hosting
 ) -> Onboard:
-    """The components of a process; they take commands from now on."""
+    """The components of a process, which accept commands from now on."""
     name = context.platform
     everything = {
         **devices,
@@ -71,8 +71,8 @@ class VehicleSide:
     Attach the links, then `host` the components and `begin`.
 
     Args:
-        inputs: what it is built from.
-        autopilot_url: of the autopilot's link.
+        inputs: inputs of the assembly.
+        autopilot_url: URL of the autopilot's link.
     """
 
     def __init__(self, inputs: VehicleInputs, autopilot_url: str) -> None:
@@ -116,7 +116,7 @@ class VehicleSide:
         self.onboard: Onboard | None = None
 
     def _boot(self) -> int:
-        """A random number for a part that begins."""
+        """A random boot number."""
         return self._inputs.context.random.getrandbits(32)
 
     def _add_companion(self) -> Companion:
@@ -138,7 +138,7 @@ class VehicleSide:
         self._may_write = is_allowed
 
     def _system_restarted(self, system: int) -> None:
-        self._inputs.report(Severity.NOTICE, f"MAVLink system {system} has restarted: its routes are learned anew")
+        self._inputs.report(Severity.NOTICE, f"MAVLink system {system} has restarted: its routes are cleared")
 
     # --- links ---
 
@@ -151,11 +151,11 @@ class VehicleSide:
         return self._attachment(routed, link.open)
 
     def attach_station(self, url: str, budget: LinkBudget | None = None) -> Attachment:
-        """One more link to stations.
+        """Adds a link to stations.
 
         Args:
-            url: what it says of rate and role counts.
-            budget: what our own frames may take of the link; None for what the URL says.
+            url: its URL, with rate and role.
+            budget: bandwidth of our own frames; None for the URL's.
         """
         context, wanted, number = self._inputs.context, parse_url(url), len(self.stations) + 1
         signing, role = self._inputs.sign(url, number), StationRole(wanted.role)
@@ -237,13 +237,13 @@ class VehicleSide:
         self.companion.share(files, lambda: self._may_write)
 
     def host(self, sensors: Sensors, computer: Any, storage: Storage, hosting: Hosting) -> Onboard:
-        """Makes the components; they take commands from now on.
+        """Creates the components, which accept commands from now on.
 
         Args:
             sensors: the devices that samplers read.
             computer: the device `computer`.
-            storage: what outlives the process.
-            hosting: which components these are.
+            storage: persistent storage.
+            hosting: the components of this process.
         """
         inputs, parts, context = self._inputs, self.parts, self._inputs.context
         beats = HeartbeatSource(
@@ -280,7 +280,7 @@ class VehicleSide:
         self._link_watch.begin()
 
     def traffic(self) -> list[str]:
-        """What has passed, a line a link; what was refused of other programs, too."""
+        """Traffic statistics, a line per link, with refused requests of other programs."""
         refused = self.companion.reasons.reported
         lines = [f"refused of other programs' stations: {counted(refused, 'request')}"] if refused else []
         return lines + [f"{routed.url}: {routed.condition().traffic.describe()}" for routed in self._routed]

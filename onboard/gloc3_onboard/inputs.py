@@ -39,14 +39,14 @@ def open_sensors(
     host: SourceHost,
     warn: Callable[[str], None] = lambda _: None,
 ) -> Sensors:
-    """The real sensors of a process, by the URLs of its platform.
+    """The real sensors of a process, from the URLs of its platform.
 
     Args:
         platform: the platform file.
-        used: the devices that rows of this process name.
-        requested: sources that differ from the file's, as NAME=URL.
-        host: what sources are made with.
-        warn: receives what is doubtful in a calibration.
+        used: devices named by this process's rows.
+        requested: sources that override the file's, as NAME=URL.
+        host: context for creating sources.
+        warn: called about doubtful calibrations.
 
     Raises:
         InputError: a calibration cannot be used.
@@ -82,7 +82,7 @@ class Storage(msgspec.Struct, frozen=True, kw_only=True):
     progress: Records
     """Of missions, and home."""
     reports: Records
-    """What stations were told."""
+    """Reports sent to stations."""
     memory: Records
     """What components remember."""
     log_store: LogStoreBase
@@ -101,7 +101,7 @@ class VehicleInputs(msgspec.Struct, frozen=True, kw_only=True):
     platform: Platform
     context: HostContext
     report: Report = lambda _severity, _text: None
-    """Receives what a person at the terminal should know."""
+    """Called with messages for the person at the terminal."""
     keep: Keep | None = None
     """Receives each MAVLink frame, for a log."""
     vitals: Callable[[], Vitals] = Vitals
@@ -114,7 +114,7 @@ class VehicleInputs(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Attachment(NamedTuple):
-    """A link without its endpoint: `receive` gets what the endpoint receives, then `open` gets the endpoint."""
+    """A link without its endpoint: pass received frames to `receive`, and the endpoint to `open`."""
 
     receive: Callable[[bytes], None]
     open: Callable[[Endpoint], None]

@@ -167,7 +167,7 @@ def _among(found: list[dict[str, Any]], pose: str) -> list[Figure]:
 
 
 def _ends(barred: list[dict[str, Any]], blind: list[dict[str, Any]]) -> list[Figure]:
-    reported = [run for run in barred if run["state"] == "failed" and "an obstacle is in the way" in run["reason"]]
+    reported = [run for run in barred if run["state"] == "failed" and "an obstacle blocks the path" in run["reason"]]
     barred_m, blind_m, bar_m = (
         min(run["hull_m"] for run in barred),
         max(run["hull_m"] for run in blind),

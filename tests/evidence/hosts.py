@@ -65,7 +65,7 @@ def _calm(found: Report) -> Iterator[Figure]:
         f"≥ {RATE_HZ:g}",
         rate_hz >= RATE_HZ,
     )
-    yield Figure("… lost on the way while nothing is wrong", str(found.missed), "0", found.missed == 0)
+    yield Figure("… lost in transit while nothing is wrong", str(found.missed), "0", found.missed == 0)
     yield Figure("… from the exposure to there, median, in s", str(found.delay_s))
     used = f"{100.0 * found.used_share:.1f}"
     yield Figure(

@@ -36,7 +36,7 @@ def test_a_limiter_that_is_told_of_nothing_comes_too_near(flight: Card, tmp_path
 def test_where_no_way_leads_round_it_stays_away_and_says_so(flight: Card, tmp_path: Path) -> None:
     ruler = courses.fly(flight, courses.without_a_way(SEED), tmp_path, platform=courses.scanner_platform(), seed=SEED)
     assert flight.state("sweep") == "failed"
-    assert flight.was_told("an obstacle is in the way")
+    assert flight.was_told("an obstacle blocks the path")
     assert ruler.nearest.hull_m >= courses.NEAREST_M
 
 

@@ -1,6 +1,7 @@
-"""Cameras: their lenses, how they sit on a vehicle, and what of a wall they have seen.
+"""Cameras: lens models, mounts on a vehicle, and coverage of a wall by pictures.
 
-Pure geometry, but for `opencv`, the one importer of OpenCV, and the frame stream between simulator and companion.
+Pure geometry, except for `opencv` (the only module that imports OpenCV) and the frame stream between simulator and
+companion.
 """
 
 __all__ = ["frame_stream", "geometry", "model", "opencv", "wall_coverage"]

@@ -1,8 +1,9 @@
-"""Sensor data as a byte stream: how simulated cameras and scanners reach a companion process on the same machine.
+"""Sensor data as a byte stream: carries simulated camera frames and scans to a companion process on the same machine.
 
 Each record is a header (magic, time in microseconds since the vehicle's boot, sizes, length of the sensor's name), the
 name, and the data: rows of 8-bit grey values of a camera's frame, or 32-bit ranges of a scan. The two frames of a
-stereo pair are two records with one time. A client first says in one line, with spaces between, which sensors it wants.
+stereo pair are two records with one time. A client first sends one line with the names of the sensors that it wants,
+separated by spaces.
 """
 
 import math
@@ -78,12 +79,12 @@ def encode_scan(scan: ScanFrame) -> bytes:
 
 
 def encode_stream_request(*sensors: str) -> bytes:
-    """The line with which a client asks for sensors by name."""
+    """Encodes the line with which a client requests sensors by name."""
     return " ".join(sensors).encode() + b"\n"
 
 
 def read_stream_request(line: bytes) -> frozenset[str]:
-    """The sensors that a client's line asks for."""
+    """Parses the sensor names from a client's request line."""
     return frozenset(line.decode("ascii", "replace").split())
 
 
@@ -94,10 +95,10 @@ class FrameReader:
         self._remainder = bytearray()
 
     def receive(self, data: bytes) -> list[GreyFrame | ScanFrame]:
-        """Takes bytes in, gives the records that are complete.
+        """Receives bytes and returns the records that are complete.
 
         Raises:
-            FrameError: the bytes are no records; the stream must be opened anew.
+            FrameError: the bytes are not valid records; the stream must be reopened.
         """
         self._remainder += data
         found: list[GreyFrame | ScanFrame] = []

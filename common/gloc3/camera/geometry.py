@@ -38,9 +38,9 @@ def project(camera: CameraModel, points_rdf_m: Array) -> Array:
 
 
 def unproject(camera: CameraModel, pixels: Array) -> Array:
-    """Where pixels look, (n, 2) columns and rows: (n, 2) right and down at one metre along the optical axis.
+    """Viewing rays of pixels: (n, 2) columns and rows to (n, 2) right and down at one metre along the optical axis.
 
-    A pixel that the lens cannot show is not-a-number: beyond the place where a polynomial turns back.
+    A pixel that the lens cannot show, beyond the point where its polynomial turns back, is NaN.
     """
     bent: Array = (np.asarray(pixels, float) - np.array(camera.center_px)) / np.array(camera.focal_px)
     if camera.lens is Lens.PINHOLE:
@@ -62,7 +62,7 @@ def unproject(camera: CameraModel, pixels: Array) -> Array:
 
 
 def bend(camera: CameraModel, flat: Array) -> Array:
-    """What the lens does to places at one metre, (n, 2) both: OpenCV's models, on the same scale."""
+    """Applies the lens distortion to points at one metre, (n, 2) both: OpenCV's models, on the same scale."""
     if camera.lens is Lens.PINHOLE:
         return flat
     if camera.lens is Lens.EQUIDISTANT:

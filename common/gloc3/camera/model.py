@@ -12,12 +12,12 @@ Focal = Annotated[float, msgspec.Meta(gt=0.0, le=1e5)]
 
 
 class Lens(StrEnum):
-    """How a lens bends what it sees."""
+    """Distortion model of a lens."""
 
     PINHOLE = "pinhole"
     """Not at all."""
     RADTAN = "radtan"
-    """Radial and tangential: k1, k2, p1, p2 and, if given, k3 (OpenCV's five-parameter model)."""
+    """Radial and tangential: k1, k2, p1, p2 and optionally k3 (OpenCV's five-parameter model)."""
     EQUIDISTANT = "equidistant"
     """A fisheye: k1 to k4 (Kannala and Brandt, 2006; OpenCV's `fisheye`)."""
 
@@ -37,9 +37,9 @@ class CameraModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     distortion: tuple[float, ...] = ()
     """Coefficients of the lens."""
     position_frd_m: Vector3 = (0.0, 0.0, 0.0)
-    """The optical centre on the body."""
+    """Optical centre in the body frame."""
     frd_from_rdf: Quaternion = (0.5, 0.5, 0.5, 0.5)
-    """How the camera's axes sit on the body's; (0.5, 0.5, 0.5, 0.5) looks ahead."""
+    """Rotation from camera axes to body axes; (0.5, 0.5, 0.5, 0.5) looks ahead."""
 
 
 def misfit(model: CameraModel, width: int, height: int) -> str:

@@ -4,9 +4,9 @@ from typing import Any
 
 
 def load_opencv() -> Any:
-    """The library; the first call takes a while.
+    """Loads the library; the first call is slow.
 
-    A picture is small, other cores have other work, and on one thread the same pictures always give the same.
+    OpenCV runs on one thread: pictures are small, other cores have other work, and results are reproducible.
     """
     import cv2
 

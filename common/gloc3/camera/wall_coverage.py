@@ -13,7 +13,7 @@ from gloc3.messages.frames import Quaternion, Vector3
 Array = NDArray[np.float64]
 
 _RIM_POINTS: Final = 33
-"""Points on each side of a picture's border that tell how far its lens looks."""
+"""Points on each side of a picture's border, used to find the field of view of its lens."""
 _MOST_CELLS: Final = 1_000_000
 
 
@@ -29,7 +29,7 @@ class Wall(NamedTuple):
     """A rectangle, in the frame of the poses: metres north, east and down."""
 
     corner_ned_m: Vector3
-    """The upper left corner, as one sees it who stands before it."""
+    """Upper left corner, as seen from in front of the wall."""
     across_ned_m: Vector3
     """To the upper right corner."""
     down_ned_m: Vector3
@@ -72,13 +72,13 @@ class CoverageLimits(NamedTuple):
 
 
 class Coverage(NamedTuple):
-    """What was seen of a wall, on a grid of cells, (rows, columns), from the upper left."""
+    """Covered part of a wall, on a grid of cells, (rows, columns), from the upper left."""
 
     wall: Wall
     times: NDArray[np.int32]
     """In how many pictures each cell's middle is."""
     finest_mm: Array
-    """Size on the wall of a pixel of the best picture of each cell; infinite for a cell that is in none."""
+    """Size on the wall of a pixel of the best picture of each cell; infinite for a cell that no picture shows."""
     used: NDArray[np.bool_]
     """Which views show anything of the wall, (n,)."""
 
@@ -94,16 +94,16 @@ class Coverage(NamedTuple):
 
     @property
     def median_mm(self) -> float:
-        """Size of a pixel on half of what was seen, or less; not-a-number where nothing was."""
+        """Median over the covered cells of the pixel size on the wall; NaN where nothing was covered."""
         seen = self.finest_mm[self.times > 0]
         return float(np.median(seen)) if len(seen) else float("nan")
 
 
 def cover(wall: Wall, views: list[WallView], cameras: dict[str, CameraModel], limits: CoverageLimits) -> Coverage:
-    """Projects the middle of each cell into each picture. What hides the wall is not known, and not looked at.
+    """Projects the centre of each cell into each picture. Occlusion of the wall is not considered.
 
     Raises:
-        Refused: a camera is not known, or the grid would be too fine.
+        Refused: a camera is unknown, or the grid would be too fine.
     """
     unknown = sorted({view.camera for view in views} - set(cameras))
     if unknown:
@@ -149,7 +149,7 @@ def footprint(wall: Wall, view: WallView, camera: CameraModel) -> Array | None:
 
 
 def optical_axis(view: WallView, camera: CameraModel) -> tuple[Array, Array]:
-    """The optical centre and the direction that a camera looks in, north, east and down."""
+    """Optical centre and viewing direction of a camera, in north, east and down."""
     turn = matrix(view.ned_from_frd)
     eye = np.array(view.position_ned_m) + turn @ np.array(camera.position_frd_m)
     return eye, turn @ matrix(camera.frd_from_rdf)[:, 2]
@@ -188,7 +188,7 @@ def _rays(view: WallView, camera: CameraModel) -> tuple[Array, Array]:
 
 
 def _reach(camera: CameraModel) -> float:
-    """How far from its axis a camera looks, as a tangent: beyond it a lens polynomial may bend back into the picture."""
+    """How far off its axis a camera sees, as a tangent; beyond it a lens polynomial may bend back into the picture."""
     columns, rows = (
         np.linspace(-0.5, camera.width - 0.5, _RIM_POINTS),
         np.linspace(-0.5, camera.height - 0.5, _RIM_POINTS),

@@ -24,8 +24,8 @@ def narrate(text: str, level: int = INFO) -> None:
     """Writes lines on stderr; a closed stderr is ignored.
 
     Args:
-        text: one line or several.
-        level: how severe it is, as syslog and MAVLink count: 0 the worst, 7 the least.
+        text: one or more lines.
+        level: severity, as in syslog and MAVLink: 0 the worst, 7 the least.
     """
     with suppress(OSError, ValueError):
         if is_journal():
@@ -60,7 +60,7 @@ class Narrator:
             self._lines.put_nowait((text, level))
 
     def close(self) -> None:
-        """Waits for what has been said, but not long."""
+        """Waits a short time for pending lines to be written."""
         with suppress(queue.Full):
             self._lines.put_nowait(None)
             self._thread.join(LAST_LINES_S)

@@ -28,7 +28,7 @@ SUMMARIES: Final = {
     "onboard": "Run the onboard companion process of a platform.",
     "platform": "Make a platform file from an autopilot; check and show platform files.",
     "doctor": "Check a vehicle's computer and autopilot before a flight, without flying.",
-    "preset": "Compare an autopilot's parameters with a preset's, and set them when told to.",
+    "preset": "Compare an autopilot's parameters with a preset's, and set them on request.",
     "network": "Make the network of platforms and stations: members, certificates, roles.",
     "signing": "Make the key of signed MAVLink links, and give it to an autopilot.",
     "station": "Run the ground station: the terminal, --web for a browser, --headless for scripts.",
@@ -121,7 +121,7 @@ def _run(arguments: list[str]) -> int:
 
 
 def _call(app: Any, arguments: list[str]) -> int:
-    """Calls a subcommand's application, with our way to show help and mistakes."""
+    """Calls a subcommand's application, with GLOC3's own help pages and usage errors."""
     from cyclopts import CycloptsError, Parameter
     from rich.console import Console
 
@@ -148,7 +148,7 @@ def _overview(commands: dict[str, EntryPoint]) -> str:
 
 
 def _have_streams() -> None:
-    """A program that is started with a stream closed has none at all; and what a stream cannot show must not end it."""
+    """Replaces streams that were closed at start, and makes output of unsupported characters safe."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115, PTH123 # open for as long as the process runs
@@ -158,20 +158,20 @@ def _have_streams() -> None:
 
 
 def _close_stdout() -> None:
-    """Nobody reads stdout any more: what is still in its buffer must not come up again at the end of the process."""
+    """Closes stdout when its reader is gone, so that the buffer is not flushed again at the end of the process."""
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, sys.stdout.fileno())
     os.close(null)
 
 
 PLACEHOLDERS: Final = {"FLOAT": "NUMBER", "INT": "NUMBER", "PATH": "PATH"}
-"""What stands for a value, by what the library calls its type; for all others the option's own name does."""
+"""Placeholders of option values, by the library's type name; other types use the option's own name."""
 
 TITLES: Final = {"Parameters": "Options"}
 """Parts that we call by another name."""
 
 _OF_TYPE: Final = re.compile(r"(--[a-z-]+) ([A-Z]+)")
-"""An option that must be given, with what the library calls its type."""
+"""Matches a required option with the library's name of its type."""
 
 
 class HelpPage:
@@ -208,7 +208,7 @@ def _label(entry: HelpEntry) -> str:
 
 
 def _placeholder(option: str, kind: str) -> str:
-    """What stands for the value of an option."""
+    """Placeholder for the value of an option."""
     return PLACEHOLDERS.get(kind, option.removeprefix("--").replace("-", "_").upper())
 
 

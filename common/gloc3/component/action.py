@@ -1,7 +1,7 @@
 """Base of components that perform the actions of a platform's capabilities.
 
-The command interface server asks by function message (`action.start`, `action.pause`, `action.resume`,
-`action.cancel`); the component answers at once and reports `ActionStatus` on every change and at 1 Hz (DESIGN §6).
+The command interface server sends function messages (`action.start`, `action.pause`, `action.resume`,
+`action.cancel`); the component replies at once and reports `ActionStatus` on every change and at 1 Hz (DESIGN §6).
 """
 
 from abc import abstractmethod
@@ -28,7 +28,7 @@ _RUNNING: Final = (ActionState.RUNNING, ActionState.PAUSED)
 
 
 class ActionPerformer:
-    """Mix this into a component that performs actions, one at a time.
+    """Mix-in for a component that performs actions, one at a time.
 
     The component overrides the four hooks, calls `advance()` while it works on an action, and ends its `work()` with
     `return [*results, *self.action_reports(now_s)]`. It calls `drop_action()` in its `stop()`.
@@ -40,31 +40,32 @@ class ActionPerformer:
     action_status = Output(ActionStatus)
 
     earlier_progress: float = 0.0
-    """How far an earlier attempt at the action that begins had come (0 to 1); more than 0 after a restart in flight."""
+    """Progress that an earlier attempt at the same action had reached (0 to 1); more than 0 after a restart in
+    flight."""
     _action: ActionStatus | None = None
     _is_changed: bool = False
     _reported_s: float = float("-inf")
 
     @abstractmethod
     def begin_action(self, capability: str, arguments: Any, now_s: float) -> None:
-        """Starts an action with checked arguments, or goes on where `earlier_progress` says.
+        """Starts an action with checked arguments, or resumes it at `earlier_progress`.
 
         Raises:
-            Refused: it cannot be done now.
+            Refused: the action cannot be performed now.
         """
 
     def pause_action(self, now_s: float) -> None:
-        """Rests, keeping what has been achieved."""
+        """Pauses the action; what has been achieved is kept."""
 
     def resume_action(self, now_s: float) -> None:
-        """Goes on after a pause."""
+        """Resumes the action after a pause."""
 
     def end_action(self, now_s: float) -> None:
-        """Forgets the action, whichever way it ended."""
+        """Clears the action, however it ended."""
 
     @property
     def action_id(self) -> str:
-        """The action under way; empty when there is none."""
+        """Id of the action under way; empty when there is none."""
         return self._action.action_id if self._action is not None and self._action.state in _RUNNING else ""
 
     @property
@@ -82,16 +83,16 @@ class ActionPerformer:
         achieved: int | None = None,
         is_blocked: bool = False,
     ) -> None:
-        """Says how far the action is; with `done` or `failed` it ends.
+        """Reports the progress of the action; the states `done` and `failed` end it.
 
         Args:
             now_s: the time.
             progress: 0 to 1.
             state: of the action.
-            reason: why it is in that state, or gets no further.
-            achieved: waypoints passed, pictures taken: what is reported at once, so that no restart has it done again;
-                None for as many as before.
-            is_blocked: whether an obstacle is in the way.
+            reason: why it is in that state, or does not progress.
+            achieved: waypoints passed or pictures taken: reported at once, so that a restart does not repeat them; None
+                if unchanged.
+            is_blocked: whether an obstacle blocks the path.
         """
         before = self._action
         assert before is not None
@@ -112,7 +113,7 @@ class ActionPerformer:
             self.end_action(now_s)
 
     def action_reports(self, now_s: float) -> list[ActionStatus]:
-        """The status to publish in this cycle: on change, and once a second while an action is under way."""
+        """Status messages to publish in this cycle: on change, and at 1 Hz while an action is under way."""
         if self._action is None:
             return []
         is_due = self._action.state in _RUNNING and now_s - self._reported_s >= REPORT_PERIOD_S - 1e-9
@@ -155,7 +156,7 @@ class ActionPerformer:
 
     @function("action.resume")
     def _resume_action(self, request: ActionResume, now_s: float) -> ActionAccepted:
-        """Goes on with a paused action."""
+        """Resumes a paused action."""
         action = self._require(request.action_id, ActionState.PAUSED)
         self.resume_action(now_s)
         self.advance(now_s, action.progress, ActionState.RUNNING)
@@ -163,7 +164,7 @@ class ActionPerformer:
 
     @function("action.cancel")
     def _cancel_action(self, request: ActionCancel, now_s: float) -> ActionAccepted:
-        """Ends an action for good."""
+        """Cancels an action."""
         action = self._require(request.action_id, *_RUNNING)
         self.advance(now_s, action.progress, ActionState.ABORTED, "cancelled")
         return ActionAccepted(action_id=request.action_id)

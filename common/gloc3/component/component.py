@@ -64,11 +64,11 @@ def _functions_of(cls: type) -> dict[str, FunctionEntry]:
 
 
 class Component(ABC, Generic[S]):
-    """What every component of GLOC3 is. Derive from one of the five types below.
+    """Base of every component of GLOC3. Derive from one of the five types below.
 
-    The methods are called by the host, one at a time, never by other components. An exception in any of them makes
-    the component *faulty*; `Refused`, raised by a method that has changed nothing, turns the request down. `work()`
-    returns what it reports; a component never publishes, sleeps, names another component, or touches its own state.
+    The methods are called by the host, one at a time, never by other components. An exception in any of them makes the
+    component *faulty*; `Refused`, raised by a method that has changed nothing, rejects the request. `work()` returns
+    the component's results; a component never publishes, sleeps, names another component, or touches its own state.
     """
 
     kind: ClassVar[Kind]
@@ -81,7 +81,7 @@ class Component(ABC, Generic[S]):
     """What it reports of itself in its status, by the name of the `StatusField`, such as the temperature of its device."""
 
     request_cycle: Callable[[], None] = staticmethod(lambda: None)
-    """Begins a cycle soon; its host sets it. For devices that know when they have something new, from any thread."""
+    """Requests a cycle soon; set by the host. Devices with new data call it, from any thread."""
 
     inputs: ClassVar[dict[str, Input[Any]]]
     outputs: ClassVar[dict[str, Output[Any]]]
@@ -111,21 +111,21 @@ class Component(ABC, Generic[S]):
 
     @abstractmethod
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
-        """One cycle of the function; returns what it reports.
+        """Runs one cycle of the function; returns its results.
 
         Args:
             now_s: seconds since boot of the clock host.
-            inbox: what came in on the inputs.
+            inbox: messages received on the inputs.
         """
 
     def goquiet(self) -> None:
-        """From now on results are withheld; the work goes on."""
+        """Withholds results from now on; the work continues."""
 
     def resume(self) -> None:
         """Results are reported again."""
 
     def stop(self) -> None:
-        """Ends the function; a later `start()` begins anew."""
+        """Ends the function; a later `start()` starts from a clean state."""
 
     def finish(self) -> None:
         """Gives back what `initialize()` took."""
@@ -147,13 +147,13 @@ class SensorSampler(Component[S]):
 
 
 class DataProcessor(Component[S]):
-    """DP: makes estimates from sensor data."""
+    """DP: estimates state from sensor data."""
 
     kind = Kind.PROCESSOR
 
 
 class Controller(Component[S]):
-    """CC: makes commands for the actuators from the processors' estimates."""
+    """CC: computes actuator commands from the processors' estimates."""
 
     kind = Kind.CONTROLLER
 
@@ -161,7 +161,7 @@ class Controller(Component[S]):
 class ActuatorDriver(Component[S]):
     """AD: the interface with a physical actuator.
 
-    `work()` returns `Actuation`s for what is to be written; the host calls `actuate()` with each, unless quiet.
+    `work()` returns the writes as `Actuation`s; the host calls `actuate()` with each, unless quiet.
     """
 
     kind = Kind.DRIVER
@@ -174,11 +174,11 @@ class ActuatorDriver(Component[S]):
     def make_safe(self) -> None:
         """Leaves the device safe; called before going quiet, before a stop, and when the component turns faulty.
 
-        Only when it has worked since it was last left safe: a driver that takes over finds its device undisturbed.
+        Called only if the driver has worked since it last made the device safe, so that a takeover does not disturb it.
         """
 
     def check_leaving(self) -> None:
-        """Asked before `make_safe()` when it is told to go quiet or to stop; raises `Refused` if it must not now."""
+        """Called before `make_safe()` on a command to go quiet or stop; raises `Refused` if that is not allowed now."""
 
 
 class CommandInterface(Component[S]):

@@ -22,9 +22,9 @@ class HostContext(NamedTuple):
     random: Random
     """Draws boot numbers."""
     cycle_cost_s: Callable[[str, float], float] | None = None
-    """Virtual time: what a cycle of the component called so costs at that time, by the fault model."""
+    """Virtual time: cost of a cycle of the named component at a given time, by the fault model."""
     method_cost_s: Callable[[str, str, float], float] | None = None
-    """Virtual time: what a command or function (component, its name, time) costs, by the fault model."""
+    """Virtual time: cost of a command or function (component, its name, time), by the fault model."""
 
     def new_worker(self, name: str) -> Worker:
         """A worker for one component."""

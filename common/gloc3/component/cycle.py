@@ -1,4 +1,4 @@
-"""The cycles of a component: periodic or begun by an input, one at a time, counted, watched for hanging; and its mailbox."""
+"""Cycles of a component: periodic or triggered by an input, one at a time, with hang detection; and its mailbox."""
 
 import asyncio
 from collections import deque
@@ -20,11 +20,11 @@ from gloc3.messages.envelope import Envelope
 HUNG_PERIODS: Final = 5.0
 HUNG_FLOOR_S: Final = 0.2
 HUNG_POLLS: Final = 5
-"""In so many pieces it is waited for the end of a cycle, in wall time."""
+"""Pieces into which the wait for the end of a cycle is split, in wall time."""
 HUNG_SPARE_PIECES: Final = 15
-"""So many pieces do not count because the process did not get on in them."""
+"""Pieces that are repeated, at most, because the whole process made no progress in them."""
 SILENT_PERIODS: Final = 1.5
-"""After a cycle that something else has begun, the periodic ones come back after so many periods without another."""
+"""Periods without a triggered cycle after which the periodic cycles resume."""
 REST_PERIODS: Final = 0.5
 """A device's request so soon after a cycle waits until then, so that no more than twice the rate is reached."""
 
@@ -42,12 +42,12 @@ class Mailbox:
         self._drained: dict[str, Envelope[Any]] = {}
         """What the last inbox holds: never changed, because a worker may be reading it."""
         self._filled: list[str] = []
-        """The ports whose queues are not empty."""
+        """Ports whose queues are not empty."""
         self._nothing = Inbox({}, self._drained)
         self.dropped = 0
 
     def put(self, port: str, envelope: Envelope[Any]) -> None:
-        """Takes a message in, by the port's policy; one whose time of validity is no number is dropped."""
+        """Queues a message by the port's policy; drops one whose time of validity is not finite."""
         if not isfinite(envelope.t_s):
             self.dropped += 1
             return
@@ -78,7 +78,7 @@ class Mailbox:
         return Inbox(new, self._drained)
 
     def clear(self) -> None:
-        """Forgets everything, as at a start: a component never works on what came before."""
+        """Clears all queues, as at a start: a component never works on messages from before its start."""
         for queue in self._queues.values():
             queue.clear()
         self._latest, self._drained = {}, {}
@@ -87,14 +87,14 @@ class Mailbox:
 
 
 class CycleCalls(NamedTuple):
-    """What the owner of the cycles is asked and told."""
+    """Callbacks from the cycles to their owner."""
 
     may_begin: Callable[[], bool]
     """Asked before every cycle."""
     ended: Callable[[CycleJob], None]
     """Gets every cycle that has ended."""
     hung: Callable[[float], None]
-    """Told when one has not ended after so many seconds."""
+    """Called when a cycle has not ended after this many seconds."""
     unfit: Callable[[str, Envelope[Any]], None]
     """Told of messages that are of another type than their port."""
 
@@ -111,15 +111,15 @@ class Cycler:
         worker: Worker,
         calls: CycleCalls,
     ) -> None:
-        """The cycles of one hosted component.
+        """Creates the cycles of one hosted component.
 
         Args:
             row: its row of the deployment.
             component: its class.
-            context: what the hosts of the process share.
+            context: shared by the hosts of the process.
             mailbox: its input queues.
-            worker: where its cycles run.
-            calls: what their owner is asked and told.
+            worker: runs its cycles.
+            calls: callbacks to the owner.
         """
         self.rate_hz = row.rate_hz
         self.is_quiet = False
@@ -146,7 +146,7 @@ class Cycler:
         self._is_running = False
         self._is_triggered = self._is_requested = False
         self._was_prompted = False
-        """Whether the last cycle was begun by an input or a device."""
+        """Whether the last cycle was triggered by an input or a device."""
         self._is_owed = False
         """Whether a device's request waits for the next tick."""
 
@@ -205,7 +205,7 @@ class Cycler:
         self._restart_timer(now_s)
 
     def stop(self) -> None:
-        """Ends the cycles; one that is under way is forgotten."""
+        """Ends the cycles; one that is under way is abandoned."""
         self._job = None
         self._is_running = False
         for timer in (self._timer, self._deadline):
@@ -228,14 +228,14 @@ class Cycler:
 
     @property
     def nominal_rate_hz(self) -> float:
-        """How often it works while its inputs come as they should; 0 where that cannot be told.
+        """Cycle rate while the inputs arrive as expected; 0 where it is unknown.
 
-        The periodic cycles of a triggered component only fill the silence: the trigger's topic tells its rate.
+        The periodic cycles of a triggered component only fill gaps: its rate is that of the trigger's topic.
         """
         return max(self.rate_hz or 0.0, self._trigger_hz)
 
     def _trigger_rate_hz(self) -> float:
-        """The nominal rate of what begins cycles: the quickest of its topics; 0 without one."""
+        """Nominal rate of the triggers: the fastest of their topics; 0 without one."""
         rows = [
             self._context.topics.row(f"{self._context.platform}/{topic}")
             for trigger in self._row.triggers
@@ -320,9 +320,9 @@ class Cycler:
         self._ended(job)
 
     def _await_end(self, pieces: int) -> None:
-        """Waits so long as a cycle may take, in pieces.
+        """Waits in pieces for the longest duration of a cycle.
 
-        A time in which the whole process stood still does not count: the component had not the time either.
+        Time in which the whole process stood still does not count, because the component could not run either.
         """
         self._await_piece(pieces, HUNG_SPARE_PIECES, self._limit_s / pieces)
 
@@ -356,7 +356,7 @@ class CycleStatistics:
         self._window_start_s = 0.0
 
     def restart(self, now_s: float) -> None:
-        """Begins anew to measure the rate, as at a start of the component."""
+        """Restarts the rate measurement, as at a start of the component."""
         self.rate_hz = 0.0
         self._window_cycles, self._window_total_s = 0, 0.0
         self._window_start_s = now_s
@@ -377,7 +377,7 @@ class CycleStatistics:
         return self._window_total_s / self._window_cycles if self._window_cycles else 0.0
 
     def close_window(self, now_s: float, least_s: float) -> None:
-        """Measures since the last window or the start, if that is at least so long ago."""
+        """Measures since the last window or the start, if that is at least `least_s` ago."""
         span_s = now_s - self._window_start_s
         if span_s >= least_s:
             rate_hz = self._window_cycles / span_s

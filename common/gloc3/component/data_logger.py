@@ -23,7 +23,7 @@ class DataLogger:
         """What is recorded; empty while it is switched off."""
 
     def choose(self, items: Sequence[str] | None, is_enabled: bool) -> list[str]:
-        """Changes what is recorded (None: leaves it) and whether; returns what now is.
+        """Changes which items are recorded (None: unchanged) and whether; returns the items now recorded.
 
         Raises:
             Refused: an item is not among the component's loggable ones; nothing is changed.

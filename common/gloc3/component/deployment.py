@@ -17,7 +17,7 @@ from gloc3.messages.envelope import Kind
 from gloc3.messages.topics import TopicTable, matches
 
 DEVICES: Final = "gloc3.devices"
-"""Entry points of devices that packages bring: a name to a class or function that makes one, without arguments."""
+"""Entry points of devices in installed packages: a name and a class or function that creates one, without arguments."""
 
 COMPONENTS: Final = "gloc3.components"
 """Entry points of component classes that packages bring: a short name to `package.module:Class`."""
@@ -66,13 +66,13 @@ class ComponentRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     """One component of a platform."""
 
     name: Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
-    """Its name on the platform, in lower case."""
+    """Name on the platform, in lower case."""
     class_name: str = msgspec.field(name="class")
     """`package.module:Class`."""
     rate_hz: Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)] | None = None
     """Periodic cycles; None for a component that only works when `trigger` brings something."""
     trigger: str | list[str] | None = None
-    """The input, or inputs, whose arrival begins a cycle; the periodic ones, if there is a rate, fill its silence."""
+    """Input or inputs whose arrival triggers a cycle; with a rate, periodic cycles fill the gaps."""
     ports: dict[str, str | list[str]] = {}
     """Port to topic where they differ; an input may be bound to several topics."""
     devices: dict[str, str] = {}
@@ -82,7 +82,7 @@ class ComponentRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     """Items of the internal state to record at the end of every cycle."""
     begin: Begin = Begin.WORKING
     standby_for: str | None = None
-    """The primary component whose outputs this one also declares; it begins quiet."""
+    """Primary component whose outputs this one also declares; it starts quiet."""
     required: bool = False
     """Whether the platform is unwell without it."""
     on_fault: OnFault | FaultPolicy = FaultPolicy.IGNORE
@@ -92,13 +92,13 @@ class ComponentRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     latency_s: Seconds = 0.0
     """Modelled time from a cycle's begin to its results, in virtual time, of a component with heavy work."""
     host: str = ""
-    """The computer that it runs on, one of the platform's `hosts`; empty for the first of them."""
+    """Computer that it runs on, one of the platform's `hosts`; empty for the first of them."""
     process: Annotated[str, msgspec.Meta(pattern=r"^([a-z][a-z0-9_]{0,31})?$")] = ""
-    """A process of its own on that host, shared with the rows that have the same word; empty for the host's main one."""
+    """Separate process on that host, shared by the rows with the same value; empty for the host's main process."""
 
     @property
     def triggers(self) -> list[str]:
-        """The inputs whose arrival begins a cycle."""
+        """Inputs whose arrival triggers a cycle."""
         return [] if self.trigger is None else [self.trigger] if isinstance(self.trigger, str) else self.trigger
 
     def topics(self, port: str) -> list[str]:
@@ -131,7 +131,7 @@ class ComponentRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
         try:
             return found(**given)
         except TypeError as error:
-            raise Gloc3Error(f"component {self.name}: {found.__name__} takes other devices: {error}") from error
+            raise Gloc3Error(f"component {self.name}: {found.__name__} needs other devices: {error}") from error
 
     def _device(self, name: str, devices: Mapping[str, Any]) -> Any:
         if name in devices:
@@ -149,9 +149,9 @@ class ComponentRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
 
 def _load(path: str) -> Any:
-    """What `package.module:Class` names; for an installed component, also after its module has moved in its package.
+    """Imports `package.module:Class`; an installed component is found even if its module has moved in its package.
 
-    Platform files and logs keep the path of the day on which they were written.
+    Platform files and logs keep the path from when they were written.
     """
     module_name, _, class_name = path.partition(":")
     try:
@@ -172,7 +172,7 @@ Classes = dict[str, type[Component[Any]]]
 
 
 class Problem(NamedTuple):
-    """Something that is wrong (or doubtful) in a row, with its place there, so that a reader can tell line and column."""
+    """A definite or doubtful error in a row, with its path there, so that a reader can find line and column."""
 
     row: int
     """Index of the row."""
@@ -254,7 +254,7 @@ def _class_problems(index: int, row: ComponentRow, component: type[Component[Any
             place = ("trigger",) if isinstance(row.trigger, str) else ("trigger", position)
             yield Problem(index, place, f"{component.__name__} has no input {trigger!r}", nearest(trigger, inputs))
     if row.triggers and row.rate_hz is None and component.kind in (Kind.CONTROLLER, Kind.DRIVER):
-        message = f"it stops for good when {' and '.join(row.triggers)} stops: nothing tells it of the silence"
+        message = f"it stops permanently when {' and '.join(row.triggers)} stops, since nothing else triggers it"
         yield Problem(index, ("trigger",), message, "give it a rate_hz, too, such as 5", is_warning=True)
     for position, item in enumerate(row.log):
         if item not in component.loggable:
@@ -278,7 +278,7 @@ def _device_problems(index: int, row: ComponentRow, component: type[Component[An
     for argument in row.devices:
         if argument not in known:
             hint = nearest(argument, known)
-            message = f"{component.__name__} takes no device {argument!r}"
+            message = f"{component.__name__} has no device {argument!r}"
             yield Problem(index, ("devices", argument), message, hint, is_key=True)
     for parameter in parameters:
         is_needed = parameter.default is parameter.empty and parameter.kind is not parameter.VAR_POSITIONAL
@@ -312,7 +312,7 @@ def _relation_problems(rows: Sequence[ComponentRow]) -> Iterator[Problem]:
                 yield Problem(index, ("standby_for",), f"{row.standby_for!r} is itself a standby", hint)
             elif row.begin is not Begin.QUIET:
                 hint = "at most one of a primary and its standbys is not quiet"
-                yield Problem(index, ("begin",), "a standby begins quiet", hint)
+                yield Problem(index, ("begin",), "a standby starts quiet", hint)
         standby = row.on_fault.standby if isinstance(row.on_fault, OnFault) else None
         if standby is not None:
             place = ("on_fault", "standby")
@@ -363,7 +363,7 @@ def _topic_problems(
 
 
 def _topics_of(row: ComponentRow, classes: Classes, kind: str) -> Iterator[tuple[str, str]]:
-    """The port and topic (a key as `*`) of every output or input of a row whose class is there."""
+    """Port and topic (a key as `*`) of every output or input of a row whose class could be loaded."""
     component = classes.get(row.name)
     for port in getattr(component, kind, {}):
         for topic in row.topics(port):

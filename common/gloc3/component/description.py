@@ -34,7 +34,7 @@ class FieldLine(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     type: str
     default: Any = None
-    """None where a value must be given."""
+    """None where a value is required."""
     is_required: bool = False
     bounds: str = ""
     doc: str = ""
@@ -46,9 +46,9 @@ class PortLine(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     message: str
     topics: tuple[str, ...]
-    """What it is bound to; without a deployment, its own name."""
+    """Topics it is bound to; without a deployment, its own name."""
     rate_hz: float | None
-    """Nominal rate of the first topic; 0 for one that speaks when something happens, None for an unknown one."""
+    """Nominal rate of the first topic; 0 for an event topic, None for an unknown one."""
     frame: str = ""
     queue: str = ""
     """Of an input: what its bounded queue keeps."""

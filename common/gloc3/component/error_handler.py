@@ -8,7 +8,7 @@ from gloc3.component.workers import guard
 from gloc3.errors import Gloc3Error, Misuse
 
 CAUSES_MAX: Final = 64
-"""Causes that are told apart; the one that was seen longest ago makes room."""
+"""Distinct causes kept; the least recently seen one is dropped."""
 LINE_MAX: Final = 240
 
 _ADDRESS: Final = re.compile(r" at 0x[0-9a-fA-F]+")
@@ -23,7 +23,7 @@ class ErrorCause(NamedTuple):
 
 
 class CountedError(NamedTuple):
-    """An error that is counted and told, but does not make the component faulty."""
+    """An error that is counted and reported, but does not make the component faulty."""
 
     during: str
     error: BaseException
@@ -39,13 +39,13 @@ class ErrorHandler:
         self.last_cause = ""
 
     def record(self, cause: str, now_s: float, error: BaseException | None = None, *, is_minor: bool = False) -> str:
-        """Notes an error; returns its traceback the first time that its cause is seen, else an empty text.
+        """Records an error; returns its traceback the first time that its cause occurs, else an empty text.
 
         Args:
-            cause: in a line.
+            cause: one line.
             now_s: when it happened.
-            error: what was raised, if anything was.
-            is_minor: whether the cause before it stays the one that is shown.
+            error: the exception, if any.
+            is_minor: whether the previous cause stays the displayed one.
         """
         known = self.causes.pop(cause, None)
         self.total += 1
@@ -65,9 +65,9 @@ class ErrorHandler:
 
 
 def trace(error: BaseException) -> str:
-    """Where an exception came from; without folders, so that a log does not depend on where the code is installed.
+    """Traceback of an exception, without folders, so that a log does not depend on where the code is installed.
 
-    Empty for what says in its own words what is wrong outside the program: a device that is not there, say.
+    Empty for an error whose message already explains a fault outside the program, such as a missing device.
     """
     if _speaks_for_itself(error):
         return ""
@@ -96,5 +96,5 @@ def reason_of(refusal: BaseException | None) -> str:
 
 
 def one_line(text: str) -> str:
-    """A text of an author's in one short line that does not depend on where objects lie in memory."""
+    """Shortens an author's text to one line without memory addresses of objects."""
     return _ADDRESS.sub("", " ".join(text.split()))[:LINE_MAX]

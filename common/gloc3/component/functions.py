@@ -34,7 +34,7 @@ class SetRateReply(Message, frozen=True):
 
 
 class SetLogging(Message, frozen=True):
-    """Changes what the data logger records at the end of every cycle."""
+    """Changes which items the data logger records at the end of every cycle."""
 
     items: list[str] | None = None
     """Names of the component's loggable items; None leaves them as they are."""

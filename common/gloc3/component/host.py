@@ -60,7 +60,7 @@ class ComponentHost:
         """
         self.row: Final = row
         self.settings: Mapping[str, Any] = row.settings
-        """What it is initialized with, unless a command brings others: the row's, or what was read again since."""
+        """Settings passed to `initialize`, unless a command brings others: those of the row, or as last re-read."""
         self._create = create
         self._context = context
         self._loop = context.loop
@@ -90,7 +90,7 @@ class ComponentHost:
         return deliver
 
     def _guarded(self, handle: Callable[[Any], None], message: Any) -> None:
-        """A request that nobody foresaw must not end the host."""
+        """Handles a request; an unexpected exception does not end the host."""
         _, error = guard(handle, message)
         if error is not None:
             self._hosted.count_cause(f"{type(message).__name__}: {describe(error)}", error)
@@ -122,7 +122,7 @@ class ComponentHost:
         return self._hosted.status()
 
     def begin(self) -> None:
-        """Enters the system and is brought to the state that the row asks for."""
+        """Joins the system and brings the component to the state that its row asks for."""
         self._hosted.enter()
         self._carry_out(BEGIN_COMMANDS[self.row.begin], None, self._begun)
 
@@ -195,7 +195,7 @@ class ComponentHost:
         return ""
 
     def _carry_out(self, commands: Sequence[Command], settings: Mapping[str, Any] | None, answer: Answer) -> None:
-        """Carries out commands with no cycle in between; `answer` is told when the last has ended or one has not."""
+        """Executes commands with no cycle in between; `answer` is called when the last has ended or one has failed."""
         try:
             self._check(commands)
             adopted = self._check_settings(settings) if Command.INITIALIZE in commands else None

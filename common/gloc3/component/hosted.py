@@ -21,7 +21,7 @@ from gloc3.exchange.base import Publisher, Unsubscribe
 from gloc3.messages.envelope import ComponentStatus, Envelope, Event, InternalState, Kind, Message, Severity
 
 HUNG: Final = "hung"
-"""How the cause begins of a component whose cycle has not ended."""
+"""First word of the cause of a component whose cycle has not ended."""
 
 Answer = Callable[[str], None]
 """Gets an empty text, or why a command was refused or failed."""
@@ -40,7 +40,7 @@ class HostedComponent:
         """Whether commands are being carried out; there are no cycles and functions meanwhile."""
         self.errors: Final = ErrorHandler()
         self.is_device_live = False
-        """Whether a driver has worked on its device and has not left it safe since."""
+        """Whether a driver has worked on its device and has not made it safe since."""
         self._is_driver = isinstance(component, ActuatorDriver)
         self.gate = Gate()
         worker = context.new_worker(row.name)
@@ -101,7 +101,7 @@ class HostedComponent:
     # --- transitions ---
 
     def carry_out(self, command: Command, row: Transition, settings: Any, answer: Answer) -> None:
-        """Runs the methods of a row of the table and commits the state; `answer` is told when that has ended."""
+        """Runs the methods of a row of the table and commits the state; `answer` is called at the end."""
         assert self.state is not None
         methods = [name for name in row.methods if not (self._is_finish_left_out and name == "finish")]
         if self.is_device_live and ("stop" in methods or "goquiet" in methods):
@@ -235,13 +235,13 @@ class HostedComponent:
     def fault(
         self, cause: str, error: BaseException | None, *, is_stopped: bool = False, is_device_safe: bool = False
     ) -> None:
-        """Turns faulty: ends the cycles, leaves the device safe, calls `stop()` once, and tells everyone.
+        """Turns faulty: ends the cycles, makes the device safe, calls `stop()` once, and reports the fault.
 
         Args:
-            cause: in a line.
-            error: what was raised, if anything was.
+            cause: one line.
+            error: the exception, if any.
             is_stopped: whether `stop()` has been called already.
-            is_device_safe: whether the job that failed has left the device safe itself.
+            is_device_safe: whether the failed job has made the device safe already.
         """
         was, self.state = self.state, State.FAULTY
         self._cycler.stop()
@@ -266,7 +266,7 @@ class HostedComponent:
         self.jobs.run(job.run, ended, lambda _: None, what="stop", limit_s=self.row.timeout_s)
 
     def _give_up(self, cause: str) -> None:
-        """A job is stuck: it is left to its fate, and everyone who waits is told."""
+        """Abandons a job that is stuck and notifies all waiting callers."""
         called = self._transition.called if self._transition else []
         self._transition = None
         self._is_stuck = True
@@ -277,11 +277,11 @@ class HostedComponent:
             gave_up(cause)
 
     def count(self, failure: CountedError) -> None:
-        """Counts an error that the component gets over; the first of its kind is told."""
+        """Counts an error that the component recovers from; the first of its kind is reported."""
         self.count_cause(f"{failure.during}: {describe(failure.error)}", failure.error)
 
     def count_cause(self, cause: str, error: BaseException | None = None) -> None:
-        """Counts something that went wrong; the first of its kind is told. Why it is faulty stays the shown cause."""
+        """Counts an error; the first of its kind is reported. The displayed cause of being faulty is unchanged."""
         is_new = cause not in self.errors.causes
         trace = self.errors.record(cause, self._loop.time(), error, is_minor=self.state is State.FAULTY)
         if is_new:
@@ -317,7 +317,7 @@ class HostedComponent:
 class StatusNotifier:
     """The status notifier (paper §IV-A): reports the health of a component periodically and on every change.
 
-    Asks for a report at a set period; `changed()` gives one in between.
+    Requests a report at a set period; `changed()` requests one in between.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop, period_s: float, report: Callable[[bool], None]) -> None:
@@ -327,7 +327,7 @@ class StatusNotifier:
         self._timer: asyncio.TimerHandle | None = None
 
     def start(self) -> None:
-        """Reports now and from now on."""
+        """Reports now, then periodically."""
         self._timer = self._loop.call_later(self._period_s, self._periodic)
         self.changed()
 
@@ -349,7 +349,7 @@ class StatusNotifier:
 def health_report(
     row: ComponentRow, kind: Kind, state: State | None, errors: ErrorHandler, statistics: CycleStatistics
 ) -> ComponentStatus:
-    """What every component's status message says, also that of one whose host is lost."""
+    """Builds a component's status message, also that of a component whose host is lost."""
     last = errors.last
     return ComponentStatus(
         name=row.name,

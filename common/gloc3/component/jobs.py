@@ -21,8 +21,8 @@ MAKE_SAFE: Final = "make_safe"
 class Gate:
     """Open while the jobs of a component may go on: shut by the first that fails, or from outside when one is stuck.
 
-    Jobs look at it before every call of an author's method. So nothing that waits behind a failed job is carried out,
-    and a thread that comes back from a stuck call writes nothing to a device. A shut gate is never opened again.
+    Jobs check it before every call of an author's method. So jobs queued behind a failed one do not run, and a thread
+    that returns from a stuck call writes nothing to a device. A shut gate is never opened again.
     """
 
     __slots__ = ("is_shut",)
@@ -32,12 +32,12 @@ class Gate:
 
 
 class ComponentJob:
-    """An author's code on the worker: an error ends it, leaves a live device safe, and shuts the gate.
+    """Runs an author's code on the worker: an error ends the job, makes a live device safe, and shuts the gate.
 
     Args:
-        component: whose methods.
-        gate: what the component's jobs pass.
-        is_device_live: whether a driver has written to its device and has not left it safe since.
+        component: owner of the methods.
+        gate: gate of the component's jobs.
+        is_device_live: whether a driver has written to its device and has not made it safe since.
     """
 
     def __init__(self, component: Component[Any], gate: Gate, *, is_device_live: bool = False) -> None:
@@ -82,16 +82,16 @@ class ComponentJob:
 
 
 class MethodJob(ComponentJob):
-    """Runs methods in order; those that are tolerated may fail, any other error ends the job.
+    """Runs methods in order; tolerated methods may fail, any other error ends the job.
 
     Args:
-        component: whose methods.
+        component: owner of the methods.
         methods: their names.
-        gate: what the component's jobs pass.
-        settings: what `initialize` is given.
+        gate: gate of the component's jobs.
+        settings: settings passed to `initialize`.
         tolerated: methods whose failures are only counted.
-        is_device_live: whether a driver has written to its device and has not left it safe since.
-        create: makes the component that `initialize` is called on, where the present one cannot be used again.
+        is_device_live: whether a driver has written to its device and has not made it safe since.
+        create: creates a new component for `initialize`, where the present one cannot be reused.
     """
 
     def __init__(
@@ -138,12 +138,12 @@ class FunctionJob(ComponentJob):
     """Runs one function of a component.
 
     Args:
-        component: whose function.
-        entry: which.
+        component: owner of the function.
+        entry: the function.
         arguments: of the function's type.
-        now_s: when it was asked for.
-        gate: what the component's jobs pass.
-        is_device_live: whether a driver has written to its device and has not left it safe since.
+        now_s: time of the request.
+        gate: gate of the component's jobs.
+        is_device_live: whether a driver has written to its device and has not made it safe since.
     """
 
     def __init__(
@@ -171,15 +171,15 @@ class FunctionJob(ComponentJob):
 
 
 class CycleJob(ComponentJob):
-    """The cycles of a component from one start to the next stop: `work()`, the writes that it decided, the items to log.
+    """Cycles of a component from one start to the next stop: `work()`, the resulting writes, the items to log.
 
-    One cycle at a time, so that the object serves them all.
+    Cycles do not overlap, so one object serves them all.
 
     Args:
-        component: whose cycles.
-        outlets: where its results go.
-        gate: what the component's jobs pass.
-        stopwatch: measures what a cycle costs; None where the cost is a model's.
+        component: owner of the cycles.
+        outlets: outputs of the component.
+        gate: gate of the component's jobs.
+        stopwatch: measures the cost of a cycle; None where the cost is modelled.
     """
 
     def __init__(
@@ -189,7 +189,7 @@ class CycleJob(ComponentJob):
         self._outlets = outlets
         self._stopwatch = stopwatch
         self.now_s = 0.0
-        """When the cycle begins."""
+        """Start time of the cycle."""
         self.inbox = Inbox({}, {})
         self.is_quiet = False
         self.items: tuple[str, ...] = ()

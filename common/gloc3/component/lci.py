@@ -1,9 +1,8 @@
 """The local command interface: the five-state machine that every component has (paper §IV-A, Fig. 3, Table I).
 
-The table below is the only place that knows the states, the commands and what follows from what. The host executes
-it, the drawing in `docs/states.md` is generated from it, and the ground station offers what it allows. Re-initialize,
-stop from quiet, and the two ways out of faulty are our reading of the paper's Tables I and II: Fig. 3 is not in the
-text that we have.
+The table below is the only definition of the states, the commands and the transitions. The host executes it, the
+drawing in `docs/states.md` is generated from it, and the ground station offers what it allows. Re-initialize, stop from
+quiet, and the two ways out of faulty are our reading of the paper's Tables I and II, because Fig. 3 was not available.
 """
 
 from collections.abc import Mapping
@@ -41,7 +40,7 @@ class Command(StrEnum):
 
 
 CREATE: Final = "create"
-"""Beside the commands: has the host make an absent component anew from its row."""
+"""Pseudo-command: the host creates an absent component from its row again."""
 
 
 class Transition(NamedTuple):
@@ -104,7 +103,7 @@ def transition(state: State, command: Command) -> Transition:
 
 
 def to_mermaid() -> str:
-    """The table as a Mermaid state diagram, as it stands in `docs/states.md`."""
+    """The table as a Mermaid state diagram, as shown in `docs/states.md`."""
     lines = ["stateDiagram-v2", "    [*] --> idle"]
     for state, row in TABLE.items():
         for command, (methods, to) in row.items():

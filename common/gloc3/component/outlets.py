@@ -1,4 +1,4 @@
-"""Outlets: where the results of a component go, and whether a result is one."""
+"""Outlets: route the results of a component to its topics, and check their types."""
 
 import math
 from typing import Any, Final
@@ -30,7 +30,7 @@ class PortOutlet:
         """When something was reported last."""
 
     def accepts(self, key: object) -> bool:
-        """Whether a key fits: it stands for one level of a topic, at the end of a topic for any number of levels."""
+        """Whether a key fits: one level of a topic, or any number of levels at the end of a topic."""
         if not self.is_keyed or not isinstance(key, str):
             return key == ""
         is_at_end = all(topic.endswith(KEY) for topic in self.topics)
@@ -53,7 +53,7 @@ class Outlets:
         row: its row of the deployment.
         component: its class.
         platform: the platform's name.
-        topics: tells when a topic counts as silent.
+        topics: when each topic counts as silent.
     """
 
     def __init__(self, row: ComponentRow, component: type[Component[Any]], platform: str, topics: TopicTable) -> None:
@@ -74,15 +74,15 @@ class Outlets:
             for topic in outlet.topics
             if not outlet.is_keyed and (known := topics.row(topic)) is not None and known.rate_hz
         ]
-        """The outlets of topics that are expected to speak all the time."""
+        """Outlets of topics that are expected to publish continuously."""
 
     def silent(self, now_s: float, since_s: float, rate_hz: float) -> list[str]:
-        """The topics, without the platform's name, on which nothing was reported for too long.
+        """Topics, without the platform's name, on which nothing was reported for too long.
 
         Args:
             now_s: seconds since boot of the clock host.
-            since_s: since when it could have reported something.
-            rate_hz: how often it works; a topic cannot speak more often. 0 where that is not known.
+            since_s: since when it could have reported.
+            rate_hz: cycle rate, the upper limit of a topic's rate; 0 where it is unknown.
         """
         return [
             topic

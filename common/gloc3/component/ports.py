@@ -13,7 +13,7 @@ M = TypeVar("M", bound=Message)
 
 
 class Keep(StrEnum):
-    """What a bounded input queue does when it is full; what it drops is counted."""
+    """Policy of a full input queue; dropped messages are counted."""
 
     LATEST = "latest"
     """Holds only the newest message; those that it replaces unread are not losses."""
@@ -42,9 +42,9 @@ class Input(Port[M]):
 
 
 class Output(Port[M]):
-    """A port that gives messages: `height = Output(HeightAboveGround)`.
+    """A port that publishes messages: `height = Output(HeightAboveGround)`.
 
-    A topic that holds `{key}` makes a keyed port, one that reaches many topics (only command interfaces have these).
+    A topic with `{key}` makes a keyed port, which reaches many topics (only command interfaces have these).
     """
 
     def __init__(self, message: type[M], frame: str = "") -> None:
@@ -64,7 +64,7 @@ class PortGroup:
 
 
 class PortReport(msgspec.Struct, frozen=True, gc=False):
-    """A result on its way to a port of its component."""
+    """A result addressed to a port of its component."""
 
     port: str
     message: Message
@@ -97,11 +97,11 @@ class Inbox:
         return self._new.get(port.name, ())
 
     def latest(self, port: Input[M]) -> Envelope[M] | None:
-        """The last message ever received on a port, however old; None before the first."""
+        """Last message received on a port, whatever its age; None before the first."""
         return self._latest.get(port.name)
 
     def is_fresh(self, port: Input[M], now_s: float, limit_s: float) -> bool:
-        """Whether the last message of a port is at most `limit_s` old."""
+        """Whether the age of the last message of a port is at most `limit_s`."""
         latest = self._latest.get(port.name)
         return latest is not None and now_s - latest.t_s <= limit_s
 
@@ -113,7 +113,7 @@ def inbox_of(**messages: Envelope[Any] | Sequence[Envelope[Any]]) -> Inbox:
 
 
 def ports_of(cls: type) -> tuple[dict[str, Input[Any]], dict[str, Output[Any]]]:
-    """The inputs and outputs that a class declares, its bases' first, those of its port groups where these stand."""
+    """Inputs and outputs that a class declares, those of its bases first, those of port groups in declaration order."""
     declared: dict[str, Port[Any]] = {}
     for base in reversed(cls.__mro__):
         own: dict[str, Port[Any]] = {}

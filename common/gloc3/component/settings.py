@@ -33,15 +33,15 @@ def Bounds(low: float, high: float) -> msgspec.Meta:  # noqa: N802 - reads as a 
 
 
 def load_settings(settings_type: type[S], values: Mapping[str, Any], where: str) -> S:
-    """Checks values against a settings type.
+    """Validates values against a settings type.
 
     Args:
-        settings_type: what they must fit.
+        settings_type: the settings type.
         values: name to value, as read from a file or a message.
-        where: what the findings call the place, such as the component's name.
+        where: name of the place in findings, such as the component's name.
 
     Raises:
-        InputError: with everything that is wrong; an unknown name comes with the nearest one.
+        InputError: lists all errors; for an unknown name it suggests the nearest one.
     """
     fields = {field.encode_name: field for field in msgspec.structs.fields(settings_type)}
     wrong: list[tuple[str, str]] = []
@@ -83,7 +83,7 @@ def not_finite(value: Any, path: str = "") -> Iterator[str]:
 
 
 def field_docs(struct: type[msgspec.Struct]) -> dict[str, str]:
-    """The documentation strings that stand under a structure's fields, its bases' too, by field name."""
+    """Documentation strings under the fields of a structure and its bases, by field name."""
     docs: dict[str, str] = {}
     for base in reversed(struct.__mro__):
         if issubclass(base, msgspec.Struct) and base is not msgspec.Struct:

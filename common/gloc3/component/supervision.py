@@ -1,7 +1,7 @@
 """Supervision of components that turn faulty or stop reporting, as a pure state machine (DESIGN §7).
 
-It is told statuses, replies and the time, and gives orders for components' LCIs, and verdicts: failure policies for
-whoever flies the mission. Components that share outputs, a primary and its standbys, form a group with one of them in
+Its inputs are statuses, replies and the time. Its outputs are commands for components' LCIs, and verdicts: failure
+policies for the mission. Components that share outputs, a primary and its standbys, form a group with one of them in
 charge: the one that is not quiet.
 """
 
@@ -16,10 +16,10 @@ from gloc3.messages.envelope import CommandReply, CommandRequest, ComponentStatu
 from gloc3.messages.summaries import Health, health_of
 
 SILENT_PERIODS: Final = 3.0
-"""A component whose status stays away for so many periods counts as absent."""
+"""Status periods without a report after which a component counts as absent."""
 SILENT: Final = f"no status for {SILENT_PERIODS:g} periods"
 STABLE_S: Final = 30.0
-"""A component that has been up for so long has all its attempts again."""
+"""Time up after which a component's restart attempts are restored, s."""
 KEEP_TRYING_S: Final = 5.0
 """So long after its last attempt a required component is tried once more, as long as the vehicle is under way."""
 RESUME_LIMIT_S: Final = 1.0
@@ -63,7 +63,7 @@ Step = LciRequest | SupervisionVerdict
 
 
 SETTLED_S: Final = 0.5
-"""A standby that works for so long although its primary never came up is in charge."""
+"""Time after which a working standby takes charge if its primary never came up, s."""
 
 
 class _Pending(NamedTuple):
@@ -82,13 +82,13 @@ class _Watched:
         policy = row.on_fault
         self.on_fault: Final = policy if isinstance(policy, OnFault) else OnFault(then=policy)
         self.state: State | None = None
-        """None: never heard, left, or silent."""
+        """None: no status yet, left, or silent."""
         self.received_s: float | None = None
-        """None while it is not expected to be heard."""
+        """None while no status is expected."""
         self.reason = ""
         """Why it fails; empty while it does not."""
         self.is_lost = False
-        """The verdict about this failure has been given."""
+        """Whether the verdict about this failure has been issued."""
         self.attempts = 0
         self.due_s: float | None = None
         """When it is re-initialized."""
@@ -104,7 +104,7 @@ class _Watched:
 
     @property
     def silent_at_s(self) -> float | None:
-        """When it counts as silent, if nothing is heard until then."""
+        """Time at which it counts as silent unless a status arrives before."""
         return None if self.received_s is None else self.received_s + SILENT_PERIODS * self.row.status_period_s
 
 
@@ -158,7 +158,7 @@ class Supervision:
     # --- what is known ---
 
     def state(self, component: str) -> State | None:
-        """A component's state; None where it has left, is silent, or was never heard."""
+        """State of a component; None where it has left, is silent, or has never reported."""
         return self._watched[component].state
 
     def in_charge(self, component: str) -> str:
@@ -171,7 +171,7 @@ class Supervision:
         return any(watched.due_s is not None or watched.pending is not None for watched in self._watched.values())
 
     def health(self) -> Health:
-        """The platform's: the worst of its required components; a quiet one whose function another performs is well."""
+        """Health of the platform: the worst of its required components; a quiet one with a substitute is healthy."""
         found = {Health.WORKING}
         for watched in self._watched.values():
             charge = self._groups[watched.row.name].in_charge
@@ -181,10 +181,10 @@ class Supervision:
         return min(found, key=WORST_FIRST.index)
 
     def check(self, component: str, commands: Sequence[Command]) -> None:
-        """Checks commands that somebody else wants to send.
+        """Checks commands that another client wants to send.
 
         Raises:
-            Refused: they would leave two components with the same outputs that are both not quiet.
+            Refused: two components with the same outputs would both be active (not quiet).
         """
         watched, state = self._watched[component], self._watched[component].state
         for command in commands:
@@ -198,7 +198,7 @@ class Supervision:
     # --- what happens ---
 
     def receive_status(self, status: ComponentStatus, now_s: float) -> list[Step]:
-        """Takes a component's status; one that is not in the deployment is none of ours."""
+        """Handles a component's status; ignores components outside the deployment."""
         watched = self._watched.get(status.name)
         if watched is None:
             return []
@@ -212,7 +212,7 @@ class Supervision:
         return list(self._judge(watched, status.cause, now_s))
 
     def lose(self, component: str, reason: str, now_s: float) -> list[Step]:
-        """A component cannot be reached any more: what it was asked for will not be answered."""
+        """Marks a component as unreachable; pending commands to it will not be answered."""
         watched = self._watched.get(component)
         if watched is None:
             return []
@@ -220,7 +220,7 @@ class Supervision:
         return list(self._fell_silent(watched, now_s, reason))
 
     def receive_reply(self, reply: CommandReply, now_s: float) -> list[Step]:
-        """Takes the reply to an order of ours; others are none of ours."""
+        """Handles the reply to one of the supervisor's commands; ignores other replies."""
         watched = self._watched.get(reply.component)
         pending = watched.pending if watched is not None else None
         if watched is None or pending is None or pending.request_id != reply.request_id:
@@ -234,7 +234,7 @@ class Supervision:
         return list(self._not_done(watched, pending, reply.reason, now_s))
 
     def tick(self, now_s: float) -> list[Step]:
-        """Looks at what is due: attempts, orders without reply, silent components."""
+        """Runs what is due: attempts, commands without reply, silent components."""
         if now_s < self._next_s:
             return []
         steps: list[Step] = []
@@ -289,9 +289,9 @@ class Supervision:
                 yield from self._hand_over(charge, now_s)
 
     def _keep_one_publisher(self, watched: _Watched, now_s: float) -> Iterator[Step]:
-        """At most one of a group is not quiet: who comes second is told to go quiet.
+        """Keeps at most one of a group active: commands the second one to go quiet.
 
-        A standby that is seen between its start and its going quiet, before the primary is up, is not in charge.
+        A standby between its start and going quiet, before the primary is up, is not in charge.
         """
         group = self._groups[watched.row.name]
         if group.in_charge is watched:
@@ -340,7 +340,7 @@ class Supervision:
             yield SupervisionVerdict(watched.row.name, policy, watched.reason)
 
     def _not_done(self, watched: _Watched, pending: _Pending, reason: str, now_s: float) -> Iterator[Step]:
-        """An order of ours was refused, failed, or not answered."""
+        """Handles a supervisor's command that was refused, failed, or not answered."""
         group = self._groups[watched.row.name]
         if pending.is_resume and group.in_charge is watched and watched.state is not State.WORKING:
             failed = next((member for member in group.members if member is not watched and member.reason), None)

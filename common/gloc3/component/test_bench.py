@@ -1,4 +1,4 @@
-"""A test bench: components under their real hosts, on one exchange, in virtual time, without a socket or a sleep."""
+"""Test bench: components under their real hosts, on one exchange, in virtual time, without sockets or sleeps."""
 
 import asyncio
 from collections.abc import Callable
@@ -21,7 +21,7 @@ REPLY_TIMEOUT_S: Final = 60.0
 
 
 class Bench:
-    """Hosts components and stands for everybody else on the platform.
+    """Hosts components and stands in for the rest of the platform.
 
     ```python
     with Bench() as bench:
@@ -40,7 +40,7 @@ class Bench:
         cycle_cost_s: Callable[[str, float], float] | None = None,
         method_cost_s: Callable[[str, str, float], float] | None = None,
     ) -> None:
-        """A bench with nothing on it; the costs are what cycles and methods take, by a model (default: nothing)."""
+        """Creates an empty bench; the costs model the duration of cycles and methods (default: zero)."""
         self.loop = VirtualLoop()
         self.exchange = LocalExchange()
         self.context = HostContext(
@@ -73,7 +73,7 @@ class Bench:
             raise self.loop.failures[0]
 
     def host(self, row: ComponentRow, create: Callable[[], Component[Any]]) -> ComponentHost:
-        """Puts a component on the bench and brings it to the state that its row asks for."""
+        """Adds a component to the bench and brings it to the state that its row asks for."""
         host = self.hosts[row.name] = ComponentHost(row, create, self.context)
         self._within_loop(host.begin)
         return host
@@ -104,7 +104,7 @@ class Bench:
         return self.hosts[name].state
 
     def all(self, topic: str) -> list[Any]:
-        """The messages that were published on a topic, oldest first."""
+        """Messages published on a topic, oldest first."""
         return [envelope.payload for envelope in self.envelopes if envelope.topic == f"{PLATFORM}/{topic}"]
 
     def last(self, topic: str) -> Any:

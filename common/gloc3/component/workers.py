@@ -1,7 +1,7 @@
-"""Workers: where a component's methods run, so that none of them delays the control path.
+"""Workers: run a component's methods without delaying the control path.
 
-In wall time each component has a thread of its own. In virtual time its methods run in the loop's thread, one after the
-other as on a thread, and what each costs is what a model says. `guard` runs them: the one broad handler of the project.
+In wall time each component has its own thread. In virtual time its methods run in the loop's thread, one after the
+other as on a thread, and a model gives the cost of each. `guard` runs them: the one broad handler of the project.
 """
 
 import asyncio
@@ -148,7 +148,7 @@ class ThreadWorker:
 
 
 GaveUp = Callable[[str], None]
-"""Is told why an errand will never end."""
+"""Called with the reason why a job will never end."""
 
 
 class _Job(NamedTuple):
@@ -157,7 +157,7 @@ class _Job(NamedTuple):
 
 
 class JobQueue:
-    """Runs an author's methods on a worker; when one of them sticks, all are given up."""
+    """Runs an author's methods on a worker; when one of them is stuck, all are abandoned."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, worker: Worker, expired: Callable[[str], None]) -> None:
         self._loop = loop
@@ -184,10 +184,10 @@ class JobQueue:
 
         Args:
             job: must not raise.
-            ended: gets its result, in the loop's thread.
+            ended: called with its result, in the loop's thread.
             gave_up: called instead when it, or another before it, did not end in time.
-            what: names it in the cause of a time-out.
-            limit_s: longest time until `ended`, what it waits for included.
+            what: name of the job in the cause of a timeout.
+            limit_s: longest time until `ended`, including time in the queue.
             cost_s: modelled duration, in virtual time.
         """
         self._made += 1
@@ -201,7 +201,7 @@ class JobQueue:
         ended(result)
 
     def abandon(self) -> list[GaveUp]:
-        """Leaves what is under way to its fate; returns who has to be told, in order."""
+        """Abandons the jobs under way; returns the callbacks to notify, in order."""
         jobs = list(self._running.values())
         self._running.clear()
         for job in jobs:

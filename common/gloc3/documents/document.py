@@ -1,8 +1,8 @@
 """YAML files with source positions: reports broken limits, duplicate keys and bad numbers, never a traceback.
 
 Plain values are read by the core schema of YAML 1.2, plus `yes` and `no` as truth values; `1:30` and dates stay text.
-Anchors, aliases, tags and several documents in one file are refused: they are of no use in a mission or platform file,
-and with them a short file can stand for a huge one.
+Anchors, aliases, tags and several documents in one file are refused: mission and platform files do not need them, and
+with them a short file can expand to a huge one.
 """
 
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ WIDTH: Final = 120
 
 
 class Document:
-    """A file that was read: its plain value, and where each part of it stands."""
+    """A parsed file: its plain value, and the position of each part."""
 
     def __init__(self, file: str, root: YamlNode) -> None:
         self.file = file
@@ -39,7 +39,7 @@ class Document:
         return self.root.value
 
     def node(self, where: Where) -> YamlNode:
-        """The node at a path, or the deepest one on the way to it that is there."""
+        """The node at a path, or its deepest existing ancestor."""
         node = self.root
         for step in where:
             if step not in node.children:
@@ -48,7 +48,7 @@ class Document:
         return node
 
     def seen_as(self, key: str, other: str) -> "Document":
-        """The same document with what stands under one key in the place of another."""
+        """The same document, with the value of the key `other` at `key`."""
         root = YamlNode(self.root.value, self.root.line, self.root.column, self.root.file)
         root.children, root.key_places = dict(self.root.children), dict(self.root.key_places)
         root.children.pop(key, None)
@@ -102,15 +102,15 @@ def load(path: Path, kind: type[T]) -> T:
 
 
 def read(data: bytes | str, kind: type[T], file: str) -> T:
-    """Reads YAML into a structure.
+    """Parses YAML into a structure.
 
     Args:
         data: the content; bytes are UTF-8.
         kind: a msgspec type; unknown keys are findings where it forbids them.
-        file: what the findings call the input.
+        file: name of the input in findings.
 
     Raises:
-        InputError: with everything that is wrong, in order of place.
+        InputError: lists all errors, in order of position.
     """
     document = parse(data, file)
     findings: list[Finding] = []
@@ -145,7 +145,7 @@ def parse(data: bytes | str, file: str) -> Document:
 
 
 class _Dumper(yaml.SafeDumper):
-    """Writes text so that our own reader takes it for text, and never an alias."""
+    """YAML dumper that quotes text where our own reader would not read it as text, and never writes an alias."""
 
     def ignore_aliases(self, data: Any) -> bool:
         del data

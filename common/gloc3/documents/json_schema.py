@@ -1,7 +1,7 @@
-"""JSON Schema (draft 2020-12) of YAML files, by which editors complete, explain and check them.
+"""JSON Schema (draft 2020-12) of YAML files, with which editors complete, explain and check them.
 
-Types, bounds and defaults come from the structures that the readers use; each field is described by the text under it,
-with the unit that its name tells.
+Types, bounds and defaults come from the structures that the readers use. The description of a field is its docstring,
+with the unit from its name.
 """
 
 import typing
@@ -20,7 +20,7 @@ _REF: Final = "#/$defs/"
 
 
 def described(kind: Any) -> tuple[Schema, dict[str, Schema]]:
-    """The schema of a type that msgspec knows, and the definitions that it refers to, all described.
+    """Schema of a type that msgspec supports, and the definitions that it refers to, all with descriptions.
 
     Args:
         kind: a structure, or any other type.
@@ -40,7 +40,7 @@ def ref(name: str) -> Schema:
 
 
 def struct_schema(struct: type[msgspec.Struct], definitions: dict[str, Schema]) -> Schema:
-    """The schema of a structure itself; what it refers to is added to the definitions."""
+    """Schema of the structure itself; the types it refers to are added to the definitions."""
     _, found = described(struct)
     own = found.pop(struct.__name__)
     definitions |= found

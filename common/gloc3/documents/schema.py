@@ -27,14 +27,14 @@ _SHOWN_MAX: Final = 40
 
 
 def check(node: YamlNode, kind: type[T], file: str, findings: list[Finding], name: str = "") -> T | None:
-    """The value of a node as `kind`; where it does not fit, None and a finding for each thing that is wrong.
+    """Validates a node as `kind`; on errors returns None and appends a finding for each.
 
     Args:
-        node: what was read.
+        node: the parsed node.
         kind: a msgspec type.
-        file: what the findings call the input.
+        file: name of the input in findings.
         findings: where they are appended.
-        name: what the findings call the node itself.
+        name: name of the node in findings.
     """
     try:
         return msgspec.convert(node.value, kind)
@@ -46,7 +46,7 @@ def check(node: YamlNode, kind: type[T], file: str, findings: list[Finding], nam
 
 
 def in_words(error: Exception) -> str:
-    """A msgspec message in words for people who write YAML, or fill in a form."""
+    """A msgspec message, reworded for users who write YAML or fill in a form."""
 
     def words(match: re.Match[str]) -> str:
         return " or ".join(_KINDS.get(kind, kind) for kind in match[1].split(" | "))

@@ -38,9 +38,9 @@ class YamlNode:
         self.line = line
         self.column = column
         self.file = file
-        """Where it stands, if not in the document's own file."""
+        """File that it is in, if not the document's own."""
         self.note = note
-        """What whoever is told of it should know besides: what it was put there for."""
+        """Additional text for findings about this node, such as what it was inserted for."""
         self.children: dict[str | int, YamlNode] = {}
         """The nodes below, by key or index."""
         self.key_places: dict[str, tuple[int, int]] = {}
@@ -79,7 +79,7 @@ def build(text: str, file: str) -> tuple[YamlNode | None, list[Finding]]:
 
 
 class _TooMuch(Exception):
-    """Reading on is of no use; the reason is among the findings."""
+    """Stops the reading because going on is useless; the reason is among the findings."""
 
 
 class _Builder:
@@ -111,7 +111,7 @@ class _Builder:
             case yaml.DocumentStartEvent():
                 self._documents += 1
                 if self._documents > 1:
-                    self._find(event, "a second document begins here", "one file holds one document; remove the '---'")
+                    self._find(event, "a second document starts here", "one file holds one document; remove the '---'")
                     raise _TooMuch
 
     def _scalar(self, event: yaml.ScalarEvent) -> None:
@@ -225,10 +225,10 @@ def _yaml_finding(error: yaml.YAMLError, file: str, text: str) -> Finding:
         row = rows[line - 1] if line <= len(rows) else ""
         if "\t" in row[:column] and "cannot start" in str(error.problem):
             return Finding(
-                file=file, line=line, column=column, message="a tab in the indentation", hint="YAML takes spaces only"
+                file=file, line=line, column=column, message="a tab in the indentation", hint="YAML allows spaces only"
             )
         if error.context_mark is not None and error.context:
-            began = f"{error.context} that begins in line {error.context_mark.line + 1}"
+            began = f"{error.context} that starts in line {error.context_mark.line + 1}"
             return Finding(file=file, line=line, column=column, message=f"not YAML: {error.problem}", hint=began)
         return Finding(file=file, line=line, column=column, message=f"not YAML: {error.problem}")
     position = getattr(error, "position", None)

@@ -14,14 +14,15 @@ from gloc3.errors import Refused
 from gloc3.evaluation.trajectory import Array, Trajectory
 
 BEGIN_SHARE: Final = 0.1
-"""The part of the poses that `TrajectoryAlignment.BEGIN` looks at."""
+"""Share of the poses that `TrajectoryAlignment.BEGIN` uses."""
 
 TOLERANCE: Final = 0.1
-"""How much longer or shorter than asked a stretch of the relative error may be, as a share."""
+"""Tolerance on the length of a stretch of the relative error, as a share of the requested length."""
 
 LEAST_SIZE_M: Final = 0.05
 LEAST_WIDTH: Final = 0.02
-"""Positions that are spread by less, or by less across than this share of along, do not tell how a frame is turned."""
+"""Smallest ratio of lateral to longitudinal spread of positions from which a rotation between frames can be
+estimated."""
 
 MATCH_S: Final = 0.01
 """Farthest apart in time that an estimate and the truth belong together."""
@@ -171,7 +172,7 @@ def _umeyama(points: Array, onto: Array) -> tuple[Array, Array]:
 
 
 def stretches(trajectory: Trajectory, over_m: float) -> NDArray[np.intp]:
-    """Pairs of poses, shape (n, 2), whose way along the trajectory is nearest to `over_m`, from every pose on."""
+    """Pairs of poses, shape (n, 2), whose distance along the trajectory is nearest to `over_m`, from every pose on."""
     distances = trajectory.distances_m
     first = np.arange(len(distances) - 1)
     wanted = distances[:-1] + over_m

@@ -28,7 +28,7 @@ class RequestedFlight(msgspec.Struct):
 
 
 class RequestedPath:
-    """Collects every `follow_waypoints` and `go_to` that a component of a platform was asked for."""
+    """Collects every `follow_waypoints` and `go_to` requested from a component of a platform."""
 
     def __init__(self, exchange: Exchange, platform: str) -> None:
         self.flights: Final[list[RequestedFlight]] = []

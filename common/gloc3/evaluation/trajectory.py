@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 TUM_COLUMNS: Final = 8
 KITTI_COLUMNS: Final = 12
 EUROC_COLUMNS: Final = 8
-"""Time, position and attitude; what follows (velocity, biases) is not a pose."""
+"""Time, position and attitude; the columns after them (velocity, biases) are not part of a pose."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,17 +89,17 @@ def quaternions_from_matrices(rotations: Array) -> Array:
 
 
 def read_trajectory(path: Path, times_s: Array | None = None) -> Trajectory:
-    """Reads a trajectory in TUM, EuRoC's or KITTI's form.
+    """Reads a trajectory in TUM, EuRoC or KITTI format.
 
-    TUM: time, position, quaternion xyzw. EuRoC: commas between nanoseconds, position, quaternion wxyz, and more. KITTI:
-    the first three rows of a pose's matrix a line; its times come from elsewhere.
+    TUM: time, position, quaternion xyzw. EuRoC: nanoseconds, position, quaternion wxyz, and more, separated by commas.
+    KITTI: one line per pose, with the first three rows of its matrix; the times come from a separate source.
 
     Args:
-        path: the file; which form it has is told by its lines.
+        path: the file; its format is detected from its lines.
         times_s: times of the lines of a KITTI file; None counts them 0.1 s apart.
 
     Raises:
-        InputError: the file cannot be read as any of them, or its times do not grow.
+        InputError: the file has none of these formats, or its times do not increase.
     """
     rows, lines = _rows(path)
     if not rows:
@@ -127,7 +127,7 @@ def read_trajectory(path: Path, times_s: Array | None = None) -> Trajectory:
 
 
 def _rows(path: Path) -> tuple[list[list[float]], list[tuple[int, bool]]]:
-    """The numbers of each line, with its line number and whether commas part them."""
+    """Numbers of each line, with its line number and whether they are separated by commas."""
     rows, lines = [], []
     try:
         text = path.read_text(encoding="utf-8")

@@ -49,7 +49,7 @@ class AcousticVerb(IntEnum):
 
 
 class AcousticSummary(Message, frozen=True):
-    """The vehicle as it tells itself by sound."""
+    """State of the vehicle, as sent over the acoustic link."""
 
     t_s: float
     """On the platform's clock, to a tenth of a second."""
@@ -66,11 +66,11 @@ class AcousticSummary(Message, frozen=True):
     is_armed: bool
     policy: str
     doing: int
-    """The first action under way: its index among the mission's tasks and actions; -1 for none."""
+    """First action under way: its index among the mission's tasks and actions; -1 for none."""
     mission: int
-    """The first byte of the mission's digest, by which a station knows whether it means the same actions."""
+    """First byte of the mission's digest, with which a station checks that it has the same mission."""
     worst: int
-    """The severity of the worst event that no station has been told; 7 for none."""
+    """Severity of the worst event not yet sent to a station; 7 for none."""
 
 
 class AcousticOrder(msgspec.Struct, frozen=True):
@@ -120,7 +120,7 @@ class AcousticCode:
         return data + self._tag(data)
 
     def decode(self, data: bytes) -> AcousticFrame | None:
-        """The frame in these bytes; None, and counted, where it is none of ours."""
+        """Decodes a frame; None, and counted, if it is invalid or of another platform."""
         frame = self._decoded(data)
         self.refused += frame is None
         return frame
@@ -154,7 +154,7 @@ class AcousticCode:
 
 
 def summary_of(vehicle: VehicleSummary, mission: MissionSummary | None, health: Health, worst: int) -> AcousticSummary:
-    """What is told by sound of what stations are told otherwise."""
+    """Builds the acoustic summary from the messages that stations receive on other links."""
     tasks = list(mission.tasks.items()) if mission is not None else []
     doing = [index for index, (target, state) in enumerate(tasks) if "." in target and state == "running"]
     digest = mission.digest if mission is not None else ""
@@ -177,7 +177,7 @@ def summary_of(vehicle: VehicleSummary, mission: MissionSummary | None, health: 
 
 
 def action_of(summary: AcousticSummary, mission: MissionSummary | None) -> str:
-    """The name of what the vehicle does, where the station knows the mission; else empty."""
+    """Name of the action under way, if the station has the mission; else empty."""
     if mission is None or int(mission.digest[:2] or "0", 16) != summary.mission:
         return ""
     names = list(mission.tasks)

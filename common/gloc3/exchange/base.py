@@ -21,19 +21,19 @@ class Exchange(Protocol):
 
     @property
     def here(self) -> "Exchange":
-        """What passes inside this process: what it publishes, and what came in because somebody here asked for it.
+        """Traffic inside this process: local publications, and remote messages with a local subscriber.
 
-        Who wants to see everything, such as a recorder, listens here, and so draws nothing from elsewhere.
+        A recorder subscribes here to receive everything without drawing additional data from other processes.
         """
 
     def publish(self, envelope: Envelope[Any]) -> None:
-        """Sends a message to everyone who subscribed to its topic. Never blocks."""
+        """Sends a message to all subscribers of its topic. Never blocks."""
 
     def subscribe(self, pattern: str, deliver: Deliver) -> Unsubscribe:
         """Asks for a topic, or for all that fit a pattern: `*` is one level, a final `**` any number of levels."""
 
     def declare_alive(self, token: str) -> Unsubscribe:
-        """Says that something (a component, a host) is here; it is gone when the returned function is called."""
+        """Declares that something (a component, a host) is alive, until the returned function is called."""
 
     def watch(self, pattern: str, changed: Callable[[str, bool], None]) -> Unsubscribe:
         """Reports tokens that come (True) and go (False), those that are here already at once."""
@@ -62,14 +62,15 @@ class Publisher:
 
 
 class LocalExchange:
-    """The local middleware: inside one process, messages pass by reference.
+    """Local exchange: inside one process, messages pass by reference.
 
     It delivers in the order of publishing, to the subscribers in the order of their subscription.
 
-    A subscriber that raises harms neither the publisher nor the other subscribers: the loop's exception handler is told.
+    A subscriber that raises affects neither the publisher nor the other subscribers: the loop's exception handler is
+    called.
 
     Args:
-        topics: tells which topics are latched; without it none is.
+        topics: defines which topics are latched; without it none is.
     """
 
     def __init__(self, topics: TopicTable | None = None) -> None:
@@ -143,7 +144,7 @@ class LocalExchange:
         return unsubscribe
 
     def declare_alive(self, token: str) -> Unsubscribe:
-        """Says that something is here."""
+        """Declares that something is alive."""
         self._tokens[token] = self._tokens.get(token, 0) + 1
         if self._tokens[token] == 1:
             self._notify_watchers(token, True)
@@ -189,7 +190,7 @@ def _hand(rest: Iterator[Deliver], envelope: Envelope[Any]) -> None:
 
 
 def _report_problem(message: str, error: BaseException) -> None:
-    """A bug of ours: told loudly, without harm to who published."""
+    """Reports a bug in a subscriber; the publisher is not affected."""
     asyncio.get_running_loop().call_exception_handler({"message": message, "exception": error})
 
 

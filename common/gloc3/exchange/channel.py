@@ -17,18 +17,18 @@ from gloc3.messages.topics import TopicService
 from gloc3.messages.wire import TypeRegistry
 
 LEAVE_S: Final = 1.0
-"""What waits may take so long to leave when everything ends."""
+"""Longest time at shutdown for sending queued messages, s."""
 
 Send = Callable[[], None]
 
 
 class SendQueue:
-    """Sends messages one after the other, in the order in which they were given.
+    """Sends messages one after the other, in the order in which they were queued.
 
     Args:
-        name: of the thread.
-        depth: so many may wait.
-        failed: is told, in the thread, of a message that could not be sent.
+        name: name of the thread.
+        depth: limit of queued messages.
+        failed: called in the thread with the error of a message that could not be sent.
     """
 
     def __init__(self, name: str, depth: int, failed: Callable[[BaseException], None]) -> None:
@@ -89,12 +89,12 @@ SERVICES: Final[Mapping[TopicService, tuple[zenoh.Priority, zenoh.Reliability]]]
     TopicService.REPORT: (zenoh.Priority.DATA, zenoh.Reliability.RELIABLE),
     TopicService.BULK: (zenoh.Priority.DATA_LOW, zenoh.Reliability.BEST_EFFORT),
 }
-"""What Zenoh is told for each service. Nothing ever waits in the loop: what does not fit a link's queue is dropped, and
-the queue of each priority holds so much that only a receiver that stands still loses what is reliable."""
+"""Zenoh priority and reliability of each service. The loop never blocks: what does not fit a link's queue is dropped.
+The queue of each priority is so long that reliable messages are lost only if a receiver stands still."""
 HUGE: Final = 500_000
-"""Messages of so many bytes might not fit the queue of a link: a thread sends them, and waits for it."""
+"""Size from which a message may not fit the queue of a link, bytes: a thread sends it, blocking."""
 SETTLE_S: Final = 1.0
-"""After so long a node knows who asks for a key on which it has begun to publish."""
+"""Time after which a node knows the subscribers of a key on which it has begun to publish, s."""
 
 
 class Means(NamedTuple):
@@ -107,16 +107,16 @@ class Means(NamedTuple):
     near: NearServer | None
     """For large messages to processes on this computer."""
     sender: SendQueue
-    """Sends what is huge."""
+    """Sends messages of `HUGE` bytes and more."""
 
 
 class TopicChannel:
-    """Sends on one key, and knows whether somebody elsewhere asks for it.
+    """Sends on one key, and tracks whether a remote subscriber exists.
 
     Args:
-        means: of the exchanger.
-        key: where it sends.
-        service: how that travels.
+        means: shared means of the exchange.
+        key: the key.
+        service: its quality of service.
     """
 
     def __init__(self, means: Means, key: str, service: TopicService) -> None:
@@ -135,14 +135,14 @@ class TopicChannel:
             means.arrivals.receiver(Inbound(self._matching_changed))
         )
         self.is_settled = False
-        """Whether it is known by now who asks for it; those who have just begun to ask may not be known yet."""
+        """Whether the subscribers are known by now; very recent ones may still be missing."""
         self._is_wanted = False
         self._is_open = True
         self._timer = means.loop.call_later(SETTLE_S, self._settle)
 
     @property
     def is_wanted(self) -> bool:
-        """Whether somebody elsewhere asks for it, or may."""
+        """Whether a remote subscriber exists or may exist."""
         return self._is_wanted or not self.is_settled
 
     def put(self, body: bytes, head: bytes | None) -> str:
@@ -169,7 +169,7 @@ class TopicChannel:
         self._timer.cancel()
 
     def _matching_changed(self, _: object = None) -> None:
-        """In the loop: who asks for it has changed."""
+        """Handles a change of the subscribers, in the loop."""
         if self._is_open:
             status: Any = self._publisher.matching_status  # the stub says bool
             self._is_wanted = status.matching

@@ -9,17 +9,17 @@ from threading import Lock
 from typing import Any, Final
 
 DEPTH: Final = 1024
-"""So many things may wait for a loop that is busy, where nothing else is said."""
+"""Default queue depth, in items, while the loop is busy."""
 BATCH: Final = 64
 """So many are worked off before the loop does something else."""
 
 
 class Inbound:
-    """What waits of one subscription. When it is full the oldest makes place.
+    """Queue of one subscription. When it is full, the oldest item is dropped.
 
     Args:
-        take: is given each thing, in the loop.
-        depth: so many may wait.
+        handle: called with each item, in the loop.
+        depth: longest queue, items.
     """
 
     __slots__ = ("depth", "dropped", "handle", "waiting")
@@ -33,10 +33,10 @@ class Inbound:
 
 
 class Arrivals:
-    """Everything that waits for the loop, in the order in which it came.
+    """All items that wait for the loop, in the order of arrival.
 
     Args:
-        loop: takes it.
+        loop: the event loop that handles them.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -47,7 +47,7 @@ class Arrivals:
         self._is_open = True
 
     def receiver(self, inbound: Inbound) -> Callable[[Any], None]:
-        """Takes what comes for a subscription, in any thread."""
+        """Returns the callback that queues items of a subscription, from any thread."""
 
         def handle(thing: Any) -> None:
             with self._lock:
@@ -65,7 +65,7 @@ class Arrivals:
         return handle
 
     def close(self) -> None:
-        """Takes nothing any more; what waits is forgotten. No thread wakes the loop after this."""
+        """Stops accepting items; queued ones are discarded. No thread wakes the loop after this."""
         with self._lock:
             self._is_open = False
             self._order.clear()

@@ -1,8 +1,8 @@
 """Large messages: through shared memory to receivers on this computer, else through Zenoh.
 
-Who has some declares a key of its own below the topic, `TOPIC/bulk/NAME`: a token there says that it is here, a question
-there is answered with the ticket to its memory, and what is put there are messages for all others. The rules of access
-for the topic hold for that key, too: who may not read it gets no ticket.
+A sender declares a key of its own below the topic, `TOPIC/bulk/NAME`. A liveliness token on it announces the sender, a
+query returns the ticket to its memory, and messages to receivers without that memory are put there. The access rules of
+the topic apply to that key, too: a ticket requires read access.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from gloc3.exchange.near import DEPTH, LONGEST_HEAD, NearLink, NearServer
 from gloc3.messages.topics import TopicService
 
 LARGE: Final = 16_384
-"""Messages of so many bytes go this way."""
+"""Size from which messages are sent as large ones, bytes."""
 BULK: Final = "bulk"
-"""The level of the key that stands behind the topic's."""
+"""Level of the key, after the topic."""
 KEY: Final = re.compile(rf"(.+)/{BULK}/[0-9a-f]{{16}}")
 TICKET_S: Final = 2.0
 """How long the ticket may take; after that the messages come through Zenoh."""
 AGAIN_S: Final = 0.5
-"""After so long a reader that was cut off asks again."""
+"""Delay after which a disconnected reader requests the ticket again, s."""
 
 Receive = Callable[[str, bytes | None, bytes], None]
 """Takes the topic, the head and the body of a message, in the loop."""
 ReportProblem = Callable[[str, str, str], None]
-"""Is told of what went wrong: a word, the topic, a reason."""
+"""Called with a problem: a keyword, the topic, a reason."""
 
 
 def bulk_key(pattern: str, name: str = "*") -> str:
-    """The key of a topic's large messages; of a pattern, those of all who have some."""
+    """Key of a topic's large messages from one sender; by default the pattern for all senders."""
     return f"{pattern}/{BULK}/{name}"
 
 
@@ -47,10 +47,10 @@ def topic_of(key: str) -> str:
 
 
 class LargeOutlet:
-    """Sends the large messages of one topic to those who ask for them.
+    """Sends the large messages of one topic to their receivers.
 
     Args:
-        means: of the exchanger.
+        means: shared means of the exchange.
         near: serves processes on this computer.
         topic: the topic.
     """
@@ -66,11 +66,11 @@ class LargeOutlet:
 
     @property
     def is_settled(self) -> bool:
-        """Whether those who ask for the topic have had the time to ask for these, too."""
+        """Whether the topic's subscribers have had time to subscribe to its large messages, too."""
         return self._channel.is_settled
 
     def send(self, head: bytes | None, body: bytes) -> str:
-        """Sends a message; returns why somebody did not get it, or an empty text."""
+        """Sends a message; returns why a receiver did not get it, or an empty text."""
         reason = ""
         if len(head or b"") <= LONGEST_HEAD:
             try:
@@ -86,28 +86,28 @@ class LargeOutlet:
         self._channel.close()
 
     def _answer(self, query: zenoh.Query) -> None:
-        """In a thread of Zenoh: somebody asks for the ticket."""
+        """Handles a query for the ticket, in a thread of Zenoh."""
         with query:
             query.reply(self._key, self._near.ticket)
 
 
 class LargeInlet:
-    """Reads the large messages of those who have some, in the best way for each.
+    """Receives large messages from all senders, each through shared memory or Zenoh.
 
     Args:
-        means: of the exchanger.
-        take: is given each message.
-        trouble: is told of memory that cannot be used.
+        means: shared means of the exchange.
+        handle: called with each message.
+        problem: called when memory cannot be used.
     """
 
     def __init__(self, means: Means, handle: Receive, problem: ReportProblem) -> None:
         self.means, self.take, self.report_problem = means, handle, problem
         self._sources: dict[str, LargeSource] = {}
         self._late: dict[str, int] = {}
-        """Of those that are gone."""
+        """Dropped messages of sources that are closed, by topic."""
 
     def set_alive(self, key: str, is_alive: bool) -> None:
-        """Somebody with large messages of a topic that is asked for came or went."""
+        """Adds or removes a sender of large messages of a subscribed topic."""
         if not is_alive:
             source = self._sources.pop(key, None)
             if source is not None:
@@ -117,7 +117,7 @@ class LargeInlet:
             self._sources[key] = LargeSource(self, key)
 
     def drop_unwanted(self, is_wanted: Callable[[str], bool]) -> None:
-        """Forgets the topics that nobody here asks for any more."""
+        """Closes the sources of topics without a local subscriber."""
         for key in [key for key, source in self._sources.items() if not is_wanted(source.topic)]:
             self.set_alive(key, False)
 

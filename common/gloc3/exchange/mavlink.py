@@ -1,7 +1,7 @@
-"""The mavlink middleware: the command link between stations and platforms, wherever MAVLink goes (DESIGN §4).
+"""MAVLink exchange: the command link between stations and platforms over any MAVLink connection (DESIGN §4).
 
 A thin shell around `gloc3.exchange.tunnel.endpoint.TunnelEndpoint`, which does the work without I/O. Times of validity
-stay in the clock of the platform that stamped them; `clock_offset_s` tells how that runs against ours.
+stay in the clock of the platform that stamped them; `clock_offset_s` returns its offset from the local clock.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from gloc3.messages.topics import TopicTable
 
 SMALLEST_WAIT_S: Final = 1e-3
 FEW_PEERS: Final = 8
-"""To so many what comes is worked off at once."""
+"""Up to this many peers, received messages are handled at once."""
 CROWD_WAIT_S: Final = 0.05
-"""Among more it waits for so long, since each time all of them are looked through."""
+"""Delay of handling with more peers, because every pass visits all of them, s."""
 
 
 class MavlinkExchange:
-    """A data exchanger over one MAVLink link: what is published here and crosses the link appears at the other end.
+    """A data exchange over one MAVLink link: messages published here that cross the link appear at the other end.
 
-    A platform sends its status to all stations, replies to the one that asked, events to all, and takes requests; a
-    station the other way round. What is published here reaches subscribers here too, as on every middleware.
+    A platform sends its status to all stations, replies to the station that sent the request, events to all, and
+    receives requests; a station does the reverse. Publications also reach local subscribers, as on every middleware.
 
     Args:
         endpoint: this end of the link.
-        loop: gives the time and wakes the exchange.
-        send: puts a MAVLink message on the link.
+        loop: the event loop, for time and timers.
+        send: sends a MAVLink message on the link.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class MavlinkExchange:
         self.here: Final = LocalExchange(endpoint.topics)
         """What passes at this end, unless it is joined to another middleware."""
         self._deliver: Deliver = self.here.publish
-        """Takes what comes over the link."""
+        """Delivers messages received over the link."""
         self._own_tokens: dict[str, int] = {}
         self._peer_tokens: dict[str, list[Unsubscribe]] = {}
         self._listeners: list[Callable[[Happening], None]] = []
@@ -75,10 +75,10 @@ class MavlinkExchange:
         return self.here.subscribe(pattern, deliver)
 
     def declare_alive(self, token: str) -> Unsubscribe:
-        """Says here and at the other end that something is alive.
+        """Declares here and at the other end that something is alive.
 
         Raises:
-            Refused: too many are; the link carries those of whole stations and platforms, not of every component.
+            Refused: too many tokens; the link is for those of whole stations and platforms, not of every component.
         """
         if not self._own_tokens.get(token):
             self.endpoint.declare(token)
@@ -100,13 +100,13 @@ class MavlinkExchange:
         return withdraw
 
     def watch(self, pattern: str, changed: Callable[[str, bool], None]) -> Unsubscribe:
-        """Reports tokens that come and go, here and at the other end; those of a silent peer go."""
+        """Reports tokens that appear and disappear, here and at the other end; those of a silent peer disappear."""
         return self.here.watch(pattern, changed)
 
     # --- what only this middleware has ---
 
     def listen(self, reported: Callable[[Happening], None]) -> Unsubscribe:
-        """Tells what happens on the link: peers, acknowledged and undelivered messages, troubles."""
+        """Reports events of the link: peers, acknowledged and undelivered messages, problems."""
         self._listeners.append(reported)
         return lambda: self._listeners.remove(reported) if reported in self._listeners else None
 
@@ -118,14 +118,14 @@ class MavlinkExchange:
         inward: Callable[[Envelope[Any]], Envelope[Any] | None] = lambda envelope: envelope,
         outward: Callable[[Envelope[Any]], bool] = lambda _: True,
     ) -> Unsubscribe:
-        """Joins this link and another middleware, each topic in its direction; what crosses passes the other one alone.
+        """Joins this link and another middleware, each topic in its direction; local publications stay local.
 
         Args:
             other: the middleware on this side, such as the local one.
             topics: the topics that may cross.
             platform: at a platform its name; at a station all of them.
-            inward: what becomes of each message that comes in; None for one that is not taken.
-            outward: whether a message goes out.
+            inward: converts each incoming message; None drops it.
+            outward: whether a message is sent.
         """
 
         def receive(envelope: Envelope[Any]) -> None:
@@ -159,7 +159,7 @@ class MavlinkExchange:
         return None if best is None else best.offset_s
 
     def round_trip_s(self, name: str) -> float | None:
-        """How long the last greeting to a peer and its answer were on their way; None while that is not known."""
+        """Round-trip time of the last hello to a peer, s; None while it is unknown."""
         last = next((peer.clock.latest for peer in self.endpoint.peers() if peer.name == name), None)
         return None if last is None else last.round_trip_s
 
@@ -180,7 +180,7 @@ class MavlinkExchange:
                 self._wake_within(CROWD_WAIT_S)
 
     def close(self) -> None:
-        """Sends and hears nothing from now on."""
+        """Stops sending and receiving."""
         self._is_open = False
         if self._timer is not None:
             self._timer.cancel()

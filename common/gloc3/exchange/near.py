@@ -1,9 +1,9 @@
 """Large messages to processes of the same user on this computer: in shared memory, announced over a socket.
 
-One process listens at a name that holds on this computer only and goes with the process. Another shows the ticket of a
-topic, which it gets only where it may read that topic; then each message is one packet that tells the place in the
-memory, and wakes the other's loop without a thread between. The reader says up to which message it has read. What it has
-been told of and has not read is never written over; when it dies, that is free at once.
+The sender listens at a name that is local to this computer and ends with the process. A reader presents the ticket of a
+topic, which requires read access to that topic. Then each message is announced by one packet with its slot in the
+memory, which wakes the reader's loop without an extra thread. The reader acknowledges the last message that it has
+read. Slots that are announced and not read are never overwritten; they are free at once when the reader dies.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ SEALS: Final = fcntl.F_SEAL_SEAL | fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | SEA
 AHEAD: Final = 16
 """So many messages may wait for one reader; more are dropped for it."""
 DEPTH: Final = 8
-"""Of those that waited while its loop was busy a reader takes so many, the newest."""
+"""Messages that a reader handles after its loop was busy, the newest ones; older ones are dropped."""
 TOO_SLOW: Final = "a receiver on this computer is too slow"
 LONGEST_HEAD: Final = 4096
 TICKET_BYTES: Final = 16
 ROOM: Final = 1.25
-"""Places are so much longer than the message for which they are made: packed pictures differ in length."""
+"""Size of a slot relative to the message for which it is allocated: the length of compressed pictures varies."""
 
 _PACKET: Final = struct.Struct("<QQI")
 """Number, place, length; the head follows. With a file descriptor: of new memory, the length of its places."""
@@ -76,7 +76,7 @@ class Slots:
         self._readers = [0] * SLOTS
 
     def write(self, data: bytes, number: int) -> int | None:
-        """Copies a message into a free place; None where readers hold all. It stays free until somebody holds it."""
+        """Copies a message into a free slot; None where readers hold all. The slot is free until a reader holds it."""
         if not self._free:
             return None
         slot = self._free[-1]
@@ -92,7 +92,7 @@ class Slots:
         self._readers[slot] += 1
 
     def release(self, slot: int) -> None:
-        """One reader has read it, or is gone."""
+        """Releases a slot that one reader has read or abandoned."""
         self._readers[slot] -= 1
         if not self._readers[slot]:
             self._free.append(slot)
@@ -104,14 +104,14 @@ class Slots:
 
 
 class SharedRegion:
-    """What another process made: its places can be read.
+    """Memory of another process, for reading its slots.
 
     Args:
         file: the memory's file descriptor, closed by this.
-        slot_bytes: as its maker says.
+        slot_bytes: size of a slot, as reported by its creator.
 
     Raises:
-        Gloc3Error: it is not what it should be, so that reading it could end this process.
+        Gloc3Error: the memory is not as expected, so that reading it could crash this process.
     """
 
     def __init__(self, file: int, slot_bytes: int) -> None:
@@ -153,10 +153,10 @@ def _size(slot_bytes: int) -> int:
 
 
 class NearServer:
-    """Where other processes ask for this one's large messages.
+    """Accepts readers of this process's large messages.
 
     Args:
-        loop: reads what they say.
+        loop: watches the readers' sockets.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -168,7 +168,7 @@ class NearServer:
         self._socket: socket.socket | None = None
 
     def open(self) -> NearTopic:
-        """A topic, with a ticket for those who may read it."""
+        """Opens a topic, with a ticket for its readers."""
         if self._socket is None:
             self._socket = _socket()
             self._socket.bind(_address(self.name))
@@ -220,11 +220,11 @@ class NearServer:
 
 
 class _Reader(NamedTuple):
-    """Somebody who reads a topic."""
+    """A reader of a topic."""
 
     socket: socket.socket
     waiting: deque[tuple[int, int]]
-    """Numbers and places of what it has been told of and has not read."""
+    """Numbers and slots of announced messages that it has not read."""
 
 
 class NearTopic:
@@ -243,7 +243,7 @@ class NearTopic:
 
     @property
     def held(self) -> int:
-        """How many messages readers have been told of and have not read, as far as is known."""
+        """Number of announced messages that readers have not read, as far as is known."""
         return sum(len(reader.waiting) for reader in self._readers)
 
     def add(self, other: socket.socket) -> None:
@@ -297,7 +297,7 @@ class NearTopic:
         return any(len(reader.waiting) < AHEAD for reader in self._readers)
 
     def _renew(self, length: int) -> Slots:
-        """Longer places, in other memory; readers read what they have been told of out of the old."""
+        """Allocates longer slots in new memory; messages announced before are still read from the old one."""
         slots = Slots(round(length * ROOM))
         if self._slots is not None:
             self._slots.close()
@@ -355,13 +355,13 @@ class NearLink:
     """Reads a topic of another process.
 
     Args:
-        loop: calls what follows.
-        name: by which the other is found.
-        take: is given each message.
-        ended: is called when the other has ended it, with what was wrong, which may be empty.
+        loop: calls the callbacks.
+        name: name of the other process's server.
+        handle: called with each message.
+        ended: called when the other end has closed the link, with the error, which may be empty.
 
     Raises:
-        OSError: it is not on this computer, or of another user.
+        OSError: the other process is not on this computer, or belongs to another user.
     """
 
     def __init__(
@@ -397,7 +397,7 @@ class NearLink:
                 self._memory.close()
 
     def _read(self) -> None:
-        """Takes what is there."""
+        """Reads the available packets."""
         for _ in range(AHEAD):
             if not self._is_open:
                 return
@@ -444,7 +444,7 @@ def _socket() -> socket.socket:
 
 
 def _address(name: str) -> bytes:
-    """A name in Linux's abstract namespace: no file, and gone with the process."""
+    """Address in Linux's abstract namespace: no file, and removed with the process."""
     return b"\0gloc3-" + name.encode()
 
 

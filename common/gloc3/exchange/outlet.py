@@ -12,13 +12,13 @@ from gloc3.messages.envelope import Envelope, Message
 from gloc3.messages.topics import TopicRow, TopicService
 
 LATCHED: Final = "latched"
-"""The level of a token's name that stands behind the platform's."""
+"""Level of a token's name, after the platform's."""
 UNKNOWN: Final = TopicRow(Message, service=TopicService.REPORT)
-"""For topics that nobody has declared."""
+"""For undeclared topics."""
 
 
 class TopicOutlet:
-    """Sends one topic while somebody elsewhere asks for it, or while that is not known yet."""
+    """Sends one topic while it has a remote subscriber, or while that is not known yet."""
 
     def __init__(self, means: Means, topic: str, row: TopicRow) -> None:
         self._topic, self._means = topic, means
@@ -35,7 +35,7 @@ class TopicOutlet:
             )
 
     def send(self, envelope: Envelope[Any]) -> str:
-        """Sends a message, or gives it to who does; returns why it was dropped here, or an empty text."""
+        """Sends a message directly or as a large one; returns why it was dropped here, or an empty text."""
         if self._held:
             self.last = envelope
         if not self._channel.is_wanted:
@@ -58,7 +58,7 @@ class TopicOutlet:
             self._large.close()
 
     def _answer(self, query: zenoh.Query) -> None:
-        """In a thread of Zenoh: somebody came late and asks for the last message."""
+        """Handles a late subscriber's query for the last message, in a thread of Zenoh."""
         with query:
             if self.last is not None:
                 query.reply(self._topic, self._means.types.encode(self.last))

@@ -1,8 +1,8 @@
-"""The zenoh middleware: between processes, hosts, stations and platforms.
+"""Zenoh exchange: between processes, hosts, stations and platforms.
 
-What is published here reaches the subscribers of this process by reference, at once. It is encoded and leaves the
-process only while somebody elsewhere asks for it. Zenoh's threads hand what comes in over to the loop, many messages
-with one wake; subscribers are called in the loop's thread, as on every middleware.
+Publications reach the subscribers of this process by reference, at once. They are encoded and leave the process only
+while there is a remote subscriber. Zenoh's threads hand received messages over to the loop, many messages with one
+wake-up; subscribers are called in the loop's thread, as on every middleware.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ from gloc3.messages.wire import VersionsDiffer, WireError
 DEPTHS: Final = {TopicService.CONTROL: 64, TopicService.STREAM: 1024, TopicService.BULK: 8}
 """So many messages of one subscription wait for a loop that is busy."""
 RELIABLE_DEPTH: Final = 16_384
-"""The same for what has to arrive, and for patterns that many topics fit."""
+"""Queue depth for reliable topics, and for patterns that match many topics."""
 HUGE_DEPTH: Final = 4
 """So many huge messages wait for links."""
 ANSWER_S: Final = 5.0
 """How long the last message of a latched topic may take."""
 COUNTED_PLACES: Final = 200
 PART: Final = re.compile(r"\*|\?|\[[^]]*\]")
-"""What stands for some characters in a level of a pattern."""
+"""A wildcard for some characters in a level of a pattern."""
 
 Troubled = Callable[[str, str], None]
-"""Takes what has happened in a word, such as `damaged`, and a line for people."""
+"""Called with a keyword for the event, such as `damaged`, and a line of text for users."""
 
 
 @contextmanager
@@ -53,18 +53,18 @@ def open_exchange(
     *,
     is_sharing: bool = True,
 ) -> Iterator[ZenohExchange]:
-    """A node's exchanger for as long as the block lasts; always closed behind it, since otherwise no process ends.
+    """Opens a node's exchange for the duration of the block; always closes it, since otherwise the process never ends.
 
     Args:
-        node: where it listens and whom it connects to.
+        node: its listen and connect endpoints.
         loop: calls the subscribers.
-        topics: the types that may travel.
+        topics: the message types that may be exchanged.
         troubled: as for `ZenohExchange`.
-        settings: more for Zenoh, such as a network file's, by their paths.
+        settings: additional Zenoh settings by path, such as those of a network file.
         is_sharing: as for `ZenohExchange`.
 
     Raises:
-        Gloc3Error: an endpoint is taken or wrong, or a child's parent is not there.
+        Gloc3Error: an endpoint is in use or invalid, or a child's parent is not reachable.
     """
     exchange = ZenohExchange(new_session(node, settings), loop, topics, troubled, is_sharing=is_sharing)
     try:
@@ -74,13 +74,13 @@ def open_exchange(
 
 
 class ZenohExchange:
-    """A data exchanger over one Zenoh session; `open_exchange` makes one that is always closed.
+    """A data exchange over one Zenoh session; `open_exchange` creates one that is always closed.
 
     Args:
         session: an open session, closed with this.
         loop: calls the subscribers.
-        topics: the types that may travel.
-        troubled: is told, in the loop, of what was lost or refused: at the first, the tenth, the hundredth time…
+        topics: the message types that may be exchanged.
+        troubled: called in the loop about lost and refused messages: the first, the tenth, the hundredth…
         is_sharing: whether large messages go to and from processes on this computer through shared memory.
     """
 
@@ -94,7 +94,7 @@ class ZenohExchange:
         is_sharing: bool = True,
     ) -> None:
         self.here: Final = LocalExchange(topics)
-        """What passes inside this process: what it published, and what came in because somebody here asked for it."""
+        """Traffic inside this process: local publications, and remote messages with a local subscriber."""
         self._counts: dict[str, int] = {}
         self._session = session
         self._loop = loop
@@ -108,7 +108,7 @@ class ZenohExchange:
         """By topic: through which of several fitting subscriptions its messages are taken, so that each comes once."""
         self._arrivals = Arrivals(loop)
         self._sequences: dict[tuple[str, Source], int] = {}
-        """The last number of each topic and source, to tell losses by."""
+        """Last sequence number of each topic and source, for counting losses."""
         sender = SendQueue("zenoh huge", HUGE_DEPTH, self._fail)
         near = NearServer(loop) if is_sharing else None
         self._means = Means(session, loop, self._arrivals, topics.types, near, sender)
@@ -163,7 +163,7 @@ class ZenohExchange:
         return unsubscribe
 
     def declare_alive(self, token: str) -> Unsubscribe:
-        """Says here and elsewhere that something is here; it is gone at once when this process is."""
+        """Declares here and to other nodes that something is alive; ends at once with this process."""
         withdraw_here = self.here.declare_alive(token)
         key = object()
         self._tokens[key] = (token, self._declare_token(token))
@@ -178,7 +178,7 @@ class ZenohExchange:
         return withdraw
 
     def watch(self, pattern: str, changed: Callable[[str, bool], None]) -> Unsubscribe:
-        """Reports tokens that come and go, here and elsewhere; those of a node that fell silent go after its lease."""
+        """Reports tokens that appear and disappear, here and elsewhere; those of a silent node go after its lease."""
         watch = self._watches.get(pattern)
         if watch is None:
             watch = self._watches[pattern] = _Watch(self._receive_token)
@@ -204,7 +204,7 @@ class ZenohExchange:
         return unwatch
 
     def close(self) -> None:
-        """Sends and hears nothing from now on; what waits to be sent still leaves."""
+        """Stops sending and receiving; queued messages are still sent."""
         self._is_open = False
         self._arrivals.close()
         self._close_large()
@@ -214,12 +214,12 @@ class ZenohExchange:
     # --- what only this middleware has ---
 
     async def renew(self, node: ZenohEndpoints, settings: Mapping[str, Any] | None = None) -> None:
-        """Opens a new session in place of the present one, as after a change of who is accepted.
+        """Replaces the session by a new one, such as after a change of the accepted peers.
 
-        The loop goes on meanwhile, and this process with itself alone.
+        Meanwhile the loop continues, with messages inside this process only.
 
         Raises:
-            Gloc3Error: it cannot be opened; then this process is alone until it can.
+            Gloc3Error: it cannot be opened; this process is then isolated until it can.
         """
         self._is_open = False
         kept = {topic: outlet.last for topic, outlet in self._outlets.items() if outlet is not None and outlet.last}
@@ -257,10 +257,11 @@ class ZenohExchange:
             self._declare_watch(pattern, watch)
 
     def problems(self) -> dict[str, int]:
-        """How many messages were lost or refused so far, by the reason in a word and the topic, `WORD TOPIC`.
+        """Number of messages lost or refused so far, by keyword and topic, `WORD TOPIC`.
 
-        `unsent`: dropped here, because receivers were too slow; `lost`: missing in what came, wherever it was dropped;
-        `late`: dropped here, because the loop was too slow (part of the lost); `damaged`, `versions`, `misplaced`: not taken.
+        `unsent`: dropped here, because receivers were too slow; `lost`: gaps in the received sequence, wherever
+        dropped; `late`: dropped here, because the loop was too slow (part of the lost); `damaged`, `versions`,
+        `misplaced`: not accepted.
         """
         late = {f"late {p}": s.inbound.dropped for p, s in self._sources.items() if s.inbound.dropped}
         for topic, number in self._large.late().items():
@@ -275,7 +276,7 @@ class ZenohExchange:
             self._means.near.close()
 
     def _open_outlet(self, topic: str) -> TopicOutlet | None:
-        """What sends a topic; none for one whose name cannot travel."""
+        """Opens the outlet of a topic; None for a topic whose name cannot be sent."""
         outlet = None
         try:
             outlet = TopicOutlet(self._means, topic, self._topics.row(topic) or UNKNOWN)
@@ -324,7 +325,7 @@ class ZenohExchange:
             )
 
     def _declare_token(self, token: str) -> zenoh.LivelinessToken | None:
-        """A token; it is withdrawn when nobody holds this."""
+        """Declares a token; it is withdrawn when the returned object is released."""
         return self._session.liveliness().declare_token(token) if self._is_open else None
 
     def _receive_bulk(self, subscription: _Subscription, sample: zenoh.Sample) -> None:
@@ -347,7 +348,7 @@ class ZenohExchange:
             self._receive_bytes(topic, None if head is None else head.to_bytes(), sample.payload.to_bytes())
 
     def _receive_bytes(self, topic: str, head: bytes | None, body: bytes) -> None:
-        """A message of a topic that is asked for."""
+        """Handles a message of a subscribed topic."""
         types = self._topics.types
         try:
             envelope = types.decode(body) if head is None else types.decode(head, body)
@@ -376,7 +377,7 @@ class ZenohExchange:
             self._count("lost", envelope.topic, "messages are missing", envelope.sequence - before - 1)
 
     def _request_last(self, subscription: _Subscription, sample: zenoh.Sample) -> None:
-        """Somebody has the last message of a latched topic: what came before we met it."""
+        """Requests the last message of a latched topic from a node that holds one from before the connection."""
         if sample.kind == zenoh.SampleKind.PUT and self._is_open:
             topic = str(sample.key_expr).replace(f"/{LATCHED}/", "/", 1)
             self._session.get(
@@ -406,14 +407,14 @@ class ZenohExchange:
 
 
 def _is_newer(one: Envelope[Any], other: Envelope[Any]) -> bool:
-    """Whether a message says more of now: in one life of its source by its number, else by its time."""
+    """Whether a message is newer: within one life of its source by its number, else by its time."""
     if one.source == other.source:
         return one.sequence > other.sequence
     return one.t_s > other.t_s
 
 
 class _Subscription:
-    """One pattern that somebody here asks others for."""
+    """One pattern subscribed to from other nodes."""
 
     def __init__(self, handle: Callable[[_Subscription, Any], None], depth: int) -> None:
         self.inbound = Inbound(partial(handle, self), depth)
@@ -422,7 +423,7 @@ class _Subscription:
 
 
 class _Watch:
-    """One pattern of tokens that somebody here watches elsewhere."""
+    """One pattern of tokens watched on other nodes."""
 
     def __init__(self, handle: Callable[[_Watch, Any], None]) -> None:
         self.declared: zenoh.Subscriber[None] | None = None
@@ -439,6 +440,6 @@ def _end_session(session: zenoh.Session, outlets: Mapping[str, TopicOutlet | Non
 
 
 def key_expression(pattern: str) -> zenoh.KeyExpr:
-    """A pattern of topics as Zenoh writes it; never narrower: what stands for a part of a level becomes `$*`."""
+    """A topic pattern as a Zenoh key expression, never narrower: a wildcard for part of a level becomes `$*`."""
     levels = [level if level in ("*", "**") else PART.sub("$*", level) for level in pattern.split("/")]
     return zenoh.KeyExpr.autocanonize("/".join(levels))

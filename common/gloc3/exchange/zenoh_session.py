@@ -1,7 +1,7 @@
 """Opens Zenoh sessions with explicit endpoints only: no scouting, and no implicit listeners.
 
-A node without anybody to connect to is a router; the nodes that connect to it are peers, each in a region of its own,
-so that the router hands on what they have for each other; child processes are clients of their parent. Routers never
+A node without connect endpoints is a router. The nodes that connect to it are peers, each in a region of its own, so
+that the router forwards their messages to each other; child processes are clients of their parent. Routers never
 connect to routers: this version of Zenoh loses routes when one of them dies.
 """
 
@@ -18,11 +18,11 @@ import zenoh
 from gloc3.errors import Gloc3Error
 
 LEASE_S: Final = 2.0
-"""A node from which nothing came for so long is gone."""
+"""Silence after which a node counts as lost, s."""
 RETRY_S: Final = (0.2, 1.0)
 """How long a node waits before it tries again to reach another: at first, and at most."""
 STALLED_S: Final = 5.0
-"""A link that takes nothing for so long, although its other end is there, is given up, and opened anew."""
+"""Time after which a stalled link to a live peer is closed and reopened, s."""
 QUEUES: Final = (
     "control",
     "real_time",
@@ -39,7 +39,8 @@ UNIX: Final = "unixsock-stream"
 QUIC: Final = "quic/"
 IN_USE: Final = "Address already in use"
 RELEASED_S, TRY_S = 3.0, 0.05
-"""A session that is closed lets go of its QUIC port only when it has said good-bye: some tenths of a second."""
+"""Time for retries at opening, and between them, s: a closed session releases its QUIC port only after a few tenths
+of a second, when it has said goodbye."""
 
 
 class ZenohEndpoints(msgspec.Struct, frozen=True, kw_only=True):
@@ -96,10 +97,10 @@ def configuration(node: ZenohEndpoints, extra: Mapping[str, Any] | None = None) 
 
 
 def new_session(node: ZenohEndpoints, extra: Mapping[str, Any] | None = None) -> zenoh.Session:
-    """A session; whoever opens it has to close it, since an interpreter with an open one never ends.
+    """Opens a session; the caller has to close it, since an interpreter with an open one never ends.
 
     Raises:
-        Gloc3Error: an endpoint is taken or wrong, or a child's parent is not there.
+        Gloc3Error: an endpoint is in use or invalid, or a child's parent is not reachable.
     """
     for endpoint in node.listen:
         scheme, _, path = endpoint.partition("/")

@@ -1,6 +1,6 @@
-"""The data log (DESIGN §10): MCAP files that are written crash-safe, read although damaged, drawn and replayed.
+"""The data log (DESIGN §10): MCAP files with crash-safe writing, reading of damaged files, plots and replay.
 
-Recorders use `record`, everybody else reads through `reader`; reports are a room of their own.
+Recorders use `record`, all others read through `reader`; reports have their own package.
 """
 
 __all__ = ["disk_file", "foxglove", "info", "payloads", "reader", "record"]

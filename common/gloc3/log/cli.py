@@ -84,7 +84,7 @@ def commands_(
     looks: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """List the requests of stations: when and how they came, and their outcomes.
+    """List the requests of stations: when and how they arrived, and their outcomes.
 
     Args:
         file: The platform's log, or the folder of a run: its last one.
@@ -202,7 +202,7 @@ def report_(
     lift: float = 0.0,
     out: Path | None = None,
 ) -> int:
-    """Report an inspection: what was seen from where, coverage of a wall, contact sheet.
+    """Report an inspection: which views were taken from where, coverage of a wall, contact sheet.
 
     Args:
         run: The folder of a run (its last log), a log, or a folder of pictures with their poses.
@@ -245,7 +245,7 @@ def _warn(reader: LogReader) -> None:
 
 @contextmanager
 def _progress(text: str) -> Iterator[Callable[[float], None]]:
-    """A progress bar on the terminal; nothing without a terminal."""
+    """A progress bar on the terminal; no output without a terminal."""
     from rich.console import Console
     from rich.progress import Progress
 

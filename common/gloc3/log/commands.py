@@ -17,7 +17,7 @@ class CommandInfo(msgspec.Struct, frozen=True, kw_only=True):
     """One request."""
 
     t_s: float
-    """When it was taken in, in seconds since boot of the clock host."""
+    """When it was received, in seconds since boot of the clock host."""
     sender: str
     role: str
     way: str
@@ -29,11 +29,11 @@ class CommandInfo(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def list_commands(reader: LogReader, *, has_queries: bool = False) -> list[CommandInfo]:
-    """The requests of a log, in the order in which they came; a repeat is the same request.
+    """Requests of a log, in the order of arrival; repeats are merged.
 
     Args:
         reader: the log.
-        has_queries: whether what only looks is listed, too.
+        has_queries: whether requests that only read are listed, too.
     """
     requested: dict[tuple[str, int, int], tuple[float, CiRequest]] = {}
     for entry in reader.entries("ci/request"):
@@ -65,7 +65,7 @@ def list_commands(reader: LogReader, *, has_queries: bool = False) -> list[Comma
 
 
 def words(body: AnyBody) -> str:
-    """A request in a few words: its name, and what it says."""
+    """Short text for a request: its name, and its contents."""
     text = [_short(value) for value in msgspec.structs.asdict(body).values() if value not in ("", None, False, {}, [])]
     return " ".join([type(body).__name__, *text])
 

@@ -40,7 +40,7 @@ class DiskFile:
         return len(data)
 
     def flush(self) -> None:
-        """Has the thread write what was taken so far."""
+        """Starts writing the data received so far, in the thread."""
         with self._changed:
             if self._error is not None:
                 raise self._error
@@ -53,11 +53,11 @@ class DiskFile:
             self._changed.notify()
 
     def fileno(self) -> int:
-        """The descriptor of what is written already."""
+        """Descriptor for the data that is already written."""
         return self._file.fileno()
 
     def close(self) -> None:
-        """Writes what is left, and closes the file when it is on disk."""
+        """Writes the remaining data, and closes the file when it is on disk."""
         with self._changed:
             self._due += self._fresh
             self._fresh, self._is_closing = [], True

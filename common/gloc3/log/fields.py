@@ -34,10 +34,10 @@ def flatten(value: Any, path: str = "") -> dict[str, Any]:
 
 
 def read_series(reader: LogReader, topic: str, fields: Sequence[str]) -> list[FieldSeries]:
-    """The numbers of a topic whose paths begin with any of `fields`; all of them where none is given.
+    """Numeric fields of a topic whose paths begin with any of `fields`; all of them if none is given.
 
     Raises:
-        Refused: there is no such number.
+        Refused: there is no such numeric field.
     """
     wanted = [tuple(_STEP.findall(field)) for field in fields]
     found: dict[tuple[str, str], FieldSeries] = {}

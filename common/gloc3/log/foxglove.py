@@ -1,8 +1,8 @@
 """Foxglove schemas of messages: the fields added to a message's own so that the app can show it.
 
 A log record is a JSON object with the payload's own fields, so that it can be restored without loss. Where one of
-Foxglove's schemas says the same thing, its fields stand beside them and the channel carries its schema's name. A
-message type gets its view by the fields that it has: any type with `position_ned_m` and `ned_from_frd` is a pose.
+Foxglove's schemas has the same meaning, its fields are added and the channel has its schema's name. The schema follows
+from the message type's fields: any type with `position_ned_m` and `ned_from_frd` is a pose.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Summary of a log: its length, topics with their rates, events, faults, and what is missing."""
+"""Summary of a log: its length, topics with their rates, events, faults, and missing data."""
 
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -12,7 +12,7 @@ from gloc3.messages.envelope import Severity
 from gloc3.messages.topics import TopicTable
 
 FAULT_MARK: Final = "-> faulty: "
-"""How a component's host tells in an event that it has become faulty."""
+"""Marker in an event of a component's host: the component has become faulty."""
 SLOW_SHARE: Final = 0.9
 """A topic below this share of its nominal rate is marked."""
 
@@ -27,7 +27,7 @@ class TopicInfo(msgspec.Struct, frozen=True):
     bytes: int
     """Of the messages, before compression."""
     lives: int
-    """Channels: each start of each component that published on it is one."""
+    """Channels: one for each start of each component that published on it."""
     rate_hz: float
     """Mean rate from the first message to the last; 0 where there are fewer than two."""
     nominal_hz: float
@@ -103,12 +103,12 @@ class _TopicCounts:
 
 
 def summarize(reader: LogReader, topics: TopicTable, progress: Callable[[float], None] | None = None) -> LogInfo:
-    """Reads a log once and says what it holds.
+    """Reads a log once and summarizes it.
 
     Args:
         reader: the open log.
         topics: the rows with the nominal rates.
-        progress: told the share that is done, 0 to 1.
+        progress: called with the share that is done, 0 to 1.
     """
     tallies: dict[str, _TopicCounts] = {channel.topic: _TopicCounts() for channel in reader.scan.channels.values()}
     by_channel = {identifier: tallies[channel.topic] for identifier, channel in reader.scan.channels.items()}

@@ -1,9 +1,9 @@
 """JSON schemas of message types, in the simple form that Foxglove reads.
 
-Foxglove (its `parseJsonSchema`) knows objects, arrays of objects or scalars, scalars, base64 text and enums of numbers
-(`oneOf` with `const`); one thing more, and the channel cannot be shown. What msgspec writes is brought to that: `$ref`
-is put in place, an optional field is its type, a tuple of numbers an array. A field that cannot be said is left out of
-the schema, not out of the data.
+Foxglove (its `parseJsonSchema`) supports objects, arrays of objects or scalars, scalars, base64 text and enums of
+numbers (`oneOf` with `const`); anything else makes the channel unreadable. The schemas of msgspec are reduced to that:
+`$ref` is resolved, an optional field has its plain type, a tuple of numbers becomes an array. A field that cannot be
+expressed is left out of the schema, not of the data.
 """
 
 from collections.abc import Mapping
@@ -19,12 +19,12 @@ SCALARS: Final = ("boolean", "integer", "number", "string")
 
 
 def describe_type(message_type: type[Message], title: str, beside: Mapping[str, Schema]) -> Schema:
-    """The schema of a message's JSON object.
+    """JSON schema of a message's object.
 
     Args:
-        message_type: whose fields are described.
+        message_type: the described type.
         title: the schema's name.
-        beside: properties that the object has before its own.
+        beside: additional properties, before its own.
     """
     full = msgspec.json.schema(message_type)
     definitions = full["$defs"]
@@ -64,7 +64,7 @@ def _simple(node: Schema, definitions: Schema, inside: tuple[str, ...]) -> Schem
 
 
 def _alternatives(options: list[Schema], definitions: Schema, inside: tuple[str, ...]) -> Schema | None:
-    """An optional value is its type; other unions cannot be said."""
+    """Schema of a union: an optional value has its plain type; other unions are not supported."""
     found = [_simple(option, definitions, inside) for option in options if option.get("type") != "null"]
     return found[0] if len(found) == 1 else None
 

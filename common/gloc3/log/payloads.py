@@ -29,7 +29,7 @@ class _Extras(msgspec.Struct):
 
 
 def _plain(value: Any) -> Any:
-    """What msgspec does not know: arrays become lists, anything else the name of its type."""
+    """Converts types that msgspec does not support: arrays to lists, anything else to the name of its type."""
     to_list = getattr(value, "tolist", None)
     return to_list() if to_list is not None else f"<{type(value).__name__}>"
 

@@ -1,4 +1,4 @@
-"""Reads a log back: envelopes as recorded, and a list of what is missing."""
+"""Reads a log back: envelopes as recorded, and a list of missing data."""
 
 import re
 from collections.abc import Iterator
@@ -52,10 +52,10 @@ class ChannelInfo(NamedTuple):
 
 
 def find_log(path: Path) -> Path:
-    """The log that a command was given: the file itself, or the last one of the folder of a run.
+    """Resolves a command's log argument: the file itself, or the last log in the folder of a run.
 
     Raises:
-        Refused: there is none in the folder.
+        Refused: there is no log in the folder.
     """
     if not path.is_dir():
         return path
@@ -137,7 +137,7 @@ class LogReader:
 
     @property
     def platform(self) -> str:
-        """The platform's name: what the log says, or that of the first message."""
+        """Platform name from the log, or from its first message."""
         first = next(
             (info.source.platform for info in map(self.channel, self._scan.channels) if info.source.platform), ""
         )

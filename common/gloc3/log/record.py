@@ -1,8 +1,8 @@
-"""The data log of a process: every message that passes its exchanger, as an MCAP file for Foxglove.
+"""Data log of a process: every message that passes its exchange, as an MCAP file for Foxglove.
 
-One file a process and run. A channel is one topic of one component in one of its lives; the log time is when the
-message passed, the publish time its time of validity, both in UTC by the one offset that the file states. Everything
-is on disk within a quarter of a second. In virtual time the same run gives the same bytes.
+One file per process and run. A channel is one topic of one component in one of its lives. The log time is when the
+message passed, the publish time is its time of validity, both in UTC with the single offset stored in the file.
+Everything is on disk within a quarter of a second. In virtual time the same run produces the same bytes.
 """
 
 import asyncio
@@ -38,13 +38,13 @@ from gloc3.messages.topics import TopicTable
 FLUSH_S: Final = 0.25
 """How long a message stays in memory at most."""
 RUN: Final = "gloc3"
-"""The metadata record that every log begins with: the recorder's metadata, `utc_offset_ns`, `time`, `version`."""
+"""Metadata record at the start of every log: the recorder's metadata, `utc_offset_ns`, `time`, `version`."""
 MISSION: Final = "mission"
 """The metadata record of a loaded mission: `name`, `text`."""
 PLATFORM_FILE: Final = "platform.yaml"
 """The attachment with the platform file, the effective configuration of the run."""
 REQUESTED_PATH: Final = "requested_path"
-"""The metadata record of the path that a mission asks for: `points_ned_m`, JSON `[[north, east, down], ...]`."""
+"""Metadata record of the path requested by a mission: `points_ned_m`, JSON `[[north, east, down], ...]`."""
 
 
 class TopicBytes(NamedTuple):
@@ -80,15 +80,15 @@ class Recorder:
         compression: Compression = "zstd",
         flush_s: float = FLUSH_S,
     ) -> None:
-        """Begins a log.
+        """Starts a log.
 
         Args:
-            stream_or_path: where it goes; a stream stays the caller's to close.
+            stream_or_path: destination; a stream is closed by the caller.
             clock: of the process.
-            topics: which topics are logged; a topic without a row is.
-            metadata: what the log says of itself, such as the platform's name; no paths, no dates.
+            topics: which topics are logged; topics without a row are.
+            metadata: description of the log, such as the platform's name; no paths, no dates.
             compression: of the messages.
-            flush_s: how long a message stays in memory at most.
+            flush_s: longest time that a message stays in memory.
 
         Raises:
             Gloc3Error: the file cannot be written.
@@ -136,11 +136,11 @@ class Recorder:
 
     @staticmethod
     def _open(path: Path, clock: Clock) -> "BinaryIO | DiskFile":
-        """The file; in virtual time nobody has to hurry."""
+        """Opens the file; in virtual time without a writing thread."""
         return path.open("wb") if clock.is_virtual else DiskFile(path)
 
     def attach(self, exchange: Exchange, loop: asyncio.AbstractEventLoop | None = None) -> None:
-        """Records everything that passes an exchanger; with a loop, also flushes by itself."""
+        """Records all messages that pass an exchange; with a loop, also flushes periodically."""
         self._subscriptions.append(exchange.subscribe("**", self.record))
         if loop is not None and self._timer is None:
             self._timer = loop.call_later(self._flush_every_s, self._tick, loop)
@@ -242,9 +242,9 @@ class Recorder:
         count[0] += 1
 
     def _find(self, envelope: Envelope[Any]) -> _Route | None:
-        """The route of a message whose topic's last message came from another source, or was the first.
+        """Finds the route of a message that is its topic's first, or from another source than the topic's last message.
 
-        None where the file takes no new channel.
+        None where the file accepts no new channel.
         """
         source = envelope.source
         key = (envelope.topic, source, envelope.frame, envelope.type)
@@ -301,7 +301,7 @@ class Recorder:
         self._show("frames", TRANSFORM_SCHEMA, transform(parent, child, translation_m, parent_from_child))
 
     def write_requested_path(self, points_ned_m: Sequence[Vector3]) -> None:
-        """Writes the path that a mission asks for: as metadata, and for Foxglove."""
+        """Writes the path requested by a mission: as metadata, and for Foxglove."""
         text = msgspec.json.encode(points_ned_m).decode()
         self.write_metadata(REQUESTED_PATH, {"points_ned_m": text})
         self._show("requested_path", PATH_SCHEMA, path(points_ned_m))
@@ -339,7 +339,7 @@ class Recorder:
 
 
 def _sync(stream: BinaryIO | DiskFile) -> None:
-    """In a thread: waits until the disk has what was written."""
+    """Waits, in a thread, until the written data is on disk."""
     try:
         os.fsync(stream.fileno())
     except (OSError, ValueError):  # the file has been closed meanwhile, or the next write will tell

@@ -21,15 +21,15 @@ class Recovery(NamedTuple):
 
 
 def recover(source: Path, target: Path, progress: Callable[[float], None] | None = None) -> Recovery:
-    """Copies what can be read of a log into a new one.
+    """Copies the readable part of a log into a new one.
 
     Args:
-        source: the damaged log; it is left as it is.
+        source: the damaged log; it is not modified.
         target: the new log; it must not exist.
-        progress: told the share that is done, 0 to 1.
+        progress: called with the share that is done, 0 to 1.
 
     Raises:
-        InputError: the one is no log, or the other is there already or cannot be written.
+        InputError: the source is not a log, or the target exists or cannot be written.
     """
     with LogReader(source) as reader:
         scan = reader.scan

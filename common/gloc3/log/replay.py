@@ -1,7 +1,7 @@
 """Replays a component's recorded inputs through the component, and compares its outputs with the recorded ones.
 
 The component runs under its real host, in virtual time, on the recorded clock: every input, command and function
-message comes at the time at which it was recorded. So a change of its code shows its effect on a real flight.
+message arrives at its recorded time. So the effect of a code change on a real flight can be seen.
 """
 
 import asyncio
@@ -30,7 +30,7 @@ from gloc3.platform.platform import Platform
 ASIDE_S: Final = 1e-7
 """So much before or after its time an input comes that was recorded at the same instant as a cycle, to keep order."""
 LONE_TOLERANCE_S: Final = 0.05
-"""How far apart in time two outputs may be that stand for each other, where a topic has only one."""
+"""Largest time difference between matching outputs, where a topic has only one, s."""
 
 
 class Comparison(msgspec.Struct, frozen=True):
@@ -48,7 +48,7 @@ class Comparison(msgspec.Struct, frozen=True):
 
     @property
     def is_same(self) -> bool:
-        """Whether the replay gave what was recorded, but for rounding."""
+        """Whether the replay equals the recording, except for rounding."""
         is_complete = self.recorded == self.replayed == self.matched
         return is_complete and not self.mismatches and all(value < 1e-6 for value in self.differences.values())
 
@@ -98,7 +98,7 @@ def _is_output(entry: LoggedMessage, name: str, outputs: list[str]) -> bool:
 
 
 def _begin_s(entries: list[LoggedMessage], row: ComponentRow, name: str) -> float:
-    """When the host began: at the start of the work, or where the row asks for none, at the first sign of life."""
+    """When the host began: at the component's start, or where the row does not start it, at its first message."""
     is_started = row.begin in (Begin.WORKING, Begin.QUIET)
     for entry in entries:
         envelope = entry.envelope
@@ -112,7 +112,7 @@ def _begin_s(entries: list[LoggedMessage], row: ComponentRow, name: str) -> floa
 def _give(
     entries: list[LoggedMessage], row: ComponentRow, inputs: list[str], name: str
 ) -> Iterator[tuple[float, Envelope[Any]]]:
-    """The inputs with the times at which they are given, so that they come before or after a cycle as they did."""
+    """The inputs with their replay times, in the recorded order relative to cycles."""
     trigger = [topic for port in row.triggers for topic in row.topics(port)]
     cycled_s = float("-inf")
     for entry in entries:
@@ -134,7 +134,7 @@ def _run(
     begin_s: float,
     end_s: float,
 ) -> list[Envelope[Any]]:
-    """Everything that is published while the inputs are given, the inputs included."""
+    """All messages published while the inputs are replayed, including the inputs."""
     loop = VirtualLoop()
     exchange = LocalExchange()
     published: list[Envelope[Any]] = []

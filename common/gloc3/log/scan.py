@@ -1,7 +1,7 @@
 """Finds the readable records of an MCAP file that may be unfinished, truncated or damaged, and lists the gaps.
 
-The file is walked from record to record. Where that leads nowhere (a length that does not fit), the next chunk is
-looked for and the walk goes on from there. A chunk whose checksum is wrong is left out as a whole.
+The file is walked from record to record. Where that fails (a length that does not fit), the walk continues at the next
+chunk. A chunk with a wrong checksum is skipped as a whole.
 """
 
 import struct
@@ -35,7 +35,7 @@ _READERS: Final[dict[int, Any]] = {
 MESSAGE_BYTES_MIN: Final = 22
 DATA_END_BYTES: Final = 4
 PRIVATE_OPCODES: Final = 0x80
-"""From here on opcodes are for applications."""
+"""First opcode reserved for applications."""
 
 
 Data = bytes | mmap
@@ -75,7 +75,7 @@ class Gap(NamedTuple):
 
 
 class Scan:
-    """The table of what a file holds; messages are read later, chunk by chunk."""
+    """Index of a file's contents; messages are read later, chunk by chunk."""
 
     def __init__(self, data: Data) -> None:
         """Walks the file.
@@ -85,7 +85,7 @@ class Scan:
         """
         self._data = data
         self.is_log = data[: len(MAGIC)] == MAGIC[: len(data)]
-        """Whether the file begins as MCAP files do."""
+        """Whether the file begins with the MCAP magic."""
         self.is_finished = len(data) >= FOOTER_BYTES and data[-len(MAGIC) :] == MAGIC and self._has_footer()
         self.is_complete = False
         """Whether the end of the messages was reached; an index may still be missing."""
@@ -166,7 +166,7 @@ class Scan:
                 self.attachments.append(record)
 
     def _summary(self) -> None:
-        """Takes channels and schemas from the end of a finished file whose middle could not be walked."""
+        """Reads channels and schemas from the end of a finished file whose middle could not be walked."""
         if not self.is_finished:
             return
         at = int(struct.unpack_from("<Q", self._data, len(self._data) - FOOTER_BYTES + RECORD_HEAD.size)[0])
@@ -192,7 +192,7 @@ class Scan:
         return Chunk(at, end, start_ns, end_ns, size, crc, compression, data_offset)
 
     def _next_chunk(self, at: int) -> int:
-        """Where the next chunk begins; 0 if there is none."""
+        """Position of the next chunk; 0 if there is none."""
         opcode = bytes([Opcode.CHUNK])
         at = self._data.find(opcode, at)
         while at >= 0:

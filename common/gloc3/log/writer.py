@@ -43,7 +43,7 @@ Compression = Literal["", "lz4", "zstd"]
 
 
 class LogChannel:
-    """A channel of the file, and what has been appended to it."""
+    """A channel of the file, and the messages appended to it."""
 
     __slots__ = ("bytes", "id", "index", "messages", "topic")
 
@@ -54,11 +54,11 @@ class LogChannel:
         self.bytes = 0
         """Of the messages' data, before compression."""
         self.index: list[int] = []
-        """Log time and offset of each message in the chunk under way, in turns."""
+        """Log time and offset of each message in the current chunk, alternating."""
 
 
 class McapWriter:
-    """An MCAP file that is being written; what has been flushed can be read although the file is never finished."""
+    """An MCAP file being written; flushed data can be read even if the file is never finished."""
 
     def __init__(self, stream: BinaryIO | DiskFile, compression: Compression = "zstd") -> None:
         self._stream = stream

@@ -1,6 +1,6 @@
-"""MAVLink: `codec` and `parser` turn bytes into frames and messages, `router` passes frames on between links, `signing` signs them.
+"""MAVLink: `codec` and `parser` turn bytes into frames and messages, `router` forwards frames, `signing` signs them.
 
-`transport` carries the bytes; `services` are the microservices, driven by a `node` as plain objects without I/O.
+`transport` carries the bytes; `services` are the microservices, plain objects without I/O that a `node` drives.
 """
 
 __all__ = [

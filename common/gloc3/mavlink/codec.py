@@ -1,4 +1,4 @@
-"""The MAVLink codec: the only importer of pymavlink, from which it takes the dialect's tables and nothing else.
+"""MAVLink codec: the only module that imports pymavlink, and only for the dialect's tables.
 
 pymavlink's module takes 0.4 s to import, so it is imported when the first message is looked up, not with this file.
 """
@@ -60,7 +60,7 @@ def _describe(number: int) -> MessageLayout | None:
 
 
 class _Shapes(dict[int, MessageLayout | None]):
-    """Shapes by message id, each built when it is first needed; None for ids that the dialect does not know."""
+    """Shapes by message id, each built on first use; None for ids that the dialect does not define."""
 
     def __missing__(self, number: int) -> MessageLayout | None:
         shape = _describe(number)
@@ -87,12 +87,12 @@ _NAMES: Final = _Names()
 
 
 def shape(name: str) -> MessageLayout:
-    """How the message of this name lies on the wire."""
+    """Wire layout of the message of this name."""
     return _NAMES[name]
 
 
 def name_of(number: int) -> str:
-    """The name of the message with this id; empty if the dialect does not know it."""
+    """Name of the message with this id; empty if the dialect does not define it."""
     found = _SHAPES[number]
     return "" if found is None else found.name
 
@@ -110,24 +110,24 @@ def message(name: str, /, **fields: Any) -> MavlinkMessage:
 
 
 def decode(frame: Frame) -> MavlinkMessage | None:
-    """The message in a frame, or None for one that the dialect does not know."""
+    """Decodes a frame; None for a message that the dialect does not define."""
     return frame.decode()
 
 
 class Parser(FrameParser):
-    """A parser that knows the dialect; see `FrameParser`."""
+    """A parser for the dialect's messages; see `FrameParser`."""
 
     def __init__(self, *, is_datagram: bool = False) -> None:
         super().__init__(_SHAPES, is_datagram=is_datagram)
 
 
 class Encoder:
-    """Puts messages of one component into frames, numbered in sequence.
+    """Encodes messages of one component into frames, with sequence numbers.
 
     Args:
-        system: as whom it sends.
-        component: as whom it sends.
-        signing: signs what is sent, if there is one.
+        system: of the sender.
+        component: of the sender.
+        signing: signs the frames, if given.
     """
 
     __slots__ = ("_component", "_sequence", "_system", "signing")
@@ -138,12 +138,12 @@ class Encoder:
         self._system = system
         self._component = component
         self.signing = signing
-        """Signs what is sent; may be changed at any time."""
+        """Signs the frames; may be changed at any time."""
         self._sequence = 0
 
     @property
     def address(self) -> Address:
-        """As whom it sends."""
+        """Address of the sender."""
         return Address(self._system, self._component)
 
     def frame(self, message: MavlinkMessage) -> Frame:

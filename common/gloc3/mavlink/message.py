@@ -45,7 +45,7 @@ class MavlinkMessage(msgspec.Struct, frozen=True, gc=False):
     id: ClassVar[int] = -1
     """The number in the definition, as 30."""
     shape: ClassVar[MessageLayout]
-    """How it lies on the wire."""
+    """Wire layout."""
 
     if TYPE_CHECKING:
 
@@ -75,7 +75,7 @@ class Field(NamedTuple):
 
     @property
     def default(self) -> Any:
-        """What a field is that nobody set: zero, as the protocol says."""
+        """Default value of an unset field: zero, as the protocol defines."""
         if self.type == "char":
             return ""
         if self.type == "uint8_t" and self.elements:
@@ -210,7 +210,7 @@ def _reader(field: Field) -> Callable[[bytes], Any] | None:
 
 
 def _writer(message: str, field: Field) -> Callable[[Any], bytes]:
-    """How what Python sees becomes an array's bytes; what is too long is refused, what is short is zero-filled."""
+    """Encoder from Python values to an array's bytes; values that are too long are refused, short ones zero-filled."""
     count = field.elements
     if field.type in ("char", "uint8_t"):
 

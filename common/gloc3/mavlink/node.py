@@ -29,10 +29,10 @@ class MavlinkComponent:
             self._by_id[number] = (*self._by_id.get(number, ()), service)
 
     def receive(self, frame: Frame, now_s: float) -> bool:
-        """Passes a frame to whom it concerns; our own frames that come back are ignored.
+        """Passes a frame to the services that handle it; our own frames that return are ignored.
 
         Returns:
-            Whether a service took it, and may have something to send or to tell.
+            Whether a service handled it, and may have messages or events.
         """
         services = self._by_id.get(frame.message_id)
         if services is None or frame.sender == self.own:
@@ -45,7 +45,7 @@ class MavlinkComponent:
         return True
 
     def tick(self, now_s: float) -> None:
-        """Lets each service do what is due."""
+        """Runs what is due in each service."""
         for service in self._services:
             service.tick(now_s)
 

@@ -1,8 +1,8 @@
-"""Send queue of a slow link: priority classes share it, so that commands hardly wait and nothing starves.
+"""Send queue of a slow link: traffic classes share it, so that commands hardly wait and none starves.
 
-Each class has its weight of the line while all have something to send, and the whole line while it is alone (deficit
-round robin, Shreedhar and Varghese 1996). Of telemetry only the latest of its kind waits: a slow line carries it less
-often, never late. What finds no room is dropped and counted.
+While all classes have something to send, each has the share of the line given by its weight; alone, it has the whole
+line (deficit round robin, Shreedhar and Varghese 1996). Of each telemetry message only the latest waits: a slow line
+carries it less often, never late. Frames without room in the queue are dropped and counted.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from gloc3.mavlink import codec
 from gloc3.mavlink.parser import Frame
 
 BURST_S: Final = 0.05
-"""So much of its time a line may take at once: what an UART's buffer holds."""
+"""Amount that a line accepts at once, as time at its rate: the buffer of a UART."""
 QUANTUM_BYTES: Final = 64
-"""A class of weight 1 may send so much in its turn."""
+"""Bytes that a class of weight 1 may send per turn."""
 
 
 class TrafficKind(StrEnum):
@@ -33,7 +33,7 @@ class TrafficKind(StrEnum):
     TRANSFER = "transfer"
     """Missions and parameters."""
     TELEMETRY = "telemetry"
-    """What is told again and again."""
+    """Periodic messages."""
     BULK = "bulk"
     """Files and logs."""
 
@@ -81,11 +81,11 @@ def kinds() -> dict[int, TrafficKind]:
 
 
 class LinkOutlet:
-    """The way out of one link, with its rate. It has no clock: somebody calls `pump` when `next_s` says so.
+    """Send queue of one link, with its rate. It has no clock: the owner calls `pump` at `next_s`.
 
     Args:
-        send: takes the bytes of a frame that leaves.
-        rate_byte_s: what the line carries; None for a network, whose frames leave at once.
+        send: sends the bytes of a frame.
+        rate_byte_s: rate of the line; None for a network, whose frames are sent at once.
     """
 
     def __init__(self, send: Callable[[bytes], None], rate_byte_s: float | None = None) -> None:
@@ -103,7 +103,7 @@ class LinkOutlet:
         self._credit = dict.fromkeys(TrafficKind, 0)
         self._turns = deque(TrafficKind)
         self._free_s = 0.0
-        """When the line will have sent all that was given to it."""
+        """When the line will have sent all frames given to it."""
 
     @property
     def waiting(self) -> int:
@@ -133,7 +133,7 @@ class LinkOutlet:
         return max(0.0, self._free_s - BURST_S) if self.waiting else None
 
     def pump(self, now_s: float) -> None:
-        """Sends what the line has room for."""
+        """Sends as much as the line has room for."""
         rate_byte_s = self.rate_byte_s
         assert rate_byte_s is not None
         while self._free_s - BURST_S <= now_s and (raw := self._choose()) is not None:

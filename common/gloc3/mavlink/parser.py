@@ -16,7 +16,7 @@ from gloc3.mavlink.message import Address, MavlinkMessage, MessageLayout
 MAGIC_1: Final = 0xFE
 MAGIC_2: Final = 0xFD
 SIGNED: Final = 0x01
-"""The only incompatibility flag that the protocol knows."""
+"""The only incompatibility flag that the protocol defines."""
 SIGNATURE_LENGTH: Final = 13
 
 _HEADER_1 = struct.Struct("<BBBBBB").unpack_from
@@ -30,14 +30,14 @@ _NEXT_MAGIC = re.compile(rb"[\xfd\xfe]").search
 
 
 class _Suspect(Enum):
-    """Why no frame begins at a place."""
+    """Why no frame begins at a position."""
 
     FALSE_START = "no frame begins here"
     INCOMPLETE = "only more bytes can tell"
 
 
 class Frame(msgspec.Struct, frozen=True, gc=False):
-    """One frame as it came; the checksum is right, or the message is not known and nobody can tell."""
+    """One received frame; its checksum is correct, or cannot be checked because the message is unknown."""
 
     raw: bytes
     """The whole frame, ready to be forwarded."""
@@ -48,11 +48,11 @@ class Frame(msgspec.Struct, frozen=True, gc=False):
     flags: int
     """MAVLink 2 incompatibility flags."""
     start: int
-    """Where the payload begins in `raw`."""
+    """Offset of the payload in `raw`."""
     length: int
     """Bytes of payload, after the sender has cut trailing zeros off."""
     shape: MessageLayout | None
-    """None for a message that the dialect does not know: it can be forwarded, not decoded."""
+    """None for a message that the dialect does not define: it can be forwarded, not decoded."""
 
     @property
     def sender(self) -> Address:
@@ -66,7 +66,7 @@ class Frame(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def is_signed(self) -> bool:
-        """Whether a signature follows; whether it is genuine is for the signing to say."""
+        """Whether a signature follows; its validity is checked by the signing."""
         return bool(self.flags & SIGNED)
 
     @property
@@ -85,7 +85,7 @@ class Frame(msgspec.Struct, frozen=True, gc=False):
         return b"" if self.shape is None else self.payload[self.shape.instance].rstrip(b"\0")
 
     def decode(self) -> MavlinkMessage | None:
-        """The message, or None for one that the dialect does not know."""
+        """Decodes the message; None for one that the dialect does not define."""
         return None if self.shape is None else self.shape.decode(self.raw, self.start, self.length)
 
     def _byte(self, offset: int) -> int:
@@ -93,11 +93,11 @@ class Frame(msgspec.Struct, frozen=True, gc=False):
 
 
 class FrameParser:
-    """Cuts frames out of a byte stream, or out of datagrams with a fresh state for each.
+    """Extracts frames from a byte stream, or from datagrams with a fresh state for each.
 
-    Damaged input is never an exception: bytes that belong to no frame are counted, and the search goes on one byte
-    after the false start, so that a good frame behind garbage is never swallowed. A frame of an unknown message has no
-    checksum that could be tested, so it counts as one only if no good frame of a known message begins inside it.
+    Damaged input is never an exception: bytes that belong to no frame are counted, and the search continues one byte
+    after the false start, so that a valid frame after garbage is never missed. The checksum of an unknown message
+    cannot be checked, so a frame of one is accepted only if no valid frame of a known message begins inside it.
     """
 
     def __init__(self, shapes: Mapping[int, MessageLayout | None], *, is_datagram: bool = False) -> None:
@@ -108,10 +108,10 @@ class FrameParser:
         self.bytes_dropped = 0
 
     def receive(self, data: bytes) -> list[Frame]:
-        """Takes bytes in, gives the frames that are complete.
+        """Receives bytes and returns the frames that are complete.
 
         Args:
-            data: what came: a piece of the stream of any length, or one whole datagram.
+            data: a piece of the stream of any length, or one whole datagram.
         """
         data = self._remainder + data if self._remainder else data
         frames: list[Frame] = []
@@ -144,7 +144,7 @@ class FrameParser:
         return frames
 
     def _examine(self, data: bytes, position: int) -> Frame | _Suspect:
-        """What begins at a place that is not simply an unsigned, known, good MAVLink 2 frame."""
+        """Examines a position where no simple frame (unsigned, known, valid MAVLink 2) begins."""
         found = self._read(data, position)
         if not isinstance(found, Frame) or found.shape is not None:
             return found
@@ -160,7 +160,7 @@ class FrameParser:
         return found
 
     def _read(self, data: bytes, position: int) -> Frame | _Suspect:
-        """The frame at a place, judged by its own header and checksum alone."""
+        """Frame at a position, checked only by its own header and checksum."""
         available = len(data) - position
         flags = 0
         if data[position] == MAGIC_2:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 SHORTEST_S: Final = 0.1
-"""A Python peer may be busy for so long without having lost anything."""
+"""Shortest timeout, s: a Python peer may be busy for that long without having lost a message."""
 LONGEST_S: Final = 2.0
 UNKNOWN_S: Final = 0.4
 RESTLESS_S: Final = 0.5
@@ -32,7 +32,7 @@ class RoundTrip:
         return min(usual_s * self._factor, max(usual_s, RESTLESS_S))
 
     def answered(self, after_s: float) -> None:
-        """Takes the time that an answer took to a question that was asked once only."""
+        """Adds the response time of a request that was sent once only."""
         if self._mean_s is None:
             self._mean_s, self._variation_s = after_s, after_s / 2.0
         else:

@@ -1,9 +1,9 @@
 """Forwards MAVLink frames between links by their headers: payloads are neither decoded nor changed.
 
-The rules are those of the MAVLink guide (mavlink.io, "Routing"): what is meant for all goes to every other link, what
-has an address goes only where that system, and that component, has been heard. Signed frames and unknown messages pass
-as they are; an unknown message counts as one for all. A frame never goes to a link on which its sender is heard, and
-one that comes back over another link, because somebody else routes too, goes nowhere.
+The rules are those of the MAVLink guide (mavlink.io, "Routing"): broadcast frames go to every other link, addressed
+ones only to links on which that system, and that component, has been received. Signed frames and unknown messages pass
+unchanged; an unknown message counts as a broadcast. A frame is never sent to a link on which its sender is received,
+and a frame that returns over another link, because of a second router, is dropped.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ MOST_SENDERS: Final = 256
 
 
 class Gaps:
-    """Counts what did not come, of each sender by itself; invented ones in masses find no room."""
+    """Counts gaps in each sender's sequence; the number of senders is bounded, against floods of invented ones."""
 
     def __init__(self) -> None:
         self.lost = 0
@@ -44,21 +44,21 @@ MOST_ADDRESSES: Final = 256
 """So many senders a link may have. A flood of invented ones costs nobody else's room: behind the peer that has most of
 it, the newest makes room for a newcomer behind another one."""
 MOVED_AFTER_S: Final = 10.0
-"""A sender that is silent on a link for so long, and is heard on another, has moved there."""
+"""Silence on a link after which a sender that is received on another link has moved there, s."""
 FORGOTTEN_AFTER_S: Final = 300.0
-"""A sender that is silent for so long makes room for others."""
+"""Silence after which a sender may be removed to make room for others, s."""
 REPEAT_S: Final = 0.5
 """A frame that comes by another link within this time of the first is the same one, come back."""
 MOST_RECENT: Final = 20_000
 """So many frames are remembered at most, twice; in a flood for less time than that."""
 POLL_AGAIN_S: Final = 1.0
-"""So long at most the ways of a sender are taken for right before they are looked up anew."""
+"""Longest time for which the cached routes of a sender are used, s."""
 AUTOPILOT: Final = 1
 """MAV_COMP_ID_AUTOPILOT1."""
 _SYSTEM_TIME: Final = 2
 _BOOT_MS_AT: Final = slice(8, 12)
 _RESTART_MS: Final = 1000
-"""By so much a system's time since boot must fall; less is a frame that was overtaken."""
+"""Decrease of a system's time since boot that means a restart, ms; less is a frame out of order."""
 
 
 class LinkCounts(msgspec.Struct):
@@ -71,20 +71,20 @@ class LinkCounts(msgspec.Struct):
     returned: int = 0
     """Frames that had come by another link already, or were our own."""
     unroutable: int = 0
-    """Frames for an address that has been heard nowhere else."""
+    """Frames for an address that has not been received on any other link."""
     refused: int = 0
     """Frames of senders for whom there was no room, of stations in our autopilot's name, and keys: nobody passes these on."""
 
 
 class KnownSender(msgspec.Struct, gc=False):
-    """What is known of one address on one link."""
+    """State of one address on one link."""
 
     heard_s: float
     sequence: int
     """The number of its last frame."""
     boot_ms: int = 0
     ways: tuple[RouterLink, ...] = ()
-    """Where what it says to all goes, as long as nothing has changed."""
+    """Links to which its broadcasts are forwarded, cached until something changes."""
     ways_of: int = -1
     """The router's count of changes when this was found out."""
     ways_until_s: float = 0.0
@@ -114,7 +114,7 @@ class RouterLink:
         """Tells the peer that what comes in comes from; empty where peers are not told apart."""
 
     def has(self, system: int, component: int) -> bool:
-        """Whether an address has been heard here; component 0 asks for any of the system."""
+        """Whether an address has been received here; component 0 matches any component of the system."""
         if component:
             return system << 8 | component in self.senders
         return any(key >> 8 == system for key in self.senders)
@@ -143,7 +143,7 @@ class Router:
         self._recent_until_s = REPEAT_S
         """When frames are discarded next."""
         self._changes = 0
-        """Counts what makes routes that are known no longer right."""
+        """Counts changes that invalidate cached routes."""
 
     def attach(self, name: str, send: Callable[[Sequence[Frame]], None]) -> RouterLink:
         """Adds a link."""
@@ -153,7 +153,7 @@ class Router:
         return link
 
     def route(self, source: RouterLink, frames: Sequence[Frame], now_s: float) -> None:
-        """Passes on frames that have come in by a link together; where they go on together, they leave together."""
+        """Forwards frames that a link has received together; where they share a destination, they are sent together."""
         source.counts.frames_in += len(frames)
         if now_s > self._recent_until_s or len(self._recent) > MOST_RECENT:
             self._discard_recent(now_s)
@@ -238,7 +238,7 @@ class Router:
 
 
 def _accepts(link: RouterLink, key: int, now_s: float) -> bool:
-    """Whether a sender is heard on a link now, so that nothing of its own is sent there."""
+    """Whether a sender is now received on a link, so that its frames are not sent there."""
     sender = link.senders.get(key)
     return sender is not None and now_s - sender.heard_s < MOVED_AFTER_S
 

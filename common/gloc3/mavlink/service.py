@@ -14,25 +14,25 @@ Event = TypeVar("Event")
 class Microservice(ABC, Generic[Event]):
     """One end of one microservice, without I/O and without a clock.
 
-    It is driven by `receive` and `tick`; after either, `outgoing` holds what is to be sent and `events` what has
-    happened. `tick` may be called at any time and does what is due; `next_tick_s` says when it must be.
+    It is driven by `receive` and `tick`; after either, `outgoing` holds the messages to send and `events` the events.
+    `tick` may be called at any time and does what is due; `next_tick_s` is the latest time for it.
     """
 
     handles: ClassVar[frozenset[str]] = frozenset()
-    """Names of the messages that it wants to be told; others need not be decoded for it."""
+    """Names of the messages that it handles; others need not be decoded for it."""
 
     def __init__(self, own: Address) -> None:
         self.own = own
-        """As whom it speaks."""
+        """Address of this end."""
         self._outgoing: list[MavlinkMessage] = []
         self._events: list[Event] = []
 
     @abstractmethod
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
-        """Takes in a message; what is addressed to others is ignored."""
+        """Handles a message; messages addressed to others are ignored."""
 
     def tick(self, now_s: float) -> None:
-        """Does what is due."""
+        """Runs what is due."""
 
     def next_tick_s(self) -> float | None:
         """When `tick` has something to do, unless a message comes before; None while only a message can help."""

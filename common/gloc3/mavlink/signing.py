@@ -1,7 +1,7 @@
 """MAVLink 2 signing: signs sent frames, and rejects forged, replayed and wrongly dated ones.
 
-A frame is judged by its signature first and by its time only then, so that a forged one never moves a clock of ours, and
-who has the key moves it by a minute at most.
+The signature of a frame is checked before its time, so that a forged one never changes our clock, and a holder of the
+key changes it by a minute at most.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class SigningVerdict(StrEnum):
     ALLOWED = "not signed, and need not be"
     UNSIGNED = "not signed"
     FORGED = "the signature is wrong"
-    REPEATED = "an old frame once more"
+    REPEATED = "a replayed frame"
     FUTURE = "dated in the future"
 
     @property
@@ -101,17 +101,17 @@ class Streams:
 
 
 class Signing:
-    """One end's key and times.
+    """Key and times of one end.
 
     Args:
         key: 32 secret bytes, the same at both ends.
-        link_id: tells our links apart, 0..255.
+        link_id: identifies our link, 0..255.
         now: `timestamp` of now.
         unsigned_ids: messages that are accepted without a signature.
-        streams: shared by the links that have the key.
-        is_clock_right: whether `now` can be relied on. A computer that does not know the time follows the first that
-            tells it one.
-        most_ahead: so early a frame may be; None for those who follow everybody.
+        streams: shared by the links with this key.
+        is_clock_right: whether `now` is reliable. A computer without the correct time adopts the first time that it
+            receives.
+        most_ahead: how far ahead of our time a frame may be; None for no limit.
     """
 
     def __init__(
@@ -133,12 +133,12 @@ class Signing:
         self._streams = streams or Streams()
         self._is_clock_right, self._most_ahead = is_clock_right, most_ahead
         self.timestamp = max(now, *self._streams.latest.values(), 0)
-        """Of the last frame; it never goes back, nor behind what was kept over a restart."""
+        """Of the last frame; it never decreases, nor falls below the times stored over a restart."""
         self._ahead = 0 if is_clock_right() else self.timestamp - now
-        """So much later than by our clock it is, as others have told while that could not be relied on."""
+        """Correction to our clock, from received times while the clock was not reliable."""
         self._now = now + self._ahead
         self._has_seen = False
-        """Whether somebody has shown the time."""
+        """Whether a valid signed frame has shown the time."""
         self.verdicts = dict.fromkeys(SigningVerdict, 0)
         """How many frames were judged how."""
 
@@ -155,7 +155,7 @@ class Signing:
         self.timestamp = max(self.timestamp, self._now)
 
     def sign(self, frame: bytes) -> bytes:
-        """A frame, whose flag says already that it is signed, with its signature."""
+        """Appends the signature to a frame whose signed flag is already set."""
         self.timestamp = min(self.timestamp + 1, _LARGEST_TIME)
         frame += self._link + self.timestamp.to_bytes(6, "little")
         return frame + sha256(self._key + frame).digest()[:6]
@@ -189,7 +189,7 @@ class Signing:
 
 
 AGAIN_S: Final = 60.0
-"""So often a person is told how many frames were dropped for their signature."""
+"""Period of reports about frames dropped for their signature, s."""
 HINTS: Final = {
     SigningVerdict.UNSIGNED: "; is signing switched on there?",
     SigningVerdict.FORGED: "; has it another key?",
@@ -199,11 +199,11 @@ HINTS: Final = {
 
 
 class SignedOnly:
-    """The gate of one link.
+    """Signature gate of one link.
 
     Args:
-        signing: judges what is heard.
-        told: is told in words what a person should know.
+        signing: verifies received frames.
+        reported: called with text for users.
     """
 
     def __init__(self, signing: Signing, reported: Callable[[str], None]) -> None:

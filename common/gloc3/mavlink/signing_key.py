@@ -1,4 +1,4 @@
-"""A MAVLink signing key in a file that nobody else may read."""
+"""A MAVLink signing key in a file that only its owner can read."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _FORMS: Final = (
 
 
 def read_signing_key(path: Path) -> bytes:
-    """Reads a key: 32 bytes, 64 hexadecimal digits, or `passphrase: words`, whose SHA-256 it then is.
+    """Reads a key: 32 bytes, 64 hexadecimal digits, or `passphrase: words`, whose SHA-256 is the key.
 
     Raises:
-        InputError: there is no key in it, or others than its owner may read it.
+        InputError: it contains no key, or users other than its owner can read it.
     """
     try:
         with path.open("rb") as file:

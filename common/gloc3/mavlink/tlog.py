@@ -6,7 +6,7 @@ from typing import Final
 _TIME: Final = struct.Struct(">Q").pack
 OVERHEAD_BYTES: Final = 8
 SETUP_SIGNING: Final = 256
-"""The message that carries a signing key; it is neither kept nor passed on (mavlink.io, "Message Signing")."""
+"""The message that carries a signing key; it is neither stored nor forwarded (mavlink.io, "Message Signing")."""
 _ID_2: Final = slice(7, 10)
 
 

@@ -1,7 +1,7 @@
 """Messages and extension fields of MAVLink's definitions that the installed library lacks.
 
-Written from mavlink/mavlink, `common.xml` and `development.xml` of 2026-07. What the library comes to know is taken from
-there again.
+Written from mavlink/mavlink, `common.xml` and `development.xml` of 2026-07. Definitions that a later version of the
+library contains have to be removed here.
 """
 
 from __future__ import annotations
@@ -58,14 +58,14 @@ EXTENSIONS: Final[dict[str, tuple[Field, ...]]] = {
     "MISSION_COUNT": (Field("opaque_id", "uint32_t", 0),),
     "MISSION_ACK": (Field("opaque_id", "uint32_t", 0),),
 }
-"""Name to fields that come behind those that the library knows; who does not know them leaves them out."""
+"""Name to extension fields after those that the library has; receivers without them ignore them."""
 
 NUMBERS: Final = {name: number for name, (number, _) in _MESSAGES.items()}
 _NAMES: Final = {number: name for name, number in NUMBERS.items()}
 
 
 def describe(number: int) -> MessageLayout | None:
-    """How the message of this number lies on the wire; None for one that is not here either."""
+    """Wire layout of the message with this number; None if it is not defined here either."""
     name = _NAMES.get(number)
     if name is None:
         return None
@@ -74,7 +74,7 @@ def describe(number: int) -> MessageLayout | None:
 
 
 def wire_order(fields: Sequence[Field]) -> list[Field]:
-    """Fields as they lie on the wire: the widest types first."""
+    """Fields in wire order: the widest types first."""
     return sorted(fields, key=lambda field: -_width(field))
 
 

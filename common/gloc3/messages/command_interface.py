@@ -1,7 +1,8 @@
 """Messages between a station's command interface (client) and a platform's (server) (paper §V).
 
-A request is known by `(sender, boot, sequence)`. The server executes each at most once and remembers its reply; a
-repeat gets the same reply. After a break in link or process a sender asks `Query` what became of a request.
+A request is identified by `(sender, boot, sequence)`. The server executes each at most once and remembers its reply; a
+repeat gets the same reply. After an interruption of the link or process, a sender gets the outcome of a request with
+`Query`.
 
 Topics, below the platform's name: `ci/request` (station to platform), `ci/reply`, `ci/summary`, `ci/mission`,
 `ci/vehicle`, `contact`, `ci/event`, `ci/control` (platform to stations).
@@ -23,7 +24,7 @@ FORCE: Final = "force the command"
 
 
 class RequestBody(msgspec.Struct, frozen=True, kw_only=True, tag=wire_name, array_like=True):
-    """The base of what a station can ask for."""
+    """Base of all station requests."""
 
 
 class LoadMission(RequestBody, frozen=True):
@@ -58,7 +59,7 @@ class Steer(RequestBody, frozen=True):
     override: str = ""
     """With start: why it shall begin although checks are red; logged with the author."""
     author: str = ""
-    """With an override: whose it is."""
+    """With an override: its author."""
 
 
 class RequestTask(RequestBody, frozen=True):
@@ -115,9 +116,9 @@ class Control(RequestBody, frozen=True):
 
     verb: ControlVerb
     station: str = ""
-    """With grant and refuse: whose request is answered."""
+    """With grant and refuse: the station whose request is answered."""
     version: str = ""
-    """Of the station's software; told when it asks for control."""
+    """Of the station's software; sent with a request for control."""
     protocol: str = ""
 
 
@@ -162,32 +163,32 @@ class Query(RequestBody, frozen=True):
 
 
 class Preflight(RequestBody, frozen=True):
-    """Asks for the list of checks before a start; what the autopilot is set to is read anew for it."""
+    """Requests the pre-flight checks; the autopilot's setup is read again for them."""
 
 
 class Hello(RequestBody, frozen=True):
-    """Asks for the full state: components' table, mission, control; the answer comes on the topics."""
+    """Requests the full state: components' table, mission, control; it is published on the topics."""
 
     version: str = ""
     """Of the station's software."""
     protocol: str = ""
-    """The hash of what it speaks, `gloc3.messages.software`."""
+    """Hash of its protocol, see `gloc3.messages.software`."""
 
 
 class Watch(RequestBody, frozen=True):
-    """Everything that the station wants to see from now on, for `watch.LEASE_S`; asked again while somebody looks.
+    """Topics that the station wants to watch, a complete list for `watch.LEASE_S`; repeated while they are displayed.
 
-    The reply's result tells under `refused` the topics that cannot be looked at, each with the reason.
+    The reply's result lists under `refused` the topics that cannot be watched, each with the reason.
     """
 
     wants: list[Want] = []
-    """Empty where nobody looks any more."""
+    """Empty to end watching."""
     is_listing: bool = False
-    """Somebody looks at the list of topics: how they speak is wanted, too."""
+    """The list of topics is displayed: their activity is wanted, too."""
 
 
 class ListTopics(RequestBody, frozen=True):
-    """Asks for the topics that can be looked at; the reply's result holds them as `TopicEntry`s under `topics`."""
+    """Requests the topics that can be watched; the reply's result holds them as `TopicEntry`s under `topics`."""
 
 
 class ReadReports(RequestBody, frozen=True):
@@ -207,7 +208,7 @@ class ListLogs(RequestBody, frozen=True):
 
 
 class CutLog(RequestBody, frozen=True):
-    """Ends the log that is being written and begins the next, so that what was recorded so far can be fetched."""
+    """Ends the current log and begins the next, so that the recording so far can be downloaded."""
 
 
 class DigestLog(RequestBody, frozen=True):
@@ -217,7 +218,7 @@ class DigestLog(RequestBody, frozen=True):
 
 
 class ReadLog(RequestBody, frozen=True):
-    """Asks for a piece of a log, which comes as a `LogChunk` where the way to the station has room for it."""
+    """Requests a piece of a log, which is sent as a `LogChunk` when the link to the station has room."""
 
     name: str
     offset: int
@@ -225,7 +226,7 @@ class ReadLog(RequestBody, frozen=True):
 
 
 class ConfirmLog(RequestBody, frozen=True):
-    """The station has the whole log, with this digest: it is deleted onboard if that is its own digest, too."""
+    """Confirms that the station has the whole log: it is deleted onboard if its digest there is the same."""
 
     name: str
     sha256: str
@@ -258,7 +259,7 @@ AboutLogs = ListLogs | CutLog | DigestLog | ReadLog | ConfirmLog
 
 
 QUERIES: Final = (ReadMission, Query, Hello, Watch, ListTopics, Preflight, ReadReports, ListLogs, DigestLog, ReadLog)
-"""What only looks: everybody who may watch the platform may ask for it."""
+"""Read-only requests, permitted to all observers of the platform."""
 
 
 class StationRole(StrEnum):
@@ -288,12 +289,12 @@ class Outcome(StrEnum):
     """Outcomes of a request."""
 
     ACCEPTED = "accepted"
-    """Carried out, or (mission, task, action) begun."""
+    """Executed, or (mission, task, action) started."""
     REFUSED = "refused"
     EXPIRED = "expired"
-    """Older than what the server remembers: not executed now, and not known whether before."""
+    """Too old for the server's memory: not executed now, and unknown whether it was before."""
     UNKNOWN = "unknown"
-    """A query for a request that never arrived, or one whose end was lost with the process."""
+    """A query for a request that never arrived, or one whose outcome was lost with the process."""
 
 
 class CiReply(Message, frozen=True):
@@ -321,7 +322,7 @@ class LogOnboard(msgspec.Struct, frozen=True, array_like=True):
 
 
 class LogChunk(Message, frozen=True):
-    """A piece of a log, for the station that has asked for it."""
+    """A piece of a log, for the station that requested it."""
 
     station: str
     name: str

@@ -9,9 +9,9 @@ from gloc3.component.lci import State
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True, gc=False):
-    """The base of everything that is published: immutable, passed by reference inside a process.
+    """Base of all published messages: immutable, passed by reference inside a process.
 
-    Fields are only ever appended, with defaults. Units and frames stand in the names.
+    Fields are only ever appended, with defaults. Units and frames are in the names.
     """
 
 
@@ -28,7 +28,7 @@ class Source(msgspec.Struct, frozen=True, gc=False):
 
 
 class Envelope(msgspec.Struct, Generic[M], frozen=True):
-    """A message on its way, the same on every middleware."""
+    """A message in transit, the same on every middleware."""
 
     topic: str
     source: Source
@@ -71,7 +71,7 @@ class CommandRequest(Message, frozen=True):
 
     request_id: str
     command: str
-    """A command of the LCI, or `create`, which makes an absent component anew from its row."""
+    """A command of the LCI, or `create`, which creates an absent component from its row."""
     settings: dict[str, Any] | None = None
     """With `initialize`: the settings to adopt; None keeps those of the deployment's row."""
     then: tuple[str, ...] = ()
@@ -139,7 +139,7 @@ class ComponentStatus(Message, frozen=True):
     is_required: bool = False
     standby_for: str = ""
     silent: list[str] = []
-    """Topics (without the platform's name) on which it has reported nothing for so long that they count as silent."""
+    """Topics (without the platform's name) that count as silent because nothing was reported on them for too long."""
     values: dict[str, float] = {}
     """What the component reports of itself beside, by the name of the `StatusField`."""
 

@@ -26,7 +26,7 @@ IDENTITY: Final[Quaternion] = (1.0, 0.0, 0.0, 0.0)
 """The rotation that changes nothing."""
 
 GRAVITY_M_S2: Final = 9.80665
-"""Standard gravity, which also is what a *g* counts."""
+"""Standard gravity, also the unit *g*."""
 
 WGS84_A_M: Final = 6_378_137.0
 """Semi-major axis of WGS84 (NGA.STND.0036, table 3.1), in metres."""
@@ -130,7 +130,7 @@ def from_rotation_vector(rotation_rad: Vector3) -> Quaternion:
 
 
 def to_rotation_vector(a_from_b: Quaternion) -> Vector3:
-    """Axis times angle in radians, the shorter way round (logarithm map)."""
+    """Rotation vector: axis times angle in radians, for the shorter rotation (logarithm map)."""
     w, x, y, z = normalize(a_from_b)
     length = sqrt(x * x + y * y + z * z)
     scale = 2.0 if length < 1e-9 else 2.0 * atan2(length, w) / length
@@ -138,19 +138,19 @@ def to_rotation_vector(a_from_b: Quaternion) -> Vector3:
 
 
 def interpolate(begin: Vector3, end: Vector3, share: float) -> Vector3:
-    """The point on the line through two points; `share` is 0 at `begin` and 1 at `end`, and may lie beyond."""
+    """Point on the line through two points; `share` is 0 at `begin` and 1 at `end`, and may lie outside that range."""
     (ax, ay, az), (bx, by, bz) = begin, end
     return (ax + (bx - ax) * share, ay + (by - ay) * share, az + (bz - az) * share)
 
 
 def slerp(begin: Quaternion, end: Quaternion, share: float) -> Quaternion:
-    """The rotation on the shorter way between two, turned at a constant rate; `share` as in `interpolate`."""
+    """Rotation between two along the shorter arc, at a constant rate; `share` as in `interpolate`."""
     x, y, z = to_rotation_vector(multiply(conjugate(begin), end))
     return normalize(multiply(begin, from_rotation_vector((x * share, y * share, z * share))))
 
 
 class GeoPoint(NamedTuple):
-    """A place on Earth."""
+    """A position on Earth."""
 
     latitude_deg: float
     """Geodetic latitude on WGS84."""
@@ -203,7 +203,7 @@ class TangentPlane:
         return f"TangentPlane({self.origin!r})"
 
     def ned_from_geo(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> Vector3:
-        """Position of a place on Earth in metres north, east and down of the origin."""
+        """Position of a point on Earth in metres north, east and down of the origin."""
         return self.ned_from_ecef(*ecef_from_geo(GeoPoint(latitude_deg, longitude_deg, altitude_m)))
 
     def ned_from_ecef(self, x_m: float, y_m: float, z_m: float) -> Vector3:
@@ -218,7 +218,7 @@ class TangentPlane:
         )
 
     def geo_from_ned(self, position_ned_m: Vector3) -> GeoPoint:
-        """Place on Earth of a position in metres north, east and down of the origin."""
+        """Geographic point of a position in metres north, east and down of the origin."""
         north, east, down = position_ned_m
         outward = -north * self._sin_latitude - down * self._cos_latitude
         ox, oy, oz = self._origin_ecef_m
@@ -232,7 +232,7 @@ class TangentPlane:
 class LocalFrame:
     """A mission's frame: an origin on Earth, x along a bearing, y to the left of x, height up.
 
-    All NED here is that of the tangent plane at the frame's own origin.
+    All NED here refers to the tangent plane at the frame's own origin.
     """
 
     __slots__ = ("_cosine", "_sine", "plane", "x_axis_bearing_deg")
@@ -248,7 +248,7 @@ class LocalFrame:
 
     @property
     def origin(self) -> GeoPoint:
-        """The place on Earth of `(0, 0, 0)`."""
+        """Geographic position of `(0, 0, 0)`."""
         return self.plane.origin
 
     def to_ned(self, position_m: Vector3) -> Vector3:
@@ -262,9 +262,9 @@ class LocalFrame:
         return (north * self._cosine + east * self._sine, north * self._sine - east * self._cosine, -down)
 
     def to_geo(self, position_m: Vector3) -> GeoPoint:
-        """Place on Earth of a local position `(x, y, height)`."""
+        """Geographic position of a local position `(x, y, height)`."""
         return self.plane.geo_from_ned(self.to_ned(position_m))
 
     def from_geo(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> Vector3:
-        """Local `(x, y, height)` of a place on Earth."""
+        """Local `(x, y, height)` of a geographic position."""
         return self.from_ned(self.plane.ned_from_geo(latitude_deg, longitude_deg, altitude_m))

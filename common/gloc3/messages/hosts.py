@@ -23,7 +23,7 @@ class ProcessLine(msgspec.Struct, frozen=True, array_like=True):
     pid: int
     """0 while it is away."""
     phase: str
-    """`beginning`, `up`, `away` (it has ended by itself) or `left`."""
+    """`beginning`, `up`, `away` (it has exited) or `left`."""
     components: list[str]
     restarts: int = 0
     last_words: str = ""
@@ -52,21 +52,21 @@ class HostStatus(Message, frozen=True):
     load: float = 0.0
     """Processes that want to run, for each of the computer's cores, over the last minute."""
     vehicle_boot_s: float | None = None
-    """The platform's time when the autopilot began to count its own; None where it is not known here."""
+    """Platform time at which the autopilot's clock started; None where it is unknown here."""
     sensors: list[SensorCondition] = []
     """Of all processes of the host."""
     is_renewing: bool = False
-    """It reads its network file again: it is gone for a moment, and not lost."""
+    """It is re-reading its network file: absent for a moment, and not lost."""
 
 
 class HostState(StrEnum):
     """State of a host, as the clock host sees it."""
 
     EXPECTED = "expected"
-    """The platform's file names it, and it has not been heard yet."""
+    """The platform's file lists it, and it has not been received yet."""
     HERE = "here"
     DIFFERENT = "other version"
-    """It is here, and speaks another protocol."""
+    """It is present, and uses another protocol."""
     LOST = "lost"
 
 
@@ -100,7 +100,7 @@ class HostWords(msgspec.Struct, frozen=True, array_like=True):
 
     name: str
     version: str = ""
-    """Of its software; empty until it is heard."""
+    """Of its software; empty until it is received."""
     clock_offset_s: float = 0.0
     """The platform's time minus its computer's monotonic clock."""
     last_words: str = ""
@@ -108,13 +108,13 @@ class HostWords(msgspec.Struct, frozen=True, array_like=True):
 
 
 class HostNames(Message, frozen=True):
-    """The hosts behind the indices, told on change and again after a while."""
+    """Names of the hosts behind the indices, sent on change and repeated periodically."""
 
     hosts: list[HostWords]
 
 
 class ClockQuestion(Message, frozen=True):
-    """A host asks the clock host what time it is."""
+    """A host requests the clock host's time."""
 
     number: int
     """Random, so that an answer belongs to one question of one life."""
@@ -134,4 +134,4 @@ class HostPresence(Message, frozen=True):
     host: str
     is_here: bool
     status: HostStatus | None = None
-    """What it told last; None where it has told nothing yet."""
+    """Its last status; None where it has sent none yet."""

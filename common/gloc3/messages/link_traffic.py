@@ -15,7 +15,7 @@ class LinkTraffic(msgspec.Struct, frozen=True, array_like=True, gc=False):
     bytes_in: int = 0
     bytes_out: int = 0
     bytes_in_s: float = 0.0
-    """Bytes a second, since somebody looked last."""
+    """Bytes per second, since the last poll."""
     bytes_out_s: float = 0.0
     lost: int = 0
     """Gaps in the senders' sequence numbers: lost before they came here."""
@@ -26,19 +26,19 @@ class LinkTraffic(msgspec.Struct, frozen=True, array_like=True, gc=False):
     overtaken: int = 0
     """Telemetry that a newer frame of its kind took the place of."""
     dropped: dict[str, int] = {}
-    """By class, frames that found no room; under `link` those for which there was no way."""
+    """By class, frames dropped for lack of room; under `link` those without a connection."""
     returned: int = 0
     """Frames that came by another link before, or were our own."""
     unroutable: int = 0
-    """Frames for an address that nobody has heard of."""
+    """Frames for an unknown address."""
     refused: dict[str, int] = {}
-    """By reason, frames that were not used: signatures that are missing or wrong, senders for whom there was no room."""
+    """By reason, rejected frames: missing or invalid signatures, senders for whom there was no room."""
     genuine: int = 0
     """Frames with a right signature."""
 
     def describe(self) -> str:
-        """In words: what came, what left, and what did not."""
-        loss = f", {self.lost / (self.frames_in + self.lost):.1%} lost on the way" if self.lost else ""
+        """Text with the traffic received, sent and dropped."""
+        loss = f", {self.lost / (self.frames_in + self.lost):.1%} lost in transit" if self.lost else ""
         parts = [
             f"in {counted(self.frames_in, 'frame')}, {_size(self.bytes_in)}{loss}",
             f"out {counted(self.frames_out, 'frame')}, {_size(self.bytes_out)}",

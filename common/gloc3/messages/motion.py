@@ -1,7 +1,7 @@
 """Motion of a vehicle and the geographic origin of its frame, for the stations' map and charts.
 
-Topics, below the platform's name: `ci/motion`, `ci/site`. On a slow link the motion is sent with what the others leave.
-Whole numbers of small units keep a message within one frame of such a link.
+Topics, below the platform's name: `ci/motion`, `ci/site`. On a slow link the motion is sent with the remaining
+bandwidth. Whole numbers of small units keep a message within one frame of such a link.
 """
 
 from gloc3.messages.envelope import Message
@@ -24,7 +24,7 @@ class MotionSummary(Message, frozen=True):
     velocity_cm_s: Whole3
     is_pose_valid: bool
     setpoint_cm: Whole3 | None = None
-    """Where it should be; None while nothing asks for a position."""
+    """Position setpoint; None without one."""
     setpoint_velocity_cm_s: Whole3 | None = None
     setpoint_heading_cdeg: int | None = None
     covariance_cm2: Whole3 | None = None
@@ -38,7 +38,7 @@ class MotionSummary(Message, frozen=True):
 
 
 class SiteSummary(Message, frozen=True):
-    """The frame in which the platform tells where it is, and home."""
+    """Frame of the platform's reported positions, and home."""
 
     frame: str
     """Its name; empty where positions are north, west, height of the origin."""
@@ -47,4 +47,4 @@ class SiteSummary(Message, frozen=True):
     origin_geo: tuple[float, float, float] | None = None
     """Latitude and longitude in degrees, altitude above mean sea level in metres; None where it is not known."""
     home_m: tuple[float, float, float] | None = None
-    """Where the vehicle was armed, or stands: x, y, height; None where it is not known."""
+    """Where the vehicle was armed, else its position on the ground: x, y, height; None where it is unknown."""

@@ -1,8 +1,8 @@
 """Perception messages: sensor data, odometry and position estimates.
 
 Frames: *frd* is the body (x forward, y right, z down), *rdf* a camera (x right, y down, z along the optical axis),
-*ned* the tangent plane at the origin of the platform's local frame. Times of validity stand in the envelope. Arrays
-travel as bytes, little endian, rows first.
+*ned* the tangent plane at the origin of the platform's local frame. Times of validity are in the envelope. Arrays are
+sent as bytes, little endian, rows first.
 """
 
 from gloc3.messages.envelope import Message
@@ -60,11 +60,11 @@ class Odometry(Message, frozen=True):
 
     source: str
     reference_t_s: float
-    """The time of the pose that the motion is told from."""
+    """Time of the reference pose."""
     position_m: Vector3 = (0.0, 0.0, 0.0)
     """Where the body is now, in the axes of the reference."""
     reference_from_frd: Quaternion = IDENTITY
-    """How it is turned now, on the axes of the reference."""
+    """Attitude now, relative to the reference."""
     covariance: list[float] = []
     """6 by 6, rows first: position in the reference's axes (m2), then the rotation vector in the body's (rad2)."""
     is_level: bool = False
@@ -87,7 +87,7 @@ class PositionFix(Message, frozen=True):
     covariance: list[float]
     """3 by 3, rows first, m2, along north, east and down; large along a direction that is not seen."""
     lever_frd_m: Vector3 = (0.0, 0.0, 0.0)
-    """The place on the body that is seen, from the body's origin."""
+    """Measured point on the body, from the body's origin."""
     is_valid: bool = True
     reason: str = ""
     quality: float = 1.0
@@ -121,7 +121,7 @@ UNKNOWN_VARIANCE = 1e6
 
 
 def no_motion(source: str, reference_t_s: float, reason: str, *, is_level: bool = False) -> Odometry:
-    """What an odometer reports where it cannot tell how the body moved."""
+    """Odometry report of an odometer that cannot measure the motion."""
     unknown = [UNKNOWN_VARIANCE if index % 7 == 0 else 0.0 for index in range(36)]
     return Odometry(
         source=source,
@@ -135,7 +135,7 @@ def no_motion(source: str, reference_t_s: float, reason: str, *, is_level: bool 
 
 
 class BottomVelocity(Message, frozen=True):
-    """Velocity over the floor of the water, as a Doppler velocity log (DVL) tells it."""
+    """Velocity over the bottom, as measured by a Doppler velocity log (DVL)."""
 
     velocity_frd_m_s: Vector3 = (0.0, 0.0, 0.0)
     """Along the body's axes."""

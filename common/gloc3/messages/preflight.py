@@ -41,7 +41,7 @@ class Check(msgspec.Struct, frozen=True, array_like=True):
 
     group: Group
     name: str
-    """Of what is checked, in a word or two; no two lines of a group have the same."""
+    """Name of the check, one or two words; unique in its group."""
     verdict: Verdict
     finding: str
     """What was found, in words, with figures."""
@@ -67,7 +67,7 @@ class PreflightReport(Message, frozen=True):
     utc_s: float | None = None
     """The platform's UTC at that moment, in seconds since 1970."""
     protocol: str = ""
-    """The hash of what it speaks, `gloc3.messages.software`."""
+    """Hash of its protocol, see `gloc3.messages.software`."""
 
 
 def red(checks: Iterable[Check]) -> list[Check]:
@@ -81,7 +81,7 @@ def worst(checks: Iterable[Check]) -> Verdict:
 
 
 def in_order(checks: Iterable[Check]) -> list[Check]:
-    """The lines group by group, each group as it was given."""
+    """Lines ordered by group, each group in the given order."""
     order = list(Group)
     return sorted(checks, key=lambda check: order.index(check.group))
 

@@ -1,4 +1,4 @@
-"""Messages on the setup of autopilot and onboard computer, from which the pre-flight list is made."""
+"""Messages on the setup of autopilot and onboard computer, the source of the pre-flight list."""
 
 import msgspec
 
@@ -8,7 +8,7 @@ from gloc3.messages.vehicle import Style, VehicleClass
 
 
 class ReadSetup(Message, frozen=True):
-    """Asks for the autopilot's setup to be read anew."""
+    """Requests that the autopilot's setup is read again."""
 
     number: int
     """Grows with each time of asking."""
@@ -19,7 +19,7 @@ class AutopilotSetup(Message, frozen=True):
 
     style: Style | None = None
     firmware: tuple[int, int, int] | None = None
-    """Version of the flight software; None while it has not been told."""
+    """Version of the flight software; None until it is reported."""
     is_official: bool = True
     """Whether the firmware is a release, and not of development."""
     parameters: dict[str, float] = {}
@@ -27,13 +27,13 @@ class AutopilotSetup(Message, frozen=True):
     unread: list[str] = []
     """Those that matter to us and were not answered."""
     sensors_present: int = 0
-    """Bits of MAV_SYS_STATUS_SENSOR, as SYS_STATUS tells them."""
+    """Bits of MAV_SYS_STATUS_SENSOR, from SYS_STATUS."""
     sensors_enabled: int = 0
     sensors_health: int = 0
     utc_minus_t_s: float | None = None
-    """The autopilot's UTC minus our time; None where it knows no UTC, or has not told it."""
+    """The autopilot's UTC minus our time; None where it has no UTC, or has not reported it."""
     number: int = 0
-    """The last `ReadSetup` that was asked before this reading began; the reading has ended."""
+    """The last `ReadSetup` requested before this reading began; the reading has ended."""
     is_complete: bool = False
     """Whether a reading has ended since the autopilot came or restarted."""
     vehicle: VehicleClass | None = None
@@ -49,7 +49,7 @@ class LinkCondition(msgspec.Struct, frozen=True, array_like=True):
     traffic: LinkTraffic = LinkTraffic()
     """What has passed it."""
     intruder: str = ""
-    """Who claims to be the autopilot that another peer is; empty where nobody has done so lately."""
+    """The recent peer that claims the id of another peer's autopilot; empty without one."""
 
 
 class SensorCondition(msgspec.Struct, frozen=True, array_like=True):
@@ -59,17 +59,17 @@ class SensorCondition(msgspec.Struct, frozen=True, array_like=True):
     source: str
     """Its URL."""
     problem: str = ""
-    """Why it cannot be used, then after a semicolon what to do; empty as far as nothing is known against it."""
+    """Why it cannot be used, then after a semicolon what to do; empty while no problem is known."""
     age_s: float = -1.0
     """Since it brought something last; negative for never."""
     uncalibrated: list[str] = []
-    """Its cameras of which no calibration is given."""
+    """Its cameras without a calibration."""
     is_open: bool = False
-    """Whether it was opened; else only what can be told without that is known."""
+    """Whether it was opened; else only properties that are known without opening are filled in."""
 
 
 class ComputerState(Message, frozen=True):
-    """The computer on which the onboard process runs."""
+    """The computer that runs the onboard process."""
 
     is_simulated: bool = False
     """In virtual time there is no computer of which anything could be measured."""

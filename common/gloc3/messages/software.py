@@ -33,19 +33,19 @@ def own_software() -> Software:
 
 
 def compared(name: str, other: Software, where: str, group: Group = Group.LINK) -> Check:
-    """The line of the pre-flight list about another end.
+    """Line of the pre-flight list about another end.
 
     Args:
         name: of the line.
-        other: what that end tells.
-        where: what to call it, such as `at station 255`.
+        other: reported by that end.
+        where: its name in the text, such as `at station 255`.
         group: of the line.
     """
     own = own_software()
     finding = f"{other} {where}, {own} here"
     if not other.version:
         advice = "install the same version at both ends, to be sure"
-        return Check(group, name, Verdict.UNKNOWN, f"it is not told {where}, and {own} is here", advice)
+        return Check(group, name, Verdict.UNKNOWN, f"{where} is not reported, and {own} is here", advice)
     if other.protocol and other.protocol != own.protocol:
         advice = "they speak differently, and what one does not understand it refuses: install the same version at both"
         return Check(group, name, Verdict.RED, finding, advice)

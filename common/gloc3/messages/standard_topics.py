@@ -131,7 +131,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
 }
 
 AUTOPILOT_SILENT_S: Final = TOPICS["autopilot"].silent_s
-"""An autopilot's state that is older says nothing of now."""
+"""Age beyond which an autopilot's state counts as stale, s."""
 POSE_LATE_S: Final = TOPICS["pose"].silent_s
 """An older pose is late: no path is flown by it. The vehicle brakes, holds, and waits for the next one."""
 POSE_LOST_S: Final = 2.0

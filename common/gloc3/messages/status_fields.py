@@ -1,4 +1,4 @@
-"""The fields of a component's status that reach the stations: one row each says how it is measured, packed and shown.
+"""Fields of a component's status that reach the stations: one row each defines how it is measured, packed and shown.
 
 A new field is one more row here, at the end, and a component whose `status_values` has a value of that name.
 """
@@ -31,11 +31,11 @@ class ShownComponent(Protocol):
 
     @property
     def has_rate(self) -> bool:
-        """Whether it has a nominal rate, and its own is known."""
+        """Whether it has a nominal rate, and its actual rate is known."""
 
     @property
     def is_well(self) -> bool:
-        """Whether it works, or stands by for another."""
+        """Whether it works, or is on standby for another."""
 
 
 class StatusField(msgspec.Struct, frozen=True, kw_only=True):

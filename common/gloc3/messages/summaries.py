@@ -25,12 +25,12 @@ WELL: Final = (Health.WORKING, Health.QUIET)
 
 
 def health_of(state: State | None) -> Health:
-    """The condition that a component's state stands for."""
+    """Health that follows from a component's state."""
     return Health.ABSENT if state is None else Health(state.value)
 
 
 class ComponentLine(msgspec.Struct, frozen=True, array_like=True):
-    """One component in the summary, at most 16 bytes on the wire; behind the state the values of `ROW_FIELDS`."""
+    """One component in the summary, at most 16 bytes on the wire; after the state, the values of `ROW_FIELDS`."""
 
     index: int
     """Its row in the `ComponentTable`."""
@@ -72,14 +72,14 @@ class TableRow(msgspec.Struct, frozen=True, array_like=True):
 
 
 class ComponentTable(Message, frozen=True):
-    """The names behind the summary's indices; sent once, and on request."""
+    """Names behind the summary's indices; sent once, and on request."""
 
     table: int
     rows: list[TableRow]
     version: str = ""
     """Of the platform's software."""
     protocol: str = ""
-    """The hash of what it speaks, `gloc3.messages.software`."""
+    """Hash of its protocol, see `gloc3.messages.software`."""
     process: int = 0
     """A random number of the onboard process, which its command interface keeps when it alone begins again; 0: not told."""
     platform: str = ""
@@ -99,7 +99,7 @@ class VehicleSummary(Message, frozen=True):
 
     t_s: float
     mode: str
-    """The autopilot's mode in its own words."""
+    """The autopilot's own name of its mode."""
     is_armed: bool
     landed: str
     """A `LandedState`; `under_way` for the one in the air where the vehicle does not fly."""
@@ -118,7 +118,7 @@ class VehicleSummary(Message, frozen=True):
     is_armable: bool = True
     """Whether the autopilot would arm now."""
     pose_sources: list[str] = []
-    """What the position rests on."""
+    """Sources of the position."""
     pose_quality_percent: int = -1
     """How good the position is, 0 to 100; -1 where that is not known."""
 
@@ -139,19 +139,19 @@ class MissionSummary(Message, frozen=True):
     policy: str = ""
     """The policy that is being carried out, such as `return`; empty in normal flight."""
     reasons: dict[str, str] = {}
-    """Task, and `TASK.ACTION`, to why it failed, or what it waits for beside its turn."""
+    """Task, and `TASK.ACTION`, to why it failed, or what it waits for besides its turn."""
     elsewhere: dict[str, str] = {}
     """The tasks that other platforms perform, each with its platform."""
     silence: str = ""
-    """The `TASK` or `TASK.ACTION` whose planned silence has begun and is not over; empty where none has."""
+    """`TASK` or `TASK.ACTION` whose planned silence is under way; empty without one."""
     silent_until_s: float = 0.0
-    """With a silence: when contact is due, on the platform's clock."""
+    """With a silence: when contact is due, in platform time."""
     repetitions: dict[str, tuple[int, int]] = {}
-    """The tasks that are done several times and have begun: for which time, and how often at most."""
+    """Tasks with repetitions that have begun: the current repetition, and their limit."""
     took_s: float = -1.0
     """Once it has ended: how long it ran, pauses left out; -1 before, and where it is not known."""
     took_m: float = -1.0
-    """Once it has ended: the way that the vehicle made."""
+    """Distance travelled by the vehicle, once it has ended."""
     took_battery: float = -1.0
     """Once it has ended: the share of the battery that it took."""
 
@@ -160,16 +160,16 @@ class ControlState(Message, frozen=True):
     """Holder of control of the platform."""
 
     holder: str
-    """The station's id; empty where nobody does."""
+    """Id of the station; empty without a holder."""
     requested_by: str = ""
 
 
 class StationHeard(Message, frozen=True):
-    """Onboard: something has just been heard of a station."""
+    """Onboard: a station has just been received."""
 
     station: str
     is_reached: bool = True
-    """What is told to stations reaches it, too; not yet while only its heartbeat was heard."""
+    """Whether messages to stations reach it; not yet while only its heartbeat was received."""
 
 
 class CiEvent(Message, frozen=True):
@@ -183,17 +183,17 @@ class CiEvent(Message, frozen=True):
     number: int = 0
     """Counts all events of a platform, over its restarts; 0 where they are not kept."""
     store: int = 0
-    """Tells which numbers these are: a platform that has lost what it kept counts anew."""
+    """Identifies the numbering: a platform that has lost its stored events starts a new one."""
 
 
 class ContactSummary(Message, frozen=True):
-    """The state in a nutshell, told first of all when a station is heard after a silence, before the events meanwhile."""
+    """Summary of the state, sent first when a station is back in contact after a silence, before the missed events."""
 
     station: str
-    """The one that is heard again."""
+    """The station that is back in contact."""
     t_s: float
     silent_s: float
-    """For how long it was not heard; -1 where it never was in this life of the onboard process."""
+    """Duration of the silence; -1 if it was never in contact in this life of the onboard process."""
     health: Health
     mission: str
     """The loaded mission's name; empty where none is."""
@@ -213,7 +213,7 @@ class ContactSummary(Message, frozen=True):
     last: int
     """The highest number of an event."""
     delivered: int
-    """Up to here stations have been told of events."""
+    """Number of the last event sent to stations."""
     worst: int = 7
     """The severity of the worst event behind that."""
     worst_text: str = ""

@@ -3,7 +3,7 @@
 Topics, below the platform's name: `velocity_demand` (station to platform; `demand/STATION` on the network),
 `motion_demand` (the command interface server to the controller), `ci/teleoperation` (the controller to the stations).
 
-A demand is best effort: the newest counts, none is kept or sent again, and each is worth nothing after `EXPIRES_S`.
+A demand is best effort: only the newest is used, none is stored or repeated, and each expires after `EXPIRES_S`.
 """
 
 from typing import Final
@@ -56,4 +56,4 @@ class TeleoperationState(Message, frozen=True):
     """What is wanted now."""
     measured_yaw_rate_cdeg_s: int
     reason: str = ""
-    """Why it does not do what was asked for."""
+    """Why it does not follow the demand."""

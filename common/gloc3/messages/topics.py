@@ -43,16 +43,16 @@ class TopicRow(msgspec.Struct, frozen=True):
 
     message: type[Message]
     rate_hz: float = 0.0
-    """Nominal rate; 0 for topics that speak when something happens, which are never *silent*."""
+    """Nominal rate; 0 for event topics, which are never *silent*."""
     is_logged: bool = True
     downlink_every: int = 0
     """Every n-th message goes to the stations; 0 for none."""
     silent_after: float = 10.0
-    """The topic is *silent* when nothing came for so many nominal periods."""
+    """Nominal periods without a message after which the topic is *silent*."""
     service: TopicService | None = None
     """None is a stream for topics with a rate, and a report for others."""
     is_latched: bool = False
-    """It says what is, not what happens: who asks for it late gets the last message."""
+    """It holds a state, not an event: late subscribers get the last message."""
 
     @property
     def travels(self) -> TopicService:
@@ -60,12 +60,12 @@ class TopicRow(msgspec.Struct, frozen=True):
         return self.service or (TopicService.STREAM if self.rate_hz else TopicService.REPORT)
 
     def is_alive(self, age_s: float) -> bool:
-        """Whether a topic whose last message is so old still counts as alive."""
+        """Whether a topic whose last message has this age counts as alive."""
         return age_s < self.silent_s
 
     @property
     def silent_s(self) -> float:
-        """How old the last message is when the topic begins to count as silent; infinite for one that never does."""
+        """Age of the last message from which the topic counts as silent, s; infinite for one that never does."""
         return self.silent_after / self.rate_hz if self.rate_hz else inf
 
 
@@ -82,7 +82,7 @@ GENERIC: Final[Mapping[str, TopicRow]] = {
 
 
 class TopicTable:
-    """The rows that a process knows: the generic ones, ours, and other packages' (entry points `gloc3.topics`)."""
+    """Topic rows known to a process: the generic ones, ours, and other packages' (entry points `gloc3.topics`)."""
 
     def __init__(self, rows: Mapping[str, TopicRow] | None = None) -> None:
         self.types = TypeRegistry()
@@ -100,7 +100,7 @@ class TopicTable:
         return table
 
     def add(self, rows: Mapping[str, TopicRow]) -> None:
-        """Adds rows; a name may hold `*` for one level. The same name twice is a mistake of ours."""
+        """Adds rows; a name may contain `*` for one level. Adding the same name twice is a programming error."""
         for name, row in rows.items():
             if self._rows.setdefault(name, row) is not row:
                 raise Misuse(f"two packages declare the topic {name!r}")
@@ -121,7 +121,7 @@ class TopicTable:
 
 
 def matches(pattern: str, topic: str) -> bool:
-    """Whether a topic fits a pattern: `*` stands for one level, `**` at the end for any number of levels."""
+    """Whether a topic matches a pattern: `*` is one level, `**` at the end any number of levels."""
     if "*" not in pattern:
         return pattern == topic
     wanted, levels = pattern.split("/"), topic.split("/")

@@ -28,7 +28,7 @@ UNITS: Final[Mapping[str, str]] = {
 
 
 def split_unit(name: str) -> tuple[str, str]:
-    """A name without the ending that tells its unit, and the unit (empty for none): `speed_m_s` is `speed` in `m/s`."""
+    """Name without its unit suffix, and the unit (empty for none): `speed_m_s` is `speed` in `m/s`."""
     for ending, unit in UNITS.items():
         if name.endswith(ending) and len(name) > len(ending):
             return name.removesuffix(ending), unit

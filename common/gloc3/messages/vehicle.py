@@ -1,8 +1,8 @@
 """Vehicle messages, between samplers, processors, controllers and drivers.
 
 Frames: *ned* is the tangent plane at the origin of the platform's local frame (x north, y east, z down), *frd* the body
-(x forward, y right, z down). Attitudes are `ned_from_frd`, quaternions wxyz, Hamilton, w >= 0. Times of validity stand
-in the envelope.
+(x forward, y right, z down). Attitudes are `ned_from_frd`, quaternions wxyz, Hamilton, w >= 0. Times of validity are in
+the envelope.
 """
 
 from enum import StrEnum
@@ -16,7 +16,7 @@ from gloc3.mission.model.fence import Fence
 
 
 class Style(StrEnum):
-    """The family of an autopilot, told by its heartbeat."""
+    """Family of an autopilot, from its heartbeat."""
 
     PX4 = "px4"
     ARDUPILOT = "ardupilot"
@@ -68,7 +68,7 @@ class FlightMode(StrEnum):
 
     TAKE_OFF = "take_off"
     HOLD = "hold"
-    """It keeps its position by itself."""
+    """It holds its position autonomously."""
     GUIDED = "guided"
     """It follows our setpoints (PX4: offboard; ArduPilot: guided)."""
     MISSION = "mission"
@@ -90,7 +90,7 @@ class LandedState(StrEnum):
 
 
 class AutopilotState(Message, frozen=True):
-    """The autopilot as its heartbeat and status messages tell."""
+    """State of the autopilot, from its heartbeat and status messages."""
 
     is_connected: bool
     """False when no heartbeat came for 2.5 s; the other fields are then the last known ones."""
@@ -108,12 +108,12 @@ class AutopilotState(Message, frozen=True):
     battery_remaining: float = -1.0
     """0 to 1; negative where it is not known."""
     is_failsafe: bool = False
-    """The autopilot acts by itself (MAV_STATE critical or emergency)."""
+    """A failsafe of the autopilot is active (MAV_STATE critical or emergency)."""
     vehicle: VehicleClass | None = None
     doubts: list[str] = []
     """What its sensors' health and its estimator's flags say against a start, in words."""
     has_home: bool = False
-    """Whether it has told where its home is."""
+    """Whether it has reported its home position."""
     form: VtolForm | None = None
     """What carries it, where it is a VTOL."""
     has_transmitter: bool = False
@@ -159,14 +159,14 @@ class Pose(Message, frozen=True):
     reset_counter: int = 0
     """Grows by one at each jump of the estimate."""
     sources: list[str] = []
-    """What the estimate rests on."""
+    """Sources of the estimate."""
     origin_geo: tuple[float, float, float] | None = None
-    """Where the NED frame begins: latitude and longitude in degrees, altitude above mean sea level in metres."""
+    """Origin of the NED frame: latitude and longitude in degrees, altitude above mean sea level in metres."""
 
 
 OBSTACLE_SECTORS: Final = 72
 NOT_MEASURED_M: Final = -1.0
-"""Distance of a sector that no beam has looked at."""
+"""Distance of a sector without measurements."""
 
 
 class ObstacleScan(Message, frozen=True):
@@ -179,11 +179,11 @@ class ObstacleScan(Message, frozen=True):
     is_valid: bool = True
     reason: str = ""
     sectors_m: list[float] = []
-    """The nearest hit in each of `OBSTACLE_SECTORS` sectors, clockwise, the first with its middle ahead of the body, as
-    in MAVLink's OBSTACLE_DISTANCE. `range_max_m` and more: nothing there; `NOT_MEASURED_M`: not looked at."""
+    """Nearest hit in each of `OBSTACLE_SECTORS` sectors, clockwise, the first centred ahead of the body, as in
+    MAVLink's OBSTACLE_DISTANCE. `range_max_m` and more: nothing there; `NOT_MEASURED_M`: not measured."""
     range_max_m: float = 0.0
     closest_ne_m: list[tuple[float, float]] = []
-    """The nearest points of things that stand apart, the nearest first."""
+    """Nearest points of separate objects, the nearest first."""
 
 
 class Image(Message, frozen=True):
@@ -215,7 +215,7 @@ class MotionGrant(Message, frozen=True):
 
     action_id: str
     component: str
-    """The component that may move the vehicle; empty while nobody may."""
+    """The component that may move the vehicle; empty for none."""
 
 
 class Setpoint(Message, frozen=True):
@@ -237,13 +237,13 @@ class ManoeuvreKind(StrEnum):
     LAND = "land"
     HOLD = "hold"
     SET_OFF = "set_off"
-    """Arm and be led by setpoints from where it stands: what does not climb by itself."""
+    """Arm and follow setpoints from the current position: for vehicles that do not take off autonomously."""
     PLAN = "plan"
-    """Fly the plan that it has been given."""
+    """Fly the uploaded plan."""
 
 
 class Manoeuvre(Message, frozen=True):
-    """Asks the driver to have the autopilot fly a manoeuvre in a mode of its own."""
+    """Requests from the driver that the autopilot flies a manoeuvre in one of its own modes."""
 
     action_id: str
     kind: ManoeuvreKind
@@ -270,15 +270,15 @@ class DriverState(Message, frozen=True):
     """The owner of motion that it obeys."""
     is_streaming: bool = False
     has_pilot_control: bool = False
-    """A human pilot (or the autopilot by itself) has taken over: nothing of ours moves or commands the vehicle."""
+    """A human pilot (or the autopilot itself) has taken over: GLOC3 does not move or command the vehicle."""
     pilot_reason: str = ""
     manoeuvre_id: str = ""
-    """The action whose manoeuvre is, or was last, under way."""
+    """Action of the current or last manoeuvre."""
     manoeuvre: ManoeuvreKind | None = None
     manoeuvre_state: ManoeuvreState | None = None
     manoeuvre_reason: str = ""
     foreign: int = 0
-    """Setpoints of somebody who did not own motion."""
+    """Setpoints from a component that did not own motion."""
     stale: int = 0
     """Setpoints older than 0.25 s."""
     not_finite: int = 0
@@ -289,13 +289,14 @@ class DriverState(Message, frozen=True):
     is_guided: bool = False
     """The autopilot follows the stream of setpoints."""
     refusal: str = ""
-    """Why the autopilot does not take the mode that the stream, or its end, asks for."""
+    """Why the autopilot does not accept the mode that the start or end of the stream requires."""
     is_failsafe: bool = False
     """Who has taken over is the autopilot's failsafe, no human."""
     held_after_gap_s: float = 0.0
-    """How long the last gap in the contact was for which the autopilot went over to its hold; the stream goes on after it."""
+    """Duration of the last loss of contact in which the autopilot switched to hold, s; the stream then continues."""
     steady_s: float = 0.0
-    """So long setpoints must come steadily before the autopilot is asked to follow them; 0 where none were missed lately."""
+    """Time for which setpoints must arrive steadily before the autopilot is commanded to follow them, s; 0 without
+    recent gaps."""
 
 
 class MotionLimits(Message, frozen=True):
@@ -315,7 +316,7 @@ class MotionLimits(Message, frozen=True):
 
 
 class GeoArea(msgspec.Struct, frozen=True, array_like=True):
-    """One area of a fence on Earth: a polygon, or a circle where there is a centre."""
+    """One area of a geographic fence: a polygon, or a circle if there is a centre."""
 
     is_inclusion: bool
     """Where the vehicle may be, else where it may not."""
@@ -326,10 +327,10 @@ class GeoArea(msgspec.Struct, frozen=True, array_like=True):
 
 
 class GeoFence(Message, frozen=True):
-    """The fence of the loaded mission, for the autopilot to keep too; without areas where it has none on Earth."""
+    """Fence of the loaded mission for the autopilot to enforce, too; without areas where it has no geographic fence."""
 
     digest: str
-    """Of the mission, empty without one; what is uploaded is known by it."""
+    """Of the mission, empty without one; identifies the upload."""
     areas: list[GeoArea] = []
 
 
@@ -339,7 +340,7 @@ class FenceProgress(StrEnum):
     NONE = "none"
     UPLOADING = "uploading"
     CONFIRMED = "confirmed"
-    """The autopilot has it, gave it back equal, and has switched it on, as far as it tells."""
+    """The autopilot has it, returned an identical copy, and has enabled it, as far as it reports that."""
     FAILED = "failed"
 
 
@@ -364,6 +365,6 @@ class EmergencyDisarm(Message, frozen=True):
 
 
 class TakeOver(Message, frozen=True):
-    """An operator's leave to go on after a pilot had control."""
+    """An operator's permission to continue after a pilot had control."""
 
     is_resumed: bool

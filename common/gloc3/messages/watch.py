@@ -1,7 +1,8 @@
 """Topics watched by stations: requests for samples, and the samples that the platform sends (DESIGN §7).
 
-A station says everything that it wants to see in one `Watch` request and repeats it while somebody looks; without that
-the platform forgets it after `LEASE_S`. Samples are the latest of a topic, as often as wanted and as the link affords.
+A station lists all topics that it wants in one `Watch` request and repeats it while they are displayed; without a
+repeat the request expires after `LEASE_S`. A sample is the latest message of a topic, at the requested rate as far as
+the link allows.
 """
 
 from typing import Any, Final
@@ -12,21 +13,21 @@ from gloc3.messages.envelope import Envelope, Message, Source
 from gloc3.messages.wire import TypeRegistry, WireError, from_array, to_array, type_name
 
 WATCH: Final = "watch/"
-"""What a platform sends because somebody looks is on topics that begin so, below its name."""
+"""Prefix of topics, below the platform's name, that are sent only while a station watches."""
 SAMPLES: Final = f"{WATCH}sample/"
 LARGE: Final = f"{WATCH}large/"
 ACTIVITY: Final = f"{WATCH}activity"
 
 LEASE_S: Final = 8.0
-"""So long a platform remembers what a station wants to see."""
+"""Time after which a station's watch request expires, s."""
 RENEW_S: Final = 3.0
-"""So often a station that still looks says so: of three requests one may take long."""
+"""Period of repeated watch requests, s: one of three may be delayed."""
 LARGEST: Final = 48_000
 """Bytes of a sample."""
 
 
 class Want(msgspec.Struct, frozen=True, array_like=True):
-    """A topic that somebody looks at; numbers beyond what is sensible are brought back onboard."""
+    """A watched topic; values out of range are clamped onboard."""
 
     topic: str
     """Below the platform's name."""
@@ -40,22 +41,23 @@ class Want(msgspec.Struct, frozen=True, array_like=True):
 
 
 class TopicEntry(msgspec.Struct, frozen=True, array_like=True):
-    """A topic that can be looked at."""
+    """A topic that can be watched."""
 
     name: str
     """Below the platform's name."""
     type: str
     """The message's type, without its hash."""
     rate_hz: float
-    """Nominal; 0 for what speaks when something happens."""
+    """Nominal; 0 for event topics."""
     source: str
     """The component."""
 
 
 class Sample(Message, frozen=True):
-    """The latest message of a topic that is looked at, with its time of validity.
+    """Latest message of a watched topic, with its time of validity.
 
-    It is sent on `watch/sample/TOPIC`; one that does not fit few frames, such as a picture, on `watch/large/TOPIC`.
+    It is sent on `watch/sample/TOPIC`; one that needs more than a few frames, such as a picture, on
+    `watch/large/TOPIC`.
     """
 
     type: str
@@ -65,13 +67,13 @@ class Sample(Message, frozen=True):
     sequence: int
     frame: str
     rate_hz: float
-    """At which the topic speaks, as measured on the platform."""
+    """Rate of the topic, as measured on the platform."""
     payload: bytes
-    """The message as it stands on the wire; empty where it cannot be sent."""
+    """The message in wire format; empty where it cannot be sent."""
     problem: str = ""
     """Why it cannot be sent."""
     stations: tuple[str, ...] = ()
-    """Who looks at it."""
+    """Stations that watch it."""
 
 
 class Preview(Message, frozen=True):
@@ -94,19 +96,19 @@ class TopicActivity(Message, frozen=True):
     rates: list[int]
     """Messages in ten seconds."""
     ages: list[int]
-    """Tenths of a second since the last; -1 where none was heard since somebody looks."""
+    """Tenths of a second since the last message; -1 for none since the list was opened."""
     stations: tuple[str, ...] = ()
-    """Who looks at the list."""
+    """Stations that display the list."""
 
 
 def pack(envelope: Envelope[Any], message: Message, rate_hz: float, stations: tuple[str, ...] = ()) -> Sample:
-    """A sample of a topic.
+    """Packs a sample of a topic.
 
     Args:
         envelope: the topic's latest.
-        message: what is sent of it: its payload, or what stands for that.
-        rate_hz: at which the topic speaks.
-        stations: who looks at it.
+        message: the message to send: its payload, or a substitute.
+        rate_hz: rate of the topic.
+        stations: stations that watch it.
     """
     payload, problem = b"", ""
     try:
@@ -130,10 +132,10 @@ def pack(envelope: Envelope[Any], message: Message, rate_hz: float, stations: tu
 
 
 def unpack(envelope: Envelope[Sample], types: TypeRegistry) -> Envelope[Any]:
-    """The message that was looked at, as it was published on its own topic.
+    """Unpacks the watched message, as published on its own topic.
 
     Raises:
-        WireError: it cannot be read here, or could not be sent; the text says why.
+        WireError: it cannot be decoded here, or could not be sent; the text gives the reason.
     """
     sample = envelope.payload
     if sample.problem:
@@ -152,5 +154,5 @@ def unpack(envelope: Envelope[Sample], types: TypeRegistry) -> Envelope[Any]:
 
 
 def topic_of(name: str) -> str:
-    """The topic that is looked at on `watch/...`, below the platform's name."""
+    """The topic watched on `watch/...`, below the platform's name."""
     return name.removeprefix(SAMPLES).removeprefix(LARGE)

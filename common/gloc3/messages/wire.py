@@ -1,10 +1,10 @@
 """Messages as bytes: msgpack arrays with a type hash, the same on every middleware that leaves the process.
 
 In memory a message is an object with names; on the wire it is an array, so that a row of status costs a few bytes.
-Fields may be appended with defaults: a shorter array is filled up, a longer one is cut. What may not change is the
-*fixed part*, the fields without default; its hash travels in `type`, and a mismatch is *versions differ*.
+Fields may be appended with defaults: a shorter array is filled up, a longer one is truncated. The *fixed part*, the
+fields without default, must not change; its hash is sent in `type`, and a mismatch is *versions differ*.
 
-Names are part of that hash, and of logs. A class that is renamed stays known by its former name (`FORMER_NAMES`), a field
+Names are part of that hash, and of logs. A renamed class keeps its former name (`FORMER_NAMES`), a field
 by `msgspec.field(name="former name")`.
 """
 
@@ -27,18 +27,18 @@ class WireError(Gloc3Error):
 
 
 class VersionsDiffer(WireError):
-    """The other end knows this type with another fixed part."""
+    """The other end has a different fixed part of this type."""
 
 
 FORMER_NAMES: Final[Mapping[str, str]] = {}
-"""What a class that was renamed is called on the wire and in logs: its first released name, by the present one.
+"""Name of a renamed class on the wire and in logs: its first released name, by the present one.
 
-It holds messages, the structures and enums in them, and the bodies of requests.
+Applies to messages, the structures and enums in them, and the bodies of requests.
 """
 
 
 def wire_name(class_name: str) -> str:
-    """The name of a class on the wire and in logs."""
+    """Name of a class on the wire and in logs."""
     return FORMER_NAMES.get(class_name, class_name)
 
 
@@ -69,7 +69,7 @@ def _spell(annotation: Any) -> str:
 
 
 class TypeRegistry:
-    """The message types that a process knows, by name."""
+    """Message types that a process knows, by name."""
 
     def __init__(self) -> None:
         self._types: dict[str, type[Message]] = {}
@@ -78,7 +78,7 @@ class TypeRegistry:
         self._sources: dict[tuple[str, str, int], Source] = {}
 
     def add(self, message_type: type[Message]) -> None:
-        """Makes a type known. Two types of one name are a mistake of ours."""
+        """Adds a type. Two types of one name are a programming error."""
         name = wire_name(message_type.__name__)
         if self._types.setdefault(name, message_type) is not message_type:
             raise Misuse(f"two message types are called {name}")
@@ -147,7 +147,7 @@ class TypeRegistry:
 
 
 APART: Final = 16_384
-"""A field of so many bytes travels beside its message, so that it is copied less often."""
+"""Size from which a field is sent separately from its message, bytes, so that it is copied less often."""
 REMEMBERED_SOURCES: Final = 1000
 
 _ENVELOPE = msgspec.msgpack.Decoder(tuple[str, tuple[str, str, int], int, float, str, str, msgspec.Raw])
@@ -206,7 +206,7 @@ class _Form:
 
 
 def _array_like(message_type: type[Message]) -> type[Message]:
-    """The same type, read from arrays; what is read becomes of the type itself by its class alone."""
+    """The same type, read from arrays; changing the class of a result makes it an instance of the original type."""
     if message_type.__struct_config__.array_like:
         return message_type
     made = msgspec.defstruct(

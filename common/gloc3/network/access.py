@@ -17,7 +17,7 @@ class MemberRole(StrEnum):
     OPERATOR = "operator"
     """A station that may command."""
     OBSERVER = "observer"
-    """A station that looks."""
+    """A station that only reads."""
 
 
 class Accepted(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -45,7 +45,7 @@ MESSAGES: Final[dict[Speech, tuple[str, ...]]] = {
     "say": ("put", "delete", "reply", "declare_queryable", "liveliness_token"),
     "ask": ("declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query"),
 }
-"""Zenoh's messages for what is told, and for what is asked for."""
+"""Zenoh's message types for publishing, and for subscribing and querying."""
 READABLE: Final = (
     "ci/**",
     "contact",
@@ -64,7 +64,7 @@ CHILDREN: Final = "children"
 
 
 class AccessGrant(NamedTuple):
-    """A key pattern that one member lets pass on its links to another."""
+    """A key pattern that a member permits on its links to another."""
 
     flow: Flow
     """`ingress`: from the other; `egress`: to it."""
@@ -78,7 +78,7 @@ def common_name(member: str, certificate: str) -> str:
 
 
 def grants(own: Accepted, other: Accepted) -> list[AccessGrant]:
-    """What a member lets pass between itself and another."""
+    """Messages that a member permits between itself and another."""
     if own.role is MemberRole.PLATFORM and other.role is MemberRole.PLATFORM:
         return _peers(own, other) if own.platform != other.platform else _all((EVERYTHING,))
     if own.role is MemberRole.PLATFORM:

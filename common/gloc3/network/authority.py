@@ -24,7 +24,7 @@ AUTHORITY: Final = "authority.pem"
 AUTHORITY_KEY: Final = "authority.key"
 NUMBER_DIGITS: Final = 8
 BACKDATED: Final = timedelta(days=1)
-"""Certificates are valid since so long ago, for computers whose clocks are behind."""
+"""How long before their creation certificates are valid, for computers whose clocks are behind."""
 
 
 def make_authority(folder: Path, network: str, now: datetime, valid: timedelta) -> None:
@@ -42,15 +42,15 @@ def make_authority(folder: Path, network: str, now: datetime, valid: timedelta) 
 
 
 def issue(folder: Path, into: Path, member: str, hosts: Sequence[str], now: datetime, valid: timedelta) -> str:
-    """Makes a member's key and certificate.
+    """Creates a member's key and certificate.
 
     Args:
-        folder: where the authority is.
-        into: where they go, beside the authority's certificate.
-        member: whose.
-        hosts: names and addresses at which it is reached.
-        now: valid from a little before.
-        valid: so long.
+        folder: folder of the authority.
+        into: output folder, also for the authority's certificate.
+        member: name of the member.
+        hosts: names and addresses of the member.
+        now: the validity starts slightly earlier.
+        valid: duration of the validity.
 
     Returns:
         The certificate's number.
@@ -138,10 +138,10 @@ def findings(certificate: Path, key: Path, authority: Path, wanted: str, now: da
 
 
 def write_secret(path: Path, data: bytes) -> None:
-    """Writes a new file that nobody else may read.
+    """Writes a new file that only its owner can read.
 
     Raises:
-        Refused: it is there already.
+        Refused: it exists already.
     """
     try:
         number = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)

@@ -1,4 +1,4 @@
-"""The command `gloc3 network`: makes and checks the network of platforms and stations."""
+"""The command `gloc3 network`: creates and checks the network of platforms and stations."""
 
 from __future__ import annotations
 

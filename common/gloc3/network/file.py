@@ -61,10 +61,10 @@ class Membership(NamedTuple):
     file: NetworkFile
 
     def node(self, *sockets: str) -> ZenohEndpoints:
-        """This member as a node.
+        """This member as a Zenoh node.
 
         Args:
-            sockets: endpoints for child processes, beside what the file says.
+            sockets: endpoints for child processes, in addition to those in the file.
         """
         file = self.file
         return ZenohEndpoints(
@@ -94,14 +94,14 @@ class Membership(NamedTuple):
 
 
 def read_network(path: Path, now: datetime) -> Membership:
-    """Reads a network file, and looks at the certificate and the key.
+    """Reads a network file, and checks the certificate and the key.
 
     Args:
         path: the file.
         now: certificates have to be valid then.
 
     Raises:
-        InputError: with everything that is wrong.
+        InputError: lists all errors.
     """
     document = parse(load_bytes(path), str(path))
     found: list[Finding] = []

@@ -27,13 +27,13 @@ class NetworkMember(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     certificate: str
     """The number of its one certificate that counts."""
     until: str
-    """The day on which that expires."""
+    """Day on which the certificate expires."""
     listen: list[str] = []
     """`HOST:PORT` that it opens."""
     reached_at: list[str] = []
-    """`HOST:PORT` at which others reach it; empty where that is what it opens."""
+    """`HOST:PORT` at which others reach it; empty where they are the same as its listen addresses."""
     to: list[str] = []
-    """The members that it connects to; empty where it follows from what it is."""
+    """Members that it connects to; empty for the default of its role."""
     is_revoked: bool = False
 
 
@@ -99,10 +99,10 @@ def add(
     """Adds a member with a new key and certificate, and rewrites all network files.
 
     Returns:
-        The members whose files are others now, itself among them.
+        The members whose files have changed, including itself.
 
     Raises:
-        Refused: the name or an address cannot be, or somebody has the name already.
+        Refused: the name or an address is invalid, or the name is in use.
         InputError: the register or the authority cannot be used.
     """
     register = read_register(folder)
@@ -126,7 +126,7 @@ def revoke(folder: Path, name: str) -> list[str]:
     """Removes a member's certificate from all lists, and rewrites all network files.
 
     Returns:
-        The members whose files are others now.
+        The members whose files have changed.
 
     Raises:
         Refused: there is no such member.
@@ -141,7 +141,7 @@ def revoke(folder: Path, name: str) -> list[str]:
 
 
 def _write(folder: Path, register: Register) -> list[str]:
-    """Writes the register and all network files; the members whose files are others now."""
+    """Writes the register and all network files; returns the members whose files have changed."""
     text = f"# The members of the network {register.network}. `gloc3 network` writes this file; authority.key stays here.\n"
     _replace(folder / REGISTER, text + dump(msgspec.to_builtins(register)))
     return [
@@ -184,7 +184,7 @@ def _quoted(text: str) -> str:
 
 
 def _replace(path: Path, text: str) -> bool:
-    """Writes a file as a whole, so that nobody reads half of it; False where it says the same already."""
+    """Writes a file atomically; returns False where its content is unchanged."""
     if path.exists() and path.read_text() == text:
         return False
     replace_file(path, text.encode())

@@ -1,6 +1,6 @@
 """Requests of stations on the network, on keys that only the sender may write, so that the key proves the sender.
 
-A station sends commands on `PLATFORM/ci/request/STATION` and what only looks on `PLATFORM/ci/ask/STATION`; inside a
+A station sends commands on `PLATFORM/ci/request/STATION` and read-only requests on `PLATFORM/ci/ask/STATION`; inside a
 process both are `PLATFORM/ci/request`, as on every middleware.
 """
 
@@ -23,7 +23,7 @@ from gloc3.messages.topics import TopicTable
 from gloc3.network.access import MemberRole
 
 CONTACT_S: Final = 1.0
-"""So often the platform is told of each station that is there."""
+"""Period of contact reports to the platform for each station that is present."""
 RELAYED: Final = "network"
 """How these requests came, for the record."""
 STATION_ROLES: Final[Mapping[MemberRole | None, StationRole]] = {
@@ -35,7 +35,7 @@ CHUNKS: Final = "log_chunk"
 COMMANDS: Final = "request"
 QUESTIONS: Final = "ask"
 DEMANDS: Final = "demand"
-"""The velocities that are asked for by hand; a level higher, since they are no requests."""
+"""Velocity demands of manual control; on a level of their own, because they are not requests."""
 
 
 def key_of(station: str, envelope: Envelope[CiRequest]) -> str:
@@ -60,12 +60,12 @@ def join_platforms(
     """Joins a station to all platforms on the network: it sends requests and receives their downlink.
 
     Args:
-        network: the exchanger that reaches them.
+        network: the exchange that reaches them.
         inside: the station's own.
-        topics: what may come in.
+        topics: topics that are accepted.
         station: the station's name, as its certificate has it.
-        carries: tells whether a request goes this way.
-        is_new: tells whether what comes has not come by another way already.
+        carries: whether a request is sent over this link.
+        is_new: whether a message has not arrived over another link already.
     """
 
     def send(envelope: Envelope[CiRequest]) -> None:
@@ -101,12 +101,12 @@ class StationBridge:
     """The platform's end: receives stations' requests, and forwards them if their sender is genuine.
 
     Args:
-        network: the exchanger that reaches the stations, and on which the command interface server is.
-        loop: gives the time.
-        platform: whose.
-        roles: what each station is; others are nobody.
+        network: the exchange that reaches the stations, and to which the command interface server is connected.
+        loop: the event loop, for time and timers.
+        platform: name of the platform.
+        roles: role of each station; others are not accepted.
         boot: of this process.
-        forged: is told of each request that is not what it says, with the station that has sent it.
+        forged: called for each request that does not match its sender, with the station that has sent it.
     """
 
     def __init__(
@@ -120,7 +120,7 @@ class StationBridge:
     ) -> None:
         self.roles = roles
         self.forgeries: Final[dict[str, int]] = {}
-        """How many requests of each station were not what they said."""
+        """Number of each station's requests that did not match their sender."""
         self._network = network
         self._inside = network.here
         self._loop = loop

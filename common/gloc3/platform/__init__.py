@@ -1,6 +1,6 @@
-"""The platform file: what a vehicle is, can do and is limited to, and which components make it up.
+"""The platform file: a vehicle's properties, capabilities, limits and components.
 
-The reader and the checks give every finding its place in the file.
+The reader and the checks give every finding its position in the file.
 """
 
 __all__ = ["bases", "limits", "places", "platform", "reader", "schema"]

@@ -1,7 +1,7 @@
 """Platform files that extend others: `extends: multirotor`, then only the differences.
 
-Mappings are merged key by key, components row by row (by name); lists and single values replace what the base says, and
-null takes it out. Every value keeps the file, line and column where it stands, so that findings point there.
+Mappings are merged key by key, components row by row (by name); lists and single values replace those of the base, and
+null removes them. Every value keeps its file, line and column, so that findings point there.
 """
 
 from os.path import relpath
@@ -15,7 +15,7 @@ from gloc3.installed import installed_points
 
 EXTENDS: Final = "extends"
 BASES: Final = "bases"
-"""The folder beside the platform files in which bases stand: platforms that are not complete alone."""
+"""Folder next to the platform files for bases: platforms that are incomplete on their own."""
 
 
 def platform_files() -> dict[str, Path]:
@@ -42,14 +42,14 @@ def _folders() -> list[Path]:
 
 
 def completed(document: Document, extending: tuple[Path, ...] = ()) -> Document:
-    """The whole platform that a document stands for: what it extends, with its own values on top.
+    """The complete platform of a document: its base, with its own values on top.
 
     Args:
-        document: as written; returned as it is where it extends nothing.
-        extending: the files that led here.
+        document: as written; returned unchanged where it extends nothing.
+        extending: the chain of extending files.
 
     Raises:
-        InputError: a base is not there, extends itself, or has mistakes; or a row changes a component that no base has.
+        InputError: a base does not exist, extends itself, or has errors; or a row changes a component that no base has.
     """
     where = document.root.children.get(EXTENDS)
     if where is None:
@@ -82,7 +82,7 @@ def completed(document: Document, extending: tuple[Path, ...] = ()) -> Document:
 def _base_file(document: Document, where: YamlNode) -> Path:
     name = where.value
     if not isinstance(name, str):
-        raise InputError([document.finding((EXTENDS,), "extends takes the name of a base or platform, or a file")])
+        raise InputError([document.finding((EXTENDS,), "extends needs the name of a base or platform, or a file")])
     path = Path(name)
     if path.suffix:
         path = Path(document.file).parent / path
@@ -107,7 +107,7 @@ def _move_calibrations(base: Document, file: Path) -> None:
 
 
 def _merged(base: YamlNode, own: YamlNode) -> YamlNode:
-    """A mapping with another's values on top; a new entry stands behind the one that is written before it, or first."""
+    """Merges a mapping onto another; a new entry goes after the one that precedes it in the file, or first."""
     made = YamlNode({}, own.line, own.column, own.file)
     order, last = [str(key) for key in base.children], ""
     for name in map(str, own.children):
@@ -126,7 +126,7 @@ def _merged(base: YamlNode, own: YamlNode) -> YamlNode:
 
 
 def _merged_rows(base: YamlNode, own: YamlNode, document: Document, findings: list[Finding]) -> YamlNode:
-    """The base's components with the file's rows on top; a new one stands behind the row that is written before it, or last."""
+    """Merges the file's rows onto the base's; a new one goes after the row that precedes it in the file, or last."""
     rows: dict[str, YamlNode] = {}
     for index, row in base.children.items():
         name = _name_of(row)

@@ -56,7 +56,7 @@ def _components(
 
 
 def _devices(platform: Platform, document: Document) -> Iterator[Finding]:
-    """Sources of devices that nobody uses."""
+    """Sources for devices that no component uses."""
     used = sorted({device for row in platform.components for device in row.devices.values()})
     for name, source in platform.devices.items():
         is_of_pair = any(url.startswith("pair:") and name in url for url in platform.devices.values())
@@ -66,7 +66,7 @@ def _devices(platform: Platform, document: Document) -> Iterator[Finding]:
 
 
 def _places(platform: Platform, document: Document) -> Iterator[Finding]:
-    """Hosts and processes that are not there, or do not have what a component needs."""
+    """Hosts and processes that do not exist, or lack something that a component needs."""
     for problem in _place_problems(platform):
         where = ("components", problem.row, *problem.path)
         yield document.finding(where, problem.message, problem.hint, is_warning=problem.is_warning)
@@ -103,7 +103,7 @@ def _place_problems(platform: Platform) -> Iterator[Problem]:
 
 
 def _settings(row: ComponentRow, document: Document, where: Where) -> Iterator[Finding]:
-    """What is wrong in settings, each with its own line."""
+    """Errors in settings, each with its line."""
     findings: list[Finding] = []
     schema.check(document.node(where), row.load_class().settings_type, document.file, findings)
     yield from findings

@@ -11,7 +11,7 @@ Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 
 
 class PlatformRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The base of everything that stands in a platform file."""
+    """Base of all structures in a platform file."""
 
 
 class Limits(PlatformRow, frozen=True, kw_only=True):
@@ -29,19 +29,20 @@ class Limits(PlatformRow, frozen=True, kw_only=True):
     height_max_m: Height = 30.0
     """Greatest height above home."""
     altitude_min_m: NotNegative = 0.5
-    """Least height over the ground, or the floor of the water, that a way may be asked to keep."""
+    """Least height above the ground or the sea bed that a path may request."""
     fence_margin_m: NotNegative = 0.5
     """Distance that waypoints and legs keep from the fence."""
     survey_height_m: Height | None = None
-    """Height above home at which patterns are flown that say none: 0 on the ground or the water, negative for what dives."""
+    """Default height of patterns above home: 0 on the ground or the water, negative for underwater vehicles."""
     survey_speed_m_s: Positive | None = None
-    """Speed of ways that say none; None: 1 m/s, or the greatest where that is less."""
+    """Default speed of paths; None: 1 m/s, or the maximum speed where that is less."""
     survey_acceptance_m: Positive = 0.25
     """So near patterns that say nothing come to a waypoint."""
     speed_min_m_s: NotNegative = 0.0
-    """Slower ways are refused: what flies on wings falls."""
+    """Slower paths are refused: a fixed-wing vehicle stalls."""
     turn_radius_m: NotNegative = 0.0
-    """Of what cannot turn on the spot nor stop, such as a plane: ways need room to turn, and it waits in circles."""
+    """For vehicles that can neither turn on the spot nor stop, such as a plane: paths need room to turn, and it waits
+    in circles."""
 
     rotors_speed_m_s: NotNegative = 0.0
     """Of what has both wings and rotors: speed of ways on rotors. 0 for others."""

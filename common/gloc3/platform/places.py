@@ -26,7 +26,7 @@ class ProcessPlace(NamedTuple):
 
 
 def host_names(platform: Platform) -> list[str]:
-    """The hosts of a platform; the first is that of components whose row names none."""
+    """Hosts of a platform; the first is that of components whose row names none."""
     return list(platform.hosts) or [ONLY_HOST]
 
 
@@ -36,7 +36,7 @@ def place_of(platform: Platform, row: ComponentRow) -> ProcessPlace:
 
 
 def clock_host(platform: Platform) -> str:
-    """The host whose clock is the platform's time: that of the components which use the autopilot's link."""
+    """Host whose clock is the platform's time: that of the components which use the autopilot's link."""
     votes = Counter(place_of(platform, row).host for row in platform.components if tied_device(platform, row))
     return votes.most_common(1)[0][0] if votes else host_names(platform)[0]
 
@@ -58,10 +58,10 @@ def is_in_one_process(platform: Platform) -> bool:
 
 
 def choose_host(platform: Platform, wanted: str | None) -> str:
-    """The host that a process is told to be; the only one when it is told nothing.
+    """Selects the host of a process; without a name, the only one.
 
     Raises:
-        Refused: there is none of that name, or none is named and there are several.
+        Refused: there is no host of that name, or none is given and there are several.
     """
     names = host_names(platform)
     if wanted is None and len(names) > 1:

@@ -1,4 +1,4 @@
-"""The platform file: what a vehicle is, can do, is limited to, and which components make it up."""
+"""Platform file: a vehicle's properties, capabilities, limits and components."""
 
 from hashlib import blake2s
 from typing import Annotated, Literal
@@ -20,11 +20,11 @@ class Vehicle(PlatformRow, frozen=True, kw_only=True):
     type: Literal["quadrotor", "hexarotor", "aircraft", "vtol", "rover", "boat", "auv", "rov"]
     mass_kg: Positive
     airframe: str = ""
-    """What stands for it in simulation, of `gloc3 sitl --vehicle`; empty for the usual one of its type."""
+    """Vehicle model in simulation, of `gloc3 sitl --vehicle`; empty for the default of its type."""
 
 
 class FrameOrigin(PlatformRow, frozen=True, kw_only=True):
-    """Where a local frame begins."""
+    """Origin of a local frame."""
 
     geo: tuple[
         Annotated[float, msgspec.Meta(ge=-90.0, le=90.0)],
@@ -47,14 +47,14 @@ class FrameRow(PlatformRow, frozen=True, kw_only=True):
 
 
 class LinkLossFailsafe(PlatformRow, frozen=True, kw_only=True):
-    """What the autopilot does by itself without a ground station."""
+    """Autopilot failsafe for a lost ground station."""
 
     action: Literal["continue", "hold", "return", "land"]
     after_s: Annotated[float, msgspec.Meta(ge=0.0, le=3_600.0)] = 10.0
 
 
 class LowBatteryFailsafe(PlatformRow, frozen=True, kw_only=True):
-    """What the autopilot does by itself when the battery is low."""
+    """Autopilot failsafe for a low battery."""
 
     action: Literal["continue", "hold", "return", "land"]
     at: Share = 0.2
@@ -62,13 +62,13 @@ class LowBatteryFailsafe(PlatformRow, frozen=True, kw_only=True):
 
 
 class PoseLostFailsafe(PlatformRow, frozen=True, kw_only=True):
-    """What the autopilot does by itself when it has no position."""
+    """Autopilot failsafe for a lost position."""
 
     action: Literal["continue", "hold", "return", "land"]
 
 
 class Failsafes(PlatformRow, frozen=True, kw_only=True):
-    """What the autopilot is set to do by itself; missions are checked for agreeing with it. None: nothing."""
+    """Failsafes that are configured on the autopilot; missions are checked against them. None: no failsafe."""
 
     link_loss: LinkLossFailsafe | None = None
     low_battery: LowBatteryFailsafe | None = None
@@ -81,7 +81,7 @@ class Capability(PlatformRow, frozen=True, kw_only=True):
     arguments: str
     """The kind of arguments that it takes, such as `follow_waypoints`."""
     performed_by: str
-    """The component that performs it; empty for what the executor does itself."""
+    """Component that performs it; empty for a capability of the executor itself."""
     claims: tuple[Name, ...] = ()
     """Resources that it needs for itself while it runs, such as `motion`."""
     needs: tuple[str, ...] = ()
@@ -89,14 +89,14 @@ class Capability(PlatformRow, frozen=True, kw_only=True):
     options: dict[str, tuple[str, ...]] = {}
     """Values that are possible for an argument here, such as the names of the cameras."""
     performed_as: str = ""
-    """The capability as which the component performs it; empty for its own name."""
+    """Capability name used by the component; empty for the same name."""
 
 
 class HostRow(PlatformRow, frozen=True, kw_only=True):
     """A computer of the platform."""
 
     on_loss: FaultPolicy = FaultPolicy.IGNORE
-    """What is done in flight when nothing is heard of the whole host, beside what its components' rows say."""
+    """Policy in flight when the whole host is lost, in addition to those of its components' rows."""
 
 
 class Platform(PlatformRow, frozen=True, kw_only=True):
@@ -108,9 +108,9 @@ class Platform(PlatformRow, frozen=True, kw_only=True):
     arm: bool = False
     """Whether `take_off` may arm the vehicle."""
     on_stop: Literal["hold", "land"] = "hold"
-    """What is done when the onboard process is told to end in flight: the autopilot's hold is confirmed, or it lands."""
+    """Policy when the onboard process is stopped in flight: the autopilot's hold is confirmed, or it lands."""
     pilot: bool = False
-    """Whether a pilot with a transmitter stands by on every flight, to whom the autopilot may leave the vehicle."""
+    """Whether a pilot with a transmitter stands by on every flight, to whom the autopilot may hand over control."""
     frames: dict[Name, FrameRow] = {}
     limits: Limits = Limits()
     power: Power | None = None
@@ -121,7 +121,7 @@ class Platform(PlatformRow, frozen=True, kw_only=True):
     cameras: dict[Name, CameraModel | str] = {}
     """How each camera is calibrated: a model, or a file such as `front.yaml#cam0`, relative to this one."""
     hosts: dict[Name, HostRow] = {}
-    """The computers that the components run on; none for a single one."""
+    """Computers that the components run on; empty for a single one."""
     components: tuple[ComponentRow, ...] = ()
 
     def local_frames(self) -> dict[str, LocalFrame]:

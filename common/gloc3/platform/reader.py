@@ -45,10 +45,10 @@ def namesakes(name: str) -> list[Finding]:
 
 
 def find_platform(name: str) -> Path:
-    """The file of a platform; plain names are looked up in the folders of the entry points `gloc3.platforms`.
+    """Finds the file of a platform; plain names are searched in the folders of the entry points `gloc3.platforms`.
 
     Raises:
-        NotFound: there is none of that name.
+        NotFound: there is no platform of that name.
     """
     path, known = Path(name), platform_files()
     if path.is_dir() and name not in known:
@@ -72,32 +72,32 @@ def read_platform(
 
     Args:
         data: its content.
-        file: what the findings call it.
+        file: its name in findings.
         is_loading_classes: whether the components' classes are imported, and ports, topics and settings checked against
             them.
         devices: with the classes: patterns of the devices that the host has; None does not check them.
-        warn: takes what is doubtful in a file that can be used.
+        warn: called with warnings about a usable file.
 
     Raises:
-        InputError: with everything that is wrong in it.
+        InputError: lists all errors in it.
     """
     return check_platform(read_document(data, file), is_loading_classes=is_loading_classes, devices=devices, warn=warn)
 
 
 def read_document(data: bytes | str, file: str) -> Document:
-    """The whole platform that a file stands for, with what it extends, before it is checked.
+    """The complete platform document of a file, including its bases, before it is checked.
 
     Raises:
-        InputError: it is no YAML, or what it extends cannot be used.
+        InputError: it is not valid YAML, or a base cannot be used.
     """
     return completed(parse(data, file))
 
 
 def whole_text(name: str) -> str:
-    """The text of a platform, by path or installed name, that stands alone: as written, or with all that it extends.
+    """Self-contained text of a platform, by path or installed name: as written, or with all its bases merged.
 
     Raises:
-        InputError: the file cannot be read, is no YAML, or what it extends cannot be used.
+        InputError: the file cannot be read, is not valid YAML, or a base cannot be used.
     """
     path = find_platform(name)
     data = load_bytes(path)

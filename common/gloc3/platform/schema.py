@@ -17,10 +17,10 @@ WHOLE: Final = "whole "
 
 
 def platform_schema() -> Schema:
-    """The schema of a platform file; what a component's row may hold depends on its class.
+    """JSON schema of a platform file; the contents of a component's row depend on its class.
 
-    A file that extends another may leave out what is needed, and take out what is there with null: the definitions allow
-    both, and what a file needs that stands alone is in those called `whole …`.
+    A file that extends another may omit required keys, and remove keys with null: the definitions allow both. The
+    required keys of a self-contained file are in those called `whole …`.
     """
     root, definitions = described(Platform)
     kinds = argument_kinds()
@@ -59,7 +59,7 @@ def platform_schema() -> Schema:
 
 
 def _row_of(name: str, component: type[Component[Any]], definitions: dict[str, Schema]) -> Schema:
-    """What the row of a class may name: its settings, ports, devices, and what can be logged."""
+    """Schema of a class's row: its settings, ports, devices, and loggable items."""
     settings = struct_schema(component.settings_type, definitions)
     settings["additionalProperties"] = {"type": "null"}  # of a base's class that had other settings
     settings["description"] = (inspect.getdoc(component) or "").partition("\n")[0]
@@ -82,7 +82,7 @@ def _row_of(name: str, component: type[Component[Any]], definitions: dict[str, S
 
 
 def _keys(names: Collection[str]) -> Schema:
-    """A mapping with no other keys than these, but to take out what a base has."""
+    """A mapping with these keys only; null removes those of a base."""
     return {"properties": dict.fromkeys(sorted(names), True), "additionalProperties": {"type": "null"}}
 
 

@@ -1,7 +1,7 @@
-"""The crash-safe store under everything that is kept on disk: records in a file, or one small file replaced whole.
+"""Crash-safe storage on disk: records in a file, or one small file that is replaced as a whole.
 
-What is written outlives the process at once. For a power cut the disk has to have it, which takes a card a second now and
-then: a thread waits for that, nobody else, and `wait` tells whether it is so.
+Written data survives the process at once. To survive a power cut it has to be on disk, which sometimes takes an SD card
+a second: only a thread waits for that, and `wait` returns whether it is done.
 """
 
 from gloc3.store.files import AppendFile, DocumentFile, replace_file

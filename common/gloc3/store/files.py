@@ -63,12 +63,12 @@ class AppendFile:
 
 
 class DocumentFile(Generic[T]):
-    """One value in a small file of JSON, replaced whole; never raises.
+    """One value in a small JSON file that is replaced as a whole; never raises.
 
-    The file before stays beside it, as `NAME.old`, until the new one is on disk, so that one of them is always whole.
+    The previous file is kept as `NAME.old` until the new one is on disk, so that one of them is always complete.
 
     Args:
-        path: the file; its folder is made when it is first written.
+        path: the file; its folder is created at the first write.
         type_: of the value.
     """
 
@@ -132,11 +132,11 @@ class DocumentFile(Generic[T]):
 
 
 class DiskThread:
-    """Waits for the disk in a thread of its own, which lives as long as something is on its way there.
+    """Waits for the disk in a thread, which lives as long as data is being written.
 
     Args:
-        name: of the file, in words.
-        bring: returns when the disk has all that is written, or raises `OSError`.
+        name: name of the file for users.
+        bring: returns when all written data is on disk, or raises `OSError`.
     """
 
     def __init__(self, name: str, bring: Callable[[], None]) -> None:
@@ -148,7 +148,7 @@ class DiskThread:
         self._error: OSError | None = None
 
     def request(self) -> None:
-        """Has the disk take what is written."""
+        """Requests that the written data is brought to disk."""
         with self._changed:
             self._requested += 1
             if not self._is_running:
@@ -160,12 +160,12 @@ class DiskThread:
         return self._requested
 
     def wait(self, mark: int, most_s: float) -> bool:
-        """Whether the requests up to a mark are settled, after a wait of at most so long."""
+        """Whether the requests up to a mark are done, after waiting at most `most_s`."""
         with self._changed:
             return self._changed.wait_for(lambda: self._settled >= mark, most_s)
 
     def check(self) -> None:
-        """Requests once more what the disk has failed to take since the last check.
+        """Repeats requests that have failed since the last check.
 
         Raises:
             OSError: the disk has failed.
@@ -177,7 +177,7 @@ class DiskThread:
             raise error
 
     def _run(self) -> None:
-        """Until everything that is written meanwhile is on disk, too."""
+        """Runs until all data, including data written meanwhile, is on disk."""
         while True:
             with self._changed:
                 requested = self._requested
@@ -195,12 +195,12 @@ class DiskThread:
 
 
 def replace_file(path: Path, data: bytes, beside: Path | None = None) -> None:
-    """Writes a file whole, or leaves what was there.
+    """Replaces a file atomically, or leaves the previous one.
 
     Args:
-        path: the file; its folder is there.
+        path: the file; its folder must exist.
         data: the new content.
-        beside: where it is written first; by default a hidden file in the same folder.
+        beside: temporary file that is written first; by default a hidden file in the same folder.
 
     Raises:
         OSError: it cannot be written.

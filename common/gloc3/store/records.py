@@ -32,17 +32,17 @@ class Records(Protocol):
         """A number for all that was written so far."""
 
     def wait(self, mark: int, most_s: float) -> bool:
-        """Whether nothing of that is on its way to the disk any more, after a wait of at most so long."""
+        """Whether no data up to the mark is still on its way to the disk, after waiting at most `most_s`."""
 
     def check(self) -> None:
-        """Raises `OSError` if the disk has failed since the last check; then it is asked once more."""
+        """Raises `OSError` if the disk has failed since the last check; the request is then repeated."""
 
 
 class RecordFile:
-    """Records, one after the other, each with its length and checksum; a torn end is cut off when it is read.
+    """File of records, each with its length and checksum; an incomplete end is cut off when it is read.
 
-    `rewrite` begins a file of its own, `NAME.2` beside `NAME.1`; the older one goes when the newer is on disk, so that one
-    of them is always whole.
+    `rewrite` starts a new file, `NAME.2` next to `NAME.1`; the older one is deleted when the newer one is on disk, so
+    that one of them is always complete.
 
     Args:
         path: the files' name, without the number.
@@ -55,7 +55,8 @@ class RecordFile:
         self._number = 0
         """Of the file that is written to; 0 before there is one."""
         self._safe = self._named = self._syncing = 0
-        """Numbers of the newest file that is on disk, of that whose name is, too, and of that which was brought there last."""
+        """Numbers of the newest file on disk, of the newest whose name is on disk, too, and of the last one to be
+        synced."""
         self._disk = DiskThread(path.name, self._bring_to_disk)
 
     def load(self) -> list[bytes]:
@@ -84,7 +85,7 @@ class RecordFile:
 
         Args:
             record: the new one.
-            outlives_power_cut: the disk is asked for; otherwise only the end of this process does no harm.
+            outlives_power_cut: whether it is brought to disk; otherwise it survives only the end of this process.
 
         Raises:
             OSError: it could not be written; the file is as it was.
@@ -103,7 +104,7 @@ class RecordFile:
 
         Args:
             records: the new ones.
-            outlives_power_cut: the disk is asked for; otherwise only the end of this process does no harm.
+            outlives_power_cut: whether they are brought to disk; otherwise they survive only the end of this process.
 
         Raises:
             OSError: they could not be written; the file is as it was.
@@ -124,16 +125,16 @@ class RecordFile:
         return self._disk.mark()
 
     def wait(self, mark: int, most_s: float) -> bool:
-        """Whether nothing of that is on its way to the disk any more, after a wait of at most so long.
+        """Whether no data up to the mark is still on its way to the disk, after waiting at most `most_s`.
 
         Args:
-            mark: what was written until `mark` gave this number.
-            most_s: the longest wait; `check` tells whether it has arrived.
+            mark: covers data written until `mark` returned this number.
+            most_s: the longest wait; `check` reports whether it is on disk.
         """
         return self._disk.wait(mark, most_s)
 
     def check(self) -> None:
-        """Has the disk take once more what it has failed to take.
+        """Repeats a write to disk that has failed.
 
         Raises:
             OSError: it has failed since the last check.
@@ -164,7 +165,7 @@ class RecordFile:
 
 
 class MemoryRecords:
-    """Records for one run in virtual time; a restarted onboard process is given the same object."""
+    """Records for one run in virtual time; a restarted onboard process gets the same object."""
 
     def __init__(self) -> None:
         self._records: list[bytes] = []
@@ -186,7 +187,7 @@ class MemoryRecords:
         return 0
 
     def wait(self, mark: int, most_s: float) -> bool:
-        """So nobody does."""
+        """Returns at once: nothing is on its way to a disk."""
         return True
 
     def check(self) -> None:
@@ -194,13 +195,13 @@ class MemoryRecords:
 
 
 class RecordStore:
-    """Records on a disk that may be full or broken: never raises, because a vehicle stays under command without its disk.
+    """Records on a disk that may be full or broken; never raises: a vehicle flies without its disk.
 
-    What could not be written is owed to the disk; until it is there a restart would know an older state.
+    Records that could not be written are pending; until they are written, a restart would load an older state.
 
     Args:
         records: the file.
-        what: is kept there, in words: *progress*.
+        what: name of the content for users: *progress*.
     """
 
     def __init__(self, records: Records, what: str) -> None:
@@ -210,7 +211,7 @@ class RecordStore:
         self._is_failing = False
         """The last attempt to keep something has failed."""
         self._owed: list[tuple[bytes | list[bytes], bool]] = []
-        """What is still to be written, in order, a record or all of them, and whether it is to outlive a power cut."""
+        """Pending writes, in order: a record or all of them, and whether it has to survive a power cut."""
 
     def load(self) -> list[bytes]:
         """All whole records, oldest first; none where they cannot be read."""
@@ -226,7 +227,7 @@ class RecordStore:
         self._write()
 
     def rewrite(self, records: list[bytes], *, outlives_power_cut: bool = True) -> None:
-        """Replaces all records at once, with what is owed of them."""
+        """Replaces all records at once, including pending ones."""
         self._owed = [(records, outlives_power_cut)]
         self._write()
 
@@ -235,11 +236,11 @@ class RecordStore:
         return self._records.mark()
 
     def wait(self, mark: int, most_s: float) -> bool:
-        """Whether nothing of that is on its way to the disk any more, after a wait of at most so long."""
+        """Whether no data up to the mark is still on its way to the disk, after waiting at most `most_s`."""
         return self._records.wait(mark, most_s)
 
     def check(self) -> None:
-        """Updates `problem`, and writes what is owed, if something is."""
+        """Updates `problem`, and writes pending records."""
         try:
             self._records.check()
         except OSError as error:

@@ -1,4 +1,4 @@
-"""The station without a screen: streams a mission, starts it, narrates on stderr; stdout is data."""
+"""The station without a screen: sends a mission, starts it, narrates on stderr; stdout is data."""
 
 import asyncio
 from collections.abc import AsyncIterator, Callable, Sequence
@@ -21,7 +21,7 @@ PATIENT_PROGRESS_EVERY_S: Final = 30.0
 """The same while a platform is silent."""
 POLL_PERIOD_S: Final = 1.0
 CATCH_UP_S: Final = 30.0
-"""So long a run goes on after its end for what happened out of contact."""
+"""Time for which a run continues after its end to receive events from the time out of contact."""
 
 Report = Callable[[NarrationLine], None]
 
@@ -30,19 +30,19 @@ class Headless:
     """One run of the station for scripts."""
 
     def __init__(self, station: Station, report: Report, *, platform: str | None = None) -> None:
-        """A run.
+        """Creates a run.
 
         Args:
-            station: hears and commands the platforms.
-            report: takes what is told, line by line.
-            platform: the one to command; None for the first that is heard.
+            station: receives from and commands the platforms.
+            report: called with each line of narration.
+            platform: the one to command; None for the first one received.
         """
         self._station = station
         self._report = report
         self._platform = platform
         self._narrator = ChangeNarrator(station.now_s())
         self._reported: dict[str, tuple[bool, bool, float]] = {}
-        """Platform to whether it was silent, and overdue, when its progress was told last, and when that was."""
+        """Platform to whether it was silent and overdue at its last progress line, and when that was."""
         self._loop = asyncio.get_running_loop()
         self._unlisten: Unsubscribe = lambda: None
         self._timer: asyncio.TimerHandle | None = None
@@ -63,12 +63,12 @@ class Headless:
 
         Args:
             plan: the mission, checked.
-            wait_s: how long to wait for the platform to be heard, and then for it to be ready.
-            override: why it shall start although checks are red; empty to have it refused then.
-            author: whose override that is.
+            wait_s: how long to wait for contact with the platform, and then for it to be ready.
+            override: reason to start although checks have failed; empty to refuse then.
+            author: author of the override.
 
         Raises:
-            Gloc3Error: the platform is not there, or turned something down.
+            Gloc3Error: the platform is not in contact, or refused a request.
         """
         station = self._station
         self._begin()
@@ -134,7 +134,7 @@ class Headless:
         return having or names
 
     async def _catch_up(self, names: Sequence[str]) -> None:
-        """Waits for what happened out of contact, where the end was heard at a contact."""
+        """Waits for events from the time out of contact, where the end was received at a new contact."""
         station = self._station
         with suppress(TimeoutError):
             async with asyncio.timeout(CATCH_UP_S):
@@ -171,7 +171,7 @@ class Headless:
         self._report(self._narrator.line("", "event", text, self._station.now_s()))
 
     def _begin(self) -> None:
-        """Tells what is known already, and from now on what changes."""
+        """Reports the present state, and changes from now on."""
         self._changed(Fleet(), self._station.fleet, self._station.now_s())
         self._unlisten = self._station.listen(self._changed)
         self._report_progress()
@@ -188,14 +188,14 @@ class Headless:
                 if others
                 else "is it running, and does its link lead here? --link udpin://0.0.0.0:14550 hears a network"
             )
-            raise NoContact(f"{who} was not heard within {duration(wait_s)}; {hint}") from None
+            raise NoContact(f"{who} did not respond within {duration(wait_s)}; {hint}") from None
 
     def _changed(self, before: Fleet, after: Fleet, now_s: float) -> None:
         for line in self._narrator.changes(before, after, now_s):
             self._report(line)
 
     def _report_progress(self) -> None:
-        """A line for each platform in flight now and then; for a silent one less often."""
+        """Periodically prints a line for each platform in flight; less often for a silent one."""
         self._timer = self._loop.call_later(POLL_PERIOD_S, self._report_progress)
         now_s = self._station.now_s()
         for platform in self._station.fleet:

@@ -47,7 +47,7 @@ class PullProgress:
             narrate(f"{self._title}: {words}")
 
     def pause(self, text: str) -> None:
-        """Something is told meanwhile, as that the way is lost."""
+        """Prints a text during a download, such as the loss of the connection."""
         self._pace.reset()
         narrate(text)
 
@@ -68,28 +68,28 @@ def pull(
 ) -> int:
     """Fetch logs from a vehicle; partial downloads are kept, and the same command resumes them.
 
-    The vehicle calculates the SHA-256 digest of each log. When what has come has the same, the log takes its name in
-    OUT/PLATFORM, and is deleted on the vehicle; until then it is OUT/PLATFORM/LOG.BYTES.part. While the link is lost the
-    command waits, and goes on by itself when the vehicle is heard again. A station that may only look fetches, and
+    The vehicle calculates the SHA-256 digest of each log. When the downloaded log has the same digest, it is renamed to
+    its final name in OUT/PLATFORM, and deleted on the vehicle; until then it is OUT/PLATFORM/LOG.BYTES.part. While the
+    link is lost the command waits, and resumes when the vehicle is back in contact. A read-only station downloads and
     deletes nothing.
 
     For example:
 
-    - `gloc3 log pull udpin://0.0.0.0:14550 --list`: which logs the vehicle has, and how much of them is here
-    - `gloc3 log pull udpin://0.0.0.0:14550`: all logs of the first vehicle that is heard, over MAVLink FTP
+    - `gloc3 log pull udpin://0.0.0.0:14550 --list`: the vehicle's logs, and how much of each is downloaded
+    - `gloc3 log pull udpin://0.0.0.0:14550`: all logs of the first vehicle in contact, over MAVLink FTP
     - `gloc3 log pull network-ops.yaml --platform auv`: over the network, as the station of that file
-    - `gloc3 log pull serial:///dev/ttyUSB0:57600 log-3.mcap --keep`: one log, by radio, and it stays there
+    - `gloc3 log pull serial:///dev/ttyUSB0:57600 log-3.mcap --keep`: one log, by radio, without deleting it
 
     Args:
         source: The MAVLink URL of a link to the vehicle, or the network file of a station.
         logs: Their names; none for all.
-        platform: The vehicle's name; otherwise the first that is heard.
-        out: The folder for the folder PLATFORM with the logs.
+        platform: The vehicle's name; otherwise the first one in contact.
+        out: The folder in which the folder PLATFORM with the logs is created.
         keep: Leave them on the vehicle.
         frames: Fetch the MAVLink frames of the runs (.tlog), too.
-        no_cut: Leave the log alone that is being written; otherwise it is ended, and the next begun.
+        no_cut: Do not end the log that is being written; otherwise it is ended, and the next begun.
         list_only: List the logs and fetch none.
-        wait: Give up when the vehicle is not heard within so many seconds.
+        wait: Give up without contact to the vehicle within this time, s.
         station_id: The MAVLink system of this station.
         signing_key: A file with the MAVLink signing key of the link.
     """
@@ -121,7 +121,7 @@ class PullRequest(msgspec.Struct, frozen=True, kw_only=True):
     has_frames: bool = False
     """The MAVLink frames, too."""
     is_uncut: bool = False
-    """The log that is being written goes on."""
+    """The log that is being written is not ended."""
     is_list: bool = False
     """They are listed, and none is fetched."""
     out: Path
@@ -152,7 +152,7 @@ async def _pull(
         except TimeoutError:
             who, others = platform or "a vehicle", ", ".join(known.name for known in station.fleet)
             hint = f"; heard: {others}" if others else "; is it running, and does its link lead here?"
-            raise NoContact(f"{who} was not heard within {wait_s:g} s at {links.describe()}{hint}") from None
+            raise NoContact(f"{who} did not respond within {wait_s:g} s at {links.describe()}{hint}") from None
         found = [(link, at) for _, link in links.routes() for each, at in link.platforms() if each == name]
         progress = PullProgress(ground.loop)
         carrier = (
@@ -164,7 +164,7 @@ async def _pull(
 
 
 async def fetch(puller: "LogPuller", name: str, wanted: PullRequest, progress: PullProgress) -> int:
-    """Fetches what is wanted of a vehicle that is heard."""
+    """Downloads the requested logs of a vehicle in contact."""
     from gloc3_groundstation.station.command_client import Declined
 
     if not wanted.is_uncut:

@@ -10,7 +10,7 @@ from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.snapshots import Fleet, PlatformSnapshot
 
 LOUDEST_UNTOLD: Final = Severity.INFO
-"""Events of platforms from this severity on are not told: changes of state are told anyway."""
+"""Events of platforms from this severity down are not narrated: changes of state are reported anyway."""
 
 
 class NarrationLine(msgspec.Struct, frozen=True, kw_only=True):
@@ -70,7 +70,7 @@ class ChangeNarrator:
     def line(
         self, platform: str, kind: str, text: str, now_s: float, data: dict[str, Any] | None = None
     ) -> NarrationLine:
-        """A line of now."""
+        """A narration line with the current time."""
         return NarrationLine(
             t_s=round(now_s - self._start_s, 3), platform=platform, kind=kind, text=text, data=data or {}
         )
@@ -136,5 +136,5 @@ class ChangeNarrator:
 
 
 def _loud(severity: Severity) -> str:
-    """The severity as the beginning of a sentence; nothing for what is no trouble."""
+    """Severity as a prefix of a sentence; empty for events that are no problem."""
     return f"{severity.name.lower()}: " if severity <= Severity.WARNING else ""

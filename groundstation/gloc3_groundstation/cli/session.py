@@ -40,11 +40,11 @@ class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
     modems: tuple[tuple[str, str], ...] = ()
     """Acoustic modems: the platform that each leads to, and its URL."""
     platform: str | None = None
-    """The one to command; None for the first that is heard."""
+    """Platform to command; None for the first one received."""
     plan: CheckedPlan | None = None
     """The selected mission."""
     configuration: Configuration = Configuration()
-    """How the terminal looks, and where it was left."""
+    """Appearance of the terminal, and its last position."""
     problem: str = ""
     """Why the configuration file could not be used; empty where it could."""
     foxglove_port: int | None = None
@@ -55,7 +55,7 @@ class HeadlessOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Options of a session without a terminal."""
 
     wait_s: float = 60.0
-    """How long the platform may take to be heard."""
+    """Longest wait for contact with the platform."""
     override: str = ""
     """Why the mission shall start although checks are red; empty to have it refused then."""
     is_at_contact: bool = False
@@ -80,22 +80,22 @@ class TerminalOptions(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Session:
-    """A run of the station, ready to be run once.
+    """A run of the station that can be run once.
 
     Args:
-        setup: what the station is.
-        options: what was asked for.
+        setup: setup of the station.
+        options: options of the run.
     """
 
     def __init__(self, setup: StationSetup, options: SessionOptions) -> None:
         self._setup, self._options = setup, options
 
     async def narrate(self, options: HeadlessOptions, data: Callable[[NarrationLine], None] | None = None) -> int:
-        """Flies the selected mission, or watches; narrates on stderr.
+        """Flies the selected mission, or only monitors; narrates on stderr.
 
         Args:
-            options: how.
-            data: receives the same as data.
+            options: of the run.
+            data: called with each line as data.
 
         Returns:
             The exit code.
@@ -133,8 +133,8 @@ class Session:
         """Opens the terminal.
 
         Args:
-            options: how.
-            keep: receives the configuration when the terminal closes; returns whether it could be kept.
+            options: of the terminal.
+            keep: receives the configuration when the terminal closes; returns whether it could be saved.
 
         Returns:
             The exit code.
@@ -214,7 +214,7 @@ class Session:
 
     @asynccontextmanager
     async def _ground(self) -> AsyncIterator[GroundStation]:
-        """The station with its links, and with Foxglove's view of it, if that was asked for."""
+        """The station with its links, and with Foxglove's view of it, if requested."""
         ground, view = GroundStation(self._setup), None
         try:
             await ground.open(self._options.urls, self._options.modems)
@@ -256,7 +256,7 @@ def _commanded(run: Headless, options: HeadlessOptions) -> Iterator[None]:
 async def _served(
     desk: "Desk", options: WebOptions, window: Callable[[], TerminalWindow | None]
 ) -> AsyncIterator[None]:
-    """The page for a browser, and what is said of it in the terminal that the station was started in."""
+    """Serves the page for a browser, and narrates its viewers in the terminal that started the station."""
     async with WebServer(window, options, reporter(desk)).serving() as url:
         if options.is_exposed:
             narrate(exposure(url, operator()))
@@ -265,7 +265,7 @@ async def _served(
 
 
 def reporter(desk: "Desk") -> Notify:
-    """Tells in the terminal, and among the events, who looks; that nobody does is a warning while a vehicle needs it."""
+    """Reports viewers in the terminal and as events; the loss of the last one is a warning while a vehicle needs it."""
 
     def reported(text: str, is_watched: bool) -> None:
         armed = [] if is_watched else desk.armed_in_our_control()
@@ -278,7 +278,7 @@ def reporter(desk: "Desk") -> Notify:
 
 
 def operator() -> str:
-    """Who is at this station, for what is logged with a name; empty where the system does not tell."""
+    """Name of the operator at this station for logged actions; empty where the system does not provide it."""
     try:
         return getpass.getuser()
     except (OSError, KeyError):  # a user without a name, as in a container

@@ -63,20 +63,19 @@ class StationOptions:
     """Options of `gloc3 station`, one for each field."""
 
     mission: str | None = None
-    """A mission file, or the name of an example; it is checked first, and streamed to the
-    platform as soon as it is heard. With --headless it is started too. In the terminal, one with errors is
-    opened at the first error."""
+    """A mission file, or the name of an example; it is checked first, and sent to the platform as soon as it is in
+    contact. With --headless it is started too. In the terminal, one with errors is opened at the first error."""
     link: Annotated[list[str] | None, Parameter(negative=())] = None
     """MAVLink link: udpin://HOST:PORT, udpout://, tcpin://, tcpout://, or serial:///dev/PORT:BAUD;
-    may be given again. Default: those of the configuration file, else udpin://127.0.0.1:14550, which hears this
-    computer alone; udpin://0.0.0.0:14550 hears the network."""
+    may be given again. Default: those of the configuration file, else udpin://127.0.0.1:14550, which receives from
+    this computer only; udpin://0.0.0.0:14550 receives from the network."""
     platform: str | None = None
     """The platform to command, by name; otherwise the first that is heard. With its platform file instead, the mission
     is checked by that file, too."""
     headless: Annotated[bool, FLAG] = False
-    """No terminal: narrate on stderr. Without --mission it watches until Ctrl-C."""
+    """No terminal: narrate on stderr. Without --mission it monitors until Ctrl-C."""
     json: Annotated[bool, FLAG] = False
-    """With --headless: one JSON object a line on stdout, for each line of narration."""
+    """With --headless: print one JSON object per line of narration on stdout."""
     start: Annotated[bool, FLAG] = False
     """Start the mission without waiting for the key, once the platform is ready."""
     exit_when_done: Annotated[bool, FLAG] = False
@@ -94,7 +93,7 @@ class StationOptions:
     """With --headless: stream the mission at the next contact with --platform, without a time limit, and do not
     start it. In the terminal the key u queues it while the vehicle is out of contact."""
     wait: float = 60.0
-    """With --headless: give up if the platform is not heard within this time, s; it may take the same time again
+    """With --headless: give up without contact to the platform within this time, s; it may take the same time again
     to be ready."""
     station_id: int | None = None
     """The MAVLink system of this station: 255, and 254, 253 for further ones. Default: that of the

@@ -1,6 +1,6 @@
 """The operator's actions: missions, components, the fleet, vehicle services, teleoperation.
 
-A desk is given the station; screens and the headless station call it.
+A desk works on a station; screens and the headless station call it.
 """
 
 __all__ = [

@@ -35,7 +35,7 @@ class ComponentReply(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ComponentDesk:
-    """Asks components by way of their platform; what became of it is kept as the component's last answer."""
+    """Sends requests to components through their platform; the result is kept as the component's last answer."""
 
     def __init__(self, station: Station) -> None:
         self._station = station
@@ -51,7 +51,7 @@ class ComponentDesk:
 
     @staticmethod
     def commands(component: ComponentSnapshot) -> dict[str, str]:
-        """The commands that a component's state allows, to what follows from each; none while it is not known."""
+        """Commands that a component's state allows, with the consequences of each; none while the state is unknown."""
         if component.health is None:
             return {}
         if component.health is Health.ABSENT:
@@ -60,14 +60,14 @@ class ComponentDesk:
         return {command.value: _effect(state, command) for command in allowed(state)}
 
     async def command(self, platform: str, component: str, command: str, *, is_forced: bool = False) -> ComponentReply:
-        """Commands a component's LCI, after control has been asked for."""
+        """Requests control, then commands a component's LCI."""
         body = CommandComponent(component=component, command=command, is_forced=is_forced)
         return await self._request(platform, component, command, body)
 
     # --- functions ---
 
     def functions(self, platform: str, component: ComponentSnapshot) -> tuple[FunctionEntry, ...]:
-        """The functions of a component in its present state: those that all have, and its own where it is known."""
+        """Functions of a component in its present state: the common ones, and its own where it is known."""
         if component.health not in WELL:
             return ()
         key = platform, component.name
@@ -78,13 +78,13 @@ class ComponentDesk:
     async def call(
         self, platform: str, component: str, entry: FunctionEntry, texts: Mapping[str, str]
     ) -> ComponentReply:
-        """Sends a function message, after control has been asked for.
+        """Requests control, then sends a function message.
 
         Args:
             platform: the component's platform.
             component: its name.
             entry: the function.
-            texts: argument to what was typed.
+            texts: argument to the typed text.
 
         Raises:
             Refused: the arguments do not fit.
@@ -93,7 +93,7 @@ class ComponentDesk:
         return await self._request(platform, component, entry.name, body)
 
     def wiring(self, platform: str) -> Wiring | None:
-        """Who hands what to whom; None where the platform's file is not installed here."""
+        """Connections between components; None where the platform's file is not installed here."""
         key = platform, self._names(platform)
         if key not in self._wirings:
             try:
@@ -140,10 +140,10 @@ class ComponentDesk:
 
 
 def arguments(entry: FunctionEntry, texts: Mapping[str, str]) -> dict[str, Any]:
-    """What was typed for a function, as its arguments; what was left empty keeps its default.
+    """Parses the texts typed for a function's arguments; an empty one keeps its default.
 
     Raises:
-        Refused: something is missing, or does not fit; the reason names it.
+        Refused: an argument is missing or invalid; the reason names it.
     """
     values = {name: _value(text) for name, text in texts.items() if text.strip()}
     fields = {field.encode_name: field for field in msgspec.structs.fields(entry.request)}
@@ -162,7 +162,7 @@ def arguments(entry: FunctionEntry, texts: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _value(text: str) -> Any:
-    """JSON where it begins like a list or an object; else the text, of which a number is made where one is asked for."""
+    """Parses text: JSON if it begins like a list or object; else text, converted to a number where required."""
     text = text.strip()
     if text[0] in '[{"':
         try:

@@ -50,7 +50,7 @@ class Order(StrEnum):
 
 
 class Desk:
-    """Asks one platform at a time for what an operator wants; refusals become events, never exceptions."""
+    """Sends the operator's requests to one platform at a time; refusals become events, never exceptions."""
 
     def __init__(
         self,
@@ -63,16 +63,16 @@ class Desk:
         queue: ContactQueue | None = None,
         author: str = "",
     ) -> None:
-        """A desk.
+        """Creates a desk.
 
         Args:
-            station: hears and commands the platforms.
-            plan: the mission at hand, checked; None without one.
-            events: keeps the station's events; None for one that forgets them with the process.
-            services: what is done with the vehicles' autopilots; None for a station without links.
-            links: holds the station's links; None where there are none.
-            queue: keeps missions for the next contact; None for one that forgets them with the process.
-            author: the operator's name, for what is logged with it.
+            station: receives from and commands the platforms.
+            plan: the selected mission, checked; None without one.
+            events: stores the station's events; None to keep them in memory only.
+            services: services of the vehicles' autopilots; None for a station without links.
+            links: the station's links; None without any.
+            queue: stores missions for the next contact; None to keep them in memory only.
+            author: the operator's name, for logged actions.
         """
         self.station: Final = station
         self.events: Final = events or EventsDesk(station)
@@ -92,7 +92,7 @@ class Desk:
 
     @property
     def plan(self) -> CheckedPlan | None:
-        """The mission at hand; None without one, or while it may not fly."""
+        """The selected mission; None without one, or while it must not fly."""
         return self.missions.plan
 
     def alerts(self) -> Alerts:
@@ -107,7 +107,7 @@ class Desk:
         self._alerts = alerts.acknowledge(self._alerts, key)
 
     def moves(self, platform: PlatformSnapshot) -> frozenset[Move]:
-        """What makes sense to ask of a platform in its present state; nothing of a vehicle without our companion."""
+        """Actions that make sense in the platform's present state; none for a vehicle without a GLOC3 companion."""
         if not platform.has_companion:
             return frozenset()
         holds_control = platform.control is not None and platform.control.value.holder == self.station.id
@@ -124,11 +124,11 @@ class Desk:
         return frozenset(found)
 
     def has_streamed(self, platform: PlatformSnapshot) -> bool:
-        """Whether the mission at hand was brought to this life of the platform."""
+        """Whether the selected mission has been sent to this life of the platform."""
         return self.plan is not None and self._streamed.get(platform.name) == (platform.boot, self.plan.text)
 
     def mission_to_start(self, platform: PlatformSnapshot) -> str:
-        """What the mission calls itself that a start would fly: the one at hand, else, and that is said, the one aboard."""
+        """Name of the mission that a start would fly: the selected one, else the one onboard, with a remark."""
         if self.plan is not None:
             return self.plan.title
         name = platform.mission.value.name if platform.mission is not None else ""
@@ -147,7 +147,7 @@ class Desk:
                 await self.steer(name, Verb(move.value))
 
     async def stream(self, name: str) -> bool:
-        """Takes control and brings the mission at hand over."""
+        """Takes control and sends the selected mission."""
         plan = self.plan
         if plan is None:
             return False
@@ -163,20 +163,20 @@ class Desk:
         return True
 
     def _is_silent(self, name: str) -> bool:
-        """Whether nothing is heard of a platform that has been heard."""
+        """Whether a platform that was in contact is silent."""
         platform = self.station.fleet.get(name)
         return platform is not None and platform.is_quiet_link(self.station.now_s())
 
     def _crew(self, name: str) -> tuple[str, ...]:
-        """The platforms that the mission at hand is for: those that it names, or the one that the operator looks at."""
+        """Platforms of the selected mission: those that it names, or the one that the operator has selected."""
         return (self.plan.platforms if self.plan is not None else ()) or (name,)
 
     async def start(self, name: str, override: str = "") -> dict[str, Follower]:
-        """Starts the mission; the one at hand is streamed first if that has not been done, or it has been flown.
+        """Starts the mission; the selected one is sent first if it has not been sent, or has been flown.
 
         Args:
             name: the platform.
-            override: why it shall start although checks are red; empty to have it refused then.
+            override: reason to start although checks have failed; empty to refuse then.
         """
         crew = self._crew(name)
         for one in filter(self._is_silent, crew):
@@ -206,7 +206,7 @@ class Desk:
         return platform is not None and (state in ENDED or not self.has_streamed(platform))
 
     async def bring(self, name: str) -> bool:
-        """Streams the mission at hand as soon as the platform is ready for one."""
+        """Sends the selected mission as soon as the platform is ready for one."""
         for one in self._crew(name):
             missing = await flights.await_ready(self.station, one)
             if missing:
@@ -214,7 +214,7 @@ class Desk:
         return await self.stream(name)
 
     async def fly(self, name: str) -> End | None:
-        """Brings the mission at hand, starts it and follows it to its end; None where it did not come to that."""
+        """Sends the selected mission, starts it and follows it to its end; None where it could not start."""
         if not await self.bring(name):
             return None
         followers = await self.start(name)
@@ -247,7 +247,7 @@ class Desk:
         return self.station.now_s() - self._held_s.get(name, float("-inf")) < PRESSED_AGAIN_S
 
     async def emergency(self, name: str, verb: EmergencyVerb, confirmation: str = "") -> bool:
-        """Hold, land or disarm, without asking who is in control."""
+        """Requests hold, land or disarm, regardless of the holder of control."""
         platform = self.station.fleet.get(name)
         if platform is not None and not platform.has_companion:
             text = f"emergency {verb}: {name} has no GLOC3 companion; use its remote control"

@@ -28,28 +28,28 @@ class EventsDesk:
     """Keeps every event of a station, from the moment it is made."""
 
     def __init__(self, station: Station, store: EventStore | None = None) -> None:
-        """Begins to keep events.
+        """Begins to store events.
 
         Args:
-            station: whose.
-            store: where they are kept; None for one that goes with the process.
+            station: the source of the events.
+            store: storage; None to keep them in memory only.
         """
         self._station = station
         self.store: Final = EventStore() if store is None else store
         self.search = Search(self.store)
-        """What the operator looks at."""
+        """The operator's current search."""
         self._has_reported = False
         self._kept = 0
         self._receive_events(station.fleet, station.fleet, station.now_s())
         station.listen(self._receive_events)
 
     def search_for(self, wanted: EventFilter) -> None:
-        """Looks for other events, from the newest on."""
+        """Starts another search, from the newest event on."""
         if wanted != self.search.wanted:
             self.search = Search(self.store, wanted)
 
     async def export(self, name: str, wanted: EventFilter = EVERYTHING) -> bool:
-        """Writes the events that fit to a file, beside everything else that goes on."""
+        """Exports matching events to a file, in the background."""
         self.store.flush()
         try:
             path = check_target(name)
@@ -73,10 +73,10 @@ class EventsDesk:
 
 
 def check_target(name: str) -> Path:
-    """The file that an operator has named.
+    """Checks a file name typed by the operator.
 
     Raises:
-        Refused: it cannot be written there, with what to do.
+        Refused: it cannot be written there; says what to do.
     """
     path = Path(name.strip()).expanduser()
     if path.suffix.lower() not in SUFFIXES:

@@ -27,7 +27,7 @@ class LinkStore(Protocol):
 
 
 class NoLinks:
-    """A station without links of its own, as in tests."""
+    """A station without links, as in tests."""
 
     def snapshots(self, platforms: Iterable[str]) -> tuple[LinkSnapshot, ...]:
         """None."""
@@ -46,11 +46,11 @@ class FleetDesk:
     """Control of a vehicle, and links; refusals become events, never exceptions."""
 
     def __init__(self, station: Station, links: LinkStore | None = None) -> None:
-        """A desk.
+        """Creates a desk.
 
         Args:
-            station: hears and commands the platforms.
-            links: holds the links.
+            station: receives from and commands the platforms.
+            links: the station's links.
         """
         self._station = station
         self._links: LinkStore = NoLinks() if links is None else links
@@ -64,7 +64,7 @@ class FleetDesk:
     # --- control of one vehicle ---
 
     def control_verbs(self, platform: PlatformSnapshot) -> frozenset[ControlVerb]:
-        """What can be asked about control of a vehicle now; nothing of one without a companion of ours."""
+        """Control requests that are possible for a vehicle now; none for one without a GLOC3 companion."""
         if not platform.has_companion:
             return frozenset()
         state = platform.control.value if platform.control is not None else None
@@ -95,7 +95,7 @@ class FleetDesk:
         return await self._do(name, f"control: {verb.replace('_', ' ')}", request())
 
     def _watch_control(self, before: Fleet, after: Fleet, now_s: float) -> None:
-        """Tells when another station asks for control that is here, and when it has gone."""
+        """Reports when another station requests this station's control, and when control has moved."""
         own = self._station.id
         for was, platform in after.changed_since(before):
             if platform.control is None:
@@ -109,7 +109,7 @@ class FleetDesk:
                 requester = f"station {state.requested_by} requests control; grant or refuse it on the screen Fleet"
                 self._station.note(platform.name, Severity.WARNING, requester)
             elif previous is not None and previous.holder == own and state.holder != own:
-                whose = f"station {state.holder} has control now" if state.holder else "nobody has control now"
+                whose = f"station {state.holder} has control now" if state.holder else "no station has control now"
                 self._station.note(platform.name, Severity.WARNING, whose)
 
     # --- links ---

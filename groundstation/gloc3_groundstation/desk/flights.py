@@ -16,14 +16,14 @@ from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.station.station import Station
 
 READY_WITHIN_S: Final = 90.0
-"""An autopilot that has just been switched on takes up to a minute to find its satellites and to settle."""
+"""Time for an autopilot to become ready, s: after power-up it takes up to a minute for satellites and estimator."""
 GRANTED_WITHIN_S: Final = 12.0
-"""The holder of control is given 10 s to answer."""
+"""Time for a grant of control, s: its holder has 10 s to answer."""
 SETTLED_AFTER_S: Final = 3.0
 """An end that is reported sooner after the start, with nothing running in between, is that of the flight before."""
 POLL_PERIOD_S: Final = 0.5
 LANDED_S: Final = 5.0
-"""A vehicle that a pilot has landed and disarmed, and not armed again for so long, has ended its flight."""
+"""Time disarmed on the ground after which a flight taken over by a pilot counts as ended, s."""
 TAKEN_OVER: Final = {"pilot": "a pilot", "failsafe": "the autopilot's failsafe"}
 """Who may end a flight in place of its mission, by the word with which the mission's policy or reason says so."""
 
@@ -44,12 +44,12 @@ class End(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def is_done(self) -> bool:
-        """Whether everything went as asked."""
+        """Whether everything was completed as requested."""
         return self.state == ActionState.DONE
 
 
 def missing(platform: PlatformSnapshot, now_s: float) -> list[str]:
-    """What a platform still lacks before a start makes sense; empty when it is ready."""
+    """Conditions for a start that a platform does not meet yet; empty when it is ready."""
     missing = []
     vehicle, summary = platform.vehicle, platform.summary
     if vehicle is None or vehicle.is_stale(now_s):
@@ -71,7 +71,7 @@ def missing(platform: PlatformSnapshot, now_s: float) -> list[str]:
 
 
 async def await_platform(station: Station, name: str | None) -> str:
-    """Waits until a platform is heard; the one called `name`, or the first. Bare vehicles fly no missions of ours."""
+    """Waits for contact with the platform `name`, or with the first one. Vehicles without a companion are ignored."""
     found: list[str] = []
 
     def is_in_contact() -> bool:
@@ -87,7 +87,7 @@ async def await_platform(station: Station, name: str | None) -> str:
 
 
 async def await_ready(station: Station, platform: str, within_s: float = READY_WITHIN_S) -> list[str]:
-    """Waits until a platform lacks nothing for a start; what it still lacks when the time is up is returned."""
+    """Waits until a platform is ready for a start; returns the conditions that it does not meet at the timeout."""
     lacks: list[str] = []
 
     def is_ready() -> bool:
@@ -159,7 +159,7 @@ async def stream_to_all(station: Station, platforms: Sequence[str], plan: Checke
 async def start_all(
     station: Station, platforms: Sequence[str], override: str = "", author: str = ""
 ) -> "dict[str, Follower]":
-    """Starts the loaded mission on all platforms that have a part in it, or on none; raises as `start`."""
+    """Starts the loaded mission on all platforms that take part in it, or on none; raises as `start`."""
     followers: dict[str, Follower] = {}
     try:
         for platform in platforms:
@@ -187,10 +187,10 @@ class Follower:
         self._digest = ""
         self._has_run = False
         self._landed_s: float | None = None
-        """Since when the vehicle stands disarmed while somebody else has control."""
+        """Since when the vehicle is disarmed while the mission is not in control."""
 
     def end(self, platform: PlatformSnapshot, now_s: float) -> End | None:
-        """How the mission ended; None while it goes on, or a failure's policy is being carried out."""
+        """Result of the mission; None while it runs, or while a failure's policy is executed."""
         timed = platform.mission
         if timed is None:
             return None
@@ -208,7 +208,7 @@ class Follower:
         return End(state=mission.state, reason=mission.reason, by=by)
 
     def _taken_over(self, platform: PlatformSnapshot, mission: MissionSummary, now_s: float) -> End | None:
-        """The end of a flight that somebody else has landed, with the mission still paused."""
+        """Result of a flight that another controller has landed, with the mission still paused."""
         vehicle = platform.vehicle
         by = TAKEN_OVER.get(mission.policy, "")
         if not by or vehicle is None or vehicle.value.is_armed or vehicle.is_stale(now_s):
@@ -245,7 +245,7 @@ async def follow(station: Station, platform: str, follower: Follower) -> End:
 
 
 async def follow_all(station: Station, followers: "Mapping[str, Follower]") -> End:
-    """Waits until the mission has ended on all platforms; the end of the first that did not do its part, if there is one."""
+    """Waits for the end on all platforms; returns the result of the first that did not complete its part, if any."""
     ends = await asyncio.gather(*(follow(station, platform, one) for platform, one in followers.items()))
     for platform, end in zip(followers, ends, strict=True):
         if not end.is_done:
@@ -256,7 +256,7 @@ async def follow_all(station: Station, followers: "Mapping[str, Follower]") -> E
 
 
 async def passed(station: Station, seconds: float) -> None:
-    """Waits so long on the station's clock."""
+    """Waits this time on the station's clock."""
     until_s = station.now_s() + seconds
     await until(station, lambda: station.now_s() >= until_s)
 

@@ -1,4 +1,4 @@
-"""A gamepad by Linux's joystick interface: events of eight bytes from `/dev/input/js0`, or from anything that gives such bytes."""
+"""Gamepad on Linux's joystick interface: events of eight bytes from `/dev/input/js0`, or from a FIFO."""
 
 import asyncio
 import os
@@ -15,13 +15,13 @@ EVENT: Final = struct.Struct("<IhBB")
 _BUTTON: Final = 0x01
 _AXIS: Final = 0x02
 _INITIAL: Final = 0x80
-"""Tells how it stands when the device is opened; nobody has pressed anything then."""
+"""Flag of the initial state reported when the device is opened; it is not an input."""
 FULL: Final = 32767
 DEAD_ZONE: Final = 0.08
-"""So far from the middle a stick that nobody touches may stand, as a share of its way."""
+"""Dead zone of a released stick, as a share of its range."""
 YAW_AXIS, HEAVE_AXIS, SWAY_AXIS, SURGE_AXIS = 0, 1, 3, 4
-"""The left stick turns and goes up and down, the right one goes ahead and sideways, as pilots of ROVs have it (mode 2), on
-gamepads as the driver `xpad` numbers their axes."""
+"""Axis numbers of the driver `xpad`. The left stick is yaw and heave, the right one surge and sway, as usual for ROVs
+(mode 2)."""
 DEAD_MAN: Final = (4, 5)
 """The shoulder buttons: either of them."""
 READ_BYTES: Final = 64 * EVENT.size
@@ -58,23 +58,23 @@ class GamepadState:
                 (self._held.add if value else self._held.discard)(number)
 
     def _axis(self, number: int) -> float:
-        """From -1 to 1; the way from the middle begins behind the dead zone, so that it does not leap there."""
+        """From -1 to 1; starts at 0 at the edge of the dead zone, without a step."""
         value = self._axes.get(number, 0.0)
         beyond = max(0.0, abs(value) - DEAD_ZONE) / (1.0 - DEAD_ZONE)
         return beyond if value > 0.0 else -beyond
 
 
 class Gamepad:
-    """Reads a device in a loop.
+    """Reads a gamepad in the event loop.
 
     Args:
         path: of the device; a FIFO, too.
-        loop: reads.
-        moved: is told the state after each batch of events, and after the device has gone, with nothing held.
+        loop: the event loop.
+        moved: called with the state after each batch of events, and with a released state after the device is lost.
     """
 
     def __init__(self, path: Path, loop: asyncio.AbstractEventLoop, moved: Callable[[GamepadState], None]) -> None:
-        """Opens it.
+        """Opens the device.
 
         Raises:
             Refused: it cannot be opened; with the reason and what to do.
@@ -113,7 +113,7 @@ class Gamepad:
         self._moved(self._state)
 
     def _end(self, reason: str) -> None:
-        """The device has gone: whatever was held is let go."""
+        """Handles the loss of the device: all inputs are released."""
         self.problem = f"gamepad {self._path}: {reason}"
         self.close()
         self._state = GamepadState()

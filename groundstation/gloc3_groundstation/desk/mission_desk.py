@@ -26,18 +26,18 @@ from gloc3_groundstation.store.configuration import with_recent
 
 OUTLINES_KEPT: Final = 8
 REQUESTED_AGAIN_S: Final = 10.0
-"""A mission that could not be read back is asked for again after so long."""
+"""Interval between attempts to read back a mission, s."""
 
 
 class MissionDesk:
-    """Holds the mission at hand, and knows the order of those that are loaded; refusals become events."""
+    """Holds the selected mission, and the outlines of loaded ones; refusals become events."""
 
     def __init__(self, station: Station, plan: CheckedPlan | None = None, recent: tuple[str, ...] = ()) -> None:
-        """A table.
+        """Creates a mission desk.
 
         Args:
-            station: hears and commands the platforms.
-            plan: the mission at hand, checked; None without one.
+            station: receives from and commands the platforms.
+            plan: the selected mission, checked; None without one.
             recent: the files opened last, the last one first.
         """
         self.station: Final = station
@@ -63,20 +63,20 @@ class MissionDesk:
 
     @property
     def plan(self) -> CheckedPlan | None:
-        """What would be streamed: the mission at hand, if it may fly."""
+        """The plan to send: the selected mission, if it may fly."""
         return self._plan
 
     @property
     def has_unsaved(self) -> bool:
-        """Whether something would be lost with the mission at hand."""
+        """Whether the selected mission has unsaved changes."""
         return self.draft is not None and self.draft.is_changed
 
     def begin(self, name: str | None) -> None:
-        """Puts a new mission on the table, for a vehicle of that name."""
+        """Opens a new mission, for a vehicle of that name."""
         self._put(drafts.new_draft(self.platform(name)))
 
     async def open(self, file: str, name: str | None) -> bool:
-        """Puts a file on the table in place of what is there, whatever is wrong with it.
+        """Opens a file in place of the current mission, even if it has errors.
 
         Args:
             file: a mission, another program's plan, or the name of an example.
@@ -98,10 +98,10 @@ class MissionDesk:
             self._plan = None
 
     async def check(self, name: str | None) -> bool:
-        """Checks the mission at hand for a vehicle.
+        """Checks the selected mission for a vehicle.
 
         Returns:
-            Whether what is at hand now is checked; not where it was edited meanwhile.
+            Whether the selected mission is now checked; not if it was edited meanwhile.
         """
         draft = self.draft
         if draft is None:
@@ -113,13 +113,13 @@ class MissionDesk:
         return True
 
     def is_checked_for(self, name: str | None) -> bool:
-        """Whether the mission at hand was checked for that vehicle, as far as it is known here."""
+        """Whether the selected mission was checked for that vehicle, as far as it is known here."""
         platform = self.platform(name)
         wanted = platform.platform if platform is not None else ""
         return self.draft is None or self.draft.is_fixed or self.draft.platform == wanted
 
     def save(self, path: Path, name: str | None) -> str:
-        """Saves the mission at hand, or exports it, by the file's suffix; returns what went wrong, or nothing."""
+        """Saves the selected mission, or exports it, by the file's suffix; returns the error, or an empty text."""
         if self.draft is None:
             return "there is no mission"
         was_changed = self.draft.is_changed
@@ -137,7 +137,7 @@ class MissionDesk:
         return ""
 
     def lost_in(self, path: Path, name: str | None) -> tuple[str, ...]:
-        """What a file of that name could not carry of the mission at hand; or why it cannot be written at all.
+        """Parts of the selected mission that a file of that name cannot express.
 
         Raises:
             Refused: the mission cannot be expressed there.
@@ -189,22 +189,22 @@ class MissionDesk:
         return self._platforms[key]
 
     def outline(self, mission: MissionSummary) -> Outline:
-        """The order of what a platform tells the states of, as far as it is known."""
+        """Outline of the mission whose states a platform reports, as far as it is known."""
         return received_outline(mission, self._outlines.get(mission.digest) if mission.digest else None)
 
     def is_at_hand(self, mission: MissionSummary | None) -> bool:
-        """Whether a platform holds the mission at hand."""
+        """Whether a platform holds the selected mission."""
         return mission is not None and self.draft is not None and mission.digest == digest_of(self.draft.carried)
 
     def lacks_instruction(self, platform: PlatformSnapshot) -> bool:
-        """Whether the order of the mission that a platform holds is not known, and should be asked for."""
+        """Whether the outline of the mission that a platform holds is unknown and should be requested."""
         mission = platform.mission.value if platform.mission is not None else None
         if mission is None or not mission.digest or mission.digest in self._outlines:
             return False
         return self.station.now_s() >= self._requested_s.get((platform.name, mission.digest), 0.0)
 
     async def learn(self, name: str) -> None:
-        """Reads the mission that a platform holds back, to know its order."""
+        """Reads back the mission that a platform holds, for its outline."""
         platform = self.station.fleet.get(name)
         if platform is None or platform.mission is None:
             return
@@ -240,7 +240,7 @@ class MissionDesk:
         return True
 
     def capabilities(self, name: str) -> Mapping[str, Capability]:
-        """What single actions a vehicle can be asked for."""
+        """Capabilities of a vehicle for single actions."""
         return forms.capabilities(self.platform(name))
 
     def form(self, name: str, capability: str) -> forms.CapabilityForm:
@@ -258,7 +258,7 @@ class MissionDesk:
         return row.arguments in ARMING and known is not None and not known.is_armed
 
     def claimants(self, platform: PlatformSnapshot) -> dict[str, str]:
-        """Resource to the action that holds it now, as far as the platform's states tell."""
+        """Resource to the action that holds it now, as far as the platform's states show."""
         mission = platform.mission.value if platform.mission is not None else None
         if mission is None:
             return {}

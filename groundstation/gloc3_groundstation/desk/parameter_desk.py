@@ -1,4 +1,4 @@
-"""Parameters on the desk: fetch, edit, compare with a file, write what differs, save."""
+"""Parameters on the desk: fetch, edit, compare with a file, write the differences, save."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -15,7 +15,7 @@ FORCE = "!"
 
 
 class Judged(NamedTuple):
-    """Verdict on a typed value."""
+    """Result of checking a typed value."""
 
     value: float = 0.0
     is_forced: bool = False
@@ -33,9 +33,9 @@ class ParameterDesk:
 
     def __init__(self, begin: JobStarter, service: ParameterService) -> None:
         self.diff: ParameterDiff | None = None
-        """The comparison with a file that is looked at; None while there is none."""
+        """The displayed comparison with a file; None without one."""
         self.left_out: frozenset[str] = frozenset()
-        """Parameters of that file that shall stay as they are on the vehicle."""
+        """Parameters of that file that are not written to the vehicle."""
         self._begin = begin
         self._service = service
 
@@ -78,7 +78,7 @@ class ParameterDesk:
         self._begin(ServiceKind.PARAMETERS, f"comparing with {file.name}", work)
 
     def leave_out(self, name: str) -> None:
-        """Leaves a parameter of the file as it is on the vehicle, or not any more."""
+        """Excludes a parameter of the file from writing, or includes it again."""
         self.left_out ^= {name}
 
     def write(self) -> None:

@@ -30,7 +30,7 @@ class PlanDesk:
 
     def __init__(self, begin: JobStarter, service: PlanService) -> None:
         self.found: VehiclePlan | None = None
-        """What was on the vehicle when it was downloaded last."""
+        """The plan found on the vehicle at the last download."""
         self.file: PlanFile | None = None
         """The plan that is to be uploaded or compared."""
         self.differences: tuple[PlanDifference, ...] | None = None
@@ -59,7 +59,7 @@ class PlanDesk:
         self._begin(ServiceKind.PLANS, f"opening {file.name}", work)
 
     def upload(self) -> None:
-        """Gives the vehicle the plan at hand, reads it back and compares."""
+        """Uploads the selected plan to the vehicle, reads it back and compares."""
         file = self.file
         if file is None:
             return
@@ -74,7 +74,7 @@ class PlanDesk:
         self._begin(ServiceKind.PLANS, f"uploading {file.name}", work, is_change=True)
 
     def verify(self) -> None:
-        """Compares the vehicle's plan with the one at hand."""
+        """Compares the vehicle's plan with the selected one."""
         file = self.file
         if file is None:
             return
@@ -89,7 +89,7 @@ class PlanDesk:
         self._begin(ServiceKind.PLANS, f"comparing with {file.name}", work)
 
     def save(self, file: Path) -> None:
-        """Saves what was downloaded."""
+        """Saves the downloaded plan."""
         found = self.found
 
         async def work(report: OnProgress) -> str:

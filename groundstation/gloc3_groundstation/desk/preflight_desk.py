@@ -16,11 +16,11 @@ from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.station.wording import duration
 
 AGAIN_S: Final = 15.0
-"""A list that is looked at is asked for again when it is so old."""
+"""Age from which a displayed list is requested again, s."""
 LITTLE_LOSS: Final = 0.1
 MUCH_LOSS: Final = 0.4
 SLOW_S: Final = 1.5
-"""A round trip that is longer makes commands feel late."""
+"""Round trip from which commands are noticeably delayed, s."""
 CLOCKS_AGREE_S: Final = 2.0
 
 
@@ -40,12 +40,12 @@ class CheckList(NamedTuple):
     """Readiness of a platform, as known now."""
 
     checks: tuple[Check, ...]
-    """The platform's lines and the station's; empty while the platform has told none."""
+    """The platform's checks and the station's; empty until the platform has reported any."""
     age_s: float | None
     """Of the platform's; None while there are none."""
     is_requesting: bool
     problem: str
-    """Why the last list that was asked for did not come; empty where it did."""
+    """Why the last requested list did not arrive; empty if it did."""
 
 
 class PreflightDesk:
@@ -83,14 +83,14 @@ class PreflightDesk:
         return True
 
     def is_due(self, name: str) -> bool:
-        """Whether a list that is looked at should be asked for again."""
+        """Whether a displayed list should be requested again."""
         return (
             name not in self._requesting
             and self._station.now_s() - self._requested_s.get(name, float("-inf")) >= AGAIN_S
         )
 
     def invalidate(self, name: str) -> None:
-        """The next look asks again."""
+        """Forces a new request at the next display."""
         self._requested_s.pop(name, None)
 
     def list_of(self, platform: PlatformSnapshot) -> CheckList:
@@ -108,7 +108,7 @@ class PreflightDesk:
 def station_checks(
     platform: PlatformSnapshot, reported: ReceivedList | None, round_trip_s: float | None, now_s: float
 ) -> Iterator[Check]:
-    """What only this end can tell: how good the link is, and whether both ends fit together."""
+    """Checks that only this end can do: link quality, and compatibility of both ends."""
     yield _loss(platform, now_s)
     if round_trip_s is None:
         yield Check(Group.LINK, "round trip", Verdict.UNKNOWN, "not measured yet")

@@ -28,7 +28,7 @@ class ServiceJob(msgspec.Struct, frozen=True, kw_only=True):
 
     what: str
     fraction: float | None = None
-    """From 0 to 1; None while nobody knows."""
+    """From 0 to 1; None while it is unknown."""
     detail: str = ""
 
 
@@ -38,18 +38,18 @@ class JobOutcome(msgspec.Struct, frozen=True, kw_only=True):
     text: str
     is_good: bool = True
     lines: tuple[str, ...] = ()
-    """More about it, as what is wrong in a file, line by line."""
+    """Details, such as the errors of a file, line by line."""
 
 
 Work: TypeAlias = Callable[[OnProgress], Awaitable[str]]
-"""Does something and gives what is to be told of it; refused, or wrong input, is told too."""
+"""Does the work and returns the text to report; refusals and invalid input are reported, too."""
 
 
 class JobStarter(Protocol):
     """Starts a job for a service."""
 
     def __call__(self, service: ServiceKind, what: str, work: Work, *, is_change: bool = False) -> None:
-        """Begins it; what changes the vehicle is told to everyone."""
+        """Starts it; changes to the vehicle are reported to all."""
 
 
 class Jobs:
@@ -63,13 +63,13 @@ class Jobs:
     def begin(
         self, service: ServiceKind, what: str, work: Work, done: Callable[[JobOutcome], None] | None = None
     ) -> None:
-        """Begins something, unless the service is still at something else.
+        """Starts a job, unless one of the service is still running.
 
         Args:
-            service: where it belongs.
-            what: is told until the work itself tells how far it is.
-            work: what is done.
-            done: is told how it ended.
+            service: the service.
+            what: text until the work reports its progress.
+            work: the work.
+            done: called with the outcome.
         """
         if service in self._tasks:
             busy = f"{what}: not started, {self.running[service].what} is still running (esc cancels it)"
@@ -84,7 +84,7 @@ class Jobs:
         self.outcomes[service] = outcome
 
     def cancel(self, service: ServiceKind) -> bool:
-        """Stops what a service is at; tells whether there was anything."""
+        """Cancels a service's running job; returns whether there was one."""
         task = self._tasks.get(service)
         return task is not None and task.cancel()
 

@@ -1,4 +1,4 @@
-"""The desk of the vehicle services: finds the selected vehicle, and keeps the loaded data of each."""
+"""Desk of the vehicle services: finds the selected vehicle, and keeps the loaded data of each."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -24,12 +24,12 @@ class ServicesDesk:
     """The services of all vehicles, each opened when it is first asked for."""
 
     def __init__(self, station: Station, reach: Reach = nowhere, folder: Path = Path()) -> None:
-        """A desk.
+        """Creates a desk.
 
         Args:
-            station: is told what was changed on vehicles.
+            station: receives reports of changes on vehicles.
             reach: finds a vehicle.
-            folder: for what is downloaded, and where file names that are typed begin.
+            folder: for downloads, and base of typed file names.
         """
         self.folder: Final = folder
         self._station = station
@@ -37,7 +37,7 @@ class ServicesDesk:
         self._desks: dict[tuple[Wire, Address], tuple[VehicleServices, VehicleDesk]] = {}
 
     def vehicle(self, name: str) -> VehicleDesk:
-        """What is at hand of a vehicle.
+        """Desk of one vehicle.
 
         Raises:
             Refused: no link leads to its autopilot.
@@ -59,7 +59,7 @@ class ServicesDesk:
 
 
 def reached(desk: ServicesDesk, name: str) -> tuple[VehicleDesk | None, str]:
-    """What is at hand of a vehicle; None, and why, where it cannot be reached or none is in view."""
+    """Desk of a vehicle; None, and the reason, where it cannot be reached or none is selected."""
     if not name:
         return None, "no vehicle is heard yet"
     try:

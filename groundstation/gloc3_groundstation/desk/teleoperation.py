@@ -7,7 +7,7 @@ from gloc3.messages.teleoperation import DEMAND_HZ, VelocityDemand
 from gloc3_groundstation.station.command_client import CommandClient
 
 RELEASES: Final = 3
-"""So often it is said that the key was let go; where all are lost, the last demand expires onboard."""
+"""Number of times that the release of the key is sent; if all are lost, the last demand expires onboard."""
 
 
 class StickDemand(NamedTuple):
@@ -35,10 +35,10 @@ class HandControl:
     """One teleoperation session of one platform.
 
     Args:
-        client: sends, and knows the station.
-        loop: gives the time.
-        platform: that is steered.
-        full: what a stick at its end asks for.
+        client: sends the demands of the station.
+        loop: the event loop, for time and timers.
+        platform: name of the controlled one.
+        full: speeds at full stick deflection.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class HandControl:
         self._sticks = StickDemand(*(min(max(part, -1.0), 1.0) for part in sticks))
 
     def hold_key(self, for_s: float) -> None:
-        """The dead-man's key is there, and counts as kept for so long from now on."""
+        """Registers that the dead-man's key is held; it counts as held for `for_s`."""
         was_kept, self._kept_until_s = self.is_kept, self._loop.time() + for_s
         self._releases = RELEASES
         if not was_kept:
@@ -88,7 +88,7 @@ class HandControl:
             self._tick()
 
     def close(self) -> None:
-        """Lets go, and says so once more where that has not been said often enough."""
+        """Releases control, and repeats the release if it has not been sent often enough."""
         self._kept_until_s = float("-inf")
         self._cancel()
         if self._releases:
@@ -101,7 +101,7 @@ class HandControl:
             self._timer = None
 
     def _tick(self) -> None:
-        """Sends what is due now, and comes again while there is something to say."""
+        """Sends the current demand, and runs again while there is something to send."""
         self._timer = None
         if self.is_kept:
             self._send(self._sticks)

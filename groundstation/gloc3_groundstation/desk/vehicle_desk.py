@@ -1,4 +1,4 @@
-"""One vehicle's services on the desk: each request becomes a job whose outcome is reported in words."""
+"""Services of one vehicle on the desk: each request becomes a job whose outcome is reported as text."""
 
 import asyncio
 from contextlib import suppress
@@ -61,7 +61,7 @@ class VehicleDesk:
         self.logs: tuple[LogLine, ...] | None = None
         """The newest first; None until they were listed."""
         self.listing: Folder | None = None
-        """The folder of the vehicle that is looked at; None until it was listed."""
+        """Displayed folder of the vehicle; None until it is listed."""
         self.calibration: CalibrationState | None = None
         """The calibration that runs, or the last one."""
         self._station = station
@@ -75,7 +75,7 @@ class VehicleDesk:
 
     @property
     def is_armed(self) -> bool:
-        """Whether a change asks to be confirmed."""
+        """Whether a change requires confirmation."""
         return self.snapshot.is_armed
 
     @property
@@ -89,7 +89,7 @@ class VehicleDesk:
         return self._services.rates.table
 
     def path(self, typed: str) -> Path:
-        """The file that was typed: from the desk's folder on, or from the home folder with `~`."""
+        """Path of a typed file name: relative to the desk's folder, or to the home folder with `~`."""
         return self.folder / Path(typed.strip()).expanduser()
 
     def begin(self, service: ServiceKind, what: str, work: Work, *, is_change: bool = False) -> None:
@@ -108,7 +108,7 @@ class VehicleDesk:
         self.begin(ServiceKind.LOGS, "listing the logs", work)
 
     def download_log(self, line: LogLine) -> None:
-        """Downloads a log into the folder; one that was begun goes on."""
+        """Downloads a log into the folder; resumes a partial download."""
 
         async def work(report: OnProgress) -> str:
             return f"log {line.entry.number} is in {await self._services.logs.download(line, self.folder, report)}"
@@ -116,7 +116,7 @@ class VehicleDesk:
         self.begin(ServiceKind.LOGS, f"downloading log {line.entry.number}", work)
 
     def pull_logs(self) -> None:
-        """Fetches the finished logs of the onboard computer, see `log_pull`; what has come of one is kept when it is cancelled."""
+        """Downloads the finished logs of the onboard computer, see `log_pull`; cancelling keeps partial logs."""
 
         async def work(report: OnProgress) -> str:
             services, folder = self._services, self.folder / self.name
@@ -171,7 +171,7 @@ class VehicleDesk:
         self.begin(ServiceKind.FILES, f"listing {path}", work)
 
     def download_file(self, path: str) -> None:
-        """Downloads a file into the folder; one that was begun goes on."""
+        """Downloads a file into the folder; resumes a partial download."""
 
         async def work(report: OnProgress) -> str:
             return f"{path} is in {await self._services.files.download(path, self.folder, report)}"
@@ -202,7 +202,7 @@ class VehicleDesk:
         self.begin(ServiceKind.FILES, f"removing {path}", work, is_change=True)
 
     def make_folder(self, path: str) -> None:
-        """Makes a folder on the vehicle."""
+        """Creates a folder on the vehicle."""
 
         async def work(report: OnProgress) -> str:
             del report
@@ -234,7 +234,7 @@ class VehicleDesk:
         self.begin(ServiceKind.CALIBRATION, f"calibrating the {kind}", work, is_change=True)
 
     def confirm_calibration(self) -> None:
-        """The vehicle lies as it was asked to; nothing happens where it does not ask."""
+        """Confirms that the vehicle is in the requested position; without effect where none is requested."""
         with suppress(Refused):
             self._services.calibration.confirm()
 

@@ -18,9 +18,9 @@ from gloc3.messages.envelope import Envelope, Severity
 from gloc3_groundstation.station.station import Station
 
 AGAIN_S: Final = 12.0
-"""An order and its receipt are seconds on their way; then it is said again."""
+"""Interval of repeats, s: an order and its receipt take seconds."""
 TIMEOUT_S: Final = 120.0
-"""An order that has no receipt by then is given up: it is not carried out behind the operator's back."""
+"""Time without a receipt after which an order is given up, s: it must not be executed unexpectedly later."""
 _VERBS: Final = {EmergencyVerb.HOLD: AcousticVerb.HOLD, EmergencyVerb.LAND: AcousticVerb.SURFACE}
 
 
@@ -31,7 +31,7 @@ class ModemContext(msgspec.Struct, frozen=True, kw_only=True):
     boot: int
     """A random number for this start of the station."""
     is_silent: Callable[[], bool]
-    """Whether the platform is not heard in any other way."""
+    """Whether the platform is silent on all other routes."""
     report: Callable[[str], None]
     """Receives in words what becomes of an order."""
     now_utc_s: Callable[[], float]
@@ -41,13 +41,13 @@ class ModemContext(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class AcousticRoute:
-    """One modem, for one platform.
+    """Route over one modem, for one platform.
 
     Args:
         platform: its name.
-        loop: wakes it.
-        send: puts a frame on the modem.
-        context: its station's.
+        loop: the event loop, for timers.
+        send: sends a frame to the modem.
+        context: that of its station.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class AcousticRoute:
                     )
 
     def order(self, verb: AcousticVerb) -> None:
-        """Orders something, in place of what was ordered before."""
+        """Sends an order, replacing the previous one."""
         self._number = max(self._number + 1, int(self._context.now_utc_s())) & 0xFFFF_FFFF
         self._order = AcousticOrder(self._number, verb), self._loop.time() + TIMEOUT_S
         self._context.report(f"sent to {self._platform} by modem: {verb.name.lower()}; wait for its receipt")

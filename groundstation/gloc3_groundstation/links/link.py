@@ -1,4 +1,4 @@
-"""One MAVLink link of the station, without its socket: one heartbeat of ours, the command link, and frames in and out."""
+"""One MAVLink link of the station, without its socket: this station's heartbeat, the command link, and frames."""
 
 import asyncio
 from collections.abc import Callable
@@ -23,16 +23,16 @@ from gloc3_groundstation.links.station_routes import NETWORK, StationRoute, Stat
 
 STATION_COMPONENT: Final = 190
 MOST_LOCKED: Final = 16
-"""Of so many systems it is told that they sign and we do not."""
+"""Most systems for which it is reported that they sign and this link does not."""
 
 Tap = Callable[[bytes], None]
-"""Is given every frame of a link, in and out, as it is."""
+"""Called with every raw frame of a link, in and out."""
 
 Report = Callable[[str], None]
-"""Receives in words what a person should know of a link."""
+"""Called with text about a link for users."""
 
 GivenUp = Callable[[Undelivered], None]
-"""Receives which message of the station's was given up."""
+"""Called with a message of the station that was given up."""
 
 
 class LinkContext(msgspec.Struct, frozen=True, kw_only=True):
@@ -49,10 +49,10 @@ class LinkContext(msgspec.Struct, frozen=True, kw_only=True):
     system: int = 255
     """The station's MAVLink system, 255 and down."""
     name: str = ""
-    """Under which platforms know the station; empty for the number of its system."""
+    """Name under which platforms know the station; empty for the number of its system."""
     report: Report = lambda _: None
     undelivered: GivenUp = lambda _: None
-    """Receives what the command link has given up on all links that carried it."""
+    """Called with messages that the command link has given up on all links that carried them."""
     tap: Tap = lambda _: None
     """Receives every frame, in and out."""
     routes: StationRoutes = msgspec.field(default_factory=StationRoutes)
@@ -60,7 +60,7 @@ class LinkContext(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def own(self) -> Address:
-        """As whom the station speaks."""
+        """Address of the station."""
         return Address(self.system, STATION_COMPONENT)
 
 
@@ -68,24 +68,24 @@ class LinkSettings(msgspec.Struct, frozen=True, kw_only=True):
     """Settings of one link."""
 
     url: str = ""
-    """Named in what is reported; empty for a link that needs no name."""
+    """Used in reports; empty for a link that needs no name."""
     is_datagram: bool = True
     """Whether the bytes come in whole frames."""
     budget: LinkBudget = LinkBudget()
     """What the link carries."""
     rank: int = NETWORK
-    """How good a way it is; see `ways`."""
+    """Rank of the route; see `station_routes`."""
     key: bytes | None = None
-    """Signs all that is sent, and judges all that is received; None for a link without signatures."""
+    """Signs all sent frames, and verifies all received ones; None for a link without signatures."""
 
 
 class StationLinkCore:
     """One link without its socket: frames in and out, heartbeats, and platform discovery.
 
     Args:
-        send: puts bytes on the link.
-        context: what it shares with the other links of its station.
-        settings: what is known of it.
+        send: sends bytes on the link.
+        context: shared with the other links of its station.
+        settings: of this link.
     """
 
     def __init__(
@@ -158,16 +158,16 @@ class StationLinkCore:
 
     @property
     def own(self) -> Address:
-        """As whom the station speaks here."""
+        """Address of the station on this link."""
         return self._own
 
     @property
     def autopilots(self) -> list[MavlinkPeer]:
-        """The autopilots that are heard here now, in the order in which they came."""
+        """Live autopilots on this link, in order of first contact."""
         return self._peers.autopilots
 
     def listen(self, listener: Callable[[Frame], None]) -> Unsubscribe:
-        """Is told every frame of others that comes, those of the command link excepted."""
+        """Registers a listener for all received frames, except those of the command link."""
         self._listeners.append(listener)
         return lambda: self._listeners.remove(listener) if listener in self._listeners else None
 
@@ -176,7 +176,7 @@ class StationLinkCore:
         self._send_message(message)
 
     def received(self) -> list[str]:
-        """Who is there, told by their heartbeats: `autopilot 1/1`, `system 1/191`."""
+        """Names of live peers, from their heartbeats: `autopilot 1/1`, `system 1/191`."""
         return [
             f"{'autopilot' if peer.is_autopilot else 'system'} {peer.address.system}/{peer.address.component}"
             for peer in self._peers.alive
@@ -203,11 +203,11 @@ class StationLinkCore:
         return self._gaps.lost
 
     def platforms(self) -> list[tuple[str, Address]]:
-        """The platforms whose companions are heard here, with the companions' addresses."""
+        """Platforms whose companions are received here, with the companions' addresses."""
         return [(peer.name, peer.address) for peer in self._tunnel.endpoint.peers() if peer.name]
 
     def round_trip_s(self, platform: str) -> float | None:
-        """How long something to a platform and its answer are on their way here; None where that is not known."""
+        """Round-trip time to a platform on this link, s; None where it is unknown."""
         return self._tunnel.round_trip_s(platform)
 
     def age_s(self, platform: str) -> float | None:
@@ -215,7 +215,7 @@ class StationLinkCore:
         return self._tunnel.received_age_s(platform)
 
     def close(self) -> None:
-        """Sends and hears nothing more."""
+        """Stops sending and receiving."""
         self._timer.cancel()
         self._context.routes.close(self._route)
         self._part()
@@ -250,7 +250,7 @@ class StationLinkCore:
         self._context.report(f"{self._url}: {text}" if self._url else text)
 
     def _is_locked_out(self, frame: Frame) -> None:
-        """Who signs takes nothing that is not signed: without a key an operator sees it, and is not heard."""
+        """Reports a system that signs while this link has no key: it is received, but ignores this station."""
         if frame.system not in self._locked and len(self._locked) < MOST_LOCKED:
             self._locked.add(frame.system)
             who = f"{frame.system}/{frame.component}"

@@ -37,11 +37,11 @@ class _Opened:
 
 
 class Links:
-    """All links of a station with their sockets; none yet.
+    """All links of a station with their sockets; initially none.
 
     Args:
-        context: what they share.
-        signing_key: with it, or that of their URL, all frames are signed, and those of others must be.
+        context: shared by the links.
+        signing_key: if given here or in a URL, all sent frames are signed, and received ones must be.
     """
 
     def __init__(self, context: LinkContext, signing_key: bytes | None = None) -> None:
@@ -55,7 +55,7 @@ class Links:
         """Joins a network of platforms and stations.
 
         Raises:
-            Gloc3Error: an address that it is to listen on cannot be had.
+            Gloc3Error: a listen address is not available.
         """
         context = self._context
         self._network = NetworkRoute(network, context.routes, lambda text: context.report(f"network: {text}"))
@@ -143,7 +143,7 @@ class Links:
         self._timer = self._context.loop.call_later(MEASURE_EVERY_S, self._measure)
 
     def describe(self) -> str:
-        """The links, with what is wrong with each or who is heard on it."""
+        """The links, each with its problem or its live peers."""
         parts = []
         for opened in self._open:
             endpoint, link = opened.endpoint, opened.link
@@ -172,7 +172,7 @@ class Links:
         return [(each.endpoint.url, each.link) for each in self._open]
 
     def autopilots(self) -> list[tuple[StationLinkCore, Address]]:
-        """Every autopilot that is heard now, with the link on which it is."""
+        """Every live autopilot, with its link."""
         return [(each.link, peer.address) for each in self._open for peer in each.link.autopilots]
 
     async def close(self) -> None:

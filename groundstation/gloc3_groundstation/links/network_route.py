@@ -28,8 +28,8 @@ class NetworkRoute:
 
     Args:
         membership: its network file.
-        ways: all of the station's.
-        told: is told in words what a person should know.
+        routes: all of the station's.
+        reported: called with text for users.
     """
 
     def __init__(self, membership: Membership, routes: StationRoutes, reported: Report) -> None:
@@ -49,10 +49,10 @@ class NetworkRoute:
         return f"network {file.network} as {file.member}, {file.own.role}"
 
     def open(self, loop: asyncio.AbstractEventLoop, exchange: Exchange, topics: TopicTable) -> None:
-        """Joins; the platforms need not be there yet.
+        """Joins; the platforms need not be present yet.
 
         Raises:
-            Gloc3Error: an address that it is to listen on cannot be had.
+            Gloc3Error: a listen address is not available.
         """
         from gloc3.exchange.zenoh import open_exchange
 

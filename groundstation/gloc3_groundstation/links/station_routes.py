@@ -10,11 +10,11 @@ from gloc3.messages.command_interface import CiRequest, Emergency, Query
 from gloc3.messages.envelope import Envelope
 
 OWN_NETWORK, NETWORK, LINE = range(3)
-"""How good a way is: a network of platforms and stations of their own; MAVLink over a network; a radio or another line."""
+"""Rank of a route: the network of platforms and stations; MAVLink over a network; a radio or another line."""
 FRESH_S: Final = 2.5
-"""A way by which a platform was heard so lately leads there now; it tells of itself twice a second."""
+"""Age of a platform's last message up to which a route leads to it, s; each route has two a second."""
 MAX_REMEMBERED: Final = 4096
-"""Messages of which it is known by which way they came first, or went."""
+"""Messages whose first route, or whose routes, are remembered."""
 
 V = TypeVar("V")
 Key = tuple[str, int, int]
@@ -27,14 +27,15 @@ class StationRoute(msgspec.Struct, frozen=True):
     rank: int
     """`OWN_NETWORK`, `NETWORK` or `LINE`; of two that lead to a platform the lower one is taken."""
     age_s: Callable[[str], float | None]
-    """How long ago anything came from a platform by this way; None where nothing ever did."""
+    """Age of a platform's last message on this route, s; None before the first."""
 
 
 class StationRoutes:
     """All routes of a station, by number.
 
-    A request goes by the best way that leads to its platform now. What may have been lost on it (a question what became of
-    a request, a repeat), and every emergency, goes by all: a platform carries a request out once, however it comes.
+    A request is sent on the best route that leads to its platform now. Messages after a possible loss (a query for a
+    request's outcome, a repeat), and every emergency, are sent on all routes: a platform executes a request once,
+    however often it arrives.
     """
 
     def __init__(self) -> None:
@@ -46,17 +47,17 @@ class StationRoutes:
         self._certain: dict[Key, set[int]] = {}
 
     def open(self, route: StationRoute) -> int:
-        """One more way; its number."""
+        """Adds a route; returns its number."""
         self._count += 1
         self._routes[self._count] = route
         return self._count
 
     def close(self, number: int) -> None:
-        """A way is no longer there, and has no say any more."""
+        """Removes a route."""
         self._routes.pop(number, None)
 
     def carries(self, number: int, envelope: Envelope[Any]) -> bool:
-        """Whether a message of the station goes by this way."""
+        """Whether a message of the station is sent on this route."""
         if len(self._routes) < 2:
             return True
         key = _key(envelope)
@@ -65,15 +66,16 @@ class StationRoutes:
         return number in self._carriers[key]
 
     def is_new(self, number: int, envelope: Envelope[Any]) -> bool:
-        """Whether a message that has come by this way has not come by another."""
+        """Whether a message received on this route has not been received on another one."""
         if len(self._routes) < 2:
             return True
         return _remember(self._came, _key(envelope), number) == number
 
     def is_lost(self, number: int, lost: Undelivered) -> bool:
-        """Whether a way's word that it could not deliver a message is that of all that carried it.
+        """Whether a message that a route could not deliver counts as undelivered.
 
-        It is certainly not delivered only when each of them has said so; that it may have arrived is told at once.
+        It certainly does only when all routes that carried it have given it up; one that may have arrived is reported
+        at once.
         """
         if not lost.is_certain:
             return True
@@ -107,7 +109,7 @@ def _key(envelope: Envelope[Any]) -> Key:
 
 
 def _remember(memory: dict[Key, V], key: Key, value: V) -> V:
-    """What is remembered of a message, the value if it is new; what is oldest is forgotten."""
+    """Stores a value for a new message and returns the stored value; the oldest entries are dropped."""
     known = memory.setdefault(key, value)
     if len(memory) > MAX_REMEMBERED:
         del memory[next(iter(memory))]

@@ -1,7 +1,7 @@
 """The plane of the map, and where each vehicle's own frame lies on it.
 
-The map is level at the origin of the frame of the vehicle in view: metres north and east of it. Other vehicles are
-placed by their frame's origin on Earth, or by its name where that is not known.
+The map is a plane at the origin of the selected vehicle's frame, in metres north and east of it. Other vehicles are
+placed by their frame's geographic origin, or by its name where that is unknown.
 """
 
 from math import cos, hypot, radians, sin
@@ -18,7 +18,7 @@ Plane = NDArray[np.float64]
 """Rows of metres north and east on the map."""
 
 FARTHEST_M = 100_000.0
-"""Vehicles farther away are not on one map: it is flat, and the Earth is not."""
+"""Distance beyond which a vehicle is not on the same map, m: the map is flat, the Earth is not."""
 
 
 class MapPlacement(NamedTuple):
@@ -48,7 +48,7 @@ class MapPlacement(NamedTuple):
         )
 
     def local(self, north_m: float, east_m: float) -> tuple[float, float]:
-        """X and y of a place on the map."""
+        """X and y of a position on the map."""
         north, east = north_m - self.north_m, east_m - self.east_m
         return north * self.cosine + east * self.sine, north * self.sine - east * self.cosine
 
@@ -70,10 +70,10 @@ class Ground:
         self.frame = site.frame if site is not None else _frame_name(platform)
         """The name of the frame of the vehicle in view; empty without one."""
         self.has_north = site is not None
-        """Whether it is known which way north is; without that, x of the frame is taken for it."""
+        """Whether the direction of north is known; otherwise the frame's x axis is used."""
         self.site = site
         self.origin = _origin(platform, site)
-        """Of the plane on Earth; None where that is not known."""
+        """Of the plane on Earth; None where it is unknown."""
         self.plane = TangentPlane(self.origin) if self.origin is not None else None
         self._name = platform.name if platform is not None else ""
 
@@ -95,7 +95,7 @@ class Ground:
         return turned if frame and frame == self.frame else None
 
     def geo(self, north_m: float, east_m: float) -> GeoPoint | None:
-        """The place on Earth of a place on the map."""
+        """Geographic position of a point on the map."""
         return self.plane.geo_from_ned((north_m, east_m, 0.0)) if self.plane is not None else None
 
 
@@ -108,7 +108,7 @@ def _frame_name(platform: PlatformSnapshot | None) -> str:
 
 
 def _origin(platform: PlatformSnapshot | None, site: SiteSummary | None) -> GeoPoint | None:
-    """Where a vehicle's frame begins on Earth: as it says, or else as follows from where it is in both."""
+    """Geographic origin of a vehicle's frame: as reported, or from its position in both frames."""
     if site is not None and site.origin_geo is not None:
         return GeoPoint(*site.origin_geo)
     vehicle = platform.vehicle.value if platform is not None and platform.vehicle is not None else None

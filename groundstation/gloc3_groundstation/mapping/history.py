@@ -1,7 +1,7 @@
-"""Values over hours in bounded memory: every sample of the last minutes, then the lowest and highest of ever longer times.
+"""Values over hours in bounded memory: every sample of the last minutes, then extremes over increasing intervals.
 
 A `Ring` keeps the last rows of a table, oldest first, as one block of memory. A `History` has one for all samples and
-one for each `Level`, whose rows hold the extremes of a stretch of time: a peak of one sample is still there hours later.
+one for each `Level`, whose rows hold the extremes of an interval: a peak of one sample is still visible hours later.
 """
 
 from collections.abc import Sequence
@@ -57,7 +57,7 @@ class Ring:
         self._begin = self._end = 0
 
     def _make_room(self) -> None:
-        """Moves the rows to the front of a block that is twice as large, up to twice what is kept."""
+        """Moves the rows to the front of a block of twice the size, up to twice the number of rows kept."""
         size, count = min(2 * len(self._times), 2 * self.most), len(self)
         times, rows = np.empty(size, np.float64), np.empty((size, self._rows.shape[1]), np.float32)
         times[:count], rows[:count] = self.times_s, self.rows
@@ -68,7 +68,7 @@ class HistoryLevel(NamedTuple):
     """Resolution of values beyond the last minutes."""
 
     period_s: float
-    """A row stands for so long."""
+    """Interval covered by a row."""
     rows: int
     """So many are kept."""
 
@@ -80,7 +80,7 @@ class HistorySeries(NamedTuple):
     lows: Singles
     highs: Singles
     step_s: float
-    """What a point stands for; 0 where each is one sample."""
+    """Interval covered by a point; 0 where each is one sample."""
 
     @property
     def last(self) -> float | None:
@@ -117,7 +117,7 @@ class History:
         return self._samples.bytes + sum(ring.bytes for _, ring in self._levels)
 
     def append(self, t_s: float, values: Singles) -> None:
-        """Adds a sample; NaN stands for what is not known. One that is not later than the last is left out."""
+        """Adds a sample; NaN for unknown values. One that is not later than the last is ignored."""
         if len(self._samples) and t_s <= self._samples.times_s[-1]:
             return
         self._samples.append(t_s, values)
@@ -139,7 +139,7 @@ class History:
         self._open = [None] * len(self._levels)
 
     def series(self, channel: int, from_s: float, to_s: float, points: int) -> HistorySeries:
-        """A channel over a time, in at most about so many points, from the finest record that goes back so far."""
+        """A channel over a time range, in about `points` points at most, from the finest level that covers it."""
         times_s, lows, highs, step_s = self._record(channel, from_s)
         begin, end = np.searchsorted(times_s, (from_s, to_s), side="left")
         begin, end = max(0, begin - 1), min(len(times_s), end + 1)

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from gloc3.messages.frames import Vector3
 
 SLACK_M: Final = 2.0
-"""How much faster than the vehicle its place on the path may move, from point to point."""
+"""Distance by which the position on the path may advance beyond the vehicle's motion, from point to point."""
 KEPT: Final = 4096
 
 Floats = NDArray[np.float64]
 
 
 class PathProgress:
-    """Finds the place of a vehicle on a path, never going back, and never far ahead of what it flew."""
+    """Tracks a vehicle's position on a path, never backwards, and never far ahead of the distance flown."""
 
     def __init__(self, path: Sequence[Vector3]) -> None:
         """Progress along a path.
@@ -43,11 +43,11 @@ class PathProgress:
         return np.array(self._flown or np.empty((0, 2)))
 
     def advance(self, points: Floats, at_least_m: float = 0.0) -> None:
-        """Takes in further points.
+        """Adds further points.
 
         Args:
             points: rows of three coordinates as of the path (the third pointing down), and the time.
-            at_least_m: where on the path the action begins that is flown now.
+            at_least_m: position on the path at which the current action begins.
         """
         self.reached_m = max(self.reached_m, min(at_least_m, self.length_m))
         for row in points:

@@ -1,4 +1,4 @@
-"""From metres on the map's plane to dots on the screen, and back; scales in round steps."""
+"""Conversion between metres on the map's plane and dots on the screen; scales in round steps."""
 
 from collections.abc import Iterable
 from math import cos, floor, log10, radians, sin
@@ -15,7 +15,7 @@ ZOOM: Final = 2.0**0.5
 
 
 class Projection(NamedTuple):
-    """A part of the plane on the screen."""
+    """A section of the plane on the screen."""
 
     north_m: float
     """Of the middle of the screen."""
@@ -55,11 +55,11 @@ class Projection(NamedTuple):
         return self._replace(north_m=north, east_m=east)
 
     def zoomed(self, steps: int) -> "Projection":
-        """Nearer by so many steps, about the middle."""
+        """Zoomed in by a number of steps, about the centre."""
         return self._replace(m_per_dot=min(COARSEST_M, max(FINEST_M, self.m_per_dot / ZOOM**steps)))
 
     def sized(self, width: int, height: int) -> "Projection":
-        """The same middle and scale on another screen."""
+        """The same centre and scale on a screen of another size."""
         return self._replace(width=width, height=height)
 
     def fitted(self, parts: Iterable[Plane], margin: int = 10) -> "Projection":

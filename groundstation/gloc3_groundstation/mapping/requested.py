@@ -1,4 +1,4 @@
-"""A mission's request as drawn on the map: path of each action, numbered waypoints, the fence."""
+"""A mission as drawn on the map: path of each action, numbered waypoints, the fence."""
 
 from functools import lru_cache
 from itertools import pairwise
@@ -28,7 +28,7 @@ class ActionPath(NamedTuple):
     """`TASK.ACTION`."""
     points_ned_m: tuple[Vector3, ...]
     starts_m: float
-    """How far along the whole path it begins."""
+    """Distance along the whole path at which it begins."""
     length_m: float
 
 
@@ -66,11 +66,11 @@ class Requested(msgspec.Struct, frozen=True):
 
 
 def requested(text: str, site: SiteSummary | None) -> Requested | None:
-    """What a mission asks for; None where it cannot be placed.
+    """Parses a mission for drawing; None where it cannot be placed.
 
     Args:
         text: of the mission.
-        site: where the vehicle's frame lies, and home; None where that is not known: x is then north, home the origin.
+        site: the vehicle's frame, and home; None where they are unknown: x is then north, home the origin.
     """
     if site is None:
         return _requested(text, "", 0.0, None, None)

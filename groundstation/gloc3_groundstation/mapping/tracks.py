@@ -21,9 +21,9 @@ SAMPLES_KEPT: Final = 2400
 LEVELS: Final = (HistoryLevel(2.0, 1800), HistoryLevel(30.0, 1000))
 """An hour in steps of 2 s, and eight hours in steps of 30 s."""
 GAP_S: Final = 3.0
-"""Silence after which the way is not drawn through."""
+"""Silence after which the track is interrupted, s."""
 MOTION_SILENT_S: Final = 1.5
-"""Without motion for so long, the slower summary of the vehicle stands in for it."""
+"""Time without motion messages after which the slower vehicle summary is used instead, s."""
 DRIFT: Final = 2e-4
 """How much faster than the station's clock a platform's may run."""
 Points = NDArray[np.float64]
@@ -49,7 +49,7 @@ class Trail:
 
     def __init__(self) -> None:
         self.tolerance_m = FIRST_TOLERANCE_M
-        """How far the thinned way may be from what was told."""
+        """Largest distance between the thinned track and the reported positions."""
         self._older: Points = np.empty((0, 4))
         self._fresh: Points = np.empty((FRESH, 4))
         self._count = 0
@@ -78,12 +78,12 @@ class Trail:
         self._append((*position_m, t_s))
 
     def interrupt(self) -> None:
-        """Nothing is known of the way from here to the next point."""
+        """Marks a gap between here and the next point."""
         if self._count and not np.isnan(self._fresh[self._count - 1, 0]):
             self._append(GAP)
 
     def clear(self) -> None:
-        """Forgets the way."""
+        """Clears the track."""
         self._older, self._count, self.tolerance_m = np.empty((0, 4)), 0, FIRST_TOLERANCE_M
 
     def _append(self, row: tuple[float, float, float, float]) -> None:
@@ -93,7 +93,7 @@ class Trail:
         self._count += 1
 
     def _settle(self) -> None:
-        """Thins the older half of the fresh points, and all old ones where these have become too many."""
+        """Thins the older half of the recent points, and all old ones where they have become too many."""
         half = FRESH // 2
         thin = thinned(self._fresh[: half + 1], self.tolerance_m)[:-1]
         self._older = np.concatenate((self._older, thin))
@@ -179,11 +179,11 @@ class Track:
         return self.trail.bytes + self.history.bytes
 
     def series(self, channel: TrackChannel, from_s: float, to_s: float, points: int) -> HistorySeries:
-        """A channel over a time on the station's clock."""
+        """A channel over a time range on the station's clock."""
         return self.history.series(channel, from_s, to_s, points)
 
     def follow(self, before: PlatformSnapshot | None, after: PlatformSnapshot) -> None:
-        """Takes in what has changed."""
+        """Adds the changes between two snapshots."""
         self._stay_in_frame(after)
         if before is not None and before.boot != after.boot:
             self._ahead_s = None
@@ -200,7 +200,7 @@ class Track:
         self._receive_mission(before, after)
 
     def _stay_in_frame(self, platform: PlatformSnapshot) -> None:
-        """Begins anew where the positions are told in another frame than before."""
+        """Clears the track when the frame of the positions has changed."""
         site = platform.site.value if platform.site is not None else None
         if site is None:
             return

@@ -37,7 +37,7 @@ class Draft(msgspec.Struct, frozen=True, kw_only=True):
     """How it is called: the file's name."""
     text: str
     path: str = ""
-    """The file that it is saved in; empty where a name has to be given first."""
+    """File that it is saved in; empty until it has a name."""
     kept_text: str = ""
     """What that file holds."""
     made_of: str = ""
@@ -77,7 +77,7 @@ class Draft(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def requested(self) -> tuple[Finding, ...]:
-        """Everything that the operator should read: findings of the check, then what a conversion left out."""
+        """Findings for the operator: those of the check, then the parts that a conversion left out."""
         return (*self.findings, *self.left_out)
 
     def plan(self) -> CheckedPlan | None:
@@ -104,10 +104,10 @@ def new_draft(platform: Platform | None) -> Draft:
 
 
 def opened(name: str, platform: Platform | None) -> Draft:
-    """Opens a mission file, an example, or another program's plan; never raises for what is in it.
+    """Opens a mission file, an example, or another program's plan; never raises for errors in it.
 
     Raises:
-        Refused: there is no such file, or it cannot be read.
+        Refused: the file does not exist or cannot be read.
     """
     try:
         path = find_mission(name).expanduser()
@@ -167,7 +167,7 @@ def edited(draft: Draft, text: str) -> Draft:
 
 
 def is_mission_file(path: Path) -> bool:
-    """Whether a file of that name holds a mission of ours."""
+    """Whether a file of that name is a GLOC3 mission."""
     return path.suffix in MISSION_SUFFIXES
 
 
@@ -193,12 +193,12 @@ def objection(draft: Draft, path: Path) -> str:
     try:
         held = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError):
-        return f"{path.name} is not what was opened any more"
+        return f"{path.name} has changed since it was opened"
     return "" if held == draft.kept_text else f"{path.name} was changed by another program since it was opened"
 
 
 def saved(draft: Draft, path: Path, platform: Platform | None) -> Draft:
-    """Writes a file; after an export the draft is what it was, after a save it is that file.
+    """Writes a file; returns the saved draft, or the unchanged one after an export.
 
     Raises:
         InputError: the mission cannot be expressed in such a file.
@@ -214,7 +214,7 @@ def saved(draft: Draft, path: Path, platform: Platform | None) -> Draft:
 
 
 def write_file(path: Path, text: str) -> None:
-    """Writes a file whole, or leaves what was there.
+    """Writes a file atomically, or leaves the previous one.
 
     Raises:
         Refused: it cannot be written; with the reason.
@@ -227,7 +227,7 @@ def write_file(path: Path, text: str) -> None:
 
 
 def _shown(path: Path) -> str:
-    """A file that is no mission, as text, so that the places of the findings can be looked at."""
+    """A file that is not a mission, as text, so that findings can be shown in place."""
     try:
         with path.open("rb") as file:
             raw = file.read(SHOWN_MAX)

@@ -20,7 +20,7 @@ KINDS: Final = {
 }
 
 LISTED_MOST: Final = 1 << 16
-"""Bytes of a file in which it shows whether it may be a mission."""
+"""Bytes at the start of a file that are examined for a mission."""
 _BEGINS: Final = {
     **dict.fromkeys(
         MISSION_SUFFIXES,
@@ -45,7 +45,7 @@ class MissionEntry(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     path: str
     kind: str
-    """In words; `folder` for one that is gone into."""
+    """For users; `folder` for one that can be opened."""
     size: int = 0
     """Bytes."""
 
@@ -94,7 +94,7 @@ def start_entries(recent: Sequence[str]) -> tuple[MissionEntry, ...]:
 
 
 def matching(entries: Sequence[MissionEntry], typed: str) -> tuple[MissionEntry, ...]:
-    """The entries whose name holds what was typed, those that begin with it first."""
+    """Entries whose name contains the typed text, those that begin with it first."""
     wanted = typed.strip().lower()
     if not wanted:
         return tuple(entries)

@@ -1,4 +1,4 @@
-"""Forms for the arguments of an action: typed fields with unit, bounds and default, and what was typed as values."""
+"""Forms for the arguments of an action: typed fields with unit, bounds and default, and parsing of their texts."""
 
 import re
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ PAIRS: Final = {
     "wall_m": "wall",
     "to_m": "to",
 }
-"""Arguments in a local frame, and those that stand for them in frame geo."""
+"""Arguments in a local frame, and their counterparts in frame geo."""
 LISTS: Final = ("waypoints_m", "area_m", "wall_m", "to_m")
 """Those of them that are several positions."""
 FLAT: Final = ("at_m", "area_m", "wall_m", "to_m")
@@ -51,7 +51,7 @@ class FormField(msgspec.Struct, frozen=True, kw_only=True):
     """What is typed, with its bounds."""
     doc: str = ""
     default: str = ""
-    """As it would be typed; empty where a value must be given, or nothing is the default."""
+    """As typed text; empty where a value is required, or the default is null."""
     is_required: bool = False
     choices: tuple[str, ...] = ()
     """The values that are possible, where they are few."""
@@ -75,18 +75,18 @@ class FormError(Gloc3Error):
 
 
 def capabilities(platform: Platform | None) -> Mapping[str, Capability]:
-    """What can be asked for, by name: of the platform, or (its file is not here) all that is known."""
+    """Capabilities by name: of the platform, or all known ones where its file is not here."""
     if platform is not None:
         return {name: row for name, row in abilities(platform).items() if name != "wait"}
     return {name: Capability(arguments=name, performed_by="") for name in argument_kinds() if name != "wait"}
 
 
 def form_for(capability: str, row: Capability, *, is_geo: bool) -> CapabilityForm:
-    """The form of a capability.
+    """Form of a capability.
 
     Args:
         capability: its name.
-        row: what the platform says of it.
+        row: its row in the platform.
         is_geo: positions are latitude, longitude and height; otherwise x, y and height in a local frame.
     """
     kind = argument_kinds().get(row.arguments)
@@ -103,10 +103,10 @@ def form_for(capability: str, row: Capability, *, is_geo: bool) -> CapabilityFor
 
 
 def arguments_of(form: CapabilityForm, row: Capability, typed: Mapping[str, str]) -> dict[str, Any]:
-    """The arguments as in a mission file; what was left empty has its default.
+    """Parses the arguments as in a mission file; empty fields have their defaults.
 
     Raises:
-        FormError: something does not fit; with the field.
+        FormError: a value is invalid; with the field.
     """
     found: dict[str, Any] = {}
     for field in form.fields:

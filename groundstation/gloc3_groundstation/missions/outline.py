@@ -23,7 +23,7 @@ COMMANDED: Final = {
 }
 """Start is not among them: an item starts when its turn comes, and the mission is started by the desk."""
 COMMANDS: Final = "command-"
-"""How the platform calls the tasks of single actions that were asked for."""
+"""Prefix of the platform's tasks for single requested actions."""
 
 
 class OutlineAction(msgspec.Struct, frozen=True, kw_only=True):
@@ -37,9 +37,9 @@ class OutlineAction(msgspec.Struct, frozen=True, kw_only=True):
     after: tuple[str, ...] = ()
     """The names of the actions of its task that come before it."""
     until: str = ""
-    """The action with whose end it ends."""
+    """Action with which it ends."""
     terms: tuple[str, ...] = ()
-    """What else is said of it: deadline, policy, retries, claims."""
+    """Further terms: deadline, policy, retries, claims."""
     capability: str = ""
     claims: tuple[str, ...] = ()
     duration_s: float | None = None
@@ -71,9 +71,9 @@ class Outline(msgspec.Struct, frozen=True, kw_only=True):
     length_m: float | None = None
     battery_share: float | None = None
     least: MissionFigures | None = None
-    """Where guards may leave something out, and loops end early: what it takes at least."""
+    """Where guards may skip items, and loops end early: the least figures."""
     is_ordered: bool = True
-    """False where only the names are known: the platform has told its states, and nobody its order yet."""
+    """False where only the names are known: the platform has reported states, and its order is not known yet."""
 
     def stage(self, name: str) -> OutlineTask | None:
         """A task by name."""
@@ -108,11 +108,11 @@ def outline_of(report: CheckReport, capabilities: Mapping[str, Capability]) -> O
 
 
 def received_outline(mission: MissionSummary, known: Outline | None) -> Outline:
-    """The outline of what a platform tells the states of.
+    """Outline of the mission whose states a platform reports.
 
     Args:
-        mission: what the platform tells.
-        known: the outline of the loaded mission, where that is known.
+        mission: the platform's report.
+        known: the outline of the loaded mission, if known.
     """
     names: dict[str, list[str]] = {}
     for target in mission.tasks:
@@ -173,7 +173,7 @@ def state_of(mission: MissionSummary | None, target: str) -> ActionState | None:
 
 
 def legal_verbs(mission: MissionSummary | None, target: str) -> frozenset[Verb]:
-    """What the platform would accept, as far as its state tells."""
+    """Commands that the platform would accept in its reported state."""
     state = state_of(mission, target)
     if mission is None or state is None:
         return frozenset()

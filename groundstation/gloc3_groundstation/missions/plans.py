@@ -21,7 +21,7 @@ from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.station.station import Station
 
 REQUESTED_AGAIN_S: Final = 10.0
-"""A text that did not come is asked for again after so long."""
+"""Interval between requests for a text that has not arrived, s."""
 KEPT: Final = 32
 OTHER_FILE: Final = "the platform file of {0} differs from {1}: only {0} itself checks the mission"
 
@@ -35,7 +35,7 @@ class CheckedPlan(msgspec.Struct, frozen=True, kw_only=True):
     """What the mission calls itself."""
     text: str
     file: str = ""
-    """Where it is saved; empty for an example, and for what was made of another program's file."""
+    """File that it is saved in; empty for an example, and for a converted plan."""
     converted_from: str = ""
     """The other program's file that it was made of; empty for a mission file."""
     platforms: tuple[str, ...] = ()
@@ -162,7 +162,7 @@ def _plan(report: CheckReport, left_out: Iterable[Finding] = ()) -> CheckedPlan:
 
 
 class MissionTexts:
-    """Texts by the digest that vehicles tell of what they have loaded."""
+    """Mission texts by the digests that vehicles report for their loaded missions."""
 
     def __init__(self, station: Station) -> None:
         self._station = station
@@ -173,7 +173,7 @@ class MissionTexts:
         """The mission of a vehicle, and whether it is loaded there.
 
         Returns:
-            The loaded one; while there is none, or its text is not known yet, the one at hand. Empty without either.
+            The loaded one; while there is none, or its text is not known yet, the selected one. Empty without either.
         """
         digest = _digest(platform)
         if digest and digest not in self._texts and plan is not None and digest_of(plan.text) == digest:
@@ -183,12 +183,12 @@ class MissionTexts:
         return ("", False) if plan is None or digest else (plan.text, False)
 
     def missing(self, platform: PlatformSnapshot | None, now_s: float) -> bool:
-        """Whether the text of what a vehicle has loaded should be asked for now."""
+        """Whether the text of a vehicle's loaded mission should be requested now."""
         digest = _digest(platform)
         return bool(digest) and digest not in self._texts and now_s >= self._requested_s.get(digest, 0.0)
 
     async def fetch(self, platform: PlatformSnapshot) -> None:
-        """Asks a vehicle for the text of what it has loaded; without an answer it is asked again later."""
+        """Requests the text of a vehicle's loaded mission; without an answer it is requested again later."""
         digest, now_s = _digest(platform), self._station.now_s()
         self._requested_s[digest] = now_s + REQUESTED_AGAIN_S
         reply = await self._station.client.request(platform.name, ReadMission())

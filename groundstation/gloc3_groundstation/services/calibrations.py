@@ -1,8 +1,7 @@
-"""Calibration of a vehicle's sensors: begun, followed step by step, confirmed and cancelled.
+"""Calibration of a vehicle's sensors: start, follow step by step, confirm and cancel.
 
-It goes through a machine of our own, not through MAVSDK's: that knows PX4 alone (all else is UNSUPPORTED), its
-`cancel()` blocks for good when the vehicle acknowledges late, and a vehicle that falls silent leaves it waiting
-(measured with 4.1).
+It uses our own state machine, not MAVSDK's. MAVSDK supports only PX4 (all else is UNSUPPORTED), its `cancel()` blocks
+forever when the vehicle acknowledges late, and it waits forever for a vehicle that goes silent (measured with 4.1).
 """
 
 from collections.abc import Callable
@@ -16,7 +15,7 @@ from gloc3_groundstation.services.machines import Machines, Wire
 from gloc3_groundstation.services.snapshot import Firmware, SnapshotService
 
 LAST_LINES_S: Final = 2.0
-"""How long a cancelled calibration may take to tell the vehicle."""
+"""Longest time for sending the cancellation of a calibration to the vehicle."""
 
 OnState = Callable[[CalibrationState], None]
 
@@ -37,17 +36,17 @@ class CalibrationService:
         return None if self._running is None else self._running.state
 
     async def run(self, kind: CalibrationKind, on_state: OnState | None = None) -> CalibrationState:
-        """Calibrates, and comes back when that is over; cancelling the task cancels it on the vehicle.
+        """Calibrates, and returns at the end; cancelling the task cancels it on the vehicle.
 
         Args:
-            kind: what.
-            on_state: is told each new state: what to do, how far it is.
+            kind: the sensor.
+            on_state: called with each new state: instruction and progress.
 
         Returns:
             The last state: done, failed with the reason, or cancelled.
 
         Raises:
-            Refused: it cannot begin: the vehicle is armed, of an unknown firmware, or is being calibrated.
+            Refused: it cannot start: the vehicle is armed, of an unknown firmware, or is being calibrated.
         """
         if self._running is not None:
             raise Refused(f"the {self._running.state.kind} is being calibrated")
@@ -90,6 +89,6 @@ class CalibrationService:
             self._own.settle()
 
     def close(self) -> None:
-        """Leaves a calibration that runs; the vehicle is told no more."""
+        """Abandons a running calibration; the vehicle is not notified."""
         if self._own is not None:
             self._own.close()

@@ -30,7 +30,7 @@ class Folder(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def parent(self) -> str:
-        """The folder above; the top is its own."""
+        """Parent folder; the root is its own parent."""
         return str(PurePosixPath(self.path).parent)
 
     def path_of(self, entry: FolderEntry) -> str:
@@ -79,18 +79,18 @@ class FileService:
         return bytes(call.data)
 
     async def download(self, path: str, to: Path, on_progress: OnProgress | None = None) -> Path:
-        """Downloads a file onto the disk; what an earlier attempt at it has left is not asked for again.
+        """Downloads a file to disk; resumes an earlier partial download.
 
         Args:
             path: on the vehicle.
-            to: a folder here, or the file's new path; a file that is there is replaced when all has come.
-            on_progress: is told how far it is.
+            to: a local folder, or the file's new path; an existing file is replaced when the download is complete.
+            on_progress: called with the progress.
 
         Returns:
-            Where it is now.
+            Its local path.
 
         Raises:
-            Refused: it cannot be had, or not be written; with the reason. What has come is kept.
+            Refused: it cannot be read or written; with the reason. A partial download is kept.
         """
         path, report = _absolute(path), Quietly(on_progress)
         part = PartFile(to / PurePosixPath(path).name if to.is_dir() else to)
@@ -110,23 +110,23 @@ class FileService:
         return part.path
 
     async def read_into(self, path: str, part: PartFile, on_bytes: Callable[[int], None]) -> None:
-        """Downloads what is missing of a file; whoever asks compares and finishes it.
+        """Downloads the missing part of a file; the caller compares and finishes it.
 
         Raises:
-            Refused: it cannot be had; with the reason. What has come is kept.
+            Refused: it cannot be read; with the reason. A partial download is kept.
         """
         path = _absolute(path)
         call = self._client.read(self._target, path, now_s=self._machines.now_s, sink=part)
         await self._finish(call, f"{path} cannot be downloaded", lambda: on_bytes(call.received), lambda: part.problem)
 
     async def upload(self, file: Path, folder: str, on_progress: OnProgress | None = None) -> str:
-        """Uploads a file into a folder of the vehicle; both ends' checksums are compared behind it.
+        """Uploads a file into a folder of the vehicle, then compares both ends' checksums.
 
         Returns:
             Its path on the vehicle.
 
         Raises:
-            Refused: it cannot be read, or not be written there; with the reason.
+            Refused: it cannot be read here or written there; with the reason.
         """
         try:
             if file.stat().st_size > LARGEST_UPLOAD_BYTES:
@@ -184,7 +184,7 @@ class FileService:
         await self._finish(call, f"{path} cannot become {new_path}")
 
     async def _compare(self, path: str, part: PartFile) -> None:
-        """Compares checksums where the vehicle tells one: what was here already may have been of another file."""
+        """Compares checksums where the vehicle provides one: a partial download may be of another file."""
         call = self._client.calculate_checksum(self._target, path, now_s=self._machines.now_s)
         try:
             await self._machines.until(lambda: call.result is not None)

@@ -1,7 +1,7 @@
 """Logs of a vehicle: list, and download with progress; an interrupted download resumes.
 
-They go through our own log protocol, not MAVSDK's: that always begins at the first byte, and deletes what has come
-when it is cancelled. Over a radio a log takes an hour.
+This uses our own log client, not MAVSDK's, which always starts at the first byte, and deletes a partial download when
+it is cancelled. Over a radio a log takes an hour.
 """
 
 from collections.abc import Callable
@@ -21,7 +21,7 @@ from gloc3_groundstation.services.saving import Saving
 from gloc3_groundstation.services.snapshot import Firmware, SnapshotService
 
 KEEP_EVERY_S: Final = 1.0
-"""So often what has come is written to the disk."""
+"""Interval at which received data is written to disk, s."""
 SUFFIXES: Final = {Firmware.ARDUPILOT: ".bin", Firmware.PX4: ".ulg"}
 
 
@@ -34,7 +34,7 @@ class LogLine(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def begun(self) -> str:
-        """When it was begun, in UTC; empty where the vehicle did not know the time."""
+        """Start time, in UTC; empty where the vehicle did not know the time."""
         return utc_text(self.entry.utc_s) if self.entry.utc_s else ""
 
 
@@ -65,13 +65,13 @@ class LogService:
         return tuple(LogLine(entry=entry, file_name=_file_name(entry, suffix)) for entry in entries)
 
     async def download(self, line: LogLine, folder: Path, on_progress: OnProgress | None = None) -> Path:
-        """Downloads a log into a folder; what an earlier attempt has left there is not asked for again.
+        """Downloads a log into a folder; resumes an earlier partial download there.
 
         Returns:
-            Where it is now.
+            Its local path.
 
         Raises:
-            Refused: no answer, the log is too large, or the file cannot be written; what has come is kept.
+            Refused: no answer, the log is too large, or the file cannot be written; a partial download is kept.
         """
         entry, report = line.entry, Quietly(on_progress)
         saving = Saving(folder / line.file_name, f"{entry.number}-{entry.size}-{entry.utc_s}")

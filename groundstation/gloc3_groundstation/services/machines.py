@@ -17,13 +17,13 @@ class Wire(Protocol):
 
     @property
     def own(self) -> Address:
-        """As whom the station speaks there."""
+        """Address of the station there."""
 
     def send(self, message: MavlinkMessage) -> None:
         """Sends a message of the station's."""
 
     def listen(self, listener: Callable[[Frame], None]) -> Unsubscribe:
-        """Is told every frame that comes."""
+        """Registers a listener for all received frames."""
 
 
 class _Waiter:
@@ -36,13 +36,13 @@ class _Waiter:
 
 
 class Machines:
-    """Some services of the station that speak with one vehicle.
+    """Services of the station for one vehicle.
 
     Args:
         wire: the link.
-        system: the vehicle's MAVLink system; what others send is not heard here.
-        services: what runs.
-        heard: is told every frame of the vehicle, after the services.
+        system: the vehicle's MAVLink system; frames of other systems are ignored.
+        services: those to run.
+        received: called with every frame of the vehicle, after the services.
     """
 
     def __init__(
@@ -72,15 +72,15 @@ class Machines:
         return self.loop.time()
 
     def on_event(self, listener: Callable[[Any], None]) -> None:
-        """Is told every event of the services."""
+        """Registers a listener for all events of the services."""
         self._on_event.append(listener)
 
     async def until(self, is_over: Callable[[], bool], poll: Callable[[], None] | None = None) -> None:
-        """Waits until something is so; to be called right after a service was asked for something.
+        """Waits for a condition; call it directly after a request to a service.
 
         Args:
-            is_over: what is waited for.
-            poll: called each time something may have changed, as to tell the progress.
+            is_over: the condition.
+            poll: called whenever something may have changed, for instance to report progress.
 
         Raises:
             Refused: the services are closed meanwhile.
@@ -98,7 +98,7 @@ class Machines:
                 self.settle()
 
     def settle(self) -> None:
-        """Sends what is to be sent, tells what has happened, and sets the alarm."""
+        """Sends pending messages, reports events, and sets the timer."""
         if not self._is_open:
             return
         for service in self._services:
@@ -120,7 +120,7 @@ class Machines:
             self._timer = self.loop.call_at(max(next_s, self.now_s + 1e-3), self._tick)
 
     def close(self) -> None:
-        """Neither hears nor sends any more; who waits is refused."""
+        """Stops sending and receiving; waiting callers are refused."""
         if not self._is_open:
             return
         self._is_open = False

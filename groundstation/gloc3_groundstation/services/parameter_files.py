@@ -2,7 +2,7 @@
 
 The three differ in how a line is written, and all are read the same way: comments begin with `#`; QGroundControl has
 five columns between tabs (system, component, name, value, type), the others a name and a value, between blanks or a
-comma. They are told apart line by line, so that a file that was edited by hand is read too.
+comma. The format is detected line by line, so that a file that was edited by hand can be read, too.
 """
 
 import math
@@ -45,14 +45,14 @@ class FileParameter(msgspec.Struct, frozen=True, kw_only=True):
     value: float
     line: int
     column: int = 1
-    """Where its value stands."""
+    """Position of its value."""
     type: ParameterType | None = None
-    """None where the file does not tell."""
+    """None where the file does not contain it."""
     is_rounded: bool = False
     """Whether the file's program writes six decimals and no more."""
 
     def is_same(self, value: float) -> bool:
-        """Whether a vehicle's value is this one, as far as the file tells."""
+        """Whether a vehicle's value is equal, within the precision of the file."""
         return _single(self.value) == _single(value) or (self.is_rounded and abs(self.value - value) <= _FIXED_STEP)
 
 
@@ -101,12 +101,12 @@ def read_parameter_file(data: bytes, file: str) -> SavedParameters:
 def write_parameter_file(
     parameters: Iterable[Parameter], form: ParameterFormat, target: Address, remarks: Iterable[str] = ()
 ) -> str:
-    """A file of parameters, in the order of their names.
+    """Writes a file of parameters, in the order of their names.
 
     Args:
-        parameters: what stands in it.
-        form: whose file it is.
-        target: whose parameters they are.
+        parameters: its contents.
+        form: its format.
+        target: the vehicle that they belong to.
         remarks: comments at the beginning.
     """
     lines = [f"# {' '.join(remark.split())}" for remark in remarks]

@@ -19,7 +19,7 @@ class ParameterRow(msgspec.Struct, frozen=True, kw_only=True):
     """One parameter."""
 
     parameter: Parameter
-    """As the vehicle told it last."""
+    """As last reported by the vehicle."""
     first: float
     """What it was when the list was fetched."""
     info: ParameterInfo = _NOTHING
@@ -86,7 +86,7 @@ class DiffRow(msgspec.Struct, frozen=True, kw_only=True):
     vehicle: float | None = None
     file: float | None = None
     line: int = 0
-    """Of the file; 0 where it does not stand in it."""
+    """Of the file; 0 where the parameter is not in it."""
     reason: str = ""
     """Why it is not allowed."""
 
@@ -119,7 +119,7 @@ class ParameterDiff(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ParameterTable(msgspec.Struct, frozen=True, kw_only=True):
-    """All parameters that a vehicle has told, in the order of their names."""
+    """All parameters reported by a vehicle, in the order of their names."""
 
     rows: Mapping[str, ParameterRow] = {}
     is_complete: bool = False
@@ -145,13 +145,13 @@ class ParameterTable(msgspec.Struct, frozen=True, kw_only=True):
     def find(
         self, text: str = "", *, group: str = "", changed: bool = False, not_default: bool = False
     ) -> list[ParameterRow]:
-        """The parameters that somebody looks for; those whose name begins with it first.
+        """Finds parameters; those whose name begins with the text come first.
 
         Args:
             text: words that all occur in name or title, in any case; or a pattern for the name with `*` and `?`.
             group: only of this group.
             changed: only those that were changed since the list was fetched.
-            not_default: only those that are known to be another value than the firmware's own.
+            not_default: only those known to differ from the firmware's default.
         """
         words = text.lower().split()
         found: list[tuple[int, ParameterRow]] = []
@@ -191,10 +191,10 @@ class ParameterTable(msgspec.Struct, frozen=True, kw_only=True):
         return wanted
 
     def parse(self, name: str, text: str) -> float:
-        """The value that an operator has typed: a number, or what a value is called.
+        """Parses a typed value: a number, or the name of a value.
 
         Raises:
-            Refused: it is neither.
+            Refused: it is neither of them.
         """
         row, text = self[name], text.strip()
         for value, meaning in row.info.values.items():
@@ -208,7 +208,7 @@ class ParameterTable(msgspec.Struct, frozen=True, kw_only=True):
             raise Refused(f"{text!r} is no value for {name}{hint}") from None
 
     def compare(self, file: SavedParameters) -> ParameterDiff:
-        """What a file would change on the vehicle; rows are in the order of the file, then of the names."""
+        """Changes that a file would make on the vehicle; rows are in the order of the file, then of the names."""
         rows = [self._compare(one) for one in file.parameters]
         named = {one.name for one in file.parameters}
         rows += [
@@ -230,7 +230,7 @@ class ParameterTable(msgspec.Struct, frozen=True, kw_only=True):
         return ParameterTable(rows=rows, is_complete=is_complete)
 
     def with_value(self, reported: Parameter) -> "ParameterTable":
-        """The table after one parameter was told anew."""
+        """The table after one parameter was reported again."""
         row = self.rows.get(reported.name)
         if row is None:
             rows = {**self.rows, reported.name: ParameterRow(parameter=reported, first=reported.value)}
@@ -262,7 +262,7 @@ class ParameterTable(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def _rank(row: ParameterRow, words: list[str]) -> int | None:
-    """How well a parameter fits what is looked for, 0 the best; None where it does not."""
+    """How well a parameter matches a search, 0 the best; None where it does not."""
     name = row.name.lower()
     if not words:
         return 0

@@ -1,8 +1,8 @@
 """Parameters of a vehicle: listed with progress, compared with a file, set and read back.
 
-They go through our own parameter protocol, not MAVSDK's: that tells no progress and not the types (so not the bounds),
-cannot be cancelled, and its `get_all_params` never returns when the vehicle falls silent in the middle (measured with
-4.1: more than 50 s, and the process does not end after it).
+This uses our own parameter client, not MAVSDK's, which reports neither progress nor types (so no bounds) and cannot be
+cancelled; its `get_all_params` never returns when the vehicle goes silent in the middle (measured with 4.1: more than
+50 s, and the process does not end after it).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -24,9 +24,9 @@ from gloc3_groundstation.services.progress import OnProgress, Quietly
 from gloc3_groundstation.services.snapshot import SnapshotService
 
 INFO_PATHS: Final = ("/etc/extras/parameters.json.xz",)
-"""Where a PX4 vehicle has the description of its own parameters."""
+"""Path of a PX4 vehicle's description of its own parameters."""
 MOST_SILENT: Final = 2
-"""After so many parameters without an answer the rest are not tried."""
+"""Unanswered parameters after which the rest are not tried."""
 
 
 class WriteReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -56,7 +56,7 @@ class ParameterService:
         machines.on_event(self._on_event)
 
     def listen(self, listener: Callable[[ParameterTable], None]) -> Unsubscribe:
-        """Is told each new table, also when another station has set something."""
+        """Registers a listener for each new table, also after changes by another station."""
         self._listeners.append(listener)
         return lambda: self._listeners.remove(listener) if listener in self._listeners else None
 
@@ -86,10 +86,10 @@ class ParameterService:
         return self.table
 
     async def read(self, name: str) -> ParameterRow:
-        """Reads one parameter anew.
+        """Reads one parameter again.
 
         Raises:
-            Refused: there is none of that name, or no answer.
+            Refused: there is no parameter of that name, or no answer.
         """
         self._client.encoding = (await self._snapshot.learn(self._machines)).encoding
         call = self._client.read(self._snapshot.snapshot.address, name, now_s=self._machines.now_s)
@@ -189,14 +189,14 @@ class ParameterService:
         return self._use(load_infos(path))
 
     async def fetch_infos(self, on_progress: OnProgress | None = None) -> int:
-        """Takes the description of the parameters from the vehicle itself, if it has one.
+        """Reads the description of the parameters from the vehicle itself, if it has one.
 
         Returns:
-            How many of the vehicle's parameters it describes.
+            The number of the vehicle's parameters that it describes.
 
         Raises:
-            Refused: it has none.
-            InputError: what it has is none.
+            Refused: the vehicle has no description.
+            InputError: its description is invalid.
         """
         for path in INFO_PATHS:
             try:

@@ -21,7 +21,7 @@ from gloc3_groundstation.services.snapshot import Firmware
 DO_JUMP: Final = 177
 WAYPOINT: Final = 16
 _SAME_FRAMES: Final = {5: 0, 6: 3, 11: 10}
-"""The frames whose names end in INT mean the same as those without."""
+"""Frames whose names end in INT have the same meaning as those without."""
 _INCLUSION_POLYGON, _EXCLUSION_POLYGON, _INCLUSION_CIRCLE, _EXCLUSION_CIRCLE, _RALLY = 5001, 5002, 5003, 5004, 5100
 _HEIGHT_STEP_M: Final = 0.011
 """ArduPilot keeps heights in centimetres."""
@@ -45,7 +45,7 @@ class PlanDifference(msgspec.Struct, frozen=True, kw_only=True):
 
     kind: PlanType
     number: int
-    """The item's, from 0 as on the wire."""
+    """Number of the item, from 0 as on the wire."""
     text: str
 
     def __str__(self) -> str:
@@ -140,7 +140,7 @@ def _frame(item: PlanItem) -> int:
 
 
 def _plain(value: float) -> float:
-    """A parameter that is not given counts as 0: ArduPilot keeps it as that."""
+    """Value for comparison: a parameter that is not given counts as 0, because ArduPilot stores it so."""
     return 0.0 if math.isnan(value) else value
 
 
@@ -170,7 +170,7 @@ def _areas(items: list[MavItem]) -> tuple[FenceArea, ...]:
         if command not in (_INCLUSION_POLYGON, _EXCLUSION_POLYGON) or not 3 <= size == len(corners):
             raise Refused(f"fence item {index} (command {command}) is not understood")
         if any((corner.command, corner.params[0]) != (command, item.params[0]) for corner in corners):
-            raise Refused(f"fence item {index} begins a polygon that is not whole")
+            raise Refused(f"fence item {index} starts an incomplete polygon")
         polygon = tuple((corner.x or 0.0, corner.y or 0.0) for corner in corners)
         areas.append(FenceArea(is_inclusion=command == _INCLUSION_POLYGON, polygon=polygon))
         index += len(corners)

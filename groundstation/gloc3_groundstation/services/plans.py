@@ -57,10 +57,10 @@ class PlanService:
         self._snapshot = snapshot
 
     async def download(self, on_progress: OnProgress | None = None) -> VehiclePlan:
-        """Gets mission, fence and rally points.
+        """Downloads mission, fence and rally points.
 
         Raises:
-            Refused: the vehicle does not answer, or tells what cannot be understood.
+            Refused: the vehicle does not answer, or its plan cannot be parsed.
         """
         snapshot = await self._snapshot.learn(self._machines)
         found: dict[PlanType, tuple[PlanItem, ...]] = {}
@@ -74,21 +74,21 @@ class PlanService:
     async def upload(
         self, plan: ForeignPlan, on_progress: OnProgress | None = None, kinds: Sequence[PlanType] | None = None
     ) -> tuple[PlanDifference, ...]:
-        """Gives the vehicle a plan, reads it back and compares.
+        """Uploads a plan to the vehicle, reads it back and compares.
 
-        What the plan has none of is cleared on the vehicle: afterwards it has this plan and nothing else. A file of
-        waypoints has no place for fence and rally points, so those stay.
+        Types that are empty in the plan are cleared on the vehicle: afterwards it has this plan and nothing else. A
+        file of waypoints cannot contain fence and rally points, so those stay.
 
         Args:
             plan: from `read` or `download`.
-            on_progress: is told how far it is.
-            kinds: only these of mission, fence and rally points; None for all that the plan's file has a place for.
+            on_progress: called with the progress.
+            kinds: only these of mission, fence and rally points; None for all that the plan's file can contain.
 
         Returns:
-            Where the vehicle's plan is not the wanted one; empty when all is well.
+            Differences between the vehicle's plan and the uploaded one; empty for none.
 
         Raises:
-            Refused: the vehicle does not take it, or does not answer; the parts before stay as they were given.
+            Refused: the vehicle rejects it, or does not answer; the parts uploaded before stay.
         """
         snapshot = await self._snapshot.learn(self._machines)
         parts, report = to_wire(plan, snapshot.firmware), Quietly(on_progress)
@@ -141,7 +141,7 @@ class PlanService:
 
     @staticmethod
     def save(found: VehiclePlan, path: Path) -> None:
-        """Saves what was on the vehicle, as the suffix says: `.plan`, or a file of waypoints without fence and rally.
+        """Saves downloaded plans in the format of the suffix: `.plan`, or a file of waypoints without fence and rally.
 
         Raises:
             Refused: the suffix is unknown, or the file cannot be written.
@@ -199,7 +199,7 @@ def kinds_of(plan: ForeignPlan) -> tuple[PlanType, ...]:
 
 
 def _can(snapshot: ServicesSnapshot, kind: PlanType) -> bool:
-    """Whether the vehicle has this type of plan; one that says nothing of itself is asked."""
+    """Whether the vehicle supports this type of plan; one that reports no capabilities is queried."""
     needed = _NEEDED.get(kind)
     return needed is None or snapshot.version is None or needed in snapshot.version.capabilities
 

@@ -10,9 +10,9 @@ class JobProgress(msgspec.Struct, frozen=True, kw_only=True):
     """Progress of a running job."""
 
     what: str
-    """What is under way, as "listing the parameters"."""
+    """Running operation, such as "listing the parameters"."""
     fraction: float | None = None
-    """From 0 to 1; None while nobody knows."""
+    """From 0 to 1; None while it is unknown."""
     detail: str = ""
     """Figures for a person, as "120 of 900"."""
 
@@ -21,7 +21,7 @@ OnProgress: TypeAlias = Callable[[JobProgress], None]
 
 
 def no_progress(progress: JobProgress) -> None:
-    """Takes progress that nobody wants to see."""
+    """Ignores progress."""
     del progress
 
 
@@ -29,7 +29,7 @@ class Quietly:
     """Passes progress on when it has changed.
 
     Args:
-        listener: who is told.
+        listener: receives the progress.
     """
 
     def __init__(self, listener: OnProgress | None) -> None:
@@ -37,7 +37,7 @@ class Quietly:
         self._last: JobProgress | None = None
 
     def __call__(self, what: str, fraction: float | None = None, detail: str = "") -> None:
-        """Tells, if this is news."""
+        """Passes progress on if it has changed."""
         progress = JobProgress(what=what, fraction=fraction, detail=detail)
         if progress != self._last:
             self._last = progress

@@ -15,7 +15,7 @@ from gloc3.mavlink.services.interval import FASTEST_HZ, SET_MESSAGE_INTERVAL
 from gloc3_groundstation.services.machines import Machines
 
 WINDOW_S: Final = 5.0
-"""Rates are means over so long."""
+"""Averaging time of rates."""
 MOST_MESSAGES: Final = 512
 _MOST_TIMES: Final = 1024
 
@@ -30,13 +30,13 @@ class RateRow(msgspec.Struct, frozen=True, kw_only=True):
     rate_hz: float
     """Mean of the last seconds; 0 when it does not come any more."""
     bytes_s: float
-    """What it costs on the link."""
+    """Bandwidth on the link."""
     age_s: float
     """Since the last one."""
     count: int
     """How many have come."""
     wanted_hz: float | None = None
-    """What was asked for; None for nothing, 0 for not at all."""
+    """Requested rate; None for none, 0 for off."""
 
 
 class RateTable(msgspec.Struct, frozen=True, kw_only=True):
@@ -46,7 +46,7 @@ class RateTable(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def total_bytes_s(self) -> float:
-        """What all of them cost on the link."""
+        """Bandwidth of all messages on the link."""
         return sum(row.bytes_s for row in self.rows)
 
     @property
@@ -55,7 +55,7 @@ class RateTable(msgspec.Struct, frozen=True, kw_only=True):
         return sum(row.rate_hz for row in self.rows)
 
     def find(self, text: str) -> tuple[RateRow, ...]:
-        """The rows whose name holds a text, in any case."""
+        """Rows whose name contains a text, ignoring case."""
         return tuple(row for row in self.rows if text.lower() in row.name.lower())
 
 
@@ -75,7 +75,7 @@ class FrameRateMeter:
 
     def __init__(self) -> None:
         self.wanted_hz: dict[int, float] = {}
-        """What was asked for, by message id."""
+        """Requested rates, by message id."""
         self._meters: dict[tuple[Address, int], _Meter] = {}
 
     def count(self, frame: Frame, now_s: float) -> None:
@@ -134,11 +134,11 @@ class RateService:
         return self._meter.table(self._machines.now_s)
 
     async def request(self, name: str, rate_hz: float | None) -> None:
-        """Asks the vehicle to send a message at a rate; whether it does is seen in the table.
+        """Requests a rate of a message from the vehicle; the table shows whether it complies.
 
         Args:
-            name: as in the dialect, as `ATTITUDE`; or its number.
-            rate_hz: how often; 0 for not at all, None for as often as the vehicle does by itself.
+            name: name in the dialect, such as `ATTITUDE`; or its number.
+            rate_hz: the rate; 0 for off, None for the vehicle's default.
 
         Raises:
             Refused: there is no such message, or the vehicle does not send it at that rate.

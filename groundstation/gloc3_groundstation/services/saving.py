@@ -37,11 +37,11 @@ class Saving:
         return data
 
     def add(self, data: bytes | bytearray, whole_bytes: int) -> None:
-        """Adds what has come since the last time.
+        """Adds the data received since the last call.
 
         Args:
-            data: all that is here, from the beginning.
-            whole_bytes: how much of it has no holes.
+            data: all received data, from the start.
+            whole_bytes: length of the part without gaps.
 
         Raises:
             Refused: it cannot be written.
@@ -91,7 +91,7 @@ class PartFile:
         _check(path)
 
     def opened(self, size: int) -> int:
-        """Goes on with what an attempt at a file of the same size has left; gives how much that is."""
+        """Resumes a partial download of a file of the same size; returns its length."""
         self._part = part_of(self.path, size)
         try:
             self._file = self._part.open("ab")
@@ -112,7 +112,7 @@ class PartFile:
             self._fail(error)
 
     def close(self) -> None:
-        """Keeps what has come."""
+        """Keeps the partial download."""
         file, self._file = self._file, None
         if file is not None:
             try:
@@ -127,7 +127,7 @@ class PartFile:
                 yield piece
 
     def discard(self) -> None:
-        """Forgets what is here."""
+        """Deletes the partial download."""
         self.close()
         self._part.unlink(missing_ok=True)
 
@@ -151,7 +151,7 @@ class PartFile:
 
 
 def part_of(path: Path, size: int) -> Path:
-    """Where what has come is kept of a file that will have so many bytes."""
+    """Path of the partial download of a file with this final size."""
     return path.with_name(f"{path.name}.{size}{PART_SUFFIX}")
 
 

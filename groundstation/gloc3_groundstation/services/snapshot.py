@@ -18,9 +18,9 @@ from gloc3.mavlink.services.version import AUTOPILOT_VERSION, ProtocolCapability
 from gloc3_groundstation.services.machines import Machines
 
 LEARN_S: Final = 5.0
-"""How long a vehicle may take to tell its version; without it the heartbeat has to do."""
+"""Longest time for a vehicle to report its version; without it only the heartbeat is used."""
 RETRY_S: Final = 60.0
-"""A vehicle that has not told its version is left in peace for so long."""
+"""Time before a vehicle that has not reported its version is asked again, s."""
 
 
 class Firmware(StrEnum):
@@ -36,7 +36,7 @@ FIRMWARES: Final = {3: Firmware.ARDUPILOT, 12: Firmware.PX4}
 
 
 class ServicesSnapshot(msgspec.Struct, frozen=True, kw_only=True):
-    """A vehicle as it was last heard."""
+    """A vehicle's last known state."""
 
     address: Address
     firmware: Firmware = Firmware.OTHER
@@ -44,9 +44,9 @@ class ServicesSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """MAV_TYPE."""
     is_armed: bool = False
     received_s: float | None = None
-    """When its last heartbeat came, on the station's clock; None before the first."""
+    """Time of its last heartbeat, on the station's clock; None before the first."""
     version: Version | None = None
-    """None until it was asked for and has come."""
+    """None until it was requested and received."""
 
     @property
     def title(self) -> str:
@@ -77,7 +77,7 @@ class SnapshotService(Microservice[Never]):
         self._retry_s = 0.0
 
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
-        """Takes in what the autopilot says of itself."""
+        """Handles the autopilot's messages about itself."""
         if sender != self.snapshot.address:
             return
         if message.name == "HEARTBEAT":

@@ -19,10 +19,10 @@ from gloc3_groundstation.services.snapshot import ServicesSnapshot, SnapshotServ
 
 
 class VehicleServices:
-    """The services of a vehicle, with or without our companion on it; each refuses in words what it cannot do.
+    """Services of a vehicle, with or without a GLOC3 companion; each refuses unsupported requests with a reason.
 
     Args:
-        wire: the link on which the vehicle is heard.
+        wire: the link to the vehicle.
         target: its autopilot.
     """
 
@@ -39,7 +39,7 @@ class VehicleServices:
             received=meter.count,
         )
         self.ftp: Final = files
-        """Files of whoever is on the vehicle."""
+        """Files of the vehicle's companion or autopilot."""
         self.target: Final = target
         self.files: Final = FileService(self.machines, files, target)
         """The autopilot's files."""
@@ -55,7 +55,7 @@ class VehicleServices:
         return self._snapshots.snapshot
 
     async def learn(self) -> ServicesSnapshot:
-        """What the vehicle says of itself, asked for if need be; what it does not tell stays unknown."""
+        """Properties reported by the vehicle, requested if necessary; those that it does not report stay unknown."""
         return await self._snapshots.learn(self.machines)
 
     def close(self) -> None:

@@ -1,6 +1,6 @@
-"""The CI client and what it knows: fleet snapshots, vehicles, requests, watches, alerts.
+"""Command interface client and its state: fleet snapshots, vehicles, requests, watches, alerts.
 
-Nothing here knows links, screens or files.
+Independent of links, screens and files.
 """
 
 __all__ = [

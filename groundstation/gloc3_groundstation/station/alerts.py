@@ -1,8 +1,8 @@
 """Alerts for the operator: active causes and warnings, each kept until acknowledged and over.
 
-A cause that stands (a faulty component, an empty battery, a silent link) is an alert as long as it stands and until
-somebody has acknowledged it, whichever ends later. A warning that a platform sends is over as soon as it is said, and
-goes when it is acknowledged. What gets worse has to be acknowledged again.
+An active cause (a faulty component, an empty battery, a silent link) is an alert until it is over and acknowledged. A
+warning sent by a platform is over immediately, and is removed when it is acknowledged. An alert that gets worse has to
+be acknowledged again.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -22,13 +22,13 @@ BATTERY_CRITICAL_PERCENT: Final = 15
 LOSS_BAD: Final = 0.5
 """Share of the status that is lost from which the link is worth an alert."""
 SETTLE_S: Final = 5.0
-"""A platform that is new or has restarted is given this long before its link, and what is still missing, is judged."""
+"""Delay before the link and missing parts of a new or restarted platform are evaluated, s."""
 ANSWERED_S: Final = 10.0
-"""So long a refusal of what the operator asked for is shown."""
+"""How long a refusal of the operator's request is shown, s."""
 LINK: Final = "link"
-"""What a vehicle that is not heard is known by."""
+"""Name of the cause of a silent vehicle."""
 LABELS: Final = "event "
-"""What an alert of a warning that was said begins with."""
+"""Prefix of the names of alerts from warnings."""
 _WELL: Final = frozenset(n for n, health in enumerate(HEALTHS) if health not in (Health.FAULTY, Health.ABSENT))
 """States of a component that are no cause."""
 KEPT: Final = 200
@@ -53,14 +53,14 @@ class Alert(msgspec.Struct, frozen=True, kw_only=True):
     severity: Severity
     text: str
     since_s: float
-    """When it began, on the station's clock."""
+    """Start, on the station's clock."""
     last_s: float
-    """When it was said last, or when its cause went; while that stands, when it began."""
+    """Time of the last warning, or of the end of its cause; while the cause is active, its start."""
     is_over: bool = False
-    """The cause is gone."""
+    """The cause is over."""
     is_acknowledged: bool = False
     count: int = 1
-    """How often it was said."""
+    """Number of occurrences."""
 
     @property
     def key(self) -> tuple[str, str]:
@@ -69,7 +69,7 @@ class Alert(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def is_cleared(self) -> bool:
-        """Whether it was a cause, and is no more; a warning that was said is over at once, and stays what it was."""
+        """Whether it was a cause that is over; false for a warning, which is always over."""
         return self.is_over and not self.what.startswith(LABELS)
 
 
@@ -84,11 +84,11 @@ class Alerts(msgspec.Struct, frozen=True):
 
     all: Mapping[tuple[str, str], Alert] = {}
     events_seen: int = 0
-    """The number of the last event that was looked at."""
+    """Number of the last event that was evaluated."""
 
     @property
     def pending(self) -> list[Alert]:
-        """Those that nobody has acknowledged: worst first, of these what still stands, then newest."""
+        """Those not acknowledged: worst first, then the active ones, then the newest."""
         return _sorted(alert for alert in self.all.values() if not alert.is_acknowledged)
 
     @property
@@ -149,7 +149,7 @@ def acknowledge(alerts: Alerts, key: tuple[str, str] | None = None) -> Alerts:
 
 
 def began(alerts: Alerts, before: Alerts, what: str) -> list[Alert]:
-    """The alerts of a kind whose cause did not stand before."""
+    """Alerts of a kind whose cause was not active before."""
     found = [alert for alert in alerts.all.values() if alert.what == what and not alert.is_over]
     return [alert for alert in found if alert.key not in before.all or before.all[alert.key].is_over]
 
@@ -182,13 +182,13 @@ def causes(fleet: Fleet, now_s: float) -> Iterator[AlertCause]:
 
 
 def _silence(*, is_flying: bool, has_companion: bool, is_overdue: bool) -> str:
-    """That a vehicle is silent, what it does meanwhile, and what to do."""
+    """Text for a silent vehicle: its behaviour meanwhile, and what to do."""
     if is_overdue:
         return "overdue: its planned silence is over, and it is not heard; it follows the mission's on_overdue"
     if not is_flying:
-        return "nothing is heard of it any more: is it switched on, and its link open (Fleet)?"
+        return "no messages from it any more: is it switched on, and its link open (Fleet)?"
     policy = "it follows the mission's on_link_loss" if has_companion else "it follows its own failsafe"
-    return f"nothing is heard of it, and it was armed: {policy}; check radio, antenna and its link (Fleet)"
+    return f"no messages from it, and it was armed: {policy}; check radio, antenna and its link (Fleet)"
 
 
 def _vehicle_causes(platform: PlatformSnapshot, now_s: float, *, is_settled: bool) -> Iterator[AlertCause]:
@@ -201,7 +201,7 @@ def _vehicle_causes(platform: PlatformSnapshot, now_s: float, *, is_settled: boo
         severity = Severity.CRITICAL if is_critical else Severity.WARNING
         yield AlertCause(name, "battery", severity, f"battery at or below {limit} %")
     if is_settled and not vehicle.is_autopilot_connected:
-        text = "no autopilot: the companion does not hear it; check its cable, and gloc3 onboard --autopilot"
+        text = "no autopilot: the companion receives nothing from it; check its cable, and gloc3 onboard --autopilot"
         yield AlertCause(name, "autopilot", Severity.CRITICAL, text)
     if is_settled and vehicle.has_pilot_control:
         yield AlertCause(
@@ -229,7 +229,7 @@ def _component_causes(platform: PlatformSnapshot, *, is_settled: bool) -> Iterat
 
 
 def _standing(alert: Alert | None, cause: AlertCause, now_s: float) -> Alert:
-    """The alert of a cause that stands: a new one, or one that came back or got worse, is not acknowledged."""
+    """Alert of an active cause; one that is new, has returned or got worse is not acknowledged."""
     if alert is None or alert.is_over:
         count = alert.count + 1 if alert is not None else 1
         return Alert(
@@ -248,7 +248,7 @@ def _standing(alert: Alert | None, cause: AlertCause, now_s: float) -> Alert:
 
 
 def _text(alert: Alert | None, event: FleetEvent) -> Alert:
-    """The alert of a warning that was said, perhaps again."""
+    """Alert of a warning that was received, perhaps repeatedly."""
     return Alert(
         platform=event.platform,
         what=_what(event),
@@ -266,7 +266,7 @@ def _what(event: FleetEvent) -> str:
 
 
 def is_answer(event: FleetEvent) -> bool:
-    """Whether it only answers what this station's operator has just asked for: a refusal."""
+    """Whether it is only the refusal of a request by this station's operator."""
     return not event.source and event.severity is Severity.ERROR
 
 

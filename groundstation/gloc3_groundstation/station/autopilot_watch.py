@@ -19,14 +19,14 @@ from gloc3_groundstation.station.fleet import SMOOTHING
 from gloc3_groundstation.station.snapshots import LinkStatistics
 
 BEATS_WITHIN_S: Final = 4.5
-"""A heartbeat that stays away for so long is missed, whatever else comes."""
+"""Silence after which the heartbeat counts as lost, s, regardless of other messages."""
 PLACE_WITHIN_S: Final = 5.0
 """A place or an attitude that is older is not known any more."""
 SAME_BOOT_S: Final = 2.0
 """Times of start that differ by more are of two vehicles, or of two lives of one."""
 DOUBLED_WITHIN_S: Final = 10.0
 RESTART_CLEAR_S: Final = 3.0
-"""So long its time since boot runs on evenly after a jump that was a restart."""
+"""Time of steady time since boot, after a jump, that confirms a restart, s."""
 DOUBLED_JUMPS: Final = 4
 """So many jumps of the time since boot, to and fro, are no restarts."""
 _LANDED: Final = {1: "on_ground", 2: "in_air", 3: "taking_off", 4: "landing"}
@@ -37,7 +37,7 @@ RECEIVED_MESSAGES: Final = ("GLOBAL_POSITION_INT", "ATTITUDE", "SYS_STATUS")
 WANTED: Final = frozenset(
     codec.shape(name).id for name in (*RECEIVED_MESSAGES, "EXTENDED_SYS_STATE", "VFR_HUD", "SYSTEM_TIME")
 )
-"""What tells of the vehicle beside its heartbeat."""
+"""Messages about the vehicle's state, besides its heartbeat."""
 _IDS: Final = WANTED | {codec.shape("HEARTBEAT").id}
 _VOLTAGE_UNKNOWN: Final = 65_535
 
@@ -47,9 +47,9 @@ class PlaceWatch:
 
     def __init__(self) -> None:
         self.site: SiteSummary | None = None
-        """Where the frame lies; None until there is a place on Earth."""
+        """Origin of the frame; None until there is a geographic position."""
         self.motion: MotionSummary | None = None
-        """How it moved when it told that last; None until there is a place."""
+        """Last reported motion; None until there is a position."""
         self._frame: LocalFrame | None = None
         self._attitude_cdeg: Whole3 | None = None
         self._attitude_s = 0.0
@@ -110,7 +110,7 @@ class AutopilotWatch:
         self.beat_s = now_s
         """When its last heartbeat came."""
         self.boot_at_s: float | None = None
-        """When it was started, on the station's clock; None while it has not told its time."""
+        """Time of its boot, on the station's clock; None until it has sent its time."""
         self.autopilot = 0
         self.vehicle_type = 0
         self.is_armed = False
@@ -123,7 +123,7 @@ class AutopilotWatch:
         self._form: VtolForm | None = None
         self._place: MavlinkMessage | None = None
         self.place_s = 0.0
-        """When it told its place last."""
+        """When it sent its last position."""
         self._speed_m_s = 0.0
         self._sequence: int | None = None
         self._received: set[int] = set()
@@ -164,7 +164,7 @@ class AutopilotWatch:
         return sorted(WANTED - self._received)
 
     def is_doubled(self, now_s: float) -> bool:
-        """Whether two vehicles speak under this address: its time since boot jumps to and fro."""
+        """Whether two vehicles use this address: its time since boot jumps back and forth."""
         jumps = self._jumps
         return (
             len(jumps) == DOUBLED_JUMPS
@@ -173,7 +173,7 @@ class AutopilotWatch:
         )
 
     def restarted_s(self, now_s: float) -> float | None:
-        """When it has been started anew; None if it has not, and until it is clear that it is one vehicle, not two."""
+        """Time of its last restart; None without one, and until it is clear that it is one vehicle, not two."""
         if not self._jumps:
             return None
         at_s, is_up = self._jumps[-1]
@@ -181,13 +181,13 @@ class AutopilotWatch:
         return at_s if is_up and now_s - at_s >= RESTART_CLEAR_S and at_s - before_s >= RESTART_CLEAR_S else None
 
     def is_same_life(self, other: "AutopilotWatch") -> bool:
-        """Whether the same vehicle is heard here and there: it was started at the same time."""
+        """Whether both have received the same vehicle: it booted at the same time."""
         if self.boot_at_s is None or other.boot_at_s is None:
             return False
         return self.autopilot == other.autopilot and abs(self.boot_at_s - other.boot_at_s) <= SAME_BOOT_S
 
     def reported_s(self, now_s: float) -> float:
-        """When what is known of it was so: now, unless its heartbeats stay away."""
+        """Time for which its state is valid: its last message, or its last heartbeat if heartbeats are lost."""
         return self.received_s if now_s - self.beat_s < BEATS_WITHIN_S else self.beat_s
 
     def summary(self, now_s: float) -> VehicleSummary:

@@ -32,11 +32,11 @@ from gloc3.messages.software import own_software
 from gloc3.messages.teleoperation import VelocityDemand
 
 PATIENCE_S: Final = 2.0
-"""How long a reply may take before it is asked for."""
+"""Longest wait for a reply before it is queried."""
 SLOWEST_BYTES_S: Final = 1000.0
-"""A mission's text is given time for this rate, so that no question is asked while it is still on its way."""
+"""Assumed rate for a mission's text, so that its reply is not queried while it is still being sent."""
 TIMEOUT_S: Final = 16.0
-"""Longer than the link goes on trying, so that nothing is carried out after the operator was told *unknown*."""
+"""Longer than the link's retries, so that nothing is executed after the operator was shown *unknown*."""
 EMERGENCY_TIMEOUT_S: Final = 6.0
 """The same for emergencies, which the link gives up sooner."""
 
@@ -76,26 +76,26 @@ class _Pending:
 
 
 class CommandClient:
-    """The client half of the command interface: one for a station, for all platforms that it commands.
+    """Client of the command interface: one for a station, for all platforms that it commands.
 
-    A request is known by `(sender, boot, sequence)`, counted for each platform; it is never executed twice. When its reply
-    is late, the platform is asked what became of it (`Query`); only if it never arrived it is sent again, under the same id.
-    What is not known when the time is up ends as *unknown*. When the link reports that it gave a request up, that ends as
-    *refused* if it was surely never delivered, and else is asked about at once.
+    A request is identified by `(sender, boot, sequence)`, counted for each platform; it is never executed twice. When
+    its reply is late, the client queries the outcome (`Query`); only if the request never arrived it is sent again,
+    with the same id. Without an outcome at the timeout it ends as *unknown*. When the link gives a request up, it ends
+    as *refused* if it was certainly never delivered; otherwise the outcome is queried at once.
     """
 
     def __init__(self, exchange: Exchange, loop: asyncio.AbstractEventLoop, station: str, boot: int) -> None:
-        """A client.
+        """Creates a client.
 
         Args:
             exchange: reaches the platforms.
-            loop: gives the time and wakes the client.
+            loop: the event loop, for time and timers.
             station: the station's id, such as `255`.
             boot: a random number for this start of the station.
         """
         self.station: Final = station
         self.role = StationRole.OPERATOR
-        """What the station may do, as far as it is known here; the platforms judge for themselves."""
+        """Role of the station, as far as it is known here; the platforms check it themselves."""
         self._loop, self._boot = loop, boot
         self._publisher = Publisher(exchange, f"station_{station}", "command_client", boot)
         self._sequences: dict[str, int] = {}
@@ -108,7 +108,7 @@ class CommandClient:
         self._withdraw = exchange.declare_alive(f"stations/{station}")
 
     def close(self) -> None:
-        """Receives no more replies; those who still wait are cancelled."""
+        """Stops receiving replies; waiting requests are cancelled."""
         self._unsubscribe()
         self._withdraw()
         if self._timer is not None:
@@ -139,11 +139,11 @@ class CommandClient:
             self._drop(key)
 
     def send(self, platform: str, body: AnyBody) -> None:
-        """Sends what needs no answer."""
+        """Sends a message that needs no answer."""
         self._send(platform, self._new(platform, body))
 
     def demand(self, platform: str, demand: VelocityDemand) -> None:
-        """Sends a velocity that is asked for by hand; it arrives at once or not at all."""
+        """Sends a velocity demand of manual control; it arrives at once or not at all."""
         self._publisher.publish(f"{platform}/velocity_demand", demand, self._loop.time())
 
     def new_session(self) -> int:
@@ -152,11 +152,11 @@ class CommandClient:
         return (self._boot + self._sessions) & 0xFFFFFFFF
 
     async def carry_out(self, platform: str, body: AnyBody, timeout_s: float = TIMEOUT_S) -> CiReply:
-        """Sends a request that is to be accepted.
+        """Sends a request that has to be accepted.
 
         Raises:
-            Declined: the platform turned it down.
-            Unanswered: it is not known whether it was carried out.
+            Declined: the platform refused it.
+            Unanswered: it is unknown whether it was executed.
         """
         reply = await self.request(platform, body, timeout_s)
         if reply.outcome is Outcome.ACCEPTED:
@@ -166,9 +166,9 @@ class CommandClient:
         raise Unanswered(reply.reason or f"{platform} does not know the outcome of the request ({reply.outcome})")
 
     def undelivered(self, lost: Undelivered) -> None:
-        """Takes into account that the links have given a message up.
+        """Handles a message that the links have given up.
 
-        Of a request that was sent more than once, a certain loss says nothing of the other times.
+        For a request that was sent more than once, a certain loss does not cover the other times.
         """
         request = lost.envelope.payload
         if not isinstance(request, CiRequest):
@@ -212,13 +212,13 @@ class CommandClient:
         await self.carry_out(platform, Steer(verb=verb, target=target, override=override, author=author))
 
     async def emergency(self, platform: str, verb: EmergencyVerb, confirmation: str = "") -> None:
-        """What the emergency key asks for; needs no control."""
+        """Sends an action of the emergency key; needs no control."""
         author = f"station {self.station}"
         body = Emergency(verb=verb, author=author, confirmation=confirmation)
         await self.carry_out(platform, body, EMERGENCY_TIMEOUT_S)
 
     async def hello(self, platform: str) -> None:
-        """Asks for the full state, which comes on the platform's topics."""
+        """Requests the full state, which is published on the platform's topics."""
         await self.carry_out(platform, Hello(**own_software()._asdict()))
 
     # --- requests under way ---
@@ -251,7 +251,7 @@ class CommandClient:
         self._tick()
 
     def _tick(self) -> None:
-        """Asks for what is late, gives up what is too late, and sets the alarm."""
+        """Queries late replies, times out old requests, and sets the timer."""
         now_s = self._loop.time()
         for key, pending in list(self._pending.items()):
             if pending.future.done():  # answered while another was sent

@@ -32,7 +32,7 @@ def stages(components: Sequence[ComponentSnapshot]) -> list[ChainStage]:
 
 
 def delivers(component: ComponentSnapshot, others: Sequence[ComponentSnapshot]) -> bool:
-    """Whether a component hands its results on, or another does so in its place; what is not known counts as yes."""
+    """Whether a component publishes its results, or another does in its place; unknown counts as true."""
     if component.health in (Health.WORKING, None):
         return True
     return any(each.standby_for == component.name and each.health is Health.WORKING for each in others)
@@ -75,7 +75,7 @@ class Wiring:
         return {topic: self._makers.get(topic, ()) for topic, takers in self._takers.items() if name in takers}
 
     def starved(self, components: Sequence[ComponentSnapshot]) -> dict[str, str]:
-        """The components that do not get a topic, to that topic: whoever makes it hands nothing on."""
+        """Components that do not receive a topic, to that topic: its producer publishes nothing."""
         known = {component.name: component for component in components}
         found: dict[str, str] = {}
         for topic, takers in self._takers.items():

@@ -10,11 +10,11 @@ from gloc3.messages.envelope import Severity
 from gloc3.messages.summaries import CiEvent, ContactSummary
 
 REQUEST_AGAIN_S: Final = 3.0
-"""What was not answered is asked for again after this time, once something is heard."""
+"""Delay before an unanswered request is repeated, s, once the platform is in contact."""
 PAGE: Final = 40
 SUMMARY_WITHIN_S: Final = 2.0
 REPORTED_SILENCE_S: Final = 3.0
-"""Events that are older when they come are told with their age."""
+"""Age from which an event is shown with its age, s."""
 
 
 class FeedEvent(msgspec.Struct, frozen=True):
@@ -24,7 +24,7 @@ class FeedEvent(msgspec.Struct, frozen=True):
     source: str
     text: str
     age_s: float
-    """How long ago it happened, as far as is known; 0 for what has just happened."""
+    """Age of the event on arrival, as far as it is known; 0 for a current one."""
 
 
 class _Row(msgspec.Struct, frozen=True, array_like=True):
@@ -52,27 +52,27 @@ class _Line:
         self.early: dict[int, CiEvent] = {}
         """What came before its turn."""
         self.at_once: set[int] = set()
-        """What was shown before it was known what is missing."""
+        """Events shown before it was known which ones are missing."""
         self.last = 0
-        """The highest number that was told of."""
+        """Highest known number."""
         self.requested_s = float("-inf")
         self.is_requesting = False
         self.needs_receipt = False
         self.held_until_s = float("-inf")
-        """What comes after a silence waits so long for the summary, which is shown first."""
+        """After a silence, events are held until this time, so that the summary is shown first."""
 
     def begin(self, store: int) -> None:
-        """The platform counts anew."""
+        """Handles a new numbering of the platform's events."""
         self.store, self.shown, self.last = store, None, 0
         self.early.clear()
         self.at_once.clear()
 
 
 class EventFeed:
-    """Without I/O: is told what comes, tells what to show and what to ask for.
+    """Event feed without I/O: orders received events for display, and requests missing ones.
 
     Args:
-        cursors: up to where a former life of the station has shown the events of each platform.
+        cursors: last events of each platform that an earlier life of the station has shown.
     """
 
     def __init__(self, cursors: Mapping[str, Cursor] | None = None) -> None:
@@ -84,7 +84,7 @@ class EventFeed:
         return {name: Cursor(line.store, line.shown) for name, line in lines if line.shown is not None}
 
     def note_contact(self, platform: str, now_s: float) -> None:
-        """A platform is heard after a silence: the first that is shown is the summary of its state."""
+        """Handles a new contact after a silence: the summary of the platform's state is shown first."""
         if platform in self._lines:
             self._lines[platform].held_until_s = now_s + SUMMARY_WITHIN_S
 
@@ -106,7 +106,7 @@ class EventFeed:
         return list(self._drain(line))
 
     def event(self, platform: str, event: CiEvent, now_s: float) -> list[FeedEvent]:
-        """An event has come; what is to be shown now, in order."""
+        """Handles an event; returns the events to show now, in order."""
         if not event.number:
             return [_now(event)]
         line = self._line(platform, event.store)
@@ -121,7 +121,7 @@ class EventFeed:
         return [] if now_s < line.held_until_s else list(self._drain(line))
 
     def contact(self, platform: str, contact: ContactSummary) -> list[FeedEvent]:
-        """A platform has told its state at the begin of a contact."""
+        """Handles a platform's state summary at the start of a contact."""
         line = self._line(platform, contact.store)
         if line.shown is None:
             line.shown = contact.delivered
@@ -132,7 +132,7 @@ class EventFeed:
         return list(self._drain(line))
 
     def wanted(self, platform: str, now_s: float) -> ReadReports | None:
-        """What is to be asked of a platform now; None while nothing is missing, or it has been asked already."""
+        """Request to send to a platform now; None while nothing is missing, or a request is under way."""
         line = self._lines.get(platform)
         if line is None or line.shown is None or line.is_requesting or now_s < line.requested_s + REQUEST_AGAIN_S:
             return None
@@ -144,13 +144,13 @@ class EventFeed:
     def answered(
         self, platform: str, requested: ReadReports, reply: CiReply, platform_s: float | None
     ) -> list[FeedEvent]:
-        """The answer to what was asked; what is to be shown now, in order.
+        """Handles the answer to a request; returns the events to show now, in order.
 
         Args:
-            platform: who has answered.
-            requested: what it was asked.
+            platform: its name.
+            requested: the request.
             reply: the answer.
-            platform_s: the time on the platform's clock; None where it is not known.
+            platform_s: the platform's time; None where it is unknown.
         """
         line = self._lines[platform]
         line.is_requesting = False
@@ -197,7 +197,7 @@ class EventFeed:
 
     @staticmethod
     def _drain(line: _Line, below: int | None = None) -> Iterator[FeedEvent]:
-        """What has its turn now; with `below`, all of what came early up to there."""
+        """Events whose turn has come; with `below`, all early ones up to that number."""
         assert line.shown is not None
         if below is not None:
             for number in sorted(number for number in line.early if number < below):
@@ -219,5 +219,5 @@ def _now(event: CiEvent) -> FeedEvent:
 
 
 def with_age(reported: FeedEvent, age: str) -> str:
-    """The text of an event, with its age where it is old."""
+    """Text of an event, with its age where it is old."""
     return f"{reported.text} ({age} ago)" if reported.age_s >= REPORTED_SILENCE_S else reported.text

@@ -44,7 +44,7 @@ CONTACT_TOPICS: Final = (
 )
 """What a station listens to, below a platform's name."""
 BESIDE: Final = ("ci/hosts", "ci/host_names", "ci/teleoperation")
-"""Of these, what is not of the command interface itself: its source is another."""
+"""Of these, topics that do not come from the command interface itself: their source is another component."""
 
 FORMER_KEPT: Final = 3
 LATE_MESSAGES: Final = 5
@@ -57,9 +57,9 @@ INTERFACE_RESTARTED: Final = (
     "its command interface has begun again; the onboard process and its other components have run on"
 )
 _COUNTED: Final = frozenset(name for name in CONTACT_TOPICS if TOPICS[name].rate_hz and name != "ci/motion")
-"""The periodic topics: gaps in their sequences are losses, and what is older than what is here is dropped.
+"""Periodic topics: gaps in their sequences are losses, and a message older than the latest is dropped.
 
-The motion is left out by a slow link on purpose.
+Motion is excluded because a slow link skips it on purpose.
 """
 
 
@@ -67,8 +67,8 @@ def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
     """The fleet after a message; one that is not for stations changes nothing.
 
     Args:
-        fleet: what was known.
-        envelope: what came, on a topic `PLATFORM/ci/...`, or something that was asked for of another topic.
+        fleet: the previous snapshot.
+        envelope: the message, on a topic `PLATFORM/ci/...`, or a requested sample of another topic.
         now_s: the station's time.
     """
     reduce = _REDUCERS.get(type(envelope.payload))
@@ -117,7 +117,7 @@ def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
 
 
 def by_sound(fleet: Fleet, name: str, summary: AcousticSummary, now_s: float) -> Fleet:
-    """The fleet with what an acoustic modem has brought of a platform; it stays silent otherwise."""
+    """The fleet with an acoustic summary of a platform; on other links it stays silent."""
     known = fleet.get(name)
     if known is None:
         known = PlatformSnapshot(
@@ -156,7 +156,7 @@ def without(fleet: Fleet, name: str) -> Fleet:
 
 
 def _silent(platform: PlatformSnapshot, now_s: float) -> str:
-    """How long a silence was that has just ended, and whether it was planned."""
+    """Text for the length of a silence that has just ended, and whether it was planned."""
     text = f"{platform.age_s(now_s):.0f} s of silence"
     if platform.silence is None:
         return text
@@ -167,7 +167,7 @@ def _silent(platform: PlatformSnapshot, now_s: float) -> str:
 def _planned(
     platform: PlatformSnapshot, envelope: Envelope[Any], utc_offset_s: float, now_s: float
 ) -> ReportedSilence | None:
-    """The silence that a mission summary tells of, on the station's clock; reckoned once, so that it stands still."""
+    """Planned silence in a mission summary, on the station's clock; computed once, so that it stays constant."""
     reported: MissionSummary = envelope.payload
     if not reported.silence:
         return None
@@ -179,7 +179,7 @@ def _planned(
 
 
 def _restarted(platform: PlatformSnapshot, boot: int, now_s: float) -> PlatformSnapshot:
-    """What remains true of a platform whose command interface has begun a new life."""
+    """The part of a platform's snapshot that stays valid after its command interface has restarted."""
     return PlatformSnapshot(
         name=platform.name,
         boot=boot,
@@ -204,9 +204,9 @@ def _spoken_by_another(platform: PlatformSnapshot, boot: int, now_s: float) -> P
 
 
 def _counted(link: LinkStatistics, topic: str, sequence: int) -> LinkStatistics | None:
-    """The statistics after a message; None where it is older than the last.
+    """Statistics after a message; None where it is older than the last.
 
-    A long summary comes in several messages of one sequence, each with rows of its own.
+    A long summary comes in several messages of one sequence, each with different rows.
     """
     last = link.sequences.get(topic)
     if last is not None and sequence < last:

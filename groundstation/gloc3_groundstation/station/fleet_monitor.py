@@ -16,24 +16,24 @@ from gloc3_groundstation.station.command_client import CommandClient
 from gloc3_groundstation.station.watches import Watches
 
 ANSWER_S: Final = 1.9
-"""What is asked is asked again soon: an answer that takes longer is not waited for, nor asked about."""
+"""Timeout of a watch request, s: it is repeated soon, so a later answer is neither awaited nor queried."""
 LIST_S: Final = 10.0
 LIST_AGAIN_S: Final = 5.0
 
 Seen = Callable[[str, Envelope[Any]], None]
-"""Is told the platform and the message that was looked at."""
+"""Called with the platform and the watched message."""
 
 
 class FleetMonitor:
     """Topic subscriptions of a station; all viewers of a platform share one lease."""
 
     def __init__(self, exchange: Exchange, loop: asyncio.AbstractEventLoop, client: CommandClient) -> None:
-        """A watcher that looks at nothing.
+        """Creates a monitor without watched topics.
 
         Args:
             exchange: reaches the platforms.
-            loop: gives the time and wakes it.
-            client: asks the platforms.
+            loop: the event loop, for time and timers.
+            client: sends requests to the platforms.
         """
         self._exchange = exchange
         self._loop = loop
@@ -43,11 +43,11 @@ class FleetMonitor:
         self._timer: asyncio.TimerHandle | None = None
         self._tasks: set[asyncio.Task[Any]] = set()
         self._listing: dict[str, float] = {}
-        """When the list of a platform may be asked for again."""
+        """When the list of a platform may be requested again."""
 
     @cached_property
     def watches(self) -> Watches:
-        """What is looked at, and what came."""
+        """Watched topics, and the received data."""
         return Watches(TopicTable.installed().types)
 
     def watch(
@@ -69,19 +69,19 @@ class FleetMonitor:
         self._run()
 
     def list_topics(self, platform: str) -> None:
-        """Asks a platform for its topics, unless they are known or have just been asked for."""
+        """Requests the topics of a platform, unless they are known or have just been requested."""
         now_s = self._loop.time()
         if not self.watches.entries(platform) and now_s >= self._listing.get(platform, 0.0):
             self._listing[platform] = now_s + LIST_AGAIN_S
             self._start(self._list(platform))
 
     def listen(self, seen: Seen) -> Unsubscribe:
-        """Is told everything that is seen."""
+        """Registers a listener for all watched messages."""
         self._seen.append(seen)
         return lambda: self._seen.remove(seen) if seen in self._seen else None
 
     def close(self) -> None:
-        """Asks and hears nothing more; what was asked for ends with its lease."""
+        """Stops requesting and receiving; requests expire with their lease."""
         if self._timer is not None:
             self._timer.cancel()
         if self._unsubscribe is not None:
@@ -90,7 +90,7 @@ class FleetMonitor:
             task.cancel()
 
     def _run(self) -> None:
-        """Asks for what is due, and sets the alarm."""
+        """Sends the requests that are due, and sets the timer."""
         if self._unsubscribe is None:
             self._unsubscribe = self._exchange.subscribe(f"*/{WATCH}**", self._receive)
         if self._timer is not None:

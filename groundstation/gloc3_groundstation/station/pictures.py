@@ -21,15 +21,15 @@ def is_loaded() -> bool:
 
 
 def load() -> None:
-    """Loads what unpacks them, which takes a while."""
+    """Loads the image decoder, which is slow."""
     load_opencv()
 
 
 def unpack_picture(preview: Preview, room: tuple[int, int] | None = None) -> GreyImage | None:
-    """The picture, scaled to the room that there is for it with its proportions kept; None where there is none.
+    """The picture, scaled to the available room with its proportions kept; None where there is none.
 
     Args:
-        preview: as it came.
+        preview: as received.
         room: pixels across and down; None for its own size.
     """
     if not preview.data:

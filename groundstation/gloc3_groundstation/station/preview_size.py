@@ -22,7 +22,7 @@ class PreviewSize:
         self._came_s: float | None = None
 
     def size(self, room: tuple[int, int]) -> tuple[int, int]:
-        """What to ask for, given how many pixels can be shown; the smallest where even that is too large."""
+        """Size to request for the pixels that can be shown; the smallest where even that is too large."""
         fitting = [size for size in SIZES[: self._step + 1] if size[0] <= room[0] or size[1] <= room[1]]
         return fitting[-1] if fitting else SIZES[0]
 
@@ -41,5 +41,5 @@ class PreviewSize:
                 self._in_time = 0
 
     def pause(self) -> None:
-        """Nobody looks for a while: the next picture tells nothing of the link."""
+        """Pauses the measurement: the next picture's delay says nothing about the link."""
         self._came_s = None

@@ -31,10 +31,10 @@ M = TypeVar("M", bound=Message)
 STALE_AFTER_S: Final[Mapping[type, float]] = {
     row.message: row.silent_after / row.rate_hz for row in TOPICS.values() if row.rate_hz
 }
-"""The age at which a message no longer counts as what is so, from the one rate of its topic."""
+"""Age from which a message counts as stale, from the rate of its topic."""
 
 QUIET_LINK_S: Final = 3.0
-"""Silence of a platform after which the operator is told its length."""
+"""Silence of a platform after which its length is shown to the operator."""
 
 HEALTHS: Final = tuple(Health)
 KINDS: Final = tuple(Kind)
@@ -54,7 +54,7 @@ class Timed(msgspec.Struct, Generic[M], frozen=True):
         return now_s - self.received_s
 
     def is_stale(self, now_s: float) -> bool:
-        """Whether it is too old to be taken for what is so now."""
+        """Whether it is too old to count as current."""
         return now_s - self.received_s >= STALE_AFTER_S.get(type(self.value), float("inf"))
 
 
@@ -96,24 +96,24 @@ class ComponentSnapshot(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def has_rate(self) -> bool:
-        """Whether it has a nominal rate, and its own is known."""
+        """Whether it has a nominal rate, and its actual rate is known."""
         return self.nominal_rate_hz > 0.0 and self.health is not None
 
     @property
     def is_well(self) -> bool:
-        """Whether it works, or stands by for another."""
+        """Whether it works, or is on standby for another."""
         return self.health is Health.WORKING or (self.health is Health.QUIET and bool(self.standby_for))
 
 
 class AutopilotSnapshot(msgspec.Struct, frozen=True, kw_only=True):
-    """The autopilot of a vehicle as a link of this station hears it."""
+    """Autopilot of a vehicle as received on a link of this station."""
 
     link: str
     """The link's URL."""
     system: int
     component: int
     firmware: str
-    """`PX4`, `ArduPilot`, or what it calls itself."""
+    """`PX4`, `ArduPilot`, or the name that it reports."""
     vehicle_type: str = ""
     """`quadrotor`; empty where it does not say."""
 
@@ -125,7 +125,7 @@ class VehicleProblem(msgspec.Struct, frozen=True, kw_only=True):
     """Names it among the vehicle's problems: `system id`."""
     severity: Severity
     text: str
-    """What is the matter, and what to do."""
+    """The problem, and what to do."""
 
 
 DOUBLED_FOR_S: Final = 10.0
@@ -133,12 +133,12 @@ DOUBLED_FOR_S: Final = 10.0
 
 
 class ReportedSilence(msgspec.Struct, frozen=True, kw_only=True):
-    """A silence that the platform's mission plans, as it has told while it was heard."""
+    """A planned silence of the platform's mission, as reported before it."""
 
     target: str
     """The task or action that states it."""
     until_s: float
-    """When contact is due, on the platform's clock."""
+    """When contact is due, in platform time."""
     due_s: float
     """The same on the station's clock."""
     due_text: str
@@ -146,11 +146,11 @@ class ReportedSilence(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
-    """One platform as it was last heard."""
+    """Last known state of one platform."""
 
     name: str
     boot: int
-    """Of its command interface server; 0 while that has not been heard."""
+    """Of its command interface server; 0 before its first message."""
     first_received_s: float
     received_s: float
     """When anything came from it last."""
@@ -162,14 +162,14 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     motion: Timed[MotionSummary] | None = None
     site: Timed[SiteSummary] | None = None
     teleoperation: Timed[TeleoperationState] | None = None
-    """What it makes of being steered by hand."""
+    """Its response to manual control."""
     obstacles: Timed[ObstacleScan] | None = None
     mission: Timed[MissionSummary] | None = None
     silence: ReportedSilence | None = None
     contact: Timed[ContactSummary] | None = None
-    """What it told first when it was heard after a silence."""
+    """Its first report after a silence."""
     acoustic: Timed[AcousticSummary] | None = None
-    """The last that was heard of it by sound."""
+    """Its last acoustic summary."""
     control: Timed[ControlState] | None = None
     summary: Timed[Summary] | None = None
     """The last part of the summary that came; the components' own lines are in `lines`."""
@@ -181,9 +181,9 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     troubles: Mapping[str, ComponentTrouble] = {}
     link: LinkStatistics = LinkStatistics()
     has_companion: bool = True
-    """Whether a command interface of ours is aboard; a bare vehicle has an autopilot alone, and offers services."""
+    """Whether a GLOC3 command interface is onboard; a bare vehicle has only an autopilot, and offers services."""
     autopilot: AutopilotSnapshot | None = None
-    """None where no link of this station hears its autopilot."""
+    """None where no link of this station receives its autopilot."""
     problems: tuple[VehicleProblem, ...] = ()
     """What its links show to be wrong with it."""
     host_names: HostNames | None = None
@@ -196,17 +196,17 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def is_known(self) -> bool:
-        """Whether this station has heard it; otherwise it knows of it by sound alone, or from before its restart."""
+        """Whether this station has received it; otherwise it is known acoustically, or from before a restart."""
         return bool(self.boot) or not self.has_companion
 
     @property
     def is_incomplete(self) -> bool:
-        """Whether its full state has to be asked for: it is new, has restarted, or speaks of another table."""
+        """Whether its full state has to be requested: it is new, has restarted, or refers to another table."""
         return self.table is None
 
     @property
     def is_armed(self) -> bool:
-        """Whether it was armed when its state was heard last."""
+        """Whether it was armed in its last state."""
         return self.vehicle is not None and self.vehicle.value.is_armed
 
     def age_s(self, now_s: float) -> float:
@@ -226,11 +226,11 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
         return self.is_quiet_link(now_s) and self.silence is not None and now_s >= self.silence.due_s
 
     def is_doubled(self, now_s: float) -> bool:
-        """Whether two platforms speak under its name."""
+        """Whether two platforms use its name."""
         return now_s - self.doubled_s < DOUBLED_FOR_S
 
     def is_all_well(self, now_s: float) -> bool:
-        """Whether every component is well by what was heard just now: nearly always so, and quickly seen."""
+        """Whether every component is healthy in current data: nearly always so, and fast to check."""
         rows = self.table.rows if self.table is not None else ()
         if not 0 < len(self.lines) == len(rows):
             return False
@@ -296,17 +296,17 @@ class FleetEvent(msgspec.Struct, frozen=True, kw_only=True):
     received_s: float
     severity: Severity
     source: str
-    """The component; empty for what the station itself noticed or did."""
+    """The component; empty for an event of the station itself."""
     text: str
 
 
 class Fleet(msgspec.Struct, frozen=True, kw_only=True):
-    """Every platform that a station has heard, and recent events."""
+    """Every platform known to a station, and recent events."""
 
     utc_offset_s: float = 0.0
     """Add it to the station's time for seconds since 1970."""
     platforms: Mapping[str, PlatformSnapshot] = {}
-    """By name, in the order in which they were first heard."""
+    """By name, in order of first contact."""
     events: tuple[FleetEvent, ...] = ()
     """The last ones, oldest first."""
     event_count: int = 0
@@ -320,7 +320,7 @@ class Fleet(msgspec.Struct, frozen=True, kw_only=True):
         return self.platforms.get(name)
 
     def changed_since(self, before: "Fleet") -> list[tuple[PlatformSnapshot | None, PlatformSnapshot]]:
-        """The platforms that are others than before, each behind what it was: told with every message, so it is quick."""
+        """Changed platforms, each after its previous snapshot; called for every message, so it is fast."""
         was, now = before.platforms, self.platforms
         if len(was) == len(now):
             pairs = [

@@ -22,7 +22,7 @@ from gloc3_groundstation.station.snapshots import Fleet, PlatformSnapshot
 HELLO_EVERY_S: Final = 3.0
 
 Listener = Callable[[Fleet, Fleet, float], None]
-"""Is told the fleet before a change, the fleet after it, and the time."""
+"""Called with the fleet before a change, the fleet after it, and the time."""
 
 
 class Relay:
@@ -35,12 +35,12 @@ class Relay:
         self._client: Final = client
 
     def pass_on(self, name: str, mission: MissionSummary, fleet: Fleet) -> None:
-        """A platform has told how far it is.
+        """Forwards a platform's progress.
 
         Args:
             name: the platform.
-            mission: what it told.
-            fleet: what is known now.
+            mission: its report.
+            fleet: the present snapshot.
         """
         if not mission.digest:
             return
@@ -60,7 +60,7 @@ class Relay:
 
 
 class Station:
-    """Keeps the fleet's snapshot up to date and asks for what is missing in it."""
+    """Keeps the fleet's snapshot up to date and requests missing parts."""
 
     def __init__(
         self,
@@ -70,23 +70,23 @@ class Station:
         boot: int,
         feed: EventFeed | None = None,
     ) -> None:
-        """A station; see `CommandClient` for the arguments.
+        """Creates a station; see `CommandClient` for the arguments.
 
         Args:
             exchange: reaches the platforms.
-            loop: gives the time and wakes the station.
+            loop: the event loop, for time and timers.
             station: the station's id.
             boot: a random number for this start of the station.
-            feed: what a former life of the station has shown; None where nothing is known of one.
+            feed: events that an earlier life of the station has shown; None without one.
         """
         self.fleet = Fleet(utc_offset_s=Clock(loop).utc_offset_s)
         self.client: Final = CommandClient(exchange, loop, station, boot)
         self.monitor: Final = FleetMonitor(exchange, loop, self.client)
-        """Looks at topics of platforms, for as long as somebody in the station does."""
+        """Watches topics of platforms, as long as the station has a viewer for them."""
         self.now_s: Final[Callable[[], float]] = loop.time
         self.started_s: Final = loop.time()
         self.round_trip_s: Callable[[str], float | None] = lambda _: None
-        """How long something to a platform and its answer are on their way; told by whoever holds the links."""
+        """Round-trip time to a platform, s; set by the owner of the links."""
         self._loop = loop
         self._listeners: list[Listener] = []
         self._tasks: set[asyncio.Task[Any]] = set()
@@ -102,11 +102,11 @@ class Station:
 
     @property
     def id(self) -> str:
-        """The id under which platforms know this station, such as `255`."""
+        """Id under which platforms know this station, such as `255`."""
         return self.client.station
 
     def listen(self, listener: Listener) -> Unsubscribe:
-        """Is told every change of the fleet, in order."""
+        """Registers a listener for all changes of the fleet, in order."""
         self._listeners.append(listener)
         return lambda: self._listeners.remove(listener)
 
@@ -116,10 +116,10 @@ class Station:
         self._change(reducers.note(self.fleet, platform, severity, text, now_s), now_s)
 
     def change(self, reduce: Callable[[Fleet, float], Fleet]) -> None:
-        """Takes in what is known from elsewhere than the exchange.
+        """Applies a change from a source other than the exchange.
 
         Args:
-            reduce: gives the fleet after it from the fleet before and the time; the same one where nothing changes.
+            reduce: computes the new fleet from the previous one and the time; the same object where nothing changes.
         """
         now_s = self.now_s()
         fleet = reduce(self.fleet, now_s)
@@ -127,7 +127,7 @@ class Station:
             self._change(fleet, now_s)
 
     def close(self) -> None:
-        """Hears and asks nothing more; platforms are left to their policies."""
+        """Stops receiving and requesting; platforms are left to their policies."""
         for unsubscribe in self._unsubscribes:
             unsubscribe()
         for task in list(self._tasks):
@@ -156,7 +156,7 @@ class Station:
             self._start(self.client.request(name, Hello(**own_software()._asdict()), HELLO_EVERY_S))
 
     def _add_platform(self, name: str, contact: ContactSummary) -> None:
-        """The summary is shown first, then what has happened meanwhile."""
+        """Shows the summary first, then the events since the last contact."""
         events, missed = self.feed.contact(name, contact), self.feed.missing(name)
         if contact.station == self.id and (contact.silent_s >= 0.0 or missed):
             self.note(name, Severity.NOTICE, wording.contact(contact, len(events) + missed))
@@ -192,7 +192,7 @@ class Station:
         self._change(reducers.by_sound(self.fleet, name, envelope.payload, now_s), now_s)
 
     def _receive_obstacles(self, _: str, envelope: Envelope[Any]) -> None:
-        """Keeps obstacles that somebody looks at with what is known of the platform, for the map."""
+        """Stores watched obstacles in the platform's snapshot, for the map."""
         if isinstance(envelope.payload, ObstacleScan):
             now_s = self.now_s()
             self._change(reducers.receive(self.fleet, envelope, now_s), now_s)

@@ -1,7 +1,7 @@
-"""Identification of vehicles: autopilots heard on links, matched with platforms or shown as bare vehicles.
+"""Identification of vehicles: autopilots received on links, matched with platforms or shown as bare vehicles.
 
-A vehicle is known by the link on which it is heard and its MAVLink system there, never by the system alone: two
-vehicles may have the same one. One that is heard on several links is one vehicle all the same.
+A vehicle is identified by its link and its MAVLink system there, never by the system alone: two vehicles may have the
+same one. An autopilot received on several links is still one vehicle.
 """
 
 import asyncio
@@ -29,9 +29,9 @@ from gloc3_groundstation.station.wording import duration
 
 POLL_PERIOD_S: Final = 0.5
 TIMEOUT_S: Final = 3.0
-"""A vehicle without our companion is shown after so long; its companion's word comes sooner."""
+"""Time after which a vehicle is shown as one without a companion, s; a companion reports sooner."""
 EXTRA_TIMEOUT_S: Final = 8.0
-"""The same where a companion is heard that has not said whether it is one of ours."""
+"""The same where a companion is received that has not yet reported whether it runs GLOC3."""
 REQUEST_COUNT: Final = 4
 REQUEST_PERIOD_S: Final = 5.0
 REPORTED_HZ: Final = 1.0
@@ -46,7 +46,7 @@ class VehicleListener(Wire, Protocol):
     """The part of a link that the vehicles need; `gloc3_groundstation.links.links.Link` is one."""
 
     def platforms(self) -> list[tuple[str, Address]]:
-        """The platforms whose companions are heard there, with the companions' addresses."""
+        """Platforms whose companions are received there, with the companions' addresses."""
 
 
 SenderKey = tuple[int, int, int]
@@ -68,8 +68,8 @@ class Vehicles:
         """Begins to listen.
 
         Args:
-            station: whose fleet it is.
-            links: gives the URLs and the links that are open.
+            station: owner of the fleet.
+            links: returns the URLs and the open links.
         """
         self._station = station
         self._links = links
@@ -79,22 +79,22 @@ class Vehicles:
         self._opened = 0
         self._watches: dict[SenderKey, AutopilotWatch] = {}
         self._companions: set[tuple[int, int]] = set()
-        """Links and systems on which a companion is heard."""
+        """Links and systems on which a companion is received."""
         self._platforms: dict[tuple[int, int], str] = {}
-        """Links and systems to the platform whose companion speaks there."""
+        """Links and systems to the platform whose companion is received there."""
         self._names: dict[SenderKey, str] = {}
-        """Which vehicle is reached by which way."""
+        """Vehicle on each route."""
         self._restarts: dict[SenderKey, float] = {}
-        """When an autopilot was started anew, as far as that has been told."""
+        """Times of autopilot restarts that have been reported."""
         self._requested: dict[SenderKey, tuple[int, float]] = {}
-        """How often a vehicle was asked for what it does not tell by itself, and when last."""
+        """Number and last time of requests to a vehicle for messages that it does not send by default."""
         self._timer = self._loop.call_later(POLL_PERIOD_S, self._poll)
 
     def reach(self, name: str) -> tuple[Wire, Address]:
-        """The link and the address by which a vehicle's autopilot is spoken to.
+        """Link and address of a vehicle's autopilot.
 
         Raises:
-            Refused: no link hears it.
+            Refused: no link receives it.
         """
         key = self._route(name)
         if key is None:
@@ -148,7 +148,7 @@ class Vehicles:
                 self._request_streams(best)
 
     def _request_streams(self, key: SenderKey) -> None:
-        """Asks a bare vehicle for what it does not tell by itself, as radios' default streams leave it out."""
+        """Requests messages that a bare vehicle does not send by default."""
         now_s, (times, last_s) = self._station.now_s(), self._requested.get(key, (0, float("-inf")))
         missing = self._watches[key].missing
         if not missing or times >= REQUEST_COUNT or now_s < last_s + REQUEST_PERIOD_S:
@@ -168,7 +168,7 @@ class Vehicles:
             )
 
     def _drop_link(self, number: int) -> None:
-        """A link was closed: vehicles that were heard there alone are no longer shown, or have lost their autopilot."""
+        """Handles a closed link: vehicles received only there are no longer shown, or lose their autopilot."""
         self._lines.pop(number).unlisten()
         routes = [key for key in self._watches if key[0] == number]
         before = {self._names[key] for key in routes if key in self._names}
@@ -227,7 +227,7 @@ class Vehicles:
         return name if name not in used else f"{name}.{key[2]}"
 
     def _shown(self, fleet: Fleet, name: str, key: SenderKey, now_s: float) -> Fleet:
-        """The fleet with what is known of one autopilot."""
+        """The fleet with the state of one autopilot."""
         number, system, component = key
         watch, known = self._watches[key], fleet.get(name)
         autopilot = AutopilotSnapshot(
@@ -269,7 +269,7 @@ class Vehicles:
         return fleet if platform == known else reducers.with_platform(fleet, platform)
 
     def _route(self, name: str) -> SenderKey | None:
-        """The best way to a vehicle: where its heartbeats come, the link first that was given first."""
+        """Best route to a vehicle: one with heartbeats, in the order in which the links were given."""
         routes = sorted(key for key, owner in self._names.items() if owner == name)
         now_s = self._station.now_s()
         alive = [key for key in routes if now_s - self._watches[key].beat_s < BEATS_WITHIN_S]

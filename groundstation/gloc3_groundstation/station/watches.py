@@ -1,8 +1,8 @@
 """Topic subscriptions of the station's viewers, the requests to platforms they cause, and the data.
 
-A machine without I/O. What a viewer (a screen, Foxglove) wants stands until it says otherwise or its time is up; what
-all of them want together is asked of each platform at once, again before the lease ends, and once more with nothing
-when nobody looks any more.
+A state machine without I/O. A viewer's (a screen's, Foxglove's) subscription lasts until it changes it or its time is
+up. The sum of all subscriptions is requested from each platform at once, again before the lease ends, and once more,
+empty, after the last viewer has left.
 """
 
 from collections import deque
@@ -21,7 +21,7 @@ HISTORY: Final = 600
 BURST_S: Final = 0.1
 """Samples that come closer together say nothing of a rate."""
 TOPICS_KEPT: Final = 12
-"""Topics of a platform that are remembered when nobody looks at them any more."""
+"""Topics of a platform that are remembered without a viewer."""
 
 
 class Sight(NamedTuple):
@@ -32,11 +32,11 @@ class Sight(NamedTuple):
     envelope: Envelope[Any] | None
     """The last message, as it was published; None before the first."""
     received_s: float
-    """When it came, on the station's clock."""
+    """Time of reception, on the station's clock."""
     rate_hz: float
     """At which samples arrive."""
     source_rate_hz: float
-    """At which the topic speaks, as measured on the platform."""
+    """Rate of the topic, as measured on the platform."""
     problem: str
     """Why nothing is seen, or not the last message."""
 
@@ -72,7 +72,7 @@ class _Track:
         self.numbers.append((envelope.t_s, numbers_of(envelope.payload)))
 
     def rate_hz(self, now_s: float) -> float:
-        """Arrivals a second of late; what a link held back and brings at once counts over the time that it is of."""
+        """Recent arrivals per second; messages that a link delivers in a burst count over the time that they cover."""
         times = self.arrivals_s
         if len(times) < 2:
             return 0.0
@@ -139,15 +139,15 @@ class Watches:
         is_listing: bool = False,
         for_s: float = float("inf"),
     ) -> None:
-        """From now on a viewer wants this of a platform and nothing else; with nothing it looks away.
+        """Replaces a viewer's subscription to a platform; without topics it ends.
 
         Args:
-            viewer: who looks, such as a screen.
+            viewer: name of the viewer, such as a screen.
             platform: by name.
-            wants: what it wants to see.
+            wants: the wanted topics.
             now_s: the time.
             is_listing: whether it shows the list of topics.
-            for_s: so long, unless it says it again.
+            for_s: duration, unless it is renewed.
         """
         known = self._platforms.setdefault(platform, _Platform())
         if wants or is_listing:
@@ -156,7 +156,7 @@ class Watches:
             known.views.pop(viewer, None)
 
     def unwatch(self, viewer: str, except_from: str = "") -> None:
-        """A viewer looks at nothing any more, of no platform but one."""
+        """Ends all subscriptions of a viewer, except those to one platform."""
         for name, platform in self._platforms.items():
             if name != except_from:
                 platform.views.pop(viewer, None)
@@ -164,7 +164,7 @@ class Watches:
     # --- what is asked for ---
 
     def due(self, now_s: float) -> list[tuple[str, Watch]]:
-        """What is to be asked now of which platform."""
+        """Requests that are due, with their platforms."""
         found = []
         for name, platform in self._platforms.items():
             for viewer in [who for who, poll in platform.views.items() if now_s >= poll.until_s]:
@@ -180,7 +180,7 @@ class Watches:
         return found
 
     def lists_due(self) -> list[str]:
-        """The platforms whose topics have to be listed."""
+        """Platforms whose topics have to be listed."""
         return [
             name
             for name, platform in self._platforms.items()
@@ -188,7 +188,7 @@ class Watches:
         ]
 
     def next_s(self) -> float | None:
-        """When something is due; None while nobody looks."""
+        """When a request is due; None without viewers."""
         times_s = [
             min(platform.requested_s + RENEW_S, *(poll.until_s for poll in platform.views.values()))
             for platform in self._platforms.values()
@@ -199,22 +199,22 @@ class Watches:
     # --- what comes back ---
 
     def answered(self, platform: str, refused: Mapping[str, str], problem: str = "") -> None:
-        """A platform has answered, or not.
+        """Handles a platform's answer, or its absence.
 
         Args:
             platform: its name.
-            refused: topics that cannot be looked at, with the reasons.
-            problem: why nothing can; empty where it can.
+            refused: topics that cannot be watched, with the reasons.
+            problem: why none can be watched; empty if they can.
         """
         known = self._platforms[platform]
         known.refused, known.problem = refused, problem
 
     def listed(self, platform: str, entries: Sequence[TopicEntry]) -> None:
-        """A platform has told its topics."""
+        """Handles a platform's list of topics."""
         self._platforms.setdefault(platform, _Platform()).entries = tuple(entries)
 
     def receive(self, envelope: Envelope[Any], now_s: float) -> Envelope[Any] | None:
-        """Takes in what came on a topic `PLATFORM/watch/...`; the message that was looked at, if that is what came."""
+        """Handles a message on a topic `PLATFORM/watch/...`; returns the watched message, if it contains one."""
         name, _, topic = envelope.topic.partition("/")
         platform = self._platforms.get(name)
         if platform is None or not platform.is_new(envelope):
@@ -243,12 +243,12 @@ class Watches:
         return known.entries if known is not None else ()
 
     def activity(self, platform: str) -> TopicActivity | None:
-        """How they speak; None while that is not known."""
+        """Activity of the topics; None while it is unknown."""
         known = self._platforms.get(platform)
         return known.activity if known is not None else None
 
     def problem(self, platform: str) -> str:
-        """Why nothing of a platform can be looked at."""
+        """Why no topic of a platform can be watched."""
         known = self._platforms.get(platform)
         return known.problem if known is not None else ""
 
@@ -282,7 +282,7 @@ class Watches:
 
     @staticmethod
     def _drop_oldest(platform: _Platform, wanted: Watch) -> None:
-        """Drops what was looked at longest ago."""
+        """Drops the topic that has been without a viewer for longest."""
         topics = {want.topic for want in wanted.wants}
         for topic, track in platform.tracks.items():
             if topic not in topics:

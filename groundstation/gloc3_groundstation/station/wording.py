@@ -20,7 +20,7 @@ class ItemLabel(NamedTuple):
     """`TASK` or `TASK.ACTION`."""
     state: str
     progress: float | None
-    """0 to 1; None, or 0, where there is none to tell: some actions have no measure of it."""
+    """0 to 1; None, or 0, where it is unknown: some actions do not measure it."""
     times: str = ""
     """Of a task that is done several times: for which time, such as `2/5`."""
 
@@ -52,7 +52,7 @@ def times(mission: MissionSummary, task: str) -> str:
 
 
 def used(mission: MissionSummary, outline: Outline) -> str:
-    """What a mission that has ended took, beside what was estimated: `took 66 s (about 20 to 58), 61 m (about 56)`."""
+    """Actual and estimated cost of a mission that has ended: `took 66 s (about 20 to 58), 61 m (about 56)`."""
     least = outline.least
     parts = [f"{mission.took_s:.0f} s" + _about(outline.duration_s, least.duration_s if least else None)]
     if mission.took_m >= 0.0:
@@ -69,7 +69,7 @@ def _about(most: float | None, least: float | None) -> str:
 
 
 def running(mission: MissionSummary) -> str:
-    """What goes on: `sweep.wall 42 %, sweep.photos`; paused actions are named so."""
+    """Running actions: `sweep.wall 42 %, sweep.photos`; paused ones are marked."""
     parts = []
     for item in items(mission):
         if item.is_task or item.state not in ("running", "paused"):
@@ -102,7 +102,7 @@ def battery(vehicle: VehicleSummary) -> str:
 
 
 def armed(vehicle: VehicleSummary) -> str:
-    """`armed`, `disarmed`; `armed?` while its companion has heard no autopilot: it may be in the air."""
+    """`armed`, `disarmed`; `armed?` while its companion receives no autopilot: it may be in the air."""
     if vehicle.is_armed:
         return "armed"
     is_unknown = not vehicle.is_autopilot_connected and vehicle.landed == LandedState.UNKNOWN
@@ -139,7 +139,7 @@ def clock(seconds: float) -> str:
 
 
 def silence(platform: PlatformSnapshot, now_s: float) -> str:
-    """`nothing heard for 7 s` where that is so, `silent as planned (dive), due 14:03:20 UTC`, or overdue; else empty."""
+    """`nothing heard for 7 s`, `silent as planned (dive), due 14:03:20 UTC`, or overdue; else empty."""
     if not platform.is_quiet_link(now_s):
         return ""
     planned, sound = platform.silence, by_sound(platform, now_s)
@@ -159,7 +159,7 @@ def by_sound(platform: PlatformSnapshot, now_s: float) -> str:
 
 
 def received_by_sound(platform: PlatformSnapshot) -> list[str]:
-    """Place, action and what else the last summary by sound tells, where it came after all else; empty otherwise."""
+    """Position, action and other contents of the last acoustic summary, if it is the latest data; else empty."""
     timed = platform.acoustic
     if timed is None or timed.received_s < platform.received_s:
         return []
@@ -200,7 +200,7 @@ def contact(reported: ContactSummary, missed: int) -> str:
 
 
 def arrival(platform: PlatformSnapshot) -> str:
-    """`status 80 %` where part of the periodic status is lost on the way, or left out by a slow link; else empty."""
+    """`status 80 %` where part of the periodic status is lost, or skipped by a slow link; else empty."""
     loss = platform.link.loss
     return f"status {(1.0 - loss) * 100.0:.0f} %" if loss >= REPORTED_LOSS else ""
 
@@ -218,7 +218,7 @@ def holder(platform: PlatformSnapshot, station: str) -> str:
 
 
 def bare(platform: PlatformSnapshot) -> str:
-    """Why nothing is seen of the inside of a vehicle without our companion, and what is."""
+    """Why a vehicle without a GLOC3 companion has no internal state, and what is available."""
     return f"{platform.name} has no GLOC3 companion, so its components are unknown; Services (6) shows its autopilot"
 
 

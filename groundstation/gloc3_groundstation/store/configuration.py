@@ -27,7 +27,7 @@ class LastSession(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """State of the last session; written by the station when it closes."""
 
     platform: str = ""
-    """The vehicle in view; empty for the first that is heard."""
+    """The selected vehicle; empty for the first one in contact."""
     screen: str = "overview"
     missions: tuple[str, ...] = ()
     """Mission files that were opened, the last one first."""
@@ -43,7 +43,7 @@ class Configuration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     signing_key: str = ""
     """A file with the key that signs all links; empty for links that are not signed."""
     downloads: str = ""
-    """The folder for what is downloaded from vehicles; empty for the one in which the station was started."""
+    """Folder for downloads from vehicles; empty for the one in which the station was started."""
     gamepad: str = ""
     """The device of a gamepad for steering by hand, such as `/dev/input/js0`; empty for none."""
     session: LastSession = LastSession()
@@ -78,10 +78,10 @@ class ConfigurationFile:
         return self._read
 
     def write(self, configuration: Configuration) -> bool:
-        """Writes what has changed since it was read, and nothing else.
+        """Writes only the values that have changed since it was read.
 
         Returns:
-            Whether the file is up to date: not where it could not be read, or written.
+            Whether the file is up to date; false where it could not be read or written.
         """
         before = self._read
         if before is None:
@@ -133,7 +133,7 @@ def unsaved_folder(environment: Mapping[str, str] = os.environ) -> Path:
 
 
 def _checked(data: dict[str, Any], text: str, file: str) -> Configuration:
-    """The values, each of the type that it must have; unknown names are told with the nearest known one."""
+    """Values with checked types; errors for unknown names suggest the nearest known one."""
     findings = []
     for table, known in (("", Configuration), ("session", LastSession)):
         values = data if not table else data.get(table, {})

@@ -1,7 +1,7 @@
 """Missions queued for the next contact with their platforms; each is sent once, whole and in order.
 
-Nothing else waits. What moves a vehicle, and an emergency, mean the moment in which they are asked for: the link gives them
-up after some seconds, and nobody carries them out later behind the operator's back.
+Nothing else is queued. Motion commands and emergencies are meant for the moment of the request: the link gives them up
+after some seconds, so that they are never executed unexpectedly later.
 """
 
 import asyncio
@@ -75,7 +75,7 @@ class ContactQueue:
         return [queued for queued in self._waiting if queued.platform == platform]
 
     def withdraw(self, platform: str) -> bool:
-        """Takes the last one back that was queued for a platform; whether there was one that is not being sent."""
+        """Withdraws the last mission queued for a platform; returns whether there was one that is not being sent."""
         waiting = self.of(platform)
         if not waiting or (len(waiting) == 1 and platform in self._tasks):
             return False
@@ -140,7 +140,7 @@ class ContactQueue:
                 self._end(queued, "")
 
     async def _bring(self, queued: Queued) -> None:
-        """Sends one, unless the platform has it already from an attempt whose end was not heard."""
+        """Sends one, unless the platform has it already from an attempt whose result was not received."""
         known = self._station.fleet.get(queued.platform)
         held = known.mission.value if known is not None and known.mission is not None else None
         if held is not None and held.digest == digest_of(queued.plan.text) and held.state == "waiting":
@@ -149,7 +149,7 @@ class ContactQueue:
         await flights.stream(self._station, queued.platform, queued.plan)
 
     def _is_sending(self, name: str) -> bool:
-        """Whether a platform is at a mission, in whose place no other can be loaded."""
+        """Whether a platform is busy with a mission that cannot be replaced."""
         platform = self._station.fleet.get(name)
         mission = platform.mission.value if platform is not None and platform.mission is not None else None
         return mission is not None and mission.state in (ActionState.RUNNING, ActionState.PAUSED)

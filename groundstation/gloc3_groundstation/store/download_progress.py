@@ -6,18 +6,18 @@ from typing import Final
 from gloc3_groundstation.station.wording import roughly
 
 WINDOW: Final = 10
-"""The speed is that between so many looks."""
+"""Updates over which the speed is averaged."""
 POLL_PERIOD_S: Final = 1.0
 
 
 class DownloadProgress:
-    """One download; one that went on from an earlier attempt is as fast as what comes now."""
+    """One download; the speed of a resumed one counts only new data."""
 
     def __init__(self) -> None:
         self._polls: deque[tuple[float, int]] = deque(maxlen=WINDOW)
 
     def reset(self) -> None:
-        """Nothing came for a while: the speed is found anew."""
+        """Restarts the speed measurement after a pause."""
         self._polls.clear()
 
     def words(self, here: int, size: int, now_s: float) -> str:

@@ -12,9 +12,9 @@ from gloc3_groundstation.station.snapshots import FleetEvent
 from gloc3_groundstation.store.event_store import EventStore
 
 SLICE: Final = 4096
-"""Events that are looked at in one step: some milliseconds."""
+"""Events evaluated in one step: some milliseconds."""
 STATION: Final = "station"
-"""As which the station itself stands in the list of components."""
+"""Name of the station itself in the list of components."""
 
 
 class EventFilter(msgspec.Struct, frozen=True, kw_only=True):
@@ -24,17 +24,17 @@ class EventFilter(msgspec.Struct, frozen=True, kw_only=True):
     """At least as bad as this."""
     platform: str = ""
     component: str = ""
-    """`station` for what the station itself noticed or did."""
+    """`station` for events of the station itself."""
     text: str = ""
     """In the text, the vehicle's name or the component's; upper and lower case are the same."""
 
     @property
     def is_everything(self) -> bool:
-        """Whether it lets everything through."""
+        """Whether every event passes."""
         return self == EVERYTHING
 
     def fits(self, event: FleetEvent) -> bool:
-        """Whether it lets an event through."""
+        """Whether an event passes."""
         return (
             event.severity <= self.severity
             and (not self.platform or event.platform == self.platform)
@@ -43,7 +43,7 @@ class EventFilter(msgspec.Struct, frozen=True, kw_only=True):
         )
 
     def has_text(self, event: FleetEvent) -> bool:
-        """Whether the text that is looked for is in an event."""
+        """Whether an event contains the searched text."""
         wanted = self.text.lower()
         return any(wanted in part.lower() for part in (event.text, event.platform, event.source))
 
@@ -52,17 +52,17 @@ EVERYTHING: Final = EventFilter()
 
 
 class Search:
-    """The numbers of the events that fit, oldest first, as far as they have been found.
+    """Numbers of matching events, oldest first, as far as they have been found.
 
-    It is a sequence that grows at both ends: `step` looks at what is new, and then at the next older slice.
+    It is a sequence that grows at both ends: `step` evaluates new events, and then the next older slice.
     """
 
     def __init__(self, store: EventStore, wanted: EventFilter = EVERYTHING) -> None:
-        """Begins with the newest events.
+        """Starts with the newest events.
 
         Args:
-            store: where to look.
-            wanted: what to look for.
+            store: the store.
+            wanted: the filter.
         """
         self.wanted: Final = wanted
         self._store = store
@@ -90,13 +90,13 @@ class Search:
 
     @property
     def share(self) -> float:
-        """How much of the store has been looked at, 0 to 1."""
+        """Share of the store that has been evaluated, 0 to 1."""
         total = len(self._store)
         return 1.0 if self.is_done else (self._upper - self._lower) / total
 
     @property
     def is_done(self) -> bool:
-        """Whether nothing is left to look at."""
+        """Whether the whole store has been evaluated."""
         if self.wanted.is_everything:
             return True
         return self._lower == 0 and self._upper == len(self._store) and self._generation == self._store.generation
@@ -106,7 +106,7 @@ class Search:
         return bisect_left(self, number)
 
     def step(self) -> bool:
-        """Looks at one more slice; returns whether there is more to look at."""
+        """Evaluates one more slice; returns whether there is more."""
         if self._generation != self._store.generation:
             self._begin()
         if self.is_done:
@@ -143,7 +143,7 @@ class Search:
         return self._with_text(found) if found and wanted.text else found
 
     def _with_text(self, candidates: list[int]) -> list[int]:
-        """Those whose line holds the text, as most do not: looked at as bytes, and only then in earnest."""
+        """Candidates whose line contains the text; most do not, so lines are first searched as bytes."""
         store, wanted = self._store, self.wanted
         first = candidates[0]
         data = store.lines(first, candidates[-1] + 1)

@@ -1,4 +1,4 @@
-"""Every event of a session: all of them on disk, thirteen bytes of each in memory, the last ones at hand."""
+"""Every event of a session: all of them on disk, thirteen bytes of each in memory, the last ones cached."""
 
 import io
 import tempfile
@@ -28,11 +28,11 @@ class StoredEvent(msgspec.Struct, frozen=True, gc=False):
 
     number: int
     utc_s: float
-    """When it was heard, in seconds since 1970."""
+    """Time of reception, in seconds since 1970."""
     severity: str
     platform: str
     component: str
-    """Empty for what the station itself noticed or did."""
+    """Empty for an event of the station itself."""
     text: str
 
 
@@ -41,17 +41,18 @@ _decode = msgspec.json.Decoder(StoredEvent).decode
 
 
 class EventStore:
-    """An append-only file of events with an index in memory; numbers count from 0 and are never used twice.
+    """An append-only file of events with an index in memory; numbers count from 0 and are never reused.
 
-    Where the file cannot be written any more, it goes on in memory with the last events, and `generation` counts up.
+    When the file cannot be written any more, the store continues in memory with the last events, and increments
+    `generation`.
     """
 
     def __init__(self, file: BinaryIO | None = None, utc_offset_s: float = 0.0) -> None:
-        """An empty store.
+        """Creates an empty store.
 
         Args:
-            file: open for reading and writing, empty, unbuffered or not; None for one that goes with the process.
-            utc_offset_s: what is added to the station's time for UTC.
+            file: open for reading and writing, empty, unbuffered or not; None to keep events in memory only.
+            utc_offset_s: UTC minus the station's time.
         """
         if file is None:
             file = tempfile.TemporaryFile()  # noqa: SIM115 - it lives as long as the store
@@ -60,7 +61,7 @@ class EventStore:
         self._offset_s = utc_offset_s
         self._reset()
         self.generation = 0
-        """Counts up when what was kept is no longer there."""
+        """Incremented when stored events are lost."""
         self.problem = ""
         """Why the file is no longer written."""
         self.platforms: list[str] = []
@@ -105,7 +106,7 @@ class EventStore:
             self._begin_again()
 
     def flush(self) -> None:
-        """Hands what is collected to the operating system."""
+        """Writes collected events to the operating system."""
         if not self._pending:
             return
         try:
@@ -118,7 +119,7 @@ class EventStore:
         self._pending_bytes = 0
 
     def close(self) -> None:
-        """Writes what is left."""
+        """Writes the remaining events."""
         self.flush()
         self._file.close()
 
@@ -162,7 +163,7 @@ class EventStore:
             return b""
 
     def _begin_again(self) -> None:
-        """Goes on in memory, with the last events."""
+        """Continues in memory, with the last events."""
         kept = list(self._recent)
         with suppress(OSError):  # what it still holds in memory does not fit either
             self._file.close()

@@ -31,19 +31,19 @@ class KeptSilence(msgspec.Struct, frozen=True, kw_only=True):
     """On the platform's clock."""
     due_utc_s: float
     heard_utc_s: float
-    """When the platform was heard last."""
+    """Time of the platform's last message."""
 
 
 class _StateFile(Generic[T]):
-    """A file of something by platform, written when it has changed.
+    """A file of values by platform, written on changes.
 
-    A file that cannot be read is none: the platforms report when they are heard. A folder that cannot be written is
+    A file that cannot be read is ignored: the platforms report again on contact. A folder that cannot be written is
     reported by the recording.
 
     Args:
         path: the file.
-        type_: of what is kept of one platform.
-        loop: wakes it.
+        type_: of the value for one platform.
+        loop: the event loop, for timers.
     """
 
     def __init__(self, path: Path, type_: type[T], loop: asyncio.AbstractEventLoop) -> None:
@@ -53,12 +53,12 @@ class _StateFile(Generic[T]):
         """Of the former life of the station."""
 
     def follow(self, state: Callable[[], dict[str, T]]) -> None:
-        """Keeps a state from now on."""
+        """Stores a state from now on."""
         self._state = state
         self._timer = self._loop.call_later(POLL_EVERY_S, self._poll)
 
     def close(self) -> None:
-        """Writes what has changed."""
+        """Writes pending changes."""
         self._timer.cancel()
         self._file.write(self._state())
 
@@ -83,12 +83,12 @@ class FeedFile:
 
 
 class SilenceFile:
-    """Keeps the planned silences of a fleet, so that a restarted station knows until when nothing is heard of it.
+    """Stores the planned silences of a fleet, so that a restarted station knows how long each platform will be silent.
 
     Args:
         path: the file.
-        station: whose fleet.
-        loop: wakes it.
+        station: owner of the fleet.
+        loop: the event loop, for timers.
     """
 
     def __init__(self, path: Path, station: Station, loop: asyncio.AbstractEventLoop) -> None:

@@ -36,43 +36,43 @@ from gloc3_groundstation.station.command_client import Declined, Unanswered
 from gloc3_groundstation.station.station import Station
 
 TRY_AGAIN_S: Final = 1.0
-"""After a failure, and once the platform is heard, so long is waited."""
+"""Delay after a failure, once the platform is in contact, s."""
 DIGEST_S: Final = 120.0
-"""So long a vehicle may calculate on a large log."""
+"""Longest time for a vehicle to compute the digest of a large log, s."""
 SETTLE_S: Final = 30.0
 """So long a log that was just ended may be finished onboard."""
 CHUNK_BYTES: Final = 1 << 15
 WINDOW: Final = 8
-"""Pieces that are asked for and have not come: no more than that waits anywhere on the way."""
+"""Pieces that are requested and have not arrived: the most that can be queued on the route."""
 CHUNK_S: Final = 1.0
-"""A piece that has not come by then is asked for again."""
+"""Time after which a piece that has not arrived is requested again, s."""
 LOST_S: Final = 10.0
-"""When nothing has come for so long, the way is lost."""
+"""Time without data after which the connection counts as lost, s."""
 
 NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*(\.[A-Za-z0-9]+)+")
-"""Of a log: the platform tells it, and it becomes that of a file here."""
+"""Name of a log: it comes from the platform and becomes the name of a local file."""
 DIGEST: Final = re.compile(r"[0-9a-f]{64}")
 OnFraction = Callable[[str, int, int], None]
-"""Is told a log's name, how many of its bytes are here, and how many it has."""
+"""Called with a log's name, its downloaded bytes, and its size."""
 
 
 class Carrier(Protocol):
     """A transport for the bytes of a log."""
 
     async def fetch(self, name: str, size: int, part: PartFile, on_bytes: Callable[[int], None]) -> None:
-        """Fetches what is missing of a log.
+        """Downloads the missing part of a log.
 
         Raises:
-            Refused: the way was lost, or the log is not there; what has come is kept.
+            Refused: the connection was lost, or the log does not exist; a partial download is kept.
         """
 
 
 class FtpCarrier:
-    """By MAVLink FTP, from the companion.
+    """Carrier over MAVLink FTP, from the companion.
 
     Args:
-        machines: run the client.
-        client: speaks the protocol.
+        machines: runs the client.
+        client: implements the protocol.
         target: the companion.
     """
 
@@ -86,12 +86,12 @@ class FtpCarrier:
 
 
 class ChunkCarrier:
-    """By request and answer over the network of platforms and stations; a few pieces are on their way at a time.
+    """Carrier over the network of platforms and stations, by requests; a few pieces are under way at a time.
 
     Args:
-        station: asks.
+        station: sends the requests.
         exchange: the station's.
-        platform: whose logs.
+        platform: owner of the logs.
     """
 
     def __init__(self, station: Station, exchange: Exchange, platform: str) -> None:
@@ -163,20 +163,20 @@ class Pulled(msgspec.Struct, frozen=True, kw_only=True):
     sha256: str
     size: int
     drops: int
-    """How often the way was lost meanwhile."""
+    """Number of lost connections during the download."""
     is_deleted: bool
     """Onboard."""
 
 
 class LogPuller:
-    """Fetches logs of one platform.
+    """Downloads logs of one platform.
 
     Args:
-        station: asks the platform.
+        station: sends requests to the platform.
         platform: its name.
-        carrier: brings the bytes.
-        on_fraction: is told how far it is.
-        told: is told in words what a person should know.
+        carrier: transfers the data.
+        on_fraction: called with the progress.
+        reported: called with text for users.
     """
 
     def __init__(
@@ -218,15 +218,15 @@ class LogPuller:
         return sorted(logs, key=lambda log: (len(log.name), log.name))  # log, log-2, log-10
 
     async def pull(self, log: LogOnboard, folder: Path, *, is_kept: bool = False) -> Pulled:
-        """Fetches a log into a folder; goes on whenever the way is lost, until it is whole or this is cancelled.
+        """Downloads a log into a folder; resumes after lost connections until it is complete or this is cancelled.
 
         Args:
-            log: which.
-            folder: where to.
-            is_kept: leaves it onboard.
+            log: the log.
+            folder: the target folder.
+            is_kept: whether it is kept onboard.
 
         Raises:
-            Gloc3Error: it is not there any more, its digest differs twice, or it cannot be written here.
+            Gloc3Error: it no longer exists, its digest differs twice, or it cannot be written here.
         """
         path, drops = folder / log.name, 0
         wanted = await self._digest(log)
@@ -254,7 +254,7 @@ class LogPuller:
         return Pulled(path=path, sha256=wanted, size=log.size, drops=drops, is_deleted=is_deleted)
 
     async def _confirm(self, log: LogOnboard, sha256: str) -> bool:
-        """Says that a log is here; whether it is deleted onboard."""
+        """Confirms a completed download; returns whether the log is deleted onboard."""
         try:
             await self._request(ConfirmLog(name=log.name, sha256=sha256))
         except Declined as error:
@@ -270,7 +270,7 @@ class LogPuller:
         return digest
 
     async def _fetch(self, log: LogOnboard, part: PartFile) -> int:
-        """Fetches the bytes; how often the way was lost meanwhile."""
+        """Downloads the data; returns the number of lost connections."""
         drops = 0
         while True:
             try:
@@ -291,7 +291,7 @@ class LogPuller:
                 raise part.problem
 
     async def _refuse_if_deleted(self, log: LogOnboard, error: Refused) -> None:
-        """Whether a log is still there: if not, it makes no sense to go on."""
+        """Raises the error if a log no longer exists, because retrying is useless."""
         try:
             logs = await self.list()
         except Unanswered:
@@ -312,7 +312,7 @@ class LogPuller:
         return path.is_file() and await _in_thread(lambda: _sha256_of(path)) == wanted
 
     async def _request(self, body: AnyBody, timeout_s: float = 16.0) -> CiReply:
-        """Asks until the platform answers: what is asked for here may be carried out twice."""
+        """Repeats a request until the platform answers: these requests may be executed twice."""
         while True:
             try:
                 return await self._station.client.carry_out(self._platform, body, timeout_s)

@@ -1,7 +1,7 @@
 """Recording of a session on disk: events, received messages (MCAP), and every MAVLink frame (`.tlog`).
 
-A session has a folder in the XDG state directory. Its logs are cut into parts of a bounded size, and the oldest parts
-of all sessions go when together they become too many.
+A session has a folder in the XDG state directory. Its logs are split into parts of bounded size, and the oldest parts
+of all sessions are deleted when their total exceeds the limit.
 """
 
 import asyncio
@@ -18,7 +18,7 @@ from gloc3.mavlink.tlog import OVERHEAD_BYTES, is_secret, tlog_record
 from gloc3.messages.topics import TopicTable
 
 PART_BYTES: Final = 64 * 1024 * 1024
-"""A part of a log that has become so long is closed, and the next one begun."""
+"""Size from which a part of a log is closed and the next one begun."""
 KEPT_BYTES: Final = 2 * 1024 * 1024 * 1024
 """All sessions together; the oldest parts make room."""
 POLL_PERIOD_S: Final = 1.0
@@ -44,19 +44,19 @@ class SessionRecording:
         reported: Callable[[str], None],
         limits: RecordingLimits = RecordingLimits(),  # noqa: B008 - immutable
     ) -> None:
-        """Makes a folder for the session and begins its logs.
+        """Creates a folder for the session and begins its logs.
 
         Args:
             root: the folder of all sessions.
             clock: of the station.
-            loop: wakes the recording.
+            loop: the event loop, for timers.
             topics: which topics are logged.
             station: the station's id, for the log.
-            reported: is told in words when something can no longer be recorded.
-            limits: how much is kept.
+            reported: called with text for users when data can no longer be recorded.
+            limits: bounds on the stored data.
 
         Raises:
-            Gloc3Error: there is no way to write there.
+            Gloc3Error: the folder is not writable.
         """
         self._root, self._clock, self._loop, self._topics = root, clock, loop, topics
         self._station, self._reported, self._limits = station, reported, limits
@@ -65,7 +65,7 @@ class SessionRecording:
         self._mcap: tuple[Path, Recorder] | None = None
         self._parts: dict[str, int] = {}
         self.events: Final[BinaryIO] = self._open("events", ".jsonl")[1]
-        """The file of the events; whoever keeps them closes it."""
+        """File of the events; closed by the event store."""
         tlog = self._open("links", ".tlog")
         self._tlog_path, self._tlog = tlog
         self._tlog_bytes = 0
@@ -101,7 +101,7 @@ class SessionRecording:
     # --- parts ---
 
     def _flush(self) -> None:
-        """Writes what is in memory; begins new parts where the old ones are long."""
+        """Writes buffered data; begins new parts where the current ones are too long."""
         self._timer = self._loop.call_later(POLL_PERIOD_S, self._flush)
         if not self._tlog.closed:
             try:

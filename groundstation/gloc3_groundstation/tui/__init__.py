@@ -1,6 +1,6 @@
-"""The station's terminal: it renders snapshots of the fleet. Nothing here knows MAVLink; nothing outside knows Textual.
+"""The station's terminal: it renders snapshots of the fleet. It is independent of MAVLink, and only it uses Textual.
 
-`app` is opened by the session; `screen` and `view` are what every screen is made of.
+The session opens `app`; every screen is built from `screen` and `view`.
 """
 
 __all__ = ["app", "keys", "screen", "view"]

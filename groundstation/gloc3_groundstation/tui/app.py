@@ -47,7 +47,7 @@ class Opening(msgspec.Struct, frozen=True, kw_only=True):
     """Options for opening and closing the terminal."""
 
     platform: str | None = None
-    """The one in view; None for the one of the last session, or the first that is heard."""
+    """The selected vehicle; None for that of the last session, or the first one in contact."""
     is_starting: bool = False
     """Starts the selected mission without waiting for the key."""
     is_closing: bool = False
@@ -80,13 +80,13 @@ class StationApp(App[End | None]):
         opening: Opening = Opening(),  # noqa: B008 - immutable
         waiting_for: Callable[[], str] = lambda: "the link",
     ) -> None:
-        """The terminal.
+        """Creates the terminal.
 
         Args:
-            desk: where keys lead to; with the mission at hand.
-            configuration: how it looks, and where it was left.
+            desk: performs the operator's actions; holds the selected mission.
+            configuration: its appearance, and the state of the last session.
             opening: how it opens and closes.
-            waiting_for: what is listened to, told while no platform is heard.
+            waiting_for: text for the links that are open, shown while there is no contact with a platform.
         """
         is_monochrome = bool(os.environ.get("NO_COLOR"))
         driver = BrowserDriver if opening.is_in_browser else None
@@ -138,7 +138,7 @@ class StationApp(App[End | None]):
 
     @property
     def window(self) -> BrowserDriver | None:
-        """What a browser looks at; None before the start, and in a terminal."""
+        """Driver for a browser; None before the start, and in a terminal."""
         return self._driver if isinstance(self._driver, BrowserDriver) else None
 
     @property
@@ -170,7 +170,7 @@ class StationApp(App[End | None]):
         )
 
     def show_fleet(self) -> None:
-        """Shows the fleet as it is now on the screen that is shown; panels draw only what has changed."""
+        """Updates the current screen from the present fleet; panels redraw only changes."""
         self._in_view.settle(self.desk.station.fleet, self.desk.station.now_s())
         view, base = self.view(), self.base
         if base is not None:
@@ -207,7 +207,7 @@ class StationApp(App[End | None]):
         self.switch_mode(name)
 
     async def show_vehicle_on_screen(self, name: str, offer: Offer) -> None:
-        """Shows a screen and does there what was offered."""
+        """Shows a screen and performs the offered action there."""
         await self.switch_mode(name)
         if self.base is not None:
             await self.base.show_vehicle_on_screen(offer)
@@ -235,11 +235,11 @@ class StationApp(App[End | None]):
         self.show_fleet()
 
     def on_show_vehicle(self, message: ShowVehicle) -> None:
-        """Looks at the platform that a screen asks for."""
+        """Selects the platform that a screen requests."""
         self.show_vehicle(message.platform)
 
     def action_move(self, name: str) -> None:
-        """Asks something of the platform in view; the operator is asked before what arms it, and before an abort."""
+        """Requests an action from the selected platform; confirms first if it arms the vehicle or aborts."""
         platform, move = self.platform, Move(name)
         if platform is None:
             return
@@ -268,7 +268,7 @@ class StationApp(App[End | None]):
         self.push_screen(EmergencyQuestion(platform.name), chosen)
 
     def action_leave(self) -> None:
-        """Closes; asks first while this station holds control of an armed vehicle, or a mission is not saved."""
+        """Closes; confirms first while this station controls an armed vehicle, or a mission is not saved."""
         armed, draft = self.desk.armed_in_our_control(), self.desk.missions.draft
         questions = [LEAVE_QUESTION.format(", ".join(armed))] if armed else []
         if draft is not None and self.desk.missions.has_unsaved:
@@ -279,7 +279,7 @@ class StationApp(App[End | None]):
             self.confirm("\n\n".join(questions), "quit", lambda: self.exit(None))
 
     def action_interrupt(self) -> None:
-        """Ctrl-C copies what is selected in the editor; else it closes at once, in a browser as the key q does."""
+        """Ctrl-C copies the selection in the editor; otherwise it closes at once, in a browser like the key q."""
         if isinstance(self.focused, TextArea) and self.focused.selected_text:
             self.focused.action_copy()
         elif self.is_web:

@@ -1,4 +1,4 @@
-"""Textual's driver for a browser: the terminal runs on without a client, and redraws for each new one."""
+"""Textual's driver for a browser: the terminal continues to run without a client, and redraws for each new one."""
 
 from collections.abc import Callable
 from typing import Any, Final
@@ -11,9 +11,9 @@ from textual.events import AppBlur, AppFocus, Resize
 from textual.geometry import Size
 
 BEGIN: Final = "\x1b[?1049h\x1b[?25l\x1b[?1000h\x1b[?1003h\x1b[?1006h\x1b[?2004h\x1b[?2026$p"
-"""A screen of its own without a cursor; the mouse, pasted text in brackets; can it show changes in one go?"""
+"""Alternate screen without a cursor; mouse events; bracketed paste; query for synchronized output."""
 FIRST_SIZE: Final = (80, 24)
-"""Columns and lines until somebody looks."""
+"""Columns and lines before the first client."""
 
 
 class BrowserDriver(Driver):
@@ -22,7 +22,7 @@ class BrowserDriver(Driver):
     def __init__(
         self, app: App[Any], *, debug: bool = False, mouse: bool = True, size: tuple[int, int] | None = None
     ) -> None:
-        """Made by Textual; `Driver` tells the arguments."""
+        """Called by Textual; see `Driver` for the arguments."""
         super().__init__(app, debug=debug, mouse=mouse, size=size or FIRST_SIZE)
         self._show: Callable[[bytes], None] | None = None
         self._parser = XTermParser()
@@ -35,7 +35,7 @@ class BrowserDriver(Driver):
     # --- what a browser does ---
 
     def attach(self, show: Callable[[bytes], None], columns: int, lines: int) -> None:
-        """Shows the terminal to somebody, from its beginning."""
+        """Shows the whole terminal to a client."""
         self._show = show
         self._parser = XTermParser()
         self.write(BEGIN)
@@ -77,10 +77,10 @@ class BrowserDriver(Driver):
         """Nothing is read here that could be left unread."""
 
     def stop_application_mode(self) -> None:
-        """Draws nothing more; who serves the browser tells it the end."""
+        """Stops drawing; the web server notifies the browser."""
         self.detach()
 
     def _end_of_sequence(self) -> None:
-        """An escape that nothing followed is a key of its own."""
+        """Treats an escape without a following sequence as a key."""
         for event in self._parser.tick():
             self.process_message(event)

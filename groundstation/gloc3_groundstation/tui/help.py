@@ -14,7 +14,7 @@ from gloc3_groundstation.tui.widgets.panel import Panel
 
 
 class HelpKey(NamedTuple):
-    """A key with all that is said of it."""
+    """A key with its label and explanation."""
 
     key: str
     label: str
@@ -38,7 +38,7 @@ class HelpScreen(ModalScreen[None]):
             yield Panel(id="help")
 
     def on_mount(self) -> None:
-        """Says in the border what this is, and how to close it."""
+        """Sets the title and the hint for closing in the border."""
         sheet = self.query_one(Vertical)
         sheet.border_title = f"{self._title}: help"
         sheet.border_subtitle = "esc closes"
@@ -60,7 +60,7 @@ def help_for(screen: StationScreen, rows: Sequence[ScreenRow]) -> HelpScreen:
 
 
 def _keys(screen: Screen[Any], app: App[Any]) -> list[HelpKey]:
-    """The keys that work on a screen: those shown, and those with a tooltip; several keys for one action are told once."""
+    """Keys that work on a screen: the shown ones, and those with a tooltip; keys of one action are grouped."""
     found: dict[str, HelpKey] = {}
     for active in screen.active_bindings.values():
         binding = active.binding
@@ -72,10 +72,10 @@ def _keys(screen: Screen[Any], app: App[Any]) -> list[HelpKey]:
 
 
 def help_lines(text: str, keys: Sequence[HelpKey], screens: Sequence[tuple[str, str, str]], width: int) -> list[Line]:
-    """The help in lines.
+    """Lines of the help.
 
     Args:
-        text: what the screen says of itself.
+        text: explanation of the screen.
         keys: those that work now.
         screens: key, title and a line for each screen.
         width: columns.

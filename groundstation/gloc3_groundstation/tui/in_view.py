@@ -1,11 +1,11 @@
-"""The vehicle in view: the one requested, the last session's, or the first heard; it then stays selected."""
+"""The selected vehicle: the requested one, the last session's, or the first one in contact; it then stays selected."""
 
 from typing import Final
 
 from gloc3_groundstation.station.snapshots import Fleet, PlatformSnapshot
 
 WAITS_S: Final = 5.0
-"""So long after the first platform was heard, that of the last session is waited for."""
+"""Time after the first contact for which the last session's platform is awaited, s."""
 
 
 class InView:
@@ -23,12 +23,12 @@ class InView:
         """The vehicle that is, or is to be, in view; empty while none is known."""
 
     def platform(self, fleet: Fleet) -> PlatformSnapshot | None:
-        """The platform in view; None while none is heard, or not yet the one that was asked for."""
+        """The selected platform; None before the first contact, or while the requested one is awaited."""
         found = fleet.get(self.name)
         return found if found is not None or self._is_fixed else _first(fleet)
 
     def settle(self, fleet: Fleet, now_s: float) -> None:
-        """Stays with the first that is heard, so that no other comes into view under the operator's fingers."""
+        """Fixes the first platform in contact as the selection, so that it does not change during input."""
         first = _first(fleet)
         is_late = first is not None and now_s - first.first_received_s >= WAITS_S
         if first is not None and is_late and not self._is_fixed and fleet.get(self.name) is None:
@@ -46,5 +46,5 @@ class InView:
 
 
 def _first(fleet: Fleet) -> PlatformSnapshot | None:
-    """The first that was heard; vehicles without a companion of ours come after all others."""
+    """The first platform in contact; vehicles without a GLOC3 companion come last."""
     return next((platform for platform in fleet if platform.has_companion), next(iter(fleet), None))

@@ -42,4 +42,4 @@ GENERAL_KEYS: Final[list[BindingType]] = [
         tooltip="without asking; in the editor it copies",
     ),
 ]
-"""What works on every screen."""
+"""Keys that work on every screen."""

@@ -52,11 +52,11 @@ class Commanded(Protocol):
         """Closes the terminal."""
 
     async def show_vehicle_on_screen(self, name: str, offer: Offer) -> None:
-        """Opens a screen and does what one of its keys does."""
+        """Opens a screen and performs the action of one of its keys."""
 
 
 class StationCommands(Provider):
-    """Offers what can be done now, and what the keys of the other screens do, which are shown then."""
+    """Offers the actions that are possible now, and those of the other screens' keys, which are then opened."""
 
     async def discover(self) -> Hits:
         """What can be done now, in order."""

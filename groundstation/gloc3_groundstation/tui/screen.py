@@ -30,7 +30,7 @@ from gloc3_groundstation.tui.widgets.panel import Panel
 SMALLEST: Final = (80, 24)
 """Columns and lines that every screen is made for."""
 ALWAYS_SHOWN: Final = ("emergency", "help")
-"""Actions whose keys stand in the last line of every screen."""
+"""Actions whose keys are in the last line of every screen."""
 
 
 class PaletteCommand(NamedTuple):
@@ -52,7 +52,7 @@ class Offer(NamedTuple):
 
 
 def offers(title: str, bindings: Iterable[BindingType], part: str = "") -> Iterator[Offer]:
-    """What those of some keys do that are told, by name."""
+    """Offers for those keys that have a searchable name."""
     for binding in bindings:
         if isinstance(binding, Binding) and is_reported(binding):
             yield Offer(f"{title}: {binding.description}", binding.tooltip, binding.action, part)
@@ -74,26 +74,26 @@ class ShowVehicle(Message):
 class StationScreen(Screen[None]):
     """A screen of the station.
 
-    An author writes `body`, which gives the widgets, and `show_view`, which fills them from a view; `HELP` says what the
-    screen is for. Both are called only while the screen is shown. Keys are `BINDINGS`, with a tooltip where the label
-    does not say it all; their actions call the desk, through `do` where that takes time.
+    A subclass implements `body`, which yields the widgets, and `show_view`, which fills them from a view; `HELP`
+    explains the screen. Both are called only while the screen is shown. Keys are `BINDINGS`, with a tooltip where the
+    label is not sufficient; their actions call the desk, through `do` where that takes time.
     """
 
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-wide")]
     VERTICAL_BREAKPOINTS = [(0, "-low"), (32, "-tall")]
     HELP: ClassVar[str] = ""
-    """What the screen shows and how to read it, in a few sentences; a blank line begins a paragraph."""
+    """Contents of the screen and how to read it, in a few sentences; a blank line starts a paragraph."""
 
     def __init__(
         self, desk: Desk, rows: Sequence["ScreenRow"], row: "ScreenRow", moment: Callable[[], StationView]
     ) -> None:
-        """A screen; made by the app from its row.
+        """Creates a screen; called by the app for its row.
 
         Args:
-            desk: where keys lead to.
+            desk: performs the operator's actions.
             rows: all screens.
             row: this screen.
-            moment: gives the view of now.
+            moment: returns the current view.
         """
         super().__init__()
         self.desk: Final = desk
@@ -101,7 +101,7 @@ class StationScreen(Screen[None]):
         self._rows = rows
         self._moment = moment
         self.view: StationView | None = None
-        """What is shown; None before the first look."""
+        """The displayed view; None before the first update."""
         self._styled: object = None
 
     # --- what a screen brings ---
@@ -115,7 +115,7 @@ class StationScreen(Screen[None]):
         raise NotImplementedError
 
     def commands(self) -> Iterable[PaletteCommand]:
-        """What the command palette offers on this screen beyond its keys."""
+        """Commands that the palette offers on this screen besides its keys."""
         return ()
 
     @classmethod
@@ -124,7 +124,7 @@ class StationScreen(Screen[None]):
         return offers(title, cls.BINDINGS)
 
     async def show_vehicle_on_screen(self, offer: Offer) -> None:
-        """Does what was offered, now that the screen is shown."""
+        """Performs the offered action, once the screen is shown."""
         self.show_again()
         await self.run_action(offer.action)
 
@@ -148,22 +148,22 @@ class StationScreen(Screen[None]):
         self.app.push_screen(YesNoQuestion(question, yes), answered)
 
     def show_vehicle(self, name: str) -> None:
-        """Brings a vehicle into view, on all screens."""
+        """Selects a vehicle, on all screens."""
         self.post_message(ShowVehicle(name))
 
     @property
     def moment(self) -> Callable[[], StationView]:
-        """Gives the view of now, for dialogues that show what happens meanwhile."""
+        """Returns the current view, for dialogues that keep updating."""
         return self._moment
 
     def show_again(self) -> None:
-        """Shows at once what a key has changed."""
+        """Updates at once after a key."""
         self.show(self._moment())
 
     # --- the same on all screens ---
 
     def compose(self) -> ComposeResult:
-        """Title, screens, alert, body and keys; and what is said in a small terminal."""
+        """Title, screens, alert, body and keys; and the message for a small terminal."""
         yield Panel(id="title", can_focus=False)
         yield Panel(id="tabs", can_focus=False)
         yield Panel(id="alert", can_focus=False)
@@ -177,14 +177,14 @@ class StationScreen(Screen[None]):
         self.bindings_updated_signal.subscribe(self, lambda _: self._show_keys())
 
     def on_screen_resume(self, event: ScreenResume) -> None:
-        """Shows what has happened while another screen was shown; styles are applied anew only for another theme."""
+        """Shows changes since the screen was left; styles are reapplied only for another theme."""
         styled = self.app.theme, frozenset(self.app.classes)
         event.refresh_styles = styled != self._styled
         self._styled = styled
         self.call_after_refresh(self.show_again)
 
     def on_resize(self, event: Resize) -> None:
-        """Says so where there is not enough room, and lays out again."""
+        """Updates the layout; shows a message where there is not enough room."""
         width, height = event.size
         is_small = width < SMALLEST[0] or height < SMALLEST[1]
         self.set_class(is_small, "-too-small")
@@ -223,7 +223,7 @@ class StationScreen(Screen[None]):
 
     @on(Click, "#tabs")
     async def click_tab(self, event: Click) -> None:
-        """Shows the screen whose name was clicked."""
+        """Shows the clicked screen."""
         tab = tab_at(self._tabs, self.size.width, event.x)
         row = next((row for row in self._rows if tab is not None and row.key == tab.key), None)
         if row is not None:
@@ -236,7 +236,7 @@ class StationScreen(Screen[None]):
 
     @on(Click, "#keys")
     async def click_key(self, event: Click) -> None:
-        """Does what the key that was clicked does."""
+        """Performs the action of the clicked key."""
         key = key_at(self.keys(), self.size.width, event.x)
         for active in self.active_bindings.values():
             binding = active.binding
@@ -267,7 +267,7 @@ class ScreenRow(NamedTuple):
     key: str
     """The digit; the function key of the same number does the same."""
     title: str
-    """One word, or two: all titles stand in one line of 80 characters."""
+    """One or two words: all titles fit in one line of 80 characters."""
     help: str
     """One line for help and palette."""
     screen: type[StationScreen]

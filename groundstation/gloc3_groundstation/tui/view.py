@@ -14,7 +14,7 @@ class StationView(NamedTuple):
 
     fleet: Fleet
     platform: PlatformSnapshot | None
-    """The vehicle in view; None while none is heard."""
+    """The selected vehicle; None before the first contact."""
     now_s: float
     """On the station's clock, as all times of the fleet."""
     started_s: float
@@ -22,12 +22,12 @@ class StationView(NamedTuple):
     station: str
     """The id of this station, such as `255`."""
     moves: frozenset[Move] = frozenset()
-    """What makes sense to ask of the vehicle in view."""
+    """Actions that make sense for the selected vehicle."""
     plan: CheckedPlan | None = None
-    """The mission at hand."""
+    """The selected mission."""
     alerts: Alerts = Alerts()
     round_trip_s: float | None = None
-    """How long something to the vehicle in view and its answer are on their way; None while that is not known."""
+    """Round-trip time to the selected vehicle, s; None while it is unknown."""
     tracks: Tracks = Tracks()
     """What was before: it grows, so views of different moments share it."""
     waiting_for: str = "the link"
@@ -35,7 +35,7 @@ class StationView(NamedTuple):
 
     @property
     def number(self) -> int:
-        """Which vehicle of the fleet is in view, from 1; 0 while none is heard."""
+        """Number of the selected vehicle in the fleet, from 1; 0 before the first contact."""
         return list(self.fleet.platforms).index(self.platform.name) + 1 if self.platform is not None else 0
 
     @property

@@ -1,6 +1,6 @@
 """Live view for Foxglove: serves vehicles' topics on loopback, read-only.
 
-The channels are those of the logs, with the same names and schemas. What nobody has subscribed to is not asked for.
+The channels are those of the logs, with the same names and schemas. Topics without a subscriber are not requested.
 """
 
 import asyncio
@@ -22,7 +22,7 @@ from gloc3_groundstation.station.fleet import CONTACT_TOPICS
 from gloc3_groundstation.station.station import Station
 
 PORT: Final = 8765
-"""Where Foxglove looks by itself."""
+"""Foxglove's default port."""
 HOST: Final = "127.0.0.1"
 POLL_PERIOD_S: Final = 1.0
 RATE_HZ: Final = 10.0
@@ -36,7 +36,7 @@ class LiveChannel(Protocol):
     """A channel of the server."""
 
     def log(self, msg: bytes | dict[str, Any], *, log_time: int | None = None) -> None:
-        """Sends a message to those who have subscribed."""
+        """Sends a message to its subscribers."""
 
     def close(self) -> None:
         """Takes the channel back."""
@@ -63,13 +63,13 @@ class LiveView:
         topics: TopicTable,
         utc_offset_s: float,
     ) -> None:
-        """A server that does not run yet.
+        """Creates a server that does not run yet.
 
         Args:
-            station: whose vehicles are shown, and who looks at them.
-            exchange: where it hears them.
-            loop: gives the time.
-            topics: the topics and types that are known.
+            station: source of the vehicles, and of watches on them.
+            exchange: source of their messages.
+            loop: the event loop, for time.
+            topics: known topics and types.
             utc_offset_s: from the loop's time to UTC.
         """
         self._station = station
@@ -134,7 +134,7 @@ class LiveView:
     # --- what is offered ---
 
     def _update(self) -> None:
-        """Offers the topics of vehicles that have come, and says what is looked at."""
+        """Advertises topics of new vehicles, and updates the watched topics."""
         self._timer = self._loop.call_later(POLL_PERIOD_S, self._update)
         if self._frames is not None:
             frame = transform(MAP_FRAME, NED_FRAME, (0.0, 0.0, 0.0), MAP_FROM_NED)
@@ -198,7 +198,7 @@ class LiveView:
 
 
 class _Listener:
-    """Told by the server in a thread of its own; hands over to the loop's."""
+    """Called by the server in its own thread; forwards to the loop's thread."""
 
     def __init__(self, view: LiveView, loop: asyncio.AbstractEventLoop) -> None:
         self._view = view
@@ -209,7 +209,7 @@ class _Listener:
         self._notify(channel.topic, (client.id, channel.id), True)
 
     def on_unsubscribe(self, client: Any, channel: Any) -> None:
-        """A client does not want it any more, or has gone."""
+        """Handles a client's unsubscription or disconnection."""
         self._notify(channel.topic, (client.id, channel.id), False)
 
     def _notify(self, topic: str, client: tuple[int, int], is_on: bool) -> None:
@@ -218,7 +218,7 @@ class _Listener:
 
 
 def _unpacked(envelope: Envelope[Preview]) -> Envelope[Any] | None:
-    """A preview as the image that it stands for."""
+    """Image message for a preview."""
     preview = envelope.payload
     picture = pictures.unpack_picture(preview)
     if picture is None:

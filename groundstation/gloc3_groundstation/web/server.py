@@ -1,7 +1,7 @@
 """The station in a browser: one page with textual-serve's terminal, one websocket, one window at a time.
 
-The station itself runs in this process, from its start to its end. A browser only looks in: when its window is closed
-or loaded again, links, recording and control go on.
+The station itself runs in this process, from its start to its end. A browser is only a view: when its window is closed
+or reloaded, links, recording and control continue.
 """
 
 import asyncio
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 HOST: Final = "127.0.0.1"
 PORT: Final = 8000
 HEARTBEAT_S: Final = 5.0
-"""A browser that has not answered for half of that is taken for gone."""
+"""Heartbeat period; a browser counts as gone after half of it without an answer."""
 MOST_WAITING: Final = 1_000_000
-"""Bytes that wait for a slow browser; beyond them the terminal is drawn anew once it has taken what is under way."""
+"""Queued bytes for a slow browser, beyond which the terminal is redrawn once the browser has caught up."""
 NOT_YET_S: Final = 0.05
 CLOSE_S: Final = 1.0
 """So long a browser may take to learn that the station was closed."""
@@ -47,14 +47,14 @@ REPLACED: Final = (
 
 Handler = Callable[["web.Request"], Awaitable["web.StreamResponse"]]
 Notify = Callable[[str, bool], None]
-"""Is told who looks, or has gone; and whether anybody looks now."""
+"""Called with text about a viewer that connects or leaves, and whether there is one now."""
 
 
 class TerminalWindow(Protocol):
     """The terminal, as a browser sees it."""
 
     def attach(self, show: Callable[[bytes], None], columns: int, lines: int) -> None:
-        """Draws it from its beginning, and from then on what changes."""
+        """Draws the whole terminal, and changes from then on."""
 
     def detach(self) -> None:
         """Draws nothing more."""
@@ -86,13 +86,13 @@ class WebOptions(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class _Glass:
-    """One browser's websocket: what is drawn waits here until it is taken."""
+    """Websocket of one browser, with a queue of output."""
 
     def __init__(self, socket: "web.WebSocketResponse", columns: int, lines: int) -> None:
         self.socket: Final = socket
         self.columns, self.lines = columns, lines
         self.is_behind = False
-        """Whether something was left out, so that all must be drawn anew."""
+        """Whether output was dropped, so that all must be redrawn."""
         self._waiting = bytearray()
         self._has_some = asyncio.Event()
 
@@ -105,7 +105,7 @@ class _Glass:
         self._has_some.set()
 
     async def send(self, redraw: Callable[[], None]) -> None:
-        """Sends what is drawn, until it is cancelled or the browser has gone."""
+        """Sends the output until it is cancelled or the browser is gone."""
         while not self.socket.closed:
             await self._has_some.wait()
             self._has_some.clear()
@@ -120,15 +120,15 @@ class _Glass:
 
 
 class WebServer:
-    """Serves the page, and leads the one browser that looks to the terminal."""
+    """Serves the page, and connects a single browser to the terminal."""
 
     def __init__(self, window: Callable[[], TerminalWindow | None], options: WebOptions, reported: Notify) -> None:
-        """A server that does not listen yet.
+        """Creates a server that does not listen yet.
 
         Args:
-            window: gives the terminal; None before it is there.
-            options: where to serve.
-            reported: is told who looks, and when nobody does.
+            window: returns the terminal; None before it exists.
+            options: address and port.
+            reported: called about viewers that connect or leave.
         """
         self._window = window
         self._options = options
@@ -140,11 +140,11 @@ class WebServer:
 
     @asynccontextmanager
     async def serving(self) -> AsyncIterator[str]:
-        """Serves; gives the URL.
+        """Serves, and yields the URL.
 
         Raises:
             Gloc3Error: a package is not installed.
-            Refused: the address cannot be had.
+            Refused: the address is not available.
         """
         try:
             import textual_serve
@@ -187,7 +187,7 @@ class WebServer:
     # --- requests ---
 
     async def _guarded(self, request: "web.Request", handler: Handler) -> "web.StreamResponse":
-        """Lets nobody in who comes by another site's page, or by a name that somebody else has pointed here."""
+        """Rejects requests from another site's page, or by a host name that does not belong to this station."""
         from aiohttp import web
 
         if not self._options.is_exposed and not _is_loopback_name(request.host, self._options.host):
@@ -230,7 +230,7 @@ class WebServer:
         return socket
 
     async def _reported_by(self, glass: _Glass, data: str, who: str) -> None:
-        """Does what textual-serve's page asks for; what cannot be understood is left alone."""
+        """Handles a message of textual-serve's page; unknown ones are ignored."""
         try:
             kind, *values = msgspec.json.decode(data, type=list[object])
         except (msgspec.DecodeError, ValueError):
@@ -290,7 +290,7 @@ def exposure(url: str, user: str) -> str:
 
 
 def _named(host: str) -> str:
-    """A host as it stands in a URL."""
+    """A host as written in a URL."""
     try:
         address = ip_address(host)
     except ValueError:
@@ -301,7 +301,7 @@ def _named(host: str) -> str:
 
 
 def _is_loopback_name(host: str, served: str) -> bool:
-    """Whether the header `Host` names this computer, under any port: a tunnel may have its own."""
+    """Whether the header `Host` names this computer, under any port, because a tunnel may have a different one."""
     name = urlsplit(f"//{host}").hostname or ""
     try:
         return ip_address(name).is_loopback
@@ -310,6 +310,6 @@ def _is_loopback_name(host: str, served: str) -> bool:
 
 
 def _side(value: object, name: str) -> int:
-    """Columns or lines as a browser tells them."""
+    """Columns or lines as reported by a browser."""
     number = int(value) if isinstance(value, int) or (isinstance(value, str) and value.isdecimal()) else 0
     return min(number, LARGEST) if number > 0 else {"width": 80, "height": 24}[name]

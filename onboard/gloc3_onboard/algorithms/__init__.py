@@ -1,4 +1,4 @@
 """Plain classes that can be used and benchmarked alone: fusion, vision, scan matching, odometry, paths, mapping.
 
-None knows components, topics or hosts.
+They are independent of components, topics and hosts.
 """

@@ -155,7 +155,7 @@ PLANE: Final = ClassProperties(
     form=Form.REPOSITION,
     timeout_s=float("inf"),
 )
-"""AUTOLAND is there from 4.6 on; it takes off in TAKEOFF, to the height of TKOFF_ALT."""
+"""AUTOLAND exists from 4.6 on; take-off uses the TAKEOFF mode, to the height TKOFF_ALT."""
 
 VTOL: Final = ClassProperties(
     vehicle=VehicleClass.VTOL,
@@ -185,7 +185,7 @@ class ArduPilot:
     """The ArduPilot family.
 
     Args:
-        vehicle: what it steers.
+        vehicle: its vehicle class.
     """
 
     style = Style.ARDUPILOT
@@ -210,7 +210,7 @@ class ArduPilot:
         return mode_by_number(self.class_properties.modes, custom_mode)[1]
 
     def mode_command(self, mode: FlightMode, form: VtolForm | None = None) -> MavCommand | CommandAnswer:
-        """The command that asks for a mode."""
+        """The command for a mode."""
         number = self.class_properties.commanded.get(mode)
         on_rotors = self.class_properties.hold_on_rotors
         if on_rotors is not None and mode is FlightMode.HOLD and form in (VtolForm.ROTORS, VtolForm.TO_ROTORS):
@@ -220,7 +220,7 @@ class ArduPilot:
         return MavCommand(SET_MODE, (_CUSTOM_MODE_ENABLED, float(number), 0.0, 0.0, 0.0, 0.0, 0.0))
 
     def take_off_command(self, height_m: float, ground_altitude_m: float) -> MavCommand | CommandAnswer:
-        """ArduPilot takes the height above home; planes take off in a mode, to a height that is set in them."""
+        """Take-off by height above home; planes take off in a mode, to a height set in parameters."""
         if not self.class_properties.behaviour.climbs:
             return CommandAnswer(False, self.class_properties.why_no_take_off)
         if FlightMode.TAKE_OFF in self.class_properties.commanded:

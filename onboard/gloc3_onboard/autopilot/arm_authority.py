@@ -1,7 +1,8 @@
-"""Arm authorisation: checks the platform's summaries and answers the autopilot's requests to arm.
+"""Arm authorization: answers the autopilot's requests to arm from the platform's summaries.
 
-PX4 asks the system of COM_ARM_AUTH_ID where COM_ARM_AUTH_REQ is set; the vehicle's own system id means this companion.
-MAVLink: an acceptance tells in `result_param2` for how many seconds it holds.
+PX4 requests it from the system COM_ARM_AUTH_ID if COM_ARM_AUTH_REQ is set; the vehicle's own system id means this
+companion.
+MAVLink: an acceptance gives its validity in seconds in `result_param2`.
 """
 
 from collections.abc import Callable
@@ -54,8 +55,8 @@ class ArmPermissionRequest(Microservice[Never]):
     """Answers the autopilot's requests to arm; the reason of a refusal is sent as a status text.
 
     Args:
-        own: as whom it answers.
-        why_not: why the vehicle must not be armed now; an empty text where it may.
+        own: MAVLink address of the sender.
+        why_not: returns the reason against arming now; empty for none.
     """
 
     handles = frozenset({"COMMAND_LONG", "COMMAND_INT"})

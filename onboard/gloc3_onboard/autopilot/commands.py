@@ -13,19 +13,19 @@ from gloc3_onboard.sensors.devices import CommandAnswer
 KEPT: Final = 64
 """Answers that are kept."""
 REASON_S: Final = 0.3
-"""How long after a refusal its reason is waited for: autopilots say it in a text of its own."""
+"""Time to wait for the reason of a refusal, s: autopilots send it as a separate text."""
 NO_OWNER: Final = "no autopilot is connected"
 
 
 class CommandDesk:
-    """Sends commands and keeps their answers by ticket.
+    """Sends commands and stores their answers by ticket.
 
-    A command is sent when it is given, or never: one that waited, for an autopilot or for an older command of its kind,
-    would be carried out when nobody expects it.
+    A command is sent immediately or never: one that waited for an autopilot or an older command of its kind would run
+    unexpectedly.
 
     Args:
         client: the command protocol; driven by its owner.
-        texts: what the autopilot has said since a time that could be a reason.
+        texts: returns the autopilot's status texts since a time that may be reasons.
     """
 
     def __init__(self, client: MavCommandClient, texts: Callable[[float], list[str]]) -> None:
@@ -33,16 +33,16 @@ class CommandDesk:
         self._texts = texts
         self._tickets = itertools.count(1)
         self._calls: dict[int, tuple[CommandCall, float]] = {}
-        """Under way, with the time at which each was sent."""
+        """Commands under way, with the time at which each was sent."""
         self._refused: list[tuple[float, int, CommandCall, float]] = []
         self._answers: dict[int, CommandAnswer] = {}
 
     def ticket(self) -> int:
-        """A new ticket; may be asked for in any thread."""
+        """A new ticket; callable from any thread."""
         return next(self._tickets)
 
     def answer(self, ticket: int) -> CommandAnswer | None:
-        """The answer to a command; None while there is none. May be asked for in any thread."""
+        """The answer to a command; None if pending. Callable from any thread."""
         return self._answers.get(ticket)
 
     def put(self, ticket: int, answer: CommandAnswer) -> None:
@@ -52,7 +52,7 @@ class CommandDesk:
             del self._answers[next(iter(self._answers))]
 
     def send(self, ticket: int, command: MavCommand, target: Address | None, now_s: float) -> None:
-        """Sends a command now; an older one of its kind that is under way is overtaken."""
+        """Sends a command now; it supersedes an older one of its kind under way."""
         if target is None:
             self.put(ticket, CommandAnswer(False, NO_OWNER))
             return
@@ -85,7 +85,7 @@ class CommandDesk:
                 self._refused.append((now_s + REASON_S, ticket, call, sent_s))
 
     def tick(self, now_s: float) -> None:
-        """Answers refusals, with what the autopilot has said meanwhile."""
+        """Completes refusals with the autopilot's status texts."""
         while self._refused and now_s >= self._refused[0][0]:
             _, ticket, call, sent_s = self._refused.pop(0)
             assert call.result is not None

@@ -1,6 +1,6 @@
 """The autopilot as a device of samplers and drivers: telemetry, height, satellites, wheels, setup, and control.
 
-Its methods may be called from any thread: what is read is immutable, what is commanded is handed over to the link's loop.
+Its methods may be called from any thread: readings are immutable, commands are passed to the link's event loop.
 """
 
 from collections.abc import Callable, Sequence
@@ -49,7 +49,7 @@ class AutopilotDevice:
         link.reports.listen(self._ring)
 
     def _ring(self) -> None:
-        """Rings for what is new."""
+        """Notifies subscribers of new data."""
         state, pose, height, attitude = self._rung
         telemetry = self._link.telemetry
         self._rung = (telemetry.state, telemetry.pose, telemetry.height, telemetry.attitude)
@@ -121,7 +121,7 @@ class AutopilotDevice:
     # --- commands ---
 
     def _command(self, make: Callable[[], MavCommand | CommandAnswer]) -> int:
-        """Sends what `make` gives in the loop's thread, or keeps its answer where that is one."""
+        """Sends the result of `make` on the loop's thread, or stores its answer."""
         ticket = self._link.commands.ticket()
 
         def send() -> None:
@@ -236,7 +236,7 @@ class AutopilotDevice:
 
     @property
     def fence_problem(self) -> str:
-        """Why the autopilot does not keep the fence that it holds, as far as it tells; PX4 does not."""
+        """Reason why the autopilot does not enforce its fence, as far as reported; PX4 does not report it."""
         if self._link.style.fence_on_command is None or self._link.inspection.setup.sensors_enabled & FENCE_BIT:
             return ""
         return (

@@ -1,7 +1,7 @@
-"""PX4's events in its own sentences: why it would not arm, and its alerts, by the dictionary that it keeps itself.
+"""PX4's events in its own sentences: reasons against arming, and alerts, by the vehicle's own dictionary.
 
-MAVLink, "Events Interface": a number and packed arguments come as EVENT; `all_events.json.xz` on the vehicle has the texts.
-A report on health and arming is a run of events from the arming summary to the health summary.
+MAVLink, "Events Interface": a number and packed arguments come as EVENT; `all_events.json.xz` on the vehicle has the
+texts. A report on health and arming is a run of events from the arming summary to the health summary.
 """
 
 import lzma
@@ -154,15 +154,15 @@ def _filled(text: str, values: list[str | float]) -> str:
 
 
 def _plain(text: str) -> str:
-    """Without what is for developers, tags, and all but the first paragraph."""
+    """The first paragraph without tags and developer notes."""
     return " ".join(_TAG.sub("", _FOR_DEVELOPERS.sub("", text)).strip().partition("\n\n")[0].split())
 
 
 class AutopilotEvents:
-    """Reads the dictionary once, and puts what comes then into words.
+    """Reads the dictionary once, and translates events from then on.
 
     Args:
-        own: as whom it reads.
+        own: MAVLink address of the reader.
     """
 
     def __init__(self, own: Address) -> None:
@@ -175,7 +175,7 @@ class AutopilotEvents:
         self.problem = ""
         """Why there is no dictionary."""
         self.is_problem_reported = False
-        """Set by who reads it."""
+        """Set by the reader of problems."""
         self._dictionary: EventDictionary | None = None
         self._reading: FtpCall | None = None
         self._next_s = float("-inf")

@@ -14,7 +14,7 @@ NOT_SUPPORTED: Final = "an unsupported autopilot"
 
 
 def style_of(heartbeat: MavlinkMessage) -> AutopilotStyle | None:
-    """The adapter of an autopilot; None for an unsupported one, whose modes are not known."""
+    """The adapter of an autopilot; None for an unsupported one."""
     vehicle = CLASSES.get(heartbeat.type)
     if vehicle is None:
         return None

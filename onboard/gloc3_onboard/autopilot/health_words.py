@@ -23,19 +23,19 @@ SENSORS: Final[Mapping[int, str]] = {
     1 << 21: "attitude estimate",
     1 << 25: "battery monitor",
 }
-"""MAV_SYS_STATUS_SENSOR bits whose failure speaks against a start."""
+"""MAV_SYS_STATUS_SENSOR bits whose failure prevents a start."""
 FENCE_BIT: Final = 1 << 20
-"""MAV_SYS_STATUS_GEOFENCE; ArduPilot shows it as enabled while the fence is on and does more than report."""
+"""MAV_SYS_STATUS_GEOFENCE; ArduPilot sets it while the fence is enabled and enforced rather than only reported."""
 ATTITUDE, HEIGHT, CONSTANT = 0x01, 0x20 | 0x40, 0x80
 POSITION: Final = 0x08 | 0x10
 PREDICTED: Final = 0x100 | 0x200
-"""Before arming ArduPilot tells what it will have once it moves."""
+"""Bits that ArduPilot predicts before arming, for when it moves."""
 PX4_GLITCH, PX4_ACCELERATION = 0x400, 0x800
 ARDUPILOT_NOT_BEGUN, ARDUPILOT_GLITCH = 0x400, 0x8000
 UNHEALTHY: Final = "not well: "
-"""How a sentence about sensors begins."""
+"""Start of a sentence about unhealthy sensors."""
 MOST: Final = 1.0
-"""An estimator's test ratio or variance from which on a source is not believed."""
+"""Estimator test ratio or variance above which a source is rejected."""
 _RATIOS: Final = {
     "ESTIMATOR_STATUS": {
         "vel_ratio": "velocity",
@@ -58,7 +58,7 @@ def unhealthy(present: int, enabled: int, health: int) -> list[str]:
 
 
 def estimator_problems(message: MavlinkMessage) -> list[str]:
-    """The problems in ESTIMATOR_STATUS or EKF_STATUS_REPORT that speak against a start."""
+    """Problems in ESTIMATOR_STATUS or EKF_STATUS_REPORT that prevent a start."""
     return list(_flags(message)) + [
         f"the estimator rejects the {what} (test ratio {ratio:.1f}, limit 1)"
         for field, what in _RATIOS[message.name].items()

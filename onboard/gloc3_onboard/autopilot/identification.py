@@ -23,20 +23,20 @@ class IdentityChange(Enum):
     """It has become one that is not supported."""
     RESTARTED = auto()
     RETURNED = auto()
-    """It is heard again."""
+    """Connected again."""
 
 
 class Identification:
-    """Finds the autopilot of a link by its heartbeats.
+    """Finds a link's autopilot by its heartbeats.
 
     Args:
-        own: as whom we speak; an autopilot of another system is taken after it has been alone for some seconds.
-        report: receives what is worth an event.
+        own: our MAVLink address; an autopilot of another system is accepted after it has been alone for some seconds.
+        report: called with events.
     """
 
     def __init__(self, own: Address, report: Callable[[Severity, str], None]) -> None:
         self.peers: Final = MavlinkPeers(own, expires_after_s=2.5)
-        """The service that hears the heartbeats; driven by its owner."""
+        """Service that receives heartbeats; driven by its owner."""
         self.target: Address | None = None
         """The autopilot; None while there is none."""
         self.style: AutopilotStyle = Px4()
@@ -52,7 +52,7 @@ class Identification:
 
     @property
     def is_alive(self) -> bool:
-        """Whether the autopilot is heard."""
+        """Whether the autopilot is connected."""
         return self.target is not None and self.target in self.peers and self.peers[self.target].is_alive
 
     def contact(self) -> Iterator[IdentityChange]:
@@ -68,7 +68,7 @@ class Identification:
                 yield IdentityChange.RETURNED
 
     def identify(self, now_s: float) -> Iterator[IdentityChange]:
-        """Checks whether the autopilot is still what it was, and looks for one where there is none."""
+        """Checks the autopilot's identity, and looks for one if there is none."""
         heartbeat = self.heartbeat
         if heartbeat is not None and (heartbeat.autopilot, heartbeat.type) != self._kind:
             yield from self._check_again(heartbeat)

@@ -19,22 +19,22 @@ from gloc3.messages.readiness import AutopilotSetup
 from gloc3.messages.vehicle import Style, VehicleClass
 
 AT_ONCE: Final = 6
-"""Parameters under way at the same time, so that the reading does not fill a slow line."""
+"""Number of concurrent parameter reads, so that a slow line is not filled."""
 OFFICIAL: Final = 255
 """The last byte of a release's version number."""
 REPORTED_SEVERITY: Final = ("AUTOPILOT_VERSION", "SYSTEM_TIME")
-"""Messages that are asked for once a reading."""
+"""Messages requested once per reading."""
 
 
 class Inspection(Microservice[AutopilotSetup]):
-    """Reads the setup once at a time; a further request meanwhile follows it.
+    """Reads the autopilot's setup; a request during a reading follows it.
 
-    What a parameter is set to between two readings is taken in too, as the autopilot tells of it. Parameters that the
-    autopilot does not know are not asked for again until it has restarted.
+    Parameter changes reported between two readings are applied, too. Unknown parameters are not requested again until
+    the autopilot restarts.
 
     Args:
-        own: as whom it speaks.
-        commands: the command protocol; driven by its owner, who passes on to `ended` what comes back from it.
+        own: our MAVLink address.
+        commands: the command protocol; driven by its owner, who passes its results to `ended`.
     """
 
     handles = ParameterClient.handles | {*REPORTED_SEVERITY, "SYS_STATUS"}
@@ -58,7 +58,7 @@ class Inspection(Microservice[AutopilotSetup]):
         self._next_number: int | None = None
 
     def adopt(self, target: Address, style: Style, vehicle: VehicleClass, names: Sequence[str], now_s: float) -> None:
-        """An autopilot has come, or has restarted: reads everything, the given parameters by name."""
+        """Handles a new or restarted autopilot: reads everything, the given parameters by name."""
         self._drop()
         self._target, self._names = target, names
         self._absent.clear()
@@ -67,7 +67,7 @@ class Inspection(Microservice[AutopilotSetup]):
         self._begin(self._number, now_s)
 
     def read(self, number: int, now_s: float) -> None:
-        """Reads everything anew; its end is told with this number."""
+        """Starts reading everything; its end is reported with this number."""
         if self._target is None:
             return
         if self._is_reading:
@@ -93,7 +93,7 @@ class Inspection(Microservice[AutopilotSetup]):
         self._is_reading = False
 
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
-        """Takes in what the autopilot tells."""
+        """Handles the autopilot's messages."""
         if sender != self._target:
             return
         match message.name:
@@ -122,7 +122,7 @@ class Inspection(Microservice[AutopilotSetup]):
             self.tick(now_s)
 
     def tick(self, now_s: float) -> None:
-        """Asks for what is next."""
+        """Sends the next requests."""
         self._parameters.tick(now_s)
         self._follow(now_s)
 

@@ -36,7 +36,7 @@ from gloc3_onboard.sensors.devices import Bell
 COMPANION: Final = 191
 """MAV_COMP_ID_ONBOARD_COMPUTER."""
 BEHIND_S: Final = 0.3
-"""So long after somebody else's request for rates it is made sure that ours hold."""
+"""Time after another station's request for rates at which ours are restored, s."""
 TICK_S: Final = 0.1
 ONE_RESTART_S: Final = 3.0
 """Signs of a restart that come within this are of the same one."""
@@ -50,7 +50,7 @@ class FrameLink(Protocol):
 
 
 def _report_nothing(_severity: Severity, _text: str) -> None:
-    """For links whose events nobody wants."""
+    """Discards the events of a link."""
 
 
 class AutopilotLink:
@@ -59,11 +59,12 @@ class AutopilotLink:
     Args:
         loop: the process's loop.
         clock: its time.
-        system_id: of the vehicle; an autopilot of another system is taken after it has been alone for some seconds.
-        say: told what is worth an event.
-        signing: signs all that is sent, and judges all that is heard; None on a link without a key.
-        why_not_arm: asked when the autopilot asks for leave to arm; gives why it must not, or an empty text.
-        more_names: gives parameters that are read beside those of the pre-flight checks, by family and class.
+        system_id: MAVLink system of the vehicle; an autopilot of another system is accepted after it has been alone for
+            some seconds.
+        say: called with events.
+        signing: signs sent and verifies received frames; None without a key.
+        why_not_arm: returns the reason against arming for an authorization request; empty for none.
+        more_names: returns further parameters to read besides those of the pre-flight checks, by family and class.
     """
 
     def __init__(
@@ -85,7 +86,7 @@ class AutopilotLink:
         self._link: FrameLink | None = None
         self._encoder = Encoder(*own, signing)
         self.signed_only: Final = None if signing is None else SignedOnly(signing, partial(report, Severity.WARNING))
-        """Judges what is heard, for whoever passes it to `receive_frames`; None on a link without a key."""
+        """Accepts or rejects frames before `receive_frames`; None without a key."""
         self.telemetry: Final = Telemetry()
         self.sensors: Final = AutopilotSensors(lambda: self.post(self._request_sensors))
         self.events: Final = AutopilotEvents(own)
@@ -115,7 +116,7 @@ class AutopilotLink:
     # --- life ---
 
     def open(self, link: FrameLink) -> None:
-        """Begins to send by a link, whose owner passes the frames that it receives to `receive_frames`."""
+        """Starts sending on a link, whose owner passes received frames to `receive_frames`."""
         self._link = link
         self._tick()
 
@@ -184,7 +185,7 @@ class AutopilotLink:
     # --- what follows from them ---
 
     def settle(self) -> None:
-        """Acts on what the services have found out, and sends what they have to say; after each use of a service."""
+        """Acts on the services' results and sends their messages; called after each use of a service."""
         now_s = self.loop.time()
         self._follow_identity(now_s)
         self._end_calls(now_s)
@@ -230,7 +231,7 @@ class AutopilotLink:
             self._request_all(now_s)
 
     def _restarted(self, now_s: float) -> None:
-        """Begins anew with an autopilot that has; several signs of it are one restart."""
+        """Handles a restart of the autopilot; several signs of it count once."""
         if now_s - self._restarted_s < ONE_RESTART_S:
             return
         self._restarted_s = now_s
@@ -246,7 +247,7 @@ class AutopilotLink:
             self.inspection.ended(call, now_s)
 
     def _follow_events(self, now_s: float) -> None:
-        """PX4's reasons and alerts, by the dictionary that is read on the ground."""
+        """Reports PX4's reasons and alerts, by the dictionary read on the ground."""
         state = self.telemetry.state
         if self.target is not None and self._identification.is_alive:
             is_wanted = self.style.style is Style.PX4 and not state.is_armed
@@ -294,9 +295,9 @@ class AutopilotLink:
             self.inspection.adopt(target, style.style, vehicle, tuple(dict.fromkeys(names)), now_s)
 
     def request_streams_again(self) -> None:
-        """Somebody has changed what the autopilot sends on our link: what we need follows right behind his request.
+        """Restores our message rates after another station has changed them.
 
-        All of it at once, since until then it comes too seldom; then one after the other, with the answers.
+        All requests are sent at once, and then again one by one with acknowledgement.
         """
         if self.target is None:
             return

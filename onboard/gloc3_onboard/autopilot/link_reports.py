@@ -15,8 +15,8 @@ class LinkReports:
     Args:
         exchange: the platform's middleware.
         platform: the platform's name.
-        boot: a random number for this start of the process.
-        time_s: the time.
+        boot: random number of this start of the process.
+        time_s: returns the time.
         source: the link's name; the autopilot's where none is given.
     """
 

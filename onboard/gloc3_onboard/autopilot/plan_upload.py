@@ -27,12 +27,12 @@ SAME_HEIGHT_M: Final = 0.02
 
 
 class PlanUploader:
-    """One plan of one kind at a time; a newer one takes the place of one that is under way.
+    """Upload of one plan at a time; a newer one replaces one under way.
 
     Args:
         client: the mission protocol; driven by its owner.
-        kind: of the plan.
-        words: what it is called in an answer.
+        kind: kind of plan.
+        words: its name in answers.
     """
 
     def __init__(self, client: MissionClient, kind: PlanType, words: str) -> None:
@@ -82,7 +82,7 @@ class PlanUpload(PlanUploader):
     def __init__(self, client: MissionClient) -> None:
         super().__init__(client, PlanType.MISSION, "plan")
         self.reached = 0
-        """Places of the way that the autopilot has passed."""
+        """Number of positions of the path that the autopilot has passed."""
         self._begin = self._first = 0
         """Its first item, and the first one that is flown to."""
         self._passed: tuple[int, ...] = (0,)
@@ -92,7 +92,7 @@ class PlanUpload(PlanUploader):
         """What the autopilot says of its progress is of this plan: until the first item is set it is of the one before."""
 
     def begin(self, ticket: int, way: GeoPath, style: Style, target: Address, now_s: float) -> None:
-        """Sends the plan of a way.
+        """Sends the plan of a path.
 
         Raises:
             Refused: a number does not fit the wire.
@@ -106,7 +106,7 @@ class PlanUpload(PlanUploader):
         self.send(ticket, items, target, now_s)
 
     def received(self, transfer: Transfer, now_s: float) -> tuple[int, CommandAnswer] | None:
-        """What is read back is begun at its first item, wherever the autopilot was in the plan before."""
+        """Starts the verified plan at its first item, wherever the autopilot was in the previous one."""
         if transfer is not self._setting:
             ended = super().received(transfer, now_s)
             if ended is None or not ended[1].is_accepted:
@@ -122,13 +122,13 @@ class PlanUpload(PlanUploader):
         return self._ticket, CommandAnswer(False, f"the plan could not be started: {transfer.result.words}")
 
     def follow(self, event: CurrentItem | ItemReached) -> None:
-        """The autopilot tells where it is in its plan; a report that was lost is made up for by the next."""
+        """Handles the autopilot's progress; a later report makes up for a lost one."""
         number = event.number - self._begin + isinstance(event, ItemReached)
         if self._has_begun and number >= 0:
             self.reached = max(self.reached, self._passed[min(number, len(self._passed) - 1)])
 
     def _is_same(self, held: Sequence[PlanItem]) -> bool:
-        """ArduPilot keeps its own home in the first item, and of a speed the number alone."""
+        """Whether the plans match; ArduPilot has its own home as first item, and keeps only the value of a speed."""
         if len(held) != len(self._items) or any(
             one.command != sent.command for one, sent in zip(held[1:], self._items[1:], strict=True)
         ):

@@ -114,7 +114,7 @@ class Px4:
     """The PX4 family.
 
     Args:
-        vehicle: what it steers.
+        vehicle: its vehicle class.
     """
 
     style = Style.PX4
@@ -135,7 +135,7 @@ class Px4:
         return mode_by_number(self.class_properties.modes, custom_mode & _MODE_BITS)[1]
 
     def mode_command(self, mode: FlightMode, form: VtolForm | None = None) -> MavCommand | CommandAnswer:
-        """The command that asks for a mode."""
+        """The command for a mode."""
         del form
         number = self.class_properties.commanded.get(mode)
         if number is not None:
@@ -146,7 +146,7 @@ class Px4:
         return CommandAnswer(False, f"a {self.class_properties.vehicle} has no mode for {mode}")
 
     def take_off_command(self, height_m: float, ground_altitude_m: float) -> MavCommand | CommandAnswer:
-        """PX4 takes the altitude above mean sea level."""
+        """Take-off by altitude above mean sea level."""
         if not self.class_properties.behaviour.climbs:
             return CommandAnswer(False, self.class_properties.why_no_take_off)
         return MavCommand(NAV_TAKEOFF, (NAN, 0.0, 0.0, NAN, NAN, NAN, ground_altitude_m + height_m))

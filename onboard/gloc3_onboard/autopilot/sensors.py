@@ -1,7 +1,7 @@
 """Sensors wired to an autopilot and received over MAVLink: inertial unit, ranges, scans, wheels, satellites.
 
-MAVLink, common: HIGHRES_IMU, SCALED_IMU, RAW_IMU, DISTANCE_SENSOR, OBSTACLE_DISTANCE, WHEEL_DISTANCE, GPS_RAW_INT. Messages are
-asked for once somebody uses them.
+MAVLink, common: HIGHRES_IMU, SCALED_IMU, RAW_IMU, DISTANCE_SENSOR, OBSTACLE_DISTANCE, WHEEL_DISTANCE, GPS_RAW_INT.
+Messages are requested once they are used.
 """
 
 import math
@@ -22,18 +22,18 @@ UNKNOWN_CM: Final = 0xFFFF
 NORTH_ALIGNED: Final = (0, 1)
 """MAV_FRAME_GLOBAL, which an absent field means too, and MAV_FRAME_LOCAL_NED."""
 LEVEL: Final = 8
-"""MAV_SENSOR_ROTATION_NONE, YAW_45 ... YAW_315: so many directions."""
+"""MAV_SENSOR_ROTATION_NONE, YAW_45 ... YAW_315: number of directions."""
 FAR_S: Final = 1.0
-"""What has not been heard for so long is not known any more."""
+"""Time after which an unrepeated reading expires, s."""
 _NOTHING: Final = math.inf
 _NO_READING: Final = 0.0
 
 
 def scan_of_obstacles(message: MavlinkMessage, yaw_rad: float | None) -> LaserScan:
-    """OBSTACLE_DISTANCE as a scan ahead of the body; not valid where its directions are not known.
+    """OBSTACLE_DISTANCE as a scan ahead of the body; invalid if its directions are unknown.
 
     Args:
-        message: as it came.
+        message: the message.
         yaw_rad: the heading, clockwise from north; for messages whose angles count from north.
     """
     step_deg = message.increment_f or float(message.increment)
@@ -82,13 +82,13 @@ def _scan(
 
 
 class RangeRing:
-    """Collects range finders that look level, at most one in each eighth of a turn, into a scan of eight beams."""
+    """Combines horizontal range finders, at most one in each eighth of a turn, into a scan of eight beams."""
 
     def __init__(self) -> None:
         self._received: dict[int, tuple[float, MavlinkMessage]] = {}
 
     def receive(self, message: MavlinkMessage, now_s: float) -> LaserScan | None:
-        """Takes a DISTANCE_SENSOR in; the scan with it, or None for one that does not look level."""
+        """Handles a DISTANCE_SENSOR; returns the scan with it, or None if it is not horizontal."""
         if message.orientation >= LEVEL:
             return None
         self._received[message.orientation] = (now_s, message)
@@ -119,7 +119,7 @@ THREE_D: Final = 3
 USUAL_STD_M: Final = 2.5
 """Taken where the receiver does not claim an accuracy."""
 KEPT: Final = 256
-"""Samples of the inertial unit that are kept for who comes to fetch them."""
+"""Number of buffered samples of the inertial unit."""
 MILLI_G: Final = 1e-3 * GRAVITY_M_S2
 UTC_US: Final = 10**15
 """A stamp above this is of UTC, not since boot."""
@@ -157,7 +157,7 @@ class AutopilotSensors:
         self.obstacles: StampedScan | None = None
         """By OBSTACLE_DISTANCE."""
         self.ranges: StampedScan | None = None
-        """By range finders that look level, DISTANCE_SENSOR each."""
+        """Scan of the horizontal range finders, from DISTANCE_SENSOR."""
         self.satellites: StampedFix | None = None
         """By GPS_RAW_INT."""
         self.wheels: StampedWheels | None = None
@@ -174,7 +174,7 @@ class AutopilotSensors:
     # --- what is wanted ---
 
     def want(self, what: str, rate_hz: float) -> None:
-        """Has the messages of *imu*, *obstacles*, *ranges*, *wheels* or *satellites* asked for; from any thread."""
+        """Requests the messages of *imu*, *obstacles*, *ranges*, *wheels* or *satellites*; from any thread."""
         if self._rates_hz.get(what) != rate_hz:
             self._rates_hz = {**self._rates_hz, what: rate_hz}
             self._changed()
@@ -247,7 +247,7 @@ class AutopilotSensors:
 
 
 def satellite_fix(message: MavlinkMessage) -> SatelliteFix:
-    """What a GPS_RAW_INT says; its accuracy is told by receivers that know it, and else taken as usual."""
+    """The fix of a GPS_RAW_INT; its accuracy is the receiver's if reported, else a typical one."""
     claimed_m = message.h_acc * 1e-3
     is_valid = message.fix_type >= THREE_D
     return SatelliteFix(

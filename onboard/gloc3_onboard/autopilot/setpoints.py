@@ -1,7 +1,8 @@
-"""Setpoints in the form that a vehicle accepts: a moving position, a velocity towards it, or a distant target.
+"""Setpoints in the form accepted by a vehicle: a moving position, a velocity towards it, or a distant target.
 
-Masks: MAVLink, POSITION_TARGET_TYPEMASK. A rover of ArduPilot takes a velocity as a heading and a speed; with a yaw
-beside it, it turns to that yaw.
+Masks: MAVLink, POSITION_TARGET_TYPEMASK. An ArduPilot rover interprets a velocity as heading and speed; with a yaw, it
+turns to
+that yaw.
 """
 
 import math
@@ -40,14 +41,14 @@ AHEAD_M: Final = 200.0
 def setpoint_message(
     setpoint: AutopilotSetpoint, form: Form, target: Address, boot_ms: int, pose: AutopilotPose | None
 ) -> MavlinkMessage | None:
-    """The message that leads a vehicle; None where that needs a pose, and there is none.
+    """The setpoint message; None if it needs a pose and there is none.
 
     Args:
-        setpoint: where to.
-        form: how the vehicle is led.
+        setpoint: the setpoint.
+        form: the vehicle's form of setpoints.
         target: the autopilot.
-        boot_ms: its time now.
-        pose: where it is, by its own estimate.
+        boot_ms: its time since boot.
+        pose: its own estimate of its pose.
     """
     if form is Form.REPOSITION:
         return _reposition(setpoint, target, pose)
@@ -131,21 +132,21 @@ def _reposition(setpoint: AutopilotSetpoint, target: Address, pose: AutopilotPos
 
 REPOSITION_S: Final = 1.0
 FORGOTTEN_S: Final = 10.0
-"""A setpoint after so long begins another stream."""
+"""Gap after which a setpoint starts another stream, s."""
 POSE_S: Final = 0.5
-"""An older estimate leads nobody to a place."""
+"""Age above which an estimate is not used for positions, s."""
 
 
 class ControlLead:
     """The stream of setpoints to one autopilot.
 
     Args:
-        telemetry: what it tells.
+        telemetry: its telemetry.
     """
 
     def __init__(self, telemetry: Telemetry) -> None:
         self.gap = ""
-        """What is to be told of a setpoint that came too late; its reader empties it."""
+        """Report of a late setpoint; cleared by its reader."""
         self._telemetry = telemetry
         self._sent_s = -math.inf
 
@@ -165,7 +166,7 @@ class ControlLead:
         return message
 
     def _note_gap(self, gap_s: float, limit_s: float) -> None:
-        """Setpoints that come too late are told: the autopilot has done something by itself meanwhile."""
+        """Reports late setpoints, after which the autopilot has acted on its own."""
         state = self._telemetry.state
         if limit_s < gap_s < FORGOTTEN_S and state.is_armed and state.mode is FlightMode.GUIDED:
             self.gap = f"no setpoint for {gap_s:.1f} s: the autopilot acts after {limit_s:g} s without one"

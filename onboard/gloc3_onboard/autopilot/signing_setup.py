@@ -34,15 +34,15 @@ class Setup:
     """Signing setup of one autopilot over a direct link.
 
     Args:
-        endpoint: sends; its owner passes what it hears to `receive`.
-        key: that the autopilot is to have, or has.
-        present: the one that it has before, where that is known.
-        now: signing's time.
+        endpoint: sends frames; its owner passes received data to `receive`.
+        key: the autopilot's new or present key.
+        present: its previous key, if known.
+        now: returns the signing time.
     """
 
     def __init__(self, endpoint: Endpoint, key: bytes, present: bytes | None, now: int) -> None:
         self.autopilot: Address | None = None
-        """Who it is, once it has been heard."""
+        """Address of the autopilot, once heard."""
         self.family = ""
         self.is_armed = False
         self.signs: Counter[Signs] = Counter()
@@ -54,7 +54,7 @@ class Setup:
         self._encoder = Encoder(*OWN)
 
     def receive(self, data: bytes) -> None:
-        """Takes in what the link has heard."""
+        """Handles data from the link."""
         for frame in self._parser.receive(data):
             message = frame.decode()
             if message is not None and message.name == "HEARTBEAT" and message.autopilot != AUTOPILOT_INVALID:
@@ -75,13 +75,13 @@ class Setup:
             await asyncio.sleep(min(HEARTBEAT_S, max(0.0, end_s - loop.time())))
 
     def sign_with(self, which: Signs | None) -> None:
-        """Signs what is sent from now on, with this key or the present one; with None no more."""
+        """Selects the key that signs outgoing frames: the new or the present one; None stops signing."""
         key = None if which is None else self._keys[which]
         self._signing = None if key is None else Signing(key, link_id=0, now=self._now)
         self._encoder = Encoder(*OWN, self._signing)
 
     def reset(self) -> None:
-        """Counts anew."""
+        """Resets the counts."""
         self.signs.clear()
 
     def give(self) -> None:

@@ -14,20 +14,20 @@ from gloc3_onboard.autopilot.style import GPS_GLOBAL_ORIGIN, MessageStream
 
 RETRY_S: Final = 1.0
 SILENT_S: Final = 5.0
-"""A message that was promised and has not come for this long is asked for again."""
+"""Time without a granted message after which it is requested again, s."""
 SLOW: Final = 0.5
 """So is one that has come at less than this share of its rate for as long: stations of others set rates, too."""
 
 
 class StreamRequests:
-    """Requests message rates, and repeats the requests for messages that stay away.
+    """Requests message rates, and repeats the requests for missing messages.
 
-    A rate is asked for even if the message comes by itself: it would come at another rate.
+    A rate is requested even if the message comes unrequested, since its rate would differ.
     """
 
     def __init__(self, client: MavCommandClient) -> None:
         self.refused: list[str] = []
-        """Why messages were refused since this was last emptied; they are not asked for again."""
+        """Reasons of refused messages since the list was last emptied; these are not requested again."""
         self._client = client
         self._waiting: deque[MessageStream] = deque()
         self._promised: dict[int, MessageStream] = {}
@@ -99,14 +99,14 @@ class StreamRequests:
 
 
 class RepeatedRequest:
-    """Sends one command again and again while it is wanted; an autopilot that does not support it is not asked again.
+    """Sends one command periodically while needed; stops if the autopilot does not support it.
 
     Args:
-        client: sends it.
+        client: sends the command.
         command: MAV_CMD.
         values: its parameters.
-        first_s: so long after the autopilot has come it is sent first.
-        period_s: and so long after that again.
+        first_s: delay from the autopilot's appearance to the first command.
+        period_s: period of the repetitions.
     """
 
     def __init__(
@@ -144,7 +144,7 @@ class RepeatedRequest:
 
 
 def prearm_checks(client: MavCommandClient) -> RepeatedRequest:
-    """Requests the reasons against arming. What an autopilot lacks in its first seconds is no news."""
+    """Requests the reasons against arming. Those of an autopilot's first seconds are ignored."""
     return RepeatedRequest(client, 401, first_s=4.0, period_s=15.0)  # RUN_PREARM_CHECKS
 
 

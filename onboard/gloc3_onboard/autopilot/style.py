@@ -19,11 +19,12 @@ class Form(StrEnum):
     """Forms of setpoints."""
 
     POSITION = "position"
-    """SET_POSITION_TARGET_LOCAL_NED with position, velocity as feed-forward, and yaw, as far as they are given."""
+    """SET_POSITION_TARGET_LOCAL_NED with position, feed-forward velocity, and yaw, as far as given."""
     ACCELERATED = "accelerated"
     """The same, with the acceleration of what moves beside its velocity: a multirotor leans before it has to."""
     MOVING = "moving"
-    """The same, always with a velocity: a position alone begins a way anew, and a stream of such leads nowhere."""
+    """The same, always with a velocity: each position alone restarts the path, so that a stream of them does not
+    progress."""
     VELOCITY = "velocity"
     """The same with a velocity only, which leads to the position: for what steers by a heading and a speed."""
     REPOSITION = "reposition"
@@ -37,17 +38,17 @@ class ClassProperties:
     vehicle: VehicleClass
     modes: Modes
     commanded: Mapping[FlightMode, int]
-    """The `custom_mode` that is asked for."""
+    """The requested `custom_mode`."""
     behaviour: AutopilotBehaviour
     form: Form = Form.POSITION
     reports_landed: bool = True
-    """Whether EXTENDED_SYS_STATE tells where it is; else it counts as under way while it is armed."""
+    """Whether EXTENDED_SYS_STATE reports landed or in air; otherwise an armed vehicle counts as under way."""
     hold_on_rotors: int | None = None
     """The `custom_mode` that is asked for to hold on rotors, where it is another than on wings."""
     timeout_s: float
-    """So long after the last setpoint the autopilot acts by itself."""
+    """Time after the last setpoint at which the autopilot acts on its own, s."""
     why_no_take_off: str = field(default="")
-    """What is said of a take-off that such a vehicle cannot make."""
+    """Reason for refusing a take-off that the vehicle cannot make."""
 
 
 COPTERS: Final = (2, 3, 4, 13, 14, 15, 29, 35)
@@ -72,17 +73,18 @@ class MavCommand(NamedTuple):
 
 
 class MessageStream(NamedTuple):
-    """A message that the autopilot is asked to send at a rate."""
+    """A message that the autopilot is requested to stream."""
 
     message_id: int
     rate_hz: float
 
     def request(self, target: Address, more_us: int = 0) -> MavlinkMessage:
-        """The command that asks for it.
+        """The command that requests it.
 
         Args:
             target: the autopilot.
-            more_us: so much longer is the interval, that it is no repeat of the one before, and is carried out again.
+            more_us: extension of the interval, which distinguishes the command from the previous one, so that it is
+                executed.
         """
         return message(
             "COMMAND_LONG",
@@ -107,7 +109,7 @@ class AutopilotStyle(Protocol):
 
     @property
     def fence_on_command(self) -> MavCommand | None:
-        """The command that switches its fence on; None where a parameter alone decides."""
+        """Command that enables the fence; None where only a parameter does."""
 
     @property
     def streams(self) -> Sequence[MessageStream]:
@@ -127,11 +129,11 @@ class AutopilotStyle(Protocol):
         """The command that asks for a mode, or why there is none; a VTOL's hold may depend on what carries it."""
 
     def take_off_command(self, height_m: float, ground_altitude_m: float) -> MavCommand | CommandAnswer:
-        """The command that asks to climb, or why there is none.
+        """Take-off command, or the reason why there is none.
 
         Args:
-            height_m: above the place where the vehicle stands.
-            ground_altitude_m: of that place, above mean sea level.
+            height_m: height above the vehicle's position on the ground.
+            ground_altitude_m: altitude of that position above mean sea level.
         """
 
 
@@ -154,10 +156,10 @@ COMMON_STREAMS = (
     MessageStream(GLOBAL_POSITION_INT, 2.0),
     MessageStream(HOME_POSITION, 0.5),
 )
-"""Without the heartbeat, whose rate PX4 does not let anybody change."""
+"""Without HEARTBEAT, whose rate PX4 does not allow to change."""
 
 PROGRESS = MessageStream(42, 2.0)
-"""MISSION_CURRENT, asked for with the first plan."""
+"""MISSION_CURRENT, requested with the first plan."""
 
 
 def mode_by_number(numbers: Mapping[int, tuple[FlightMode, str]], number: int) -> tuple[FlightMode, str]:

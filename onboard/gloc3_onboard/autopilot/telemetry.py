@@ -25,13 +25,13 @@ DOWNWARD: Final = 25
 NOT_REPORTED_MV: Final = 0xFFFF
 MOST_REASONS: Final = 8
 REPEATED_S: Final = 45.0
-"""A reason that has not been said again for so long is over: ArduPilot repeats its own every 30 s."""
+"""Time after which an unrepeated reason expires, s; ArduPilot repeats its own every 30 s."""
 NO_POSITION_S: Final = 0.3
 """Attitudes that come so long after the last position show that the estimator has none."""
 WARNING: Final = 4
 """MAV_SEVERITY of texts that may be the reason of a refusal; smaller is worse."""
 RESTARTED_MS: Final = 500
-"""A clock that goes back by more than this has begun anew; messages overtake each other by less."""
+"""Backward step above which the autopilot's clock counts as restarted, ms; reordered messages differ by less."""
 PREARM_WORDS: Final = ("prearm", "preflight", "arming denied", "arm:", "config error")
 """How a status text begins that says why the autopilot would not arm, in lower case."""
 
@@ -50,13 +50,13 @@ class BootClock:
 
     def __init__(self) -> None:
         self.restarts = 0
-        """Times that the autopilot's clock has begun anew."""
+        """Number of restarts of the autopilot's clock."""
         self._offset_s = math.inf
         self._last_s = 0.0
         self._last_boot_ms = 0.0
 
     def t_s(self, boot_ms: float, now_s: float) -> float:
-        """Our time of something that the autopilot stamps with its own; never later than now."""
+        """Our time of an autopilot's time stamp; never later than now."""
         if boot_ms + RESTARTED_MS < self._last_boot_ms:
             self.restarts += 1
             self._offset_s = math.inf
@@ -68,21 +68,21 @@ class BootClock:
         return boot_ms * 1e-3 + self._offset_s
 
     def t_s_of(self, boot_s: float) -> float | None:
-        """Our time of a moment in the autopilot's own; None while nothing has been heard of it."""
+        """Our time of a moment in the autopilot's time; None while unknown."""
         return boot_s + self._offset_s if math.isfinite(self._offset_s) else None
 
     def correct(self, least_offset_s: float) -> None:
-        """Round trips tell that the clocks lie so far apart, at least: the autopilot has stood still for a moment."""
+        """Applies a lower bound of the clock offset from round trips, after a pause of the autopilot."""
         if math.isfinite(self._offset_s):
             self._offset_s = max(self._offset_s, least_offset_s)
 
     def restart(self) -> None:
-        """Begins anew with the next stamp."""
+        """Restarts with the next stamp."""
         self.restarts += 1
         self._offset_s, self._last_boot_ms = math.inf, 0.0
 
     def boot_s(self, now_s: float) -> float | None:
-        """The autopilot's own time of one of ours; None while nothing has been heard of it."""
+        """The autopilot's time of one of ours; None while unknown."""
         return now_s - self._offset_s if math.isfinite(self._offset_s) else None
 
     def boot_ms(self, now_s: float) -> int:
@@ -127,7 +127,7 @@ class Telemetry:
         """When the last position came."""
         self._warnings: deque[tuple[float, str]] = deque(maxlen=8)
         self._reasons: dict[str, float] = {}
-        """Why it would not arm, and when it said so last."""
+        """Reasons against arming, and when each was last reported."""
         self._is_unhealthy: list[str] = []
         self._estimator: list[str] = []
 
@@ -138,15 +138,15 @@ class Telemetry:
 
     @property
     def has_origin(self) -> bool:
-        """Whether the autopilot has told where its local frame lies."""
+        """Whether the autopilot has reported the origin of its local frame."""
         return self._origin is not None
 
     def adopt(self, style: AutopilotStyle) -> None:
-        """Reads mode numbers by this style from now on."""
+        """Uses this style's mode numbers from now on."""
         self._style = style
 
     def connected(self, is_connected: bool) -> None:
-        """Whether the autopilot is heard."""
+        """Sets whether the autopilot is connected."""
         self._set(is_connected=is_connected)
 
     def boot_ms(self, now_s: float) -> int:
@@ -154,7 +154,7 @@ class Telemetry:
         return self._clock.boot_ms(now_s)
 
     def boot_s(self, now_s: float) -> float | None:
-        """The autopilot's own time of one of ours; None while nothing has been heard of it."""
+        """The autopilot's time of one of ours; None while unknown."""
         return self._clock.boot_s(now_s)
 
     def correct_clock(self, least_offset_s: float) -> None:
@@ -162,7 +162,7 @@ class Telemetry:
         self._clock.correct(least_offset_s)
 
     def restarted(self) -> None:
-        """Somebody else has noticed that the autopilot has restarted: what was known of it is of its former life."""
+        """Discards the state after a restart of the autopilot that was detected elsewhere."""
         self._clock.restart()
         self._reset()
 
@@ -180,7 +180,7 @@ class Telemetry:
         return t_s
 
     def t_s_of_boot(self, boot_s: float) -> float | None:
-        """Our time of a moment in the autopilot's own; None while nothing has been heard of it."""
+        """Our time of a moment in the autopilot's time; None while unknown."""
         return self._clock.t_s_of(boot_s)
 
     def receive(self, message: MavlinkMessage, now_s: float) -> None:
@@ -191,7 +191,7 @@ class Telemetry:
             self._reset()
 
     def _reset(self) -> None:
-        """After a restart the estimator begins elsewhere, maybe with another origin."""
+        """Discards the state after a restart: the estimator may have another origin."""
         self.pose = self.attitude = self.height = self.altitude_m = self._origin = None
         self._has_attitude = False
         self._reasons.clear()
@@ -269,11 +269,11 @@ class Telemetry:
         )
 
     def texts_since(self, t_s: float) -> list[str]:
-        """Warnings and worse that were heard since a time."""
+        """Status texts of severity warning or worse since a time."""
         return [text for reported_s, text in self._warnings if reported_s >= t_s]
 
     def receive_text(self, severity: int, text: str, now_s: float) -> None:
-        """Takes in what the autopilot says in words."""
+        """Handles a status text of the autopilot."""
         if severity <= WARNING:
             self._warnings.append((now_s, text))
         if text.lower().startswith(PREARM_WORDS):
@@ -283,7 +283,7 @@ class Telemetry:
             self._set(reasons=list(self._reasons))
 
     def receive_reasons(self, reasons: Sequence[str], now_s: float) -> None:
-        """Takes in a whole report on why the autopilot would not arm."""
+        """Handles a complete report of reasons against arming."""
         self._reasons = dict.fromkeys(reasons[:MOST_REASONS], now_s)
         self._set(reasons=list(self._reasons))
 
@@ -320,15 +320,15 @@ class Telemetry:
 
 
 CLOCKS_AGREE_S: Final = 0.25
-"""A clock that is told by round trips and differs by more from the stamps of the messages is another one."""
+"""Largest difference of the clock by round trips from the message stamps, s; beyond it, another clock is answering."""
 
 
 class ClockOffset:
     """Detects a restart by the clock alone, and a clock that has stopped.
 
     Args:
-        own: as whom it asks.
-        telemetry: keeps the clock by stamps.
+        own: our MAVLink address.
+        telemetry: telemetry with the clock by stamps.
     """
 
     def __init__(self, own: Address, telemetry: Telemetry) -> None:
@@ -338,7 +338,7 @@ class ClockOffset:
         self._restarts = 0
 
     def poll(self, now_s: float) -> None:
-        """Tells the telemetry of what the round trips show."""
+        """Passes the result of the round trips to the telemetry."""
         service = self.service
         if (
             service.restarts != self._restarts
@@ -349,7 +349,7 @@ class ClockOffset:
             self._telemetry.correct_clock(-sample.offset_s - 0.5 * sample.round_trip_s)
 
     def boot_s(self, t_s: float) -> float:
-        """The autopilot's own time of ours: by round trips, where they agree with its stamps; 0 while it is not known."""
+        """The autopilot's time of ours: by round trips if consistent with its stamps; 0 while unknown."""
         stamped_s = self._telemetry.boot_s(t_s)
         if stamped_s is None:
             return 0.0

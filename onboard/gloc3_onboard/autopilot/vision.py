@@ -1,8 +1,9 @@
-"""External vision: our pose as the MAVLink message that PX4 and ArduPilot both use, and the origin of its frame.
+"""External vision: our pose as the MAVLink message of PX4 and ArduPilot, and the origin of its frame.
 
-Frames: ArduPilot accepts only MAV_FRAME_LOCAL_FRD with a velocity in MAV_FRAME_BODY_FRD. PX4 accepts these too, but takes
-its heading only from MAV_FRAME_LOCAL_NED. The x axis of our frame points north, so that it is both.
-The estimator type is VIO for whatever the pose rests on: PX4 refuses others.
+Frames: ArduPilot accepts only MAV_FRAME_LOCAL_FRD with a velocity in MAV_FRAME_BODY_FRD. PX4 accepts these too, but
+takes
+its heading only from MAV_FRAME_LOCAL_NED. The x axis of our frame points north, so both apply. The estimator type is
+VIO for every source of the pose, since PX4 refuses others.
 """
 
 from typing import Final, NamedTuple
@@ -29,10 +30,10 @@ def odometry_message(pose: Pose, boot_us: int, spread: Spread, frame: int) -> Ma
     """ODOMETRY of a valid pose.
 
     Args:
-        pose: in the NED frame of the platform.
-        boot_us: its time of validity by the autopilot's own clock, in microseconds since it booted.
-        spread: what the pose does not tell.
-        frame: MAV_FRAME of the position that the autopilot's family wants.
+        pose: pose in the platform's NED frame.
+        boot_us: its time of validity on the autopilot's clock, in microseconds since boot.
+        spread: standard deviations that the pose lacks.
+        frame: MAV_FRAME of the position for the autopilot's family.
     """
     n, e, d = pose.position_ned_m
     forward, right, down = rotate_back(pose.ned_from_frd, pose.velocity_ned_m_s)
@@ -62,7 +63,7 @@ def odometry_message(pose: Pose, boot_us: int, spread: Spread, frame: int) -> Ma
 
 
 def origin_message(origin_geo: tuple[float, float, float], target: Address) -> MavlinkMessage:
-    """SET_GPS_GLOBAL_ORIGIN: without satellites the autopilot cannot know where its frame lies, and would not arm."""
+    """SET_GPS_GLOBAL_ORIGIN: without satellites the autopilot cannot know its origin, and does not arm."""
     latitude, longitude, altitude = origin_geo
     return codec.message(
         "SET_GPS_GLOBAL_ORIGIN",

@@ -17,11 +17,11 @@ def looks_like_euroc(value: Any) -> bool:
 
 
 def read_euroc(document: Document, frd_from_body: Transform) -> tuple[dict[str, CameraModel], Values]:
-    """The camera, named *camera*, and what is wrong.
+    """The camera, named *camera*, and the findings.
 
     Args:
         document: the file.
-        frd_from_body: how the data set's body sits on ours; that of EuRoC has axes *urf*.
+        frd_from_body: transform from the data set's body; EuRoC's has axes *urf*.
     """
     values = Values(document)
     kind = values.value(("sensor_type",))

@@ -22,11 +22,11 @@ def looks_like_kalibr(value: Any) -> bool:
 
 
 def read_kalibr(document: Document, frd_from_imu: Transform) -> tuple[dict[str, CameraModel], Values]:
-    """The cameras by name, and what is wrong.
+    """The cameras by name, and the findings.
 
     Args:
         document: the file.
-        frd_from_imu: how the IMU's frame sits on the body.
+        frd_from_imu: transform from the IMU's frame to the body.
     """
     values = Values(document)
     cameras: dict[str, CameraModel] = {}
@@ -46,7 +46,7 @@ def _number(name: str) -> tuple[int, str]:
 
 
 def _mount(values: Values, where: Where, frd_from_imu: Transform, before: Transform | None) -> Transform | None:
-    """`frd_from_rdf`: from the IMU, or from the camera before; the first camera of a chain looks ahead."""
+    """`frd_from_rdf`: from the IMU, or from the previous camera; the first camera of a chain faces ahead."""
     is_first = where == ("cam0",)
     for key in ("T_cam_imu", "T_cn_cnm1"):
         at = (*where, key)

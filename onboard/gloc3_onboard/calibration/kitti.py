@@ -1,7 +1,7 @@
 """KITTI's `calib.txt`: rectified cameras as 3 by 4 projections, all in the frame of the left grey one.
 
-A line is `P0: ` and twelve numbers; some extracts leave the names out, then lines count from P0. It says nothing of the
-pictures' size, which therefore has to be given.
+A line is `P0: ` and twelve numbers; some extracts omit the names; lines then count from P0. The file has no image
+size, which must therefore be given.
 """
 
 import re

@@ -1,4 +1,4 @@
-"""Makes a camera model of what a calibration file says, and finds what cannot be."""
+"""Makes a camera model from the values of a calibration file, and reports impossible ones."""
 
 import math
 from collections.abc import Sequence
@@ -43,16 +43,16 @@ class WrittenLens(NamedTuple):
     coefficients: Sequence[float]
     """Zeros at the end that the model does not have are left out."""
     coefficients_at: Where
-    """Where they stand in the file."""
+    """Location of the coefficients in the file."""
 
 
 def lens_model(values: Values, where: Where, written: WrittenLens, mount: Transform = IN_PLACE) -> CameraModel | None:
     """The model, or None with findings.
 
     Args:
-        values: takes the findings.
-        where: of the intrinsics in the file.
-        written: what the file says.
+        values: collects the findings.
+        where: location of the intrinsics in the file.
+        written: the file's values.
         mount: `frd_from_rdf`.
     """
     before = len(values.findings)

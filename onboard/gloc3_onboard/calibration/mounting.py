@@ -9,7 +9,7 @@ from gloc3.messages.frames import IDENTITY, Quaternion, Vector3, multiply, norma
 Matrix = list[list[float]]
 
 FORWARD: Final[Quaternion] = (0.5, 0.5, 0.5, 0.5)
-"""`frd_from_rdf` of a camera that looks along the body's x, upright."""
+"""`frd_from_rdf` of an upright camera facing along the body's x."""
 ORTHONORMAL: Final = 1e-3
 """How far a rotation in a file may be from one: they are written with few digits."""
 _LETTERS: Final[dict[str, Vector3]] = {
@@ -63,7 +63,7 @@ def transform_problem(matrix: Matrix) -> str:
 
 
 def transform_of(matrix: Matrix) -> Transform:
-    """A 4 by 4 matrix, whose rotation was checked, as a transform."""
+    """Transform of a 4 by 4 matrix with a checked rotation."""
     return Transform((matrix[0][3], matrix[1][3], matrix[2][3]), quaternion_of(matrix))
 
 
@@ -88,10 +88,10 @@ def quaternion_of(m: Matrix) -> Quaternion:
 
 
 def frd_from_axes(letters: str) -> Quaternion:
-    """Our body from a frame whose axes are told by letters: `flu` is x forward, y left, z up.
+    """Rotation to FRD from a frame given by axis letters: `flu` is x forward, y left, z up.
 
     Raises:
-        Refused: they are no three directions of a right-handed frame.
+        Refused: the letters are not the axes of a right-handed frame.
     """
     text = letters.lower()
     columns = [_LETTERS[letter] for letter in text if letter in _LETTERS]

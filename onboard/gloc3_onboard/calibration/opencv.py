@@ -1,8 +1,8 @@
 """OpenCV's FileStorage, YAML and XML, as `calibrateCamera` samples, ROS's camera calibrator and many tools write it.
 
 A file holds one camera (`camera_matrix`, `distortion_coefficients`; or `K`, `D`) or the two of a stereo pair (`M1`,
-`D1`, `M2`, `D2`, and with `R`, `T` how the right one sits by the left). YAML has a first line `%YAML:1.0` and tags
-that YAML itself does not know; both are blanked before it is read, so that every place stays as it is.
+`D1`, `M2`, `D2`, and with `R`, `T` the pose of the right one relative to the left). YAML has a first line `%YAML:1.0`
+and tags unknown to YAML; both are blanked before reading, so that every position stays the same.
 """
 
 import re
@@ -50,10 +50,10 @@ def looks_like_opencv(text: str) -> bool:
 
 
 def read_opencv(text: str, file: str) -> tuple[dict[str, CameraModel], Values]:
-    """The cameras of a file by name, *camera*, or *left* and *right*; and what is wrong.
+    """The cameras of a file by name, *camera*, or *left* and *right*; and the findings.
 
     Raises:
-        InputError: it is neither YAML nor XML.
+        InputError: the text is neither YAML nor XML.
     """
     values = Values(_document(text, file))
     if values.first((), ("M1", "cameraMatrix1", "K1")):
@@ -164,7 +164,7 @@ class _Element:
 
 
 class _Builder:
-    """Takes what the parser finds."""
+    """Receives the parser's results."""
 
     def __init__(self, file: str) -> None:
         self.file = file

@@ -1,4 +1,4 @@
-"""Reads a calibration file of any known form, told by its content, into camera models."""
+"""Reads a calibration file of any known form, detected by its content, into camera models."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -53,11 +53,11 @@ def read_calibration(path: Path, *, axes: str = "", size: tuple[int, int] | None
         path: the file.
         axes: where x, y and z of the file's IMU or body point, `flu` for forward, left, up; default: *frd*, and for
             EuRoC's own files *urf*.
-        size: of the pictures, for files that do not tell it; default: that of a picture beside a KITTI file.
+        size: of the pictures, for files without it; default: that of a picture beside a KITTI file.
 
     Raises:
-        InputError: with everything that is wrong in it.
-        Refused: the axes are none.
+        InputError: with all errors in the file.
+        Refused: the axes are invalid.
     """
     file = str(path)
     text = load_bytes(path).decode("utf-8-sig", "replace")
@@ -103,7 +103,7 @@ def read_reference(reference: str, folder: Path) -> tuple[CalibrationFile, Camer
 
 
 def _without_directive(text: str) -> str:
-    """Blanks OpenCV's first line, which also stands in files that OpenCV has not written."""
+    """Blanks OpenCV's first line, which other tools write as well."""
     return "\n" + text.partition("\n")[2] if text.startswith("%YAML") else text
 
 

@@ -20,7 +20,7 @@ CLASSES: Final[Mapping[str, tuple[VehicleClass, ...]]] = {
     "auv": (VehicleClass.SUB,),
     "rov": (VehicleClass.SUB,),
 }
-"""The classes of autopilots by what a platform file says of its vehicle."""
+"""Autopilot vehicle classes by the vehicle type of a platform file."""
 
 
 def autopilot_checks(readings: Readings) -> Iterator[Check]:
@@ -43,7 +43,7 @@ def autopilot_checks(readings: Readings) -> Iterator[Check]:
 
 
 def _vehicle(readings: Readings, state: AutopilotState) -> Iterator[Check]:
-    """Whether the autopilot steers what the platform file describes."""
+    """Whether the autopilot's vehicle class fits the platform file."""
     stated = readings.platform.vehicle.type
     if state.vehicle is not None and state.vehicle not in CLASSES[stated]:
         finding = f"the autopilot is set up for a {state.vehicle}; the platform file says {stated}"

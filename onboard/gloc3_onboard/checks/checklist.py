@@ -38,9 +38,9 @@ def checklist(readings: Readings) -> list[Check]:
 
 
 UNSURE_S: Final = 0.02
-"""A time that is known no better than that makes old data look new, and new data old."""
+"""Uncertainty of time above which data cannot be judged fresh or stale, s."""
 FORGOTTEN_S: Final = 30.0
-"""So long a host may rely on its last answer from the clock host."""
+"""Time for which a host may rely on its last answer from the clock host, s."""
 
 
 def host_checks(readings: Readings) -> Iterator[Check]:
@@ -56,7 +56,7 @@ def host_checks(readings: Readings) -> Iterator[Check]:
             rows = [row for row in platform.components if place_of(platform, row).host == host]
             verdict = Verdict.RED if any(row.required for row in rows) else Verdict.WARNING
             advice = f"start gloc3 onboard there with --host {host}, and check the network"
-            yield Check(Group.COMPONENTS, title, verdict, "nothing is heard of it", advice)
+            yield Check(Group.COMPONENTS, title, verdict, "no status received", advice)
         elif found.status is not None:
             status = found.status
             software = Software(status.version, status.protocol)
@@ -74,7 +74,7 @@ def _time(title: str, status: HostStatus) -> Check:
 
 GROUP: Final = Group.SENSORS
 SILENT_S: Final = 1.5
-"""A sensor that has brought nothing for so long is not alive; the slowest scanners turn five times a second."""
+"""Time without data after which a sensor counts as dead, s; the slowest scanners turn five times a second."""
 NOWHERE: Final = "none://"
 
 

@@ -13,7 +13,7 @@ LEAST_FREE_MB: Final = 200.0
 """Below this a flight's log and pictures may not fit."""
 LITTLE_FREE_MB: Final = 2_000.0
 LEAST_WRITE_MB_S: Final = 1.0
-"""Below this the log falls behind: it is some 0.1 MB/s, and pictures come on top."""
+"""Write speed below which the log falls behind: it needs some 0.1 MB/s, plus pictures."""
 LITTLE_WRITE_MB_S: Final = 5.0
 CLOCKS_AGREE_S: Final = 1.0
 

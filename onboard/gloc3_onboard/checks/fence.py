@@ -1,4 +1,4 @@
-"""Checks that the autopilot's own fence keeps the mission's, and does not stop the mission on its way."""
+"""Checks that the autopilot's fence keeps the mission's, and does not stop the mission."""
 
 from collections.abc import Iterator
 from math import ceil, hypot
@@ -25,7 +25,7 @@ _REACHES: Final = {"away": "{:.1f} m away from home", "up": "{:.1f} m above home
 
 
 def fence_checks(readings: Readings) -> Iterator[Check]:
-    """What the autopilot does at the mission's fence, and its own limits that the mission would cross."""
+    """The autopilot's action at the mission's fence, and its own limits that the mission would cross."""
     setup, mission = readings.setup, readings.mission
     if setup is None or setup.style is None or not setup.is_complete or mission is None:
         return
@@ -74,7 +74,7 @@ def _run_on_m(speed_m_s: float, timeout_s: float, limits: Limits) -> float:
 
 
 def _is_on(setup: AutopilotSetup, fence: FenceTable) -> bool:
-    """Whether the autopilot keeps its own limits, whatever the mission has."""
+    """Whether the autopilot enforces its own limits, regardless of the mission."""
     if action_of(setup, fence.breach) == CONTINUE:
         return False
     is_switched_on = bool(setup.sensors_enabled & FENCE_BIT)
@@ -134,9 +134,9 @@ def _advice(limit: FenceLimit, fence: FenceTable, needed_m: float, kinds: int) -
 
 
 def reach_m(mission: Mission, limits: Limits, home_ned_m: Vector3) -> dict[str, float]:
-    """How far a mission and its contingencies go from home, in metres: `away` over ground, `up`, and `down`.
+    """Reach of a mission and its contingencies from home, in metres: `away` over ground, `up`, and `down`.
 
-    What cannot turn on the spot goes further by the radius of its turns.
+    Vehicles that cannot turn on the spot reach farther by the radius of their turns.
     """
     budget = Budget.of(limits, home_ned_m)
     found = dict.fromkeys(_REACHES, 0.0)

@@ -7,7 +7,7 @@ RequestParameters = Callable[[str], float | None]
 """A parameter's value; None where it has not been read."""
 
 CONTINUE, HOLD, RETURN, LAND = "continue", "hold", "return", "land"
-"""What an autopilot may do by itself, as the platform file has it."""
+"""Autopilot actions, as in the platform file."""
 DISARM, TERMINATE, PILOT = "disarm", "terminate", "give the pilot control"
 """What no platform file allows."""
 
@@ -18,7 +18,7 @@ class Failsafe(NamedTuple):
     parameter: str
     """Chooses the action; empty where the style always does the same."""
     actions: Mapping[int, str]
-    """Its values; with an empty parameter 0 is what is done."""
+    """Actions by parameter value; with an empty parameter, 0 is the action."""
     limit: Callable[[RequestParameters], float | None] = lambda _: None
     """When it acts: seconds, or share of the battery; None where that is not known or does not matter."""
     limit_parameters: tuple[str, ...] = ()
@@ -62,9 +62,9 @@ class FenceTable(NamedTuple):
     """What it does when the vehicle leaves the fence."""
     limits: tuple[FenceLimit, ...]
     kinds: str = ""
-    """A parameter whose bits select what is kept, with `POLYGONS` for what is uploaded; empty where everything is."""
+    """A parameter whose bits select the enforced limits, with `POLYGONS` for uploaded ones; empty where all are."""
     enabled_by: str = ""
-    """A parameter that is 0 where it is off until it is switched on by command."""
+    """A parameter that is 0 while the fence needs a command to be enabled."""
 
 
 POLYGONS = 4
@@ -75,7 +75,7 @@ class StyleTable(NamedTuple):
     """The parameters that are read from an autopilot, and their meaning."""
 
     least_firmware: tuple[int, int, int]
-    """The oldest version whose modes, commands and parameters are those that are used here."""
+    """Oldest supported firmware version."""
     link_loss: Failsafe
     low_battery: Failsafe
     pose_lost: Failsafe
@@ -86,7 +86,7 @@ class StyleTable(NamedTuple):
     arming_checks: Mapping[str, float]
     """The parameter of the arming checks by the names of several versions, and its value while all are made."""
     doubtful: Mapping[str, tuple[float, str]] = {}
-    """Parameters with a value that is worth a warning, and what it does."""
+    """Parameter values that deserve a warning, and their effect."""
     hindering: Mapping[str, tuple[tuple[float, ...], str, float]] = {}
     """Parameters with values by which our paths are not flown, what they do, and a value that does not."""
     own_return: ReturnTable = ReturnTable({})

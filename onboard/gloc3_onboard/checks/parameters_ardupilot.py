@@ -1,7 +1,7 @@
-"""ArduPilot's parameters that matter before a start, by class of vehicle.
+"""ArduPilot parameters checked before a start, by class of vehicle.
 
 Sources: the full parameter lists of Copter, Rover, Sub and Plane, 4.7, and "Failsafes" in the documentation of each;
-older names stand beside the newer ones.
+older names are listed with the newer ones.
 """
 
 from collections.abc import Mapping
@@ -116,7 +116,7 @@ PLANE: Final = COPTER._replace(
     fence=_FENCE._replace(breach=Failsafe("FENCE_ACTION", {0: CONTINUE, 1: RETURN, 6: HOLD, 7: HOLD, 8: LAND})),
     own_return=ReturnTable({"RTL_ALTITUDE": 1.0, "ALT_HOLD_RTL": 0.01}, rally="RALLY_TOTAL"),
 )
-"""To *hold* is to circle; without a position it flies on by what it believes."""
+"""*Hold* means circling; without a position it continues by dead reckoning."""
 
 VTOL: Final = PLANE._replace(
     doubtful={

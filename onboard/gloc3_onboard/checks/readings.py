@@ -34,7 +34,7 @@ class Readings:
     autopilot: AutopilotState | None = None
     setup: AutopilotSetup | None = None
     is_setup_fresh: bool = True
-    """Whether the autopilot's setup was read anew for this list."""
+    """Whether the autopilot's setup was read again for this list."""
     computer: ComputerState | None = None
     pose: Pose | None = None
     is_pose_fresh: bool = False
@@ -43,7 +43,7 @@ class Readings:
     """None where no component runs, as for `gloc3 doctor`."""
     mission: Mission | None = None
     home_ned_m: Vector3 | None = None
-    """Where the vehicle stands, or was armed."""
+    """Home position: where the vehicle stands, or was armed."""
     fence_problem: str = ""
     """Why the autopilot does not hold the mission's fence."""
     stations: Mapping[str, Software] = field(default_factory=dict)

@@ -15,11 +15,11 @@ from gloc3_onboard.companion.station_link import ONBOARD_CONTROLLER
 
 
 def signing_of(url: str, clock: Clock) -> Signing | None:
-    """What signs a link whose URL names a key (`?key=FILE`); None for one that does not.
+    """Signing of a link whose URL names a key (`?key=FILE`); None without one.
 
     Raises:
-        Refused: the URL is wrong.
-        InputError: there is no key in the file, or others than its owner may read it.
+        Refused: the URL is invalid.
+        InputError: the file has no key, or others than its owner may read it.
     """
     file = parse_url(url).key
     if not file:

@@ -1,4 +1,4 @@
-"""The command `gloc3 doctor`: the pre-flight list of a platform on the vehicle's computer, without flying."""
+"""The command `gloc3 doctor`: the pre-flight checks of a platform on the vehicle's computer, without flying."""
 
 import asyncio
 import os

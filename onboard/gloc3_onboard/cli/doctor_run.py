@@ -24,9 +24,9 @@ from gloc3_onboard.sensors.sensor_watch import unopened_conditions
 
 POLL_PERIOD_S: Final = 0.1
 SETTLED_S: Final = 6.0
-"""Once everything has been read: so long the autopilot may take to say how its sensors are."""
+"""Time after all has been read for the autopilot to report its sensors, s."""
 FRESH_S: Final = 1.0
-"""A position that is older counts as lost; nothing here flies on it."""
+"""Age above which a position counts as lost, s."""
 
 
 class DoctorOptions(NamedTuple):
@@ -44,7 +44,7 @@ class DoctorOptions(NamedTuple):
 
 
 async def examine(question: DoctorOptions) -> list[Check]:
-    """Makes the list; never raises for what is found."""
+    """Makes the list; findings never raise."""
     loop = asyncio.get_running_loop()
     clock = Clock(loop)
     endpoints: list[Endpoint] = []
@@ -72,7 +72,9 @@ async def examine(question: DoctorOptions) -> list[Check]:
 
 def _conditions(endpoints: list[Endpoint]) -> list[LinkCondition]:
     return [
-        LinkCondition(one.url, "" if one.is_connected else one.problem or "nothing is heard there", one.bytes_received)
+        LinkCondition(
+            one.url, "" if one.is_connected else one.problem or "nothing is received there", one.bytes_received
+        )
         for one in endpoints
     ]
 
@@ -127,7 +129,7 @@ def _readings(question: DoctorOptions, link: AutopilotLink, computer: HostComput
 
 
 def _with_port(checks: list[Check], problem: str) -> list[Check]:
-    """What a port that could not be opened, or at which nobody is heard, means here: there is no flight without it."""
+    """The checks, with a port that cannot be opened or is silent as an error: there is no flight without it."""
     found = [
         Check(one.group, one.name, Verdict.RED, one.finding, one.advice) if one.name == "port" and one.advice else one
         for one in checks

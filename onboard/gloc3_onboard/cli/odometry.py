@@ -1,4 +1,4 @@
-"""The commands `gloc3 odometry`: the odometers alone, on data sets, against the truth."""
+"""The commands `gloc3 odometry`: the odometers alone, on data sets, compared with the truth."""
 
 from pathlib import Path
 

@@ -55,7 +55,7 @@ def ground(
 
 
 def run_ground(folder: GroundFolder, settings: GroundSettings) -> tuple[Trajectory, Cost]:
-    """The odometer's trajectory of a data set, and what it took."""
+    """The odometer's trajectory of a data set, and its cost."""
     odometer, chain = GroundOdometer(folder.camera, settings), OdometryChain()
     poses: list[tuple[float, Vector3, Quaternion]] = []
     costs_ms: list[float] = []

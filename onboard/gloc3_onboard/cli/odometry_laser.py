@@ -55,7 +55,7 @@ def laser(
 
 
 def run_laser(log: LaserLog, *, wheels: bool) -> tuple[Trajectory, Cost]:
-    """The odometer's trajectory of a log, and what it took."""
+    """The odometer's trajectory of a log, and its cost."""
     load_opencv()
     odometer = LaserOdometer()
     poses: list[Planar] = []
@@ -79,7 +79,7 @@ def run_laser(log: LaserLog, *, wheels: bool) -> tuple[Trajectory, Cost]:
 
 
 def trajectory_of(poses: list[Planar], times_s: list[float]) -> Trajectory:
-    """Planar poses as a trajectory on the axes that logs have: x forward, y left, z up."""
+    """Planar poses as a trajectory on the axes of logs: x forward, y left, z up."""
     table = np.array(poses).reshape(-1, 3)
     c, s = np.cos(-table[:, 2]), np.sin(-table[:, 2])
     none, one = np.zeros(len(poses)), np.ones(len(poses))

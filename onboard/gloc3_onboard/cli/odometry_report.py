@@ -36,7 +36,7 @@ class ReportOptions:
     """Print JSON for programs."""
 
     def check(self) -> None:
-        """Says what is wrong before a long run, not after it.
+        """Checks the options before a long run.
 
         Raises:
             Refused: an option is out of range, there is no such truth, or the trajectory cannot be written there.
@@ -59,9 +59,9 @@ class Cost(msgspec.Struct, frozen=True, kw_only=True):
     inputs: int
     """Pictures, pairs of pictures, or scans."""
     valid: int
-    """Those whose output was valid."""
+    """Number of valid outputs."""
     mean_ms: float = 0.0
-    """Time that one took, mean, on a clock on the wall."""
+    """Mean wall time of one output, ms."""
     worst_ms: float = 0.0
     reasons: dict[str, int] = {}
     """Why outputs were not valid, and how often."""
@@ -74,14 +74,14 @@ def report(
     times_s: Array | None = None,
     truth: Trajectory | None = None,
 ) -> int:
-    """Writes and prints what was asked for.
+    """Writes and prints the requested reports.
 
     Args:
         estimate: the odometer's trajectory.
-        options: what the user asked for.
-        cost: what the run took.
-        times_s: times of the data set's inputs, for a truth that has none of its own.
-        truth: the truth, where it is not in a form that all commands read.
+        options: the user's options.
+        cost: cost of the run.
+        times_s: times of the data set's inputs, for a truth without times.
+        truth: the truth, if not in a form that all commands read.
 
     Returns:
         The exit code: 1 where no output was valid.

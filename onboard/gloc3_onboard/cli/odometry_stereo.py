@@ -49,7 +49,7 @@ def stereo(
 
 
 def run_stereo(given: StereoSet) -> tuple[Trajectory, Cost]:
-    """The odometer's trajectory, and what it took.
+    """The odometer's trajectory, and its cost.
 
     Raises:
         Refused: the cameras do not make a pair, or there are no pictures.
@@ -70,7 +70,7 @@ def run_stereo(given: StereoSet) -> tuple[Trajectory, Cost]:
 
 
 def run_mono(given: MonoSet) -> tuple[Trajectory, Cost]:
-    """The same for one camera; every step has a length of 1 m, because it cannot be told.
+    """The same for one camera; every step has a length of 1 m, because the scale is unknown.
 
     Raises:
         Refused: there are no pictures.

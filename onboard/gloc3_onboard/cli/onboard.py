@@ -1,4 +1,4 @@
-"""The command `gloc3 onboard`: the companion process of a platform, in wall time, until it is told to stop."""
+"""The command `gloc3 onboard`: the companion process of a platform, in wall time, until it is stopped."""
 
 import asyncio
 from collections.abc import Callable

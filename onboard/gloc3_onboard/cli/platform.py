@@ -124,7 +124,7 @@ class NewOptions:
     arm: bool | None = None
     """Whether a mission may arm the vehicle."""
     on_stop: Literal["hold", "land"] | None = None
-    """Action in flight when the onboard process is told to end: hold or land."""
+    """Action in flight when the onboard process is stopped: hold or land."""
     camera: str | None = None
     """Source of a downward-looking camera, such as v4l2:///dev/video0; empty for none."""
     file: Path | None = None
@@ -232,7 +232,7 @@ class _Prompt:
     def __call__(
         self, option: str, question: str, given: T | None, default: T, read: Callable[[str], T], source: str = ""
     ) -> T:
-        """The answer, by default what was read from a source or is assumed; raises `Refused` where an option's is none."""
+        """The answer, by default the read or assumed value; raises `Refused` if an option's value is invalid."""
         if given is not None:
             try:
                 return read(str(given))

@@ -1,4 +1,4 @@
-"""A new platform file: what a connected autopilot tells, what a person answers, and the components of its class."""
+"""A new platform file: from a connected autopilot, a person's answers, and the components of its class."""
 
 import asyncio
 from collections.abc import Iterator, Mapping
@@ -22,7 +22,7 @@ CAMERA: Final = ("ground_camera", "ground_recorder")
 """The components that there are only with a camera."""
 ASSUMED: Final = "assumed"
 SHARE: Final = 0.6
-"""Of the greatest acceleration, with which it follows ways."""
+"""Share of the greatest acceleration used on paths."""
 TYPES: Final = {2: "quadrotor", 13: "hexarotor"}
 """Vehicle types by MAV_TYPE, where one has several."""
 RECORD_IMAGES: Final = "record_images"
@@ -35,7 +35,7 @@ def _noted(text: str, note: str) -> str:
 
 
 class VehicleKind(NamedTuple):
-    """A class of vehicle: whose components it has, and what is supposed of it."""
+    """A class of vehicle: its components and assumed limits."""
 
     base: str
     """What it extends: capabilities and components."""
@@ -57,7 +57,7 @@ class VehicleKind(NamedTuple):
     acceptance_m: float = 0.0
     """With plain satellites, waypoints are passed no more exactly; 0 where its controller says so itself."""
     more: Mapping[str, tuple[float, str]] = {}
-    """Further limits, with what they are."""
+    """Further limits, with their meaning."""
 
 
 KINDS: Final = {
@@ -111,7 +111,7 @@ class Found(NamedTuple):
 
     setup: AutopilotSetup
     origin_geo: tuple[float, float, float] | None
-    """Where it is; None where it knows no position."""
+    """Its position; None if unknown."""
     battery_v: float = 0.0
     """0 where it is not measured."""
     mav_type: int = 0
@@ -156,11 +156,11 @@ class Answers(NamedTuple):
 
 
 async def probe_autopilot(autopilot: str, wait_s: float, system_id: int) -> Found:
-    """Listens to the autopilot until it has told everything, or the time is up.
+    """Listens to the autopilot until everything is known, or the time is up.
 
     Raises:
         Refused: the link cannot be opened.
-        NoContact: no autopilot is heard.
+        NoContact: no autopilot responds.
     """
     loop = asyncio.get_running_loop()
     clock = Clock(loop)
@@ -182,7 +182,7 @@ async def probe_autopilot(autopilot: str, wait_s: float, system_id: int) -> Foun
         await endpoint.close()
     if setup.style is None or setup.vehicle is None:
         raise NoContact(
-            f"no autopilot is heard at {autopilot} within {wait_s:g} s{f'; {endpoint.problem}' if endpoint.problem else ''}"
+            f"no autopilot responds at {autopilot} within {wait_s:g} s{f'; {endpoint.problem}' if endpoint.problem else ''}"
         )
     origin_geo = stamped.pose.origin_geo if stamped is not None else None
     return Found(setup, origin_geo, battery_v, heartbeat.type if heartbeat is not None else 0)
@@ -203,7 +203,7 @@ def platform_text(found: Found, answers: Answers) -> str:
         _noted(f"extends: {kind.base}", "its capabilities and components; gloc3 platform show --full prints them"),
         _noted(vehicle, f"type: MAV_TYPE {found.mav_type}") if answers.type == found.type else vehicle,
         _noted(f"arm: {str(answers.arm).lower()}", "whether a mission may arm the vehicle"),
-        _noted(f"on_stop: {answers.on_stop}", "in flight, when the onboard process is told to end: hold or land"),
+        _noted(f"on_stop: {answers.on_stop}", "in flight, when the onboard process is stopped: hold or land"),
         *_frame(found.origin_geo),
         _noted("limits:", "missions are checked against them, and the vehicle is held to them"),
         *_limits(kind, answers, readings, acceleration),
@@ -222,7 +222,7 @@ def platform_text(found: Found, answers: Answers) -> str:
 
 
 def _answered(name: str, answer: float, readings: Mapping[str, Reading]) -> Reading:
-    """An answer, with its source where it is what was read."""
+    """An answer, with its source if it equals the read value."""
     read = readings.get(name)
     return read if read is not None and read.value == answer else Reading(answer, "")
 
@@ -238,7 +238,7 @@ def _limit(name: str, reading: Reading, what: str = "", most: float = inf) -> st
 def _limits(
     kind: VehicleKind, answers: Answers, readings: Mapping[str, Reading], acceleration: Reading
 ) -> Iterator[str]:
-    """What was read or answered, and otherwise what is assumed, in agreement with each other."""
+    """Limits that were read or answered, or else consistent assumptions."""
     speed_m_s, height_max_m = answers.speed_m_s, answers.height_max_m
     yield _limit("speed_m_s", _answered("speed_m_s", speed_m_s, readings))
     yield _limit("climb_m_s", readings.get("climb_m_s", Reading(kind.climb_m_s, ASSUMED)), most=speed_m_s)
@@ -276,7 +276,7 @@ def _frame(origin_geo: tuple[float, float, float] | None) -> list[str]:
 
 
 def _failsafes(setup: AutopilotSetup) -> Iterator[str]:
-    """What the autopilot is set to do by itself, as it has told; what no platform file allows is a comment."""
+    """The autopilot's configured failsafes; actions that no platform file allows become comments."""
     table, request = table_of(setup.style or Style.PX4, setup.vehicle), setup.parameters.get
     rows, notes = [], []
     for name, failsafe in (

@@ -13,11 +13,11 @@ GREATEST: Final = 1e6
 ACCELERATION_M_S2: Final = (0.2, 3.0)
 """The least of which components take their shares, and the greatest that is planned with."""
 CELL_V: Final = 3.7
-"""Of a lithium polymer cell, on average while it is emptied."""
+"""Mean discharge voltage of a lithium polymer cell."""
 RESTING_V: Final = 3.9
 """Of such a cell with an unknown charge."""
 USUAL_MAH: Final = 3300.0
-"""BATT_CAPACITY where nobody has set it."""
+"""Factory default of BATT_CAPACITY."""
 HEIGHT_FENCE: Final = 1
 """The bit of FENCE_TYPE for FENCE_ALT_MAX."""
 
@@ -67,9 +67,10 @@ SOURCES: Final[Mapping[tuple[Style, VehicleClass], Mapping[str, Mapping[str, flo
         "height_max_m": {"FENCE_ALT_MAX": 1.0},
     },
 }
-"""By limit: the parameter by its names in several versions, and its unit in SI. `speed_max_m_s` bounds `speed_m_s`.
+"""Parameters of each limit, by their names in several versions, and their unit in SI. `speed_max_m_s` bounds
+`speed_m_s`.
 
-A Sub's WPNAV_SPEED is left out: unless somebody has set it, it is far beyond what such a vehicle reaches.
+A Sub's WPNAV_SPEED is left out: its default is far beyond the reach of such vehicles.
 """
 BATTERY: Final = {Style.PX4: ("BAT1_CAPACITY", "BAT1_N_CELLS"), Style.ARDUPILOT: ("BATT_CAPACITY",)}
 
@@ -79,7 +80,7 @@ class Reading(NamedTuple):
 
     value: float
     source: str
-    """The parameter and its own value; `assumed` where there is none."""
+    """The parameter and its value; `assumed` without one."""
 
 
 def names_of(style: Style, vehicle: VehicleClass) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Everything that `gloc3 onboard` would refuse in a platform file, at once, and what a person wants to see of it."""
+"""All errors for which `gloc3 onboard` would refuse a platform file, and its presentation for people."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -38,7 +38,7 @@ class PlatformReport(msgspec.Struct, frozen=True, kw_only=True):
 def report_on(name: str) -> PlatformReport:
     """Checks a platform file, or an installed one by its name; never raises for what is in it.
 
-    What depends on this computer (a camera that is not plugged in, say) is a warning.
+    Findings that depend on this computer (an unplugged camera, for example) are warnings.
 
     Raises:
         NotFound: there is no such file or platform, or it cannot be read.
@@ -76,7 +76,7 @@ def _sources(platform: Platform, document: Document, folder: Path) -> list[Findi
 
 
 def _in_place(findings: Sequence[Finding], document: Document) -> list[Finding]:
-    """What is wrong with a camera's calibration as such stands at the camera's line."""
+    """Errors in a camera's calibration, placed at the camera's line."""
     placed = []
     for finding in findings:
         what, _, camera = finding.file.partition(": ")
@@ -97,7 +97,7 @@ def described(platform: Platform) -> list[str]:
     stated = msgspec.to_builtins(platform.failsafes)
     words = [f"{name.replace('_', ' ')}: {row['action']}" for name, row in stated.items() if row]
     lines.append(f"  failsafes  {', '.join(words) or 'none'} (as set in the autopilot)")
-    lines.append(f"  at a stop  {platform.on_stop}s in flight when the onboard process is told to end")
+    lines.append(f"  at a stop  {platform.on_stop}s in flight when the onboard process is stopped")
     for name, frame in platform.frames.items():
         latitude, longitude, altitude = frame.origin.geo
         lines.append(

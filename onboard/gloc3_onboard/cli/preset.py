@@ -1,4 +1,4 @@
-"""The command `gloc3 preset`: what a set of parameters would change on an autopilot, and changing it."""
+"""The command `gloc3 preset`: compares and sets an autopilot's parameters."""
 
 import asyncio
 import sys
@@ -22,7 +22,7 @@ TIMEOUT_S: Final = 60.0
 
 app = App(
     name="gloc3 preset",
-    help="""Show what a preset of parameters would change on an autopilot, and apply it when told to. Run it while
+    help="""Show what a preset of parameters would change on an autopilot, and apply it on request. Run it while
     `gloc3 onboard` is not running, or over a link of its own.
 
     For example:
@@ -141,7 +141,7 @@ async def _converse(
         begin_s = loop.time()
         while session.stage not in (stage, PresetStage.FAILED):
             if session.stage is PresetStage.LISTENING and loop.time() > begin_s + LISTEN_S:
-                raise NoContact(f"{autopilot}: no autopilot is heard: {endpoint.problem or 'no heartbeat received'}")
+                raise NoContact(f"{autopilot}: no autopilot responds: {endpoint.problem or 'no heartbeat received'}")
             if loop.time() > begin_s + TIMEOUT_S:
                 raise NoContact(f"{autopilot}: the autopilot stopped responding while {session.stage}")
             node.tick(loop.time())

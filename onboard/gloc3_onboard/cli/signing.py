@@ -1,4 +1,4 @@
-"""The command `gloc3 signing`: makes the keys of signed MAVLink links, and gives them to an autopilot."""
+"""The command `gloc3 signing`: makes keys of signed MAVLink links, and sets them on an autopilot."""
 
 import asyncio
 import ipaddress
@@ -108,10 +108,10 @@ def _refuse_detour(url: str, is_allowed: bool) -> None:
 
 
 def _confirmed(question: str) -> None:
-    """Asks a person.
+    """Asks for confirmation.
 
     Raises:
-        Refused: they said no, or there is nobody to ask.
+        Refused: not confirmed, or not interactive.
     """
     if not sys.stdin.isatty():
         raise Refused("there is no terminal to ask on; add --yes to do it without asking")
@@ -122,10 +122,10 @@ def _confirmed(question: str) -> None:
 
 @asynccontextmanager
 async def _received(url: str, key: bytes, present: bytes | None) -> AsyncIterator[Setup]:
-    """The autopilot behind a link, once it has been heard, and how it signs.
+    """The autopilot behind a link, once heard, and its signing.
 
     Raises:
-        NoContact: it is not heard.
+        NoContact: no autopilot responds.
     """
     loop = asyncio.get_running_loop()
     made: list[Setup] = []
@@ -139,7 +139,7 @@ async def _received(url: str, key: bytes, present: bytes | None) -> AsyncIterato
                 break
         if setup.autopilot is None:
             why = endpoint.problem if not endpoint.is_connected and endpoint.problem else "no heartbeat received"
-            raise NoContact(f"{url}: no autopilot is heard: {why}")
+            raise NoContact(f"{url}: no autopilot responds: {why}")
         yield setup
     finally:
         await endpoint.close()
@@ -151,7 +151,7 @@ def _who(setup: Setup) -> str:
 
 
 def _how(setup: Setup) -> str:
-    """How what was heard is signed."""
+    """Description of the signing of received frames."""
     return ", ".join(f"{count} {signs}" for signs, count in setup.signs.most_common()) or "nothing more was received"
 
 

@@ -1,7 +1,7 @@
 """Permissions: the holder of control, the requests that each station may make, and the timing of manual velocities.
 
-A velocity that is late says what an operator wanted before the link stood still. The clocks of a station and of the
-vehicle have nothing in common, so its lateness is what it was longer on its way than the quickest one of its session.
+A late velocity is what an operator wanted before the link stalled. The clocks of station and vehicle are unrelated, so
+lateness is the additional delay over the fastest message of the session.
 """
 
 from collections import OrderedDict, deque
@@ -18,26 +18,26 @@ from gloc3.messages.teleoperation import EXPIRES_S, VelocityDemand
 from gloc3_onboard.command_server.site import Report
 
 ANSWER_S: Final = 10.0
-"""A request that the holder does not answer within this time is granted if the holder is gone, else refused."""
+"""Time for the holder to answer a request, s; without an answer it is granted if the holder is lost, else refused."""
 
 EXPIRES_AFTER_S: Final = 5.0
-"""A holder of whom nothing was heard for so long is gone (DESIGN §6, link loss)."""
+"""Time without a message after which a holder is lost, s (DESIGN §6, link loss)."""
 MOST_HEARD: Final = 32
-"""Stations of whom it is remembered when they were heard."""
+"""Number of stations whose last contact is remembered."""
 THERE_S: Final = 30.0
-"""A station of which nothing was heard for so long is not there."""
+"""Time without a message after which a station counts as absent, s."""
 MOST_STATIONS: Final = 32
 """Stations and lives that are remembered."""
 MOST_LATE: Final = 2
 """So many requests of a life that is over may come late."""
 DOUBLED_AGAIN_S: Final = 60.0
 DEMANDS_AGAIN_S: Final = 10.0
-"""Why demands of a station are not taken is told so often."""
+"""Period at which the reason for ignoring a station's demands is repeated, s."""
 DRIFT: Final = 1e-3
 """Two clocks run apart by less than this share of the time."""
 MOST_SENDERS: Final = 16
 MOST_PAST: Final = 64
-"""Sessions that are over and remembered: what comes of them late, by a slower way, counts no more."""
+"""Number of ended sessions remembered; late messages of these are ignored."""
 
 
 class AuthorityPorts(PortGroup):
@@ -51,7 +51,7 @@ class AuthorityPorts(PortGroup):
 
 
 class ControlAuthority:
-    """Grants control, and keeps when its holder was last heard."""
+    """Holder of control, and its last contact."""
 
     def __init__(self) -> None:
         self.holder = ""
@@ -64,19 +64,19 @@ class ControlAuthority:
         return ControlState(holder=self.holder, requested_by=self.requested_by)
 
     def restore(self, holder: str, now_s: float) -> None:
-        """Whoever held control before a restart holds it still; it counts as heard now, and must be heard again."""
+        """Restores the holder of control after a restart; it counts as in contact now, and must be heard again."""
         self.holder = holder
         self._received_s.setdefault(holder, now_s)
 
     def note_contact(self, station: str, now_s: float) -> None:
-        """A station has been heard: by its heartbeat, or by a request."""
+        """Registers contact with a station, by its heartbeat or a request."""
         self._received_s.pop(station, None)
         self._received_s[station] = now_s
         if len(self._received_s) > MOST_HEARD:
             del self._received_s[next(one for one in self._received_s if one != self.holder)]
 
     def is_in_contact(self, station: str, now_s: float, within_s: float) -> bool:
-        """Whether something has been heard of a station lately."""
+        """Whether a station was heard recently."""
         return now_s - self._received_s.get(station, float("-inf")) <= within_s
 
     def is_another_there(self, now_s: float) -> bool:
@@ -85,7 +85,7 @@ class ControlAuthority:
         return any(self.is_in_contact(name, now_s, THERE_S) for name in others)
 
     def silent_s(self, now_s: float) -> float:
-        """How long nothing has been heard of the holder; 0 while nobody holds control."""
+        """Time since the holder was last heard, s; 0 without a holder."""
         return now_s - self._received_s.get(self.holder, now_s) if self.holder else 0.0
 
     def require(self, station: str) -> None:
@@ -95,7 +95,7 @@ class ControlAuthority:
             raise Refused(f"{held}; request control first")
 
     def handle(self, station: str, body: Control, expires_after_s: float, now_s: float) -> str:
-        """Carries out a request about control; returns what to tell the station.
+        """Handles a request about control; returns the answer for the station.
 
         Raises:
             Refused: with the reason.
@@ -134,7 +134,7 @@ class ControlAuthority:
         return f"station {self.holder} has been asked"
 
     def tick(self, now_s: float, expires_after_s: float = EXPIRES_AFTER_S) -> bool:
-        """Ends a request that has not been answered; returns whether something has changed."""
+        """Ends an unanswered request; returns whether anything has changed."""
         if not self.requested_by or now_s - self._requested_s <= ANSWER_S:
             return False
         if self.silent_s(now_s) > expires_after_s:
@@ -144,11 +144,11 @@ class ControlAuthority:
 
 
 class Authority:
-    """Keeps the stations that send requests, and decides which may command.
+    """Known stations and their permissions.
 
     Args:
-        kept_holder: held control when the process before ended in flight; empty where nobody did.
-        say: has an event told to the stations.
+        kept_holder: holder of control when the previous process ended in flight; empty for none.
+        say: sends an event to the stations.
     """
 
     def __init__(self, kept_holder: str, report: Report) -> None:
@@ -157,10 +157,10 @@ class Authority:
         self._kept_holder, self._report = kept_holder, report
         self._senders = Senders()
         self._software: dict[str, Software] = {}
-        """Of the stations that have said hello."""
+        """Software of the stations that have identified themselves."""
 
     def observe(self, now_s: float, inbox: Inbox) -> None:
-        """Takes in which stations are heard."""
+        """Handles station heartbeats."""
         for received in inbox.new(AuthorityPorts.heard):
             self.control.note_contact(received.payload.station, now_s)
         if self._kept_holder:
@@ -168,7 +168,7 @@ class Authority:
             self._kept_holder = ""
 
     def receive(self, request: CiRequest, now_s: float) -> str:
-        """Takes in that a station asks for something; why it may not ask for that at all, empty if it may."""
+        """Registers a request; returns the reason for a general refusal, empty if there is none."""
         if request.role is StationRole.OBSERVER and not isinstance(request.body, QUERIES):
             return f"station {request.sender} may look and not command: it is an observer"
         self.control.note_contact(request.sender, now_s)
@@ -192,7 +192,7 @@ class Senders:
         self._reported_s: dict[str, float] = {}
 
     def receive(self, station: str, boot: int, now_s: float) -> str:
-        """Takes in a request; gives what is to be told of it, once a minute: nothing where one station speaks."""
+        """Registers a request; returns a warning about clashing stations, at most once a minute, else nothing."""
         lives = self._lives.pop(station, {})
         self._lives[station] = lives
         if len(self._lives) > MOST_STATIONS:
@@ -219,7 +219,7 @@ class _Session:
         self.number: Final = number
         self.sequence = -1
         self.quickest_s = elapsed_s
-        """The difference of the clocks and the shortest way."""
+        """Smallest difference of the clocks: clock offset plus shortest delay."""
         self.received_s = 0.0
 
 
@@ -227,14 +227,14 @@ class Demands:
     """Accepts or ignores velocity demands.
 
     Args:
-        authority: knows the holder of control.
-        say: tells stations what is wrong.
+        authority: the holder of control.
+        say: sends warnings to stations.
     """
 
     def __init__(self, authority: ControlAuthority, report: Report) -> None:
         self._authority, self._refuse_text = authority, report
         self._sessions: OrderedDict[str, _Session] = OrderedDict()
-        """By sender: the one that goes on."""
+        """Current session of each sender."""
         self._past: deque[tuple[str, int]] = deque(maxlen=MOST_PAST)
         self._reported_s: dict[str, float] = {}
 
@@ -268,11 +268,11 @@ class Demands:
         session.received_s = now_s
         late_s = elapsed_s - session.quickest_s
         if not late_s <= EXPIRES_S:
-            raise Refused(f"they are {late_s:.1f} s late; press the keys anew if the link stays slow")
+            raise Refused(f"they are {late_s:.1f} s late; press the keys again if the link stays slow")
         return True
 
     def _session_of(self, demand: VelocityDemand, elapsed_s: float) -> _Session | None:
-        """The session of a demand; None where its sender has begun another since."""
+        """The session of a demand; None if its sender has started another one since."""
         session = self._sessions.get(demand.sender)
         if session is not None and session.number == demand.session:
             return session

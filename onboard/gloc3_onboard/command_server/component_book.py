@@ -19,11 +19,11 @@ from gloc3.messages.summaries import (
 )
 
 SILENT_PERIODS: Final = 3.0
-"""A component whose status stays away for so many periods counts as absent."""
+"""Status periods without a report after which a component counts as absent."""
 SETTLED_S: Final = 0.2
 """A component that has just come up is not relied upon before this time: it has not seen its inputs yet."""
 FRESH_S: Final = 0.5
-"""So long after it has come up a component has reported what others need of it."""
+"""Time after its start within which a component reports its outputs, s."""
 HEALTHS: Final = tuple(Health)
 
 
@@ -51,11 +51,11 @@ class ComponentBook:
         """What was last found out holds until then, unless a state changes."""
         self._reported_errors: dict[str, int] = {}
         self._troubled: dict[str, None] = {}
-        """The components whose count of errors has changed since it was last asked for."""
+        """Components with new errors since the last query."""
         self._table = 0
         """Grows with each change of the table, so that indices are never read by an older one."""
         self.silent: frozenset[tuple[str, str]] = frozenset()
-        """Components that work, each with a topic on which it has reported nothing for too long."""
+        """Working components and their topics that have been silent for too long."""
 
     def receive(self, status: ComponentStatus, now_s: float) -> None:
         """Takes a status in; of a component that is not in the deployment nothing is kept."""
@@ -80,7 +80,7 @@ class ComponentBook:
                 self._up_s.pop(status.name, None)
 
     def lose(self, name: str) -> None:
-        """A component cannot be reached any more: it counts as silent."""
+        """Marks a component as unreachable: it counts as silent."""
         if name in self._received_s:
             self._received_s[name] = self._until_s = float("-inf")
             self._up_s.pop(name, None)
@@ -90,7 +90,7 @@ class ComponentBook:
         return self._status.get(name)
 
     def state(self, name: str, now_s: float) -> State | None:
-        """The state of a component; None when it has left, or is silent."""
+        """The state of a component; None if it has left or is silent."""
         status = self._status.get(name)
         return None if status is None or now_s > self._silent_at_s(name) else status.state
 
@@ -112,7 +112,7 @@ class ComponentBook:
         return self._working
 
     def down(self, now_s: float) -> tuple[str, ...]:
-        """The components that are faulty, have left or are silent; not those that were never heard."""
+        """Components that are faulty, have left or are silent; never those that were not heard yet."""
         self._update(now_s)
         return self._down
 
@@ -169,7 +169,7 @@ class ComponentBook:
         return Summary(table=self._table, health=health, lines=lines, columns=reported)
 
     def new_problems(self) -> list[ComponentTrouble]:
-        """The last errors in words, of the components whose count of errors has grown since this was last asked."""
+        """Last errors, as text, of components with new errors since the last query."""
         problems = []
         for name in self._troubled:
             status = self._status[name]
@@ -181,7 +181,7 @@ class ComponentBook:
 
 
 def _is_triggered(row: ComponentRow, status: ComponentStatus | None) -> bool:
-    """Whether its own periodic cycles alone do not bring a component to its rate."""
+    """Whether a component's rate also depends on triggers."""
     if not row.triggers:
         return False
     return row.rate_hz is None or (status is not None and row.rate_hz < status.nominal_rate_hz)

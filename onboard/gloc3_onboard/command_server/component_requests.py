@@ -31,7 +31,7 @@ class Answered(NamedTuple):
 
     reply: CiReply
     is_kept: bool
-    """Whether it goes into the journal: not that to what only looks, and may be done twice."""
+    """Whether the reply is stored in the journal; not that to queries, which may be repeated."""
 
 
 class _Open(NamedTuple):
@@ -45,12 +45,12 @@ class ComponentRequests:
 
     def __init__(self, observing: Observing, report: Report) -> None:
         self.messages: list[ForComponent] = []
-        """What the components are to be told."""
+        """Pending messages to components."""
         self._observing, self._book, self._report = observing, observing.book, report
         self._open: dict[str, _Open] = {}
         self._count = 0
         self._watches: dict[tuple[str, int], int] = {}
-        """The last life of each sender that looks, and the sequence of the last that it wanted to see."""
+        """Latest boot of each watching sender, and the sequence of its latest want."""
 
     def command(self, request: CiRequest, body: CommandComponent, executor: MissionExecutor, now_s: float) -> None:
         """Hands an LCI command to a component.
@@ -110,9 +110,9 @@ class ComponentRequests:
         self.messages.append(ForComponent(body.component, message))
 
     def forward_query(self, request: CiRequest, now_s: float) -> CiReply | None:
-        """Hands what only looks, and needs no control, to the component that shows topics.
+        """Forwards a query, which needs no control, to the viewer.
 
-        A want that comes after a newer one of its sender is not taken: it would bring back what nobody looks at.
+        A want older than the sender's latest is refused, since it would restore topics no longer watched.
         """
         body, life = request.body, (request.sender, request.boot)
         if isinstance(body, Watch):
@@ -139,7 +139,7 @@ class ComponentRequests:
         return None
 
     def replied(self, reply: CommandReply | FunctionReply) -> Answered | None:
-        """A component has answered; None if that was not asked for by a station."""
+        """Handles a component's reply; None if no station requested it."""
         entry = self._open.pop(reply.request_id, None)
         if entry is None:
             return None
@@ -150,7 +150,7 @@ class ComponentRequests:
         return Answered(answer(entry.request, outcome, reply.reason, result=dict(result)), entry.is_kept)
 
     def expire(self, now_s: float) -> list[Answered]:
-        """The answers to requests whose component has not answered."""
+        """Answers to requests whose component has not replied in time."""
         late = [request_id for request_id, entry in self._open.items() if now_s > entry.until_s]
         reason = f"the component has not answered within {ANSWER_S:g} s"
         found = [self._open.pop(request_id) for request_id in late]

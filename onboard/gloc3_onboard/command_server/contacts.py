@@ -9,9 +9,9 @@ from gloc3_onboard.command_server.journal import answer
 from gloc3_onboard.command_server.report_store import ReportStore
 
 OUT_OF_CONTACT_S: Final = 5.0
-"""A station that was not heard for so long is out of contact."""
+"""Time without a message after which a station is out of contact, s."""
 STATUS_PERIOD_S: Final = 30.0
-"""How often the state is kept as an event while no station is heard."""
+"""Period at which the state is stored as an event while no station is in contact, s."""
 MOST_AT_ONCE: Final = 100
 SOURCE: Final = "status"
 
@@ -30,7 +30,7 @@ class Contacts:
         self._kept_s: float | None = None
 
     def note_contact(self, station: str, now_s: float) -> None:
-        """Something has been heard of a station, and it is reached."""
+        """Registers contact with a station."""
         before_s = self._received_s.get(station)
         if before_s is None or now_s - before_s >= OUT_OF_CONTACT_S:
             self._new[station] = -1.0 if before_s is None else now_s - before_s
@@ -42,7 +42,7 @@ class Contacts:
         return all(now_s - received_s >= OUT_OF_CONTACT_S for received_s in self._received_s.values())
 
     def is_due(self, now_s: float, *, is_silent: bool) -> bool:
-        """Whether the state is to be kept: now and then while the vehicle is on its way and nobody hears of it."""
+        """Whether the state has to be stored: periodically, while the vehicle is under way out of contact."""
         if not is_silent:
             self._kept_s = None
         elif self._kept_s is None:
@@ -61,7 +61,7 @@ class Contacts:
     def collect(
         self, health: Health, vehicle: VehicleSummary, mission: MissionSummary, conditions: list[str], now_s: float
     ) -> list[ContactSummary]:
-        """What the stations are told that have just been heard after a silence."""
+        """Summaries for stations just heard after a silence."""
         found = []
         for station, silent_s in self._new.items():
             since_s = now_s - silent_s if silent_s >= 0.0 else float("-inf")
@@ -94,11 +94,11 @@ class Contacts:
 
     @property
     def has_reports(self) -> bool:
-        """Whether somebody has just been heard after a silence."""
+        """Whether a station was just heard after a silence."""
         return bool(self._new)
 
     def read(self, request: CiRequest, body: ReadReports) -> CiReply:
-        """The events that a station asks for; an operator who has all of them so far has them for all stations."""
+        """The events requested by a station; delivery to an operator counts as delivery to all stations."""
         reports = self._reports
         after = body.after if body.store == reports.id else 0
         if body.store == reports.id and request.role is StationRole.OPERATOR:
@@ -109,7 +109,7 @@ class Contacts:
 
 
 def _doing(mission: MissionSummary) -> str:
-    """The actions under way, with how far they are."""
+    """Actions under way and their progress."""
     running = [target for target, state in mission.tasks.items() if "." in target and state == "running"]
     shares = {target: mission.progress.get(target, 0.0) for target in running}
     return ", ".join(f"{target} {share * 100:.0f} %" if share else target for target, share in shares.items())

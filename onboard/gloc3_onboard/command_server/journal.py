@@ -1,4 +1,4 @@
-"""Journal of the stations' requests and replies on disk, so that nothing is executed twice (DESIGN §7)."""
+"""Journal of the stations' requests and replies on disk; no request is executed twice (DESIGN §7)."""
 
 from collections import OrderedDict
 from typing import Any, Final, NamedTuple
@@ -14,7 +14,7 @@ MOST_SENDERS: Final = 16
 MOST_FLOORS: Final = 1024
 """Lives of senders of which it is remembered how far they had come, when their requests are not remembered any more."""
 COMPACT_AFTER: Final = 4 * REMEMBERED
-"""Records after which the file is written anew."""
+"""Number of records after which the file is rewritten."""
 
 
 class _Record(msgspec.Struct, frozen=True, array_like=True):
@@ -22,7 +22,7 @@ class _Record(msgspec.Struct, frozen=True, array_like=True):
     boot: int
     sequence: int
     reply: CiReply | None
-    """None: begun, and not known to have ended."""
+    """None for a request that has started and has no known end."""
     is_floor: bool = False
     """Not a request: all up to this one are older than the stored requests."""
 
@@ -57,7 +57,7 @@ class Journal:
                 self._note(record)
 
     def begin(self, request: CiRequest) -> KnownRequest:
-        """Whether a request is to be executed; if so, that is on its way to the disk when this returns."""
+        """Whether a request is to be executed; if so, its record is on its way to disk on return."""
         known = self._senders.get(request.sender, OrderedDict())
         key = (request.boot, request.sequence)
         if key in known:

@@ -29,7 +29,7 @@ R = TypeVar("R")
 LOG_NAME: Final = re.compile(r"log(-[a-z0-9_-]+)?\.(mcap|tlog)")
 LARGEST_CHUNK_BYTES: Final = 1 << 16
 MOST_PENDING: Final = 32
-"""Of so much it is asked at once at most; a station that asks for more asks again."""
+"""Greatest number of pending requests; stations repeat further ones."""
 _PIECE_BYTES: Final = 1 << 20
 
 
@@ -56,13 +56,13 @@ class NoLogStore:
 
 
 class LogStore:
-    """A folder of logs. The disk is read by somebody else, so that nothing waits for it.
+    """A folder of logs, read by workers, so that nothing waits for the disk.
 
     Args:
-        folder: where they are.
-        unfinished: the logs that are still being written.
-        cut: ends the log that is being written, and begins the next.
-        workers: do what takes long.
+        folder: the folder.
+        unfinished: returns the logs still being written.
+        cut: ends the current log and starts the next.
+        workers: executor of slow work.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class LogStore:
         self._digests: dict[tuple[Path, int, int], str] = {}
 
     def handle(self, request: CiRequest) -> CiReply | None:
-        """Takes a request about logs; one that is under way already is not begun again."""
+        """Handles a request about logs; one already under way is not started again."""
         body, key = request.body, (request.sender, request.boot, request.sequence)
         if isinstance(body, CutLog):
             try:
@@ -103,7 +103,7 @@ class LogStore:
         return found
 
     def _done(self, request: CiRequest, unfinished: set[Path]) -> CiReply | LogChunk:
-        """Does what was asked; in a worker's thread, and without an exception."""
+        """Carries out a request, on a worker thread and without exceptions."""
         body = request.body
         try:
             match body:

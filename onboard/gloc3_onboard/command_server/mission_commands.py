@@ -42,11 +42,11 @@ from gloc3_onboard.command_server.summaries import geofence_of
 FENCE_S: Final = 12.0
 """So long the loading of a mission waits for its fence to be in the autopilot."""
 MOTION: Final = "motion"
-"""The resource of what moves the vehicle."""
+"""Resource of vehicle motion."""
 MOST_FINDINGS: Final = 100
 """Of a mission: more would go over no radio."""
 MOST_UNKNOWN: Final = 32
-"""Of so many stations it is told that they are not believed."""
+"""Greatest number of unauthorized stations that are reported."""
 BEGINS: Final = (Verb.START, Verb.RETRY)
 """What may lead to a take-off."""
 MOST_CHECKS: Final = 8
@@ -67,14 +67,14 @@ class _FenceWait(NamedTuple):
 
 
 class MissionCommands:
-    """Checks the stations' mission commands, and passes them to the executor.
+    """Checks stations' mission commands and passes them to the executor.
 
     Args:
         site: the platform, and the worker that checks missions.
-        observing: the facts.
-        authority: knows who may command.
-        host: of the executor.
-        say: has an event told to the stations.
+        observing: the observed state.
+        authority: permissions.
+        host: host of the executor.
+        say: sends an event to the stations.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class MissionCommands:
         self.gate: Final = StartGate(site.platform, observing)
         """What every start has to pass."""
         self.disarms: Final[list[EmergencyDisarm]] = []
-        """What the driver is to be told."""
+        """Pending disarm commands for the driver."""
         self._platform, self._snapshot = site.platform, observing.snapshot
         self._authority, self._host, self._report_text = authority, host, report
         self._checks = MissionChecks(site.worker)
@@ -96,7 +96,7 @@ class MissionCommands:
         """The executor.
 
         Raises:
-            Refused: what the process before has left is not taken up yet.
+            Refused: the previous process's state is not restored yet.
         """
         if self._host.executor is None:
             raise Refused("the platform is starting; the autopilot has not answered yet")
@@ -153,7 +153,7 @@ class MissionCommands:
         return answer(request)
 
     def elsewhere(self, sender: str, body: Elsewhere, now_s: float) -> None:
-        """Takes in how far another platform is: whoever commands this one is believed, about the loaded mission."""
+        """Handles another platform's progress, if its sender commands this one and it concerns the loaded mission."""
         executor = self._host.executor
         program = executor.mission if executor is not None else None
         if executor is None or program is None:
@@ -251,7 +251,7 @@ class MissionCommands:
     # --- starts ---
 
     def _start(self, request: CiRequest, begin: Begin, now_s: float) -> CiReply | None:
-        """Begins what may lead to a take-off if the pre-flight list allows it; in the air nothing is held against it."""
+        """Starts what may lead to a take-off if the pre-flight checks allow it; in the air they are not applied."""
 
         def judged(at_s: float) -> CiReply:
             self._authority.control.require(request.sender)
@@ -264,7 +264,7 @@ class MissionCommands:
         return begin(now_s) if self._snapshot.is_airborne else self.gate.answer(request, judged, now_s)
 
     def preflight(self, request: CiRequest, now_s: float) -> CiReply | None:
-        """Has the pre-flight list made anew."""
+        """Has the pre-flight checks made again."""
         return self.gate.answer(request, lambda at_s: self._list(request, at_s), now_s)
 
     def _list(self, request: CiRequest, now_s: float) -> CiReply:
@@ -287,7 +287,7 @@ class MissionCommands:
             self._refuse_without_fence()
 
     def _refuse_without_fence(self) -> None:
-        """A mission with a fence on Earth starts when the autopilot has given the same fence back."""
+        """Refuses the start of a mission with a fence on Earth until the autopilot has returned the same fence."""
         if self._fence_progress(self.executor) is not FenceProgress.CONFIRMED:
             raise Refused(self._fence_problem())
 
@@ -304,11 +304,11 @@ class MissionCommands:
     # --- answers that come later ---
 
     def due(self, now_s: float) -> list["Checked | HeldRequest"]:
-        """The requests whose mission is checked, or whose pre-flight list can be made."""
+        """Requests with a finished mission check or a pending pre-flight list."""
         return [*self._checks.due(), *self.gate.due(now_s)]
 
     def fence_answer(self, now_s: float) -> list[CiReply]:
-        """A mission with a fence on Earth is loaded when the autopilot has given its fence back, or will not."""
+        """Answers to loading missions with a fence on Earth, once the autopilot has returned or refused it."""
         wait = self._fence_wait
         if wait is None or self._host.executor is None:
             return []
@@ -324,7 +324,7 @@ class MissionCommands:
 
 
 class Checked(NamedTuple):
-    """A request whose mission is checked."""
+    """A request with a finished mission check."""
 
     request: CiRequest
     report: "Future[CheckReport]"
@@ -336,10 +336,10 @@ class Checked(NamedTuple):
 
 
 class MissionChecks:
-    """Checks missions in a worker, one after the other.
+    """Checks missions on a worker, one at a time.
 
     Args:
-        worker: a thread in wall time; in virtual time, where nobody has to wait, `ImmediateExecutor`.
+        worker: a thread in wall time; `ImmediateExecutor` in virtual time.
     """
 
     def __init__(self, worker: Executor) -> None:
@@ -363,7 +363,7 @@ class MissionChecks:
         return None
 
     def due(self) -> list[Checked]:
-        """The requests whose check is done, in the order in which they came."""
+        """Requests with a finished check, in order of arrival."""
         found: list[Checked] = []
         while self._waiting and self._waiting[0].report.done():
             found.append(self._waiting.popleft())
@@ -380,7 +380,7 @@ def _check(text: str, name: str, circumstances: Circumstances) -> CheckReport:
 
 
 def _lines(findings: Sequence[Finding]) -> str:
-    """Findings as they are told to a station, errors first where they are too many."""
+    """Findings as text for a station, errors first if there are too many."""
     reported = findings
     if len(findings) > MOST_FINDINGS:
         reported = sorted(findings, key=lambda finding: finding.is_warning)[:MOST_FINDINGS]

@@ -62,21 +62,21 @@ class MissionPorts(PortGroup):
 
 
 class MissionHost:
-    """Runs the executor, and is the only one that starts actions.
+    """Runs the executor; the only part that starts actions.
 
     Args:
-        site: the platform, and where progress is kept.
-        observing: the facts.
-        control: knows the holder of control.
-        settings: of the server.
-        say: has an event told to the stations.
+        site: the platform, and the stored progress.
+        observing: the observed state.
+        control: the holder of control.
+        settings: the server's settings.
+        say: sends an event to the stations.
     """
 
     def __init__(
         self, site: Site, observing: Observing, control: ControlAuthority, settings: ServerSettings, report: Report
     ) -> None:
         self.executor: MissionExecutor | None = None
-        """None until what the process before has left is taken up again."""
+        """None until the previous process's state is restored."""
         self.counts = RequestCounts()
         """What the loaded mission takes."""
         self.granted = MotionGrant(action_id="", component="")
@@ -90,7 +90,7 @@ class MissionHost:
         self._performing: dict[str, str] = {}
         """Component to the action that it says it is performing."""
         self._waiting: dict[str, tuple[str, Verb]] = {}
-        """Request id to the action and what was asked of it."""
+        """Action and verb of each pending request id."""
         self._count = 0
         self._attended_s: float | None = None
         """When we had control last, or somebody was heard who may be the pilot."""
@@ -104,19 +104,19 @@ class MissionHost:
 
     @property
     def is_mission_unknown(self) -> bool:
-        """Whether something was kept that is not taken up yet: who is told of no mission would give it up for lost."""
+        """Whether a stored mission is not restored yet; a station told of no mission would consider it lost."""
         kept = self._site.snapshot
         return self.executor is None and kept is not None and bool(kept.programs)
 
     # --- before the executor decides ---
 
     def observe(self, now_s: float, inbox: Inbox, *, is_urgent: bool) -> list[Result]:
-        """Tells the executor the facts; without one takes up what was kept, as soon as that is possible.
+        """Passes the observed state to the executor; without one, restores the stored state as soon as possible.
 
         Args:
             now_s: the time.
-            inbox: what came in.
-            is_urgent: whether an emergency waits for the executor.
+            inbox: received messages.
+            is_urgent: whether an emergency is waiting for the executor.
         """
         for action in inbox.new(MissionPorts.action_status):
             component, status = action.source.component, action.payload
@@ -133,7 +133,7 @@ class MissionHost:
         return results
 
     def _try_to_begin(self, now_s: float, *, is_urgent: bool) -> list[Result]:
-        """Takes up what was kept, once it is known whether the vehicle flies."""
+        """Restores the stored state once it is known whether the vehicle flies."""
         snapshot, kept = self._observing.snapshot, self._site.snapshot
         if not snapshot.is_connected:
             return []
@@ -153,9 +153,9 @@ class MissionHost:
         return []
 
     def _read_again(self, text: str) -> Mission:
-        """A mission that was checked before the process ended; raises `InputError` where it cannot be read.
+        """Reads a mission that was checked before the process ended; raises `InputError` if unreadable.
 
-        It is not checked again: now it would begin elsewhere. Home tells where NED begins, even without a pose.
+        It is not checked again, since its start would differ now. Home gives the origin of NED, even without a pose.
         """
         snapshot = self._observing.snapshot
         home = snapshot.home
@@ -217,7 +217,7 @@ class MissionHost:
         known.verdicts.clear()
 
     def _inform_control(self, executor: MissionExecutor, driver: DriverState, now_s: float) -> None:
-        """Tells who has control: we, a pilot, or the autopilot's failsafe, which nobody ends but we."""
+        """Reports who has control: we, a pilot, or the autopilot's failsafe, which only we can end."""
         is_failsafe = driver.has_pilot_control and driver.is_failsafe
         executor.pilot(driver.has_pilot_control, driver.pilot_reason, now_s, is_failsafe=is_failsafe)
         autopilot = self._observing.snapshot.known_autopilot
@@ -270,14 +270,14 @@ class MissionHost:
         return True
 
     def take(self, now_s: float) -> list[Request]:
-        """What the executor asks for now; each is to be carried out in this order."""
+        """Pending requests of the executor, to be carried out in this order."""
         if self.executor is None:
             return []
         self.executor.tick(now_s)
         return self.executor.collect(now_s)
 
     def carry_out(self, request: Request) -> list[Result]:
-        """Does what the executor asks for."""
+        """Carries out a request of the executor."""
         match request:
             case Persist(snapshot=snapshot):
                 self._site.keep_snapshot(snapshot)
@@ -317,7 +317,7 @@ class MissionHost:
 
 
 def was_running(kept: Snapshot | None) -> bool:
-    """Whether a mission, a single command or a policy had begun and not ended."""
+    """Whether a mission, a single command or a policy was under way."""
     return kept is not None and (
         kept.policy is not None
         or any(program.own.state in (ActionState.RUNNING, ActionState.PAUSED) for program in kept.programs)
@@ -325,7 +325,7 @@ def was_running(kept: Snapshot | None) -> bool:
 
 
 def flies_for_us(snapshot: VehicleState, kept: Snapshot, platform: Platform) -> bool:
-    """Whether the vehicle does what was begun then, and the driver takes it for a pilot's."""
+    """Whether the vehicle continues what was started before, although the driver attributes it to a pilot."""
     state = snapshot.autopilot
     modes = (*OURS, FlightMode.MISSION) if _flew_a_plan(kept, platform) else OURS
     is_ours = state is not None and state.is_armed and state.mode in modes
@@ -334,7 +334,7 @@ def flies_for_us(snapshot: VehicleState, kept: Snapshot, platform: Platform) -> 
 
 
 def _flew_a_plan(kept: Snapshot, platform: Platform) -> bool:
-    """Whether the autopilot had been given a plan to fly by itself, as what flies on wings always is."""
+    """Whether the autopilot had been given a plan to fly, as winged vehicles always are."""
     items = (item for program in kept.programs for item in program.items.values())
     has_wings = platform.vehicle.type in ("aircraft", "vtol")
     return any((has_wings or item.is_planned) and item.state is ActionState.RUNNING for item in items)

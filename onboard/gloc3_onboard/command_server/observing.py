@@ -28,11 +28,11 @@ from gloc3_onboard.command_server.site import Report
 from gloc3_onboard.command_server.vehicle_state import KeptHome, VehicleState
 
 STOOD_STILL_S: Final = 0.3
-"""A cycle that comes so long after the one before: less than the shortest silence from which anything follows."""
+"""Delay between cycles that counts as a standstill of the process, s: less than the shortest silence that matters."""
 UNUSUAL: Final = 3.0
 """So many times the pause before that: its rate can be set, too."""
 CATCH_UP_S: Final = 0.5
-"""So long after it what was told meanwhile may take to come in; nothing is judged by silence until then."""
+"""Time for queued messages to arrive after a standstill, s; silence is not judged until then."""
 STOOD_STILL_AGAIN_S: Final = 2.0
 """Not again so soon after it: a process that never has time is one that has no time."""
 OURS: Final = (FlightMode.GUIDED, FlightMode.HOLD, FlightMode.TAKE_OFF, FlightMode.LAND)
@@ -40,7 +40,7 @@ OURS: Final = (FlightMode.GUIDED, FlightMode.HOLD, FlightMode.TAKE_OFF, FlightMo
 SETPOINTS_MISSED: Final = "no setpoint for 0.5 s: holding; setpoints are followed again after {:g} s without a gap"
 """Told once, and again after setpoints have been followed for half a minute; `DriverState.expired` counts."""
 TAKE_OVER_S: Final = 2.0
-"""How long a driver is asked to take it up again."""
+"""Time for which a driver is asked to resume, s."""
 
 
 class ObservingPorts(PortGroup):
@@ -82,7 +82,7 @@ class Observing:
         self.hosts: Final[dict[str, HostPresence]] = {}
         """The other hosts, as far as they were ever here."""
         self.verdicts: list[SupervisionVerdict] = []
-        """Components that are lost for good, with what is to be done."""
+        """Permanently lost components, with the policy to apply."""
         self.stalled_s = 0.0
         """For how long the process has just stood still; 0 in all cycles but the first after it."""
         self._availability = Availability(platform)
@@ -131,7 +131,7 @@ class Observing:
             self._report(Severity.NOTICE, "logging goes on")
 
     def supervise(self, now_s: float, inbox: Inbox) -> list[PortReport]:
-        """Has standbys take over and faulty components come up again; what is lost for good becomes a verdict."""
+        """Activates standbys and restarts faulty components; a permanent loss becomes a verdict."""
         if self.supervision is None:
             self.supervision = Supervision(self._platform.components, f"supervision-{now_s:.3f}")
         supervision = self.supervision
@@ -159,7 +159,7 @@ class Observing:
         return commands
 
     def _receive_presence(self, supervision: Supervision, presence: HostPresence, now_s: float) -> list[Step]:
-        """What follows from the loss of a host; when it is back its components speak for themselves."""
+        """Supervision steps after the loss of a host; once it is back, its components report for themselves."""
         host = presence.host
         was_here, self.hosts[host] = host in self.hosts and self.hosts[host].is_here, presence
         if presence.is_here:
@@ -175,7 +175,7 @@ class Observing:
                 self.book.lose(row.name)
         policy = self._platform.hosts[host].on_loss if host in self._platform.hosts else FaultPolicy.IGNORE
         if policy is not FaultPolicy.IGNORE:
-            steps.append(SupervisionVerdict(f"host {host}", policy, "nothing is heard of it"))
+            steps.append(SupervisionVerdict(f"host {host}", policy, "no status received"))
         return steps
 
     @property
@@ -188,7 +188,7 @@ class Observing:
         return self._standstill.is_over(now_s)
 
     def missing(self, now_s: float) -> dict[str, tuple[str, ...]]:
-        """Capability to what it lacks, for those that cannot be used."""
+        """Unavailable capabilities and what each lacks."""
         return self._availability.missing(self.book, self.snapshot, now_s)
 
     def is_coming_up(self, now_s: float) -> bool:
@@ -199,13 +199,13 @@ class Observing:
         return is_tried or self.book.is_coming_up(now_s)
 
     def is_handing_over(self, now_s: float) -> bool:
-        """Whether the driver has come up anew and only takes for a pilot's what is ours."""
+        """Whether the restarted driver mistakes our own control for a pilot's."""
         driver = self.snapshot.driver
         return driver is not None and self._handover.is_ours(driver, self.snapshot.known_autopilot, now_s)
 
 
 class _LastSeen(NamedTuple):
-    """What the last answer rests on."""
+    """Inputs of the last answer."""
 
     working: frozenset[str]
     silent: frozenset[tuple[str, str]]
@@ -215,9 +215,9 @@ class _LastSeen(NamedTuple):
 
 
 class Availability:
-    """Follows each capability's needs: components, topics, capabilities, and the vehicle's pose and autopilot.
+    """Checks each capability's needs: components, topics, capabilities, and the vehicle's pose and autopilot.
 
-    A topic is there while a component that provides it works, and speaks on it.
+    A topic is available while a component that provides it is working and publishes on it.
     """
 
     def __init__(self, platform: Platform) -> None:
@@ -232,12 +232,12 @@ class Availability:
             for name, row in abilities(platform).items()
             if row.performed_by
         }
-        """Of each capability: what it needs, and the components of which one must work for it."""
+        """Needs of each capability, with the components of which one must be working."""
         self._seen: _LastSeen | None = None
         self._missing: dict[str, tuple[str, ...]] = {}
 
     def missing(self, book: ComponentBook, snapshot: VehicleState, now_s: float) -> dict[str, tuple[str, ...]]:
-        """Capability to what it lacks, for those that cannot be used."""
+        """Unavailable capabilities and what each lacks."""
         has_pose = snapshot.is_pose_fresh(now_s) or snapshot.is_pose_late(now_s)
         seen = _LastSeen(book.working(now_s), book.silent, has_pose, snapshot.is_connected)
         if seen != self._seen:
@@ -296,8 +296,8 @@ class Standstill:
 class Handover:
     """Distinguishes a driver that restarted in flight from a pilot's takeover (DESIGN §7).
 
-    A new driver finds an armed vehicle and cannot know whose it is. Who has seen the life before it can: where the mode
-    is still the one that the vehicle was in, or the hold in which a failing driver leaves it, nobody has taken over.
+    A new driver finds an armed vehicle and cannot know who has control. The server can: if the mode is still the one
+    before the restart, or the hold in which a failing driver leaves the vehicle, nobody has taken over.
     """
 
     def __init__(self) -> None:
@@ -307,7 +307,7 @@ class Handover:
         self._until_s = float("-inf")
 
     def update(self, report: Envelope[DriverState], autopilot: AutopilotState | None, now_s: float) -> None:
-        """Takes in what a driver reports, and in which mode the autopilot is."""
+        """Handles a driver's report and the autopilot's mode."""
         boot = report.source.boot
         if boot != self._boot:
             is_new_life = self._boot is not None and self._was_ours
@@ -318,7 +318,7 @@ class Handover:
             self._mode = autopilot.mode if autopilot is not None else FlightMode.OTHER
 
     def is_ours(self, driver: DriverState, autopilot: AutopilotState | None, now_s: float) -> bool:
-        """Whether what the new driver takes for a pilot's is what the one before it flew: it is to be told so."""
+        """Whether the control that the new driver attributes to a pilot was ours; the driver must then be told."""
         if not driver.has_pilot_control or now_s >= self._until_s or autopilot is None or not autopilot.is_armed:
             return False
         modes = (*OURS, FlightMode.MISSION)  # of a plan that goes on by itself

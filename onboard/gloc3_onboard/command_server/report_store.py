@@ -1,4 +1,4 @@
-"""Reports to stations, numbered and on disk, so that a station that was out of contact receives them later."""
+"""Reports to stations, numbered and on disk, so that a station receives those it missed at the next contact."""
 
 from typing import Final
 
@@ -10,9 +10,9 @@ from gloc3.messages.summaries import CiEvent
 from gloc3.store import Records, RecordStore
 
 MOST_KEPT: Final = 4000
-"""Events on disk: some 400 kB; the oldest make room."""
+"""Number of events on disk, some 400 kB; the oldest are dropped."""
 SPARE: Final = 1000
-"""So many more are appended before the file is written anew."""
+"""Further events appended before the file is rewritten."""
 MOST_TEXT: Final = 300
 """Characters of an event that are kept."""
 
@@ -21,25 +21,25 @@ class _Head(msgspec.Struct, frozen=True, array_like=True):
     """The first record."""
 
     store: int
-    """Tells this store from one that was begun anew, whose numbers mean other events."""
+    """Identifier of this store; a new store has another, under which numbers mean other events."""
     last: int
-    """The highest number that was given when this was written."""
+    """Highest number issued when this was written."""
     delivered: int
-    """Up to here some station has been told; -1 before the first was ever heard."""
+    """Highest number delivered to a station; -1 before the first contact."""
     computer: str = ""
     """The computer's own start in which this was written."""
 
 
 class ReportStore:
-    """The events of a platform over all lives of its onboard process; numbers count from 1 and are never used twice.
+    """Events of a platform across restarts of its onboard process; numbers count from 1 and are unique.
 
-    A power cut takes the last events with it, of which stations may have been told: when the computer has started anew the
-    store has another id, under which their numbers mean other events.
+    A power cut may lose the last events after their delivery: after a reboot of the computer the store has another id,
+    under which their numbers mean other events.
 
     Args:
         records: the file.
-        fresh_id: a random number for a store that is begun anew.
-        computer: tells this start of the computer from every other.
+        fresh_id: random id for a new store.
+        computer: identifier of this boot of the computer.
     """
 
     def __init__(self, records: Records, fresh_id: int, computer: str = "") -> None:
@@ -55,26 +55,26 @@ class ReportStore:
 
     @property
     def problem(self) -> str:
-        """Why what was kept could not be read, or nothing can be kept any more; empty where all is well."""
+        """Reason why the store could not be read or written; empty if none."""
         return self.records.problem or self._unreadable
 
     @property
     def id(self) -> int:
-        """Tells this store from one that was begun anew."""
+        """Identifier of this store."""
         return self._head.store
 
     @property
     def last(self) -> int:
-        """The highest number that was given; 0 for none."""
+        """Highest issued number; 0 for none."""
         return self._events[-1].number if self._events else self._head.last
 
     @property
     def delivered(self) -> int:
-        """Up to here some station has been told."""
+        """Highest number delivered to a station."""
         return max(0, self._head.delivered)
 
     def add(self, event: CiEvent) -> CiEvent:
-        """Numbers an event and keeps it; the disk is asked to take warnings, others outlive the process."""
+        """Numbers an event and stores it; warnings are flushed to disk, others survive the process."""
         kept = replace(event, number=self.last + 1, store=self.id, text=event.text[:MOST_TEXT])
         self._events.append(kept)
         if self._appended >= SPARE + MOST_KEPT:
@@ -91,17 +91,17 @@ class ReportStore:
         return self._events[begin : begin + most]
 
     def owe(self) -> None:
-        """A station is heard for the first time ever: what comes from now on is owed."""
+        """Handles the first contact with a station: later events are owed to it."""
         if self._head.delivered < 0:
             self._set_delivered(self.last)
 
     def deliver(self, number: int) -> None:
-        """A station has been told everything up to a number."""
+        """Marks all events up to a number as delivered."""
         if self._head.delivered < number <= self.last:
             self._set_delivered(number)
 
     def undelivered(self) -> list[CiEvent]:
-        """What no station has been told yet."""
+        """Events not yet delivered to any station."""
         return self.after(self.delivered, MOST_KEPT)
 
     def _set_delivered(self, number: int) -> None:

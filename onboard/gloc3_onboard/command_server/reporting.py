@@ -34,11 +34,11 @@ from gloc3_onboard.command_server.summaries import (
 )
 
 COMPARE_S: Final = 0.2
-"""How often summaries are compared with the last ones, when nothing was asked of the server or of its executor."""
+"""Period at which summaries are compared with the last ones while nothing is requested, s."""
 AT_ONCE_S: Final = 0.02
 """A disk that is done so soon is waited for in the cycle itself; no setpoint is late for that."""
 LONGEST_S: Final = 1.0
-"""Nobody on the ground waits longer for a slow disk."""
+"""Longest delay of a report for a slow disk, s."""
 REPORTED_EVENTS: Final = (CiReply, CiEvent, MissionSummary)
 
 
@@ -62,7 +62,7 @@ class ReportingPorts(PortGroup):
 
 
 class EventQueue:
-    """Events on their way to the stations."""
+    """Events waiting to be sent to stations."""
 
     def __init__(self, site: Site) -> None:
         self.now_s = 0.0
@@ -89,13 +89,13 @@ class EventQueue:
 
 
 class Reporting:
-    """Makes the reports, and holds them back until the disk has what precedes them.
+    """Makes the reports, and holds them back until their causes are on disk.
 
     Args:
         site: the platform and its files.
-        settings: of the server.
-        events: that are on their way.
-        contacts: the stations that are heard.
+        settings: the server's settings.
+        events: queue of events.
+        contacts: stations in contact.
     """
 
     def __init__(self, site: Site, settings: ServerSettings, events: EventQueue, contacts: Contacts) -> None:
@@ -104,7 +104,7 @@ class Reporting:
         self._held_back = HeldBack(site)
         self._compared_s = -math.inf
         self._unkept = site.problems()
-        """Why something is not kept, as it was told last."""
+        """Last reported storage problems."""
         for problem in filter(None, (site.problem, *self._unkept)):
             events.report(Severity.ERROR, problem)
 
@@ -120,7 +120,7 @@ class Reporting:
                 self._events.add(CiEvent(severity=event.severity, source=component, text=event.text, t_s=envelope.t_s))
 
     def repeat_all(self) -> None:
-        """A station knows nothing yet: everything is reported again."""
+        """Reports everything again, for a new station."""
         self._reports.invalidate("site")
 
     def report(
@@ -130,10 +130,10 @@ class Reporting:
 
         Args:
             now_s: the time.
-            observing: what is known of the components and the vehicle.
-            control: who holds control.
-            host: of the mission.
-            is_eventful: whether something was asked of the server, or of its executor.
+            observing: state of the components and the vehicle.
+            control: holder of control.
+            host: the mission host.
+            is_eventful: whether the server or its executor has handled a request.
         """
         platform, snapshot, reports, settings = self._site.platform, observing.snapshot, self._reports, self._settings
         results: list[Result] = [*self._contact(now_s, observing, host), *observing.book.new_problems()]
@@ -157,11 +157,11 @@ class Reporting:
         return results
 
     def release(self, results: Sequence[Result], now_s: float) -> list[Result]:
-        """What may be told now of the results of a cycle, and of those before."""
+        """Reports that may be sent now, of this and earlier cycles."""
         return self._held_back.pass_on(results, now_s)
 
     def _report_what_is_not_kept(self) -> None:
-        """A full or broken disk ends no flight, but a restart would know an older state: that is told."""
+        """Reports a full or broken disk: the flight continues, but a restart would find an older state."""
         problems = [*self._site.problems(), *filter(None, [self._held_back.problem])]
         for problem in problems:
             if problem not in self._unkept:
@@ -171,7 +171,7 @@ class Reporting:
         self._unkept = problems
 
     def _contact(self, now_s: float, observing: Observing, host: MissionHost) -> list[ContactSummary]:
-        """What is told first to who is heard after a silence; while nobody is heard, the state is kept now and then."""
+        """First reports for a station after a silence; without contact, the state is stored from time to time."""
         contacts = self._contacts
         is_silent = observing.snapshot.is_airborne and contacts.is_alone(now_s)
         if not contacts.has_reports and not contacts.is_due(now_s, is_silent=is_silent):
@@ -186,7 +186,7 @@ class Reporting:
     def _changes(
         self, observing: Observing, control: ControlAuthority, host: MissionHost, *, is_slow: bool
     ) -> list[Result]:
-        """What is told when it has changed, and once a second besides."""
+        """Reports sent on change and once a second."""
         results: list[Result] = []
         reports, snapshot = self._reports, observing.snapshot
         if not host.is_mission_unknown:
@@ -208,21 +208,21 @@ class ReportQueue:
         self._last: dict[type, Message] = {}
 
     def is_due(self, what: str, period_s: float, now_s: float) -> bool:
-        """Whether a period has gone by since this was last due."""
+        """Whether a period has passed since the last time."""
         if now_s - self._at_s.get(what, -math.inf) < period_s - 1e-6:
             return False
         self._at_s[what] = now_s
         return True
 
     def of(self, message: Message, *, is_due: bool) -> Sequence[Message]:
-        """The message, if it is due or is not what was told last of its type."""
+        """The message, if it is due or differs from the last one of its type."""
         if not is_due and self._last.get(type(message)) == message:
             return ()
         self._last[type(message)] = message
         return (message,)
 
     def invalidate(self, what: str) -> None:
-        """Somebody knows nothing yet: everything is news, and this is due."""
+        """Makes a report due again, for a new station."""
         self._last.clear()
         self._at_s.pop(what, None)
 
@@ -234,20 +234,20 @@ class _Held(NamedTuple):
 
 
 class HeldBack:
-    """Holds replies, events and the mission's state back until the disk has what precedes them.
+    """Holds replies, events and the mission's state back until their causes are on disk.
 
     Args:
-        site: what is kept there.
+        site: the platform's files.
     """
 
     def __init__(self, site: Site) -> None:
         self.problem = ""
-        """Why something was told that is not kept yet; empty where that is not so."""
+        """Reason why a report was sent before its cause was stored; empty if none."""
         self._site = site
         self._held: deque[_Held] = deque()
 
     def pass_on(self, results: Sequence[Result], now_s: float) -> list[Result]:
-        """What may be told now of the results of a cycle, and of those before."""
+        """Reports that may be sent now, of this and earlier cycles."""
         reported = [result for result in results if isinstance(result, REPORTED_EVENTS)]
         if reported:
             self._held.append(_Held(self._site.mark(), now_s + LONGEST_S, reported))

@@ -78,14 +78,14 @@ class _Noted(NamedTuple):
 
 
 class RequestHandler:
-    """One for each life of the server. `handle` answers now, or later through `replied` and `expire`.
+    """Handler of stations' requests; answers in `handle`, or later in `replied` and `expire`.
 
     Args:
-        site: keeps the journal, and has the logs.
-        authority: knows who may command.
-        missions: carries out what is wanted of the mission.
-        components: carries out what is wanted of components.
-        contacts: has what stations were told.
+        site: the journal and the logs.
+        authority: permissions to command.
+        missions: carries out mission commands.
+        components: carries out component commands.
+        contacts: reports delivered to stations.
     """
 
     def __init__(
@@ -103,17 +103,17 @@ class RequestHandler:
         self._urgent: list[_Urgent] = []
         """Emergencies for which there is no executor yet."""
         self._noted: deque[_Noted] = deque()
-        """What is on its way to the disk: only then it is carried out, so that a power cut has nothing done twice."""
+        """Requests on their way to the disk; carried out only then, so that a power cut repeats nothing."""
         self._emergencies: dict[tuple[str, int], int] = {}
         """The last emergency of each life of a station."""
         self.wants_everything = False
-        """A station asked for the full state."""
+        """Whether a station has requested the full state."""
 
     # --- requests ---
 
     @property
     def is_urgent(self) -> bool:
-        """Whether an emergency waits for what was kept to be taken up."""
+        """Whether an emergency is waiting for the restoration of the stored state."""
         return bool(self._urgent)
 
     def handle(self, request: CiRequest, now_s: float) -> CiReply | None:
@@ -146,7 +146,7 @@ class RequestHandler:
         return self._try(request, lambda: self._carry_out(request, now_s))
 
     def _try(self, request: CiRequest, carry_out: Callable[[], CiReply | None]) -> CiReply | None:
-        """Carries a request out; what is refused, and what was overtaken meanwhile, gets its reason as the answer."""
+        """Carries a request out; a refused or superseded one is answered with its reason."""
         reply: CiReply | None
         try:
             self._refuse_overtaken(request)
@@ -159,7 +159,7 @@ class RequestHandler:
         return reply
 
     def _refuse_overtaken(self, request: CiRequest) -> None:
-        """An emergency overtakes on the link; what its sender asked for before it is not done after it."""
+        """Refuses requests superseded by an emergency of the same sender, which overtakes them on the link."""
         life = (request.sender, request.boot)
         if isinstance(request.body, Emergency):
             self._emergencies[life] = max(request.sequence, self._emergencies.get(life, -1))
@@ -205,7 +205,7 @@ class RequestHandler:
     # --- answers that come later ---
 
     def replied(self, reply: CommandReply | FunctionReply) -> CiReply | None:
-        """A component has answered; None if that was not asked for by a station."""
+        """Handles a component's reply; None if no station requested it."""
         found = self.components.replied(reply)
         return None if found is None else self._kept(found)
 
@@ -253,7 +253,7 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._site = site
 
     def start(self) -> None:
-        """Reads what the process before has left; it is taken up when the autopilot has told its state."""
+        """Reads the previous process's state; it is restored once the autopilot has reported its own."""
         site = self._site
         snapshot, home = site.load()
         self._events = EventQueue(site)
@@ -268,7 +268,7 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._reporting = Reporting(site, self.settings, self._events, contacts)
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
-        """Takes everything in, decides, and says what follows."""
+        """Handles all input, decides, and returns the results."""
         self._events.now_s = now_s
         self._observing.observe(now_s, inbox)
         self._authority.observe(now_s, inbox)
@@ -308,7 +308,7 @@ class CommandServer(CommandInterface[ServerSettings]):
         return results
 
     def _outgoing(self) -> list[Result]:
-        """What requests of stations have for components, the driver and whoever reads the autopilot's setup."""
+        """Stations' requests for components, the driver and the reader of the autopilot's setup."""
         results: list[Result] = []
         for component, message in self._requests.components.messages:
             if isinstance(message, CommandRequest):

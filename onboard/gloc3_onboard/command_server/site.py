@@ -18,7 +18,7 @@ from gloc3_onboard.command_server.vehicle_state import KeptHome
 
 Mark = tuple[int, ...]
 Report = Callable[[Severity, str], None]
-"""Has an event told to the stations."""
+"""Sends an event to the stations."""
 
 
 class ServerSettings(Settings, frozen=True):
@@ -27,13 +27,13 @@ class ServerSettings(Settings, frozen=True):
     summary_period_s: Annotated[float, Bounds(0.1, 10.0)] = 0.5
     """How often the components and the vehicle are summarised."""
     motion_period_s: Annotated[float, Bounds(0.1, 10.0)] = 0.5
-    """How often it is told how the vehicle moves."""
+    """Period of the vehicle's motion reports, in seconds."""
     site_period_s: Annotated[float, Bounds(0.5, 60.0)] = 2.0
-    """How often it is told where the vehicle's frame lies, and home."""
+    """Period of the reports of the vehicle's frame and home, in seconds."""
     grant_period_s: Annotated[float, Bounds(0.02, 1.0)] = 0.2
     """How often the owner of motion is repeated."""
     settle_s: Annotated[float, Bounds(0.0, 60.0)] = 1.0
-    """After a restart: how long the autopilot is listened to before what was kept is taken up."""
+    """Time after a restart in which the autopilot is observed before the stored state is restored, in seconds."""
     event_severity: Annotated[int, Bounds(0, 7)] = 5
     """Events of components that are at least so severe (MAV_SEVERITY) go to the stations."""
 
@@ -87,7 +87,7 @@ class Site:
         self.process: Final = process
         self.log_store, self.worker = background or Background()
         self.problem = ""
-        """Why what was kept cannot be used; empty if it can, or nothing was kept."""
+        """Reason why the stored state cannot be used; empty if it can, or there is none."""
         self._progress: Final = RecordStore(progress, "progress")
         self._computer: Final = computer
         self.snapshot: Snapshot | None = None
@@ -126,7 +126,7 @@ class Site:
         return tuple(store.mark() for store in self._stores)
 
     def wait(self, mark: Mark, most_s: float) -> bool:
-        """Whether nothing of that is on its way to the disk any more, after a wait of at most so long for each file."""
+        """Whether everything up to the mark is on disk, after a wait of at most `most_s` for each file."""
         return all(self._stores[at].wait(number, most_s) for at, number in enumerate(mark))
 
     def keep_snapshot(self, snapshot: Snapshot) -> None:

@@ -1,4 +1,4 @@
-"""The gate before every start: the pre-flight list, made on request from fresh readings."""
+"""Start gate: the pre-flight checks, made on request from fresh readings."""
 
 from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
@@ -18,10 +18,10 @@ from gloc3_onboard.command_server.observing import Observing
 FIRST_READ_S: Final = 12.0
 """So long the first reading is waited for: PX4 does not answer for parameters that its version does not have."""
 READ_S: Final = 3.0
-"""So long a start waits for the autopilot's setup, and for a late pose; then it is judged by what was read before."""
+"""Time for which a start waits for the autopilot's setup and for a late pose, s; then earlier readings count."""
 
 Begin = Callable[[float], CiReply]
-"""Does what was asked for, at a time; raises `Refused` where it cannot be done."""
+"""Carries out the request at a time; raises `Refused` if it cannot."""
 
 
 class HeldRequest(NamedTuple):
@@ -52,12 +52,12 @@ class StartGate:
         self._number = 0
 
     def collect(self) -> list[ReadSetup | PreflightReport]:
-        """What is to be told: whoever reads the setup, and for the log the lists that were made."""
+        """Pending messages: requests to read the setup, and the finished lists for the log."""
         used, self._outgoing = self._outgoing, []
         return used
 
     def answer(self, request: CiRequest, answer: Begin, now_s: float) -> CiReply | None:
-        """Has the setup read anew, then answers; at once where nobody reads it, and None where the answer comes later."""
+        """Reads the setup again, then answers; immediately without a reader, and None if the answer comes later."""
         setup = self._observing.setup
         if setup is None or not self._observing.snapshot.is_connected:
             return answer(now_s)
@@ -98,13 +98,13 @@ class StartGate:
         return report
 
     def let_through(self, request: CiRequest, report: PreflightReport) -> str:
-        """Judges a start by the list.
+        """Decides on a start by the list.
 
         Returns:
-            What is to be told of it once it has begun; empty where all is well.
+            Remarks to report after the start; empty if all checks pass.
 
         Raises:
-            RedChecks: there is a red line, and nobody has taken the responsibility for it.
+            RedChecks: a check is red and has not been overridden.
         """
         bad, body = red(report.checks), request.body
         if not bad:

@@ -28,15 +28,15 @@ from gloc3_onboard.command_server.vehicle_state import VehicleState
 
 NOT_FLYING: Final = (VehicleClass.ROVER, VehicleClass.BOAT, VehicleClass.SUB)
 REASONS_MAX: Final = 6
-"""Tasks and actions whose reason is told at most."""
+"""Greatest number of tasks and actions reported with a reason."""
 REASON_MAX: Final = 120
-"""Characters of a reason that are told."""
+"""Greatest reported length of a reason."""
 SETPOINT_STALE_S: Final = 0.5
 """A setpoint that is older is no longer flown: the driver has stopped."""
 LARGEST: Final = 2**31 - 1
-"""Whole numbers are told no larger than this, some 21,000 km."""
+"""Greatest reported whole number, some 21,000 km in cm."""
 UNPLACED: Final = LocalFrame(GeoPoint(0.0, 0.0, 0.0))
-"""North, west, height: what is told where no frame of the platform begins at the origin of NED."""
+"""North, west, height: the frame reported where no frame of the platform starts at the origin of NED."""
 
 
 class RequestCounts:
@@ -53,11 +53,11 @@ class RequestCounts:
         self._battery = -1.0
 
     def update(self, at: Vector3 | None, battery: float, now_s: float) -> None:
-        """Takes in where the vehicle is and what is left in its battery.
+        """Handles the vehicle's position and battery charge.
 
         Args:
-            at: its position in NED, in metres; None where that is not known.
-            battery: the share that is left; negative where it is not known.
+            at: its position in NED, in metres; None if unknown.
+            battery: remaining share; negative if unknown.
             now_s: the time.
         """
         program = self.program
@@ -129,7 +129,7 @@ def _reasons(executor: MissionExecutor) -> dict[str, str]:
 
 
 def geofence_of(platform: Platform, executor: MissionExecutor | None) -> GeoFence:
-    """The loaded mission's fence on Earth; without areas where it has none, and without a digest where no mission is."""
+    """The loaded mission's fence on Earth; without areas for none, and without a digest without a mission."""
     mission = executor.mission.mission if executor is not None and executor.mission is not None else None
     if mission is None:
         return GeoFence(digest="")
@@ -141,13 +141,13 @@ def geofence_of(platform: Platform, executor: MissionExecutor | None) -> GeoFenc
 
 
 def _position(autopilot: AutopilotState) -> str:
-    """Whether it is in the air; what does not fly is under way instead, on the ground or under water."""
+    """Whether it is in the air; other vehicles are under way, on the ground or under water."""
     is_running = autopilot.landed is LandedState.IN_AIR and autopilot.vehicle in NOT_FLYING
     return "under_way" if is_running else str(autopilot.landed)
 
 
 def _would_arm(autopilot: AutopilotState) -> bool:
-    """Whether a start makes sense: its own checks have passed, and neither its sensors nor its estimator speak against it."""
+    """Whether a start makes sense: the autopilot's checks have passed, and its sensors and estimator are healthy."""
     return autopilot.is_armed or (autopilot.is_armable and not autopilot.doubts)
 
 
@@ -203,7 +203,7 @@ def motion_limits(platform: Platform, snapshot: VehicleState, executor: MissionE
 
 
 def local_frame(platform: Platform, pose: Pose) -> tuple[str, LocalFrame]:
-    """The platform's frame whose origin is that of NED; without a name where it has none there."""
+    """The platform's frame whose origin is that of NED; without a name if there is none."""
     for name, row in platform.frames.items():
         if row.origin.geo == pose.origin_geo:
             return name, _frame(*row.origin.geo, row.x_axis_bearing_deg)
@@ -269,7 +269,7 @@ def _cdeg(angle_rad: float) -> int:
 
 
 def _whole(value: float) -> int:
-    """The nearest whole number that can be told; 0 for what is no number."""
+    """The nearest reportable whole number; 0 for not-a-number."""
     return round(min(max(value, -LARGEST), LARGEST)) if isfinite(value) else 0
 
 
@@ -284,4 +284,4 @@ def _covariance_cm2(frame: LocalFrame, std_ned_m: Vector3) -> Whole3 | None:
 
 
 STEP_M = 0.2
-"""The way is summed up in steps of this length, so that the noise of the pose adds nothing."""
+"""Step at which the travelled distance is summed, m, so that pose noise adds nothing."""

@@ -1,4 +1,4 @@
-"""The vehicle's state in the server: home, whether it flies, and which conditions hold."""
+"""Vehicle state in the server: home, in flight or not, and active policy conditions."""
 
 from collections.abc import Iterator
 from math import hypot, isfinite
@@ -30,7 +30,7 @@ POSE_REPORTED_S: Final = 0.4
 POSE_LATE_MOST_S: Final = 10.0
 """Poses that keep coming, each less than `POSE_LOST_S` late, are waited for this long in a hold; then they count as lost."""
 POSE_INVALID_S: Final = 0.4
-"""A pose that says of itself that it is not valid is lost after so long: whoever made it has waited before."""
+"""Time after which a pose marked invalid counts as lost, s; its source has already waited."""
 HEIGHT_SILENT_S: Final = 0.5
 """A distance to the ground that is older is not known any more."""
 AIRBORNE: Final = (LandedState.IN_AIR, LandedState.TAKING_OFF, LandedState.LANDING)
@@ -46,15 +46,15 @@ class KeptHome(msgspec.Struct, frozen=True, array_like=True):
 class VehicleState:
     """The latest messages of the vehicle, and the state derived from them.
 
-    What is not known is never taken for harmless: a vehicle that was armed when the autopilot's state fell silent
-    counts as in the air, and nothing is armed or started before the state is known again.
+    Unknown states are treated as unsafe: a vehicle that was armed when the autopilot fell silent counts as in the air,
+    and nothing is armed or started before the state is known again.
     """
 
     def __init__(self, platform: Platform, home: KeptHome | None) -> None:
         self.autopilot: AutopilotState | None = None
-        """The last that was heard, however old; see `is_autopilot_known`."""
+        """Latest state, however stale; see `is_autopilot_known`."""
         self.is_autopilot_known = False
-        """Whether the autopilot's state is young enough to decide by."""
+        """Whether the autopilot's state is recent enough for decisions."""
         self.driver: DriverState | None = None
         self.fence: FenceState | None = None
         self.pose: Pose | None = None
@@ -63,11 +63,11 @@ class VehicleState:
         """When the setpoint was valid."""
         self.home = home
         self.is_home_new = False
-        """Home was just set, and is to be put on disk."""
+        """Whether home was just set and has to be stored."""
         self._reserve: Final = platform.power.reserve if platform.power is not None else 0.0
         self._pose_s = self._autopilot_s = float("-inf")
         self._posed_s: float | None = None
-        """When there was last a pose to fly by; None before the first look."""
+        """Time of the last usable pose; None before the first check."""
         self._pose_gap_s = 0.0
         """How long after the one before it the last late pose was valid."""
         self._is_late_reported = False
@@ -95,7 +95,7 @@ class VehicleState:
 
     @property
     def is_airborne(self) -> bool:
-        """Whether the vehicle is in the air, or on its way up or down; or may be, since it was armed when last heard."""
+        """Whether the vehicle is, or may be, in the air: climbing or descending included, or armed when last heard."""
         autopilot = self.autopilot
         if autopilot is None or not autopilot.is_armed:
             return False
@@ -115,7 +115,7 @@ class VehicleState:
 
     @property
     def home_ned_m(self) -> Vector3 | None:
-        """Where the vehicle was armed, or stands."""
+        """Home position: where the vehicle was armed, or stands."""
         return self.home.position_ned_m if self.home is not None else None
 
     @property
@@ -125,11 +125,11 @@ class VehicleState:
         return None if origin is None or home is None else origin.altitude_m - home[2]
 
     def is_pose_fresh(self, now_s: float) -> bool:
-        """Whether there is a valid pose that is not too old."""
+        """Whether there is a valid and recent pose."""
         return self.pose is not None and self.pose.is_valid and now_s - self._pose_s <= POSE_SILENT_S
 
     def is_pose_late(self, now_s: float) -> bool:
-        """Whether the last pose was valid and is too old, but not lost yet: the next is waited for."""
+        """Whether the last valid pose is late, but not lost yet: the next one is awaited."""
         age_s = now_s - self._pose_s
         return self.pose is not None and self.pose.is_valid and POSE_SILENT_S < age_s <= POSE_LOST_S
 
@@ -147,7 +147,7 @@ class VehicleState:
         return f"pose is late by {age_s:.1f} s: {holding}waiting up to {POSE_LOST_S:g} s"
 
     def update_pose(self, envelope: Envelope[Pose]) -> None:
-        """Takes a pose in; until the vehicle is armed, home is where it stands. One that is not finite is none."""
+        """Handles a pose; until the vehicle is armed, home follows it. Non-finite ones are ignored."""
         pose = envelope.payload
         if not isfinite(sum((*pose.position_ned_m, *pose.velocity_ned_m_s, *pose.ned_from_frd, pose.quality))):
             return
@@ -159,7 +159,7 @@ class VehicleState:
             self.home = KeptHome(self.pose.position_ned_m, self.pose.origin_geo)
 
     def update_setpoint(self, envelope: Envelope[Setpoint]) -> None:
-        """Takes in what the driver is told to fly; what is not finite it drops."""
+        """Handles a setpoint to the driver; non-finite ones are ignored."""
         if is_finite(envelope.payload):
             self.setpoint, self.setpoint_s = envelope.payload, envelope.t_s
 
@@ -175,7 +175,7 @@ class VehicleState:
             self._posed_s += by_s
 
     def expire(self, now_s: float) -> None:
-        """Lets the time pass: what is old is no longer known."""
+        """Expires stale state."""
         self.is_autopilot_known = now_s - self._autopilot_s < AUTOPILOT_SILENT_S
         if self._posed_s is None or self.is_pose_fresh(now_s):
             self._posed_s = now_s
@@ -210,7 +210,7 @@ class VehicleState:
         return found
 
     def conditions(self, fence: Fence | None, now_s: float) -> Iterator[tuple[PolicyCondition, bool, str]]:
-        """Every condition of which it is known whether it holds, and why."""
+        """All conditions with a known state, whether they hold, and why."""
         is_airborne, is_fresh = self.is_airborne, self.is_pose_fresh(now_s)
         is_invalid = self.pose is not None and not self.pose.is_valid
         age_s = now_s - self._pose_s

@@ -1,6 +1,6 @@
 """Component 191 for other people's software: commands, missions, parameters, files, metadata, control.
 
-Stations of others use component 191; `routing` passes MAVLink on, `station_link` carries our own command link.
+Other ground stations use component 191; `routing` forwards MAVLink, `station_link` carries our command link.
 """
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""The platform's end of an acoustic modem: sends summaries while no other station is heard, and accepts orders."""
+"""Platform's end of an acoustic modem: sends summaries while no other station link is alive, and accepts orders."""
 
 import asyncio
 from collections.abc import Callable
@@ -12,10 +12,10 @@ from gloc3.messages.envelope import Envelope
 from gloc3.messages.summaries import CiEvent, Health, MissionSummary, StationHeard, Summary, VehicleSummary
 
 SENDER: Final = "acoustic"
-"""Under which name orders reach the command interface, and stand in the log."""
+"""Sender name of orders, for the command interface and the log."""
 PERIOD_S: Final = 60.0
 IN_CONTACT_S: Final = 5.0
-"""While a station is heard otherwise, nothing is told by sound."""
+"""Time after a station's last message on another link in which the modem stays silent, s."""
 _VERBS: Final = {AcousticVerb.HOLD: EmergencyVerb.HOLD, AcousticVerb.SURFACE: EmergencyVerb.LAND}
 _LIFE: Final = 0
 """Orders are of one life over all starts of this process: an order that is played again later is known to the journal."""
@@ -29,11 +29,11 @@ class AcousticLink:
     Args:
         platform: its name.
         exchange: the platform's middleware.
-        loop: wakes it.
-        boot: a random number for this start of the process.
-        send: puts a frame on the modem.
-        key: of the link; None for none.
-        period_s: how often a summary is sent.
+        loop: the event loop.
+        boot: random number of this start of the process.
+        send: sends a frame by the modem.
+        key: key of the link, or None.
+        period_s: period of the summaries.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class AcousticLink:
         self._newest = -1
         """The sequence of the last order that was taken."""
         self._outcomes: dict[int, bool] = {}
-        """By the sequence of an order: whether it was accepted."""
+        """Result of orders, by sequence: whether accepted."""
         topics: dict[str, Callable[[Envelope[Any]], None]] = {
             "ci/vehicle": self._receive_vehicle,
             "ci/mission": self._receive_mission,
@@ -70,7 +70,7 @@ class AcousticLink:
         self._timer = loop.call_later(period_s, self._transmit)
 
     def close(self) -> None:
-        """Falls silent."""
+        """Stops sending."""
         self._timer.cancel()
         for undo in self._undo:
             undo()

@@ -16,12 +16,12 @@ from gloc3_onboard.process.vitals import UNKNOWN, Vitals
 
 PERIOD_S: Final = 5.0
 MOST_TEXTS: Final = 10
-"""In a period; what is more is counted and told at its end."""
+"""Greatest number of texts in a period; the rest is counted and reported at its end."""
 _CORES, _HISTORY = 8, 10
 
 
 def computer_status(vitals: Vitals, utc_s: float) -> MavlinkMessage:
-    """ONBOARD_COMPUTER_STATUS; what is not known is left at the protocol's word for that."""
+    """ONBOARD_COMPUTER_STATUS; unknown fields have the protocol's placeholder."""
     unknown_32 = 0xFFFFFFFF
     cpu = UNKNOWN if vitals.cpu_percent is None else vitals.cpu_percent
     return codec.message(
@@ -49,13 +49,13 @@ def computer_status(vitals: Vitals, utc_s: float) -> MavlinkMessage:
 
 
 class AutopilotReporter:
-    """Sends texts on every link to stations.
+    """Sends status texts on every link to stations.
 
     Args:
-        exchange: brings the components' events.
-        platform: whose.
-        own: as whom it sends.
-        loop: wakes it.
+        exchange: source of the components' events.
+        platform: the platform's name.
+        own: MAVLink address of the sender.
+        loop: the event loop.
         send: sends a message to all stations.
     """
 
@@ -69,14 +69,14 @@ class AutopilotReporter:
     ) -> None:
         self._texts = StatusTextSender(own)
         self.least_severity = Severity.WARNING
-        """Events that are at least so severe are told."""
+        """Least severity of reported events."""
         self._loop, self._send = loop, send
         self._reported = self._unreported = 0
         self._unsubscribe = exchange.subscribe(f"{platform}/components/*/event", self._receive_event)
         self._timer = loop.call_later(PERIOD_S, self._tick)
 
     def close(self) -> None:
-        """Says nothing any more."""
+        """Stops sending."""
         self._unsubscribe()
         self._timer.cancel()
 

@@ -1,6 +1,6 @@
 """The command protocol of the onboard computer: mission and message commands; others are refused with a reason.
 
-Only what is addressed to it alone is looked at: a command for everybody is the autopilot's, and must not be done twice.
+Only commands addressed to it are handled: broadcast commands are the autopilot's and must not run twice.
 """
 
 import math
@@ -21,7 +21,7 @@ from gloc3_onboard.companion.pending_requests import NotInControl, PendingReques
 
 MISSION_START: Final = 300
 FASTEST_HZ: Final = 10.0
-"""Who only looks must not fill a radio."""
+"""Greatest rate granted to observers, so that they do not fill a radio, Hz."""
 PROGRESS_AFTER_S: Final = 0.4
 PROGRESS_EVERY_S: Final = 1.0
 _OPEN: Final = (ActionState.RUNNING, ActionState.PAUSED)
@@ -35,7 +35,7 @@ _NEVER: Final[Mapping[int, str]] = {
 
 
 class _Running:
-    """A command whose answer is still to come."""
+    """A command without a final answer yet."""
 
     __slots__ = ("is_cancelled", "next_s", "request")
 
@@ -49,13 +49,13 @@ class Commands:
     """Carries out commands.
 
     Args:
-        own: as whom it answers.
-        asking: reaches the command interface server.
-        control: who holds control.
-        streams: the messages that can be asked for.
-        version: tells what this component can do.
-        serves: whom it serves.
-        say: takes the reason of each refusal.
+        own: MAVLink address of the companion.
+        asking: requests to the command interface server.
+        control: operator control.
+        streams: messages available on request.
+        version: returns the component's version and capabilities.
+        serves: whether a sender is served.
+        say: called with the reason of each refusal.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class Commands:
         }
 
     def tick(self, now_s: float) -> None:
-        """Carries out what has come, and tells that what takes its time is in progress."""
+        """Carries out received commands, and reports progress of long ones."""
         for request in self.server.events():
             self._run(request, now_s)
         for cancel in self.cancels.events():
@@ -95,7 +95,7 @@ class Commands:
                 self.server.answer(running.request, CommandResult.IN_PROGRESS, now_s=now_s)
 
     def next_tick_s(self) -> float | None:
-        """When progress is to be told."""
+        """Time of the next progress report."""
         return min((running.next_s for running in self._running), default=None)
 
     def _run(self, request: MavCommandRequest, now_s: float) -> None:
@@ -117,7 +117,7 @@ class Commands:
             self._refuse(request, CommandResult.DENIED, str(refusal))
 
     def _answer_query(self, request: MavCommandRequest, now_s: float) -> CommandResult | None:
-        """What only looks, and needs no control; None for any other command."""
+        """Answers queries, which need no control; None for other commands."""
         if request.command == SET_MESSAGE_INTERVAL and 0.0 < request.params[1] < 1e6 / FASTEST_HZ:
             raise Refused(f"no message is sent more often than {FASTEST_HZ:g} times a second")
         found = self._version.command(request)
@@ -161,7 +161,7 @@ class Commands:
         self.server.answer(request, result, now_s=self._requesting.now_s())
 
     def _cancel(self, cancel: CommandCancel) -> None:
-        """Ends what a command has begun: the mission, for its start; nothing else can be taken back."""
+        """Cancels a command: a started mission is aborted; others cannot be cancelled."""
         sender = cancel.sender
         running = next(
             (one for one in self._running if (one.request.sender, one.request.command) == (sender, cancel.command)),

@@ -32,7 +32,7 @@ from gloc3_onboard.companion.plans import PlanServer
 from gloc3_onboard.process.vitals import Vitals
 
 MOST_PEERS: Final = 64
-"""Of so many it is remembered on which link they are; who was not heard for longest is forgotten."""
+"""Number of peers whose link is remembered; the least recently heard is dropped."""
 CONTACT_PERIOD_S: Final = 0.5
 RATES_HZ: Final = {
     "CONTROL_STATUS": 1.0,
@@ -40,8 +40,8 @@ RATES_HZ: Final = {
     "MISSION_CURRENT": 0.0,
     "COMPONENT_METADATA": 0.0,
 }
-"""What can be asked for. The last two are told on request only: stations would take a MISSION_CURRENT of ours for the
-autopilot's."""
+"""Messages available on request, with their default rates. The last two are sent on request only: stations would
+mistake our MISSION_CURRENT for the autopilot's."""
 CAPABILITIES: Final = (
     ProtocolCapability.MISSION_FLOAT
     | ProtocolCapability.MISSION_INT
@@ -63,15 +63,15 @@ class _Link(NamedTuple):
 
 
 class Companion:
-    """Speaks for the onboard computer on any number of links.
+    """MAVLink component 191, the onboard computer, on any number of links.
 
     Args:
-        own: as whom.
+        own: its MAVLink address.
         platform: the platform file.
-        context: what the parts of the process share.
-        look: looks at the computer.
-        parameters: of the onboard computer itself.
-        accepts_plans: plans that stations send to the autopilot are ours, and do not reach it.
+        context: shared context of the process.
+        look: reads the computer's vital signs.
+        parameters: parameters of the onboard computer itself.
+        accepts_plans: whether it takes over plans that stations send to the autopilot.
     """
 
     def __init__(
@@ -126,13 +126,13 @@ class Companion:
         self._wake()
 
     def attach(self, send: Send, *, is_to_stations: bool = True) -> FrameHandler:
-        """Adds a link; gives what is to be called with the frames that are heard there."""
+        """Adds a link; returns a callable for frames received there."""
         link = _Link(send, is_to_stations)
         self._links.append(link)
         return lambda frames: self._receive_frames(link, frames)
 
     def share(self, files: Files, may_write: Callable[[], bool] = lambda: True) -> None:
-        """Shares files over MAVLink FTP from now on."""
+        """Serves files over MAVLink FTP from now on."""
 
         def admits(sender: Address) -> bool:
             return may_write() and self._requesting.control.holder in ("", str(sender.system))
@@ -142,7 +142,7 @@ class Companion:
         self._wanted |= {codec.shape(name).id for name in server.handles}
 
     def close(self) -> None:
-        """Says nothing any more."""
+        """Stops sending."""
         self._is_closed = True
         self._requesting.close()
         self.parameters.close()
@@ -152,7 +152,7 @@ class Companion:
     # --- what is heard ---
 
     def keeps(self, frame: Frame) -> bool:
-        """Whether a frame of a station is not to be passed on: it belongs to a plan for the autopilot that is ours."""
+        """Whether a station's frame is withheld from the autopilot, as part of a plan taken over here."""
         return (
             self._accepts_plans
             and frame.message_id in self._plan_ids
@@ -170,7 +170,7 @@ class Companion:
             self._settle()
 
     def _add_sender(self, frame: Frame) -> None:
-        """Notices the autopilot, and that whoever holds control by MAVLink is there."""
+        """Registers the autopilot, and activity of the holder of control on MAVLink."""
         if frame.system == self.own.system:
             message = frame.decode()
             if message is not None and message.autopilot != AUTOPILOT_INVALID:
@@ -210,19 +210,19 @@ class Companion:
             self._publisher.publish(self._contact_topic, StationHeard(station=str(system)), now_s)
 
     def _serves(self, sender: Address) -> bool:
-        """Not the autopilot: with that, this component is the one that asks."""
+        """Whether a sender is served; the autopilot is not, since the companion is its client."""
         return sender not in self._autopilots
 
     # --- what is said ---
 
     def _wake(self) -> None:
-        """Settles soon: something has changed that was not heard on a link."""
+        """Schedules a pass soon, after a change that was not received on a link."""
         if not self._is_waking and not self._is_closed:
             self._is_waking = True
             self._loop.call_soon(self._settle)
 
     def _settle(self) -> None:
-        """Lets every service do what is due, sends what they say, and sets the alarm."""
+        """Runs all due services, sends their messages, and sets the next alarm."""
         self._is_waking = False
         if self._is_closed:
             return
@@ -245,7 +245,7 @@ class Companion:
         self._timer = None if next_s is None else self._loop.call_at(max(next_s, now_s), self._settle)
 
     def _send(self, message: MavlinkMessage) -> None:
-        """To whom it is addressed, where that was heard; to all stations what is for everybody, or for who is forgotten."""
+        """Sends to the target's link, if known; broadcasts, and messages for dropped peers, to all stations."""
         target_system = getattr(message, "target_system", 0)
         found = self._peers.get(Address(target_system, message.target_component)) if target_system else None
         for link in self._links if found is None else (found,):
@@ -261,7 +261,7 @@ class Companion:
 
 
 def _to(message: MavlinkMessage, target: Address) -> MavlinkMessage:
-    """The same message, to somebody else."""
+    """The same message for another target."""
     fields = {field.attribute: getattr(message, field.attribute) for field in message.shape.fields}
     return codec.message(
         message.name, **{**fields, "target_system": target.system, "target_component": target.component}
@@ -276,27 +276,27 @@ def _version() -> tuple[int, int, int]:
 
 
 MOST: Final = 8
-"""In a period; what is more is counted and told at its end."""
+"""Greatest number in a period; the rest is counted and reported at its end."""
 PERIOD_S: Final = 5.0
 
 
 class Reasons:
-    """Sends the reasons of refusals, limited in number.
+    """Sends the reasons of refusals, rate-limited.
 
     Args:
-        tell: takes one.
+        tell: called with each reason.
     """
 
     def __init__(self, report: Callable[[str], None]) -> None:
         self.reported = 0
-        """Reasons so far, told or not."""
+        """Number of reasons so far, sent or not."""
         self._report = report
         self._now_s = 0.0
         self._in_period = self._untold = 0
         self._ends_s: float | None = None
 
     def report(self, text: str) -> None:
-        """Tells a reason, unless too many were told just before."""
+        """Sends a reason, unless the limit is reached."""
         self.reported += 1
         if self._in_period >= MOST:
             self._untold += 1

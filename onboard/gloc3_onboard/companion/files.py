@@ -1,6 +1,6 @@
 """The files shared over MAVLink FTP: missions to read and write, logs and pictures to read, and metadata.
 
-Nothing else of the onboard computer's folder is there, neither its journal nor what it keeps for a restart.
+Nothing else of the onboard computer's folder is served, neither its journal nor its restart state.
 """
 
 import re
@@ -40,7 +40,7 @@ def shared_files(folder: Path, logs: Path, metadata: Mapping[str, bytes]) -> Fil
 
 
 class Folders:
-    """Several file trees, each in its own folder; the top holds nothing else."""
+    """Several file trees, each in its own folder below the root."""
 
     def __init__(self, folders: Mapping[str, Files]) -> None:
         self._folders = folders

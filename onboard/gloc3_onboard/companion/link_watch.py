@@ -18,9 +18,9 @@ class LinkWatch:
     """Checks links regularly, and reports the problem of each once, and when it changes.
 
     Args:
-        loop: in which it looks.
-        endpoints: the links' ends; more may come.
-        say: takes what a person should know.
+        loop: the event loop.
+        endpoints: endpoints of the links; more may be added.
+        say: called with messages for people.
     """
 
     def __init__(
@@ -28,11 +28,11 @@ class LinkWatch:
     ) -> None:
         self._loop, self._endpoints, self._report = loop, endpoints, report
         self._reported: dict[str, str] = {}
-        """What was told last of each link, by its URL."""
+        """Last reported problem of each link, by its URL."""
         self._timer: asyncio.TimerHandle | None = None
 
     def begin(self) -> None:
-        """Gives the links some time, then looks."""
+        """Gives the links some time, then starts checking."""
         self._timer = self._loop.call_later(POLL_AFTER_S, self._poll)
 
     def close(self) -> None:
@@ -43,7 +43,7 @@ class LinkWatch:
     def _poll(self) -> None:
         self._timer = self._loop.call_later(POLL_PERIOD_S, self._poll)
         for endpoint in self._endpoints:
-            problem = endpoint.intruder if endpoint.is_connected else endpoint.problem or "nothing is heard there"
+            problem = endpoint.intruder if endpoint.is_connected else endpoint.problem or "nothing is received there"
             if problem != self._reported.get(endpoint.url, ""):
                 severity = Severity.ERROR if endpoint.intruder else Severity.WARNING if problem else Severity.NOTICE
                 self._report(severity, f"{endpoint.url}: {problem or 'connected'}")
@@ -51,16 +51,16 @@ class LinkWatch:
 
 
 MOST: Final = 5
-"""In a second: a flood of requests is not answered by a flood of ours."""
+"""Greatest number per second, so that a flood of requests causes no flood of replies."""
 PERIOD_S: Final = 1.0
 
 
 class RateWatch:
-    """Measures the message rates of stations.
+    """Tracks the message rates requested by stations.
 
     Args:
-        changed: called when the autopilot may send at other rates from now on.
-        now_s: tells the time.
+        changed: called when the autopilot's rates may have changed.
+        now_s: returns the time.
     """
 
     def __init__(self, changed: Callable[[], None], now_s: Callable[[], float]) -> None:
@@ -70,7 +70,7 @@ class RateWatch:
         self._command_ids = frozenset(codec.shape(name).id for name in ("COMMAND_LONG", "COMMAND_INT"))
 
     def receive(self, frames: Iterable[Frame]) -> None:
-        """Looks at frames of a station, which the router passes on."""
+        """Inspects frames of a station that the router forwards."""
         for frame in frames:
             if frame.message_id == self._stream_id or (frame.message_id in self._command_ids and _sets_a_rate(frame)):
                 now_s = self._now_s()

@@ -1,6 +1,6 @@
 """MAVLink component metadata of the onboard computer, served over MAVLink FTP.
 
-There is no file of events: what a component tells is a text, and MAVLink's events carry numbers for texts known before.
+There is no event file: components report texts, whereas MAVLink events carry numbers of predefined texts.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ class Metadata:
     """The files, and the message that names the first of them.
 
     Args:
-        own: whose.
+        own: MAVLink address of the component.
         platform: the platform's name.
         rows: every parameter.
     """

@@ -1,6 +1,6 @@
 """MAVLink operator control: other stations see and request control of the platform.
 
-It is the control of this component alone, which is what the missions obey; whom the autopilot obeys is its own affair.
+It concerns control of this component, which the missions obey; the autopilot has its own control.
 """
 
 from collections.abc import Callable
@@ -36,12 +36,12 @@ class OperatorControl:
         self._addresses: dict[int, Address] = {}
         """The last holder and requester that came by MAVLink, by system."""
         self._lenient = 0
-        """The system that lets others take over from it, while it holds control."""
+        """System that allows others to take over while it holds control."""
         self._requested = ""
-        """The request that the holder was last told of."""
+        """Last request reported to the holder."""
 
     def status(self) -> MavlinkMessage:
-        """CONTROL_STATUS of now; a holder whose id is no MAVLink system cannot be told."""
+        """Current CONTROL_STATUS; a holder without a MAVLink system id cannot be reported."""
         holder = _system(self._requesting.control.holder)
         is_free = not self._requesting.control.holder or holder == self._lenient
         return message("CONTROL_STATUS", gcs_main=holder, flags=TAKEOVER_ALLOWED if is_free else 0)
@@ -74,7 +74,7 @@ class OperatorControl:
             self._request(request, lets_others == 1.0, answer)
 
     def tick(self) -> None:
-        """Tells a holder on MAVLink who wants control, and grants it where the holder lets everybody take over."""
+        """Notifies a MAVLink holder of requests for control, and grants them if the holder allows take-over."""
         control = self._requesting.control
         holder = _system(control.holder)
         if self._lenient and self._lenient != holder:
@@ -101,7 +101,7 @@ class OperatorControl:
         )
 
     def holds(self, address: Address) -> None:
-        """Remembers where a system that acts is heard."""
+        """Remembers the address of an acting system."""
         holder = _system(self._requesting.control.holder)
         self._addresses = {one: at for one, at in self._addresses.items() if one == holder}
         self._addresses[address.system] = address

@@ -101,7 +101,7 @@ def _rows_of(component: ComponentRow, names: set[str]) -> Iterator[CompanionPara
 
 @cache
 def _docs(settings: type[Settings]) -> dict[str, str]:
-    """What is said of the settings; from the source, which takes its time."""
+    """Docstrings of the settings, read from the source, which is slow."""
     return field_docs(settings)
 
 
@@ -141,13 +141,13 @@ def _shorter(word: str) -> str:
 
 
 def setting_value(row: CompanionParameter, value: float, kinds: Mapping[str, Any]) -> Any:
-    """What a component is given for a value from the wire."""
+    """A component's setting for a value from the wire."""
     plain = _number(kinds[row.setting])[0]
     return bool(value) if plain is bool else int(value) if plain is int else exact(value)
 
 
 def exact(value: float) -> float:
-    """The shortest number that a 32-bit float stands for: 0.1 and not 0.10000000149."""
+    """Shortest decimal of a 32-bit float: 0.1 and not 0.10000000149."""
     return float(f"{value:.7g}")
 
 
@@ -160,11 +160,11 @@ class OwnParameter(NamedTuple):
 
 
 def own_parameters(report: Callable[[Severity], None], allow: Callable[[bool], None]) -> list[OwnParameter]:
-    """How severe an event must be to be told as STATUSTEXT, and whether missions can be written over MAVLink FTP.
+    """Own parameters: least severity of events sent as STATUSTEXT, and write access over MAVLink FTP.
 
     Args:
-        report: takes the least severity.
-        allow: takes whether files may be written.
+        report: called with the least severity.
+        allow: called with whether files may be written.
     """
     severity = CompanionParameter(
         name="TEXT_SEVERITY",

@@ -1,7 +1,7 @@
-"""The onboard computer's parameters: rates and settings of its components, changed as our stations change them.
+"""Parameters of the onboard computer: rates and settings of its components, changed as by our stations.
 
-A setting is adopted when its component initializes, so it can be changed while that is in standby (or idle, or faulty);
-a rate while it is working. The command interface server says no to everything else, and its reason is passed on.
+A setting applies when its component initializes, so it can be changed in standby (or idle, or faulty); a rate while
+working. The command interface server refuses everything else, and its reason is forwarded.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,20 +28,20 @@ from gloc3_onboard.companion.parameter_table import CompanionParameter, OwnParam
 from gloc3_onboard.companion.pending_requests import NotInControl, PendingRequests
 
 MOST_AWAITED: Final = 64
-"""Commands to components whose replies are awaited, to learn what they have adopted."""
+"""Commands to components with a pending reply, which shows the adopted values."""
 
 
 class CompanionParameters:
     """Serves parameters.
 
     Args:
-        own: as whom it speaks.
-        asking: reaches the command interface server.
-        exchange: tells what others change.
-        platform: whose components.
-        own_parameters: those of the onboard computer itself; the others are its components'.
-        say: takes the reason of each refusal.
-        changed: called when there is something to tell.
+        own: MAVLink address of the server.
+        asking: requests to the command interface server.
+        exchange: source of other parties' changes.
+        platform: the platform file.
+        own_parameters: parameters of the onboard computer itself.
+        say: called with the reason of each refusal.
+        changed: called when there is something to send.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class CompanionParameters:
             unsubscribe()
 
     def tick(self) -> None:
-        """Carries out what was wanted."""
+        """Carries out requested changes."""
         for event in self.server.events():
             match event:
                 case ParameterWanted():

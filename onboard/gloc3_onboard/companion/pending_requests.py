@@ -30,17 +30,17 @@ class _Open(NamedTuple):
 
 
 class PendingRequests:
-    """One for the process.
+    """Requests of MAVLink clients to the command interface server; one instance a process.
 
-    What needs control is refused here for everybody but its holder: strangers, however many, reach neither the server nor
+    Commands that need control are refused here for all but its holder, so that strangers reach neither the server nor
     its journal.
 
     Args:
         exchange: the platform's middleware.
         platform: the platform's name.
-        boot: a random number for this start of the process.
-        now_s: tells the time.
-        changed: called when an answer has come, or what is known of control and mission has changed.
+        boot: random number of this start of the process.
+        now_s: returns the time.
+        changed: called after an answer, or a change of control or mission.
     """
 
     def __init__(
@@ -52,11 +52,11 @@ class PendingRequests:
         changed: Callable[[], None] = lambda: None,
     ) -> None:
         self.control = ControlState(holder="")
-        """Who holds control, as told last."""
+        """Latest control state."""
         self.mission = MissionSummary(name="", digest="", state="")
-        """The loaded mission, as told last."""
+        """Latest summary of the loaded mission."""
         self.acted: Callable[[Address], None] = lambda _sender: None
-        """Told who has done what needs control."""
+        """Called with the sender of each command that needs control."""
         self._platform, self._boot, self.now_s, self._changed = platform, boot, now_s, changed
         self._publisher = Publisher(exchange, platform, "companion", boot)
         self._sequence = 0
@@ -68,7 +68,7 @@ class PendingRequests:
         ]
 
     def close(self) -> None:
-        """Hears nothing any more; who waits is not answered."""
+        """Unsubscribes; pending requests are not answered."""
         for unsubscribe in self._unsubscribe:
             unsubscribe()
         self._open.clear()
@@ -77,16 +77,16 @@ class PendingRequests:
         """Refuses a system while another one holds control.
 
         Raises:
-            NotInControl: somebody else does.
+            NotInControl: another system holds control.
         """
         if self.control.holder not in ("", str(system)):
             raise NotInControl(f"station {self.control.holder} holds control")
 
     def act(self, sender: Address, body: AnyBody, then: Then) -> None:
-        """Asks for what needs control. While nobody holds it, control is asked for first: other programs cannot.
+        """Sends a request that needs control. While control is free, it is requested first, as other programs cannot.
 
         Raises:
-            Refused: somebody else holds control, or too much is asked at once.
+            Refused: another system holds control, or too many requests are pending.
         """
         system = sender.system
         self.require(system)
@@ -111,10 +111,10 @@ class PendingRequests:
             self.request(str(system), Control(verb=ControlVerb.REQUEST), granted)
 
     def request(self, sender: str, body: AnyBody, then: Then) -> None:
-        """Asks; `then` gets the reply, or after a while one that says *unknown*.
+        """Sends a request; `then` is called with the reply, or after a time-out with *unknown*.
 
         Raises:
-            Refused: too much is asked at once.
+            Refused: too many requests are pending.
         """
         if len(self._open) >= MOST_OPEN:
             raise Refused(f"busy: {MOST_OPEN} requests are waiting")
@@ -125,7 +125,7 @@ class PendingRequests:
         self._publisher.publish(f"{self._platform}/ci/request", request, now_s)
 
     def tick(self, now_s: float) -> None:
-        """Ends the waiting of those whose answer has not come."""
+        """Times out pending requests."""
         for key, waiting in [item for item in self._open.items() if now_s >= item[1].until_s]:
             del self._open[key]
             waiting.then(

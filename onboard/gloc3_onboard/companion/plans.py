@@ -1,7 +1,7 @@
 """Converts plans that other ground stations upload into missions of ours, and our missions into plans.
 
-The loaded mission is the one thing that both sides see: an upload loads one, through the command interface server, which
-checks it as any other; a mission that a station of ours has loaded is given to who downloads, where it can be expressed.
+Both sides share the loaded mission: an upload loads one through the command interface server, with the usual checks; a
+download returns a mission loaded by one of our stations, as far as a plan can express it.
 """
 
 import math
@@ -47,7 +47,7 @@ _MISSION_STATES: Final = {
 
 
 class _Deciding(NamedTuple):
-    """A plan that the server of commands has been asked to load or to forget."""
+    """A plan whose loading or clearing has been requested from the command server."""
 
     offered: PlanOffered
     digest: str
@@ -58,14 +58,14 @@ class _Deciding(NamedTuple):
 
 
 class PlanServer:
-    """Serves missions and fences; rally points have no place in a mission.
+    """Serves missions and fences; missions have no rally points.
 
     Args:
-        own: as whom it speaks.
-        asking: reaches the command interface server.
-        platform: whose missions.
-        serves: whom it serves.
-        say: takes what people should know, with the reason of each refusal.
+        own: MAVLink address of the server.
+        asking: requests to the command interface server.
+        platform: the platform file.
+        serves: whether a sender is served.
+        say: called with messages for people, including reasons of refusals.
     """
 
     def __init__(
@@ -89,14 +89,14 @@ class PlanServer:
         self._deciding: dict[PlanType, _Deciding] = {}
         self._fence: tuple[FenceArea, ...] = ()
         self._seen: str | None = ""
-        """The digest that was told last; None where it is to be looked at anew."""
+        """Last seen digest; None to check again."""
         self._followed = ""
-        """The digest of the mission that the plans stand for."""
+        """Digest of the mission that the plans represent."""
         self._is_uploaded = False
         """Whether that mission was made of an uploaded plan."""
 
     def tick(self, now_s: float) -> None:
-        """Decides on what was uploaded, and keeps the plans in step with the loaded mission."""
+        """Decides on uploads, and updates the plans from the loaded mission."""
         for event in self.server.events():
             match event:
                 case PlanOffered():
@@ -118,7 +118,7 @@ class PlanServer:
         return min((deciding.until_s for deciding in self._deciding.values()), default=None)
 
     def _admits(self, sender: Address) -> bool:
-        """Whether somebody may change the plans now."""
+        """Whether a sender may change the plans now."""
         mission = self._requesting.mission
         try:
             self._requesting.require(sender.system)
@@ -131,7 +131,7 @@ class PlanServer:
         return True
 
     def _check(self, kind: PlanType, items: Items) -> PlanResult | None:
-        """What can be said of a plan without asking anybody."""
+        """Local verdict on a plan, without requests."""
         verdict: Verdict | None = None
         match kind:
             case PlanType.MISSION:
@@ -170,7 +170,7 @@ class PlanServer:
             self._refuse(deciding, PlanResult.INVALID, _first_line(str(error)))
 
     def _accept_fence(self, deciding: _Deciding, now_s: float) -> None:
-        """A fence belongs to the mission: one that is loaded already is loaded anew, with it."""
+        """Handles an uploaded fence, which belongs to the mission: a loaded mission is reloaded with it."""
         offered = deciding.offered
         areas = fence_of(offered.items)
         assert not isinstance(areas, Verdict)  # it has been checked
@@ -286,7 +286,7 @@ class Verdict(NamedTuple):
 
 
 def judge(items: Items) -> Verdict | None:
-    """What is wrong with the first item that cannot be flown; None where all can be, as far as each tells."""
+    """Problem of the first item that cannot be flown; None if there is none."""
     for number, item in enumerate(items):
         found = _judge_item(item)
         if found is not None:
@@ -315,12 +315,12 @@ def _judge_item(item: PlanItem) -> Verdict | None:
 
 
 def plan_of(items: Items, fence: Sequence[FenceArea]) -> ForeignPlan:
-    """The plan that items of a mission, and a fence, stand for."""
+    """Plan for the items of a mission and a fence."""
     return ForeignPlan(entries=tuple(PlanEntry(items=(from_wire(item),)) for item in items), fence=tuple(fence))
 
 
 def fence_of(items: Items) -> tuple[FenceArea, ...] | Verdict:
-    """The areas that items of a fence stand for; or what is wrong with them."""
+    """Areas for the items of a fence, or the problem with them."""
     areas: list[FenceArea] = []
     corners: list[tuple[float, float]] = []
     for number, item in enumerate(items):

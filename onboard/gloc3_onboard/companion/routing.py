@@ -1,4 +1,4 @@
-"""The MAVLink router of the onboard process: its links, each with a way in and a way out."""
+"""MAVLink router of the onboard process: its links, each with input and output."""
 
 import asyncio
 from collections.abc import Callable, Iterator, Sequence
@@ -60,7 +60,7 @@ class RoutedLink:
         self._polled: tuple[float, int, int] = (loop.time(), 0, 0)
 
     def open(self, endpoint: Endpoint) -> None:
-        """Begins; the endpoint's owner passes what it hears to `receive`."""
+        """Opens the link; the endpoint's owner passes received data to `receive`."""
         self._endpoint = endpoint
         self._parser = Parser(is_datagram=endpoint.is_datagram)
         self.routed.origin = lambda: endpoint.origin
@@ -73,7 +73,7 @@ class RoutedLink:
         self._endpoint = None
 
     def receive(self, data: bytes) -> None:
-        """Handles what the endpoint has received: frames are passed on first, all else can wait."""
+        """Handles received data: frames are forwarded first."""
         now_s, gate = self._loop.time(), self._signed_only
         frames = self._parser.receive(data)
         good = frames if gate is None else [frame for frame in frames if gate.passes(frame, now_s)]
@@ -114,13 +114,13 @@ class RoutedLink:
                 self._endpoint.send(piece)
 
     def _request_rate(self) -> None:
-        """Takes over the rate of a line that has found it by itself; before that nothing is sent there."""
+        """Adopts the rate of a line that detects it; nothing is sent there before."""
         endpoint = self._endpoint
         if isinstance(endpoint, SerialEndpoint) and endpoint.is_connected:
             self.outlet.rate_byte_s = endpoint.baud / BITS_PER_BYTE
 
     def condition(self) -> LinkCondition:
-        """How it is, and what has passed; rates are those since this was asked last. May be called from any thread."""
+        """State and traffic; rates are those since the last call. May be called from any thread."""
         endpoint = self._endpoint
         if endpoint is None:
             return self._last
@@ -152,7 +152,7 @@ class RoutedLink:
             refused=refused,
             genuine=0 if self._signed_only is None else self._signed_only.genuine,
         )
-        problem = "" if endpoint.is_connected else endpoint.problem or "nothing is heard there"
+        problem = "" if endpoint.is_connected else endpoint.problem or "nothing is received there"
         return LinkCondition(self.url, problem, bytes_in, traffic, endpoint.intruder)
 
     def _wait(self) -> None:
@@ -171,7 +171,7 @@ class RoutedLink:
 
 
 def _pieces(frames: Sequence[Frame]) -> Iterator[bytes]:
-    """Frames put together, none larger than what a network carries in one piece."""
+    """Frames joined into datagrams that a network carries unfragmented."""
     piece = b""
     for frame in frames:
         if piece and len(piece) + len(frame.raw) > DATAGRAM_BYTES:

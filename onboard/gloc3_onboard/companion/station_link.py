@@ -28,12 +28,12 @@ from gloc3_onboard.autopilot.link import COMPANION, FrameLink
 
 CONTACT_PERIOD_S: Final = 0.5
 NO_STATION_S: Final = 6.0
-"""When no station was heard for so long, nobody is there; longer than until the server takes them for out of contact."""
+"""Time without a station after which none counts as present, s; longer than the server's limit for contact."""
 ONBOARD_CONTROLLER: Final = 18
 
 
 def heartbeat(health: Health) -> MavlinkMessage:
-    """The heartbeat that tells the platform's health; the custom mode says which of quiet and working, absent and faulty."""
+    """Heartbeat with the platform's health; the custom mode distinguishes quiet from working and absent from faulty."""
     return codec.message(
         "HEARTBEAT",
         type=ONBOARD_CONTROLLER,
@@ -75,9 +75,9 @@ class StationLinkSettings(NamedTuple):
     budget: LinkBudget = RADIO
     """What the link carries."""
     signing: Signing | None = None
-    """Signs all that is sent, and verifies all that is received; None on a link without a key."""
+    """Signs all sent frames and verifies all received ones; None without a key."""
     role: StationRole = StationRole.OPERATOR
-    """Of all stations on it."""
+    """Role of all stations on the link."""
     name: str = ""
     """What the link is called in the record of commands."""
 
@@ -87,12 +87,12 @@ class StationLink:
 
     Args:
         platform: the platform's name.
-        system_id: of the vehicle.
+        system_id: MAVLink system of the vehicle.
         loop: the process's loop.
         exchange: the platform's middleware.
-        topics: the topics that are known.
-        boot: a random number for this start of the process.
-        settings: of the link.
+        topics: known topics.
+        boot: random number of this start of the process.
+        settings: settings of the link.
     """
 
     def __init__(
@@ -110,7 +110,7 @@ class StationLink:
         self._role, self._route = settings.role, f"{name}, signed" if signing is not None else name
         self._signing = signing
         self.signed_only: Final = None if signing is None else SignedOnly(signing, self._warn)
-        """Judges what is heard; None on a link without a key."""
+        """Accepts or rejects received frames; None without a key."""
         self._clock = Clock(loop)
         self._link: FrameLink | None = None
         own = Address(system_id, COMPANION)
@@ -125,16 +125,16 @@ class StationLink:
         self._contact_topic = f"{platform}/ci/heard"
         self._received_s: dict[str, float] = {}
         self._reached: frozenset[str] = frozenset()
-        """The stations to which what is published here gets."""
+        """Stations reached by published messages."""
         self._event_topic = f"{platform}/components/station_link/event"
         self._exchange.listen(self._on_event)
 
     def open(self, link: FrameLink) -> None:
-        """Begins to send by a link, whose owner passes the frames that it receives to `receive_frames`."""
+        """Starts sending on a link, whose owner passes received frames to `receive_frames`."""
         self._link = link
 
     def close(self) -> None:
-        """Says nothing any more."""
+        """Stops sending."""
         self._part()
         self._exchange.close()
         self._link = None
@@ -160,20 +160,20 @@ class StationLink:
                     self._note_station(frame.sender)
 
     def _marked(self, envelope: Envelope[Any]) -> Envelope[Any]:
-        """A request says how it came, and what its sender may do, by what is known here."""
+        """A request marked with its link and its sender's permissions."""
         if not isinstance(envelope.payload, CiRequest | VelocityDemand):
             return envelope
         request = replace(envelope.payload, role=self._role, way=self._route)
         return replace(envelope, payload=request)
 
     def _leaves(self, envelope: Envelope[Any]) -> bool:
-        """Events of a silence are asked for at the next contact, behind its summary; nothing is queued for nobody."""
+        """Whether an event is sent now; during a silence it waits for the next contact."""
         if not isinstance(envelope.payload, CiEvent):
             return True
         return self._loop.time() - max(self._received_s.values(), default=float("-inf")) < NO_STATION_S
 
     def _on_event(self, happening: Happening) -> None:
-        """What a person should know of the link is an event as any other: logged, and told to the stations."""
+        """Publishes a link event as any other event: logged, and sent to stations."""
         if isinstance(happening, TunnelTrouble):
             self._warn(happening.text)
 
@@ -182,7 +182,7 @@ class StationLink:
         self._publisher.publish(self._event_topic, event, self._loop.time())
 
     def _note_station(self, sender: Address) -> None:
-        """A station is known by the name that it gives itself, as long as it is silent by its MAVLink system."""
+        """Registers a station by its own name, or by its MAVLink system until it sends one."""
         peers = self._exchange.endpoint.peers()
         now_s, peer = self._loop.time(), next((p for p in peers if p.address == sender), None)
         station, is_reached = (str(sender.system), False) if peer is None else (peer.name, peer.is_alive)

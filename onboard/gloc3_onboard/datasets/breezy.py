@@ -1,7 +1,7 @@
 """Logs of BreezySLAM: a Hokuyo URG-04LX on a rover with two wheels, one scan a line, whole numbers only.
 
 Time in microseconds, then in words 3 and 4 the ticks of the left and the right wheel, from word 25 on the ranges in
-millimetres from the right (-120 degrees) to the left; 0 is nothing seen.
+millimetres from the right (-120 degrees) to the left; 0 is no echo.
 """
 
 from math import pi, radians

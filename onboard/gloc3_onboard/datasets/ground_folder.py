@@ -1,4 +1,4 @@
-"""A data set of a camera that looks down, in the manner of EuRoC's folders.
+"""A data set of a downward camera, in the layout of EuRoC's folders.
 
     ground/data.csv      #timestamp [ns],filename: one line a picture
     ground/data/…        the pictures, grey
@@ -6,8 +6,8 @@
     attitude.csv         #timestamp [ns],q_w,q_x,q_y,q_z: of the body on north, east and down; a heading of any origin
     height.csv           #timestamp [ns],height [m]: from the body's origin to the ground
 
-All may also be in a folder `mav0`. Times of attitudes and heights need not be those of the pictures; none is used that is
-more than `GAP_S` from a picture.
+All may also be in a folder `mav0`. Times of attitudes and heights need not be those of the pictures; none is used that
+is more than `GAP_S` from a picture.
 """
 
 import csv
@@ -30,7 +30,7 @@ T = TypeVar("T")
 
 
 class GroundFrame(NamedTuple):
-    """One picture, and what was measured at its time."""
+    """One picture with the measurements at its time."""
 
     t_s: float
     file: Path
@@ -92,7 +92,7 @@ def read_ground_folder(folder: Path, sensor: str = "ground") -> GroundFolder:
 
 
 def _rows(path: Path, columns: int, convert: Callable[[list[str]], T]) -> list[tuple[float, T]]:
-    """Times in seconds, with what the other columns say."""
+    """Times in seconds with the converted remaining columns."""
     try:
         lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Laser logs: what is common to all forms, and which reader takes which file.
+"""Laser logs: common types, and the reader of each file form.
 
 Poses and motions are on level axes, x forward, y right, headings clockwise; most logs have them the other way round.
 """
@@ -16,20 +16,20 @@ from gloc3.messages.perception import LaserScan
 from gloc3_onboard.algorithms.scan_matching.planar import Array, Planar
 
 INTERVAL_S = 0.1
-"""Between the scans of a log that does not tell."""
+"""Scan interval of logs without times, s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoggedScan:
-    """A scan as it stands in a log."""
+    """A scan as logged."""
 
     stamp_s: float
     """The log's own time."""
     scan: LaserScan
     pose: Planar | None = None
-    """The pose that the log gives with the scan: the truth in a corrected log."""
+    """Pose logged with the scan: the truth in a corrected log."""
     wheels: Planar | None = None
-    """The motion since the scan before, as the wheels tell."""
+    """Motion since the previous scan, by the wheels."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +49,7 @@ class LaserLog:
 
 
 class LaserLogLine:
-    """One line of a log, read word by word; what is wrong with a word is told with its place."""
+    """One line of a log, read word by word; errors are reported with their position."""
 
     def __init__(self, path: Path, number: int, text: str) -> None:
         self.words = text.split()

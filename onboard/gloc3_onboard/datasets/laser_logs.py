@@ -55,10 +55,10 @@ def _robot_laser(line: LaserLogLine) -> LoggedScan:
 
 
 def read_gfs(path: Path, range_max_m: float = RANGE_MAX_M) -> LaserLog:
-    """Reads a log of GMapping: `LASER_READING n r1..rn x y theta t`, with the pose that the wheels tell.
+    """Reads a log of GMapping: `LASER_READING n r1..rn x y theta t`, with the pose from the wheels.
 
     Raises:
-        InputError: a line is damaged, or there is no scan.
+        InputError: a line is damaged, or the log has no scan.
     """
     scans: list[LoggedScan] = []
     before: Planar | None = None
@@ -84,15 +84,15 @@ _READERS = {".log": read_carmen, ".clf": read_carmen, ".gfs": read_gfs, ".dat": 
 
 
 def read_laser_log(dataset: Path, range_max_m: float | None = None) -> LaserLog:
-    """Reads a log, told by its suffix.
+    """Reads a log of the form given by its suffix.
 
     Args:
         dataset: the file, or a folder with one log.
-        range_max_m: a range at or past it is nothing seen; None for what is usual for the kind of log.
+        range_max_m: ranges from here on mean no echo; None for the default of the kind of log.
 
     Raises:
-        Refused: the file, or its kind, is not known.
-        InputError: it is damaged.
+        Refused: the file does not exist, or its form is unknown.
+        InputError: the log is damaged.
     """
     path = file_of(dataset)
     if not path.is_file():

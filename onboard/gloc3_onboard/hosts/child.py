@@ -1,4 +1,4 @@
-"""A child process of a host, as the host's main process sees it: begun, led, watched, and answered for while it is away."""
+"""A child process of a host, seen from the main process: start, supervision and stand-ins."""
 
 import asyncio
 import os
@@ -43,18 +43,18 @@ from gloc3_onboard.hosts.stand_in import ComponentPlaceholder
 LINE_MAX: Final = 160
 
 FATAL: Final = re.compile(r"Fatal Python error: (?P<what>.+)")
-"""Where the fault handler's dump begins."""
+"""First line of the fault handler's dump."""
 _THREAD: Final = re.compile(r"(Current thread|Thread) 0x[0-9a-f]+.*most recent call first")
 _FRAME: Final = re.compile(r'\s*File "(?P<file>[^"]+)", line (?P<line>\d+) in (?P<function>.+)')
 PROGRAM: Final = (sys.executable, "-X", "faulthandler", "-m", "gloc3_onboard.hosts.child_main")
-"""What a child runs; the arguments are its end of the pipe, and for people who list processes what it is."""
+"""Command line of a child; its arguments are its end of the pipe and a description for process lists."""
 POLL_PERIOD_S: Final = 0.5
 STUCK_S: Final = 2.0
-"""A child whose loop has not turned for so long is ended."""
+"""Time without a turn of the loop after which a child is ended, s."""
 BEGIN_S: Final = 60.0
 """How long a child may take until its components are there."""
 DUMP_S: Final = 1.0
-"""How long a stuck child may take to tell where it is."""
+"""Time for a stuck child to dump its stack, s."""
 LEAVE_S: Final = 2.0
 WORDS_MAX: Final = 80
 """Lines of a child's stderr that are kept."""
@@ -75,11 +75,11 @@ class ChildProcess:
     """One child process with its components.
 
     Args:
-        name: of the process.
-        rows: the components that it hosts.
-        context: of the host's main process.
-        order: what the process is told, given how its components come back.
-        say: narrates a line that it has written.
+        name: name of the process.
+        rows: its components.
+        context: context of the host's main process.
+        order: makes the setup of the process, from the states to restore.
+        say: called with each line of its output.
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class ChildProcess:
         self._remainder = b""
         self._is_dying = False
         self._silent = 0
-        """How often it was looked at since it was last heard."""
+        """Checks since its last heartbeat."""
         self._verdict = ""
         """Why it was ended, where that was us."""
         self._has_ended = asyncio.Event()
@@ -152,7 +152,7 @@ class ChildProcess:
         self._spawn(None)
 
     async def end(self) -> None:
-        """Ends it for good, after its components have left."""
+        """Ends it permanently, after its components have left."""
         if self._process is not None and self._pipe is not None:
             self.phase = ChildPhase.LEFT
             self._pipe.send(EndChild())
@@ -179,7 +179,7 @@ class ChildProcess:
             self._pipe.send(ChildReport(offset_s))
 
     def give_up_beginning(self) -> None:
-        """Is not waited for any more: nothing that is asked of its components begins it again."""
+        """Stops waiting for its start; requests to its components no longer restart it."""
         if self.phase is ChildPhase.BEGINNING and self._process is not None:
             self._verdict = "was still starting at shutdown"
             self._process.kill()
@@ -212,7 +212,7 @@ class ChildProcess:
         self._timer = self._loop.call_later(POLL_PERIOD_S, self._check_heartbeat)
 
     def _reap(self) -> int:
-        """Closes what belonged to the process, whose end is near or has come; its code."""
+        """Releases the resources of the ended process; returns its exit code."""
         assert self._process is not None
         for file in self._ends:
             self._loop.remove_reader(file)
@@ -255,7 +255,7 @@ class ChildProcess:
                 self._placeholders[component].refuse(request, self.cause)
 
     def _check_heartbeat(self) -> None:
-        """Counts how often it was silent: a main process that was itself held up does not blame the child."""
+        """Counts missed heartbeats by checks, so that a delay of the main process itself is not blamed on the child."""
         self._timer = self._loop.call_later(POLL_PERIOD_S, self._check_heartbeat)
         self._silent += 1
         limit_s = BEGIN_S if self.phase is ChildPhase.BEGINNING else STUCK_S
@@ -346,7 +346,7 @@ class ChildProcess:
 
 
 def describe_exit(code: int) -> str:
-    """How a process ended, by its code as `subprocess` gives it: `by SIGSEGV`, `with code 1`, `by itself`."""
+    """End of a process, from its `subprocess` exit code: `by SIGSEGV`, `with code 1`, `by itself`."""
     if code < 0:
         try:
             return f"by {signal.Signals(-code).name}"
@@ -356,9 +356,9 @@ def describe_exit(code: int) -> str:
 
 
 def last_lines(lines: Sequence[str]) -> str:
-    """The gist in a line of what a process wrote on stderr before it ended; empty if it wrote nothing.
+    """One-line summary of a process's last stderr output; empty without output.
 
-    Of a crash that the fault handler caught, that is the error and the innermost function of the thread that had it.
+    For a crash caught by the fault handler: the error and the innermost function of the failing thread.
     """
     reported = last_error(lines)
     fatal = FATAL.match(reported[0]) if reported else None
@@ -370,7 +370,7 @@ def last_lines(lines: Sequence[str]) -> str:
 
 
 def last_error(lines: Sequence[str]) -> list[str]:
-    """The lines that tell why a process ended: of a dump only the error and the thread that had it, else all."""
+    """The lines that explain the end of a process: of a dump only the error and the failing thread, else all."""
     text = [line for line in lines if line.strip()]
     begin = next((index for index, line in enumerate(text) if FATAL.match(line)), None)
     if begin is None:

@@ -1,4 +1,4 @@
-"""A child process of a host: `python -m gloc3_onboard.hosts.child_main FILE NAME`, begun and led by the main process alone."""
+"""Main module of a child process of a host, which the main process starts and manages."""
 
 import asyncio
 import ctypes
@@ -41,17 +41,17 @@ OOM_SCORE: Final = Path("/proc/self/oom_score_adj")
 FIRST_TO_GO: Final = "500"
 BEAT_S: Final = 0.25
 BEATS_TO_REPORT: Final = 4
-"""Every so many beats it is told how the sensors are."""
+"""Heartbeats between two reports of the sensors."""
 JOIN_S: Final = 20.0
 """How long the main process may take to be found."""
 WRONG: Final = 2
 
 
 class AgentExchange:
-    """An exchange that draws no requests from elsewhere: each comes once, by the pipe, whoever is there to take it.
+    """An exchange without remote requests: each arrives once, by the pipe.
 
     Args:
-        exchange: everything else.
+        exchange: exchange for all other messages.
     """
 
     def __init__(self, exchange: Exchange) -> None:
@@ -81,7 +81,7 @@ class AgentExchange:
 
 
 def main() -> int:
-    """Is what the main process says, until that says otherwise or is gone."""
+    """Runs as the main process commands, until it says otherwise or ends."""
     for number in (signal.SIGINT, signal.SIGTERM):  # they are meant for the main process, which leads the way out
         signal.signal(number, signal.SIG_IGN)
     end = socket.socket(fileno=int(sys.argv[1]))
@@ -129,10 +129,10 @@ def _write_stderr(_severity: Severity, text: str) -> None:
 
 
 async def joined(exchange: ZenohExchange, token: str) -> None:
-    """Waits until somebody is there, who then knows what is asked for here, and what he asks for is known here.
+    """Waits for a peer, until both ends know each other's subscriptions.
 
     Raises:
-        Gloc3Error: nobody comes.
+        Gloc3Error: no peer appears.
     """
     found = asyncio.Event()
     unwatch = exchange.watch(token, lambda _, is_here: found.set() if is_here else None)
@@ -159,7 +159,7 @@ class ChildMain:
         self._pipe = Pipe(end, ToChild, self._loop, self._receive)  # type: ignore[arg-type] # a union is no class
 
     async def run(self) -> None:
-        """Begins the components; returns when the main process says so, or is gone."""
+        """Starts the components; returns when the main process says so or ends."""
         if self._order.lives is None:
             self._onboard.begin()
         else:

@@ -29,17 +29,17 @@ class ClockState(NamedTuple):
 
 
 class HostAgent:
-    """Keeps one host's processes together.
+    """Manages the processes of one host.
 
     Args:
-        platform: whose.
-        host: which of its hosts.
-        context: of the main process.
-        order: what a child is told, given its name and how its components come back.
-        say: narrates a line.
-        clock: what is known of the platform's time.
-        sensors: how the sensors of the main process are.
-        vehicle_boot_s: the platform's time when the autopilot began to count its own.
+        platform: the platform.
+        host: name of the host.
+        context: context of the main process.
+        order: makes a child's setup, from its name and the states to restore.
+        say: called with each line of output.
+        clock: returns the state of the platform's time.
+        sensors: returns the conditions of the main process's sensors.
+        vehicle_boot_s: returns the platform's time of the autopilot's boot.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class HostAgent:
         return any(child.phase is ChildPhase.BEGINNING and not child.restarts for child in self.children)
 
     def begin(self) -> None:
-        """Says that the host is here, and begins its children."""
+        """Declares the host alive, and starts its children."""
         self._withdraw = self._context.exchange.declare_alive(self._topic)
         for child in self.children:
             child.begin()
@@ -95,7 +95,7 @@ class HostAgent:
             child.give_up_beginning()
 
     async def end(self) -> None:
-        """Ends the children, whose components have left."""
+        """Ends the children, after their components have left."""
         for child in self.children:
             await child.end()
         self.close()
@@ -122,7 +122,7 @@ class HostAgent:
             child.send_offset(offset_s)
 
     def announce_renewal(self) -> None:
-        """Says that this host will be gone for a moment."""
+        """Announces a short absence of this host."""
         self._send_setup(is_renewing=True)
 
     def _report(self) -> None:

@@ -1,4 +1,4 @@
-"""The platform's time on a host that is not the clock host: asked for over the exchange, and followed."""
+"""The platform's time on other hosts than the clock host: requested over the exchange, and followed."""
 
 import asyncio
 from collections.abc import Callable
@@ -21,12 +21,12 @@ STEP_S: Final = 0.2
 
 
 class ClockServer:
-    """On the clock host: tells the other hosts what time it is.
+    """Time server on the clock host, for the other hosts.
 
     Args:
-        exchange: of the main process.
+        exchange: exchange of the main process.
         platform: the platform's name.
-        loop: its time is the platform's.
+        loop: event loop with the platform's time.
     """
 
     def __init__(self, exchange: Exchange, platform: str, loop: asyncio.AbstractEventLoop) -> None:
@@ -47,14 +47,14 @@ class ClockServer:
 
 
 class HostClock:
-    """Asks the clock host for its time, often at first and then once a second.
+    """Requests the clock host's time, often at first and then once a second.
 
     Args:
-        exchange: of the main process.
+        exchange: exchange of the main process.
         platform: the platform's name.
-        host: this one's.
-        loop: of the process.
-        changed: told after each answer what is known.
+        host: name of this host.
+        loop: the process's event loop.
+        changed: called with the state after each answer.
     """
 
     def __init__(

@@ -28,7 +28,7 @@ from gloc3_onboard.process.event_narration import EventNarration
 from gloc3_onboard.service.manager import ServiceManager
 
 REMIND_S: Final = 10.0
-"""How often it is told that the clock host is not there."""
+"""Period of the reminder that the clock host is missing, s."""
 POLL_S: Final = 0.1
 ALIVE_S: Final = 1.0
 
@@ -40,21 +40,21 @@ class HostOptions(NodeOptions, frozen=True, kw_only=True):
 
     is_quiet: bool = False
     network: Path | None = None
-    """Read again on SIGHUP."""
+    """Network file; reloaded on SIGHUP."""
 
 
 async def run_host(options: HostOptions, platform: Platform, host: str, opened: Open, manager: ServiceManager) -> None:
-    """Runs a host's share until a signal; begins anew when the clock host's time has jumped.
+    """Runs a host's share until a signal; restarts it when the clock host's time has jumped.
 
     Args:
-        options: what it is to do.
-        platform: as read.
-        host: which host of it this is.
+        options: options of the host.
+        platform: the platform.
+        host: name of this host.
         opened: opens the exchange.
-        manager: who is told how it goes.
+        manager: the service manager.
 
     Raises:
-        Gloc3Error: the exchange, a source or the log cannot be had.
+        Gloc3Error: the exchange, a source or the log cannot be opened.
     """
     loop = asyncio.get_running_loop()
     if not isinstance(loop, PlatformLoop):
@@ -91,7 +91,7 @@ async def _first_offset(
     manager: ServiceManager,
     report: Callable[[Severity, str], None],
 ) -> float | None:
-    """Asks the clock host until enough is known, while nothing else is scheduled; None when told to stop."""
+    """Requests the clock host's time until the offset is known, with nothing else scheduled; None when stopped."""
     loop = asyncio.get_running_loop()
     known: list[OffsetEstimate] = []
     with opened() as shared:
@@ -119,7 +119,7 @@ async def _first_offset(
 
 
 class HostProcess:
-    """A host from when it knows the time until it is told to end, or the time has jumped."""
+    """A host while its time is valid: until it is stopped, or the time has jumped."""
 
     def __init__(
         self,
@@ -151,7 +151,7 @@ class HostProcess:
         self._narration = EventNarration(shared.exchange.here, platform.platform, names, report)
 
     async def run(self, stopped: asyncio.Event) -> None:
-        """Has the components here until the process is told to end or the clock host's time jumps."""
+        """Runs the components until the process is stopped or the clock host's time jumps."""
         self._agent.begin()
         onboard = self._node.make(self._agent.agent_exchange)
         onboard.begin()
@@ -179,7 +179,7 @@ class HostProcess:
             await self._node.close()
 
     async def _renew_on_request(self) -> None:
-        """Goes on by the network file as it is then, whenever SIGHUP comes."""
+        """Reloads the network file on SIGHUP."""
         reported, network = asyncio.Event(), self._options.network
         self._loop.add_signal_handler(signal.SIGHUP, reported.set)
         while True:
@@ -200,7 +200,7 @@ class HostProcess:
             self._manager.ready()
 
     async def _feed(self) -> None:
-        """Tells the service manager that the work goes on, unless a required component here hangs."""
+        """Feeds the service manager's watchdog, unless a required component here hangs."""
         is_ready = False
         while True:
             await asyncio.sleep(ALIVE_S)

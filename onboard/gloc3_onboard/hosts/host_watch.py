@@ -1,4 +1,4 @@
-"""On the clock host: follows all hosts, tells the command interface who is lost or here again, and the stations of all."""
+"""Host monitor on the clock host: reports losses and returns to command interface and stations."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -30,20 +30,20 @@ MOST_LOAD: Final = 999
 UP, LEFT = "up", "left"
 _STATES: Final = list(HostState)
 SUMMARY_S: Final = 2.0
-"""So often stations are told how the hosts are."""
+"""Period of the host summaries for stations, s."""
 NAMES_S: Final = 20.0
-"""So often they are told what seldom changes, where it does not: one may have come late."""
+"""Period at which rarely changing data are repeated for late joiners, s."""
 RENEWAL_S: Final = 5.0
-"""So long a host may be gone that has said that it reads its network file again."""
+"""Allowed absence of a host that announced the reload of its network file, s."""
 OFFSET_S: Final = 0.1
-"""A clock that has moved by less is no news."""
+"""Smallest reported change of a clock offset, s."""
 
 
 class HostBook:
-    """The hosts of a platform, each as it was heard last.
+    """Latest state of each host of a platform.
 
     Args:
-        names: of those in the platform's file, in its order.
+        names: hosts in the order of the platform file.
         own: the clock host.
     """
 
@@ -54,12 +54,12 @@ class HostBook:
 
     @property
     def is_reportable(self) -> bool:
-        """Whether there is more than one process on one host."""
+        """Whether a host has more than one process."""
         return len(self._known) > 1 or any(status and len(status.processes) > 1 for status in self._known.values())
 
     @property
     def parts(self) -> int:
-        """In how many messages all of them are told."""
+        """Number of messages needed to report all hosts."""
         return max(1, math.ceil(len(self._known) / ROWS))
 
     def update(self, status: HostStatus) -> None:
@@ -122,18 +122,18 @@ def _words(name: str, status: HostStatus | None) -> HostWords:
 
 
 def _phase_rank(process: ProcessLine) -> bool:
-    """What is away now says more than what is back again."""
+    """Sort key: absent processes before returned ones."""
     return process.phase != UP
 
 
 class HostWatch:
-    """Follows the tokens of the other hosts.
+    """Monitors the liveliness tokens of the other hosts.
 
     Args:
         context: of the clock host's main process.
         host: its name.
-        names: of all hosts in the platform's file.
-        say: takes what a person should know.
+        names: all hosts in the platform file.
+        say: called with messages for people.
     """
 
     def __init__(
@@ -143,10 +143,10 @@ class HostWatch:
         self._publisher = Publisher(context.exchange, context.platform, "host_watch", context.random.getrandbits(32))
         self._topic = f"{context.platform}/{HOST_PRESENCE}"
         self._here: dict[str, bool] = {}
-        """What was told last."""
+        """Last reported presence."""
         self._renews_until_s: dict[str, float] = {}
         self._away: set[str] = set()
-        """The hosts that are gone as they have said they would be."""
+        """Hosts with an announced absence."""
         self._boots: dict[str, int] = {}
         """Of the processes that spoke for the hosts last."""
         self._sensors: dict[str, list[SensorCondition]] = {}
@@ -154,7 +154,7 @@ class HostWatch:
         self._reported_names: HostNames | None = None
         self._reported_names_s = 0.0
         self._parts: list[HostSummary] = []
-        """What is still to be told; one at a time, since a slow link keeps only the newest."""
+        """Summaries still to publish; one at a time, since a slow link keeps only the latest."""
         self._timer = context.loop.call_later(SUMMARY_S, self._summarize)
         hosts = f"{context.platform}/{HOSTS}/*"
         self._ends = [
@@ -174,7 +174,7 @@ class HostWatch:
         self._renews_until_s = {host: until_s for host, is_here in self._here.items() if is_here}
 
     def sensors(self) -> list[SensorCondition]:
-        """How the sensors of the other hosts are, as they told last."""
+        """Latest reported condition of the other hosts' sensors."""
         return [sensor for sensors in self._sensors.values() for sensor in sensors]
 
     def _receive_status(self, envelope: Envelope[Any]) -> None:
@@ -190,7 +190,7 @@ class HostWatch:
                 self._publish(HostPresence(host=status.host, is_here=True, status=status))
 
     def _note_boot(self, host: str, boot: int) -> None:
-        """A process that began anew before its end was noticed was lost all the same: all that it did is forgotten."""
+        """Handles a process that restarted before its end was noticed: it was lost, with all its state."""
         known, self._boots[host] = self._boots.get(host, boot), boot
         if boot != known and self._here.get(host):
             self._set_presence(host, is_here=False)
@@ -207,7 +207,7 @@ class HostWatch:
             loop.call_later(left_s, self._miss, host)
 
     def _miss(self, host: str) -> None:
-        """A host that meant to be gone for a moment has had its time."""
+        """Handles a host whose announced absence has expired."""
         if host in self._away:
             self._away.discard(host)
             self._set_presence(host, is_here=False)
@@ -223,7 +223,7 @@ class HostWatch:
         self._publish(HostPresence(host=host, is_here=is_here))
 
     def _summarize(self) -> None:
-        """Tells the stations, where there is something to tell."""
+        """Publishes summaries for stations, if there are any."""
         now_s = self._context.loop.time()
         self._timer = self._context.loop.call_later(SUMMARY_S / self._book.parts, self._summarize)
         if not self._book.is_reportable:
@@ -244,7 +244,7 @@ class HostWatch:
 
 
 def _is_new(before: HostNames, now: HostNames) -> bool:
-    """Whether something has changed that a person would look at."""
+    """Whether a change is visible to people."""
     pairs = list(zip(before.hosts, now.hosts, strict=False))
     return len(before.hosts) != len(now.hosts) or any(
         (one.name, one.version, one.last_words) != (other.name, other.version, other.last_words)

@@ -1,4 +1,4 @@
-"""The event loop of a process that is not on the clock host: its time is the platform's all the same."""
+"""Event loop of a process outside the clock host; its time is the platform's."""
 
 import asyncio
 from typing import Final
@@ -26,7 +26,7 @@ class Steering:
         self._from_s = self._to_s = offset_s
 
     def steer(self, offset_s: float, now_s: float) -> None:
-        """Moves towards another offset from now (local time) on."""
+        """Slews to another offset from now (local time) on."""
         self._from_s, self._to_s, self._since_s = self.offset_s(now_s), offset_s, now_s
 
     def offset_s(self, now_s: float) -> float:
@@ -41,10 +41,10 @@ class Steering:
 
 
 class PlatformLoop(asyncio.SelectorEventLoop):
-    """A loop whose `time()` is the platform's: this computer's monotonic clock and a steered offset.
+    """An event loop whose `time()` is the platform's: the local monotonic clock plus a steered offset.
 
     Args:
-        offset_s: the platform's time minus this computer's, as far as it is known.
+        offset_s: the platform's time minus this computer's, as far as known.
     """
 
     def __init__(self, offset_s: float = 0.0) -> None:
@@ -57,7 +57,7 @@ class PlatformLoop(asyncio.SelectorEventLoop):
         return now_s + self.steering.offset_s(now_s)
 
     def steer(self, offset_s: float) -> None:
-        """Approaches another offset, slowly enough that nobody who measures durations is misled."""
+        """Slews to another offset, slowly enough not to disturb measured durations."""
         self.steering.steer(offset_s, monotonic_s())
 
     def step(self, offset_s: float) -> None:

@@ -46,7 +46,7 @@ class BootTime:
         exchange.subscribe(f"{platform}/{HOSTS}/*", self._receive_status)
 
     def t_s_of_boot(self, boot_s: float) -> float | None:
-        """The platform's time of a moment in the autopilot's own; None while nothing has been heard of it."""
+        """Platform time of a moment in the autopilot's time; None while unknown."""
         return None if self._boot_s is None else self._boot_s + boot_s
 
     def _receive_status(self, envelope: Envelope[Any]) -> None:
@@ -72,12 +72,12 @@ class HostNode:
 
     Args:
         platform: as read from the file.
-        options: what was asked for.
-        place: which process of it this is.
-        exchange: joins it with the others.
-        loop: its time is the platform's.
-        topics: that are known.
-        report: receives what a person should know.
+        options: its options.
+        place: the process within the platform.
+        exchange: exchange with the other processes.
+        loop: event loop with the platform's time.
+        topics: the known topics.
+        report: called with messages for people.
 
     Raises:
         InputError: a calibration cannot be used.
@@ -125,7 +125,7 @@ class HostNode:
         self.onboard: Onboard | None = None
 
     def make(self, exchange: Sequence[HostMember] = ()) -> Onboard:
-        """Makes the components; they take commands from now on."""
+        """Creates the components, which accept commands from then on."""
         pictures = PictureFolder(self._options.logs / self.log.stem.replace("log", "images", 1), self._sensors.rig)
         memory = RecordMemory(RecordFile(self._options.logs / f"{self._stem}.memory"), start_of_computer())
         devices = {**self._sensors.devices, "rig": self._sensors.rig, "pictures": pictures, "memory": memory}

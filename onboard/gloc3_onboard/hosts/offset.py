@@ -8,7 +8,7 @@ DRIFT: Final = 100e-6
 """Seconds in a second: two computers' clocks drift apart no faster."""
 KEPT: Final = 64
 MOST_UNKNOWN: Final = 3
-"""So many answers in a row that contradict what was known are believed: a clock has been set anew."""
+"""Consecutive contradicting answers after which a clock counts as reset."""
 SLACK_S: Final = 1e-3
 
 
@@ -18,7 +18,7 @@ class OffsetEstimate(NamedTuple):
     offset_s: float
     """The other clock minus ours."""
     bound_s: float
-    """It is not farther off than that, whatever way the delay was shared out."""
+    """Largest error, however asymmetric the delay was."""
     round_trip_s: float
     age_s: float
 
@@ -33,9 +33,9 @@ class _Sample(NamedTuple):
 
 
 class OffsetFilter:
-    """Keeps the answers that bound the offset best: those with a short round trip, as long as they are fresh.
+    """Keeps the answers with the tightest bound on the offset: short round trips that are still recent.
 
-    What NTP calls the root distance decides: half the round trip, and what the clocks may have drifted since (RFC 5905).
+    The criterion is NTP's root distance: half the round trip plus the possible clock drift since (RFC 5905).
     """
 
     def __init__(self) -> None:

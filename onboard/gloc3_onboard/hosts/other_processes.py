@@ -1,4 +1,4 @@
-"""On the clock host: leads its child processes, gives other hosts the time, follows them, and admits network stations."""
+"""Other processes, seen from the clock host: children, hosts, time, and network stations."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -26,12 +26,12 @@ class OtherProcesses:
     """The other processes of a platform, as the clock host's main process sees them: children, hosts, stations.
 
     Args:
-        options: what was asked for.
-        inputs: what the vehicle's side is built from.
+        options: the options of `gloc3 onboard`.
+        inputs: inputs of the vehicle's assembly.
         shared: the exchange with the others.
-        member: of a network; None where nothing leaves this computer but MAVLink.
+        member: network membership; None for MAVLink only.
         vehicle: the vehicle's side, which lists these parts among its own.
-        sensors: how the sensors of this process are.
+        sensors: conditions of this process's sensors.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class OtherProcesses:
         self._agent.give_up_beginning()
 
     async def end(self) -> None:
-        """Ends the child processes, whose components have left."""
+        """Ends the child processes after their components have left."""
         await self._agent.end()
 
     def log_problem(self) -> str:
@@ -127,7 +127,7 @@ class OtherProcesses:
         self._events.report(Severity.WARNING, f"a request of {station} is refused: {reason}")
 
     def _order(self, process: str, lives: dict[str, str | None] | None) -> ChildSetup:
-        """What a child process is told."""
+        """The setup sent to a child process."""
         options = self._options
         return ChildSetup(
             platform=options.platform,

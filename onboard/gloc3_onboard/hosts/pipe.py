@@ -16,7 +16,7 @@ LARGEST: Final = 1 << 18
 
 
 class ChildSetup(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """To the child, first of all: what it is."""
+    """First message to a child: its setup."""
 
     platform: str
     """The platform file."""
@@ -44,7 +44,7 @@ class Pass(msgspec.Struct, frozen=True, tag=True):
 
 
 class ChildReport(msgspec.Struct, frozen=True, tag=True):
-    """To the child, now and then: what it cannot know by itself."""
+    """Periodic message to a child: state that it cannot observe."""
 
     offset_s: float
 
@@ -72,13 +72,13 @@ _ENCODER: Final = msgspec.msgpack.Encoder()
 
 
 class Pipe:
-    """One end, with message boundaries; `heard` gets what comes, and None once the other end is gone.
+    """One end of a message pipe; `heard` gets each message, and None when the other end closes.
 
     Args:
-        end: of a pair of SOCK_SEQPACKET sockets, which is this object's to close.
-        expected: the type of what comes.
+        end: one of a pair of SOCK_SEQPACKET sockets; closed by this object.
+        expected: type of received messages.
         loop: calls `heard`.
-        heard: takes what comes.
+        heard: called with each message.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class Pipe:
         loop.add_reader(end.fileno(), self._read)
 
     def send(self, message: ToChild | FromChild) -> bool:
-        """Sends a message; whether the other end has room for it."""
+        """Sends a message; returns whether the other end had room for it."""
         try:
             self._end.send(_ENCODER.encode(message))
         except OSError:  # it is gone, as its reader or the end of the process will tell, or takes nothing
@@ -137,6 +137,6 @@ def socket_pair() -> tuple[socket.socket, socket.socket]:
 
 
 def first_message(end: socket.socket) -> ChildSetup | None:
-    """The order that a child begins with; None if its parent has gone before. Blocks."""
+    """The first message to a child; None if its parent has already ended. Blocks."""
     data = end.recv(LARGEST)
     return msgspec.msgpack.decode(data, type=ChildSetup) if data else None

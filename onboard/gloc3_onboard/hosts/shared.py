@@ -46,19 +46,19 @@ def open_shared(
     troubled: Callable[[str, str], None],
     member: "Membership | None" = None,
 ) -> Iterator[SharedExchange]:
-    """The exchange of a host's main process, for as long as the block lasts.
+    """The exchange of a host's main process, for the duration of the block.
 
     Args:
-        platform: whose.
-        host: which of its hosts.
-        out: the folder of log and state: two processes with the same one would be in each other's way.
-        loop: of the process.
-        troubled: is told of messages that were not taken.
-        member: of a network; None opens nothing but a socket for the children.
+        platform: the platform.
+        host: name of the host.
+        out: folder of log and state, which no two processes may share.
+        loop: the process's event loop.
+        troubled: called about rejected messages.
+        member: network membership; None opens only a socket for the children.
 
     Raises:
-        Refused: the socket's folder is somebody else's.
-        Gloc3Error: another process has this one's place.
+        Refused: the socket folder belongs to another user.
+        Gloc3Error: another process is already running in this role.
     """
     has_children = bool(child_processes(platform, host))
     if not has_children and member is None:
@@ -77,16 +77,16 @@ def open_shared(
 
 
 def socket_folder() -> Path:
-    """A folder for sockets that nobody else may enter; its path is short, as sockets need it.
+    """A private folder for sockets; its path is short, as sockets require.
 
     Raises:
-        Refused: somebody else has made it.
+        Refused: it belongs to another user.
     """
     folder = Path(tempfile.gettempdir()) / f"gloc3-{os.getuid()}"
     folder.mkdir(mode=0o700, exist_ok=True)
     found = folder.lstat()
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
-        raise Refused(f"{folder} must be a folder of this user that nobody else may enter; remove it")
+        raise Refused(f"{folder} must be a folder that only this user may enter; remove it")
     return folder
 
 
@@ -111,11 +111,11 @@ def check_member(platform: Platform, host: str, member: "Membership | None") -> 
 async def renew(
     exchange: Exchange, endpoint: str, platform: Platform, host: str, network: Path, loop: asyncio.AbstractEventLoop
 ) -> "Membership":
-    """Reads a network file again, and goes on by what stands there; the loop has other things to do meanwhile.
+    """Reloads a network file and applies it, without blocking the loop.
 
     Raises:
-        InputError: it is wrong, and everything stays as it was.
-        Refused: it is another member's; likewise.
+        InputError: the file has errors; nothing changes.
+        Refused: the file is another member's; nothing changes.
         Gloc3Error: no session could be opened.
     """
     from gloc3.exchange.zenoh import ZenohExchange

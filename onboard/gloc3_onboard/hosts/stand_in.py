@@ -1,4 +1,4 @@
-"""Answers for a component whose process is away: everyone sees that it is faulty, and why."""
+"""Stand-in for a component whose process is away: reports it as faulty, with the cause."""
 
 from typing import Final
 
@@ -34,7 +34,7 @@ class ComponentPlaceholder:
         self.row: Final = row
         self.kind: Kind = row.load_class().kind
         self.state: State | None = None
-        """As it was last told, by the component or in its place; None before that, and when it has left."""
+        """Last reported state, by the component or on its behalf; None before that, and after it has left."""
         self.has_left = False
         self.cause = ""
         self._loop = context.loop
@@ -45,12 +45,12 @@ class ComponentPlaceholder:
         self._notifier = StatusNotifier(context.loop, row.status_period_s, lambda _: self._report())
 
     def fail(self, cause: str, words: str, *, has_been_reported: bool) -> None:
-        """Its process is gone: it is faulty, unless it had left before.
+        """Reports the component as faulty after the end of its process, unless it had left before.
 
         Args:
-            cause: in a line.
-            words: the last lines of the process.
-            has_been_reported: whether another component of the process has told them already.
+            cause: one line.
+            words: last output of the process.
+            has_been_reported: whether another component of the process has reported it already.
         """
         if self.has_left:
             return
@@ -63,19 +63,19 @@ class ComponentPlaceholder:
         self._notifier.start()
 
     def receive_state(self, state: State | None) -> None:
-        """The component has told its state itself."""
+        """Handles the component's own state report."""
         self.state, self.has_left = state, state is None
 
     def step_back(self) -> None:
-        """Its process is there again: it speaks for itself."""
+        """Steps back: the process is back and reports for itself."""
         self._notifier.stop()
 
     def retry(self) -> None:
-        """Something that it had said before its end came late: tells again how it is."""
+        """Repeats the state after a late message from before the process ended."""
         self._notifier.changed()
 
     def answer(self, request: CommandRequest) -> bool:
-        """Answers a command while the process is away; whether the process is to be begun for it instead."""
+        """Answers a command while the process is away; returns whether the process should be started for it."""
         words = [request.command, *request.then]
         if self.state is None:
             if words[0] == CREATE:

@@ -1,4 +1,4 @@
-"""The onboard process: what it holds open besides links and components: logs, records, storage, the computer itself.
+"""The onboard process: logs, records, storage and the computer, besides links and components.
 
 `gloc3_onboard.assembly` wires it.
 """

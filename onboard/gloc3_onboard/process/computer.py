@@ -1,4 +1,4 @@
-"""The computer that the onboard process runs on, as a device: a real one, and that of virtual time."""
+"""The computer of the onboard process as a device: real, or simulated in virtual time."""
 
 import os
 import shutil
@@ -11,15 +11,15 @@ from gloc3.clock import Clock
 from gloc3.messages.readiness import ComputerState, LinkCondition, SensorCondition
 
 MEASURED_BYTES: Final = 4_000_000
-"""What is written to measure a disk: more than its own buffer takes at once, and little enough for a slow card."""
+"""Size of the disk speed test: larger than a disk's buffer, small enough for a slow card."""
 MEGABYTE: Final = 1e6
 
 
 def write_speed_mb_s(folder: Path, size: int = MEASURED_BYTES) -> float:
-    """How fast a folder's disk takes data for good, in 10^6 bytes a second; blocks for as long as that takes.
+    """Sustained write speed of a folder's disk, in 10^6 bytes a second; blocks during the test.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the folder cannot be written.
     """
     data = os.urandom(size)
     with TemporaryFile(dir=folder) as file:
@@ -31,7 +31,7 @@ def write_speed_mb_s(folder: Path, size: int = MEASURED_BYTES) -> float:
 
 
 def start_of_computer(of: Path = Path("/proc/sys/kernel/random/boot_id")) -> str:
-    """What tells this start of the computer from every other; empty where the kernel does not say."""
+    """Identifier of this boot of the computer; empty if the kernel reports none."""
     try:
         return of.read_text().strip()
     except OSError:
@@ -42,11 +42,11 @@ class HostComputer:
     """The computer of this process.
 
     Args:
-        folder: where log and pictures go.
-        clock: the process's time.
-        log_problem: tells why the log is not written any more; empty while it is.
-        links: tells how the links are.
-        sensors: tells how the sensors are.
+        folder: folder of log and pictures.
+        clock: the process's clock.
+        log_problem: returns why logging has stopped; empty while it runs.
+        links: returns the state of the links.
+        sensors: returns the conditions of the sensors.
     """
 
     def __init__(
@@ -96,11 +96,11 @@ class HostComputer:
 
 
 class SimulatedComputer:
-    """The computer of virtual time: it has no disk, and its clock is right.
+    """The simulated computer of virtual time, without disk and with an exact clock.
 
     Args:
-        clock: the virtual time.
-        sensors: tells how the sensors are.
+        clock: virtual clock.
+        sensors: returns the conditions of the sensors.
     """
 
     def __init__(self, clock: Clock, sensors: Callable[[], list[SensorCondition]] = list) -> None:

@@ -13,10 +13,10 @@ class EventNarration:
     """Reports each event that is a warning or worse.
 
     Args:
-        exchange: brings the events.
+        exchange: source of the events.
         platform: the platform's name.
-        components: whose events; `*` for those of all.
-        report: receives a line.
+        components: components to report; `*` for all.
+        report: called with a line.
     """
 
     def __init__(self, exchange: Exchange, platform: str, components: Iterable[str], report: Report) -> None:

@@ -101,7 +101,7 @@ class OnboardProcess:
         self._options, self._loop = options, loop
         shared = shared or alone()
         self.platform: Final = platform
-        """As it was begun."""
+        """The platform as started."""
         self.exchange: Final[Exchange] = shared.exchange
         """What the components say to each other."""
         self._random = SystemRandom()
@@ -181,16 +181,16 @@ class OnboardProcess:
         return load_platform(self._options.platform, is_loading_classes=True, devices=DEVICES)
 
     def new_boot(self) -> int:
-        """A random number for something that begins."""
+        """A random boot number."""
         return self._random.getrandbits(32)
 
     def is_beginning(self) -> bool:
-        """Whether some component has not reached the state yet that its row asks for."""
+        """Whether a component has not yet reached the state that its row demands."""
         onboard = self.vehicle.onboard
         return onboard is None or onboard.is_beginning or self._others.is_beginning
 
     async def close(self) -> None:
-        """Stops the components, then closes what they used."""
+        """Stops the components, then closes their resources."""
         vehicle = self.vehicle
         self._others.give_up_beginning()
         if vehicle.onboard is not None:
@@ -210,7 +210,7 @@ class OnboardProcess:
         await self._others.renew_network()
 
     def narrate(self, severity: Severity, text: str) -> None:
-        """Narrates on stderr."""
+        """Prints on stderr."""
         if not self._options.is_quiet and severity <= Severity.INFO:
             self._narrator.narrate(f"onboard: {text}", severity)
 

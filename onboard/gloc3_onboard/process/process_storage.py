@@ -34,8 +34,8 @@ from gloc3_onboard.process.storage import PictureFolder
 from gloc3_onboard.sensors.devices import Rig
 
 AHEAD: Final = 4 * TICKS_PER_S
-"""So much more than was heard is written down, so that it is not done with each frame: after a crash, who did not sleep
-through it is heard again so much later."""
+"""Margin added to stored timestamps, so that not every frame is written to disk; after a crash, peers are accepted
+again once it has passed."""
 
 
 class SigningMemory:
@@ -52,7 +52,7 @@ class SigningMemory:
         self._kept: dict[bytes, _Kept] = {}
 
     def signing(self, key: bytes, link_id: int) -> Signing:
-        """Signs and judges one link; all links with the same key know what the others have heard."""
+        """Signing of one link; links with the same key share timestamps."""
         if key not in self._kept:
             name = sha256(b"streams of the key " + key).hexdigest()[:16]
             self._kept[key] = _Kept(self._folder / f"signing-{name}.state", self._clock, self._reported)
@@ -81,7 +81,7 @@ class _Kept:
         self.streams: Final = Streams(self._written, self._noted)
 
     def write(self, ahead: int) -> None:
-        """Writes all streams, so much ahead of what was heard."""
+        """Writes all timestamps, increased by a margin."""
         self._written = {stream: time + ahead for stream, time in self.streams.latest.items()}
         record = msgspec.msgpack.encode([(*stream, time) for stream, time in self._written.items()])
         self._records.rewrite([record], outlives_power_cut=not ahead)
@@ -152,12 +152,12 @@ class ProcessStorage:
             raise Refused(f"the folder {self.out} cannot be written: {error.strerror}") from error
 
     def open(self, path: Callable[[], Sequence[Vector3]], rig: Rig, parts: Parts) -> Storage:
-        """Begins the next log of the folder; what the vehicle keeps, then.
+        """Starts the next log of the folder; returns the vehicle's storage.
 
         Args:
-            path: the path that was requested so far.
-            rig: the calibrations, for the pictures.
-            parts: lists what is opened.
+            path: returns the path requested so far.
+            rig: camera calibrations, for the pictures.
+            parts: list of opened parts.
 
         Raises:
             Refused: a folder cannot be written.
@@ -222,10 +222,10 @@ class ProcessStorage:
 
 
 def key_of(url: str) -> bytes | None:
-    """The key of a link whose URL names its file.
+    """The key from the file named by a link's URL.
 
     Raises:
-        Refused: it cannot be read.
+        Refused: the file cannot be read.
     """
     file = parse_url(url).key
     return read_signing_key(Path(file).expanduser()) if file else None

@@ -32,11 +32,11 @@ class Traffic:
     """The frames of all links of one run.
 
     Args:
-        path: of the `.tlog`.
+        path: path of the `.tlog`.
         recorder: the data log; frames go to its channels `mavlink/LINK/in` and `mavlink/LINK/out`.
-        clock: of the process.
-        loop: wakes it to write what is in memory.
-        warn: told once when the disk takes no more.
+        clock: the process's clock.
+        loop: event loop that schedules writes.
+        warn: called once when writing fails.
 
     Raises:
         Refused: the file cannot be written.
@@ -70,7 +70,7 @@ class Traffic:
             self._file.write(tlog_record(frame, now_s + self._clock.utc_offset_s))
 
     def end(self) -> None:
-        """Keeps nothing any more; what is in memory is written by `close`, which may be called in a thread."""
+        """Stops recording; `close`, which may run in a thread, writes the rest."""
         self._timer.cancel()
         self._is_kept = False
 
@@ -78,7 +78,7 @@ class Traffic:
         """Waits until everything is on disk.
 
         Returns:
-            Why it is not, where that was not told before; else nothing.
+            A write error that has not been reported yet; empty without one.
         """
         self.end()
         try:
@@ -112,19 +112,19 @@ class LogLimits(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RunLog:
-    """Writes what passes an exchanger, and every MAVLink frame, into `log-N.mcap` and `log-N.tlog`.
+    """Records an exchange and every MAVLink frame in `log-N.mcap` and `log-N.tlog`.
 
     Args:
-        files: the folder's logs.
-        limits: how large they may become.
-        clock: of the process.
-        topics: which are logged.
-        exchange: whose messages are recorded.
-        loop: of the process.
-        metadata: what each file says of itself.
-        platform_file: put into each.
-        path: the path that was requested so far, put into each when it ends.
-        say: takes what a person should know.
+        files: logs of the folder.
+        limits: size limits.
+        clock: the process's clock.
+        topics: logged topics.
+        exchange: recorded exchange.
+        loop: the process's event loop.
+        metadata: metadata of each file.
+        platform_file: stored in each file.
+        path: returns the path requested so far, stored at the end of each file.
+        say: called with messages for people.
         has_links: whether the process has MAVLink links, whose frames are kept.
 
     Raises:
@@ -179,10 +179,10 @@ class RunLog:
         return paths | {path.with_suffix(".tlog") for path in paths}
 
     def cut(self) -> None:
-        """Ends the file that is being written, and begins the next.
+        """Ends the current file and starts the next.
 
         Raises:
-            Refused: the one before is being finished still, or nothing can be recorded any more.
+            Refused: the previous file is not finished yet, or recording has stopped.
         """
         if self._closing is not None and not self._closing.done():
             raise Refused("the previous log is still being finished")

@@ -25,21 +25,22 @@ HOST_DEVICES: Final = ("autopilot", "catalogue", "computer", "memory", "pictures
 STOP_TIMEOUT_S: Final = 6.0
 """How long a component may take to leave."""
 STOP_PATIENCE_S: Final = 5.0
-"""How long one that refuses to leave is asked again; an autopilot takes a mode within a second, or not at all."""
+"""Time for which a component that refuses to leave is asked again, s; an autopilot changes its mode within a second, or
+not at all."""
 RETRY_S: Final = 0.2
 LEAVES: Final = {Kind.COMMAND_INTERFACE: 0, Kind.DRIVER: 1}
 """In which order kinds of components leave; the others follow in the order of the file."""
 
 Create = Callable[[ComponentRow, Mapping[str, Any]], Component[Any]]
-"""Makes the component of a row, given the host's devices."""
+"""Creates the component of a row from the host's devices."""
 
 
 class ServiceSupervisor:
     """Supervises the command interfaces among some hosts, by their rows' `on_fault`.
 
     Args:
-        hosts: those of the process.
-        context: what they share.
+        hosts: component hosts of the process.
+        context: shared by them.
     """
 
     def __init__(self, hosts: list[ComponentHost], context: HostContext) -> None:
@@ -110,15 +111,15 @@ class HostMember(Protocol):
 
 
 class Onboard:
-    """The components of one process of a platform; the main process of a host also leads those of its child processes.
+    """The components of one process of a platform; a host's main process also manages those of its child processes.
 
     Args:
         platform: the platform file.
-        context: what the hosts share.
+        context: shared by the hosts.
         devices: by name, as the rows refer to them.
-        create: makes the component of a row.
-        rows: those of this process; None for all of the platform.
-        led: the components of child processes.
+        create: creates the component of a row.
+        rows: rows of this process; None for all.
+        led: components of child processes.
     """
 
     def __init__(
@@ -154,7 +155,7 @@ class Onboard:
         return cls(platform, HostContext(platform.platform, exchange, Clock(loop), loop, topics, random), devices)
 
     def begin(self) -> None:
-        """Brings every component to the state that its row asks for, in the order of the file."""
+        """Brings every component to the state that its row demands, in the order of the file."""
         self._supervisor = ServiceSupervisor(list(self.hosts.values()), self.context)
         for host in self.hosts.values():
             host.begin()
@@ -170,14 +171,14 @@ class Onboard:
         return any(host.is_beginning for host in self.hosts.values())
 
     async def stop(self, report: Callable[[str], None] = lambda _: None) -> None:
-        """Shuts every component down by command.
+        """Shuts down every component by command.
 
-        The command interface leaves first, so that nothing is asked for any more and the mission's progress stays as it
-        is; then the drivers, while what tells them that their devices are safe still works; then the chain from its
-        begin to its end. A driver that refuses because its device is not safe yet is asked again for a while.
+        The command interface leaves first, so that no more requests come and the mission's progress is kept; then the
+        drivers, while the inputs that show their devices safe still work; then the chain from start to end. A driver
+        that refuses because its device is not safe yet is asked again for a while.
 
         Args:
-            report: takes what a person should know.
+            report: called with messages for people.
         """
         self._dismiss_supervisor()
         context = self.context

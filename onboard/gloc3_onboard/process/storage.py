@@ -13,11 +13,11 @@ from gloc3_onboard.sensors.devices import Rig
 
 
 class PictureFolder:
-    """Writes pictures as PNG, and their poses as `poses.jsonl` beside them.
+    """Writes pictures as PNG, and their poses to `poses.jsonl`.
 
     Args:
-        folder: where to.
-        rig: what is known of the cameras; goes into `cameras.json`, for reports of what was seen.
+        folder: destination.
+        rig: camera calibrations, stored in `cameras.json` for inspection reports.
     """
 
     def __init__(self, folder: Path, rig: Rig | None = None) -> None:
@@ -54,7 +54,7 @@ class PictureFolder:
         self._write_calibration(image.camera)
 
     def _write_calibration(self, name: str) -> None:
-        """Writes down what is known of a camera, once."""
+        """Writes a camera's calibration, once."""
         if self._rig is None or name in self._cameras:
             return
         self._cameras[name] = self._rig.model(name)

@@ -1,4 +1,4 @@
-"""Any topic of the platform as a device of the viewer, so that listening costs nothing while nobody looks."""
+"""Any topic of the platform as a device of the viewer; unwatched topics cost nothing."""
 
 import asyncio
 from collections.abc import Callable

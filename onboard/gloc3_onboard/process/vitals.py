@@ -14,11 +14,11 @@ UNKNOWN: Final = 255
 
 
 class Vitals(msgspec.Struct, frozen=True, kw_only=True):
-    """Figures of one moment; 0, or None, for what cannot be told."""
+    """Figures of one moment; 0 or None where unknown."""
 
     uptime_s: float = 0.0
     cpu_percent: int | None = None
-    """Of all cores since the last look; None at the first."""
+    """Load of all cores since the previous sample; None at the first."""
     memory_used_mib: int = 0
     memory_total_mib: int = 0
     disk_used_mib: int = 0
@@ -38,7 +38,7 @@ class VitalSigns:
         self._ticks: tuple[int, int] | None = None
 
     def sample(self) -> Vitals:
-        """The figures now; what a computer does not tell is left out."""
+        """The current figures; unknown ones are left out."""
         found = Vitals()
         for part in (self._uptime, self._cpu, self._memory, self._disk):
             try:

@@ -69,7 +69,7 @@ class StampedBottomVelocity(NamedTuple):
 
 
 class StampedWheels(NamedTuple):
-    """The ways of wheels with their time of validity."""
+    """Distances travelled by the wheels, with their time of validity."""
 
     t_s: float
     wheels: WheelDistances
@@ -83,11 +83,11 @@ class StampedFix(NamedTuple):
 
 
 Unwatch = Callable[[], None]
-"""Ends what a device was asked to tell."""
+"""Ends a subscription to a device."""
 
 
 class Bell:
-    """Rung by a device that has something new, heard by samplers: they need not ask all the time."""
+    """Notification of new data from a device to samplers, which then need not poll."""
 
     def __init__(self) -> None:
         self._ready: tuple[Callable[[], None], ...] = ()
@@ -102,7 +102,7 @@ class Bell:
         return unwatch
 
     def ring(self) -> None:
-        """Tells everyone who listens."""
+        """Notifies all subscribers."""
         for ready in self._ready:
             ready()
 
@@ -137,7 +137,7 @@ class Memory(Protocol):
 
 
 class HeightSensor(Protocol):
-    """A range finder that looks down."""
+    """A downward range finder."""
 
     def height(self) -> StampedHeight | None:
         """The latest distance to the ground; None before the first."""
@@ -147,16 +147,16 @@ class HeightSensor(Protocol):
 
 
 class SensorSource(Protocol):
-    """A device that is opened, tells when it has something new, and is closed; simulated, real, or a log.
+    """A device that is opened, notifies of new data, and is closed; simulated, real, or a log.
 
-    What it has is asked for after `on_new_data`, and once a cycle besides. It may be opened anew after it was closed.
+    It is read after `on_new_data` and once a cycle, and may be reopened after closing.
     """
 
     def open(self) -> None:
-        """Begins to take data; may take some seconds.
+        """Starts acquisition; may take some seconds.
 
         Raises:
-            Gloc3Error: the device cannot be had; with what to do.
+            Gloc3Error: the device is not available; the message says what to do.
         """
 
     def on_new_data(self, ready: Callable[[], None]) -> Unwatch:
@@ -173,7 +173,7 @@ class Camera(SensorSource, Protocol):
         """The latest frame; None before the first.
 
         Raises:
-            Gloc3Error: the device is gone for good; with what to do. So for the other sources.
+            Gloc3Error: the device is permanently lost; the message says what to do. The same for other sources.
         """
 
 
@@ -212,7 +212,7 @@ class Wheels(Protocol):
         """How far they have turned; None before the first."""
 
     def on_wheels(self, ready: Callable[[], None]) -> Unwatch:
-        """Has `ready` called, from any thread, when they have told."""
+        """Calls `ready`, from any thread, when wheel data arrive."""
 
 
 class Satellites(Protocol):
@@ -245,7 +245,7 @@ def calibrated(rig: Rig, camera: str) -> CameraModel:
 
 
 def opened(device: SensorSource, ready: Callable[[], None]) -> Unwatch:
-    """Opens a device and has `ready` called when it has something new; gives what ends both."""
+    """Opens a device and calls `ready` on new data; returns a function that ends both."""
     device.open()
     unwatch = device.on_new_data(ready)
 
@@ -264,19 +264,19 @@ class CommandAnswer(NamedTuple):
 
 
 class GeoPath(NamedTuple):
-    """A way through places on Earth, as an autopilot gets it in a plan."""
+    """A path through positions on Earth, as uploaded to an autopilot."""
 
     places: tuple[GeoPoint, ...]
-    """With altitudes above mean sea level, as the autopilot tells them."""
+    """Positions with altitudes above mean sea level, as reported by the autopilot."""
     speed_m_s: float
     acceptance_m: float
     hold_s: float
     heading_deg: float | None
-    """Clockwise from north; None for along the way."""
+    """Clockwise from north; None for along the path."""
     is_winged: bool = False
-    """For what flies on wings: it waits in circles, at the end, too, and its speed is that in the air."""
+    """For flight on wings: waits in circles, also at the end; its speed is airspeed."""
     is_from_ground: bool = False
-    """With that: the first place tells how high it climbs from the ground."""
+    """For flight on wings from the ground: the first position gives the height of the climb."""
     vtol: "VtolWay | None" = None
     """For what has both wings and rotors."""
 
@@ -303,14 +303,14 @@ class AutopilotBehaviour(NamedTuple):
     arm_in_mode: FlightMode | None = None
     """The mode in which it wants to be armed before it sets off; None for any."""
     stream_before_guided_s: float = 0.0
-    """How long setpoints must have been streamed before guided mode is accepted. Where that is more than 0, a stream also
-    brings guided mode back by itself after it was lost, and guided mode outlasts a landing (PX4)."""
+    """Time for which setpoints must be streamed before guided mode is accepted, s. Above 0, a stream also restores
+    guided mode after a loss, and guided mode persists after a landing (PX4)."""
     climbs: bool = True
-    """Whether it takes off by a command of its own; others are armed, and led by setpoints from where they stand."""
+    """Whether it has a take-off command; otherwise it is armed, and follows setpoints from where it stands."""
     land_mode: FlightMode = FlightMode.LAND
     """The mode in which a motion ends: it lands, surfaces, or stops."""
     disarms_itself: bool = True
-    """Whether it disarms by itself once it has landed; else we ask for it."""
+    """Whether it disarms automatically after landing; otherwise it is commanded to."""
     at_rest_s: float = 0.0
     """With that: how long it must have stood still in `land_mode`."""
     returns_to_land: bool = False
@@ -318,11 +318,11 @@ class AutopilotBehaviour(NamedTuple):
     floats: bool = False
     """With that: it comes to rest at the surface, where a current carries it on: it stands still when it stops to rise."""
     lands_into: tuple[str, ...] = ()
-    """Modes, in the autopilot's words, that it enters by itself when a landing is over."""
+    """Modes, in the autopilot's names, that it enters automatically after a landing."""
 
 
 class AutopilotSetpoint(NamedTuple):
-    """One setpoint, in the autopilot's own local NED frame; what is None is left to the autopilot."""
+    """One setpoint in the autopilot's local NED frame; None leaves an axis to the autopilot."""
 
     position_ned_m: Vector3 | None
     velocity_ned_m_s: Vector3 | None
@@ -375,4 +375,4 @@ class Taps(Protocol):
     """Subscriptions to topics; may be called from any thread."""
 
     def open(self, topic: str, reports: Callable[[], None] | None = None) -> Tap:
-        """Listens to a topic, given below the platform's name; `reports` is called for every message."""
+        """Subscribes to a topic, given below the platform's name; `reports` is called for every message."""

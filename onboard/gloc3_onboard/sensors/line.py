@@ -9,7 +9,7 @@ from gloc3_onboard.sensors.source_url import SERIAL_GROUP, SourceUrl, device_pro
 
 
 class Line(Protocol):
-    """Bytes both ways; reading waits for a moment and may give none."""
+    """A byte stream in both directions; a read waits briefly and may return nothing."""
 
     def read(self) -> bytes:
         """What has come in."""
@@ -59,17 +59,17 @@ class _Tcp:
 
 
 def open_line(name: str, url: SourceUrl, address: tuple[str, int] | None, baud: int, wait_s: float) -> Line:
-    """Opens the line that a URL names.
+    """Opens the line named by a URL.
 
     Args:
-        name: of the device, for texts.
-        url: where it is; its option `baud` goes before `baud`.
+        name: name of the device, for messages.
+        url: its URL; the option `baud` overrides `baud`.
         address: host and port; None for a serial line.
-        baud: of a serial line.
-        wait_s: so long a read waits.
+        baud: rate of a serial line.
+        wait_s: time-out of a read.
 
     Raises:
-        Gloc3Error: it cannot be opened; with what to do.
+        Gloc3Error: it cannot be opened; the message says what to do.
     """
     try:
         if address is not None:

@@ -1,6 +1,6 @@
-"""The kinds of sensors and of their sources: found in `sensors/sources` and in installed packages, and made from URLs.
+"""The kinds of sensors and of their sources: found in `sensors/sources` and installed packages, created from URLs.
 
-A package brings its own by an entry point of the group `gloc3.sensors`, which names a module with `SENSORS` or `SOURCES`.
+A package adds its own by an entry point of the group `gloc3.sensors`, which names a module with `SENSORS` or `SOURCES`.
 """
 
 import asyncio
@@ -50,7 +50,7 @@ class SensorKind(NamedTuple):
     recorded: Callable[[Path, str, str], Sequence[Recorded[Any]]]
     """The data of such a device in our own logs: of the log, the part of it (empty for the usual one), and the device."""
     poll: Callable[[Any], Sequence[Image]] = lambda _: ()
-    """Reads a device, which raises `Gloc3Error` where it is gone; what it shows, if it is a camera."""
+    """Reads a device, which raises `Gloc3Error` if it is lost; returns the images of a camera."""
     cameras: Callable[[str], tuple[str, ...]] = lambda _: ()
     """The names of a device's cameras."""
 
@@ -102,15 +102,15 @@ class SourceKind(NamedTuple):
     options: Options = {}
     takes_place: bool = True
     takes_part: bool = False
-    """Whether something may stand behind `#`."""
+    """Whether a part after `#` is allowed."""
     is_verbatim: bool = False
-    """Whether all that stands behind `://` is the place."""
+    """Whether everything after `://` is the place."""
     is_file: bool = False
     """Whether its place is a file or folder."""
     group: str = ""
     """The group of users that may open its device file; empty where it has none."""
     problem: Callable[[], str] = lambda: ""
-    """Why nothing of this kind can be opened on this computer."""
+    """Reason why this kind cannot be opened on this computer; empty if it can."""
     device_files: Callable[[SourceUrl], Sequence[Path]] = lambda url: [url.device_file] if url.device_file else []
     """The device files that it opens."""
 
@@ -147,7 +147,7 @@ def _rows() -> tuple[Mapping[str, SensorKind], Mapping[str, SourceKind]]:
 
 
 def sensor_of(device: str) -> SensorKind | None:
-    """What the device of this name senses: `front_laser` is a laser; None for what is no sensor."""
+    """Kind of sensor of a device name: `front_laser` is a laser; None if it is no sensor."""
     fitting = [name for name in sensor_kinds() if device == name or device.endswith(f"_{name}")]
     return sensor_kinds()[max(fitting, key=len)] if fitting else None
 
@@ -186,14 +186,14 @@ def parse_source(device: str, text: str) -> SourceUrl:
         place, _, query = rest.partition("?")
         url = SourceUrl(text, name, place, dict(parse_qsl(query, keep_blank_values=True)), part)
     if url.part and not kind.takes_part:
-        raise Refused(f"{device}: {text!r}: {name}:// takes nothing behind #, as in {kind.example}")
+        raise Refused(f"{device}: {text!r}: {name}:// allows nothing after #, as in {kind.example}")
     for option, value in url.options.items():
         if option not in kind.options:
             raise Refused(f"{device}: {text!r}: it has no option {option!r}; {nearest(option, sorted(kind.options))}")
         if problem := option_problem(kind.options, option, value):
             raise Refused(f"{device}: {text!r}: {problem}")
     if not kind.takes_place and url.place:
-        raise Refused(f"{device}: {text!r} takes no place: {kind.example}")
+        raise Refused(f"{device}: {text!r} has no address: {kind.example}")
     if kind.takes_place and not url.place:
         raise Refused(f"{device}: {text!r} names nothing behind ://; {kind.example}")
     return url
@@ -203,8 +203,8 @@ def make_sources(urls: Mapping[str, str], host: SourceHost) -> dict[str, Any]:
     """The devices by name.
 
     Args:
-        urls: their sources, by device; all that a platform has.
-        host: what they are made with.
+        urls: sources of all devices of a platform, by device.
+        host: context for creating them.
 
     Raises:
         Refused: a source is wrong.
@@ -219,10 +219,10 @@ def _made(request: SourceRequest) -> Any:
 
 
 def source_urls(platform: Platform, used: Sequence[str], overrides: Sequence[str]) -> dict[str, str]:
-    """Where each sensor's data comes from: what was asked for, else what the platform file says, else nowhere.
+    """Source of each sensor: the requested one, else the platform file's, else none.
 
     Raises:
-        Refused: what was asked for is not NAME=URL, or the platform has no such device.
+        Refused: a request is not NAME=URL, or the platform has no such device.
     """
     sensors = {name for name in (*used, *platform.devices) if sensor_of(name) is not None}
     urls = {name: platform.devices.get(name, NOWHERE) for name in sorted(sensors)}
@@ -238,7 +238,7 @@ def source_urls(platform: Platform, used: Sequence[str], overrides: Sequence[str
 
 
 def is_interactive(platform: Platform, used: Sequence[str], text: str) -> bool:
-    """Whether a source that was asked for, as NAME=URL, is for this process, or for none of the platform's at all."""
+    """Whether a requested source, as NAME=URL, is for this process or for no device of the platform."""
     name = text.partition("=")[0]
     return name in used or not any(name in row.devices.values() for row in platform.components)
 
@@ -251,11 +251,11 @@ def _from_here(scheme: str, place: str) -> str:
 
 
 def place_problem(url: SourceUrl, folder: Path) -> str:
-    """Why a source will not open, with what to do, without opening it; empty as far as it can be told.
+    """Reason why a source will not open and what to do, found without opening it; empty if none is known.
 
     Args:
         url: the source.
-        folder: to which files are relative.
+        folder: base of relative file names.
     """
     kind = source_kinds()[url.scheme]
     if problem := kind.problem():

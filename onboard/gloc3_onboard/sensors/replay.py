@@ -16,7 +16,7 @@ from gloc3_onboard.sensors.devices import Bell, Unwatch
 T = TypeVar("T")
 M = TypeVar("M", bound=Message)
 LATE_S: Final = 0.05
-"""What could not be given within so long after its time is left out, as a camera leaves out what nobody takes."""
+"""Lateness above which a record is skipped, s, as a camera drops frames."""
 
 
 class Recorded(NamedTuple, Generic[T]):
@@ -51,12 +51,12 @@ class LogTime:
         self._offset_s: float | None = None
 
     def begin(self, first_log_s: float, now_s: float) -> None:
-        """The log begins now, unless another device has begun it."""
+        """Starts the log's time now, unless another device has started it."""
         if self._offset_s is None:
             self._offset_s = now_s - first_log_s - self._skip_s
 
     def t_s(self, log_s: float) -> float:
-        """Our time of a moment of the log, once it has begun."""
+        """Our time of a moment of the log, after the start."""
         return log_s + (self._offset_s or 0.0)
 
 
@@ -64,9 +64,9 @@ class Replay(Generic[T]):
     """The base of devices that play a log.
 
     Args:
-        loop: whose time paces it; what is due is loaded off its thread, which in virtual time is the only one.
-        time: of the log.
-        index: reads what there is; called when the device is opened.
+        loop: event loop that paces it; records are loaded off its thread, except in virtual time.
+        time: time base of the log.
+        index: reads the index of records; called when the device is opened.
     """
 
     is_slow = True
@@ -85,7 +85,7 @@ class Replay(Generic[T]):
         self._life = 0
 
     def open(self) -> None:
-        """Begins to play, or goes on where the log is now.
+        """Starts playing, or continues at the log's present time.
 
         Raises:
             InputError: the log cannot be read.
@@ -112,7 +112,7 @@ class Replay(Generic[T]):
             raise Gloc3Error(self._failure)
 
     def play(self, t_s: float, item: T) -> None:
-        """Keeps what is due now."""
+        """Stores the record that is due now."""
         raise NotImplementedError
 
     def clear(self) -> None:
@@ -174,7 +174,7 @@ def topic_records(path: Path, topic: str, kind: type[M]) -> Sequence[Recorded[M]
     """The messages of a topic, given below the platform's name.
 
     Raises:
-        InputError: the file is no log, or has no such topic of this type.
+        InputError: the file is not a log, or has no such topic of this type.
     """
     with LogReader(path) as reader:
         found = [

@@ -37,7 +37,7 @@ class SensorWatch:
         self._new_data_s[name] = self._now_s()
 
     def conditions(self) -> list[SensorCondition]:
-        """How each sensor is now; one whose news are not counted, as the autopilot's height, is left out."""
+        """Condition of each sensor; those whose data are not counted, as the autopilot's height, are left out."""
         return [
             self._condition(name, source) for name, source in self._sources.items() if hasattr(source, "on_new_data")
         ]
@@ -69,17 +69,17 @@ class SensorWatch:
 
 
 def _images(name: str, source: Any) -> Sequence[Image]:
-    """What a camera shows now; nothing for other sensors.
+    """A camera's current images; empty for other sensors.
 
     Raises:
-        Gloc3Error: the sensor is gone.
+        Gloc3Error: the sensor is lost.
     """
     sensor = sensor_of(name)
     return () if sensor is None else sensor.poll(source)
 
 
 def cameras_of(device: str) -> tuple[str, ...]:
-    """The names of a device's cameras; none for what is no camera."""
+    """Names of a device's cameras; empty if it is no camera."""
     sensor = sensor_of(device)
     return () if sensor is None else sensor.cameras(device)
 
@@ -87,13 +87,13 @@ def cameras_of(device: str) -> tuple[str, ...]:
 def unopened_conditions(
     urls: Mapping[str, str], folder: Path, calibrated: Callable[[str], bool], wrong: Mapping[str, str]
 ) -> list[SensorCondition]:
-    """How sensors are, as far as it can be told without opening them.
+    """Conditions of sensors, as far as known without opening them.
 
     Args:
         urls: the sources by device.
-        folder: to which files are relative.
-        calibrated: whether there is a calibration of a camera.
-        wrong: why a camera's calibration cannot be used.
+        folder: base of relative file names.
+        calibrated: whether a camera has a calibration.
+        wrong: reasons why cameras' calibrations cannot be used.
     """
     found: list[SensorCondition] = []
     for name, text in urls.items():

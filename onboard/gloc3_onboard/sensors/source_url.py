@@ -35,10 +35,10 @@ class SourceUrl(NamedTuple):
     text: str
     scheme: str
     place: str
-    """What stands between `://` and `?`: a file, an address, a pipeline."""
+    """Part between `://` and `?`: a file, an address, a pipeline."""
     options: Mapping[str, str]
     part: str
-    """What stands behind `#`."""
+    """Part after `#`."""
 
     def number(self, name: str, default: float) -> float:
         """An option that is a number."""
@@ -84,7 +84,7 @@ def option_problem(options: Options, name: str, text: str) -> str:
 
 
 def device_problem(path: Path, group: str) -> str:
-    """Why a device file cannot be used, with what to do; empty if it can."""
+    """Reason why a device file cannot be used and what to do; empty if it can."""
     try:
         status = path.stat()
     except OSError:

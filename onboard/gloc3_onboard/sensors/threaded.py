@@ -1,4 +1,4 @@
-"""A blocking device, read in a thread of its own: opened, lost, reopened, given up."""
+"""A blocking device read in its own thread: opened, lost, reopened, abandoned."""
 
 import threading
 from abc import ABC, abstractmethod
@@ -17,7 +17,7 @@ LEAVE_S: Final = 0.8
 """So long an earlier opening is waited for."""
 AGAIN_S: Final = 0.5
 GIVE_UP_S: Final = 10.0
-"""A device that was lost and cannot be had again for so long is gone."""
+"""Time without reconnection after which a lost device is abandoned, s."""
 
 
 class ThreadedSource(ABC, Generic[T]):
@@ -39,19 +39,19 @@ class ThreadedSource(ABC, Generic[T]):
 
     @abstractmethod
     def connect(self) -> AbstractContextManager[Iterator[T | None]]:
-        """Opens the device; what comes in, with None where a while has passed without anything. It may block.
+        """Opens the device; yields its data, and None after a while without any. May block.
 
-        The iterator's end, a `Gloc3Error` or an `OSError` from it is a loss. On leaving the device is closed.
+        The iterator's end, a `Gloc3Error` or an `OSError` from it means a loss. The device is closed on exit.
 
         Raises:
-            Gloc3Error: it cannot be opened; with what to do.
+            Gloc3Error: it cannot be opened; the message says what to do.
         """
 
     def open(self) -> None:
-        """Begins to read.
+        """Starts reading.
 
         Raises:
-            Gloc3Error: the device cannot be opened; with what to do.
+            Gloc3Error: the device cannot be opened; the message says what to do.
         """
         if self._thread is not None and self._thread.is_alive():
             self._thread.join(LEAVE_S)
@@ -68,7 +68,7 @@ class ThreadedSource(ABC, Generic[T]):
             raise Gloc3Error(self._is_disconnected)
 
     def close(self) -> None:
-        """Reads no more; the thread ends when the device lets it."""
+        """Stops reading; the thread ends when the device returns."""
         self._stop.set()
 
     def on_new_data(self, ready: Callable[[], None]) -> Unwatch:
@@ -76,10 +76,10 @@ class ThreadedSource(ABC, Generic[T]):
         return self._bell.listen(ready)
 
     def latest(self) -> T | None:
-        """What came last; None before the first.
+        """The latest data; None before the first.
 
         Raises:
-            Gloc3Error: the device is gone.
+            Gloc3Error: the device is lost.
         """
         if self._is_disconnected:
             raise Gloc3Error(self._is_disconnected)

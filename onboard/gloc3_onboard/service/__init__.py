@@ -1,4 +1,4 @@
-"""The onboard process as a service of systemd: what its manager is told, its unit, its logs, its settings on demand.
+"""The onboard process as a systemd service: reports to its manager, unit, logs, reload of settings.
 
 `service` is the life of the process under systemd, `install` writes the unit.
 """

@@ -15,16 +15,16 @@ from gloc3.platform.platform import Platform
 
 LAND: Final = "land"
 SENDER: Final = "service"
-"""As whom the process asks its own command interface."""
+"""Sender name of the process in requests to its own command interface."""
 POLL_PERIOD_S: Final = 0.2
 SILENT_S: Final = 2.0
-"""A vehicle that nothing has been told of for so long is not waited for."""
+"""Time without status after which a vehicle is not waited for, s."""
 EXTEND_S: Final = 10.0
-"""What the service manager is asked for, again and again: it ends what falls silent."""
+"""Extension requested repeatedly from the service manager, which ends silent services, s."""
 LONGEST_S: Final = 300.0
 """A landing that takes longer is left to the autopilot too."""
 DISARMS_S: Final = 10.0
-"""So long the autopilot may take to disarm what has landed."""
+"""Time allowed for the autopilot to disarm after a landing, s."""
 
 
 class Departure:

@@ -1,4 +1,4 @@
-"""Installs `gloc3 onboard` as a service of systemd: makes the plan, and carries it out."""
+"""Installation of `gloc3 onboard` as a systemd service: makes the plan, and carries it out."""
 
 import grp
 import os
@@ -33,7 +33,7 @@ SYS: Final = Path("/sys")
 FOLDER: Final = "gloc3"
 """Of the names that the rules give, below /dev."""
 STEADY: Final = ("/dev/serial/", "/dev/v4l/", f"/dev/{FOLDER}/")
-"""Names that do not depend on the order of plugging in."""
+"""Device names that do not depend on the order of plugging in."""
 
 
 class UsbDevice(NamedTuple):
@@ -54,11 +54,11 @@ class UsbDevice(NamedTuple):
 
 
 def usb_device(node: DeviceNode, sys: Path = SYS) -> UsbDevice | None:
-    """What is behind a device node; None for one that is not plugged in, or not on USB.
+    """USB device behind a device node; None if unplugged or not on USB.
 
     Args:
         node: the device.
-        sys: where Linux tells it.
+        sys: Linux's device tree.
     """
     subsystem = "tty" if node.group == SERIAL_GROUP else "video4linux"
     entry = sys / "class" / subsystem / node.path.resolve().name
@@ -76,7 +76,7 @@ def usb_device(node: DeviceNode, sys: Path = SYS) -> UsbDevice | None:
 
 
 def rule(role: str, device: UsbDevice) -> str:
-    """The rule that gives a device its name, by its serial number, or else by where it is plugged in."""
+    """The udev rule that names a device by its serial number, or else by its port."""
     matches = [f'SUBSYSTEM=="{device.subsystem}"']
     matches += [f'ENV{{ID_VENDOR_ID}}=="{device.vendor}"', f'ENV{{ID_MODEL_ID}}=="{device.product}"']
     if _is_unique(device.serial):
@@ -95,7 +95,7 @@ def rule(role: str, device: UsbDevice) -> str:
 
 
 def _is_unique(serial: str) -> bool:
-    """Whether a serial number can be told in a rule, and tells one device from another of its make."""
+    """Whether a serial number is valid in a rule and distinguishes devices of one make."""
     return re.fullmatch(r"[A-Za-z0-9_.:-]{4,}", serial) is not None and len(set(serial)) > 1
 
 
@@ -141,7 +141,7 @@ class InstallPlan(msgspec.Struct, frozen=True, kw_only=True):
     rules: str = ""
     """For udev; empty for none."""
     advice: tuple[str, ...] = ()
-    """What a person should know or do."""
+    """Advice for people."""
 
     def files(self, prefix: Path) -> dict[Path, str]:
         """Every file with its content."""
@@ -152,25 +152,25 @@ class InstallPlan(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def rules_file(name: str) -> str:
-    """The name of a service's file of rules: after those that ask a device who it is."""
+    """File name of a service's udev rules; sorted after the rules that identify devices."""
     return f"90-gloc3-{name}.rules"
 
 
 def make_plan(
     name: str, options: OnboardOptions, user: str, *, with_udev: bool = False, sys_folder: Path = SYS
 ) -> InstallPlan:
-    """Checks everything that the service will need, and says how it is installed.
+    """Checks the service's needs, and makes the installation plan.
 
     Args:
-        name: of the platform, or its file.
-        options: of the process.
-        user: whose service it is.
-        with_udev: whether devices get names that stay.
-        sys_folder: where Linux tells of its devices.
+        name: platform name or file.
+        options: options of the process.
+        user: user of the service.
+        with_udev: whether devices get persistent names.
+        sys_folder: Linux's device tree.
 
     Raises:
-        InputError: the platform file is wrong.
-        Refused: an option cannot be, or a file is where a service cannot read it.
+        InputError: the platform file has errors.
+        Refused: an option is not possible, or a service cannot read a file.
     """
     options.check()
     if not USER.fullmatch(user):
@@ -222,7 +222,7 @@ def _program() -> tuple[str, ...]:
 
 
 def _renamed(options: OnboardOptions, platform: Platform, named: list[DeviceNode]) -> OnboardOptions:
-    """The options with the names that udev gives."""
+    """The options with udev's device names."""
     roles = {node.role: str(node.path) for node in named}
 
     def renamed(role: str, text: str) -> str:
@@ -243,7 +243,7 @@ def _renamed(options: OnboardOptions, platform: Platform, named: list[DeviceNode
 
 
 def _unreadable(path: Path, user: str) -> str:
-    """Why the user cannot read a file, as far as its mode tells; empty where he can."""
+    """Reason why the user cannot read a file, by its mode; empty if readable."""
     try:
         status = path.stat()
         own = pwd.getpwnam(user)
@@ -260,15 +260,15 @@ def _unreadable(path: Path, user: str) -> str:
 
 
 def carry_out(plan: InstallPlan, prefix: Path, report: Report) -> None:
-    """Writes the files; on this computer itself also makes the user and has systemd and udev look.
+    """Writes the files; on this computer also creates the user and reloads systemd and udev.
 
     Args:
-        plan: what to do.
-        prefix: below which folder; not / to prepare another computer's disk.
-        report: takes each thing that was done.
+        plan: the installation plan.
+        prefix: root folder; other than / for another computer's disk.
+        report: called with each step.
 
     Raises:
-        Refused: it cannot be done, such as without the right to.
+        Refused: not possible, for example without permission.
     """
     for path, text in plan.files(prefix).items():
         try:

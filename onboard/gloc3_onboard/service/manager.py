@@ -1,4 +1,4 @@
-"""The service manager that has started this process: what it is told, a datagram of `KEY=VALUE` lines each (sd_notify(3))."""
+"""Client of the service manager that started this process: datagrams of `KEY=VALUE` lines (sd_notify(3))."""
 
 import os
 import socket
@@ -40,34 +40,34 @@ class ServiceManager:
 
     @property
     def is_there(self) -> bool:
-        """Whether there is one to tell."""
+        """Whether there is a manager."""
         return self._socket is not None
 
     def ready(self) -> None:
-        """The service is up, or up again after its configuration was read anew."""
+        """Reports READY: the service is up, or up again after a reload."""
         self._notify("READY=1")
 
     def status(self, text: str) -> None:
-        """How the service is, in a line for a person; told when it changes."""
+        """Reports a status line for people, when it changes."""
         if text != self._status:
             self._status = text
             self._notify(f"STATUS={text}".replace("\n", " "))
 
     def alive(self) -> None:
-        """The supervised work goes on."""
+        """Feeds the watchdog."""
         if self.watchdog_s is not None:
             self._notify("WATCHDOG=1")
 
     def reloading(self, monotonic_s: float) -> None:
-        """The configuration is read anew from now (CLOCK_MONOTONIC); `ready` ends that."""
+        """Reports RELOADING, from now (CLOCK_MONOTONIC) until `ready`."""
         self._notify(f"RELOADING=1\nMONOTONIC_USEC={round(monotonic_s * 1e6)}")
 
     def stopping(self) -> None:
-        """The service is on its way to its end."""
+        """Reports STOPPING."""
         self._notify("STOPPING=1")
 
     def extend(self, for_s: float) -> None:
-        """The start or the end takes so much longer, from now."""
+        """Extends the time allowed for start or stop, from now."""
         self._notify(f"EXTEND_TIMEOUT_USEC={round(for_s * 1e6)}")
 
     def close(self) -> None:

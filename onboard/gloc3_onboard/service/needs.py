@@ -17,9 +17,9 @@ from gloc3_onboard.sensors.registry import parse_source, source_kinds, source_ur
 from gloc3_onboard.sensors.source_url import SERIAL_GROUP, VIDEO_GROUP
 
 HOMES: Final = (Path("/home"), Path("/root"), Path("/run/user"))
-"""What is hidden from the service, but for what it needs there."""
+"""Folders hidden from the service, except for the paths it needs there."""
 PRIVATE: Final = (Path("/tmp"), Path("/var/tmp"))
-"""Of these the service has its own."""
+"""Folders of which the service has private ones."""
 
 
 class DeviceNodeKind(NamedTuple):
@@ -28,7 +28,7 @@ class DeviceNodeKind(NamedTuple):
     allowed: str
     """As `DeviceAllow` names the whole class."""
     module: str
-    """The kernel's module that makes it known."""
+    """Kernel module that provides the device."""
     group: str
 
 
@@ -37,7 +37,7 @@ KINDS: Final = {
     "ttyUSB": DeviceNodeKind("char-ttyUSB", "usbserial", SERIAL_GROUP),
     "video": DeviceNodeKind("char-video4linux", "videodev", VIDEO_GROUP),
 }
-"""By what the nodes are called, before a number."""
+"""Kinds of device nodes, by name without its number."""
 
 
 class DeviceNode(NamedTuple):
@@ -50,7 +50,7 @@ class DeviceNode(NamedTuple):
 
     @property
     def kinds(self) -> list[DeviceNodeKind]:
-        """What it can be: told by its name, or by its group where it is not plugged in; none for one of the board's own."""
+        """Possible kinds, by name, or by group while unplugged; none for a device of the board."""
         name = re.sub(r"\d+$", "", self.path.resolve().name)
         if name in KINDS:
             return [KINDS[name]]
@@ -58,7 +58,7 @@ class DeviceNode(NamedTuple):
 
 
 def nodes(platform: Platform, options: OnboardOptions) -> list[DeviceNode]:
-    """The devices that are opened: those of the host's components, and on the clock host those of the links.
+    """Devices to open: those of the host's components and, on the clock host, those of the links.
 
     Raises:
         Refused: a URL is wrong, or the platform has no such host.
@@ -109,7 +109,7 @@ def _absolute(value: object) -> str:
 
 
 def keys(options: OnboardOptions) -> list[Path]:
-    """The files with keys, which nobody but the service's user may read."""
+    """Key files, readable by the service's user only."""
     named = [parse_url(url).key for url in (options.autopilot, *options.station)]
     found = [Path(name).expanduser().absolute() for name in named if name]
     return found + ([] if options.signing_key is None else [options.signing_key.expanduser().absolute()])
@@ -141,7 +141,7 @@ def _home_of(path: Path) -> Path | None:
 
 
 def allowed(devices: Sequence[DeviceNode]) -> tuple[str, ...]:
-    """What `DeviceAllow` has to name: classes for what may be plugged in again, paths for what the board has."""
+    """Entries of `DeviceAllow`: classes for pluggable devices, paths for those of the board."""
     return tuple(
         dict.fromkeys(name for node in devices for name in ([kind.allowed for kind in node.kinds] or [str(node.path)]))
     )

@@ -1,4 +1,4 @@
-"""A platform file that is read again while its platform runs: settings that may change do, the rest is told."""
+"""Reload of the platform file while the platform runs: changeable settings are adopted, other changes are reported."""
 
 import asyncio
 from collections.abc import Callable, Mapping
@@ -25,20 +25,20 @@ Report = Callable[[Severity, str], None]
 
 
 class PlatformReload:
-    """Compares the file with what runs, and has the components adopt what they may.
+    """Compares the file with the running platform, and applies the changes that components may adopt.
 
-    A working component is stopped for new settings, initialized and started anew, so that happens on the ground only;
-    in flight it is told, and the next reload on the ground makes up for it.
+    New settings restart a working component, so they are applied on the ground only; in flight they are reported, and
+    the next reload on the ground applies them.
 
     Args:
-        platform: as it runs.
+        platform: the running platform.
         read: reads the file again, in a thread.
         hosts: the components of this process.
-        exchange: reaches all of them.
-        loop: of the process.
+        exchange: reaches all components.
+        loop: the process's event loop.
         boot: a random number for this start of the process.
-        may_stop: whether a component that works may be stopped now.
-        say: takes what a person should know.
+        may_stop: whether a working component may be stopped now.
+        say: called with messages for people.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class PlatformReload:
         self._unsubscribe()
 
     async def read_again(self) -> None:
-        """Reads the file and adopts what may be; where something is wrong in it, nothing changes."""
+        """Reads the file and applies permitted changes; a file with errors changes nothing."""
         try:
             platform = await self._loop.run_in_executor(None, self._read)  # the loop has a vehicle to fly meanwhile
         except Gloc3Error as error:

@@ -1,4 +1,4 @@
-"""The life of the onboard process: up, reloaded when told to, and down again, with its manager told all along."""
+"""Life cycle of the onboard process: start, reload and stop, reported to the service manager."""
 
 import asyncio
 import signal
@@ -30,7 +30,7 @@ class Process(Protocol):
 
     @property
     def platform(self) -> Platform:
-        """Which it is, as it was begun."""
+        """The platform as started."""
 
     @property
     def hosts(self) -> Mapping[str, ComponentHost]:
@@ -46,7 +46,7 @@ class Process(Protocol):
         """Reads the network file again."""
 
     def new_boot(self) -> int:
-        """A random number for something that begins."""
+        """A random boot number."""
 
     def narrate(self, severity: Severity, text: str) -> None:
         """Narrates."""
@@ -63,7 +63,7 @@ class SystemdService:
         loop.add_signal_handler(signal.SIGHUP, self._reload.set)
 
     async def run(self) -> None:
-        """Runs until it is told to end, and has landed where that is the policy."""
+        """Runs until stopped, and landed where that is the policy."""
         manager, process = self._manager, self._process
         report = ServiceReport(manager, process.exchange, process.platform.platform, process.is_beginning)
         departure = Departure(
@@ -105,20 +105,20 @@ class SystemdService:
 
 
 CONTACT_WITHIN_S: Final = 3.0
-"""After all have been brought up: who has not been heard by then, such as on another host, is not waited for."""
+"""Time after start within which a component must report, s; later ones, such as on another host, are not waited for."""
 
 
 class ServiceReport:
-    """Follows the summaries that the heartbeat is made of too: without these the manager hears nothing.
+    """Reports to the manager from the summaries that also make the heartbeat; without them the watchdog starves.
 
-    READY comes when no component is being brought up any more. The watchdog is fed with each summary, unless a required
-    component hangs and nobody has taken its place: when that lasts, only a new process helps.
+    READY follows when no component is starting any more. Each summary feeds the watchdog, unless a required component
+    hangs without a replacement: if that lasts, only a new process helps.
 
     Args:
-        manager: who is told.
-        exchange: brings what is told.
-        platform: whose.
-        is_beginning: whether some component is still being brought up.
+        manager: the service manager.
+        exchange: source of the summaries.
+        platform: the platform.
+        is_beginning: whether a component is still starting.
     """
 
     def __init__(
@@ -130,7 +130,7 @@ class ServiceReport:
         self._hung: dict[str, str] = {}
         """Required components that hang, with the cause."""
         self._in_charge: dict[str, str] = {}
-        """Standbys to the component whose place they have taken."""
+        """Active standbys, to the component that they replace."""
         self._summary: Summary | None = None
         self._vehicle: VehicleSummary | None = None
         self._mission: MissionSummary | None = None
@@ -142,7 +142,7 @@ class ServiceReport:
         ]
 
     def end(self, text: str) -> None:
-        """The process is stopping; from now on the status is this text."""
+        """Reports that the process is stopping; the text is the status from now on."""
         self._is_ending = True
         self._manager.status(text)
 
@@ -197,7 +197,7 @@ class ServiceReport:
 
 def _vehicle(vehicle: VehicleSummary) -> str:
     if not vehicle.is_autopilot_connected:
-        return "no autopilot is heard"
+        return "no autopilot is connected"
     armed = "armed" if vehicle.is_armed else "disarmed"
     pilot = ", a pilot has control" if vehicle.has_pilot_control else ""
     return f"{armed}, {vehicle.landed.replace('_', ' ')}, {vehicle.mode}{pilot}"

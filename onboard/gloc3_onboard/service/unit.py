@@ -1,4 +1,4 @@
-"""The unit of systemd that runs `gloc3 onboard` as a service: its text, from what the service needs."""
+"""Unit of systemd that runs `gloc3 onboard` as a service: its text, derived from the service's needs."""
 
 import re
 from pathlib import Path
@@ -7,9 +7,9 @@ from typing import Final
 import msgspec
 
 WATCHDOG_S: Final = 10
-"""So long the supervised work may be silent; its summaries come twice a second."""
+"""Watchdog period, s; summaries come twice a second."""
 STOP_S: Final = 30
-"""So long a stop may take on the ground or into a hold; while it lands, the process asks for more."""
+"""Time allowed for a stop on the ground or into a hold, s; the process requests more while it lands."""
 _PLAIN: Final = re.compile(r"[A-Za-z0-9_@+=:,./?-]+")
 
 CHANGES: Final = """\
@@ -73,7 +73,7 @@ class SystemdUnit(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def state(self) -> Path:
-        """Where it keeps what must survive a restart."""
+        """Folder of the state that survives a restart."""
         return Path("/var/lib/gloc3") / self.name
 
     @property
@@ -157,7 +157,7 @@ class SystemdUnit(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def quoted(word: str) -> str:
-    """A word of a unit file's command, as systemd takes it literally (systemd.service(5), Command lines)."""
+    """A word of a unit file's command, quoted for systemd (systemd.service(5), Command lines)."""
     text = word.replace("%", "%%").replace("$", "$$")
     if _PLAIN.fullmatch(text):
         return text

@@ -1,6 +1,6 @@
-"""Shows stations the topics of the platform, on demand.
+"""Sends the platform's topics to stations on demand.
 
-A component: it listens only to topics that a station has leased.
+A component that subscribes only to topics leased by a station.
 """
 
 __all__ = ["catalogue"]

@@ -1,4 +1,4 @@
-"""The topics of a platform that can be looked at, from its deployment and the table of topics."""
+"""Viewable topics of a platform, from its deployment and the table of topics."""
 
 from functools import cached_property
 from typing import Final
@@ -10,7 +10,7 @@ from gloc3.messages.watch import WATCH, TopicEntry
 from gloc3.platform.platform import Platform
 
 OFFERED_OF_EACH: Final = ("status", "event", "reply", "function", "function_reply", "internal")
-"""What can be looked at of every component, without being listed."""
+"""Viewable topics of every component, omitted from the list."""
 
 
 class Catalogue:
@@ -26,10 +26,10 @@ class Catalogue:
         return tuple(self._list())
 
     def check(self, topic: str) -> str:
-        """The topic, if it can be looked at.
+        """Returns the topic if it is viewable.
 
         Raises:
-            Refused: it cannot; the reason names the nearest one.
+            Refused: not viewable; the reason names the nearest topic.
         """
         names = [entry.name for entry in self.entries]
         is_of_component = any(
@@ -42,7 +42,7 @@ class Catalogue:
         return topic
 
     def type_of(self, topic: str) -> type:
-        """The type of a topic that can be looked at."""
+        """The type of a viewable topic."""
         row = self._topics.row(f"platform/{topic}")
         assert row is not None
         return row.message

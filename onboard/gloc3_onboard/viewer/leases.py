@@ -39,13 +39,13 @@ class Leases:
 
     @property
     def until_s(self) -> float:
-        """When the next lease ends; infinite while nobody looks."""
+        """End of the next lease; infinite without leases."""
         return min((lease.until_s for lease in self._leases.values()), default=float("inf"))
 
     def grant(self, station: str, wants: Sequence[Want], now_s: float, *, is_listing: bool = False) -> None:
-        """From now on a station wants this and nothing else; with nothing it is forgotten.
+        """Replaces a station's wants; an empty list removes the station.
 
-        Of more stations than can be served, the one whose lease ends first gives way.
+        Beyond the greatest number of stations, the one whose lease ends first is removed.
         """
         self._leases.pop(station, None)
         if wants or is_listing:
@@ -54,17 +54,17 @@ class Leases:
             del self._leases[min(self._leases, key=lambda name: self._leases[name].until_s)]
 
     def expire(self, now_s: float) -> None:
-        """Forgets the stations of which nothing was heard for too long."""
+        """Removes stations whose lease has expired."""
         for station in [name for name, lease in self._leases.items() if now_s >= lease.until_s]:
             del self._leases[station]
 
     @property
     def listing(self) -> tuple[str, ...]:
-        """The stations that look at the list of topics."""
+        """Stations that watch the list of topics."""
         return tuple(station for station, lease in self._leases.items() if lease.is_listing)
 
     def demands(self) -> dict[str, Demand]:
-        """Topic to what is wanted of it."""
+        """Demand for each topic."""
         found: dict[str, Demand] = {}
         for station, lease in self._leases.items():
             for want in lease.wants:
@@ -83,7 +83,7 @@ class Leases:
 
 
 def sensible(want: Want) -> Want:
-    """The same within what can be served."""
+    """The want, limited to what can be served."""
     return Want(
         want.topic,
         max(SLOWEST_HZ, min(FASTEST_HZ, want.rate_hz)),

@@ -1,4 +1,4 @@
-"""CI: shows stations any topic of the platform on demand, sampled at the rate that they want, as long as they look."""
+"""CI: sends stations any topic of the platform on demand, sampled at the requested rate."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -24,36 +24,36 @@ _EARLY_S: Final = 1e-6
 
 
 class WatchRequest(Message, frozen=True):
-    """Everything that a station wants to see from now on."""
+    """A station's complete list of wanted topics."""
 
     station: str
     """Its id, such as `255`."""
     wants: list[Want] = []
     is_listing: bool = False
-    """It looks at the list of topics, too."""
+    """Whether the list of topics is wanted, too."""
 
 
 class WatchReply(Message, frozen=True):
     """Reply to a request to watch topics."""
 
     lease_s: float
-    """For so long; then it has to ask again."""
+    """Duration of the lease, s; the station renews it."""
     refused: dict[str, str] = {}
-    """Topic to the reason why it cannot be looked at."""
+    """Refused topics and the reasons."""
 
 
 class TopicsRequest(Message, frozen=True):
-    """Asks for the topics that can be looked at."""
+    """Requests the viewable topics."""
 
 
 class TopicsReply(Message, frozen=True):
-    """The topics that can be looked at."""
+    """The viewable topics."""
 
     topics: list[TopicEntry]
 
 
 class _Watched:
-    """A topic that somebody looks at."""
+    """A topic under watch."""
 
     __slots__ = ("demand", "due_s", "meter", "sent", "tap")
 
@@ -67,7 +67,7 @@ class _Watched:
 
 
 class Viewer(CommandInterface[NoSettings]):
-    """Listens only to what somebody looks at; a station that falls silent is forgotten with its lease."""
+    """Subscribes only to topics under watch; a silent station's lease expires."""
 
     loggable = ("looked_at", "samples")
 
@@ -88,7 +88,7 @@ class Viewer(CommandInterface[NoSettings]):
         self._listed_due_s = 0.0
 
     def stop(self) -> None:
-        """Forgets everybody; stations that still look ask again."""
+        """Clears all leases; stations renew theirs."""
         self._leases = Leases()
         self._follow_demand(0.0)
 
@@ -96,12 +96,12 @@ class Viewer(CommandInterface[NoSettings]):
 
     @function("topics")
     def topics(self, request: TopicsRequest, now_s: float) -> TopicsReply:
-        """Lists the topics that can be looked at."""
+        """Lists the viewable topics."""
         return TopicsReply(topics=list(self._catalogue.entries))
 
     @function("watch")
     def watch(self, request: WatchRequest, now_s: float) -> WatchReply:
-        """Takes note of what a station wants to see; in place of all that it wanted before."""
+        """Replaces a station's wants."""
         wants, refused = [], {}
         for want in request.wants:
             try:
@@ -160,7 +160,7 @@ class Viewer(CommandInterface[NoSettings]):
         return TopicActivity(rates=rates, ages=ages, stations=self._leases.listing)
 
     def _follow_demand(self, now_s: float) -> None:
-        """Listens to what is wanted now, and to nothing else."""
+        """Subscribes to the wanted topics, and to no others."""
         demands = self._leases.demands()
         for topic in [topic for topic in self._watched if topic not in demands]:
             self._watched.pop(topic).tap.close()
@@ -182,7 +182,7 @@ class Viewer(CommandInterface[NoSettings]):
 
 
 ENCODING: Final = ".webp"
-"""Of a picture of 64 × 48 it needs two thirds of what JPEG does, whose tables alone take 150 bytes."""
+"""A 64 × 48 picture needs two thirds of the bytes of JPEG, whose tables alone take 150."""
 
 Shrink = Callable[[Image, int, int, int], Preview]
 """Makes a preview of an image that fits a width and a height, in a quality from 1 to 100."""
@@ -190,7 +190,7 @@ Shrink = Callable[[Image, int, int, int], Preview]
 
 @cache
 def load_shrinker() -> Shrink:
-    """The function that makes previews; the first call loads OpenCV, which takes a while."""
+    """The function that makes previews; the first call loads OpenCV, which is slow."""
     import numpy as np
 
     cv2 = load_opencv()
@@ -232,7 +232,7 @@ STEP_S: Final = 0.45
 
 
 class RateMeter:
-    """Measures over the last five seconds, or for as long as it looks."""
+    """Mean rate over the last five seconds, or since the start."""
 
     __slots__ = ("_polls",)
 
@@ -240,7 +240,7 @@ class RateMeter:
         self._polls: deque[tuple[float, int]] = deque([(now_s, 0)])
 
     def rate_hz(self, count: int, now_s: float) -> float:
-        """The rate, given how often it has happened since the begin."""
+        """The rate, from the number of events since the start."""
         samples = self._polls
         while len(samples) > 1 and now_s - samples[1][0] >= WINDOW_S:
             samples.popleft()

@@ -22,7 +22,7 @@ class Airframe:
     attitude_p: tuple[float, float, float]
     """Wanted rate per radian of attitude error about roll, pitch and yaw, in 1/s."""
     landing_gear_m: float
-    """Height of the range finder above the ground when the vehicle stands on it."""
+    """Height of the range finder above the ground when the vehicle stands, m."""
     integral_max: float = 0.08
     """Largest command of the integrals of the rates."""
 

@@ -13,7 +13,7 @@ from gloc3_sitl.autopilot.craft import Craft
 from gloc3_sitl.autopilot.modes import POSITIONED, Behaviour, Result
 
 _TWO_STEPS: Final = 1
-"""COM_ARM_AUTH_MET: the first attempt to arm asks only, the second arms."""
+"""COM_ARM_AUTH_MET: the first attempt to arm only requests authorization, the second arms."""
 _REASON_COMES_FROM_AUTHORIZER: Final = 1
 _REASONS: Final = {
     2: "a mission item is not allowed",
@@ -89,8 +89,8 @@ class Authorization:
     """Requests authorization, waits for it, and keeps its validity.
 
     Args:
-        craft: whose time it is, and who says what comes of it.
-        ask_parameter: the value of a COM_ARM_AUTH parameter; None where the style has none of this.
+        craft: the vehicle, with clock and status texts.
+        ask_parameter: reads a COM_ARM_AUTH parameter; None for styles without them.
     """
 
     def __init__(self, craft: Craft, request_parameter: Callable[[str], float] | None) -> None:
@@ -111,7 +111,7 @@ class Authorization:
         return self._waits_until_s is not None
 
     def leave(self) -> ArmPermission:
-        """Returns whether the vehicle may be armed now; requests authorization if that is unknown."""
+        """Whether the vehicle may be armed now; requests authorization if unknown."""
         if self._request is None or not self._request("COM_ARM_AUTH_REQ") or self.is_given:
             return ArmPermission.GIVEN
         if self.is_awaited:

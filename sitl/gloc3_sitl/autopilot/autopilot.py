@@ -41,11 +41,11 @@ class Autopilot:
 
     Args:
         style: PX4's or ArduPilot's.
-        say: told each sentence for the ground.
-        vehicle: what it steers.
-        declination_rad: of the magnetic field at home, which a real one has in a table.
-        surroundings: the simulation that it is in.
-        before: itself before a reboot; what stands on its memory card outlives that.
+        say: called with each status text.
+        vehicle: the controlled vehicle.
+        declination_rad: magnetic declination at home (a real autopilot has a table).
+        surroundings: the simulation around it.
+        before: the instance before a reboot, whose memory card is kept.
     """
 
     accepts_odometry = True
@@ -53,7 +53,7 @@ class Autopilot:
     source_set = 1
     """ArduPilot's set of sources in use."""
     utc_offset_s = 0.0
-    """Seconds since 1970 at boot, where somebody has told; 0 otherwise."""
+    """Seconds since 1970 at boot; 0 while unknown."""
     battery: BatteryReading | None = None
     range: RangeReading | None = None
     barometer: BarometerReading | None = None
@@ -91,7 +91,7 @@ class Autopilot:
         self.calibration: Final = CalibrationRun(self.craft)
         self.failsafes: Final = FailsafeMonitor(self.commander)
         self.servo_us: Final[dict[int, int]] = {}
-        """Pulse lengths of the outputs that somebody has set, by number from 1."""
+        """Pulse lengths set from outside, by output number from 1."""
         self.parameters.on_change.append(self._parameter_changed)
         self.choose_sources()
         self.others: dict[type, Any] = {}
@@ -106,7 +106,7 @@ class Autopilot:
         self._use: Final = self._receivers()
 
     def _continue(self, before: "Autopilot") -> None:
-        """Takes up what stood on the memory card before a reboot."""
+        """Restores the memory card after a reboot."""
         self.parameters.load(before.parameters)
         self.craft.mission.on_upload(self.plans.mission_count, len(self.plans.mission), self.craft.first_item)
 

@@ -19,7 +19,7 @@ from gloc3_sitl.autopilot.verdict import ACCEPTED, Author, RequestVerdict
 
 
 class Commander:
-    """Keeps the mode and changes it on permitted requests; every refusal gives a reason."""
+    """Current mode, changed on permitted requests; every refusal has a reason."""
 
     def __init__(self, craft: Craft, style: StyleTables, authorization: Authorization) -> None:
         self.craft: Final = craft
@@ -71,7 +71,7 @@ class Commander:
         return found
 
     def _mode_problems(self, mode: Mode) -> Iterator[ArmingProblem]:
-        """Yields what a mode needs and lacks."""
+        """Yields the unmet requirements of a mode."""
         craft = self.craft
         if not mode.can_arm:
             yield ArmingProblem(Check.MODE, f"mode {mode.name} does not allow arming", "check_modes_cannot_takeoff")
@@ -246,7 +246,7 @@ class Commander:
         return ACCEPTED
 
     def orbit(self, circle: OrbitCircle) -> RequestVerdict:
-        """Flies to a circle and orbits on it, if the style has a mode for that."""
+        """Flies to a circle and orbits on it, if the style has such a mode."""
         if self.style.orbit_mode is None:
             return RequestVerdict(Result.UNSUPPORTED, "orbit is not supported")
         if not self.craft.is_armed or self.craft.is_landed:
@@ -308,7 +308,7 @@ class Commander:
         return setpoint
 
     def _mind_authorizer(self) -> None:
-        """Arms when leave has come, and gives up when it does not."""
+        """Arms when authorized, and gives up after the time-out."""
         self.authorization.tick()
         if self._arming is not None and not self.authorization.is_awaited:
             author, self._arming = self._arming, None
@@ -353,7 +353,7 @@ class Commander:
             self._enter(self.style.position_mode if position_good else self.style.altitude_mode, Author.PILOT)
 
     def _mind_idle_motors(self) -> None:
-        """Stops the motors of a vehicle that stands."""
+        """Stops the motors of a standing vehicle."""
         craft, tuning = self.craft, self.craft.tuning
         if not craft.is_landed:
             return

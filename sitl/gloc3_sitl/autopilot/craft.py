@@ -24,7 +24,7 @@ class TouchdownDetector:
     SETTLE_S = 0.5
     """How long the signs of touchdown must last."""
     CERTAIN_S = 3.0
-    """After so long without weight on the rotors and without motion it stands, whatever a range finder says."""
+    """Time without thrust and motion after which the vehicle counts as landed, whatever the range finder reads, s."""
 
     def __init__(self) -> None:
         self.is_landed = True
@@ -43,16 +43,16 @@ class TouchdownDetector:
         speed_down_m_s: float,
         height_m: float,
     ) -> None:
-        """Looks at the state, 50 times a second.
+        """Updates from the state, at 50 Hz.
 
         Args:
             now_s: the time.
             is_armed: motors are on.
-            wants_down: the setpoint asks for a descent (or for nothing at all).
-            wants_up: the setpoint asks for a climb.
+            wants_down: the setpoint is a descent (or absent).
+            wants_up: the setpoint is a climb.
             thrust_share: collective thrust over that of hover.
             speed_down_m_s: estimated vertical speed.
-            height_m: over ground by the range finder, NaN where it is not known.
+            height_m: height over ground from the range finder, NaN if unknown.
         """
         if not is_armed:
             self._become(True, now_s)
@@ -147,7 +147,7 @@ class Craft:
     now_s: float = 0.0
     is_armed: bool = False
     range_mount_m: float = 0.0
-    """Height of the range finder over the ground when the vehicle stands, as its readings tell."""
+    """Height of the range finder over the ground when the vehicle stands, as in its readings, m."""
     airspeed_m_s: float = nan
     """By the pitot tube, where there is one."""
     vtol: VtolState | None = None
@@ -155,18 +155,18 @@ class Craft:
     is_leaking: bool = False
     """Whether there is water in the hull."""
     fault: str = ""
-    """Something that is broken, in words; arming is refused while it stands."""
+    """Description of a hardware fault, which blocks arming; empty for none."""
     last_setpoint: Setpoint = LANDED
     runway_rad: float = 0.0
-    """Direction of the newest take-off over ground, for landings on wings."""
+    """Ground course of the latest take-off, for landings on wings."""
     is_facing: Vector3 | None = None
-    """Where the nose shall point, where somebody has told a place."""
+    """Position that the nose faces, if set."""
     track_points: list[Vector3] = field(default_factory=list)
-    """Places on the way since arming, without loops, for a return along it; kept by what drives."""
+    """Positions since arming, without loops, for a return along the track; recorded by driving vehicles."""
     records_track: bool = True
     """Not while it returns along them."""
     target: FollowTarget | None = None
-    """Whom to follow, where somebody has told."""
+    """Target to follow, if set."""
 
     def mission_left(self) -> None:
         """Mission mode was left before the end."""

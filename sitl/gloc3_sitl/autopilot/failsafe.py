@@ -30,12 +30,12 @@ _EXEMPT: Final = {
 
 _PERIOD_S: Final = 0.1
 _STREAM_BACK_S: Final = 1.0
-"""Lost setpoints count as back after they have come for so long."""
+"""Time of steady setpoints after which a loss has ended, s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FailsafeRow:
-    """One row: a condition, and the action that the tuning gives to it."""
+    """One row: a condition, and the action that the tuning assigns to it."""
 
     name: str
     condition: Callable[["FailsafeMonitor"], str]
@@ -52,7 +52,7 @@ class FailsafeRow:
 class _Alarm:
     since_s: float
     changes: int
-    """Mode changes of the commander when it rose, to see that somebody has acted since."""
+    """Number of mode changes when the alarm rose; a higher number means a later change."""
     is_acted: bool = False
 
 
@@ -301,4 +301,4 @@ WATCHES: Final = (
     FailsafeRow(name="position", condition=_position_lost, action=lambda tuning: tuning.position_lost_action),
     FailsafeRow(name="fence", condition=_fence_broken, action=lambda tuning: tuning.fence_action),
 )
-"""Every failsafe, in the order in which they are looked at."""
+"""Every failsafe, in order of evaluation."""

@@ -49,13 +49,13 @@ class FenceMonitor:
         return broken
 
     def is_present(self, craft: Craft) -> bool:
-        """Whether there is any limit that would be kept if the fence is on."""
+        """Whether any limit would be enforced with the fence enabled."""
         tuning = craft.tuning
         has_areas = bool(craft.plans.fence) and tuning.fence_has_polygons
         return has_areas or any((tuning.fence_height_m, tuning.fence_depth_m, tuning.fence_radius_m))
 
     def is_kept(self, craft: Craft) -> bool:
-        """Whether it is on and more than reported, as SYS_STATUS tells."""
+        """Whether it is enabled and enforced rather than only reported, as in SYS_STATUS."""
         tuning = craft.tuning
         return self.is_present(craft) and tuning.fence_is_on and tuning.fence_action > FailsafeAction.WARN
 

@@ -40,7 +40,7 @@ class LogRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     failsafe: str = ""
     battery: float = 1.0
     texts: Sequence[str] = ()
-    """What was said since the record before."""
+    """Status texts since the previous record."""
 
 
 class FlightLog:
@@ -81,11 +81,11 @@ class LogSource(Protocol):
         """The first line of a log."""
 
     def log_record(self, now_s: float, texts: Sequence[str]) -> LogRecord:
-        """The next line of a log, with what was said since the one before."""
+        """The next line of a log, with the status texts since the previous one."""
 
 
 class FlightLogger:
-    """Begins a log at arming and ends it at disarming; the oldest log makes room for a new one."""
+    """Starts a log at arming and ends it at disarming; the oldest log is deleted when space runs out."""
 
     def __init__(self, source: LogSource, before: Sequence[FlightLog] = ()) -> None:
         self.logs: Final[list[FlightLog]] = list(before)
@@ -129,7 +129,7 @@ class FlightLogger:
         self.logs[:] = [log for log in self.logs if log.number != number or log is self._open]
 
     def tick(self, now_s: float) -> None:
-        """Writes what is due."""
+        """Writes due records."""
         is_armed = self._source.is_armed
         if self._open is None:
             if is_armed:

@@ -17,20 +17,20 @@ class MissionState(IntEnum):
 
 @dataclass(slots=True)
 class MissionProgress:
-    """The item that is current, and what a repeat or a restart must know."""
+    """The current mission item, and the state that a repeat or a restart needs."""
 
     current: int = 0
     state: MissionState = MissionState.NO_MISSION
     jumps: dict[int, int] = field(default_factory=dict)
     """Repeats already made, by the index of the jump."""
     reached: list[int] = field(default_factory=list)
-    """Items reached since somebody looked; drained by the MAVLink front end."""
+    """Items reached since the last read; drained by the MAVLink front end."""
     count: int = 0
     """Number of the upload that this progress belongs to."""
     is_paused: bool = False
     """Halted inside mission mode (DO_PAUSE_CONTINUE in ArduPilot's style)."""
     outdated: int | None = None
-    """Item of the previous plan, within the length of the new one: PX4 reports it until an item is set or begun."""
+    """Item of the previous plan, clamped to the new length; PX4 reports it until an item is set."""
 
     @property
     def reported(self) -> int:
@@ -46,7 +46,7 @@ class MissionProgress:
         self.outdated = None
 
     def on_upload(self, upload: int, length: int, first: int, *, reports_old: bool = False) -> None:
-        """A new list has taken the place of the old one."""
+        """Handles the replacement of the item list."""
         old = self.reported
         self.count = upload
         self.restart(first)

@@ -38,7 +38,7 @@ class Behaviour(StrEnum):
     STOP = "stop"
     """Stopped, wherever that is."""
     RETRACE = "retrace"
-    """Return by the way on which it came."""
+    """Return along the flown path."""
     Q_STABILIZE = "stabilize on rotors"
     Q_ALTITUDE = "altitude on rotors"
     Q_RETURN = "return on rotors"
@@ -118,7 +118,7 @@ class StyleTables:
     boot_mode: int
     """Custom mode after start."""
     goes_on: Mapping[Behaviour, int]
-    """Custom mode that follows by itself when a behaviour is done."""
+    """Custom mode that follows when a behaviour is done."""
     keeps_intention: bool
     """Whether any mode may be chosen while disarmed, and disarming leads back to the last one that can arm."""
     hold_mode: int
@@ -132,7 +132,7 @@ class StyleTables:
     altitude_mode: int
     parameters: Sequence[AutopilotParameter]
     derive: Callable[[Callable[[str], float], Tuning], None]
-    """Brings into the tuning what follows from several parameters at once; called after each change."""
+    """Updates tuning that depends on several parameters at once; called after each change."""
     refused: Result
     """Result of a request that the present state forbids (arming while unhealthy, take-off while disarmed)."""
     unknown_mode: Result
@@ -146,7 +146,7 @@ class StyleTables:
     streamed_shapes_positions: bool
     """Whether a single far position is approached by a smooth trajectory."""
     log_folder: str
-    """Where flight logs stand on the memory card."""
+    """Folder of the flight logs on the memory card."""
     mission_keeps_home: bool
     """Whether item 0 of a mission is home."""
     pilot_disarms_in_air: bool
@@ -154,17 +154,17 @@ class StyleTables:
     takeoff_in_streamed: bool
     """Whether NAV_TAKEOFF is flown inside streamed control, and refused elsewhere."""
     version: tuple[int, int, int]
-    """Of the firmware whose manners are followed."""
+    """Version of the emulated firmware."""
     on_earth: frozenset[Behaviour] = frozenset()
-    """Behaviours that need a position on Earth: an origin, and a heading that counts from north."""
+    """Behaviours that need a position on Earth: an origin, and a heading relative to north."""
     orbit_mode: int | None = None
     """Where there is one."""
     activities: Mapping[Behaviour, Callable[["Craft"], "Activity"]] = field(default_factory=dict)
-    """Behaviours that are not those of multirotors, and what makes them."""
+    """Behaviours that differ from those of multirotors, and their factories."""
     unsupported: frozenset[int] = frozenset()
     """MAV_CMDs that are for other classes of vehicles."""
     disarms_in_motion: bool = False
-    """Whether a vehicle that is not on the ground may be disarmed: one that stops when its motors do."""
+    """Whether the vehicle may be disarmed in motion, because it stops when its motors do."""
 
     def mode(self, custom_mode: int) -> Mode | None:
         """The row with this number."""

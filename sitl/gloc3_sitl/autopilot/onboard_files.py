@@ -9,16 +9,16 @@ from gloc3.mavlink.services.files.ftp import FolderEntry
 from gloc3_sitl.autopilot.flight_log import FlightLogger
 
 _MOST_BYTES: Final = 4_000_000
-"""Room for what is written from outside."""
+"""Capacity for files written from outside."""
 _MOST_FILES: Final = 200
 
 
 class OnboardFiles:
-    """A tree of files in memory. Flight logs stand in one folder of it and can be read and removed, not written.
+    """A file tree in memory. One folder holds the flight logs, which can be read and removed, but not written.
 
     Args:
-        logger: whose logs they are.
-        log_folder: where the style has them, as `/fs/microsd/log`.
+        logger: source of the flight logs.
+        log_folder: folder of the flight logs in this style, such as `/fs/microsd/log`.
     """
 
     def __init__(self, logger: FlightLogger, log_folder: str) -> None:
@@ -57,7 +57,7 @@ class OnboardFiles:
             self._folders[parts[:depth]] = None
 
     def load(self, other: "OnboardFiles") -> None:
-        """Keeps what stands on the same card."""
+        """Keeps the files of the same memory card."""
         self._files, self._folders = other._files, other._folders | self._folders
 
     def entries(self, path: str) -> list[FolderEntry]:

@@ -20,7 +20,7 @@ class ParameterKind(IntEnum):
 
 
 Derive = Callable[[Callable[[str], float], Tuning], None]
-"""Brings into the tuning what follows from several parameters at once."""
+"""Updates tuning that depends on several parameters at once."""
 
 _RANGES: Final = {
     ParameterKind.INT8: (-128, 127),
@@ -41,7 +41,7 @@ class AutopilotParameter:
     what: str
     """What it is for, in a few words."""
     sets: str = ""
-    """Field of `Tuning` that follows it, as `gains.position_xy`; empty where somebody asks for it by name."""
+    """Field of `Tuning` that follows the parameter, such as `gains.position_xy`; empty for parameters read by name."""
     scale: float = 1.0
     """Figure in `Tuning` per unit of the parameter."""
     means: Mapping[int, Any] | None = None
@@ -123,7 +123,7 @@ class ParameterStore:
         return iter(self.rows)
 
     def set(self, name: str, value: float) -> None:
-        """Changes a value.
+        """Sets a value.
 
         Raises:
             Refused: no such parameter, not a number, or out of its bounds; the old value stays.

@@ -9,7 +9,7 @@ class Pilot:
     """State of the receiver. The transmitter is off until `switch_on` is called or a stick is moved."""
 
     is_on: bool = False
-    """Whether the transmitter is switched on and in range."""
+    """Whether the transmitter is on and in range."""
     roll: float = 0.0
     """Right positive, -1..1."""
     pitch: float = 0.0
@@ -28,10 +28,10 @@ class Pilot:
     """Last time that the receiver gave valid channels."""
 
     held_until_s: float = inf
-    """A joystick over MAVLink counts only so long; a transmitter until it is switched off."""
+    """Time until which the input counts: limited for a joystick over MAVLink, infinite for a transmitter."""
 
     def switch_on(self) -> None:
-        """Switches the transmitter on, sticks centred."""
+        """Switches the transmitter on with centred sticks."""
         self.is_on = True
 
     def switch_off(self) -> None:
@@ -51,7 +51,7 @@ class Pilot:
         self.mode_wanted = name
 
     def arm(self) -> None:
-        """Puts the arming switch on."""
+        """Sets the arming switch."""
         self.is_on = True
         self.arm_wanted = True
 

@@ -10,7 +10,7 @@ from gloc3.messages.frames import GeoPoint
 
 
 class MissionCommand(IntEnum):
-    """The MAV_CMDs that can stand in an uploaded list."""
+    """The MAV_CMDs allowed in an uploaded list."""
 
     WAYPOINT = 16
     LOITER_UNLIMITED = 17
@@ -221,7 +221,7 @@ class StoredPlans:
     """How often a mission was uploaded."""
 
     def set_mission(self, items: tuple[StoredItem, ...]) -> None:
-        """Puts a new mission in place of the old one."""
+        """Replaces the mission."""
         self.mission = items
         self.mission_count += 1
 
@@ -243,7 +243,7 @@ class StoredPlans:
         return " and ".join(word for word in missing if word in wanted)
 
     def set_fence(self, items: tuple[StoredItem, ...]) -> None:
-        """Puts a new fence in place of the old one.
+        """Replaces the fence.
 
         Raises:
             ValueError: the corners of a polygon are not complete.
@@ -276,5 +276,5 @@ class StoredPlans:
         self.fence, self.polygons, self.circles = items, polygons, circles
 
     def set_rally(self, items: tuple[StoredItem, ...]) -> None:
-        """Puts new rally points in place of the old ones."""
+        """Replaces the rally points."""
         self.rally = items

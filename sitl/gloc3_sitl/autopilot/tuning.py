@@ -28,7 +28,7 @@ class FailsafeAction(IntEnum):
 
 @dataclass(slots=True, kw_only=True)
 class Tuning:
-    """Every figure that a parameter can change; the comments name what it is for, the style's table names the parameter."""
+    """All tunable figures; comments state their purpose, the style's table names the parameters."""
 
     gains: PositionGains = field(default_factory=PositionGains)
     limits: TrajectoryLimits = field(default_factory=TrajectoryLimits)
@@ -39,7 +39,7 @@ class Tuning:
     attitude_p_pitch: float = 6.5
     attitude_p_yaw: float = 3.0
     yaw_rate_rad_s: float = 0.8
-    """Fastest turn in modes of its own."""
+    """Largest turn rate in autonomous modes, rad/s."""
     hover_thrust: float = 0.46
 
     # Take-off, landing, return
@@ -50,9 +50,9 @@ class Tuning:
     """Below this height above the ground the landing goes at `land_speed_m_s`."""
     land_fast_speed_m_s: float = 1.0
     disarm_after_landing_s: float = 2.0
-    """Motors off so long after touchdown in a landing; never when negative."""
+    """Delay from touchdown to disarming after a landing, s; negative for never."""
     disarm_idle_s: float = 2.0
-    """Motors off so long after touchdown in any other mode; never when negative."""
+    """Delay from touchdown to disarming in any other mode, s; negative for never."""
     disarm_unflown_s: float = 10.0
     """Motors off when nothing took off within this time after arming; never when 0 or negative."""
     return_height_m: float = 15.0
@@ -88,7 +88,7 @@ class Tuning:
     """Setpoints older than this are lost."""
     stream_lost_action: FailsafeAction = FailsafeAction.HOLD
     stream_needed_hz: float = 2.0
-    """Rate below which streamed control is not accepted; 0 asks for none."""
+    """Setpoint rate below which offboard control is refused, Hz; 0 for no limit."""
 
     # Links, battery, pilot, position, fence
     station_timeout_s: float = 10.0
@@ -115,7 +115,7 @@ class Tuning:
     pilot_required: bool = False
     """Whether arming needs a pilot's transmitter."""
     pilot_override: int = 1
-    """Bit 0: moved sticks take over from modes of its own; bit 1: from streamed control too."""
+    """Bit 0: moved sticks override autonomous modes; bit 1: offboard control too."""
     pilot_override_stick: float = 0.3
     transition_action: FailsafeAction = FailsafeAction.RETURN
     """After a transition to wings that has failed, on rotors again."""
@@ -137,7 +137,7 @@ class Tuning:
     """Arming checks that are made, bits as `Check`."""
     needs_position_to_arm: bool = True
     floats_at_m: float = nan
-    """Depth that a diving vehicle tells at the surface; its depth is its only height. NaN for others."""
+    """Depth reading of a diving vehicle at the surface, m; depth is its only height. NaN for others."""
 
 
 class Exempt(IntEnum):

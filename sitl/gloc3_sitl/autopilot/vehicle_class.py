@@ -21,7 +21,7 @@ class AutopilotClass:
     control: Callable[[Craft], ControlLoops]
     """Makes its control loops."""
     reports_landed: bool = True
-    """Whether EXTENDED_SYS_STATE tells ground from air; otherwise that is left undefined."""
+    """Whether EXTENDED_SYS_STATE reports landed or in air; otherwise undefined."""
     output_numbers: tuple[int, ...] = (1, 2, 3, 4)
     """Number of the autopilot's output for each of the control's, from 1."""
     neutral_us: int = 1000
@@ -33,7 +33,7 @@ class AutopilotClass:
 ROVER: Final = AutopilotClass(
     mav_type=10, control=DriveControl, reports_landed=False, output_numbers=(1, 3), neutral_us=1500, span_us=500
 )
-"""A rover with a left and a right drive, ThrottleLeft and ThrottleRight on the outputs where Rover has them."""
+"""A rover with left and right drives: ThrottleLeft and ThrottleRight on Rover's outputs."""
 BOAT: Final = replace(ROVER, mav_type=11)
 """A boat with a left and a right propeller."""
 MULTIROTOR: Final = AutopilotClass(mav_type=2, control=MultirotorControl)

@@ -91,7 +91,7 @@ async def _relay(one: str, other: str, conditions: Conditions, seed: int, *, is_
 
 
 def _address(endpoint: Endpoint) -> str:
-    """Where it is, also where the URL asked for any free port."""
+    """Address of an endpoint, also where the URL asked for any free port."""
     return endpoint.url.replace(":0", f":{endpoint.local_port}") if endpoint.url.endswith(":0") else endpoint.url
 
 

@@ -31,11 +31,11 @@ from gloc3_sitl.world import World
 DEFAULT_LINKS: Final = ("udpout://127.0.0.1:14550", "udpout://127.0.0.1:14540")
 """Where PX4's and ArduPilot's own simulations send, too: 14550 for ground stations, 14540 for companions and MAVSDK."""
 ARDUPILOTS_LINK: Final = "station=tcpin://127.0.0.1:5760"
-"""Where ArduPilot's own simulation listens, too: MAVProxy, dronekit and pymavlink look for it there."""
+"""Listening address of ArduPilot's own simulation, which MAVProxy, dronekit and pymavlink expect."""
 
 PELICAN: Final = "pelican"
 INDOORS: Final = "hold"
-"""The world of the paper's vehicle; the others are in that of missions on Earth."""
+"""World of the paper's vehicle; other vehicles use that of missions on Earth."""
 _COMPANION_PORTS: Final = range(14540, 14550)
 _KINDS: Final = {"station": LinkKind.GROUND, "companion": LinkKind.COMPANION}
 
@@ -94,7 +94,7 @@ def read_home(text: str) -> tuple[GeoPoint, float]:
     """Reads LAT,LON,ALT,HEADING: degrees, metres above the sea, degrees clockwise from north.
 
     Raises:
-        Refused: it is not four numbers, or not a place on Earth.
+        Refused: the text is not four numbers, or not a position on Earth.
     """
     try:
         latitude, longitude, altitude, heading = (float(part) for part in text.split(","))
@@ -242,7 +242,7 @@ def _world(options: SitlOptions) -> World:
 
 
 def _run_firmware(firmware: str, options: SitlOptions, world: World, air: Wind, dvl: DvlAddress | None) -> int:
-    """Runs a real autopilot on our physics, until Ctrl-C."""
+    """Runs a real autopilot on the simulated physics, until Ctrl-C."""
     if options.battery != 1.0:
         raise Refused("--battery: a real firmware simulates its own battery; see docs/firmware.md")
     from gloc3_sitl.firmware.run import FirmwareOptions, run_firmware
@@ -275,7 +275,7 @@ def _run_firmware(firmware: str, options: SitlOptions, world: World, air: Wind, 
 async def _run(
     simulator: Simulator, links: Sequence[LinkRow], options: SitlOptions, dvl_at: DvlAddress | None, title: str
 ) -> int:
-    """Opens the links and lets the time run, until a signal or the end."""
+    """Opens the links and runs the simulation, until a signal or the end."""
     loop = asyncio.get_running_loop()
     stopped = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):

@@ -36,7 +36,7 @@ from gloc3_sitl.flight.watch import FlightWatch
 from gloc3_sitl.vehicles.table import vehicle_of
 
 STOP_S: Final = 15.0
-"""How long a process may take to end when it is asked to: the onboard process sees to the vehicle first."""
+"""Time allowed for a process to stop, s; the onboard process secures the vehicle first."""
 READY_S: Final = 30.0
 POLL_PERIOD_S: Final = 0.05
 LAST_LINES: Final = 5
@@ -44,7 +44,7 @@ EXIT_FAILED: Final = 1
 EXIT_INTERRUPTED: Final = 128 + signal.SIGINT
 DVL: Final = "dvl"
 PATIENCE: Final = 3.0
-"""Where nobody looks, a flight that takes so many times its estimate, and two minutes, is given up."""
+"""Multiple of the estimated duration (plus two minutes) after which an unattended flight is aborted."""
 
 
 PX4_COMPANION_PORT: Final = 14540
@@ -71,7 +71,7 @@ class DemoProcess:
             )
 
     async def show(self, arguments: Sequence[str], *, is_interactive: bool) -> None:
-        """Starts it on this process's output, and if interactive also on the terminal's input."""
+        """Starts it on this process's output and, if interactive, on the terminal's input."""
         self._process = await asyncio.create_subprocess_exec(
             *_command(arguments),
             stdin=None if is_interactive else asyncio.subprocess.DEVNULL,
@@ -151,12 +151,12 @@ async def run_demo(options: DemoOptions, platform: Platform) -> int:
     """Flies the mission and writes the report; the exit code is the ground station's.
 
     Args:
-        options: what is flown.
-        platform: the platform of that name.
+        options: mission, vehicle and output.
+        platform: the platform file.
 
     Raises:
         InputError: the mission may not fly.
-        Gloc3Error: the folder cannot be had, or a process did not start.
+        Gloc3Error: the folder cannot be created, or a process did not start.
     """
     begin_s = Clock.cost_s()
     recreate(options.out)
@@ -248,7 +248,7 @@ class Demo:
         return await self._end()
 
     async def _end(self) -> int:
-        """Waits for the station's end; a flight that cannot end any more is given up."""
+        """Waits for the station to end; aborts a flight that can no longer end."""
         ends = {asyncio.ensure_future(child.wait()): child for child in (self._station, self._onboard, self._vehicle)}
         limit_s = PATIENCE * self._mission.duration_s + 120.0 if self._options.is_headless else None
         done, pending = await asyncio.wait(ends, timeout=limit_s, return_when=asyncio.FIRST_COMPLETED)
@@ -285,12 +285,12 @@ def free_ports(count: int, kind: socket.SocketKind) -> list[int]:
 
 
 def sensed(platform: Platform, port: int, dvl_port: int) -> list[str]:
-    """Returns the URLs of the platform's sensors that a simulated vehicle has, as NAME=URL.
+    """Returns the URLs of the platform's simulated sensors, as NAME=URL.
 
     Args:
-        platform: whose components use them.
-        port: where the simulated vehicle serves cameras and laser scanner.
-        dvl_port: where it serves its Doppler velocity log.
+        platform: the platform file.
+        port: port of the simulated cameras and laser scanner.
+        dvl_port: port of the simulated Doppler velocity log.
     """
     used = _used(platform)
     places = dict.fromkeys(SIM_DEVICES, f"tcp://127.0.0.1:{port}")

@@ -15,7 +15,7 @@ from gloc3.messages.vehicle import Image
 from gloc3_sitl.physics.truth import Truth
 
 SIZES: Final[Mapping[str, float]] = {"late": 0.2, "old": 0.2, "scaled": 0.05, "step": 0.2}
-"""Of a fault when no size is given: seconds, seconds, a share, metres."""
+"""Default sizes of faults: seconds, seconds, a share, metres."""
 
 
 class FaultyFrame(NamedTuple):
@@ -59,8 +59,8 @@ class DeviceFault(NamedTuple):
 T = TypeVar("T", FaultyFrame, PairExposure, FaultyScan, Bottom)
 
 ALL: Final = ("lost", "stuck", "late", "old", "scaled", "step")
-"""Nothing comes; the same comes again with new times; all comes late; late and with new times; what it tells of a motion
-is too long by a share; it tells that it is farther north than it is."""
+"""In this order: no data; repeated data with new times; late data; late data with new times; measured motion too long
+by a share; position displaced to the north."""
 
 
 def size_of(fault: DeviceFault) -> float:
@@ -74,12 +74,12 @@ def late_by_s(fault: DeviceFault | None) -> float:
 
 
 def seen_from(truth: Truth, fault: DeviceFault | None, begin: Truth) -> Truth:
-    """Returns the truth from which a scaled or displaced device looks.
+    """Returns the truth as seen by a scaled or displaced device.
 
     Args:
-        truth: what the vehicle does.
-        fault: what is wrong.
-        begin: what it did when that began.
+        truth: the vehicle's state.
+        fault: the fault of the device.
+        begin: the vehicle's state when the fault began.
     """
     if fault is None or fault.word not in ("scaled", "step"):
         return truth

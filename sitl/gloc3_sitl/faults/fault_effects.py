@@ -1,4 +1,4 @@
-"""Effects of the kinds of faults on a flight: a table with the text form, the begin and the end of each."""
+"""Effects of the kinds of faults on a flight: text form, start and end of each."""
 
 from collections.abc import Mapping
 from math import cos, radians, sin

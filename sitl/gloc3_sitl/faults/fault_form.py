@@ -37,22 +37,22 @@ class FaultForm(msgspec.Struct, frozen=True, kw_only=True):
     bounds: tuple[float, float] | None = None
     """Of the number; None where there is none."""
     default: float | None = None
-    """Of the number; None where it must be given."""
+    """Default of the number; None where it is required."""
     size_of: tuple[str, ...] = ()
     """The words that take a size; the number takes one where this holds an empty text."""
     takes_text: bool = False
     """The value may be any text, or missing."""
     is_event: bool = False
-    """It happens once, unless a span is given and it `may_last`."""
+    """Whether it happens once, unless a span is given and it `may_last`."""
     may_last: bool = False
     lasts_s: float = inf
-    """How long it lasts if no end is given."""
+    """Duration if no end is given, s."""
 
     def read(self, target: str | None, value: str | None, size: str | None) -> Parsed:
-        """Reads the parts of a text.
+        """Reads the parts of a fault's text.
 
         Raises:
-            Refused: what is wrong.
+            Refused: a part is missing, unknown or out of range.
         """
         if self.has_target != (target is not None):
             raise Refused("a name is missing after the colon" if self.has_target else f"{target!r} is not expected")

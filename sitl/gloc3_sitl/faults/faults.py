@@ -1,9 +1,9 @@
-"""Timed faults of a simulated flight: read from text such as `link_loss@30..60`, begun and ended at their times.
+"""Timed faults of a simulated flight: read from text such as `link_loss@30..60`, started and ended at their times.
 
     KIND[:TARGET][=VALUE[/SIZE]][@BEGIN[..[END]]]
 
-Times are seconds of the flight's clock, as in its log and narration. Without `@` a fault begins at once. Without END,
-what is an event happens once, and what lasts lasts for good; `BEGIN..` lasts for good, too.
+Times are seconds of the flight's clock, as in its log and narration. Without `@` a fault starts immediately. Without
+END, an event happens once, and other faults are permanent; so is `BEGIN..`.
 """
 
 import re
@@ -38,20 +38,20 @@ class TimedFault(msgspec.Struct, frozen=True, kw_only=True):
     """A fault with its times of begin and end."""
 
     text: str
-    """As it was asked for."""
+    """Text of the request."""
     kind: str
     given: Parsed
     begin_s: float | None = None
     """On the flight's clock; None for at once."""
     lasts_s: float | None = None
-    """Infinite for what lasts for good; None for an event that happens once."""
+    """Duration, s; infinite for permanent faults, None for an event that happens once."""
 
 
 def read_fault(text: str) -> TimedFault:
     """Reads a fault.
 
     Raises:
-        Refused: what is wrong with it, and what would be right.
+        Refused: the text is not a fault; the message names the expected form.
     """
     word, at, span = text.strip().partition("@")
     match = _TEXT.fullmatch(SHORT.get(word, word) + at + span)
@@ -71,7 +71,7 @@ def read_fault(text: str) -> TimedFault:
 
 
 def _read_span(text: str | None, form: FaultForm) -> tuple[float | None, float | None]:
-    """When it begins, and how long it lasts."""
+    """Start and duration of a fault."""
     lasts_s = None if form.is_event else form.lasts_s
     if text is None:
         return None, lasts_s
@@ -98,13 +98,13 @@ def _seconds(text: str) -> float:
 
 
 class Injection:
-    """One fault of one flight: begins and ends at its times, or earlier by `end`."""
+    """One fault of one flight: starts and ends at its times, or earlier by `end`."""
 
     def __init__(self, flight: Flight, fault: TimedFault) -> None:
-        """Checks the fault against the flight and puts it on its clock.
+        """Checks the fault against the flight and schedules it.
 
         Raises:
-            Refused: it does not fit this flight, or its time has passed.
+            Refused: the fault does not fit this flight, or its time has passed.
         """
         self.fault: Final = fault
         self._flight = flight
@@ -134,7 +134,7 @@ class Injection:
         self._ended = effect.begin(self._flight, self.fault.given, self.fault.lasts_s is None)
 
     def end(self) -> None:
-        """Ends it, also before it has begun."""
+        """Ends the fault, also before its start."""
         if not self._is_over and self._ended is not None:
             self._ended()
             self._record(is_present=False)
@@ -145,10 +145,10 @@ class Injection:
 
 
 def schedule_faults(flight: Flight, texts: tuple[str, ...]) -> list[Injection]:
-    """Reads faults and puts them on a flight's clock.
+    """Reads faults and schedules them.
 
     Raises:
-        Refused: one cannot be read, or does not fit the flight; then none is there.
+        Refused: one cannot be read, or does not fit the flight; none is scheduled then.
     """
     faults = [read_fault(text) for text in texts]
     return [Injection(flight, fault) for fault in faults]

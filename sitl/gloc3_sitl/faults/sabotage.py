@@ -14,7 +14,7 @@ from gloc3.exchange.base import Unsubscribe
 from gloc3.messages.envelope import Envelope
 
 Tap = Callable[[Envelope[Any]], Sequence[Envelope[Any]]]
-"""Gets a message on its way and says what goes on in its place."""
+"""Intercepts a message on a topic; returns the messages that replace it."""
 
 CycleCost = Callable[[str, float], float]
 """What a cycle of a component costs at a time, in seconds."""
@@ -25,7 +25,7 @@ class InjectedFault(Gloc3Error):
 
 
 class TappedExchange(LocalExchange):
-    """The local middleware with taps on its topics; all receivers, the recorder too, get what the taps pass."""
+    """Local middleware with taps on its topics; all receivers, the recorder included, get the taps' output."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -43,7 +43,7 @@ class TappedExchange(LocalExchange):
         return remove
 
     def publish(self, envelope: Envelope[Any]) -> None:
-        """Publishes what the topic's taps pass."""
+        """Publishes the output of the topic's taps."""
         taps = self._taps.get(envelope.topic)
         if taps is None:
             super().publish(envelope)
@@ -60,11 +60,11 @@ class TappedExchange(LocalExchange):
 
 
 class FaultInjector:
-    """Sets how long cycles take and which of them crash, also after a restart of the onboard process.
+    """Sets the cost and the crashes of cycles, also after a restart of the onboard process.
 
     Args:
-        loop: gives the time.
-        cost_s: what cycles cost where no fault is present; None for nothing.
+        loop: event loop whose clock is used.
+        cost_s: cost of cycles without a fault; None for 0.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop, cost_s: CycleCost | None = None) -> None:

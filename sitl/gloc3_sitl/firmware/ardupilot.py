@@ -10,20 +10,19 @@ from gloc3_sitl.sensors.readings import ImuReading, RangeReading, Reading
 RATE_HZ: Final = 800
 """Steps of the physics per second: ArduCopter does not arm with fewer than 1.8 samples of the gyro to each of its 400 loops."""
 NO_ECHO_M: Final = 1000.0
-"""Sent as a range where there is no echo: farther than any range finder tells, so the firmware says *out of range*."""
+"""Range sent without an echo, m; beyond any range finder, so that the firmware reports *out of range*."""
 
 
 class ArduPilotBridge:
     """Steps a vehicle by the received servo packets and returns the replies.
 
-    The firmware speaks first and counts what it has accepted, so:
+    The firmware sends first and numbers its packets:
 
-    * the next count is one step;
-    * a count that comes again is a packet that it sends again, because it has no answer or took none: the last state
-      is sent once more, and time stands;
-    * a count that leaves some out is one step, too: time is ours, so nothing is lost but what it wanted meanwhile;
-    * a count that falls is a firmware that has started anew: so does the vehicle, at home, at time 0;
-    * another sender is a firmware that has started anew if it counts from 0; else it is not answered.
+    * the next number is one step;
+    * a repeated number is a retransmission after a lost reply: the last state is sent again, without a step;
+    * a gap is one step, too: the bridge keeps the time, and only the skipped outputs are lost;
+    * a smaller number is a restarted firmware: the vehicle restarts as well, at home, at time 0;
+    * another sender is a restarted firmware if it counts from 0; otherwise it gets no reply.
 
     Args:
         body: the vehicle; `RATE_HZ` steps a second.
@@ -58,14 +57,14 @@ class ArduPilotBridge:
         return self._body.now_s
 
     def receive(self, data: bytes, sender: Hashable) -> bytes | None:
-        """Takes what has come from the firmware.
+        """Handles a datagram from the firmware.
 
         Args:
             data: one datagram.
-            sender: who has sent it.
+            sender: its address.
 
         Returns:
-            What is to be sent back to that sender; None for nothing.
+            The reply to that sender, or None.
         """
         servos = read_servos(data)
         if servos is None:
@@ -128,7 +127,7 @@ class ArduPilotBridge:
         )
 
     def _keep_readings(self, readings: Sequence[Reading]) -> None:
-        """Keeps what this interface can carry; fixes, pressure and the field the firmware makes by itself."""
+        """Keeps the readings that this interface carries; the firmware simulates fixes, pressure and magnetic field."""
         for reading in readings:
             if isinstance(reading, ImuReading):
                 self._imu = reading

@@ -36,11 +36,11 @@ class BodySettings(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SensedBody:
-    """One vehicle in one world; the same outputs give the same flight bit for bit.
+    """One vehicle with its sensors in one world; the same outputs give the same flight, bit for bit.
 
     Args:
-        world: where it flies.
-        settings: what is simulated.
+        world: scene of the flight.
+        settings: vehicle and sensors.
         rate_hz: steps of the physics, and samples of the inertial unit, per second.
     """
 

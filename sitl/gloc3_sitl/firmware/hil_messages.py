@@ -18,7 +18,7 @@ from gloc3_sitl.sensors.readings import (
 )
 
 ACCELEROMETER: Final = 0b111
-"""Bits of `fields_updated`: PX4 takes a group of fields only where all of its bits are set."""
+"""Bits of `fields_updated`; PX4 uses a group of fields only if all its bits are set."""
 GYRO: Final = 0b111 << 3
 MAGNETOMETER: Final = 0b111 << 6
 BAROMETER: Final = 1 << 9 | 1 << 11 | 1 << 12
@@ -40,7 +40,7 @@ def hil_sensor(
     barometer: BarometerReading | None,
     fields_updated: int,
 ) -> MavlinkMessage:
-    """HIL_SENSOR, of which `fields_updated` tells what is new."""
+    """HIL_SENSOR; `fields_updated` marks the new fields."""
     (ax, ay, az), (p, q, r) = imu.specific_force_frd_m_s2, imu.rate_frd_rad_s
     mx, my, mz = (0.0, 0.0, 0.0) if magnetometer is None else magnetometer.field_frd_tesla
     altitude_m = 0.0 if barometer is None else barometer.altitude_m
@@ -64,7 +64,7 @@ def hil_sensor(
 
 
 def hil_gps(fix: FixReading, utc_offset_s: float) -> MavlinkMessage:
-    """HIL_GPS; its time is UTC, as a receiver tells it."""
+    """HIL_GPS; its time is UTC, as from a receiver."""
     north, east, down = fix.velocity_ned_m_s
     speed_m_s = hypot(north, east)
     has_fix = fix.kind is not FixKind.NONE

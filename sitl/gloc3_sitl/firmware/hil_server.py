@@ -16,9 +16,9 @@ class HilServer:
     """Accepts one PX4, and steps the vehicle for it.
 
     Args:
-        bridge: what is served.
-        loop: whose time is kept.
-        speed: times real time that the flight is to be held to.
+        bridge: the simulated vehicle.
+        loop: event loop whose clock is used.
+        speed: multiple of real time at which the flight is paced.
     """
 
     def __init__(self, bridge: Px4Bridge, loop: asyncio.AbstractEventLoop, speed: float = 1.0) -> None:
@@ -43,7 +43,7 @@ class HilServer:
 
     @property
     def slips(self) -> int:
-        """Number of times that the flight has fallen behind real time for good."""
+        """Number of times that the flight has fallen behind real time without catching up."""
         return self._pace.slips
 
     async def open(self, port: int) -> None:
@@ -122,9 +122,9 @@ class _Connection(asyncio.Protocol):
         self._server.connected(transport)
 
     def data_received(self, data: bytes) -> None:
-        """Passed on."""
+        """Forwards to the connection."""
         self._server.received(self._transport, data)
 
     def connection_lost(self, error: Exception | None) -> None:
-        """Passed on."""
+        """Forwards to the connection."""
         self._server.is_disconnected(self._transport)

@@ -72,9 +72,9 @@ class FirmwareInStep:
         binary = find_binary(kind.programs[settings.vehicle], None)
         self.world: Final = world
         self.texts: Final[deque[tuple[float, Severity, str]]] = deque()
-        """Always empty: what it says is on its link, and in `firmware.txt`."""
+        """Always empty: status texts are on its link and in `firmware.txt`."""
         self.problem = ""
-        """Why time does not go on any more."""
+        """Reason why time has stopped."""
         self._body: Final = SensedBody(world, settings, kind.rate_hz)
         self._end: Final = _ENDS[firmware](self._body)
         self._scratch: Final = TemporaryDirectory(prefix="gloc3-firmware-")
@@ -101,7 +101,7 @@ class FirmwareInStep:
     # -- time ---------------------------------------------------------------------------------------------------------
 
     def start(self, loop: AbstractEventLoop) -> None:
-        """Lets an event loop advance it from now on."""
+        """Has an event loop advance it from now on."""
         begin_s = loop.time()
 
         def turn() -> None:
@@ -147,11 +147,11 @@ class FirmwareInStep:
         """Connects its one MAVLink link.
 
         Args:
-            send: called with each datagram that comes out.
-            kind: of no account: it tells what it is asked for.
+            send: called with each outgoing datagram.
+            kind: ignored: the firmware streams on request.
 
         Returns:
-            What is to be called with each piece of data that goes in.
+            A callable for each piece of received data.
         """
         self._send = send
         return self._send_bytes
@@ -191,7 +191,7 @@ class FirmwareInStep:
 
     @property
     def autopilot(self) -> Autopilot:
-        """There is none of ours.
+        """Not available: the firmware is the autopilot.
 
         Raises:
             Refused: always.
@@ -200,7 +200,7 @@ class FirmwareInStep:
 
     @property
     def pilot(self) -> Pilot:
-        """There is none of ours.
+        """Not available: there is no simulated transmitter.
 
         Raises:
             Refused: always.
@@ -208,7 +208,7 @@ class FirmwareInStep:
         _none_of_ours()
 
     def switch(self, power: SupplyState) -> None:
-        """It has no power of ours.
+        """Not available: the firmware's power is not simulated.
 
         Raises:
             Refused: always.

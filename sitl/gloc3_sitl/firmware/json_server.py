@@ -16,18 +16,18 @@ SocketAddress: TypeAlias = tuple[Any, ...]
 DEFAULT_PORT: Final = 9002
 _LARGEST: Final = 2048
 _AT_ONCE: Final = 64
-"""After so many packets the rest of the process has its turn."""
+"""Packets handled before other tasks get a turn."""
 _MOST_EARLY_S: Final = 0.004
-"""Steps are made in bursts of so long: a timer for each would cost more than the step."""
+"""Length of a burst of steps, s: a timer for each step would cost more than the step."""
 
 
 class JsonServer:
     """Replies to the sender of each servo packet; packets that are early wait in the socket.
 
     Args:
-        bridge: what answers.
-        loop: whose time is kept.
-        speed: times real time that the flight is to be held to.
+        bridge: the simulated vehicle.
+        loop: event loop whose clock is used.
+        speed: multiple of real time at which the flight is paced.
     """
 
     def __init__(self, bridge: ArduPilotBridge, loop: asyncio.AbstractEventLoop, speed: float = 1.0) -> None:
@@ -51,7 +51,7 @@ class JsonServer:
 
     @property
     def slips(self) -> int:
-        """Number of times that the flight has fallen behind real time for good."""
+        """Number of times that the flight has fallen behind real time without catching up."""
         return self._pace.slips
 
     async def open(self, port: int) -> None:

@@ -39,7 +39,7 @@ class JsonState(NamedTuple):
     ned_from_frd: Quaternion
     velocity_ned_m_s: Vector3
     range_m: float | None = None
-    """What the range finder that looks down says; None before its first reading."""
+    """Reading of the downward range finder; None before the first one."""
 
 
 def read_servos(data: bytes) -> Servos | None:
@@ -54,12 +54,12 @@ def read_servos(data: bytes) -> Servos | None:
 
 
 def state_text(state: JsonState) -> bytes:
-    """One line with a line feed before and after it, as the firmware's scanner needs it.
+    """State as one line, with a line feed before and after it as the firmware's scanner requires.
 
-    There is no space after a colon, and no key stands in another one that comes before it.
+    There is no space after a colon, and no key is part of an earlier key.
 
     Raises:
-        Misuse: something is not a number, on which the firmware would end.
+        Misuse: a value is not a number, which would end the firmware.
     """
     t_s, (p, q, r), (fx, fy, fz), (n, e, d), (w, x, y, z), (vn, ve, vd), range_m = state
     if not isfinite(t_s + p + q + r + fx + fy + fz + n + e + d + w + x + y + z + vn + ve + vd + (range_m or 0.0)):

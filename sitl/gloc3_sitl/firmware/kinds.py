@@ -30,7 +30,7 @@ class FirmwareOptionsWanted(msgspec.Struct, frozen=True, kw_only=True):
     port: int
     """Where our physics listens."""
     links: Sequence[str]
-    """URLs of the MAVLink links that it is to open; empty for those that it opens by itself."""
+    """URLs of the MAVLink links to open; empty for the firmware's defaults."""
     speedup: float
     """Times real time that it may run at most."""
     is_without_gps: bool
@@ -52,14 +52,14 @@ class FirmwareKind(msgspec.Struct, frozen=True, kw_only=True):
 
     title: str
     programs: Mapping[str, Sequence[str]]
-    """As what it is looked for on PATH, by the vehicle."""
+    """Program names to find on PATH, by vehicle."""
     port: int
-    """Where our physics listens if nothing else is said."""
+    """Default port of the physics."""
     rate_hz: int
     links: Sequence[str]
-    """That it is told to open if nothing else is said."""
+    """Default links to open."""
     uses_fixes: bool
-    """Whether our satellite receiver is its; otherwise it has one of its own."""
+    """Whether it uses the simulated satellite receiver rather than its own."""
     start: Callable[[Path, FirmwareOptionsWanted], FirmwareStart]
     problem: Callable[[str], str] = lambda _: ""
     """What its output says went wrong with its parameters, once it flies; empty where nothing did."""
@@ -82,7 +82,7 @@ def start_program(kind: FirmwareKind, binary: Path, options: FirmwareOptionsWant
     """Starts a firmware.
 
     Raises:
-        Refused: the system will not run it, or it cannot do what is wished for.
+        Refused: the system does not run it, or it does not support an option.
     """
     start = kind.start(binary, options)
     program = FirmwareProcess([str(binary), *start.arguments], options.folder, start.environment)
@@ -100,7 +100,7 @@ def _start_ardupilot(_: Path, options: FirmwareOptionsWanted) -> FirmwareStart:
         write_parameters(options.folder / "given.parm", options.parameters)
     (options.folder / "eeprom.bin").unlink(missing_ok=True)
     if len(options.links) > _MOST_LINKS:
-        raise Refused(f"ArduPilot takes at most {_MOST_LINKS} MAVLink links, not {len(options.links)}")
+        raise Refused(f"ArduPilot supports at most {_MOST_LINKS} MAVLink links, not {len(options.links)}")
     lines = [_ardupilot_line(url) for url in options.links]
     lines += ["none:0"] * (_MOST_LINKS - len(lines))
     latitude, longitude, altitude = options.world.home
@@ -120,10 +120,10 @@ def _start_ardupilot(_: Path, options: FirmwareOptionsWanted) -> FirmwareStart:
 
 
 def _ardupilot_line(url: str) -> str:
-    """A link as ArduPilot's simulation is told of it.
+    """A link in the syntax of ArduPilot's simulation.
 
     Raises:
-        Refused: it has none of this kind.
+        Refused: this kind of link is not supported.
     """
     there = parse_url(url)
     match there.scheme:
@@ -235,10 +235,10 @@ def preset_text(name: str) -> str:
 
 
 def read_parameters(text: str, name: str = "") -> dict[str, float]:
-    """Reads lines of NAME VALUE, or NAME,VALUE; what follows a # is a remark.
+    """Reads lines of NAME VALUE, or NAME,VALUE; # starts a comment.
 
     Raises:
-        Refused: a line has another form; with its number.
+        Refused: a line has another form; the message gives its number.
     """
     found: dict[str, float] = {}
     for number, line in enumerate(text.splitlines(), start=1):

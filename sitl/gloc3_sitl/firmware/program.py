@@ -1,4 +1,4 @@
-"""A firmware's program: finding it, starting it in its own folder, and stopping it."""
+"""A firmware's program: search, start in its own folder, and stop."""
 
 import asyncio
 import os
@@ -11,7 +11,7 @@ from typing import Final
 from gloc3.errors import Refused
 
 STOP_S: Final = 2.0
-"""How long it may take to end when it is asked to; one that waits for physics does not hear at all."""
+"""Time allowed for the program to stop, s; one that waits for physics does not react."""
 LAST_LINES: Final = 8
 _LAST_BYTES: Final = 4000
 _POLL_PERIOD_S: Final = 0.02
@@ -21,11 +21,11 @@ def find_binary(names: Sequence[str], given: Path | None) -> Path:
     """Finds the program of a firmware.
 
     Args:
-        names: as which it is looked for on PATH.
-        given: where it is instead.
+        names: names to find on PATH.
+        given: path to use instead.
 
     Raises:
-        Refused: there is none; the text says what to do.
+        Refused: not found; the message says what to do.
     """
     if given is not None:
         if not (given.is_file() and os.access(given, os.X_OK)):
@@ -56,10 +56,10 @@ class FirmwareProcess:
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self) -> None:
-        """Starts it in its own session, out of reach of Ctrl-C; it ends with this process even if that is killed.
+        """Starts it in its own session, unaffected by Ctrl-C; it ends with this process, even if that is killed.
 
         Raises:
-            Refused: the system will not run it.
+            Refused: the system does not run it.
         """
         parent = shutil.which("setpriv")
         before = [parent, "--pdeathsig", "KILL"] if parent else []

@@ -22,12 +22,12 @@ RATE_HZ: Final = 250
 """Steps of the physics and HIL_SENSOR messages per second, which PX4's own simulators have, too."""
 
 _SYSTEM, _COMPONENT = 1, 200
-"""As whom we speak on the link."""
+"""MAVLink address of the simulator on the link."""
 _HEARTBEAT_STEPS: Final = RATE_HZ
 _MOTORS: Final = 4
 _STANDING_STILL: Final = (0.0,) * _MOTORS
 _STILL: Final = ImuReading(t_s=0.0, specific_force_frd_m_s2=(0.0, 0.0, 0.0), rate_frd_rad_s=(0.0, 0.0, 0.0))
-"""In fields that are not said to be new."""
+"""Placeholder in fields that are not marked as new."""
 _LOCK_STEP_FLAG: Final = 1
 _HIL_STATE: Final = 115
 
@@ -35,9 +35,9 @@ _HIL_STATE: Final = 115
 class Px4Bridge:
     """Steps a vehicle for PX4.
 
-    Until the first HIL_ACTUATOR_CONTROLS the time runs freely, since PX4 boots by it. From then on there is a step only
-    when the last one has been answered, by a message whose time has gone on since the one before: PX4's time is that of
-    HIL_SENSOR. A PX4 that says that it is not built for lock-step is not waited for.
+    Until the first HIL_ACTUATOR_CONTROLS time runs freely, since PX4 needs it to boot. From then on a step follows only
+    the answer to the last one: a message with a later time than the previous one (PX4's time is that of HIL_SENSOR).
+    A PX4 that reports that it is not built for lock-step is not waited for.
 
     Args:
         body: the vehicle; `RATE_HZ` steps a second.
@@ -50,7 +50,7 @@ class Px4Bridge:
         self.answers = 0
         """HIL_ACTUATOR_CONTROLS since then."""
         self.repeats = 0
-        """Those of them whose time had not gone on: they answer nothing, and move nothing."""
+        """Messages without progress in time; they answer no step."""
         self.is_armed = False
         """What the last of them says."""
         self._body: Final = body
@@ -86,7 +86,7 @@ class Px4Bridge:
 
     @property
     def is_in_step(self) -> bool:
-        """Whether PX4 has begun to answer."""
+        """Whether PX4 has started to answer."""
         return self._is_in_step
 
     def receive(self, data: bytes) -> None:
@@ -116,7 +116,7 @@ class Px4Bridge:
     def step(self) -> bytes:
         """Advances by one step; returns the messages for PX4.
 
-        HIL_SENSOR comes last, because PX4's time goes on with it: what else is new was true before.
+        HIL_SENSOR comes last because it advances PX4's time; all other new data belong before it.
         """
         body = self._body
         self.steps += 1
@@ -133,7 +133,7 @@ class Px4Bridge:
         return b"".join(map(self._encoder.encode, messages))
 
     def _sort(self, readings: Sequence[Reading], messages: list[MavlinkMessage]) -> int:
-        """Keeps the readings, or makes messages of them; what is new in HIL_SENSOR, as bits."""
+        """Keeps readings or converts them to messages; returns the new fields of HIL_SENSOR as bits."""
         updated = 0
         for reading in readings:
             match reading:

@@ -24,11 +24,11 @@ class RealTimePacer:
         self._last_s = 0.0
 
     def wait_s(self, now_s: float, simulated_s: float) -> float:
-        """How long it is until a simulated time is due; not above 0 if it is.
+        """Wait until a simulated time is due, s; not positive if it is due.
 
         Args:
             now_s: the wall clock.
-            simulated_s: what is simulated already; where it has gone back, it begins anew.
+            simulated_s: simulated time; a step back restarts the pacing.
         """
         if simulated_s < self._last_s or self._begin_s == float("-inf"):
             self._begin_s = now_s - simulated_s / self._speed

@@ -28,11 +28,11 @@ from gloc3_sitl.world import World
 EXIT_FAILED: Final = 1
 TOO_SLOW: Final = "this computer is too slow or too busy for this speed: the flight repeatedly falls behind real time"
 CATCHING_UP: Final = 4.0
-"""We keep the pace, and the firmware may be so much faster after a delay."""
+"""Speed at which the firmware may catch up after a delay, as a multiple of the pace."""
 SILENT_S: Final = 2.0
-"""So long without a step in wall time, and somebody is told."""
+"""Wall time without a step after which a warning is printed, s."""
 SLIPS: Final = 3
-"""So often the flight falls behind before somebody is told: once or twice it does while everything starts."""
+"""Number of slips before a warning: one or two happen at start."""
 _POLL_PERIOD_S: Final = 0.1
 
 
@@ -46,7 +46,7 @@ class FirmwareOptions(msgspec.Struct, frozen=True, kw_only=True):
     links: Sequence[str]
     binary: Path | None = None
     is_running: bool = False
-    """It is started by somebody else."""
+    """Whether the program is started externally."""
     port: int | None = None
     speed: float = 1.0
     seconds: float | None = None
@@ -142,7 +142,7 @@ class _Watch:
         self._title, self._problem = kind.title, kind.problem
 
     async def until(self, stopped: asyncio.Event, seconds: float | None) -> int:
-        """Waits for a signal, for the end of the firmware, or until so much simulated time is over; an exit code."""
+        """Waits for a signal, the end of the firmware, or a duration; returns an exit code."""
         body, server, program = self._body, self._server, self._program
         loop = asyncio.get_running_loop()
         last_s, received_s, is_stepping, is_slow = body.now_s, loop.time(), False, False

@@ -128,7 +128,7 @@ class Flight:
         return FlightRecording(plan.out, self.context, metadata, file, self.mission.text)
 
     def _world(self) -> World:
-        """The world that is asked for, or the one that the mission's frame belongs to."""
+        """The requested world, or the one of the mission's frame."""
         plan = self.plan
         if plan.world:
             world = _fitting(World.load(plan.world), self.mission)
@@ -251,7 +251,7 @@ class Flight:
         """Waits for a matching message on a topic below the platform's name.
 
         Raises:
-            TimeoutError: none has come by then; the text names the topic.
+            TimeoutError: no match in time; the message names the topic.
         """
         found: asyncio.Future[Message] = self.loop.create_future()
 

@@ -21,9 +21,9 @@ from gloc3_sitl.flight.watch import FlightWatch, Narrate
 from gloc3_sitl.physics.wind import CALM, Wind
 
 START_WITHIN_S: Final = 300.0
-"""A platform that is not heard and ready by then is given up."""
+"""Time for a platform to appear and become ready, s."""
 PATIENCE: Final = 3.0
-"""A mission that takes so many times its estimate, and a minute, is given up."""
+"""Multiple of the estimated duration (plus a minute) after which a mission is aborted."""
 
 
 class FlyOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -35,7 +35,7 @@ class FlyOptions(msgspec.Struct, frozen=True, kw_only=True):
     autopilot: str = ""
     """`px4` or `ardupilot`; empty for the usual one of the vehicle."""
     is_firmware: bool = False
-    """The real firmware of that name in place of an autopilot of ours."""
+    """Whether the real firmware of that name replaces the embedded autopilot."""
     seed: int = 0
     wind: Wind = CALM
     waves_m: float = 0.0
@@ -51,14 +51,14 @@ async def fly_mission(options: FlyOptions, platform: Platform, narrate: Narrate 
     """Flies a mission to its end, successful or not.
 
     Args:
-        options: what is flown.
-        platform: the platform of that name.
-        narrate: takes a line for each thing that happens.
+        options: mission, faults and output.
+        platform: the platform file.
+        narrate: called with a line for each event.
         begin_s: `Clock.cost_s()` at the start of the program, for the wall time in the report.
 
     Raises:
         InputError: the mission may not fly.
-        Refused: a fault does not fit the flight, or what it leaves cannot be written.
+        Refused: a fault does not fit the flight, or the results cannot be written.
     """
     with TemporaryDirectory() as scratch:
         mission = read_mission_file(options.mission, platform, options.out or Path(scratch))

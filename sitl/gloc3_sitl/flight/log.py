@@ -14,14 +14,14 @@ FLUSH_S: Final = 1.0
 
 
 class FlightRecording:
-    """Logs the flight's exchange into a folder, if any; it outlives the onboard process.
+    """Logs the flight's exchange into a folder, if any; survives restarts of the onboard process.
 
     Args:
         folder: of the log; None to write none.
-        context: of the flight.
-        metadata: what the log says of itself.
-        platform_file: goes into the log.
-        mission: its text goes into the log.
+        context: the flight's context.
+        metadata: the log's metadata.
+        platform_file: stored in the log.
+        mission: stored in the log as text.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class FlightRecording:
         return recorder
 
     def cut(self) -> None:
-        """Ends the file that is being written, and begins the next."""
+        """Ends the current file and starts the next."""
         if self.path is not None and self.recorder is not None:
             self.recorder.close()
             self.path = LogFiles(self.path.parent).next()

@@ -18,10 +18,10 @@ class SimTruth(Message, frozen=True):
 
 
 class SimFault(Message, frozen=True):
-    """A fault begins or ends."""
+    """A fault starts or ends."""
 
     fault: str
-    """As it was asked for."""
+    """Text of the request."""
     is_present: bool
 
 

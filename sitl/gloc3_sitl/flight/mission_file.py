@@ -19,9 +19,9 @@ HOLD: Final = "hold"
 INDOORS: Final = "pelican"
 """The platform of a mission in a local frame that names none."""
 OUTDOORS: Final = "pelican_rtk"
-"""The platform of a mission on Earth that names none."""
+"""Default platform of missions on Earth."""
 UNKNOWN_DURATION_S: Final = 600.0
-"""Taken for a mission whose duration the checker cannot tell."""
+"""Duration assumed for a mission that the checker cannot estimate, s."""
 
 
 class FlyableMission(NamedTuple):
@@ -122,7 +122,7 @@ def read_mission_file(path: Path, platform: Platform, folder: Path) -> FlyableMi
 
 
 def faces_down(platform: Platform, mission: Mission) -> bool:
-    """Whether the platform uses a downward camera, whose pictures double the cost of a flight."""
+    """Whether a downward camera is in use; its pictures double the cost of a flight."""
     if any(action.capability == "record_images" for action in mission.actions().values()):
         return True
     recorder = platform.capabilities.get("record_images")

@@ -33,7 +33,7 @@ AUTOPILOT_URL: Final = "udpin://127.0.0.1:14540"
 """What the cable is called; the onboard process's usual one."""
 BITS_PER_BYTE: Final = 10.0
 SIMULATED: Final = "simulated"
-"""What stands for the source of a sensor."""
+"""Name of a simulated sensor's source."""
 
 
 class FlightRecords(MemoryRecords):
@@ -66,11 +66,11 @@ class FlightDisk:
 
 
 class FlightLinks:
-    """The links of a flight's onboard process, which outlive it; its own end is `b` of each.
+    """The links of a flight's onboard process, which survive its restart; end `b` of each belongs to it.
 
     Args:
-        plan: what is flown.
-        context: of the flight.
+        plan: the flight plan.
+        context: the flight's context.
     """
 
     def __init__(self, plan: FlightPlan, context: HostContext) -> None:
@@ -97,7 +97,7 @@ class FlightLinks:
         return radio
 
     def sink(self, depth_m: float) -> None:
-        """Water takes the radio away, and gives it back."""
+        """Cuts the radio under water and restores it above."""
         is_below = depth_m > self._plan.radio_depth_m
         if is_below != self.is_below:
             self.is_below = is_below
@@ -131,13 +131,13 @@ class FlightProcess:
     """The onboard process of a flight, which may be killed and started again.
 
     Args:
-        plan: what is flown.
+        plan: the flight plan.
         platform: the platform file.
-        mission: what the platform is to do.
-        context: of the flight.
-        create: makes the components.
+        mission: the mission.
+        context: the flight's context.
+        create: creates the components.
         rig: the simulated sensors.
-        log: of the flight.
+        log: the flight's log.
     """
 
     def __init__(
@@ -214,7 +214,7 @@ class FlightProcess:
         attachment.open(end)
 
     def _open_station(self, radio: MemoryLink) -> None:
-        """A radio with a limit is paced as the one that it is; else only our own frames are, as on the usual radio."""
+        """Opens the station link; a radio with a bandwidth is paced accordingly, others only for our own frames."""
         number, conditions = len(self.vehicle.stations) + 1, self._plan.station_link
         url = f"udpout://station-{number}:14550"
         budget: LinkBudget | None = RADIO
@@ -224,7 +224,7 @@ class FlightProcess:
         self._open(radio.b, self.vehicle.attach_station(url, budget))
 
     def _sensors(self) -> Sensors:
-        """The simulated sensors; of a camera below, whose pictures no action looks at, none are drawn."""
+        """The simulated sensors; a downward camera that no action needs renders nothing."""
         ground = {} if self._looks_down else {"ground_camera": NoCamera()}
         devices: Mapping[str, Any] = {**self._rig.devices, **ground, "imu": self.imu}
         used = {device for row in self._platform.components for device in row.devices.values()}

@@ -17,7 +17,7 @@ FILES: Final = (
 )
 """What flights write, besides pictures."""
 PROBE_BYTES: Final = 1 << 18
-"""The folder must take so much before a flight begins, which leaves more."""
+"""Free space that the folder must have before a flight starts."""
 
 _KEPT: Final = re.compile(r"(requests\.journal|progress\.state|events\.store|memory\.state)\.(\d+|new)")
 _PICTURE: Final = re.compile(r"[a-z0-9_]+-\d{5,}\.png|poses\.jsonl")

@@ -15,7 +15,7 @@ from gloc3.messages.frames import Vector3
 
 LOOK_AHEAD_M: Final = 2.0
 ROUNDING_M: Final = 0.05
-"""A waypoint is reached so much before it, along the way."""
+"""Distance before a waypoint, along the path, at which it counts as reached, m."""
 PASSED_M: Final = 0.3
 """A waypoint counts as passed within this distance."""
 
@@ -106,7 +106,7 @@ def _leg(starts: Sequence[float], passing: Sequence[float | None], misses: Seque
 def _nearest(
     position: Vector3, polyline: Sequence[Vector3], starts: Sequence[float], progress_m: float, ahead_m: float
 ) -> tuple[float, float]:
-    """Distance to the polyline between `progress_m` and the look-ahead, and the way along it to the nearest point."""
+    """Distance to the polyline between `progress_m` and the look-ahead, and the path length to the nearest point."""
     best_m, best_at = math.inf, progress_m
     for index in range(len(polyline) - 1):
         if starts[index + 1] < progress_m or starts[index] > progress_m + ahead_m:

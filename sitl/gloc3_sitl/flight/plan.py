@@ -40,12 +40,12 @@ class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):
     world: str = ""
     """A world's name or file; where it is empty, the one that the mission's frame belongs to."""
     home: GeoPoint | None = None
-    """Where the vehicle stands for a mission on Earth; None for the mission's first place."""
+    """Start position of a mission on Earth; None for the mission's first position."""
     is_plain_gps: bool = False
     has_station: bool = True
-    """Whether it has a station of its own; in a fleet all are the fleet's."""
+    """Whether it has its own station; a fleet shares one."""
     station_link: Conditions = STATION_RADIO
-    """Both ways between station and platform."""
+    """Conditions between station and platform, in both directions."""
     radio_depth_m: float = float("inf")
     """A vehicle that is deeper below its frame's origin is not reached by the station's radio."""
     modem_period_s: float = 0.0

@@ -41,7 +41,7 @@ class FlightReport(msgspec.Struct, kw_only=True):
     passed_within_m: float = PASSED_M
     """So near a waypoint counts as passed."""
     slowest_leg_share: float | None = None
-    """The smallest mean speed of a leg, as a share of the speed asked for."""
+    """Lowest mean speed of a leg, as a share of the requested speed."""
     position_std_m: float | None = None
     """Horizontal standard deviation that the pose claimed when the mission ended; None where there was no valid pose."""
     images: int = 0
@@ -49,9 +49,9 @@ class FlightReport(msgspec.Struct, kw_only=True):
     energy_wh: float | None = None
     """Taken from the battery in the mission; None where the platform's file states no battery."""
     estimate: dict[str, float] = {}
-    """What the check before the flight said: `mission_time_s`, `distance_m`, and `energy_wh` where there is a power model."""
+    """Estimate of the check before the flight: `mission_time_s`, `distance_m`, and `energy_wh` with a power model."""
     estimate_least: dict[str, float] = {}
-    """The same where every guard may leave out what it guards, and loops end early; empty where nothing may be left out."""
+    """The same estimate where guards skip all they can and loops end early; empty where nothing is optional."""
     events: list[str] = []
     wall: dict[str, float] = {}
     """What the flight cost: seconds of wall time."""
@@ -105,7 +105,7 @@ def _distance_m(samples: Sequence[TruthSample]) -> float:
 
 
 def _compared(report: FlightReport) -> list[str]:
-    """Each estimated figure, and what became of it: how far it was off, or that it was within what was estimated."""
+    """Each estimated figure compared with the flight: its deviation, or that it was within the estimate."""
     found: list[str] = []
     for name, unit in (("mission_time_s", "s"), ("distance_m", "m"), ("energy_wh", "Wh")):
         most, was = report.estimate.get(name), getattr(report, name)
@@ -135,7 +135,7 @@ def as_lines(report: FlightReport) -> list[str]:
             f"  passed   {report.waypoints_passed} of {report.waypoints} waypoints in order within {report.passed_within_m:g} m"
         )
     if report.slowest_leg_share is not None:
-        lines.append(f"  speed    slowest leg at {100.0 * report.slowest_leg_share:.0f} % of what was asked")
+        lines.append(f"  speed    slowest leg at {100.0 * report.slowest_leg_share:.0f} % of the requested speed")
     if report.position_std_m is not None and report.position_std_m > CERTAIN_M:
         lines.append(f"  position known to {report.position_std_m:.1f} m at the end (standard deviation, as claimed)")
     if report.estimate:

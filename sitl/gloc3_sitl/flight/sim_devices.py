@@ -36,9 +36,9 @@ class CaptureTrigger:
     """Triggers a device at a steady rate while it is open.
 
     Args:
-        loop: whose time it goes by.
-        truth: what the vehicle does now.
-        rate_hz: how often.
+        loop: event loop whose clock is used.
+        truth: returns the vehicle's current state.
+        rate_hz: trigger rate.
     """
 
     def __init__(self, loop: AbstractEventLoop, truth: Callable[[], Truth], rate_hz: float) -> None:
@@ -59,12 +59,12 @@ class CaptureTrigger:
             self._timer = None
 
     def truth(self, late_s: float = 0.0) -> Truth | None:
-        """The truth when it last went off, so long ago at least; None while there is none."""
+        """The truth at the latest trigger that is at least `late_s` ago; None if there is none."""
         until_s = self._loop.time() - late_s + 1e-6
         return next((truth for t_s, truth in reversed(self._truths) if t_s <= until_s), None)
 
     def listen(self, ready: Ready) -> Ready:
-        """Has `ready` called each time; gives what ends that."""
+        """Calls `ready` at each trigger; returns a function that ends this."""
         self._listeners = (*self._listeners, ready)
 
         def unwatch() -> None:
@@ -84,13 +84,13 @@ class CaptureTrigger:
 
 
 class _Device(Generic[T]):
-    """What all of them have: they look at the world only while they are open, and when they are asked."""
+    """Base of simulated devices: they observe the world only while open, and when read."""
 
     def __init__(self, trigger: CaptureTrigger) -> None:
         self.fault: DeviceFault | None = None
         """What is wrong with it."""
         self._begun: tuple[DeviceFault, Truth] | None = None
-        """The fault that was last met, and what the vehicle did then."""
+        """The current fault and the vehicle's state at its start."""
         self._trigger = trigger
         self._last: T | None = None
 
@@ -103,14 +103,14 @@ class _Device(Generic[T]):
         self._trigger.stop()
 
     def on_new_data(self, ready: Ready) -> Ready:
-        """Has `ready` called when there is something new; gives what ends that."""
+        """Calls `ready` when new data exist; returns a function that ends this."""
         return self._trigger.listen(lambda: None if is_silent(self.fault) else ready())
 
     def _capture(self, truth: Truth) -> T:
         raise NotImplementedError
 
     def _newest(self) -> T | None:
-        """What it gives now: something new once a trigger, with what the fault makes of it."""
+        """Current output: new once a trigger, modified by the fault."""
         fault = self.fault
         truth = self._trigger.truth(late_by_s(fault))
         stamp = truth if fault is None or fault.word != "old" else self._trigger.truth()
@@ -132,7 +132,7 @@ class _Device(Generic[T]):
 
 
 class SimCamera(_Device[FaultyFrame]):
-    """A camera; a picture is rendered when it is asked for."""
+    """A camera; pictures are rendered when read."""
 
     def __init__(self, camera: SimulatedCamera | TrackerCamera, trigger: CaptureTrigger) -> None:
         super().__init__(trigger)
@@ -179,7 +179,7 @@ class SimLaser(_Device[FaultyScan]):
         return FaultyScan(truth.t_s, self.scanner.scan(truth))
 
     def _seen_from(self, truth: Truth, fault: DeviceFault | None, begin: Truth) -> Truth:
-        """A scaled one stands where it is: its ranges are too long."""
+        """Ranges of a scaled scanner are too long; its position is right."""
         return truth if fault is not None and fault.word == "scaled" else super()._seen_from(truth, fault, begin)
 
 

@@ -15,7 +15,7 @@ from gloc3_sitl.faults.device_faults import DeviceFault, is_silent, is_stuck, la
 IMU: Final = ("lost", "stuck", "late", "old", "scaled", "step", "garbage")
 """Faults of an inertial unit; a step is a bias on each axis, in m/s², and a tenth of it in rad/s."""
 _MOST: Final = (20.0, 60.0)
-"""Garbage is up to so many rad/s and m/s²."""
+"""Limits of garbage: rad/s and m/s²."""
 _KEPT: Final = 256
 
 
@@ -43,11 +43,11 @@ class InertialUnit(Protocol):
 
 
 class SimImu:
-    """An inertial unit that may have a fault.
+    """An inertial unit with injectable faults.
 
     Args:
-        loop: whose time it goes by.
-        seed: of the garbage.
+        loop: event loop whose clock is used.
+        seed: seed of the garbage.
     """
 
     def __init__(self, loop: AbstractEventLoop, seed: int) -> None:
@@ -59,7 +59,7 @@ class SimImu:
         self._arrived: deque[MeasuredForces] = deque(maxlen=_KEPT)
 
     def wire(self, unit: InertialUnit) -> None:
-        """Reads from now on from this one, which is well."""
+        """Connects the fault-free unit to read from."""
         self._unit = unit
         self._read_s = float("-inf")
         self._pending.clear()
@@ -78,7 +78,7 @@ class SimImu:
         return self._unit.on_new_data(lambda: None if is_silent(self.fault) else ready())
 
     def samples(self, after_s: float) -> Sequence[MeasuredForces]:
-        """What has come of what it felt after a time, oldest first."""
+        """Samples measured after a time that have arrived, oldest first."""
         now_s, fault = self._loop.time(), self.fault
         for t_s, sample in self._unit.samples(self._read_s):
             self._read_s = t_s

@@ -19,13 +19,13 @@ SimDevice = SimCamera | SimStereoCamera | SimLaser | SimDvl | NoCamera
 
 
 class SimRig:
-    """The devices of a vehicle; each looks at the world only while it is open.
+    """The devices of a vehicle; each observes the world only while open.
 
     Args:
-        world: what there is to see.
-        loop: whose time the devices go by.
-        truth: what the vehicle does now.
-        seed: of all noise.
+        world: scene.
+        loop: event loop whose clock the devices use.
+        truth: returns the vehicle's current state.
+        seed: seed of all noise.
     """
 
     def __init__(self, world: World, loop: AbstractEventLoop, truth: Callable[[], Truth], seed: int) -> None:

@@ -40,7 +40,7 @@ class FlightTruth:
         self.samples: Final[list[TruthSample]] = []
         """True positions, in the frame of the pose."""
         self.frame: TangentPlane | None = None
-        """Of the pose, once one has told its origin."""
+        """Frame of the pose; None until its origin is known."""
         self._platform, self._loop, self._truth, self._sank = platform, loop, truth, sank
         self._publisher = Publisher(exchange, platform, "simulator", boot)
         self._timer: asyncio.TimerHandle | None = None

@@ -1,4 +1,4 @@
-"""Logs a simulated vehicle's ground truth, separately from the processes that must not know it."""
+"""Logs a simulated vehicle's ground truth, separately from the processes that must not see it."""
 
 import asyncio
 from pathlib import Path

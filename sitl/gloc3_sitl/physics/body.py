@@ -71,7 +71,7 @@ class VehicleBody(TrueMotion, Protocol):
         attitude_wxyz: Quaternion = IDENTITY,
         velocity_ned_m_s: Vector3 = (0.0, 0.0, 0.0),
     ) -> None:
-        """Puts the vehicle somewhere, with its motors stopped and without turn rate; time goes on."""
+        """Places the vehicle with its motors stopped and without turn rate; its time continues."""
         ...
 
     def step(self, outputs: Sequence[float], /) -> None:

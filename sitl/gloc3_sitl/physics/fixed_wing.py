@@ -19,15 +19,15 @@ AILERON, ELEVATOR, THROTTLE, RUDDER = range(4)
 
 
 class FixedWing(JsbsimBody):
-    """One simulated aircraft that rests on its wheels to begin with.
+    """A simulated aircraft that starts at rest on its wheels.
 
-    Formulas are those of R. Beard and T. McLain, "Small Unmanned Aircraft" (2012), chapter 4, and of its supplement for the
-    motor with its propeller, in steady state at each instant. As there, a motor without throttle brakes the propeller that
-    the air drives, but nothing flows back into the battery.
+    Formulas: R. Beard and T. McLain, "Small Unmanned Aircraft" (2012), chapter 4, and its supplement for motor and
+    propeller
+    in steady state. As there, a motor without throttle brakes a windmilling propeller, without charging the battery.
 
     Args:
         model: the aircraft.
-        situation: where it begins; its wind and its gusts too.
+        situation: initial state, wind and gusts.
     """
 
     near_ground_m = 3.0
@@ -120,7 +120,7 @@ class FixedWing(JsbsimBody):
         )
 
     def _propel(self, ahead_m_s: float) -> tuple[float, float]:
-        """Thrust and torque of the propeller, where the motor's torque and its own are in balance."""
+        """Thrust and torque of the propeller where motor and propeller torque balance."""
         m, volts = self.model, self._motor_v
         speed, size, rho = max(0.0, ahead_m_s), m.propeller_m, self._density
         q0, q1, q2 = m.torque_coefficients

@@ -6,7 +6,7 @@ from gloc3_sitl.physics.body import VehicleBody
 from gloc3_sitl.world import World
 
 PERIOD_STEPS: Final = 10
-"""Steps of the physics from one look at the ground to the next."""
+"""Physics steps between two ground samples."""
 _STEP_UP_M: Final = 0.3
 """What is higher above the vehicle than this is not ground that it has sunk into, but something that it is under."""
 

@@ -17,12 +17,12 @@ _THREE: Final = sqrt(3.0)
 
 
 class Gusts:
-    """Gusts along, across and down, as MIL-F-8785C (section 3.7.3.4) has them up to 1000 ft over the ground.
+    """Gusts along, across and down by MIL-F-8785C (section 3.7.3.4), up to 1000 ft over the ground.
 
-    Across and down Dryden's second-order spectrum is the sum of a first-order lag and of another one behind it.
+    Across and down, Dryden's second-order spectrum is the sum of a first-order lag and a second lag in series.
 
     Args:
-        seed: of their chance.
+        seed: random seed.
     """
 
     def __init__(self, seed: int) -> None:
@@ -31,13 +31,13 @@ class Gusts:
         self._second = [0.0, 0.0, 0.0]
 
     def step(self, wind: Wind, height_m: float, airspeed_m_s: float, period_s: float) -> Vector3:
-        """What comes on top of the mean wind after a period, NED in m/s.
+        """Gust velocity after a period, on top of the mean wind, NED in m/s.
 
         Args:
-            wind: the mean, and the wind speed at 20 ft that says how strong the gusts are.
-            height_m: over the ground.
-            airspeed_m_s: how fast the vehicle passes through them.
-            period_s: since the last step; short beside the time in which a gust is passed, 0.2 s at least.
+            wind: mean wind, and the wind speed at 20 ft that scales the gusts.
+            height_m: height over the ground.
+            airspeed_m_s: speed through the gusts.
+            period_s: time since the last step; short compared with the time to pass a gust, at least 0.2 s.
         """
         height_ft = min(max(height_m, _LOWEST_M), _HIGHEST_M) / _FOOT_M
         rough = 0.177 + 0.000823 * height_ft

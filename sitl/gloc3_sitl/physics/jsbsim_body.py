@@ -40,8 +40,8 @@ _SPECIFIC_FORCE_MAX_M_S2: Final = 16.0 * GRAVITY_M_S2
 
 _UNUSED_MODELS: Final = ("Propulsion", "Aerodynamics", "BuoyantForces", "FCS", "Atmosphere", "Input", "Output")
 _SAMPLE_STEPS: Final = 5
-"""Steps from one look at the height to the next; falling from 100 m the vehicle comes 0.9 m nearer meanwhile. Gusts change as
-often."""
+"""Steps between two height samples; in a fall from 100 m the vehicle comes 0.9 m closer between them. Gusts change at
+the same rate."""
 
 _AIR: Final = tuple(f"velocities/{name}" for name in ("u-aero-fps", "v-aero-fps", "w-aero-fps"))
 _RATES: Final = tuple(f"velocities/{axis}-rad_sec" for axis in "pqr")
@@ -56,7 +56,7 @@ _WIND: Final = tuple(f"atmosphere/total-wind-{axis}-fps" for axis in ("north", "
 
 
 class JsbsimBody:
-    """A rigid body on JSBSim that starts at rest on the ground at its home; its subclass puts force and moment on it.
+    """A rigid body on JSBSim that starts at rest on the ground at its home; subclasses apply force and moment.
 
     The same arguments and outputs give the same trajectory bit for bit, in any process. Forces of one step act in the
     next (5 ms at 200 Hz). The ground is the ellipsoid raised to the home's altitude, so it falls away from the tangent
@@ -65,12 +65,12 @@ class JsbsimBody:
     Args:
         aircraft: Name of the JSBSim model, which holds mass, inertia and contact points.
         foot_depth_m: Depth of its feet or wheels under the centre of gravity, as in that model.
-        springs_n_m: Stiffness of all of them together, as in that model.
-        situation: Where it begins; at least 120 steps per second, so that contacts are stable.
+        springs_n_m: Total stiffness of all contacts, as in that model.
+        situation: Initial state; at least 120 steps per second for stable contacts.
     """
 
     near_ground_m = 1.0
-    """Higher up nothing can touch the ground, and JSBSim need not look for contacts, which take almost half of its step."""
+    """Height above which contacts are off, m: they take almost half of JSBSim's step."""
 
     def __init__(self, aircraft: str, foot_depth_m: float, springs_n_m: float, situation: Situation) -> None:
         rate_hz = situation.rate_hz
@@ -148,7 +148,7 @@ class JsbsimBody:
         attitude_wxyz: Quaternion = IDENTITY,
         velocity_ned_m_s: Vector3 = (0.0, 0.0, 0.0),
     ) -> None:
-        """Put the vehicle somewhere, with its motors stopped and without turn rate; time goes on."""
+        """Places the vehicle with its motors stopped and without turn rate; its time continues."""
         fdm = self._fdm
         place = self._plane.geo_from_ned(position_ned_m)
         fdm["ic/lat-geod-deg"], fdm["ic/long-gc-deg"] = place.latitude_deg, place.longitude_deg
@@ -175,7 +175,7 @@ class JsbsimBody:
         raise NotImplementedError
 
     def step(self, outputs: Sequence[float], /) -> None:
-        """Advance by one period with these outputs; what is out of range or not a number is clipped."""
+        """Advances by one period with these outputs; values out of range are clipped, not-a-number becomes 0."""
         raise NotImplementedError
 
     def _advance(self) -> None:
@@ -187,7 +187,7 @@ class JsbsimBody:
         self._truth = None
 
     def _measure_height(self) -> None:
-        """Switches contacts on near the ground and off higher up, where the step before has found that there are none."""
+        """Enables contacts near the ground and disables them higher up, if the previous step had none."""
         above_ft = self._above_ground()
         if self._wind.gust_m_s > 0.0:
             u, v, w, *_ = [get() for get in self._motion]

@@ -10,12 +10,12 @@ from gloc3_sitl.physics.wind import Wind
 
 
 class LevelBody:
-    """Keeps position, heading and lean; its subclass moves them on. The earth is the tangent plane of the home.
+    """Position, heading and tilt, integrated by subclasses. The earth is the tangent plane at home.
 
     Args:
-        situation: where it begins.
-        mass_kg: of the whole vehicle.
-        standing_height_m: of the reference point over the standing point.
+        situation: initial state.
+        mass_kg: mass of the whole vehicle.
+        standing_height_m: height of the reference point over the standing point.
     """
 
     def __init__(self, situation: Situation, mass_kg: float, standing_height_m: float) -> None:
@@ -32,7 +32,7 @@ class LevelBody:
         self._north_m = self._east_m = self._height_m = 0.0
         self._yaw_rad = self._roll_rad = self._pitch_rad = 0.0
         self._surge_m_s = self._sway_m_s = self._climb_m_s = 0.0
-        """Forward and to the right on the map, and up."""
+        """Velocity forward, to the right in the plane, and up."""
         self._rates: Vector3 = (0.0, 0.0, 0.0)
         self._force: Vector3 = (0.0, 0.0, -GRAVITY_M_S2)
         self._power_w = 0.0
@@ -54,7 +54,7 @@ class LevelBody:
         attitude_wxyz: Quaternion = IDENTITY,
         velocity_ned_m_s: Vector3 = (0.0, 0.0, 0.0),
     ) -> None:
-        """Puts the vehicle somewhere on the map; its height is that of what carries it."""
+        """Places the vehicle in the plane; its height is that of the surface that carries it."""
         self._north_m, self._east_m, _ = position_ned_m
         self._roll_rad, self._pitch_rad, self._yaw_rad = to_euler(attitude_wxyz)
         vn, ve, _ = velocity_ned_m_s
@@ -69,7 +69,7 @@ class LevelBody:
         return self.wind.velocity_ned_m_s
 
     def _measure_forces(self, ahead_m_s2: float, right_m_s2: float, up_m_s2: float) -> None:
-        """Works out what an accelerometer feels, from the acceleration along the heading, to its right, and up."""
+        """Computes the accelerometer's specific force from accelerations along the heading, to its right, and up."""
         down = -up_m_s2 - GRAVITY_M_S2
         cp, sp, cr, sr = cos(self._pitch_rad), sin(self._pitch_rad), cos(self._roll_rad), sin(self._roll_rad)
         x = ahead_m_s2 * cp - down * sp
@@ -115,5 +115,5 @@ class LevelBody:
 
 
 def clipped(output: float) -> float:
-    """An output between -1 and 1; 0 for what is not a number."""
+    """Clips an output to -1..1; not-a-number becomes 0."""
     return 0.0 if output != output else max(-1.0, min(1.0, output))

@@ -10,21 +10,21 @@ from gloc3_sitl.physics.level_body import LevelBody, clipped
 from gloc3_sitl.vehicles.ground_model import RoverModel
 
 _SLOPE_STEP_M: Final = 0.05
-"""The slope of the ground is that of the last so many metres of the way."""
+"""Length of path over which the ground's slope is averaged, m."""
 _SLOPE_MAX_RAD: Final = 0.5
 
 
 class SkidRover(LevelBody):
-    """Left and right wheels are driven at speeds of their own, and it turns as far as the tyres slip sideways.
+    """A skid-steered rover: left and right wheels run at different speeds, and tyres slip sideways in turns.
 
-    Each wheel rubs over the ground with a force of Coulomb's size against the velocity of its contact patch, smoothed
-    near rest (a tyre's creep); so the vehicle turns by less than rolling alone would give, and slides where it is driven
-    too hard (J. L. Martínez et al. 2005, "Approximating kinematics for tracked mobile robots", finds the same as centres
-    of rotation that lie outside the wheels).
+    Coulomb friction acts on each wheel against the velocity of its contact patch, smoothed near rest (tyre creep). The
+    vehicle therefore turns less than pure rolling would give, and slides when it is driven too hard (J. L. Martínez et
+    al. 2005, "Approximating kinematics for tracked mobile robots", describe the same effect by centres of rotation
+    outside the wheels).
 
     Args:
         model: the rover.
-        situation: where it begins.
+        situation: initial state.
     """
 
     def __init__(self, model: RoverModel, situation: Situation) -> None:
@@ -43,7 +43,7 @@ class SkidRover(LevelBody):
         self._power_w = model.avionics_w
 
     def set_ground(self, altitude_m: float) -> None:
-        """Raises or lowers the ground under the vehicle, which leans as the ground along its way does."""
+        """Sets the altitude of the ground under the vehicle; its slope along the path tilts the vehicle."""
         super().set_ground(altitude_m)
         if abs(self._distance_m) >= _SLOPE_STEP_M:
             slope = atan((self._ground_m - self._ground_before_m) / self._distance_m)
@@ -56,7 +56,7 @@ class SkidRover(LevelBody):
         attitude_wxyz: Quaternion = IDENTITY,
         velocity_ned_m_s: Vector3 = (0.0, 0.0, 0.0),
     ) -> None:
-        """Puts the vehicle somewhere on level ground, with its wheels stopped."""
+        """Places the vehicle on level ground with its wheels stopped."""
         super().place(position_ned_m, attitude_wxyz, velocity_ned_m_s)
         self._rims = (0.0, 0.0)
         self._slope_rad = self._pitch_rad = self._roll_rad = 0.0

@@ -124,7 +124,7 @@ class UnderwaterVehicle:
         attitude_wxyz: Quaternion = IDENTITY,
         velocity_ned_m_s: Vector3 = (0.0, 0.0, 0.0),
     ) -> None:
-        """Put the vehicle somewhere, with its thrusters stopped and without turn rate; time goes on."""
+        """Places the vehicle with its thrusters stopped and without turn rate; its time continues."""
         self._position = position_ned_m
         self._attitude = normalize(attitude_wxyz)
         water = self._water_velocity()
@@ -212,7 +212,7 @@ class UnderwaterVehicle:
             )
 
     def _forces(self, u: float, v: float, w: float, p: float, q: float, r: float) -> Six:
-        """Everything but the inertia: force and moment on the body, about its origin, along its axes."""
+        """All forces and moments except inertia, on the body, about its origin, along its axes."""
         model = self.model
         m = self._mass_matrix
         # Momentum of body and added mass; -C(v) v follows from it by cross products (Fossen 2021, theorem 3.2).
@@ -322,7 +322,7 @@ class UnderwaterVehicle:
         return 0.0 if share < 0.0 else min(share, 1.0)
 
     def _on_floor(self, forces: Six, down: Vector3) -> Six:
-        """Adds what the floor does to bow and stern: a stiff spring with damping, and friction."""
+        """Adds the contact forces of the floor at bow and stern: a stiff damped spring and friction."""
         fx, fy, fz, mx, my, mz = forces
         model = self.model
         _, q, r = self._w

@@ -1,4 +1,4 @@
-"""A surface vessel: Fossen's manoeuvring model on the map, and heave, roll and pitch as the waves make them."""
+"""A surface vessel: Fossen's manoeuvring model in the plane; heave, roll and pitch follow the waves."""
 
 from collections.abc import Sequence
 from math import atan2, cos, hypot, pi, sin, sqrt
@@ -15,12 +15,12 @@ WATER_KG_M3: Final = 1025.0
 AIR_KG_M3: Final = 1.225
 _STRIPS: Final = 8
 _SAMPLE_STEPS: Final = 4
-"""Steps from one look at the sea to the next: waves change slowly."""
+"""Simulation steps between two samples of the sea surface; waves change slowly."""
 _GUST_SHARE: Final = 0.2
 """Deviation of gusts near the surface over the wind speed at 20 ft, as in MIL-F-8785C."""
 _GUST_S: Final = 5.0
 _MEASURED_SHARE: Final = 0.35
-"""Waves are felt at so much of length and beam before and behind, left and right: shorter ones average out."""
+"""Distance of the wave sample points from the centre, as a share of length and beam; shorter waves average out."""
 
 
 class Hydrodynamics(NamedTuple):
@@ -83,7 +83,7 @@ def hydrodynamics(model: VesselModel) -> Hydrodynamics:
 
 
 class _Oscillator:
-    """Follows what it is pulled to, with a natural frequency and a damping: heave, roll or pitch."""
+    """A damped second-order response to a target: heave, roll or pitch."""
 
     __slots__ = ("_damping", "_stiffness", "acceleration", "at", "speed")
 
@@ -98,16 +98,16 @@ class _Oscillator:
 
 
 class Vessel(LevelBody):
-    """A catamaran that is driven and steered by two propellers.
+    """A catamaran driven and steered by two propellers.
 
-    On the map: surge, sway and yaw with added mass, Coriolis forces, linear and cross-flow damping, all against the
-    water that the current and the waves move (Fossen 2021, chapters 6 and 8); wind on what is above it (section 10.1);
-    and the pull down the slope of a wave. Heave, roll and pitch follow the surface under the hull as damped oscillators.
-    Second-order drift by waves is left out. Its reference point is amidships in the waterline.
+    In the plane: surge, sway and yaw with added mass, Coriolis forces, linear and cross-flow damping, relative to the
+    water moved by current and waves (Fossen 2021, chapters 6 and 8); wind on the parts above it (section 10.1); and
+    gravity along the slope of a wave. Heave, roll and pitch follow the surface under the hull as damped oscillators.
+    Second-order drift by waves is not modelled. The reference point is amidships in the waterline.
 
     Args:
         model: the vessel.
-        situation: where it begins.
+        situation: initial state.
     """
 
     def __init__(self, model: VesselModel, situation: Situation) -> None:
@@ -154,7 +154,7 @@ class Vessel(LevelBody):
         attitude_wxyz: Quaternion = IDENTITY,
         velocity_ned_m_s: Vector3 = (0.0, 0.0, 0.0),
     ) -> None:
-        """Puts the vessel somewhere on the water, with its propellers stopped."""
+        """Places the vessel on the water with its propellers stopped."""
         super().place(position_ned_m, attitude_wxyz, velocity_ned_m_s)
         self._shafts = (0.0, 0.0)
         self._sample_surroundings()

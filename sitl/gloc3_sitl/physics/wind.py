@@ -1,4 +1,4 @@
-"""Wind: a steady vector and the strength of the turbulence on top of it."""
+"""Wind: a steady vector and turbulence."""
 
 from math import cos, radians, sin
 

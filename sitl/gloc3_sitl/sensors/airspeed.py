@@ -12,17 +12,17 @@ _HALF_DENSITY: Final = 0.5 * 1.225
 NOISE_PA: Final = 2.0
 """White noise of the difference of pressure, of the MS4525DO class after its filter."""
 OFFSET_PA: Final = 2.0
-"""Deviation of the constant error that is left after the calibration on the ground."""
+"""Standard deviation of the constant error that remains after ground calibration, Pa."""
 RATIO: Final = 0.01
-"""Deviation of the share by which the tube's place in the flow makes it wrong."""
+"""Standard deviation of the scale error from the position of the tube in the flow, as a share."""
 
 
 class Airspeed(SimulatedSensor[AirspeedReading]):
-    """Noise and offset of a pressure; so it is coarse at low speeds.
+    """Airspeed from a differential pressure with noise and offset; coarse at low speeds.
 
     Args:
         seed: of the errors.
-        home: whose air it is, of the standard atmosphere.
+        home: location that selects the air of the standard atmosphere.
         rate_hz: readings per second.
     """
 

@@ -13,7 +13,7 @@ NOISE_PA: Final = 1.2
 DRIFT_PA: Final = 4.0
 """Deviation of the drift with temperature and weather during a flight: 0.33 m of altitude."""
 DRIFT_TIME_CONSTANT_S: Final = 600.0
-"""Time in which the drift is forgotten."""
+"""Correlation time of the drift, s."""
 WEATHER_PA: Final = 300.0
 """Deviation of the day's pressure from the standard atmosphere's, constant for a flight: 25 m of altitude."""
 

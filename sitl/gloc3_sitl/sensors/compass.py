@@ -6,8 +6,9 @@ from gloc3_sitl.sensors.magnetometer import Magnetometer
 NOISE_TESLA = 1e-7
 """White noise of the RM3100 class, tens of nanotesla, with the vehicle's own."""
 BIAS_TESLA = 5e-8
-"""Deviation of what is left of the vehicle's field: 0.15 degrees of heading, which compact fibre-optic gyrocompasses of survey
-vehicles state (Exail Phins Compact C3); compasses by the magnetic field alone have twice that (PNI TRAX2: 0.3 degrees)."""
+"""Standard deviation of the residual vehicle field: 0.15 degrees of heading, the figure of compact fibre-optic
+gyrocompasses of survey vehicles (Exail Phins Compact C3); purely magnetic compasses have twice that (PNI TRAX2: 0.3
+degrees)."""
 
 
 class Compass(Magnetometer):

@@ -1,4 +1,4 @@
-"""The depth sensor: water pressure, which takes the place of the barometer on vehicles that dive."""
+"""Depth sensor: water pressure, the counterpart of the barometer on diving vehicles."""
 
 from typing import Final
 
@@ -11,7 +11,7 @@ from gloc3_sitl.sensors.sensor import SimulatedSensor
 DENSITY_KG_M3: Final = 1025.0
 """Of sea water; the sensor's table has the same."""
 SURFACE_PA: Final = 101_325.0
-"""Pressure at the surface; the autopilot takes its own as it boots there."""
+"""Pressure at the surface, Pa; the autopilot takes its own reference when it boots there."""
 NOISE_M: Final = 0.002
 """White noise: the resolution of the Bar30 class (MS5837-30BA)."""
 DRIFT_M: Final = 0.02

@@ -1,4 +1,4 @@
-"""The Doppler velocity log of the simulation: four beams that look down and outwards, and the floor that they must reach."""
+"""Simulated Doppler velocity log: four beams that point down and outwards and must reach the floor."""
 
 from math import cos, radians, sin, sqrt
 from typing import Final
@@ -13,7 +13,7 @@ RATE_HZ: Final = 8.0
 NEAR_M, FAR_M = 0.05, 50.0
 """Altitudes at which that class has bottom lock (Water Linked A50 data sheet)."""
 BEAM_RAD: Final = radians(22.5)
-"""How far its beams look outwards."""
+"""Angle of the beams from the vertical, rad."""
 TILT_MAX_RAD: Final = radians(35.0)
 """With more tilt a beam misses the floor."""
 NOISE_M_S: Final = 0.006
@@ -21,7 +21,7 @@ NOISE_M_S: Final = 0.006
 SCALE: Final = 0.001
 """Deviation of the scale: long-term accuracy of 0.1 % (A50 Performance)."""
 MOUNT_RAD: Final = radians(0.15)
-"""Deviation of what is left of the mounting angle after its calibration: our estimate."""
+"""Standard deviation of the mounting angle after calibration, rad; our estimate."""
 
 
 class DvlModel:

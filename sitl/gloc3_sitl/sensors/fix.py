@@ -26,7 +26,7 @@ class Receiver(msgspec.Struct, frozen=True, kw_only=True):
     wander_vertical_m: float
     """Altitude error that changes slowly."""
     wander_time_constant_s: float
-    """Time in which the slow errors are forgotten."""
+    """Correlation time of the slow errors, s."""
     speed_horizontal_m_s: float
     """White velocity noise."""
     speed_vertical_m_s: float
@@ -141,8 +141,8 @@ class FixSensor(SimulatedSensor[FixReading]):
 ANTENNA_M: Final = 0.25
 """Height of the antenna over the body's origin, on its mast."""
 REACQUIRE_S: Final = 8.0
-"""From the first moment out of the water to the first fix: a warm receiver's re-acquisition (1 s hot, 29 s cold on the NEO-M8N
-class) on a wet antenna that waves wash over."""
+"""Time from surfacing to the first fix, s: re-acquisition of a warm receiver (1 s hot, 29 s cold on the NEO-M8N
+class) with a wet antenna washed over by waves."""
 
 
 class SurfaceFix(FixSensor):
@@ -154,7 +154,7 @@ class SurfaceFix(FixSensor):
         self._since_s = -REACQUIRE_S
 
     def measure(self, motion: TrueMotion, t_s: float) -> FixReading:
-        """Where the vehicle is, if the receiver can know."""
+        """The measured position; without a fix where the receiver sees no satellites."""
         reading = super().measure(motion, t_s)
         if motion.truth().altitude_m + ANTENNA_M < self._surface_m:
             self._since_s = t_s

@@ -11,11 +11,12 @@ from gloc3_sitl.sensors.sensor import SimulatedSensor
 GYRO_DENSITY_RAD_S_RTHZ: Final = 0.004 * 0.0174532925
 """Noise of a gyro: 0.004 °/s/√Hz (data sheet figure of the ICM-20602 class)."""
 ACCELEROMETER_DENSITY_M_S2_RTHZ: Final = 300e-6 * GRAVITY_M_S2
-"""Noise of an accelerometer: the ICM-20602 class has 100 µg/√Hz; three times that stands for a well damped frame's vibration."""
+"""Noise density of an accelerometer: three times the 100 µg/√Hz of the ICM-20602 class, for a well damped frame's
+vibration."""
 GYRO_BIAS_RAD_S: Final = 0.002
-"""Deviation of what is left of a gyro's bias after its calibration at start."""
+"""Standard deviation of a gyro's residual bias after its calibration at start, rad/s."""
 ACCELEROMETER_BIAS_M_S2: Final = 0.03
-"""Deviation of what is left of an accelerometer's bias after a six-position calibration."""
+"""Standard deviation of an accelerometer's residual bias after a six-position calibration, m/s2."""
 
 
 class SimulatedImu(SimulatedSensor[ImuReading]):

@@ -40,8 +40,8 @@ _H_NT: Final = (
 def field_ned_tesla(place: GeoPoint) -> Vector3:
     """The field at the epoch 2020.0, north, east and down, in tesla.
 
-    The coefficients are those of WMM2020 (NOAA NCEI and BGS, 2019, public domain), without their change with the years.
-    A vehicle's own table will differ by some tenths of a degree, as it does on real ones.
+    The coefficients are those of WMM2020 (NOAA NCEI and BGS, 2019, public domain), without secular variation.
+    A vehicle's own table differs by some tenths of a degree, as on real ones.
     """
     x, y, z = ecef_from_geo(place)
     across = hypot(x, y)

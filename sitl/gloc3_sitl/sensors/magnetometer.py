@@ -11,7 +11,7 @@ from gloc3_sitl.sensors.sensor import SimulatedSensor
 NOISE_TESLA: Final = 3e-7
 """White noise: 3 mG, data sheet figure of the HMC5983 and IST8310 class."""
 BIAS_TESLA: Final = 4e-7
-"""Deviation of what is left of the vehicle's own field after calibration: about a degree of heading."""
+"""Standard deviation of the residual vehicle field after calibration, T: about a degree of heading."""
 
 
 class Magnetometer(SimulatedSensor[MagnetometerReading]):

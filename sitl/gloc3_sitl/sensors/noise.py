@@ -28,7 +28,7 @@ def normals(seed: int, stream: str) -> Draw:
 
 
 class Wander:
-    """A first-order Gauss-Markov error: normal with a stated deviation, forgotten with a time constant."""
+    """A first-order Gauss-Markov error with a standard deviation and a correlation time."""
 
     def __init__(self, draw: Draw, deviation: float, time_constant_s: float, period_s: float) -> None:
         self._draw = draw
@@ -38,6 +38,6 @@ class Wander:
         """The error now, in the unit of the deviation."""
 
     def step(self) -> float:
-        """Move on by one period."""
+        """Advances by one period."""
         self.value = self._keep * self.value + self._push * self._draw()
         return self.value

@@ -11,10 +11,11 @@ from gloc3_sitl.sensors.sensor import SimulatedSensor
 COSINE_MIN: Final = 0.5
 """There is no echo from a floor that is tilted by more than 60 degrees."""
 NO_ECHO_M: Final = -1.0
-"""A distance that no device tells."""
+"""Distance that no device reports: no echo, m."""
 
 Probe = Callable[[Truth, float], float]
-"""Distance along the body's down axis to what it meets, from so far below the centre of gravity; infinity for nothing."""
+"""Distance along the body's down axis to the first obstacle, from a point below the centre of gravity; infinity for
+none."""
 
 
 def upright(truth: Truth) -> float:
@@ -29,12 +30,12 @@ def level_ground(truth: Truth, below_m: float) -> float:
 
 
 class RangeFinder(SimulatedSensor[RangeReading]):
-    """One beam; how far it is off is its subclass's.
+    """A single-beam range finder; subclasses define its errors.
 
     Args:
         seed: of the noise.
         rate_hz: readings per second.
-        probe: measures the true distance: slopes and boxes tell where the vehicle is over them, not below the centre.
+        probe: measures the true distance along the beam, slopes and boxes included.
     """
 
     name = "height"
@@ -90,7 +91,7 @@ class Altimeter(RangeFinder):
         super().__init__(seed, rate_hz, probe)
 
     def measure(self, motion: TrueMotion, t_s: float) -> RangeReading:
-        """Distance along the beam to the floor, or whatever stands on it."""
+        """Distance along the beam to the floor or an object on it."""
         truth = motion.truth()
         if upright(truth) < COSINE_MIN:
             return self._reading(t_s, NO_ECHO_M)
@@ -115,7 +116,7 @@ class HeightSensor(RangeFinder):
         self._bias_m = BIAS_M * self._draw()
 
     def measure(self, motion: TrueMotion, t_s: float) -> RangeReading:
-        """Distance along the beam to the ground, or whatever stands on it."""
+        """Distance along the beam to the ground or an object on it."""
         truth = motion.truth()
         error_m = self._bias_m + NOISE_M * self._draw()
         if upright(truth) < COSINE_MIN:

@@ -56,11 +56,11 @@ class RangeReading(msgspec.Struct, frozen=True, kw_only=True):
     is_valid: bool
     """Whether there was an echo within the range of the sensor."""
     min_m: float
-    """Shortest distance that can be told."""
+    """Shortest measurable distance, m."""
     max_m: float
-    """Longest distance that can be told."""
+    """Longest measurable distance, m."""
     mount_height_m: float
-    """Height of the sensor over the ground when the vehicle stands level: take it off to get the vehicle's height."""
+    """Height of the sensor over the ground when the vehicle stands level, m; subtract it for the vehicle's height."""
 
 
 class FixReading(msgspec.Struct, frozen=True, kw_only=True):

@@ -29,7 +29,7 @@ class FaultMode(StrEnum):
     BIASED = "biased"
     """A constant is added."""
     NOISY = "noisy"
-    """White noise is added on every axis."""
+    """White noise on every axis."""
     LATE = "late"
     """Readings arrive later by the size in seconds."""
     STALE = "old"
@@ -50,7 +50,7 @@ class SensorFault(msgspec.Struct, frozen=True, kw_only=True):
     size: float
     """Bias, noise deviation (in the sensor's `fault_unit`), lateness in seconds, or a share."""
     direction: Vector3 = (1.0, 0.0, 0.0)
-    """Axes that a bias acts on; a sensor of one value uses the first."""
+    """Axes on which a bias acts; a scalar sensor uses the first."""
 
 
 class SimulatedSensor(ABC, Generic[R]):
@@ -61,13 +61,13 @@ class SimulatedSensor(ABC, Generic[R]):
     fault_unit: ClassVar[str]
     """Unit of the size of a fault."""
     bias_size: ClassVar[float]
-    """Bias of a fault when no size is given."""
+    """Default bias of a fault."""
     noise_size: ClassVar[float]
-    """Noise of a fault when no size is given."""
+    """Default noise of a fault."""
     late_s: ClassVar[float] = 0.5
-    """Lateness of a fault when no size is given."""
+    """Default lateness of a fault, s."""
     share: ClassVar[float] = 0.05
-    """Share of a fault when no size is given."""
+    """Default share of a fault."""
     latency_s: float = 0.0
     """Time from validity to delivery."""
 
@@ -102,7 +102,7 @@ class SimulatedSensor(ABC, Generic[R]):
         return None
 
     def poll(self, motion: TrueMotion, now_s: float, out: list[Reading]) -> None:
-        """Measure if it is time, and append what has arrived; due at most once a call."""
+        """Measures when due, and appends the readings that have arrived; due at most once a call."""
         running = self._pending
         if now_s >= self._measure_s - _EARLY_S:
             kept: R | None = self.measure(motion, now_s)
@@ -146,7 +146,7 @@ class SimulatedSensor(ABC, Generic[R]):
                 return reading
 
     def fail(self, mode: FaultMode, size: float | None = None, direction: Vector3 = (1.0, 0.0, 0.0)) -> None:
-        """Switch a fault on, in place of any other."""
+        """Activates a fault; it replaces any other."""
         if size is None:
             sizes = {
                 FaultMode.BIASED: self.bias_size,

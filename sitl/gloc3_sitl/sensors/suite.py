@@ -18,16 +18,16 @@ from gloc3_sitl.vehicles import PELICAN
 
 
 class SensorSuite:
-    """The sensors that every vehicle has; each has noise of its own, drawn from the one seed.
+    """The sensors of a vehicle; each has its own noise, derived from one seed.
 
     Args:
         seed: Seed of all noise and biases.
-        home: Where the flight begins: the place of the magnetic field.
+        home: Start of the flight; location of the magnetic field.
         imu: The vehicle's inertial unit; None for a multirotor's.
         battery: Its battery; None for the Pelican's.
         is_plain_gps: Metre-level fixes in place of RTK-grade ones.
         probe: What the height sensor measures.
-        more: Sensors that the vehicle has beside these, or in place of one of the same name.
+        more: Further sensors; one replaces a sensor of the same name.
     """
 
     def __init__(
@@ -65,11 +65,11 @@ class SensorSuite:
         return list(self._sensors)
 
     def sample(self, motion: TrueMotion, now_s: float) -> list[Reading]:
-        """Readings that arrive now; to be called at least at the rate of the IMU.
+        """Readings that arrive now; call at least at the rate of the IMU.
 
         Args:
             motion: The simulated vehicle, whose truth is computed only when a sensor needs it, or one `Truth`.
-            now_s: Time on the simulation's clock, not less than in the call before.
+            now_s: Time on the simulation's clock, not less than in the previous call.
         """
         out: list[Reading] = []
         self.imu.poll(motion, now_s, out)
@@ -81,12 +81,13 @@ class SensorSuite:
         return out
 
     def fail(self, name: str, mode: str, size: float | None = None, direction: Vector3 = (1.0, 0.0, 0.0)) -> None:
-        """Inject a fault.
+        """Injects a fault.
 
         Args:
             name: `imu`, `barometer`, `magnetometer`, `height`, `fix` or `battery`.
             mode: One of `FaultMode`: lost, stuck, biased, noisy, late, old, scaled.
-            size: Bias or noise deviation in the sensor's fault unit, or seconds of lateness, share; each sensor has a default.
+            size: Bias or noise deviation in the sensor's fault unit, or seconds of lateness, share; each sensor has a
+                default.
             direction: Axes that a bias acts on.
         """
         if mode not in list(FaultMode):

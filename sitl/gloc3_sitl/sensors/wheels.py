@@ -9,7 +9,7 @@ from gloc3_sitl.sensors.readings import WheelReading
 from gloc3_sitl.sensors.sensor import SimulatedSensor
 
 RADIUS_SHARE: Final = 0.005
-"""Deviation of a wheel's real radius from the one that is reckoned with, as tyres wear and are pressed."""
+"""Standard deviation of a wheel's true radius relative to the nominal one (wear, load)."""
 
 
 class WheelEncoders(SimulatedSensor[WheelReading]):

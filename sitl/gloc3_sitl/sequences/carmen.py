@@ -22,17 +22,17 @@ BEGIN_S: Final = 1_700_000_000.0
 def write_carmen(
     path: Path, world: World, truths: Iterable[Truth], *, model: LaserModel = HALF_TURN, seed: int = 0
 ) -> int:
-    """Writes a log; the wheels' odometry in it is 0, as nothing that flies has wheels.
+    """Writes a log with zero wheel odometry, for flying vehicles.
 
     Args:
         path: the file.
-        world: what there is to scan.
-        truths: where the vehicle is at each scan.
-        model: the scanner; readers of such logs take it as looking ahead from -90 to +90 degrees.
+        world: scene to scan.
+        truths: vehicle state at each scan.
+        model: the scanner; readers of such logs assume a view of -90 to +90 degrees ahead.
         seed: of noise and drop-outs.
 
     Returns:
-        How many scans there are.
+        The number of scans.
     """
     scanner = LaserScanner(world, model, seed)
     lines = ["# FLASER num_readings [range_readings] x y theta odom_x odom_y odom_theta t host logger_t"]

@@ -42,14 +42,14 @@ def write_euroc(
 
     Args:
         folder: gets `mav0` with `cam0`, `cam1`, `imu0` and `state_groundtruth_estimate0`.
-        world: what there is to see.
-        truth: what the vehicle does at a time.
-        duration_s: how long it is, from time 0.
+        world: scene.
+        truth: vehicle state at a time.
+        duration_s: length from time 0.
         rate_hz: of the pictures.
         seed: of all noise.
 
     Returns:
-        How many pairs of pictures there are.
+        The number of stereo pairs.
     """
     top = folder / "mav0"
     for name, (model, imager) in (("cam0", rig.CAMERAS["front_left"]), ("cam1", rig.CAMERAS["front_right"])):
@@ -69,7 +69,7 @@ def stamp_ns(t_s: float) -> int:
 
 
 def write_pictures(folder: Path, camera: SimulatedCamera, truths: list[Truth]) -> None:
-    """Writes what a camera sees at each moment, and the list of it."""
+    """Writes a camera's image at each moment, and their index."""
     cv2 = load_opencv()
     (folder / "data").mkdir(parents=True, exist_ok=True)
     rows = ["#timestamp [ns],filename"]
@@ -127,7 +127,7 @@ def _write_truth(folder: Path, world: World, truths: list[Truth]) -> None:
 
 
 def camera_yaml(name: str, model: CameraModel, rate_hz: float, frd_from_body: Quaternion = FRD_FROM_URF) -> str:
-    """The calibration of a camera, placed on a body whose axes may be others than ours."""
+    """The calibration of a camera relative to a body whose axes may differ from FRD."""
     body_from_frd = matrix(frd_from_body).T
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = body_from_frd @ matrix(model.frd_from_rdf), body_from_frd @ model.position_frd_m

@@ -26,13 +26,13 @@ def write_ground(folder: Path, world: World, truths: Iterable[Truth], *, rate_hz
     Args:
         folder: gets `ground`, `attitude.csv`, `height.csv` (along the body's down axis, from its origin) and the truth,
             `truth.txt`, in TUM form: the body on north, east, down of the world's frame.
-        world: what there is to see.
-        truths: where the vehicle is at each picture.
+        world: scene.
+        truths: vehicle state at each picture.
         rate_hz: of the pictures, for the calibration file.
         seed: of all noise.
 
     Returns:
-        How many pictures there are.
+        The number of pictures.
     """
     moments = list(truths)
     write_pictures(folder / "ground", SimulatedCamera(world, rig.GROUND, rig.GROUND_IMAGER, seed), moments)

@@ -33,13 +33,13 @@ def write_kitti(
 
     Args:
         folder: gets `image_0`, `image_1`, `times.txt`, `calib.txt`, `poses.txt`.
-        world: what there is to see.
-        truths: where the vehicle is at each frame.
+        world: scene.
+        truths: vehicle state at each frame.
         model: the left camera, without distortion; the right one is `rig.BASELINE_M` to its right.
         seed: of noise and dust.
 
     Returns:
-        How many frames there are.
+        The number of frames.
     """
     cv2 = load_opencv()
     x, y, z = model.position_frd_m

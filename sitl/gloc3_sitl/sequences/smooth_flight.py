@@ -28,15 +28,15 @@ _RATE_STEP_S: Final = 1e-3
 
 
 class SmoothFlight:
-    """Begins and ends at rest; leans as a multirotor does, thrust along the felt force; heading along the way or fixed.
+    """A smooth flight from rest to rest that tilts like a multirotor; heading along the path or fixed.
 
-    The way is a uniform cubic B-spline: position, speed and acceleration are continuous, and corners are rounded.
+    The path is a uniform cubic B-spline: position, speed and acceleration are continuous, and corners are rounded.
 
     Args:
-        world: where it flies.
+        world: scene of the flight.
         waypoints_m: places `[x, y, height]` of the standing point, at least two.
         speed_m_s: between the corners.
-        yaw_rad: heading as an angle from x towards y; None for along the way.
+        yaw_rad: heading as an angle from x towards y; None for along the path.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class SmoothFlight:
                 np.diff([self.place_m(0.1 * n) for n in range(int(10.0 * self.duration_s))], axis=0), axis=1
             ).sum()
         )
-        """Of the way."""
+        """Length of the path, m."""
 
     def place_m(self, t_s: float) -> Vector3:
         """Where the standing point is, `[x, y, height]`."""
@@ -110,7 +110,7 @@ def _spaced(waypoints_m: list[Vector3], step_m: float) -> list[Vector3]:
 
 
 def _headings(knots: Floats) -> Floats:
-    """Along the way at each knot, unwrapped; at rest and on climbs that of the next knot that moves."""
+    """Heading along the path at each knot, unwrapped; at rest and on climbs that of the next moving knot."""
     steps = np.diff(knots[:, :2], axis=0)
     moving = [index for index, (dx, dy) in enumerate(steps) if hypot(dx, dy) > 1e-6]
     if not moving:
@@ -139,7 +139,7 @@ def _spline(knots: Floats, t_s: float, order: int) -> Floats:
 
 
 def _difference(before: Quaternion, after: Quaternion, step_s: float) -> Vector3:
-    """The turn rate on the body's axes between two attitudes."""
+    """Turn rate on the body's axes between two attitudes, rad/s."""
     x, y, z = to_rotation_vector(multiply(conjugate(before), after))
     return (x / step_s, y / step_s, z / step_s)
 

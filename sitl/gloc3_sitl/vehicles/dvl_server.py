@@ -45,13 +45,13 @@ def read_dvl(text: str) -> DvlAddress:
 
 
 class DvlServer:
-    """Sends every client the velocity over the floor at the device's rate.
+    """Sends the velocity over the floor to every client at the device's rate.
 
     Args:
         scene: the vehicle.
-        loop: whose time it looks by.
+        loop: event loop whose clock is used.
         seed: of noise and constant errors.
-        address: where it listens; port 0 is any.
+        address: address to listen on; port 0 picks a free one.
     """
 
     def __init__(self, scene: Scene, loop: asyncio.AbstractEventLoop, seed: int, address: DvlAddress) -> None:
@@ -93,7 +93,7 @@ class DvlServer:
             self._server.close()
 
     async def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Takes a client, and nothing of what it sends."""
+        """Accepts a client and ignores its input."""
         del reader
         if len(self._clients) >= MOST_CLIENTS:
             writer.close()
@@ -115,10 +115,10 @@ class DvlServer:
 
 
 UNLOCKED_FOM: Final = 2.0
-"""Figure of merit that an A50 tells without bottom lock, m/s."""
+"""Figure of merit that an A50 reports without bottom lock, m/s."""
 
 Encode = Callable[[BottomVelocity, float], bytes]
-"""The lines for a velocity, and its time in seconds since the device was switched on."""
+"""Encodes a velocity and its time in seconds since the device was switched on."""
 
 
 def a50_line(bottom: BottomVelocity, t_s: float) -> bytes:
@@ -151,7 +151,7 @@ def a50_line(bottom: BottomVelocity, t_s: float) -> bytes:
 
 
 def pd6_lines(bottom: BottomVelocity, t_s: float) -> bytes:
-    """Two lines of text; velocities to starboard, forward and from keel to mast; the ways since the begin stay 0."""
+    """Two lines of text; velocities to starboard, forward and from keel to mast; accumulated distances stay 0."""
     del t_s
     if not bottom.is_valid:
         return b":BS,-32768,-32768,-32768,V\r\n:BD,+00000,+00000,+00000,0000.00,000.00\r\n"

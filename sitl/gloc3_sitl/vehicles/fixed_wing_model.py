@@ -4,9 +4,9 @@ import msgspec
 
 
 class FixedWingModel(msgspec.Struct, frozen=True, kw_only=True):
-    """Wing, tail, rudders, and a propeller on an electric motor.
+    """A fixed-wing aircraft: wing, tail, control surfaces, and a propeller on an electric motor.
 
-    Coefficients are those of R. Beard and T. McLain, "Small Unmanned Aircraft" (2012), chapter 4: of forces along the
+    Coefficients are those of R. Beard and T. McLain, "Small Unmanned Aircraft" (2012), chapter 4: for forces along the
     stability axes and moments about the body's axes, per radian; turn rates as `b p / 2 V`, `c q / 2 V`, `b r / 2 V`.
     Deflections: ailerons positive turn right, the elevator positive nose down, the rudder positive nose left.
     """
@@ -64,7 +64,7 @@ class FixedWingModel(msgspec.Struct, frozen=True, kw_only=True):
     motor_idle_a: float
     """Current without load."""
     motor_s: float
-    """Time constant of the voltage that the motor is given."""
+    """Time constant of the motor voltage, s."""
     voltage_v: float
     """At full throttle."""
     moment_angle_max_rad: float = 3.2

@@ -22,7 +22,7 @@ class RoverModel(msgspec.Struct, frozen=True, kw_only=True):
     acceleration_max_m_s2: float
     """Of a rim, as the motors can give it."""
     friction: float
-    """Of a tyre on the ground, in every direction."""
+    """Friction coefficient of a tyre on the ground, in every direction."""
     slip_m_s: float
     """Speed of the contact patch over the ground at which friction is at 76 % of its largest."""
     rolling: float

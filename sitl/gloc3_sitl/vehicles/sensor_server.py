@@ -1,4 +1,4 @@
-"""Serves the simulated cameras and the laser scanner to companion processes on the same machine, over TCP."""
+"""TCP server of the simulated cameras and the laser scanner, for companion processes on the same machine."""
 
 import asyncio
 import errno
@@ -29,7 +29,7 @@ class Feed(NamedTuple):
 class SensorServer:
     """Sends each client its requested sensors at their rates; slow clients miss data.
 
-    A sensor that nobody wishes for costs nothing. Two that have the same rate look at the same instant.
+    Sensors without a client cost nothing. Sensors with equal rates sample the same instant.
     """
 
     def __init__(self, scene: Scene, loop: asyncio.AbstractEventLoop, seed: int) -> None:
@@ -72,7 +72,7 @@ class SensorServer:
             self._server.close()
 
     async def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Takes a client that wishes for what is there; others are turned away."""
+        """Accepts a client that requests existing sensors; rejects others."""
         try:
             wanted = read_stream_request(await reader.readline())
         except (ValueError, ConnectionError):

@@ -39,15 +39,15 @@ PERIOD_S: Final = 0.02
 """How often a running simulator advances, in simulated time: the period of the autopilot's outer loops."""
 
 BOOT_S: Final = 1.5
-"""So long an autopilot that boots says and hears nothing."""
+"""Boot time of the autopilot, during which it neither sends nor receives, s."""
 _MOST_LATE_S: Final = 5.0
-"""A simulator that is further behind the wall clock than this gives up catching up: its clock slips."""
+"""Lag behind the wall clock beyond which the simulation stops catching up, s."""
 _MOST_AT_ONCE_S: Final = 0.5
 """So much is caught up with before others have their turn."""
 
 
 class _Wire:
-    """A link as the outside holds it: it stays when the autopilot behind it boots anew."""
+    """The external side of a link; it survives a reboot of the autopilot behind it."""
 
     __slots__ = ("is_datagram", "kind", "receive", "send")
 
@@ -56,7 +56,7 @@ class _Wire:
         self.receive: Receive = _deaf
 
     def pass_on(self, data: bytes) -> None:
-        """Passes on what came in."""
+        """Forwards received data."""
         self.receive(data)
 
 
@@ -87,12 +87,12 @@ class SimulatorSettings(msgspec.Struct, frozen=True, kw_only=True):
 class Simulator:
     """One vehicle in one world.
 
-    It has no clock of its own: `advance` brings it to a time, and `start` has an event loop do so, in virtual or wall
-    time. The same arguments, and the same data at the same times, give the same flight bit for bit.
+    It has no clock: `advance` steps it to a time, and `start` has an event loop do so, in virtual or wall time. The
+    same arguments and the same data at the same times give the same flight, bit for bit.
 
     Args:
-        world: where it flies.
-        settings: what flies.
+        world: scene of the flight.
+        settings: vehicle, autopilot and sensors.
 
     Raises:
         Misuse: no such autopilot style, or no such vehicle.
@@ -125,9 +125,9 @@ class Simulator:
         self._set_parameters(row, settings)
         self.autopilot.utc_offset_s = VIRTUAL_EPOCH_S
         self.texts: Final[deque[tuple[float, Severity, str]]] = deque(maxlen=200)
-        """What the autopilot said last: time, severity, text."""
+        """Latest status texts of the autopilot: time, severity, text."""
         self.text_count = 0
-        """How many it has said in all."""
+        """Number of status texts so far."""
         self.front = Front(self.autopilot)
         self._wires: list[_Wire] = []
         self._step: Callable[[Sequence[Reading], float], Outputs] = self.autopilot.step
@@ -174,7 +174,7 @@ class Simulator:
         return tuple(value * self.motors_left.get(number, 1.0) for number, value in enumerate(outputs, start=1))
 
     def start(self, loop: AbstractEventLoop, speed: float = 1.0) -> None:
-        """Lets an event loop advance it from now on, `speed` times as fast as the loop's clock."""
+        """Has an event loop advance it from now on, at `speed` times the loop's clock."""
         begin_s = loop.time()
         offset_s = self.now_s
 
@@ -204,12 +204,12 @@ class Simulator:
         """Connects a MAVLink link.
 
         Args:
-            send: called with each frame that goes out.
-            kind: what the link is for: it decides which telemetry begins by itself.
-            is_datagram: whether each piece that comes in holds whole frames.
+            send: called with each outgoing frame.
+            kind: purpose of the link; selects the telemetry that starts without a request.
+            is_datagram: whether each received piece holds whole frames.
 
         Returns:
-            What is to be called with each piece of data that comes in.
+            A callable for each piece of received data.
         """
         wire = _Wire(send, kind, is_datagram)
         self._wires.append(wire)
@@ -244,7 +244,7 @@ class Simulator:
 
     @property
     def is_off(self) -> bool:
-        """Whether the autopilot was switched off for good."""
+        """Whether the autopilot is permanently switched off."""
         return self.is_down and self._up_s == inf
 
     def switch(self, power: SupplyState) -> None:
@@ -265,7 +265,7 @@ class Simulator:
         return self._idle
 
     def _boot(self, t_s: float) -> None:
-        """Begins anew, with the clock of the autopilot at 0 and what stood on its memory card."""
+        """Boots with the autopilot's clock at 0 and the contents of its memory card."""
         before, front = self.autopilot, self.front
         self.autopilot = self._new_autopilot(before)
         self.autopilot.utc_offset_s = before.utc_offset_s + t_s - self._boot_s if before.utc_offset_s else 0.0

@@ -64,7 +64,7 @@ class VehicleRow:
     """One vehicle."""
 
     types: tuple[str, ...]
-    """What platform files call vehicles that it stands for."""
+    """Platform types that this vehicle represents."""
     body: MakeBody
     """Makes its physics."""
     pack: Pack
@@ -74,7 +74,7 @@ class VehicleRow:
     styles: Mapping[str, StyleTables]
     """Autopilots that can steer it, by name; the first is the usual one."""
     world: str = "open"
-    """The world of missions on Earth that name none: one that may lie anywhere."""
+    """Default world of missions on Earth; it can be placed anywhere."""
     swims: bool = False
     """Whether waves and current reach it."""
     imu_bias_share: float = 1.0
@@ -88,7 +88,7 @@ class VehicleRow:
 
 
 def _quadrotor(model: MultirotorModel) -> MakeBody:
-    """A body on four rotors."""
+    """A body with four rotors."""
 
     def make(situation: Situation) -> VehicleBody:
         return Quadrotor(
@@ -121,7 +121,7 @@ def _diving(model: UnderwaterModel) -> MakeBody:
 
 
 def _submarine(model: UnderwaterModel) -> AutopilotClass:
-    """How ArduSub sees it: outputs both ways from 1500 us."""
+    """ArduSub's view of the vehicle: bidirectional outputs around 1500 us."""
     outputs = len(model.thrusters) + (2 if model.fins is not None else 0)
     return AutopilotClass(
         mav_type=12,

@@ -9,7 +9,7 @@ Six = tuple[float, float, float, float, float, float]
 
 
 class Thruster(msgspec.Struct, frozen=True, kw_only=True):
-    """One thruster: where it sits, which way it pushes, and how hard."""
+    """One thruster: position, direction and thrust."""
 
     position_frd_m: Vector3
     """From the body's origin."""
@@ -61,7 +61,7 @@ class CrossFlow(msgspec.Struct, frozen=True, kw_only=True):
 class UnderwaterModel(msgspec.Struct, frozen=True, kw_only=True):
     """A rigid body in water. Coefficients of drag and added mass are given as positive numbers.
 
-    The origin is that of the source; SNAME's X_u|u| = -1.62 kg/m stands here as 1.62.
+    The origin is that of the source; SNAME's X_u|u| = -1.62 kg/m is written here as 1.62.
     """
 
     name: str
@@ -118,7 +118,7 @@ def steady_thrust_n(model: UnderwaterModel, forward_n: float, backward_n: float,
 
 
 def clipped(command: float) -> float:
-    """Into -1..1; what is not a number is 0."""
+    """Clips to -1..1; not-a-number becomes 0."""
     if not -1.0 <= command <= 1.0:
         return 1.0 if command > 1.0 else -1.0 if command < -1.0 else 0.0
     return command

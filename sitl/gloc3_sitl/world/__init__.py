@@ -1,6 +1,6 @@
 """Simulated worlds: position, ground, and camera views.
 
-`world` reads a world file; cameras, scanners and probes look into it.
+`world` reads a world file; cameras, scanners and probes observe it.
 """
 
 from gloc3_sitl.world.world import World

@@ -22,11 +22,11 @@ _NEAR_M: Final = 0.3
 class SimulatedCamera:
     """A camera in a world. Textures are painted at the first picture.
 
-    A picture is a function of the truth, the models and the seed, not of those taken before. Processors with other
-    vector units may differ by single grey values.
+    A picture is a function of the truth, the models and the seed, not of earlier pictures. Other processors' vector
+    units may differ by single grey values.
 
     Args:
-        world: what there is to see.
+        world: scene.
         model: lens, size and place on the body.
         imager: name, rate and noise.
         seed: of noise, dust and jumps of the exposure.
@@ -54,7 +54,7 @@ class SimulatedCamera:
         return Photo(t_s=truth.t_s, pixels=self._studio.developed(scene, truth.t_s))
 
     def _moments_s(self, truth: Truth) -> list[float]:
-        """When to look while the shutter is open, from the middle: as often as the picture moves by a pixel."""
+        """Sample times within the exposure, relative to its middle: one per pixel of image motion, s."""
         open_s = self.world.file.exposure.time_s
         if open_s == 0.0:
             return [0.0]
@@ -89,7 +89,7 @@ class SimulatedCamera:
         Args:
             truth: Where the vehicle is.
             margin_px: Distance that the square must keep from the border of the picture.
-            least_side_px: Least length of each side of the square. Boxes that hide the tag are not looked at.
+            least_side_px: Least length of each side of the square. Occlusion by boxes is ignored.
         """
         corners = self.marker_corners_px(truth)
         if corners is None:

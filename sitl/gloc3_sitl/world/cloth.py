@@ -15,9 +15,9 @@ _SPAN_PX: Final = 1400
 
 
 class TextureLevel:
-    """One resolution of a texture, with a rim that keeps what lies beyond the edge out of the interpolation.
+    """One resolution of a texture, with a rim that keeps interpolation inside the edge.
 
-    OpenCV is ten times slower where it has to look beyond a picture's edge by any other rule than *nothing is there*.
+    OpenCV is ten times slower with any border mode other than a constant border.
     """
 
     def __init__(self, cv2: Any, bare: Image, scale_px_m: float, *, is_repeated: bool) -> None:
@@ -48,7 +48,7 @@ class Cloth:
         self._levels: list[TextureLevel | None] = [None] * len(self._bare)
 
     def level(self, pixel_m: float) -> TextureLevel:
-        """The resolution that fits pixels that are so wide on the surface."""
+        """The resolution that fits a pixel width on the surface."""
         wanted = round(log2(max(pixel_m * self._pixels_per_m, 1e-9)))
         index = min(max(0, wanted), len(self._bare) - 1)
         found = self._levels[index]

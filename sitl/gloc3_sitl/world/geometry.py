@@ -20,7 +20,7 @@ _PARALLEL: Final = 1e-12
 
 
 class Geometry:
-    """Rectangles and boxes that can be asked where a ray ends and how near they are.
+    """Rectangles and boxes with ray casting and distance queries.
 
     Args:
         surfaces: rectangles.
@@ -53,10 +53,10 @@ class Geometry:
         return least, most
 
     def ranges(self, origins_m: Floats, directions: Floats, t_s: float) -> Floats:
-        """Distance along each ray to what it meets first; infinity where it meets nothing.
+        """Distance along each ray to its first hit; infinity for none.
 
         Args:
-            origins_m: where the rays begin, shape `(n, 3)` or `(3,)` for one place.
+            origins_m: ray origins, shape `(n, 3)` or `(3,)` for one place.
             directions: unit vectors, shape `(n, 3)`.
             t_s: the time.
         """
@@ -83,7 +83,7 @@ class Geometry:
         return nearest
 
     def is_clear(self, origin_m: Vector3, targets_m: Floats, t_s: float) -> NDArray[np.bool_]:
-        """Whether nothing stands between a place and each target, shape `(n, 3)`; a target may lie on a surface."""
+        """Whether the line of sight to each target, shape `(n, 3)`, is clear."""
         along = np.asarray(targets_m, float) - np.array(origin_m)
         lengths = np.linalg.norm(along, axis=1)
         ranges = self.ranges(np.array(origin_m), along / np.maximum(lengths, _BLIND_M)[:, None], t_s)

@@ -14,11 +14,11 @@ class Imager(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     name: str
     """The camera's name."""
     rate_hz: Positive = 15.0
-    """Pictures per second, for whoever asks for them."""
+    """Pictures per second."""
     noise_grey: Annotated[float, msgspec.Meta(ge=0.0, le=50.0)] = 1.5
     """Standard deviation of each pixel's noise."""
     sensitivity: Annotated[float, msgspec.Meta(gt=0.0, le=8.0)] = 1.0
-    """Factor on all grey values: a camera that is to see lights alone has little of it."""
+    """Factor on all grey values; low for a camera that should see lights only."""
 
 
 class Photo(msgspec.Struct, frozen=True, kw_only=True):

@@ -21,7 +21,7 @@ _FLU_FROM_FRD: Final[Quaternion] = (0.0, 1.0, 0.0, 0.0)
 
 
 class LaserModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A scanner, and how it sits on the body. The defaults are a 30 m class scanner that sees all round."""
+    """A scanner and its mount on the body. The defaults are a 30 m class scanner with a full turn."""
 
     name: str = "laser"
     """The scanner's name."""
@@ -42,15 +42,15 @@ class LaserModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     rate_hz: Positive = 10.0
     """Turns per second."""
     duration_s: Annotated[float, msgspec.Meta(ge=0.0, le=0.2)] = 0.0
-    """From the first ray to the last, while the vehicle moves on; 0 for all at once."""
+    """Time from the first ray to the last, during which the vehicle moves, s; 0 for simultaneous rays."""
     position_frd_m: Vector3 = (0.0, 0.0, -0.08)
-    """Where it sits on the body."""
+    """Position on the body."""
     frd_from_scanner: Quaternion = IDENTITY
-    """How its axes (forward, right, down) sit on those of the body."""
+    """Rotation of its axes (forward, right, down) to the body's."""
 
 
 class LaserScanner:
-    """A scanner on a vehicle in a world. A scan is a function of the truth and the seed, not of those before."""
+    """A scanner on a vehicle in a world. A scan is a function of the truth and the seed, not of earlier scans."""
 
     def __init__(self, world: World, model: LaserModel, seed: int = 0) -> None:
         self.model: Final = model
@@ -66,12 +66,12 @@ class LaserScanner:
         return self._mounted(self._placing.body(truth))
 
     def true_ranges_m(self, truth: Truth) -> Floats:
-        """Distance along each ray to what it meets, the last ray at the time of the truth; infinity for nothing."""
+        """Distance along each ray to its first hit, the last ray at the time of the truth; infinity for none."""
         origins, directions = self._rays(truth)
         return self._world.geometry.ranges(origins, directions, truth.t_s)
 
     def scan(self, truth: Truth) -> LaserScan:
-        """One turn that ends at the truth, as the scanner reports it: what it does not see is at `range_max_m`."""
+        """One turn that ends at the truth, as reported by the scanner; rays without a return are at `range_max_m`."""
         model = self.model
         moment = max(0, round(truth.t_s * 1e6))
         random = np.random.Generator(np.random.PCG64([self._seed, self._stream, moment]))
@@ -95,7 +95,7 @@ class LaserScanner:
         return body.mounted(self.model.position_frd_m, multiply(self.model.frd_from_scanner, _FLU_FROM_FRD))
 
     def _rays(self, truth: Truth) -> tuple[Floats, Floats]:
-        """Where the rays begin and which way they go, in the world."""
+        """Origins and directions of the rays, in the world."""
         place = self.pose(truth)
         turned = self._directions @ matrix(place.local_from_here).T
         if self.model.duration_s == 0.0:

@@ -31,12 +31,12 @@ class Glow(NamedTuple):
 
 
 class SceneLight:
-    """The light of one picture.
+    """Illumination of one picture.
 
     Args:
-        lighting: the lamps that the vehicle carries, and the light that is everywhere.
+        lighting: lamps on the vehicle and ambient light.
         dust: the haze.
-        is_metered: whether the gain follows the brightness of what is in view.
+        is_metered: whether the gain follows the brightness of the view.
     """
 
     def __init__(self, lighting: Lighting, dust: Dust, *, is_metered: bool) -> None:
@@ -80,7 +80,7 @@ class SceneLight:
         ]
 
     def meter(self, patches: list[Patch], glows: list[Glow]) -> None:
-        """Sets the gain, once for the picture, so that what is in view is on the average as bright as its texture."""
+        """Sets the gain once per picture, so that the view is on average as bright as its texture."""
         if self._gain > 0.0 or not patches:
             return
         areas = [(right - left) * (bottom - top) for left, top, right, bottom in (patch.region for patch in patches)]
@@ -138,7 +138,7 @@ def _grid(patch: Patch) -> _Grid:
 def _points_m(
     sheets: Sheets, patches: list[Patch], grids: list[_Grid], owner: NDArray[np.int64], index: NDArray[np.int64]
 ) -> Floats:
-    """The places in the world at which the cells look, shape `(n, 3)`; beyond the horizon of a plane, far away."""
+    """World positions of the cells, shape `(n, 3)`; beyond the horizon of a plane, far away."""
     matrices = np.array([patch.m_from_image * _side(patch) for patch in patches])[owner]
     spots = np.einsum("nij,nj->ni", matrices, np.concatenate([grid.pixels for grid in grids]))
     spots /= np.maximum(spots[:, 2:], _HORIZON)
@@ -148,7 +148,7 @@ def _points_m(
 
 
 def _side(patch: Patch) -> float:
-    """The sign that makes the depth of what is seen positive: a homography is the same with either."""
+    """The sign that makes the depth of visible points positive; a homography does not fix it."""
     column, row = patch.outline_px[0]
     g, h, i = patch.m_from_image[2].tolist()
     return 1.0 if g * column + h * row + i > 0.0 else -1.0

@@ -16,11 +16,11 @@ Length = Annotated[float, msgspec.Meta(ge=0.0, le=1e3)]
 
 
 class _Row(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The base of everything that stands in a world file."""
+    """Base of all objects in a world file."""
 
 
 class Spawn(_Row, frozen=True, kw_only=True):
-    """Where the vehicle stands at the start."""
+    """Start position of the vehicle."""
 
     frame: Name
     """The local frame of all positions in the file."""
@@ -31,14 +31,14 @@ class Spawn(_Row, frozen=True, kw_only=True):
 
 
 class Lamp(_Row, frozen=True, kw_only=True):
-    """A lamp on the vehicle: it lights what is near and ahead of it, by the inverse square of the distance."""
+    """A lamp on the vehicle; its light falls off with the square of the distance."""
 
     position_frd_m: Vector3 = (0.1, 0.0, 0.05)
-    """Where it sits on the body."""
+    """Position on the body."""
     direction_frd: Vector3 = (1.0, 0.0, 0.0)
-    """Where it points, on the body."""
+    """Direction on the body."""
     strength: Positive = 8.0
-    """Factor on the grey values of a surface that it meets squarely at 1 m."""
+    """Factor on the grey values of a perpendicular surface at 1 m."""
     beam_deg: Annotated[float, msgspec.Meta(gt=1.0, le=180.0)] = 90.0
     """Full angle at which its light has halved."""
 
@@ -56,26 +56,26 @@ class Dust(_Row, frozen=True, kw_only=True):
     """Dust in the air: a haze, and grains that the light catches."""
 
     haze_per_m: Share = 0.0
-    """Share of the light that is scattered on each metre of its way."""
+    """Share of the light that is scattered per metre of path."""
     haze_grey: Grey = 60.0
-    """Grey value of air that is too thick to look through."""
+    """Grey value of opaque haze."""
     grains_per_m3: Annotated[float, msgspec.Meta(ge=0.0, le=50.0)] = 0.0
     """Grains that float in the air."""
     grain_grey: Grey = 90.0
-    """How much brighter a grain at 0.5 m makes the picture; less with the square of the distance."""
+    """Brightness that a grain at 0.5 m adds to the picture; falls with the square of the distance."""
 
 
 class CameraExposure(_Row, frozen=True, kw_only=True):
     """How the cameras of the vehicle expose here."""
 
     time_s: Annotated[float, msgspec.Meta(ge=0.0, le=0.1)] = 0.0
-    """How long the shutter is open: what moves meanwhile is blurred; 0 freezes it."""
+    """Exposure time, s; motion during it blurs the picture; 0 freezes it."""
     is_automatic: bool = False
-    """Whether the gain follows the brightness of what is in view."""
+    """Whether the gain follows the brightness of the view."""
     jump: Annotated[float, msgspec.Meta(ge=1.0, le=8.0)] = 1.0
     """The gain jumps by a factor of up to this, up and down…"""
     jump_every_s: Positive = 3.0
-    """…and stays for so long; the same for all cameras."""
+    """Duration of each gain jump, s; the same for all cameras."""
 
 
 class Texture(_Row, frozen=True, kw_only=True):
@@ -102,7 +102,7 @@ class Texture(_Row, frozen=True, kw_only=True):
     speckles_per_m2: Annotated[float, msgspec.Meta(ge=0.0, le=1e3)] = 0.0
     """Small bright and dark spots."""
     label: Annotated[str, msgspec.Meta(max_length=24)] = ""
-    """Words that are stencilled on it."""
+    """Text stencilled on the surface."""
 
 
 class WorldSurface(_Row, frozen=True, kw_only=True):
@@ -119,7 +119,7 @@ class WorldSurface(_Row, frozen=True, kw_only=True):
 
 
 class Shuttle(_Row, frozen=True, kw_only=True):
-    """A motion to and fro, smooth at its ends; it begins at one end at the start of the simulation."""
+    """A smooth back-and-forth motion; it starts at one end when the simulation starts."""
 
     by_m: Vector3
     """From one end to the other, as `[x, y, height]`."""
@@ -128,7 +128,7 @@ class Shuttle(_Row, frozen=True, kw_only=True):
 
 
 class Box(_Row, frozen=True, kw_only=True):
-    """A solid box with level top; it is an obstacle, and ground to stand on."""
+    """A solid box with a level top: an obstacle, and ground to stand on."""
 
     min_m: Vector3
     """The corner with the least x, y and height."""
@@ -156,7 +156,7 @@ class BrightSpot(_Row, frozen=True, kw_only=True):
     radius_m: Positive = 0.02
     """Radius of what shines."""
     from_s: Annotated[float, msgspec.Meta(ge=0.0)] = 0.0
-    """When it goes on."""
+    """Time at which the light goes on, s."""
     to_s: Annotated[float, msgspec.Meta(ge=0.0)] = 1e9
     """When it goes off."""
 
@@ -166,16 +166,16 @@ class BrightSpot(_Row, frozen=True, kw_only=True):
 
 
 class Tracker(_Row, frozen=True, kw_only=True):
-    """A camera that stands in the world and watches the vehicle's light."""
+    """A fixed camera in the world that tracks the vehicle's light."""
 
     position_m: Vector3
-    """Where it stands, as `[x, y, height]`."""
+    """Position as `[x, y, height]`."""
     look_at_m: Vector3
     """What is in the middle of its picture; the picture's upper side is up."""
 
 
 class Marker(_Row, frozen=True, kw_only=True):
-    """A tag of OpenCV's 4x4 dictionary, lying on the floor with its top towards x."""
+    """A tag of OpenCV's 4x4 dictionary on the floor, its top towards x."""
 
     id: Annotated[int, msgspec.Meta(ge=0, lt=50)]
     """Which of the 50 tags."""
@@ -194,7 +194,7 @@ class WorldFile(_Row, frozen=True, kw_only=True):
     """Local frames by name."""
     spawn: Spawn
     is_movable: bool = False
-    """Whether it may be put anywhere on Earth by the home of a flight."""
+    """Whether the home of a flight may place the world anywhere on Earth."""
     lighting: Lighting = Lighting()
     dust: Dust = Dust()
     exposure: CameraExposure = CameraExposure()
@@ -209,11 +209,11 @@ class WorldFile(_Row, frozen=True, kw_only=True):
     tracker: Tracker | None = None
     marker: Marker | None = None
     water: Water = STILL
-    """What swims is in it, whether the file says so or not."""
+    """Water properties; used for swimming vehicles even where the file does not name water."""
 
 
 class VariantFile(_Row, frozen=True, kw_only=True):
-    """A file that says how a world differs from one of the package; what it does not name stays."""
+    """A file with the differences from a world of the package; unnamed items stay."""
 
     world: Name
     """The variant's name."""

@@ -14,7 +14,7 @@ from gloc3_sitl.world.sheets import Sheets
 _BAND: Final = 2.0
 """Within a patch depths differ by this factor at most: each is drawn with the resolution of the texture that fits it."""
 _GRAZING: Final = 0.02
-"""Cosine from which on a surface counts as seen from the edge."""
+"""Cosine of incidence below which a surface counts as edge-on."""
 _EDGE_M: Final = 1e-9
 """An eye that is no farther from the plane of a rectangle sees nothing of it."""
 
@@ -53,7 +53,7 @@ class Patch(NamedTuple):
     corner_m: Floats
     """The rectangle's upper left corner in the world."""
     pixel_m: float
-    """Width of a square as large as what a pixel in its middle covers of the surface."""
+    """Width of a square with the area that the central pixel covers on the surface, m."""
 
 
 class PatchFinder:
@@ -112,7 +112,7 @@ class PatchFinder:
 
 
 def spot_m(patch: Patch, column: float, row: float) -> tuple[float, float]:
-    """Where on a rectangle a pixel looks: metres right and down of its upper left corner."""
+    """Point of a rectangle seen by a pixel: metres right and down of its upper left corner."""
     (a, b, c), (d, e, f), (g, h, i) = patch.m_from_image.tolist()
     depth = g * column + h * row + i
     return (a * column + b * row + c) / depth, (d * column + e * row + f) / depth

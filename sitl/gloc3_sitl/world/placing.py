@@ -17,7 +17,7 @@ class WorldPlacement(NamedTuple):
     """`[x, y, height]`."""
 
     def mounted(self, position_m: Vector3, here_from_there: Quaternion) -> "WorldPlacement":
-        """The place of what is mounted there, at a position and with axes that are given in the axes here."""
+        """Placement of an object mounted at a position and attitude in these axes."""
         x, y, height = self.position_m
         dx, dy, dz = rotate(self.local_from_here, position_m)
         return WorldPlacement(multiply(self.local_from_here, here_from_there), (x + dx, y + dy, height + dz))

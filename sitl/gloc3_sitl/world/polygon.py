@@ -1,4 +1,4 @@
-"""Convex polygons in camera axes: cutting them to what a camera sees, in plain floats, which are faster here than arrays."""
+"""Convex polygons in camera axes, clipped to the view; plain floats, which are faster here than arrays."""
 
 from typing import Final
 
@@ -13,7 +13,7 @@ NEAR_M: Final = 0.02
 
 
 def view_planes(left: float, top: float, right: float, bottom: float) -> list[Plane]:
-    """Planes that bound what a pinhole camera sees, in camera axes (right, down, forward).
+    """Planes that bound the view of a pinhole camera, in camera axes (right, down, forward).
 
     Args:
         left: x / z of the picture's left border; the others likewise.

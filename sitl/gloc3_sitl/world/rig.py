@@ -1,6 +1,6 @@
 """Cameras, lenses and laser scanner of the example vehicles.
 
-The platform files name the same calibration; a real vehicle has files of its own.
+The platform files name the same calibration; a real vehicle brings its own files.
 """
 
 from math import pi
@@ -22,7 +22,7 @@ GROUND: Final = CameraModel(
     position_frd_m=(0.0, 0.0, 0.07),
     frd_from_rdf=from_euler(0.0, 0.0, pi / 2.0),
 )
-"""The camera under the vehicle: it looks straight down, the top of its picture ahead; 77 by 62 degrees, no distortion."""
+"""Downward camera; the top of its picture is ahead; 77 by 62 degrees, no distortion."""
 GROUND_IMAGER: Final = Imager(name="ground")
 
 FRONT_LEFT: Final = CameraModel(
@@ -34,7 +34,7 @@ FRONT_LEFT: Final = CameraModel(
     distortion=(-0.11, 0.035, 0.0004, -0.0003),
     position_frd_m=(0.12, -BASELINE_M / 2.0, 0.02),
 )
-"""The left eye of the stereo pair, which looks ahead: 80 degrees across."""
+"""Left camera of the forward stereo pair, 80 degrees wide."""
 FRONT_RIGHT: Final = CameraModel(
     width=640,
     height=480,
@@ -70,4 +70,4 @@ TRACKER: Final = CameraModel(
 TRACKER_IMAGER: Final = Imager(name="tracker", noise_grey=2.5, sensitivity=0.25)
 
 LASER: Final = LaserModel()
-"""The scanner on top of the vehicle: all round, 1 degree, 30 m, 10 mm."""
+"""Laser scanner on top of the vehicle: full turn, 1 degree, 30 m, 10 mm."""

@@ -37,7 +37,7 @@ class Sheets:
             rows.append((_tag(world.marker), cloth_of_marker(world.marker), False))
         self.cloths: Final = [cloth for _, cloth, _ in rows]
         self.starts_m: Final = [_start_m(index) if is_box else (0.0, 0.0) for index, (_, _, is_box) in enumerate(rows)]
-        """Where on its cloth the upper left corner of each sheet lies: no two boxes look alike."""
+        """Offset of each sheet's upper left corner on its texture; no two boxes look alike."""
         self._is_box = np.array([is_box for _, _, is_box in rows])
         corner = np.array([surface.corner_m for surface, _, _ in rows], float).reshape(-1, 3)
         across = np.array([surface.across_m for surface, _, _ in rows], float).reshape(-1, 3)
@@ -48,7 +48,7 @@ class Sheets:
         self.down: Final = down / np.linalg.norm(down, axis=1, keepdims=True)
         """Unit vectors from the upper left corner down."""
         self.normals: Final = np.cross(self.down, self.across)
-        """Unit vectors towards whom the texture is not mirrored; out of a box."""
+        """Unit vectors towards the viewer of an unmirrored texture; outwards for a box."""
 
     def corners_at(self, t_s: float) -> Floats:
         """Corners at a time, shape `(n, 4, 3)`: upper left, upper right, lower right, lower left."""
@@ -66,7 +66,7 @@ class Sheets:
         return found
 
     def order(self, indices: NDArray[np.int64], corners_m: Floats, eye_m: Floats) -> list[int]:
-        """Sorts sheets so that none is drawn before one that lies behind it.
+        """Sorts sheets from back to front.
 
         One sheet lies behind another if the other is wholly on the eye's side of its plane, or if it is wholly beyond
         the other's plane (Newell, Newell and Sancha 1972). Where neither order is forced, the farther one comes first.

@@ -32,17 +32,17 @@ _FACES: Final = (
 )
 """Axes (right, down, forward) of the sides of the cube: ahead, right, left, below, above."""
 _MARGIN_PX: Final = 6.0
-"""So far beyond its outline a patch may look on its texture: the pixels at the edge are only partly on it."""
+"""Margin around a patch's outline on its texture, px: edge pixels are only partly covered."""
 
 
 class LensCanvas(NamedTuple):
-    """A pinhole picture that the lens takes a part of its picture from."""
+    """A pinhole picture from which the lens draws part of its picture."""
 
     face_from_rdf: Floats
     """Rotation of the camera's axes to those of the canvas, 3 by 3."""
     pinhole: Pinhole
     maps: tuple[Any, Any] | None
-    """Where each pixel of the lens's picture lies on the canvas, for OpenCV's `remap`; None where both are the same."""
+    """Position of each pixel on the canvas, for OpenCV's `remap`; None where both are the same."""
     mask: NDArray[np.uint8] | None
     """Which pixels come from this canvas; None for all."""
 
@@ -62,7 +62,7 @@ class Optics:
         """What has to be drawn for a picture."""
 
     def bend(self, canvases: list[Image]) -> Image:
-        """The picture of the lens, from the pictures on its canvases."""
+        """The lens's picture, from the pictures on its canvases."""
         found: Image | None = None
         for canvas, drawn in zip(self.canvases, canvases, strict=True):
             part = drawn
@@ -118,10 +118,10 @@ class Renderer:
         self._viewer = PatchFinder(sheets, pinhole)
 
     def draw(self, view: PatchView, light: SceneLight | None = None) -> Image:
-        """The picture from a place; what is not there is black.
+        """The picture from a place; empty areas are black.
 
         Args:
-            view: where the camera is.
+            view: camera placement.
             light: the light; None for the textures as they are.
         """
         image: Image = np.zeros((self._pinhole.height, self._pinhole.width), np.uint8)
@@ -188,13 +188,13 @@ _NOISE_SPAN: Final = 256
 
 
 class Studio:
-    """Loads OpenCV, paints the textures, and then takes pictures.
+    """Renders pictures; loads OpenCV and paints the textures first.
 
     Args:
-        world: what there is to see.
+        world: scene.
         model: the camera.
-        imager: its name (each camera has noise of its own), noise and sensitivity.
-        exposure: how it exposes.
+        imager: its name (the noise differs by camera), noise and sensitivity.
+        exposure: exposure settings.
         seed: of noise, dust and jumps of the exposure.
     """
 
@@ -214,11 +214,11 @@ class Studio:
         self._darker = np.clip(-noise, 0, 255).astype(np.uint8)
 
     def scene(self, eyes: list[WorldPlacement], body: WorldPlacement | None, t_s: float) -> Image:
-        """What falls on the sensor, grey values, rows by columns.
+        """Image on the sensor: grey values, rows by columns.
 
         Args:
-            eyes: the camera's places (axes right, down, forward) while the shutter is open; their mean is the picture.
-            body: the place of the vehicle with its lamps (axes forward, right, down); None without them.
+            eyes: camera placements (axes right, down, forward) during the exposure; the picture is their mean.
+            body: placement of the vehicle with its lamps (axes forward, right, down); None without them.
             t_s: the middle of the exposure.
         """
         light = SceneLight(self._world.file.lighting, self._world.file.dust, is_metered=self._exposure.is_automatic)

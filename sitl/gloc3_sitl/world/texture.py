@@ -15,7 +15,7 @@ Picture = NDArray[np.float32]
 """Grey values while they are painted."""
 
 DARKEST = 12
-"""The least grey value of painted steel: what is black in a picture is not there."""
+"""Lowest grey value of painted steel; black means empty."""
 MARKER_PIXELS_PER_CELL = 16
 MARKER_CELLS = 8
 """Cells across a tag with its white border: four of code, two of black frame, two of white."""
@@ -88,7 +88,7 @@ def _rust(cv2: Any, random: np.random.Generator, picture: Picture, texture: Text
 
 
 def _welds(random: np.random.Generator, picture: Picture, texture: Texture) -> None:
-    """Beads between plates, rippled along their length, with a scorched rim; each plate has a shade of its own."""
+    """Draws weld beads between plates, rippled, with a scorched rim; each plate has its own shade."""
     step = texture.seam_m * texture.resolution_px_m
     half = max(1, round(0.012 * texture.resolution_px_m))
     height, width = picture.shape

@@ -1,4 +1,4 @@
-"""The external tracker: a camera that stands in the world, exposed for lights, that sees the one on the vehicle."""
+"""External tracker: a fixed camera, exposed for lights, that sees the vehicle's light."""
 
 from math import atan2, hypot
 from typing import Final
@@ -17,12 +17,12 @@ from gloc3_sitl.world.texture import Image
 from gloc3_sitl.world.world import World
 
 LED_FRD_M: Final[Vector3] = (0.0, 0.0, -0.12)
-"""Where the light sits on the body: on a short mast."""
+"""Position of the light on the body, on a short mast."""
 LED_RADIUS_M: Final = 0.015
 TWIN_M: Final[Vector3] = (0.6, -0.8, 0.3)
 """Where a twin of the light is, from it."""
 _GLARE_GREY: Final = 600.0
-"""The middle of a light is far beyond white: what spills over makes it wider."""
+"""Grey value in the middle of a light, far beyond white; the glare widens it."""
 _LEAST_SIGMA_PX: Final = 1.2
 """So wide is a point of light behind this lens."""
 _LOCAL_FROM_LEVEL: Final[Quaternion] = (0.0, 1.0, 0.0, 0.0)
@@ -30,12 +30,12 @@ _LOCAL_FROM_LEVEL: Final[Quaternion] = (0.0, 1.0, 0.0, 0.0)
 
 
 class TrackerCamera:
-    """The tracker's camera. A picture is a function of the truth and the seed, not of those before.
+    """The tracker's camera. A picture is a function of the truth and the seed, not of earlier pictures.
 
     Args:
-        world: where it stands.
-        tracker: its place.
-        model: its lens; its axes sit on a stand that looks to where the tracker looks.
+        world: scene.
+        tracker: its placement.
+        model: its lens; its axes are those of a stand that points along the tracker's view.
         imager: rate, noise and sensitivity.
         seed: of the noise.
     """
@@ -59,12 +59,12 @@ class TrackerCamera:
 
     @property
     def position_ned_m(self) -> Vector3:
-        """Where its stand is, in NED at the origin of the world's frame."""
+        """Position of the stand, in NED at the origin of the world's frame."""
         return self._world.frame.to_ned(self._stand.position_m)
 
     @property
     def ned_from_frd(self) -> Quaternion:
-        """How its stand is turned: forward is where it looks."""
+        """Attitude of the stand; forward is the viewing direction."""
         return normalize(multiply(conjugate(self._placing.local_from_ned), self._stand.local_from_here))
 
     def light_m(self, truth: Truth) -> Vector3:

@@ -51,14 +51,14 @@ class World:
 
     @cached_property
     def geometry(self) -> "Geometry":
-        """Its shape, to be asked for distances and lines of sight."""
+        """Shape of the world, for distances and lines of sight."""
         from gloc3_sitl.world.geometry import Geometry
 
         return Geometry(list(self.file.surfaces.values()), list(self.file.boxes.values()))
 
     @property
     def is_flat(self) -> bool:
-        """Whether the ground is at height 0 everywhere, and nothing stands on it."""
+        """Whether the ground is at height 0 everywhere and free of objects."""
         return not self.file.boxes and not self._slopes
 
     @staticmethod
@@ -68,15 +68,15 @@ class World:
 
     @staticmethod
     def load(name_or_path: str, home: GeoPoint | None = None, heading_deg: float | None = None) -> "World":
-        """Read a world.
+        """Reads a world.
 
         Args:
             name_or_path: The name of a world of the package, or a path that ends in `.yaml`.
-            home: Where on Earth a movable world is to be; None for where its file says.
-            heading_deg: Heading of the vehicle at the start; None for what the file says.
+            home: Location of a movable world on Earth; None for the file's.
+            heading_deg: Heading of the vehicle at the start; None for the file's.
 
         Raises:
-            InputError: With everything that is wrong in the file, or if a world that is not movable is to be moved.
+            InputError: with all errors in the file, or because the world is not movable.
         """
         name, data = _read(name_or_path)
         findings: list[Finding] = []
@@ -101,7 +101,7 @@ class World:
         return height_m
 
     def local(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> Vector3:
-        """Local position `[x, y, height]` of a place on Earth."""
+        """Local position `[x, y, height]` of a geographic position."""
         return self.frame.from_geo(latitude_deg, longitude_deg, altitude_m)
 
 
@@ -124,7 +124,7 @@ class _Slope:
 
 
 def _slope(surface: WorldSurface) -> _Slope | None:
-    """The slope of a surface that lies rather than stands and reaches above height 0; None for others."""
+    """Slope of a surface that lies rather than stands and rises above height 0; None for others."""
     (ax, ay, az), (bx, by, bz) = surface.across_m, surface.down_m
     normal = (ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
     size = sum(part * part for part in normal) ** 0.5
@@ -134,7 +134,7 @@ def _slope(surface: WorldSurface) -> _Slope | None:
 
 
 def _read(name_or_path: str) -> tuple[str, bytes]:
-    """The name of a world's file, and what is in it."""
+    """Name and content of a world's file."""
     if name_or_path.endswith((".yaml", ".yml")):
         return name_or_path, load_bytes(Path(name_or_path))
     if name_or_path not in World.names():

@@ -89,7 +89,7 @@ def test_a_good_deployment_has_no_findings() -> None:
         ([source(rate_hz=None)], "component source would never work (give rate_hz, or trigger with the name of"),
         ([source(settings={"level": 1})], "settings: unknown setting 'level' (none is known)"),
         ([source(devices={})], "devices: Source needs a device 'device' (add it under devices: device: NAME)"),
-        ([source(devices={"devcie": "d"})], "devices.devcie: Source takes no device 'devcie' (did you mean 'device'?)"),
+        ([source(devices={"devcie": "d"})], "devices.devcie: Source has no device 'devcie' (did you mean 'device'?)"),
         ([source(), source()], "name: a second component 'source' (names are unique on a platform)"),
         ([source(**{"class": "nowhere:Thing"})], "class: component source: cannot load 'nowhere:Thing'"),
         ([source(**{"class": f"{HERE}:Number"})], "class: component source:"),
@@ -100,7 +100,7 @@ def test_a_good_deployment_has_no_findings() -> None:
         ([source("a", standby_for="a", begin="quiet")], "standby_for: no other component 'a' (none is known)"),
         (
             [source(), source("spare", standby_for="source")],
-            "begin: a standby begins quiet (at most one of a primary and its standbys is not quiet)",
+            "begin: a standby starts quiet (at most one of a primary and its standbys is not quiet)",
         ),
         (
             [
@@ -197,7 +197,7 @@ def test_a_class_is_loaded_and_made_with_its_devices() -> None:
     assert made.device is device
     with pytest.raises(Gloc3Error, match="the host has no device 'd'; it has e"):
         source().create({"e": device})
-    with pytest.raises(Gloc3Error, match="takes other devices"):
+    with pytest.raises(Gloc3Error, match="needs other devices"):
         source(devices={}).create({})
     with pytest.raises(Gloc3Error, match="is not a component class"):
         source(**{"class": "gloc3.component.lci:State"}).load_class()
@@ -244,7 +244,7 @@ class Follower(Controller):  # type: ignore[type-arg]
 def test_what_only_an_input_wakes_cannot_act_on_its_silence(name: str, is_told: bool) -> None:
     ports: dict[str, str | list[str]] = {} if name == "Follower" else {"event": "news"}
     row = ComponentRow(name="led", class_name=f"{HERE}:{name}", trigger="given", ports=ports)
-    told = [finding for finding in check_row(row, row.load_class()) if "stops for good" in finding.message]
+    told = [finding for finding in check_row(row, row.load_class()) if "stops permanently" in finding.message]
     assert [finding.is_warning for finding in told] == [True] * is_told
     paced = msgspec.structs.replace(row, rate_hz=5.0)
     assert check_row(paced, row.load_class()) == []

@@ -1,4 +1,4 @@
-"""A file that is read goes on in order, and little of it is kept in memory, whatever is lost on the way."""
+"""A file that is read goes on in order, and little of it is kept in memory, whatever is lost in transit."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st

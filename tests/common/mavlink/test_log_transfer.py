@@ -1,4 +1,4 @@
-"""Logs are listed and read whole, whatever is lost on the way."""
+"""Logs are listed and read whole, whatever is lost in transit."""
 
 import random
 from collections.abc import Sequence

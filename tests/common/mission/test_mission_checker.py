@@ -128,7 +128,7 @@ def test_take_off_comes_first_and_once(pelican: Platform) -> None:
     ]
     twice = text.replace("go_to: {position_m: [1, 1, 2]}", "take_off: {height_m: 2}")
     twice += "      b: {take_off: {height_m: 2}, after: [a]}\n      c: {land: {}, after: [b]}\n"
-    assert reported(check_text(twice, "m", circumstances)) == ["m:7:11: t.b takes off in the air (land first)"]
+    assert reported(check_text(twice, "m", circumstances)) == ["m:7:11: t.b takes off while in the air (land first)"]
 
 
 def test_a_home_near_or_outside_the_fence_is_refused(pelican: Platform) -> None:

@@ -189,7 +189,7 @@ def test_the_estimate_of_a_loop_counts_every_lap_and_the_order_is_proved_for_two
     assert thrice.energy_wh > once.energy_wh
     up = LOOP.replace("lap:  {go_to: {position_m: [10, 0, 2], speed_m_s: 1}}", "lap:  {take_off: {height_m: 2}}")
     found = [str(one) for one in checked(up, pelican).findings]
-    assert any("laps.lap takes off in the air" in one for one in found)
+    assert any("laps.lap takes off while in the air" in one for one in found)
 
 
 def test_a_loop_s_deadline_counts_all_laps_and_an_action_s_each_one(pelican: Platform) -> None:

@@ -145,7 +145,7 @@ tasks:
 
 def test_arguments_are_explained_with_their_units() -> None:
     argument = mission_schema()["$defs"]["capability take_off"]["properties"]["height_m"]
-    assert argument["description"] == "Height above the place where the vehicle stands. [m]"
+    assert argument["description"] == "Height above the vehicle's position on the ground. [m]"
     assert (argument["exclusiveMinimum"], argument["maximum"]) == (0.0, 1000.0)
 
 

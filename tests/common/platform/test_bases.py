@@ -115,7 +115,7 @@ def test_findings_point_into_the_file_where_it_stands(tmp_path: Path) -> None:
         ("", "extends: multirotr\n", "base.yaml:1:10: no base or platform is called 'multirotr' (did you mean 'multirotor'?)"),
         ("", "extends: gone.yaml\n", "base.yaml:1:10: there is no file 'gone.yaml' beside this one"),
         ("", "- no\n- mapping\n", "heron.yaml:2:10: base.yaml is not a mapping"),
-        ("", "extends: [a, b]\n", "base.yaml:1:10: extends takes the name of a base or platform, or a file"),
+        ("", "extends: [a, b]\n", "base.yaml:1:10: extends needs the name of a base or platform, or a file"),
         (
             "components: [{name: frist, rate_hz: 1}]\n",
             BASE,

@@ -79,7 +79,7 @@ def test_what_is_told_is_also_data() -> None:
 
 
 def test_a_platform_that_is_not_heard_is_said_after_the_wait() -> None:
-    with pytest.raises(Gloc3Error, match="heron was not heard within 20 s; is it running"):
+    with pytest.raises(Gloc3Error, match="heron did not respond within 20 s; is it running"):
         fly(["silent"], [])
 
 

@@ -51,7 +51,7 @@ def test_a_platform_that_never_comes_ends_with_1(capsys: pytest.CaptureFixture[s
     assert run("--headless", "--mission", "hop", "--link", "udpin://127.0.0.1:0", "--wait", "0.05") == 1
     reported = capsys.readouterr()
     assert "listening on udpin://127.0.0.1:0" in reported.err
-    assert "a platform was not heard" in reported.err
+    assert "a platform did not respond" in reported.err
     assert reported.out == ""
 
 

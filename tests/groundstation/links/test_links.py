@@ -143,7 +143,7 @@ async def test_links_are_opened_described_and_closed_and_one_to_a_network_withou
         await links.add("udpin://0.0.0.0:0")
         (only,) = told
         assert only.startswith(
-            "udpin://0.0.0.0:0 is open to the network and not signed: whoever reaches it is believed"
+            "udpin://0.0.0.0:0 is open to the network and not signed: anyone who reaches it can command the vehicle"
         )
     finally:
         await links.close()
@@ -166,7 +166,7 @@ def test_a_request_that_the_link_could_not_deliver_is_refused_with_the_reason_an
         await flights.await_platform(scene.station, None)
         reply = await scene.station.client.request("nobody_here", Steer(verb=Verb.PAUSE))
         assert reply.outcome is Outcome.REFUSED
-        assert reply.reason == "not delivered: nobody to take nobody_here/ci/request was heard"
+        assert reply.reason == "not delivered: no known peer receives nobody_here/ci/request"
 
     over(Conditions(), play)
 

@@ -116,7 +116,7 @@ def test_a_vehicle_that_says_no_more_is_given_up() -> None:
         scene.cut()
         state = await task
         assert state.phase is CalibrationPhase.FAILED
-        assert "nothing was heard of it for 90 s" in state.reason
+        assert "no message from it for 90 s" in state.reason
 
     over(play)
 

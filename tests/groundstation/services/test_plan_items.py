@@ -63,7 +63,7 @@ def test_a_plan_comes_back_from_the_wire_as_it_went(firmware: Firmware) -> None:
     ("items", "words"),
     [
         ([PlanItem(command=5001, param1=4.0)] * 3, "fence item 0 .command 5001. is not understood"),
-        ([PlanItem(command=5001, param1=3.0)] * 2 + [PlanItem(command=5002, param1=3.0)], "polygon that is not whole"),
+        ([PlanItem(command=5001, param1=3.0)] * 2 + [PlanItem(command=5002, param1=3.0)], "an incomplete polygon"),
         ([PlanItem(command=5001, param1=0.0)], "not understood"),
         ([PlanItem(command=16)], "fence item 0 .command 16. is not understood"),
     ],

@@ -67,9 +67,9 @@ def test_what_gets_worse_or_comes_back_has_to_be_acknowledged_again() -> None:
 
 def test_silence_is_worse_for_an_armed_vehicle_and_hides_what_is_not_known_any_more() -> None:
     ((severity, text),) = reported(update(Alerts(), fleet_of(battery_percent=9), 110.0))
-    assert (severity, text.partition(":")[0]) == (Severity.ERROR, "nothing is heard of it any more")
+    assert (severity, text.partition(":")[0]) == (Severity.ERROR, "no messages from it any more")
     ((severity, text),) = reported(update(Alerts(), fleet_of(is_armed=True), 110.0))
-    assert (severity, text.partition(":")[0]) == (Severity.CRITICAL, "nothing is heard of it, and it was armed")
+    assert (severity, text.partition(":")[0]) == (Severity.CRITICAL, "no messages from it, and it was armed")
     assert "on_link_loss" in text
 
 

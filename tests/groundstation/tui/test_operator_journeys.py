@@ -85,7 +85,7 @@ async def test_a_link_is_lost_and_regained_and_every_screen_says_so() -> None:
         here.platform.is_deaf = True
         later_s = 9.0
         await here.until("title", "SILENT")
-        await here.until("alert", "critical: heron: nothing is heard of it, and it was armed")
+        await here.until("alert", "critical: heron: no messages from it, and it was armed")
         assert "silent for" in here.shown("facts")
         await here.go("2")
         await here.until("components", "was working")
@@ -100,5 +100,5 @@ async def test_a_link_is_lost_and_regained_and_every_screen_says_so() -> None:
         await here.go("9")
         await here.until("events", "is heard again")
         lost, again = [event.text for event in here.station.fleet.events][-2:]
-        assert lost.startswith("nothing is heard of it, and it was armed")
+        assert lost.startswith("no messages from it, and it was armed")
         assert again.startswith("is heard again after ")

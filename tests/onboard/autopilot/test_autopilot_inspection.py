@@ -89,7 +89,7 @@ def test_a_further_reading_ends_with_its_number_and_leaves_out_what_is_not_there
     rig.adopt()
     rig.run(1.0)
     rig.parameters.set("NAV_DLL_ACT", 0)
-    rig.parameters.outgoing()  # that it was changed is lost on the way
+    rig.parameters.outgoing()  # that it was changed is lost in transit
     rig.requested.clear()
     rig.inspection.read(1, rig.now_s)
     rig.inspection.read(2, rig.now_s)

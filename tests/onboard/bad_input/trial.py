@@ -88,7 +88,7 @@ def _torn(one: Any) -> Any:
 
 
 def _mixed(given: Given) -> list[Delivery]:
-    """Every other picture is moved to the side below some line, as where lines were lost on the way."""
+    """Every other picture is moved to the side below some line, as where lines were lost in transit."""
     random = np.random.default_rng(given.number)
     line, shift = random.uniform(0.2, 0.8), int(random.integers(40, 280))
 

@@ -308,7 +308,7 @@ def test_the_computer_is_looked_at(changes: dict[str, Any], line: str, verdict: 
         ("could not open port /dev/ttyACM0: Permission denied", "dialout"),
         ("could not open port /dev/ttyACM0: No such file or directory", "plugged in"),
         ("the address is in use", "another program"),
-        ("nothing is heard there", "cable"),
+        ("nothing is received there", "cable"),
     ],
 )
 def test_a_port_says_what_is_the_matter_and_what_to_do(problem: str, advice: str) -> None:

@@ -274,7 +274,7 @@ def test_where_no_autopilot_is_heard_nothing_is_written(
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     assert run(["platform", "new", "--autopilot", f"udpin://127.0.0.1:{port}", "--wait", "0.2", "--yes"]) == 1
-    assert "no autopilot is heard at udpin://127.0.0.1:" in capsys.readouterr().err
+    assert "no autopilot responds at udpin://127.0.0.1:" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 

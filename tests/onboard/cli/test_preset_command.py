@@ -44,4 +44,4 @@ def test_nobody_waits_long_for_an_autopilot_that_is_not_there(
     monkeypatch.setattr(preset_cli, "LISTEN_S", 0.3)
     url = f"tcpout://127.0.0.1:{free_ports(1, socket.SOCK_STREAM)[0]}"
     assert run(["preset", "diff", "px4_vision", "--autopilot", url]) == 1
-    assert f"{url}: no autopilot is heard: connection refused" in capsys.readouterr().err
+    assert f"{url}: no autopilot responds: connection refused" in capsys.readouterr().err

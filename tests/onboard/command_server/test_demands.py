@@ -62,7 +62,7 @@ def test_what_the_link_held_up_is_not_carried_out_whatever_the_clocks_say() -> N
     held_up = [desk.take(n, sent_s=0.1 * n, now_s=1003.0) for n in range(2, 20)]
     assert held_up == [[]] * 18
     assert desk.reported == [
-        "velocities of station 255 are ignored: they are 2.7 s late; press the keys anew if the link stays slow"
+        "velocities of station 255 are ignored: they are 2.7 s late; press the keys again if the link stays slow"
     ]
     assert desk.take(30, sent_s=3.0, now_s=1003.1) == [30]
 

@@ -10,7 +10,7 @@ def test_who_has_no_key_gets_nothing_through_is_counted_and_costs_no_memory() ->
     figures = scenario(400)
     assert figures.attacks == 8 * 400
     assert sum(figures.refused.values()) == figures.attacks
-    assert set(figures.refused) == {"not signed", "the signature is wrong", "an old frame once more"}
+    assert set(figures.refused) == {"not signed", "the signature is wrong", "a replayed frame"}
     assert (figures.reached_autopilot, figures.reached_companion) == (0, 0)
     assert figures.told == 3, "each reason once a minute"
     assert figures.still_served, "the true station, signed, as before: no forged time has locked it out"

@@ -156,7 +156,7 @@ def test_what_is_not_signed_on_a_signed_link_is_neither_heard_nor_passed_on_but_
         assert [frame.raw for frame in received[0]] == [good]
         assert wires[1].names() == ["HEARTBEAT"]
         traffic = station.condition().traffic
-        assert (traffic.genuine, traffic.refused) == (1, {"not signed": 1, "an old frame once more": 1})
+        assert (traffic.genuine, traffic.refused) == (1, {"not signed": 1, "a replayed frame": 1})
 
     run_virtual(work())
 

@@ -84,4 +84,4 @@ def test_a_revoked_member_is_shut_out_while_it_runs_and_its_mission_goes_on_by_r
         assert alice.text.count(" is heard") == 1, "it never fell silent: " + alice.text
         with station(yard, "alice", "--mission", "hop", "--wait", "6") as again:
             assert again.end() == 1, again.text
-        assert "pelican was not heard" in again.text or "a platform was not heard" in again.text, again.text
+        assert "pelican did not respond" in again.text or "a platform did not respond" in again.text, again.text

@@ -73,9 +73,9 @@ def test_the_example_of_every_scheme_is_understood_and_made_for_every_sensor_tha
         ("ground_camera", "v4l2:///dev/video0?width=640.5", "must be a whole number"),
         ("ground_camera", "v4l2:///dev/video0?exposure_s=100", "must be from 1e-06 to 10"),
         ("ground_camera", "v4l2:///dev/video0?gain=nan", "gain=nan must be from"),
-        ("ground_camera", "v4l2:///dev/video0#left", "takes nothing behind #"),
+        ("ground_camera", "v4l2:///dev/video0#left", "allows nothing after #"),
         ("speaker", "none://", "not a sensor"),
-        ("imu", "autopilot://px4", "takes no place"),
+        ("imu", "autopilot://px4", "has no address"),
     ],
 )
 def test_what_is_no_source_is_refused(device: str, text: str, told: str) -> None:

@@ -85,7 +85,7 @@ def test_a_manager_hears_ready_then_the_watchdog_and_at_the_end_stopping(bench: 
     with service(*arguments(), folder=bench, is_abstract=True) as manager:
         manager.await_line(0, "READY=1")
         manager.until(lambda: fed_after(manager, 0, "READY=1"), "the watchdog is fed")
-        manager.await_line(0, "STATUS=bench is working: 2 of 2 components work; no autopilot is heard")
+        manager.await_line(0, "STATUS=bench is working: 2 of 2 components work; no autopilot is connected")
         os.kill(manager.process.pid, signal.SIGTERM)
         manager.until(lambda: manager.ends == [0], "it ends by itself")
     order = manager.lines(0)
@@ -153,7 +153,7 @@ def reloaded(manager: FakeManager, bench: Path, change: tuple[str, str]) -> list
 
 def test_a_reload_has_the_components_adopt_what_they_may_and_a_wrong_file_changes_nothing(bench: Path) -> None:
     with service(*arguments(), folder=bench) as manager:
-        manager.await_line(0, "STATUS=bench is working: 2 of 2 components work; no autopilot is heard")
+        manager.await_line(0, "STATUS=bench is working: 2 of 2 components work; no autopilot is connected")
         begun_us = time.monotonic_ns() // 1000
         reported = reloaded(manager, bench, ("required: true}\n", "required: true, settings: {depth_m: 2.5}}\n"))
         [reload] = [line for line in reported if line.startswith("MONOTONIC_USEC=")]

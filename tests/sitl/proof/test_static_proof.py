@@ -66,7 +66,7 @@ def test_a_component_without_an_answer_is_a_finding_with_its_line() -> None:
 def test_a_chain_that_only_an_input_wakes_is_a_finding() -> None:
     proof = prove()
     stops = [one for one in proof.findings if one.is_warning]
-    assert all("stops for good when" in one.message for one in stops)
+    assert all("stops permanently when" in one.message for one in stops)
 
 
 @pytest.mark.flight

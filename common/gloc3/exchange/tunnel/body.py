@@ -30,11 +30,11 @@ class ReliableBody(msgspec.Struct, frozen=True):
     t_s: float
     payload: bytes
     row: bytes = b""
-    """The channel's row of the sender's table, as long as the sender does not know that the receiver has it."""
+    """Channel's row of the sender's table, until the sender knows that the receiver has it."""
 
 
 def pack_payload(message: Message) -> tuple[int, bytes]:
-    """A message as msgpack, deflated (flag 1) where that makes it shorter."""
+    """Packs a message as msgpack, deflated (flag 1) where that makes it shorter."""
     plain = msgspec.msgpack.encode(to_array(message))
     if len(plain) > _SMALL:
         deflated = zlib.compress(plain, 9)
@@ -75,7 +75,7 @@ def unpack_status(body: bytes) -> tuple[float, bytes]:
 
 
 def pack_reliable(envelope: Envelope[Any], channel: int, row: bytes) -> bytes:
-    """A whole reliable message; `row` is empty where the receiver knows the channel."""
+    """Packs a whole reliable message; `row` is empty where the receiver knows the channel."""
     flags, payload = pack_payload(envelope.payload)
     body = varint(channel) + varint(envelope.sequence) + _STATUS.pack(envelope.t_s, flags)
     body += varint(len(row)) + row + payload

@@ -49,12 +49,12 @@ class TunnelEndpoint:
     """A station or a platform on the link.
 
     Args:
-        role: which end this is.
+        role: of this end.
         name: the platform's name, or the station's id such as `255`.
-        own: as whom it sends.
+        own: its own address.
         boot: a random number (32 bits) for this start of the process.
         topics: the topics and types that this end knows.
-        budget: what the link carries.
+        budget: the link's budget.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class TunnelEndpoint:
         self._outbox = Outbox(role, name, self._pacer, self._peers, self._table, self.counters)
         self._published: dict[str, int] = {}
         self._homeless: list[tuple[Envelope[Any], float, float]] = []
-        """What waits for somebody to be heard: since when, and until when."""
+        """Messages that wait for a receiver to appear: since when, and until when."""
         self._senders: dict[str, Address] = {}
 
     # --- from above ---
@@ -113,10 +113,10 @@ class TunnelEndpoint:
                 self._peers.problem(self.own, str(refusal))
 
     def declare(self, token: str) -> None:
-        """Says that something here is alive.
+        """Declares that something here is alive.
 
         Raises:
-            Refused: too many are, or the token is too long.
+            Refused: too many tokens, or the token is too long.
         """
         if len(self._outbox.tokens) >= MAX_TOKENS:
             raise Refused(f"{MAX_TOKENS} tokens are alive already")
@@ -136,18 +136,18 @@ class TunnelEndpoint:
             self._outbox.send_hello_soon()
 
     def other_traffic(self, size_bytes: int, now_s: float) -> None:
-        """Somebody else has sent so many bytes over the same link."""
+        """Counts bytes that other programs have sent over the same link."""
         self._pacer.line.fill(now_s)
         self._pacer.line.spend(size_bytes)
 
     def peers(self) -> tuple[Peer, ...]:
-        """Everyone who was heard and not forgotten; to be looked at only."""
+        """All known peers, read-only."""
         return tuple(self._peers)
 
     # --- time ---
 
     def tick(self, now_s: float) -> None:
-        """Does what is due: gives up, asks again, notices silence."""
+        """Does what is due: expires messages, repeats requests, detects silent peers."""
         self._peers.tick(now_s)
         for peer in self._peers:
             for outgoing, may_have_arrived in peer.sender.expire(now_s):
@@ -156,7 +156,7 @@ class TunnelEndpoint:
         for entry in [entry for entry in self._homeless if now_s >= entry[2]]:
             self._homeless.remove(entry)
             envelope = entry[0]
-            self._give_up(envelope, None, True, f"nobody to take {envelope.topic} was heard")
+            self._give_up(envelope, None, True, f"no known peer receives {envelope.topic}")
 
     def next_tick_s(self) -> float:
         """When `tick` and `outgoing` are to be called, unless something comes before."""
@@ -195,7 +195,7 @@ class TunnelEndpoint:
     # --- from below ---
 
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
-        """Takes a TUNNEL message in; what is not ours, damaged or unknown is counted."""
+        """Handles a TUNNEL message; frames that are foreign, damaged or unknown are counted."""
         counters = self.counters
         size: int = message.payload_length
         if (
@@ -261,7 +261,7 @@ class TunnelEndpoint:
     # --- reliable ---
 
     def _submit(self, envelope: Envelope[Any], now_s: float, since_s: float | None = None) -> None:
-        """Sends a reliable message, whose patience began at `since_s` where it has waited already."""
+        """Sends a reliable message; its timeout runs from `since_s` if it has waited already."""
         since_s = now_s if since_s is None else since_s
         try:
             channel = self._number(envelope)
@@ -270,7 +270,7 @@ class TunnelEndpoint:
             return
         receivers = self._receivers(envelope)
         if receivers is None and len(self._homeless) >= MAX_HOMELESS:
-            self._give_up(envelope, None, True, f"{MAX_HOMELESS} messages wait already for somebody to be heard")
+            self._give_up(envelope, None, True, f"{MAX_HOMELESS} messages already wait for a peer")
             return
         if receivers is None:
             timeout_s = urgency(envelope.payload, has_upload=False, is_fenced=False).timeout_s
@@ -292,7 +292,7 @@ class TunnelEndpoint:
             self._give_up(envelope, peer.address, True, reason)
 
     def _receivers(self, envelope: Envelope[Any]) -> list[Peer] | None:
-        """To whom a reliable message goes; None where that one is not known yet."""
+        """Receivers of a reliable message; None where its receiver is not known yet."""
         payload = envelope.payload
         if isinstance(payload, CiReply):
             address = self._senders.get(payload.sender)
@@ -306,7 +306,7 @@ class TunnelEndpoint:
         return None if peer is None else [peer]
 
     def _viewers(self, payload: Sample | TopicActivity) -> list[Peer]:
-        """Those here who look at a sample."""
+        """Local viewers of a sample."""
         peers = (self._peers.named(name) for name in payload.stations)
         return [peer for peer in peers if peer is not None and peer.is_alive]
 
@@ -331,7 +331,7 @@ class TunnelEndpoint:
             self._pacer.adapt(round_trip_s, queue_s, peer.round_trips.loss, now_s)
 
     def _hand_over(self, peer: Peer, lane: Lane) -> None:
-        """Hands over what is complete and next in its lane."""
+        """Delivers the complete messages that are next in their lane."""
         while (body := peer.receiver.head(lane)) is not None:
             try:
                 opened = unpack_reliable(body)

@@ -30,14 +30,14 @@ class Undelivered(msgspec.Struct, frozen=True):
 
     envelope: Envelope[Any]
     peer: Address | None
-    """None where nobody was found to send it to."""
+    """None where no receiver was found."""
     is_certain: bool
     """It was not handed over and will not be; False where that is *unknown*."""
     reason: str
 
 
 class PeerChanged(msgspec.Struct, frozen=True):
-    """A peer came, went silent, or came back."""
+    """A peer appeared, went silent, or came back."""
 
     peer: Address
     name: str
@@ -55,7 +55,7 @@ class TokenChanged(msgspec.Struct, frozen=True):
 
 
 class TunnelTrouble(msgspec.Struct, frozen=True):
-    """Something that a person should know, told once: versions differ, two peers of one name."""
+    """A problem for the operator, reported once: versions differ, two peers of one name."""
 
     peer: Address
     text: str
@@ -73,7 +73,7 @@ class Counters(msgspec.Struct):
     status_bytes: int = 0
     """Of these: best effort, greetings and tables."""
     view_bytes: int = 0
-    """Of these: what somebody looks at."""
+    """Of these: samples for viewers."""
     received_frames: int = 0
     foreign: int = 0
     """Not of this kind, not for us, or from our own role."""
@@ -86,15 +86,15 @@ class Counters(msgspec.Struct):
     versions_differ: int = 0
     """Messages whose type differs between the ends."""
     not_accepted: int = 0
-    """Messages on topics that this end does not take from that peer."""
+    """Messages on topics that this end does not accept from that peer."""
     too_many_peers: int = 0
     delivered: int = 0
     acknowledged: int = 0
     undelivered: int = 0
     repeated_requests: int = 0
-    """Requests that were asked for again while they were still under way."""
+    """Repeated requests while the first was still under way."""
     replaced: int = 0
-    """Best-effort messages that gave way to newer ones before they were sent."""
+    """Best-effort messages replaced by newer ones before they were sent."""
     too_long: int = 0
     """Best-effort messages with too many parts."""
     late: int = 0

@@ -1,8 +1,8 @@
-"""The frames of the tunnel: what stands in the payload of one MAVLink TUNNEL message (payload type 0xC103).
+"""The frames of the tunnel: the payload of one MAVLink TUNNEL message (payload type 0xC103).
 
 Every frame begins with the version, its kind and the boot number of the process that sends it. Numbers are little
-endian; a *varint* takes as many bytes as it needs. Frames to one peer name the low half of the boot number that they
-are meant for, so that a restarted process does not take what was meant for its predecessor.
+endian; a *varint* has variable length. Frames to one peer contain the low half of its boot number, so that a restarted
+process ignores frames for its predecessor.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ ACK_DELAY_UNIT_S: Final = 0.004
 
 
 class Echo(msgspec.Struct, frozen=True):
-    """When a peer's last greeting was sent, by its own clock, and how long ago it came."""
+    """When a peer's last hello was sent, by its own clock, and how long ago it was received."""
 
     system: int
     component: int
@@ -58,7 +58,7 @@ class Echo(msgspec.Struct, frozen=True):
 
 
 class TunnelHello(msgspec.Struct, frozen=True):
-    """Broadcast a few times in two seconds: who is here, with its clock and how many numbers its table has."""
+    """Broadcast at 1 to 2 Hz: the sender's role and name, its clock, and the size of its table."""
 
     role: TunnelRole
     name: str
@@ -67,7 +67,7 @@ class TunnelHello(msgspec.Struct, frozen=True):
     """By the sender's clock; 48 bits."""
     echoes: tuple[Echo, ...] = ()
     tokens: tuple[int, ...] = ()
-    """Numbers of what is alive."""
+    """Table numbers of the sender's liveliness tokens."""
 
     def encode(self, boot: int) -> bytes:
         """The frame."""
@@ -185,7 +185,8 @@ class SummaryRows(msgspec.Struct, frozen=True):
 class Data(msgspec.Struct, frozen=True):
     """A fragment of a reliable message.
 
-    The receiver's boot number is sent XORed with a check sum of what follows it, so that a damaged frame is for nobody.
+    The receiver's boot number is sent XORed with a checksum of the following bytes, so that no receiver accepts a
+    damaged frame.
     """
 
     to_boot: int
@@ -194,11 +195,11 @@ class Data(msgspec.Struct, frozen=True):
     is_last: bool
     """Nothing else waits to be sent: acknowledge at once."""
     base_delta: int
-    """How many of the numbers before this one are still open at the sender; what is older will not come any more."""
+    """How far back the oldest message number still open at the sender is; older ones will not arrive any more."""
     number: int
     """Of the message in its lane, modulo 2**16."""
     serial: int
-    """Of this transmission, modulo 2**16: each repeat has one of its own, so that a loss is told from a delay."""
+    """Of this transmission, modulo 2**16: each repeat has a new one, which distinguishes a loss from a delay."""
     index: int
     count: int
     """Fragments of the message."""
@@ -240,7 +241,7 @@ class Ack(msgspec.Struct, frozen=True):
     highest: int
     """The latest serial that came, modulo 2**16."""
     received: int
-    """Data frames so far, modulo 2**16: what is missing against the serials is the loss."""
+    """Data frames received so far, modulo 2**16: the difference from the serials is the loss."""
     delay_s: float
     """Since `highest` came."""
     lanes: tuple[LaneReport, ...]
@@ -321,7 +322,7 @@ _DECODERS: Final[Mapping[int, Callable[[ByteReader], TunnelFrame]]] = {
 
 
 class OtherVersion(TunnelFrameError):
-    """The peer speaks another version of the tunnel."""
+    """The peer uses another version of the tunnel."""
 
 
 def decode(payload: bytes) -> tuple[int, TunnelFrame]:

@@ -16,15 +16,15 @@ from gloc3.messages.wire import VersionsDiffer, WireError
 
 
 class NotAccepted(Gloc3Error):
-    """A message that is on no topic which this end takes from that peer; the text says why."""
+    """A message on a topic that this end does not accept from that peer; the text gives the reason."""
 
 
 class TunnelGate:
-    """Judges channels and opens what comes on them.
+    """Accepts or rejects channels, and decodes their messages.
 
     Args:
         role: of this end.
-        name: of this platform; a station takes from every platform what that platform says of itself.
+        name: of this platform; a station accepts from every platform only that platform's own topics.
         topics: the topics and types that this end knows.
     """
 
@@ -34,11 +34,11 @@ class TunnelGate:
         self._topics = topics
 
     def type_of(self, channel: TunnelChannel, peer: Peer, *, is_reliable: bool) -> type[Message]:
-        """The type of what comes on a channel.
+        """Message type of a channel.
 
         Raises:
-            NotAccepted: it is not for this end.
-            VersionsDiffer: the ends know the type with other fixed parts.
+            NotAccepted: this end does not accept the topic from that peer.
+            VersionsDiffer: the fixed parts of the type differ between the ends.
             WireError: this end does not know the type.
         """
         platform, _, name = channel.topic.partition("/")
@@ -60,7 +60,7 @@ class TunnelGate:
         return found
 
     def open(self, channel: TunnelChannel, peer: Peer, body: ReliableBody, *, is_reliable: bool) -> Envelope[Any]:
-        """The envelope for a message on a channel.
+        """Decodes a message of a channel into its envelope.
 
         Raises:
             NotAccepted, VersionsDiffer, WireError: as `type_of`.

@@ -50,15 +50,15 @@ class Lane(IntEnum):
     ORDINARY = 1
     BULK = 2
     VIEW = 3
-    """What somebody looks at and that does not fit few frames: after everything else, and only so much of it."""
+    """Samples for viewers that do not fit few frames: after everything else, within a limited share."""
 
 
 DUTIES: Final = (Lane.URGENT, Lane.ORDINARY, Lane.BULK)
-"""The lanes of what has to arrive."""
+"""Lanes of messages that must arrive."""
 
 
 SEALED: Final = frozenset({FrameKind.HELLO, FrameKind.TABLE, FrameKind.ASK, FrameKind.ACK, FrameKind.REFUSAL})
-"""What could do lasting harm if MAVLink's 16-bit check sum let it pass damaged has a check sum of its own."""
+"""Frames with their own checksum: one damaged frame that passed MAVLink's 16-bit checksum could do lasting harm."""
 
 
 def seal(frame: bytes) -> bytes:
@@ -73,5 +73,5 @@ def unseal(payload: bytes) -> bytes | None:
 
 
 def header(kind: FrameKind, boot: int) -> bytes:
-    """How every frame begins."""
+    """Header of every frame."""
     return HEADER.pack(VERSION, kind, boot)

@@ -1,8 +1,8 @@
-"""Chooses what leaves next, and says when there will be something: answers first, then by urgency.
+"""Chooses the next frame to send, and when: answers first, then by urgency.
 
-The order: acknowledgements and refusals; greetings, questions about the table and their answers; emergencies, and
+The order: acknowledgements and refusals; hellos, requests for table rows and their answers; emergencies, and
 repeats of the few short messages that are open; status, as far as its share goes; other requests and replies; large
-messages; repeats that nobody asked for; what somebody looks at, as far as its share goes.
+messages; unrequested repeats; samples for viewers, as far as their share goes.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from gloc3.mavlink.message import Address
 
 EVERYBODY: Final = Address(0, 0)
 HELLO_PERIOD_S: Final = {TunnelRole.STATION: 0.5, TunnelRole.PLATFORM: 1.0}
-"""A station is heard twice a second, since a silent one that holds control has lost the link."""
+"""Period of hellos. A station sends two a second, because a silent one that holds control has lost the link."""
 LONELY_PERIOD_S: Final = 0.5
-"""While nobody is there."""
+"""Period of hellos while there is no live peer."""
 HELLO_SPACING_S: Final = 0.25
 BUSY_AFTER_S: Final = 3.0
 """So long after the last of a large message best effort keeps to its smaller share: often another one follows."""
@@ -31,17 +31,17 @@ BUSY_AFTER_S: Final = 3.0
 VIEWS: Final = (Lane.VIEW,)
 
 Chosen = tuple[Address, TunnelFrame, Bucket | None]
-"""To whom, what, and of which share of the line."""
+"""Receiver, frame, and the share of the line that it uses."""
 
 
 class Outbox:
-    """What one end has to send.
+    """Outgoing messages of one end.
 
     Args:
         role: of this end.
         name: of this end.
         pacer: the link's budget.
-        peers: to whom, with what waits for each.
+        peers: the receivers, with the messages that wait for each.
         table: the numbers of this end.
         counters: where dropped messages are counted.
     """
@@ -61,21 +61,21 @@ class Outbox:
         self._peers = peers
         self._table = table
         self.status: Final = StatusSender(counters)
-        """What waits for everybody."""
+        """Best-effort messages to all peers."""
         self.views: Final = StatusSender(counters)
-        """What somebody looks at; it waits until everything else has left."""
+        """Samples for viewers; sent after everything else."""
         self._hello_s = 0.0
         self._last_hello_s = -HELLO_SPACING_S
         self._turn = 0
         self._busy_until_s = 0.0
         self._view_turn = 0
         self.changes: list[int] = []
-        """Rows of the table that nobody has been told yet."""
+        """Rows of the table that have not been sent yet."""
         self.tokens: list[int] = []
-        """Numbers of what is alive here."""
+        """Table numbers of this end's liveliness tokens."""
 
     def send_hello_soon(self) -> None:
-        """Somebody needs to hear who we are."""
+        """Schedules this end's next hello as soon as the spacing allows."""
         self._hello_s = min(self._hello_s, self._last_hello_s + HELLO_SPACING_S)
 
     def next_s(self) -> float:
@@ -99,7 +99,7 @@ class Outbox:
         return max(line_s, min(times_s))
 
     def _view_s(self) -> float | None:
-        """When there will be something to send of what somebody looks at, if its share allows."""
+        """Next time at which a sample for viewers can be sent, if its share allows; None without any."""
         if self.views.is_waiting or any(peer.sender.has_work(Lane.VIEW) for peer in self._peers):
             return 0.0
         times_s = [
@@ -108,7 +108,7 @@ class Outbox:
         return min((t_s for t_s in times_s if t_s is not None), default=None)
 
     def is_busy(self, now_s: float) -> bool:
-        """Whether a large message is under way, or was a moment ago."""
+        """Whether a large message is under way, or was within `BUSY_AFTER_S`."""
         if any(peer.sender.is_open(Lane.BULK) or peer.receiver.is_receiving_bulk(now_s) for peer in self._peers):
             self._busy_until_s = now_s + BUSY_AFTER_S
         return now_s < self._busy_until_s

@@ -1,7 +1,7 @@
 """Pacing of frames: a budget in bytes a second, adapted to the bandwidth of the link.
 
 The rate falls when round trips become longer than the shortest ones (something queues before the link), or when most
-of what is sent is lost; it rises again up to the rate that was configured. Loss alone is no reason: radios lose.
+frames are lost; it rises again up to the rate that was configured. Loss alone does not lower it: radios lose frames.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ QUEUE_LONG_S: Final = 0.3
 QUEUE_SHORT_S: Final = 0.12
 LOSS_HEAVY: Final = 0.5
 SAMPLES: Final = 3
-"""Round trips that are looked at before the rate is changed."""
+"""Round trips that are sampled before the rate is changed."""
 
 
 class LinkBudget(msgspec.Struct, frozen=True, kw_only=True):
@@ -36,9 +36,9 @@ class LinkBudget(msgspec.Struct, frozen=True, kw_only=True):
     status_share: float = 0.5
     """Of the line, for best effort while nothing large is transferred."""
     busy_status_share: float = 0.12
-    """The same while a mission is transferred; greetings and tables come on top and need 1 to 2 %."""
+    """The same while a mission is transferred; hellos and tables add 1 to 2 %."""
     view_share: float = 0.35
-    """Of the line, for what somebody looks at; it takes only what everything else leaves."""
+    """Of the line, for samples for viewers; it uses only what everything else leaves."""
     busy_view_share: float = 0.005
     """The same while a mission is transferred."""
     overhead_bytes: int = WIRE_OVERHEAD
@@ -87,7 +87,7 @@ class Bucket:
 
 
 class Pacer:
-    """The budget of one link: for everything, and within it for best effort and for what somebody looks at."""
+    """The budget of one link: for everything, and within it for best effort and for viewers."""
 
     def __init__(self, budget: LinkBudget) -> None:
         self.budget: Final = budget
@@ -117,7 +117,7 @@ class Pacer:
         self.views.fill(now_s)
 
     def spend(self, payload_bytes: int, share: Bucket | None = None) -> int:
-        """Takes a frame out of the line and, where it belongs to one, out of a share; tells its bytes on the wire."""
+        """Takes a frame out of the line's budget and, if given, of a share's; returns its bytes on the wire."""
         size_bytes = payload_bytes + self.budget.overhead_bytes
         self.line.spend(size_bytes)
         if share is not None:
@@ -156,11 +156,11 @@ class Pacer:
 
 
 NETWORK_BIT_S: Final = 2_000_000.0
-"""Taken for links over a network, whose rate is not known; the command link slows down by itself where it is less."""
+"""Assumed for network links, whose rate is unknown; the pacer slows down where the link carries less."""
 
 
 def budget_of(url: str, *, is_signed: bool = False) -> LinkBudget:
-    """What was said of its radio, else a serial line's baud rate, the usual one where it is not known, else what is usual.
+    """Link budget: from the configured radio rate, a serial line's baud rate (or its default), or the network rate.
 
     Raises:
         Refused: the URL is wrong.

@@ -36,7 +36,7 @@ class RoundTrips:
         return self.smoothed_s + max(SMALLEST_VARIATION_S, 4.0 * self._variation_s)
 
     def sample(self, round_trip_s: float, now_s: float) -> float:
-        """Takes a measured round trip in; tells how much longer it was than the shortest of late."""
+        """Adds a measured round trip; returns its excess over the shortest recent one."""
         if not self._has_sample:
             self._has_sample = True
             self.smoothed_s, self._variation_s = round_trip_s, round_trip_s / 2.0
@@ -72,16 +72,16 @@ class PeerClock:
         self._samples: deque[ClockSample] = deque(maxlen=CLOCK_SAMPLES)
 
     def sample(self, requested_s: float, reported_s: float, held_s: float, now_s: float) -> float | None:
-        """Takes an echo in.
+        """Adds a clock sample from an echo.
 
         Args:
-            requested_s: when our greeting left, by our clock.
-            reported_s: when the peer's greeting left, by its clock.
-            held_s: how long our greeting had been there by then.
-            now_s: when the peer's greeting came, by our clock.
+            requested_s: when our hello was sent, by our clock.
+            reported_s: when the peer's hello was sent, by its clock.
+            held_s: how long the peer had held our hello by then.
+            now_s: when the peer's hello was received, by our clock.
 
         Returns:
-            The round trip; None for an echo that makes no sense.
+            The round trip; None for an implausible echo.
         """
         round_trip_s = now_s - requested_s - held_s
         if not 0.0 <= round_trip_s < 60.0:

@@ -36,7 +36,7 @@ class Peer:
         self.received_s = now_s
         self.former_boots: deque[int] = deque(maxlen=LIVES_REMEMBERED)
         self.since_s = now_s
-        """When this life was first heard."""
+        """When the first frame of this life was received."""
         self._begin(boot, first_number)
 
     def _begin(self, boot: int, first_number: int) -> None:
@@ -48,9 +48,9 @@ class Peer:
         self.receiver = ReliableReceiver(self._counters)
         self.status = StatusReceiver(self._counters)
         self.wanted: list[int] = []
-        """Rows of our table that it has asked for."""
+        """Rows of this end's table that it has requested."""
         self.known: set[int] = set()
-        """Channels of ours on which it has acknowledged something."""
+        """Channels of this end on which it has acknowledged a message."""
         self.tokens: tuple[str, ...] = ()
         self._token_numbers: tuple[int, ...] = ()
         self._hello: tuple[int, float] | None = None
@@ -63,7 +63,7 @@ class Peer:
         self._begin(boot, first_number)
 
     def send_hello(self, hello: TunnelHello, own: Address, now_s: float) -> float | None:
-        """Takes a greeting in; the round trip if it tells one."""
+        """Handles a hello; returns the round trip if it contains an echo."""
         self._hello = (hello.sent_ms & 0xFFFFFFFF, now_s)
         self._token_numbers = hello.tokens
         self.name = hello.name
@@ -76,7 +76,7 @@ class Peer:
         return None
 
     def echo(self, now_s: float) -> Echo | None:
-        """What our greeting tells this peer, so that it can compare the clocks."""
+        """Echo of this peer's last hello, with which it compares the clocks; None without a recent one."""
         if self._hello is None or now_s - self._hello[1] > 60.0:
             return None
         return Echo(*self.address, self._hello[0], round((now_s - self._hello[1]) * 1000.0))
@@ -89,11 +89,11 @@ class Peer:
         return tuple(channel.topic for channel in channels if channel is not None and channel.source is None)
 
     def channel(self, number: int) -> TunnelChannel | None:
-        """What a number of its table stands for; None where it has to be asked."""
+        """Channel of a number of its table; None where its row has to be requested."""
         return self.table.find(number)
 
     def ask_s(self) -> float | None:
-        """When it is to be asked for rows of its table; None while nothing is missing."""
+        """When rows of its table have to be requested; None while none is missing."""
         if not self.is_alive or not self.table.missing(1):
             return None
         return self._requested_s + max(REQUEST_SPACING_S, 0.6 * self.round_trips.smoothed_s)
@@ -105,31 +105,31 @@ class Peer:
 
     @property
     def silent_s(self) -> float:
-        """When it counts as gone if nothing comes."""
+        """When it counts as lost unless a frame arrives."""
         return self.received_s + SILENT_AFTER_S
 
 
 MAX_PEERS: Final = 128
 """A station has a hundred vehicles behind one link, and room for some more."""
 DROP_AFTER_S: Final = 300.0
-"""A peer that is silent for so long is forgotten, and with it what waited for it."""
+"""Silence after which a peer is removed, with its waiting messages, s."""
 MAKE_ROOM_AFTER_S: Final = 130.0
-"""A peer that is silent for so long gives way to a new one when there are too many. It is longer than any message is
-repeated, so that none of them is taken for a new one if that peer comes back."""
+"""Silence after which a peer may be replaced by a new one when there are too many, s. It exceeds the time over which
+a message is repeated, so that no repeat is taken for a new message if that peer comes back."""
 GHOST_AFTER_S: Final = 3.0
 """Frames of a former life are late until then; afterwards two processes share an address."""
 MAX_PROBLEMS: Final = 256
 
 
 class TunnelPeers:
-    """The peers of the other role, by address, in the order in which they were first heard.
+    """The peers of the other role, by address, in the order of first contact.
 
     Args:
         role: of this end.
         name: of this end.
-        own: as whom it sends.
+        own: its own address.
         counters: where frames of other lives are counted.
-        tell: takes what the layer above should know.
+        report: called with events for the layer above.
     """
 
     def __init__(
@@ -162,7 +162,7 @@ class TunnelPeers:
         return next((peer for peer in found if peer.is_alive), found[0] if found else None)
 
     def send_hello(self, address: Address, hello: TunnelHello, boot: int, now_s: float) -> Peer | None:
-        """Takes a greeting in; the peer, or None where it is none of ours."""
+        """Handles a hello; returns the peer, or None where it is not accepted as one."""
         if address == self._own:
             self.problem(address, f"another process uses our address {address.system}/{address.component}")
             return None
@@ -201,7 +201,7 @@ class TunnelPeers:
             self.refresh(peer)
 
     def refresh(self, peer: Peer) -> None:
-        """Tells what has come to life or died at a peer."""
+        """Reports tokens that have appeared or disappeared at a peer."""
         before, peer.tokens = peer.tokens, peer.live_tokens()
         for token in before:
             if token not in peer.tokens:
@@ -211,7 +211,7 @@ class TunnelPeers:
                 self._report(TokenChanged(token, True))
 
     def tick(self, now_s: float) -> None:
-        """Notices who has gone silent, and forgets who has been for long."""
+        """Marks peers that have gone silent, and removes those that have been silent for long."""
         for peer in list(self):
             if peer.is_alive and now_s >= peer.silent_s:
                 peer.is_alive = False
@@ -235,7 +235,7 @@ class TunnelPeers:
             self._report(TunnelTrouble(address, text))
 
     def _restart(self, peer: Peer, boot: int, now_s: float) -> None:
-        """A new process is at a peer's address: what the old one cannot have got goes to the new one."""
+        """Handles a new process at a peer's address: messages that the old one cannot have received are sent to it."""
         waiting = peer.sender.waiting()
         for token in peer.tokens:
             self._report(TokenChanged(token, False))
@@ -260,7 +260,7 @@ class TunnelPeers:
         self._report(undelivered)
 
     def _number(self) -> int:
-        """A number that no message of this process has had, so that a forgotten peer never mistakes one."""
+        """A message number that this process has never used, so that a peer that returns does not confuse messages."""
         return max(self._first_number, *(peer.sender.next_number for peer in self), 0)
 
     def _make_room(self, now_s: float) -> bool:

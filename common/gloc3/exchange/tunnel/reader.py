@@ -12,11 +12,11 @@ _VARINT_BITS: Final = 63
 
 
 class TunnelFrameError(Gloc3Error):
-    """A frame that is damaged or of another make; the text says what is wrong with it."""
+    """A frame that is damaged or invalid; the text gives the reason."""
 
 
 class ByteReader:
-    """Takes values off the front of some bytes; what is not there is a `TunnelFrameError`, never another exception."""
+    """Reads values from the front of some bytes; missing bytes raise `TunnelFrameError`, never another exception."""
 
     __slots__ = ("_at", "_data")
 
@@ -62,7 +62,7 @@ class ByteReader:
         return self._data[at:]
 
     def text(self, count: int | None = None) -> str:
-        """UTF-8 of so many bytes, or of all that is left."""
+        """UTF-8 text of `count` bytes, or of all remaining ones."""
         try:
             return (self.remainder() if count is None else self.chunk(count)).decode()
         except UnicodeDecodeError as error:
@@ -82,7 +82,7 @@ class ByteReader:
 
 
 def varint(value: int) -> bytes:
-    """A number that is not negative, as `ByteReader.varint` takes it."""
+    """Encodes a non-negative number as read by `ByteReader.varint`."""
     if value < 0x80:
         return bytes((value,))
     parts = bytearray()

@@ -48,7 +48,7 @@ class _Inbox:
         """The message that is handed over next; None before the first frame."""
         self.messages: dict[int, _Message] = {}
         self.reason = ""
-        """Why the next message was refused, until its sender knows."""
+        """Why the next message was refused, until its sender has been informed."""
 
 
 class ReliableReceiver:
@@ -169,7 +169,7 @@ class ReliableReceiver:
         return bool(self._refusals)
 
     def ack_s(self) -> float | None:
-        """When an acknowledgement is to be sent; None where there is nothing new to tell."""
+        """When an acknowledgement is to be sent; None where there is nothing new to acknowledge."""
         return None if self._ack_s is None else max(self._ack_s, self._acked_s + ACK_SPACING_S)
 
     def ack(self, to_boot: int, now_s: float) -> Ack:

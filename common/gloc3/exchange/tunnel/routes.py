@@ -19,12 +19,12 @@ class Route(msgspec.Struct, frozen=True):
     """How a topic crosses the link."""
 
     sender: TunnelRole
-    """The end that it comes from; what comes from the other end on this topic is not taken."""
+    """The end that sends it; messages from the other end on this topic are not accepted."""
     is_reliable: bool
     every: int = 1
     """Every n-th message is sent."""
     is_view: bool = False
-    """Somebody looks at it: it waits for everything else."""
+    """A sample for viewers: it is sent after everything else."""
 
 
 RELIABLE: Final[Mapping[str, Route]] = {
@@ -49,9 +49,9 @@ REQUEST_TIMEOUT_S: Final = 15.0
 UPLOAD_TIMEOUT_S: Final = 60.0
 ANSWER_TIMEOUT_S: Final = 120.0
 CONTACT_TIMEOUT_S: Final = 10.0
-"""What is so at the begin of a contact is of no use later: the next contact tells more."""
+"""Timeout of messages that matter only at the start of a contact: the next contact brings newer ones."""
 VIEW_TIMEOUT_S: Final = 5.0
-"""A large sample that has made no progress for so long gives way to a newer one."""
+"""Time without progress after which a large sample is replaced by a newer one, s."""
 LONG_TEXT: Final = 400
 
 
@@ -60,7 +60,7 @@ def route(name: str, row: TopicRow | None) -> Route | None:
 
     Args:
         name: the topic below the platform's name.
-        row: what the system knows of it.
+        row: its row of the topic table.
     """
     if row is None:
         return None

@@ -1,10 +1,10 @@
 """The sender of reliable messages to one life of one peer: fragments, selective repeat, repeats at the end.
 
-As in QUIC, every transmission has a serial number of its own, apart from the fragment's place. An acknowledgement
-tells the fragments that are there and the latest serial that came; what was last sent clearly before that and is not
-there is lost, and is repeated at once. No timer has to be guessed for it. When nothing is left to be sent, fragments
-that are still open are repeated before anyone asks for them, as the link is idle and lossy; and when nothing at all
-comes back, one fragment is sent now and then until something does.
+As in QUIC, every transmission has a serial number of its own, apart from the fragment's place. An acknowledgement lists
+the fragments received and the latest serial. A fragment that was last sent clearly before that serial and is missing is
+lost, and is repeated at once, without a timer. When nothing is left to be sent, fragments that are still open are
+repeated without request, because the link is idle and lossy. When no acknowledgement arrives at all, one fragment is
+sent from time to time until one does.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ MAX_FRAGMENTS: Final = 640
 MAX_BODY: Final = CHUNK * MAX_FRAGMENTS
 """Bytes of a message, deflated if that helps: 70 kB."""
 WINDOW: Final[dict[Lane, int]] = {Lane.URGENT: 8, Lane.ORDINARY: 16, Lane.BULK: 2, Lane.VIEW: 1}
-"""Messages of a lane that may be under way at once; twice as much fits the five bits of `Data.base_delta`."""
+"""Messages of a lane that may be under way at once; twice as many fit the five bits of `Data.base_delta`."""
 MAX_WAITING: Final[dict[Lane, int]] = {Lane.URGENT: 16, Lane.ORDINARY: 128, Lane.BULK: 8, Lane.VIEW: 8}
-"""Messages of a lane that may wait; what is more is refused."""
+"""Messages of a lane that may wait; further ones are refused."""
 REORDERING: Final = 3
-"""A frame is lost when one that was sent so many later has come."""
+"""A frame counts as lost when one sent this many frames later has been received."""
 LATE_ROUND_TRIPS: Final = 1.25
-"""Or when one that was sent later has come, and it was sent so many round trips ago."""
+"""Also when a later one has been received, and it was sent this many round trips ago."""
 MAX_COPIES: Final = 5
 ENOUGH: Final = 1e-3
 """A fragment is repeated unasked until its loss is as improbable as this."""
@@ -43,7 +43,7 @@ HURRIED_COPIES: Final = 2
 LOSS_WORTH_COPIES: Final = 0.02
 SMALLEST_FLIGHT: Final = 24
 ANSWER_GRACE_S: Final = 1.2
-"""So much longer than a round trip frames go on being sent while no acknowledgement comes."""
+"""Time beyond a round trip for which frames are sent without an acknowledgement, s."""
 LONGEST_PROBE_S: Final = 2.0
 
 
@@ -56,13 +56,13 @@ class OutgoingMessage(msgspec.Struct, frozen=True):
     lane: Lane
     submitted_s: float
     timeout_s: float
-    """It is given up so long after it was submitted; in the lanes of large messages, after the last progress."""
+    """Time until it is given up, from its submission; in the lanes of large messages, from the last progress."""
     is_fence: bool = False
-    """It waits in the bulk lane for an upload; what comes after it must not overtake it."""
+    """It waits in the bulk lane for an upload; later messages must not overtake it."""
 
 
 class _Transfer:
-    """One message and what is known of its fragments."""
+    """One message and the state of its fragments."""
 
     __slots__ = ("acked", "copies", "count", "fresh", "full", "lost", "number", "outgoing", "sent_s", "serials")
 
@@ -95,12 +95,12 @@ class _Transfer:
 
 
 class ReliableSender:
-    """Everything reliable that goes to one life of one peer.
+    """All reliable messages to one life of one peer.
 
     Args:
         to_boot: the peer's boot number.
         first_number: higher than any that this process may have used towards that life.
-        round_trips: of the way to the peer; fed with the loss from here.
+        round_trips: of the path to the peer; updated here with the loss.
         counters: where repeats are counted.
     """
 
@@ -137,7 +137,7 @@ class ReliableSender:
         return any(transfer.outgoing.is_fence for transfer in self._lanes[Lane.BULK])
 
     def waiting(self) -> list[tuple[OutgoingMessage, bool]]:
-        """What is not done, and whether it may have arrived all the same."""
+        """Messages that are not done, and whether each may have arrived."""
         return [(transfer.outgoing, transfer.was_sent) for lane in Lane for transfer in self._lanes[lane]]
 
     def submit(self, outgoing: OutgoingMessage, now_s: float) -> str:
@@ -159,7 +159,7 @@ class ReliableSender:
         return ""
 
     def _replace(self, outgoing: OutgoingMessage) -> bool:
-        """Puts a newer message of a channel in the place of one that has not begun to be sent."""
+        """Replaces a waiting message of the same channel that has not begun to be sent."""
         lane = self._lanes[outgoing.lane]
         for place, transfer in enumerate(lane):
             if transfer.outgoing.channel == outgoing.channel and not transfer.fresh:
@@ -193,12 +193,12 @@ class ReliableSender:
         return None
 
     def next_copy(self, now_s: float, *, is_idle: bool, lanes: Sequence[Lane] = DUTIES) -> Data | None:
-        """A fragment that is repeated unasked; the one sent longest ago.
+        """The next unrequested repeat: the fragment sent longest ago.
 
         Args:
             now_s: the time.
-            is_idle: there is nothing else to send; if not, only what is urgent or stands nearly alone is repeated.
-            lanes: of which lanes.
+            is_idle: there is nothing else to send; if not, only urgent messages, or a few short ones, are repeated.
+            lanes: lanes to repeat from.
         """
         first = self._first_copy(lanes, is_idle=is_idle)
         if first is None or now_s < first[0]:
@@ -209,7 +209,7 @@ class ReliableSender:
         return self._data(lane, transfer, index, now_s)
 
     def _first_copy(self, lanes: Sequence[Lane], *, is_idle: bool) -> tuple[float, Lane, _Transfer, int] | None:
-        """Which fragment is to be repeated unasked next, and when: a few times soon, and anew after a round trip."""
+        """Next fragment for an unrequested repeat, and when: a few times at short intervals, then once a round trip."""
         trips = self._round_trips
         if self.is_idle or trips.loss < LOSS_WORTH_COPIES or not any(map(self.is_open, lanes)):
             return None
@@ -267,7 +267,7 @@ class ReliableSender:
     # --- what comes back ---
 
     def acknowledge(self, ack: Ack, now_s: float) -> tuple[list[OutgoingMessage], float | None]:
-        """Takes an acknowledgement in: what is done now, and the round trip if it tells one."""
+        """Handles an acknowledgement; returns the messages now done, and the round trip if it can be measured."""
         highest = unwrap(ack.highest, max(self._highest, 0))
         if highest >= self._next_serial:
             return [], None
@@ -320,7 +320,7 @@ class ReliableSender:
                         lost.append(index)
 
     def refuse(self, lane: Lane, number: int) -> OutgoingMessage | None:
-        """The peer will not take a message: what it was, or None where it is not known any more."""
+        """Handles the peer's refusal of a message; returns it, or None where it is not known any more."""
         for transfer in list(self._window(lane)):
             if transfer.number & 0xFFFF == number and transfer.was_sent:
                 self._drop(lane, transfer)
@@ -330,7 +330,7 @@ class ReliableSender:
     # --- time ---
 
     def expire(self, now_s: float) -> list[tuple[OutgoingMessage, bool]]:
-        """Gives up what waited too long; and whether it may have arrived all the same."""
+        """Gives up messages that have waited too long; returns each with whether it may have arrived."""
         given_up: list[tuple[OutgoingMessage, bool]] = []
         if self.is_idle:
             return given_up
@@ -372,7 +372,7 @@ class ReliableSender:
         return since_s + outgoing.timeout_s
 
     def _drop(self, lane: Lane, transfer: _Transfer) -> None:
-        """Takes a message out, and makes sure that the peer learns that it need not wait for it."""
+        """Removes a message, and makes sure that the peer does not wait for it."""
         self._lanes[lane].remove(transfer)
         self._find_work()
         self._nudge()

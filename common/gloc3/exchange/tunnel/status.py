@@ -1,11 +1,12 @@
 """Best effort: the latest message of each channel, split into frames by the sender, reassembled by the receiver.
 
-A message of three or more parts is followed by one with their parity, so that any one may be lost: at 20 % loss five
+A message of three or more parts is followed by a parity part, so that any one part may be lost: at 20 % loss, five
 parts arrive in 66 instead of 33 of 100 cases.
 
-The components' summary is packed: a frame holds one run of neighbouring indices, so that a component costs its values
-alone: health and the `ROW_FIELDS`, a byte or one to three bytes each, and never more than 9 bytes. The columns of a summary
-go before its rows, as an ordinary message of the same sequence: a peer that does not know a field reads the rows all the same.
+The components' summary is packed: a frame holds one run of neighbouring indices, so that a component needs only the
+bytes of its values: health and the `ROW_FIELDS`, one byte, or one to three bytes each, and never more than 9 bytes. The
+columns of a summary are sent before its rows, as an ordinary message of the same sequence. A peer that does not know a
+field can still read the rows.
 """
 
 from __future__ import annotations
@@ -151,14 +152,14 @@ class StatusSender:
         self._slots: dict[int, _Slot] = {}
         self._turns: deque[int] = deque()
         self._last: deque[int] = deque()
-        """Channels whose turn comes when nobody else waits."""
+        """Channels that are sent only when no other is waiting."""
         self._summaries: dict[int, SummaryPacker] = {}
         self._columns: dict[int, deque[StatusFrame]] = {}
         """Frames that go before the rows of a summary."""
         self._was_summary = False
 
     def offer(self, channel: int, envelope: Envelope[Any]) -> None:
-        """Takes a message; an earlier one of its channel that has not begun to be sent is dropped."""
+        """Queues a message; an earlier one of its channel that has not begun to be sent is dropped."""
         if isinstance(envelope.payload, Summary):
             self._counters.replaced += self._summaries.setdefault(channel, SummaryPacker()).offer(envelope)
             columns = columns_of(envelope)
@@ -235,18 +236,18 @@ class _Arrival:
 
 
 class StatusReceiver:
-    """Puts one peer's messages together; what is older than what came is dropped."""
+    """Reassembles one peer's messages; drops those older than the latest received."""
 
     def __init__(self, counters: Counters) -> None:
         self._counters = counters
         self._arrivals: dict[int, _Arrival] = {}
 
     def receive_whole(self, channel: int, sequence: int) -> bool:
-        """Whether a message that fits one frame is news."""
+        """Whether a message that fits one frame is new."""
         return self._open(channel, sequence, 0, 0) is not None
 
     def receive_rows(self, channel: int, sequence: int, body: bytes) -> bool:
-        """Whether a frame of the summary is news; several may share a sequence."""
+        """Whether a frame of the summary is new; several may share a sequence."""
         last = self._arrivals.get(channel)
         if last is None or last.sequence != sequence:
             last = self._open(channel, sequence, 0, 0)

@@ -1,4 +1,4 @@
-"""The table behind the numbers: channels (topic, type, source, frame) and tokens, sent once and again on request."""
+"""Table of numbers for channels (topic, type, source, frame) and tokens; rows are sent once and again on request."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _DECODER: Final = msgspec.msgpack.Decoder(list[_Row])
 
 
 class TunnelChannel(msgspec.Struct, frozen=True):
-    """What all messages of one source on one topic have in common; the source is None for a token."""
+    """Common properties of all messages of one source on one topic; the source is None for a token."""
 
     topic: str
     type: str
@@ -92,7 +92,7 @@ class OwnTable:
 
 
 class PeerTable:
-    """What a peer's numbers stand for, as far as it has said."""
+    """Meanings of a peer's numbers, as far as they have been received."""
 
     def __init__(self) -> None:
         self._channels: dict[int, TunnelChannel] = {}
@@ -103,14 +103,14 @@ class PeerTable:
         self._size = max(self._size, min(size, MAX_ROWS))
 
     def find(self, number: int) -> TunnelChannel | None:
-        """What a number stands for; None where the peer has to be asked."""
+        """Channel of a number; None where its row has to be requested."""
         found = self._channels.get(number)
         if found is None:
             self.announce(number + 1)
         return found
 
     def missing(self, limit: int) -> tuple[int, ...]:
-        """The numbers to ask for, at most so many."""
+        """Numbers whose rows have to be requested, at most `limit`."""
         if len(self._channels) >= self._size:
             return ()
         return tuple(islice((number for number in range(self._size) if number not in self._channels), limit))

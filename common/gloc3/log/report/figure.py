@@ -35,16 +35,16 @@ _NO_DATE: Final = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 
 @contextmanager
 def drawing(file: Path, width_in: float, height_in: float, *, is_fitted: bool = True) -> "Iterator[Figure]":
-    """A figure in the project's style; it is written to `file` at the end.
+    """A figure in the project's style; it is written to `file` at the end of the block.
 
     Args:
-        file: the picture; its suffix says the format.
+        file: the picture; its suffix is the format.
         width_in: its width in inches.
         height_in: its height in inches.
-        is_fitted: whether the margins are found by drawing everything twice; False: whoever draws sets them.
+        is_fitted: whether the margins are computed by drawing everything twice; False: the caller sets them.
 
     Raises:
-        Gloc3Error: matplotlib is not installed, the file's format is not known, or it cannot be written.
+        Gloc3Error: matplotlib is not installed, the file's format is unknown, or it cannot be written.
     """
     if file.suffix not in FORMATS:
         raise Gloc3Error(f"cannot draw {file.name}: use one of {', '.join(FORMATS)}")
@@ -67,5 +67,5 @@ def drawing(file: Path, width_in: float, height_in: float, *, is_fitted: bool = 
 
 
 def thin(points: int, most: int = 5000) -> int:
-    """The step by which so many points are thinned out to at most `most`."""
+    """Step with which `points` points are thinned out to at most `most`."""
     return max(1, -(-points // most))

@@ -35,7 +35,7 @@ class FlightPath(msgspec.Struct, frozen=True):
 
 
 def read_flight_path(reader: LogReader) -> FlightPath:
-    """Collects what a picture of the flight needs."""
+    """Collects the data for a plot of the flight."""
     source = TRUTH if any(topic.partition("/")[2] == TRUTH for topic in reader.topics) else POSE
     flown: list[Vector3] = []
     home: Vector3 | None = None
@@ -60,7 +60,7 @@ def read_flight_path(reader: LogReader) -> FlightPath:
 
 
 def value_of(payload: Any, name: str) -> Any:
-    """A field of a message, or of the dictionary that stands for one whose type is not known."""
+    """A field of a message, or of the dictionary that represents a message of unknown type."""
     return payload.get(name) if isinstance(payload, dict) else getattr(payload, name, None)
 
 
@@ -108,7 +108,7 @@ def distances_along(path: Sequence[Vector3], requested: Sequence[Vector3]) -> li
 
 
 def _nearest(point: Vector3, path: Sequence[Vector3], starts: Sequence[float], reached: float) -> float:
-    """The nearest place on the path not before `reached` and not far after it."""
+    """Nearest position on the path, not before `reached` and not far after it."""
     best, at = math.inf, reached
     limit = reached + LOOK_AHEAD_M
     for index in range(len(path) - 1):

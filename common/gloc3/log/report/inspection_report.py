@@ -39,7 +39,7 @@ class ReportFigures(msgspec.Struct, frozen=True):
     """Share of the wall that was seen; None without a wall."""
     coverage_twice: float | None = None
     pixel_mm: float | None = None
-    """Half of what was seen has pixels of this size, or smaller ones."""
+    """Median pixel size on the covered part of the wall."""
     wall_m: tuple[float, float] | None = None
     """Width and height."""
 
@@ -51,13 +51,13 @@ def write_report(
 
     Args:
         recording: the pictures.
-        cameras: the models of the cameras; all that took pictures, where there is a wall.
-        wall: what was to be inspected.
-        limits: what counts as seen.
-        out: the folder; made if it is not there.
+        cameras: the models of the cameras; all those that took pictures, where there is a wall.
+        wall: the inspected wall.
+        limits: what counts as covered.
+        out: the folder; created if it does not exist.
 
     Raises:
-        Refused: the coverage cannot be worked out.
+        Refused: the coverage cannot be computed.
     """
     views = [view_of(picture) for picture in recording.pictures]
     coverage = cover(wall, views, cameras, limits) if wall is not None else None

@@ -37,12 +37,12 @@ def plot_path(
     """Draws a flight; all positions in metres north, east and down.
 
     Args:
-        flown: where the vehicle was, in order.
-        requested: the corners of the path that it was to follow; empty where there was none.
-        file: the picture; its suffix (.svg, .png, .pdf) says the format.
-        home: where it stood when armed.
-        fence: where it may be.
-        waypoints: what is marked and numbered; None: the corners of the requested path.
+        flown: positions of the vehicle, in order.
+        requested: the corners of the requested path; empty without one.
+        file: the picture; its suffix (.svg, .png, .pdf) is the format.
+        home: position at arming.
+        fence: the permitted area.
+        waypoints: the points to mark and number; None: the corners of the requested path.
         title: above the picture.
 
     Raises:

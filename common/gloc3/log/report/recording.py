@@ -49,7 +49,7 @@ class PictureRecording(msgspec.Struct, frozen=True):
     bearings_deg: dict[str, float] = {}
     """Direction of the x axis of each of the platform's local frames, clockwise from north."""
     utc_offset_s: float | None = None
-    """What makes UTC, in seconds since 1970, of the log's times; None where that is not known."""
+    """Offset from the log's times to UTC, in seconds since 1970; None where it is unknown."""
 
     def time_of(self, picture: TakenPicture, decimals: int) -> str:
         """When a picture was taken: the time of day where UTC is known, else seconds of the log's clock."""

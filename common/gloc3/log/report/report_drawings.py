@@ -1,4 +1,4 @@
-"""The drawings of an inspection report: the wall with what was seen of it, and the places of the pictures from above."""
+"""Drawings of an inspection report: the wall with its coverage, and a map of the pictures' positions."""
 
 import base64
 import math
@@ -23,7 +23,7 @@ def view_of(picture: TakenPicture) -> WallView:
 
 
 def draw_wall(coverage: Coverage, recording: PictureRecording, cameras: dict[str, CameraModel]) -> str:
-    """The wall, seen by who stands before it: how often each part was seen, and the outlines of the pictures (SVG)."""
+    """Front view of the wall: how often each part was covered, and the outlines of the pictures (SVG)."""
     width_m, height_m = coverage.wall.size_m
     scale = min((_WIDTH_PX - 2 * _MARGIN_PX) / width_m, _TALLEST_PX / height_m)
     width, height = width_m * scale, height_m * scale
@@ -57,7 +57,7 @@ def draw_wall(coverage: Coverage, recording: PictureRecording, cameras: dict[str
 
 
 def draw_places(recording: PictureRecording, cameras: dict[str, CameraModel], wall: Wall | None) -> str:
-    """From above, north up: the path flown, the wall, and where each picture was taken and looked to (SVG)."""
+    """Map, north up: the path flown, the wall, and the position and direction of each picture (SVG)."""
     flown = _thinned(recording.path.flown, 2000) if recording.path is not None else []
     outline = _outline(wall) if wall is not None else []
     places = [*flown, *outline, *(picture.position_ned_m for picture in recording.pictures)]
@@ -96,13 +96,13 @@ def draw_places(recording: PictureRecording, cameras: dict[str, CameraModel], wa
 
 
 def is_labelled(number: int, count: int) -> bool:
-    """Whether a picture's number stands beside its place: every one of few, some of many."""
+    """Whether a picture's number is drawn beside its position: all numbers of a few pictures, some of many."""
     every = max(1, round(count / 20))
     return number == 1 or number % every == 0
 
 
 def _arrow(picture: TakenPicture, cameras: dict[str, CameraModel], x: float, y: float) -> str:
-    """A line in the direction that the camera looked in, as long as it is level."""
+    """Line in the camera's direction, with the length of its horizontal component."""
     if picture.camera not in cameras:
         return ""
     _, axis = optical_axis(view_of(picture), cameras[picture.camera])

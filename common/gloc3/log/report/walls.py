@@ -33,13 +33,13 @@ def read_wall(text: str, bearings_deg: dict[str, float], frame: str = "") -> Wal
     """Reads a wall.
 
     Args:
-        text: three or four corners `x,y,height`, from the upper left one clockwise for who stands before it, separated by
-            blanks; or `FILE.yaml#SURFACE`, a surface of a world file.
-        bearings_deg: the directions of the local frames that corners may be in.
-        frame: which of them; may be left out where there is one, or none (then x is north).
+        text: three or four corners `x,y,height`, clockwise from the upper left one as seen from in front, separated by
+            spaces; or `FILE.yaml#SURFACE`, a surface of a world file.
+        bearings_deg: directions of the local frames in which corners may be given.
+        frame: the corners' frame; optional where there is one frame, or none (then x is north).
 
     Raises:
-        Refused: it is no wall.
+        Refused: the text is not a valid wall.
         InputError: the world file cannot be read.
     """
     file, hash_sign, surface = text.partition("#")

@@ -1,8 +1,8 @@
 """Sensor calibration as seen by a station: its states, and the base of both firmwares' procedures.
 
-PX4 tells what happens in status texts that begin with `[cal]`, ArduPilot in messages and commands of its own; each has
-a file. A calibration that is asked for again begins anew on some firmware, so a lost command is not sent twice where
-the vehicle answers only at the end.
+PX4 reports the progress in status texts that begin with `[cal]`, ArduPilot in its own messages and commands; each has a
+file. A repeated command restarts the calibration on some firmware, so it is not sent again where the vehicle answers
+only at the end.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from gloc3.mavlink.services.command_client import CommandCall, MavCommandClient
 
 PREFLIGHT_CALIBRATION: Final = 241
 SILENT_S: Final = 90.0
-"""A calibration of which nothing was heard for so long is over: the vehicle itself gives up sooner."""
+"""Silence after which a calibration counts as ended, s: the vehicle itself gives up earlier."""
 PATIENT_S: Final = 40.0
 """How long a vehicle may take to answer which answers only at the end."""
 MOST_TEXTS: Final = 40
@@ -74,13 +74,13 @@ class CalibrationState(msgspec.Struct, frozen=True, kw_only=True):
     kind: CalibrationKind
     phase: CalibrationPhase = CalibrationPhase.ASKED
     progress: float | None = None
-    """From 0 to 1; None while the vehicle tells none."""
+    """From 0 to 1; None while the vehicle reports none."""
     instruction: str = ""
     """What a person has to do now."""
     sides: Mapping[Side, SideState] = {}
-    """The sides that the vehicle wants to be laid on; empty where it wants none."""
+    """Sides that the vehicle requests; empty where it requests none."""
     reason: str = ""
-    """Why it failed, or what is left to do."""
+    """Why it failed, or which steps remain."""
     texts: tuple[str, ...] = ()
     """The last texts that the vehicle has sent meanwhile."""
 
@@ -94,9 +94,9 @@ class Calibration(Microservice[CalibrationState]):
     """One calibration of one vehicle; each change of its state is an event.
 
     Args:
-        own: as whom it speaks.
+        own: address of this end.
         target: the autopilot.
-        kind: what is calibrated.
+        kind: the sensor.
     """
 
     def __init__(self, own: Address, target: Address, kind: CalibrationKind) -> None:
@@ -126,7 +126,7 @@ class Calibration(Microservice[CalibrationState]):
         raise Refused("the vehicle does not wait for a confirmation")
 
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
-        """Takes in an answer, or a word on how it goes."""
+        """Handles an acknowledgement or a progress report."""
         if sender.system != self._target.system:
             return
         if message.name == "COMMAND_ACK":
@@ -137,14 +137,14 @@ class Calibration(Microservice[CalibrationState]):
             self._receive(message, now_s)
 
     def tick(self, now_s: float) -> None:
-        """Asks again, or gives up."""
+        """Repeats the command, or gives up."""
         for client in (self._quick, self._is_waiting):
             client.tick(now_s)
         self._poll(now_s)
         if not self.state.is_over and now_s >= self._received_s + SILENT_S:
             self._end(
                 CalibrationPhase.FAILED,
-                f"nothing was heard of it for {SILENT_S:.0f} s; its last message may have been lost",
+                f"no message from it for {SILENT_S:.0f} s; its last message may have been lost",
             )
 
     def next_tick_s(self) -> float | None:
@@ -158,14 +158,14 @@ class Calibration(Microservice[CalibrationState]):
 
     @abstractmethod
     def _receive(self, message: MavlinkMessage, now_s: float) -> None:
-        """Takes in what the autopilot tells while it is under way."""
+        """Handles the autopilot's progress messages."""
 
     @abstractmethod
     def _answered(self, result: CommandResult, *, was_in_progress: bool) -> None:
-        """The command to begin was accepted; whether it is done with that is for the firmware to say."""
+        """Handles the acceptance of the start command; whether that completes it depends on the firmware."""
 
     def _send_command(self, command: int, params: tuple[float, ...], now_s: float, *, is_patient: bool = False) -> None:
-        """Sends the command that begins it."""
+        """Sends the start command."""
         self._received_s = now_s
         client = self._is_waiting if is_patient else self._quick
         self._call = client.send_long(self._target, command, params, now_s=now_s)

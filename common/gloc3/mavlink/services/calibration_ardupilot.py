@@ -33,7 +33,7 @@ _POSITIONS: Final = {
 _MAGNETOMETER_DONE: Final = 4
 _MAGNETOMETER_WORDS: Final = {
     5: "failed: the measurements do not lie on a sphere",
-    6: "failed: it is mounted another way than its orientation says",
+    6: "failed: its mounting does not match its orientation parameter",
     7: "failed: the field is too strong or too weak; is metal nearby?",
 }
 
@@ -133,7 +133,7 @@ class ArduPilotCalibration(Calibration):
                     self._judge()
 
     def _wants(self, reported: float) -> None:
-        """The vehicle wants to lie in a position, which it repeats until that is confirmed, or tells the end."""
+        """Handles a requested position, which the vehicle repeats until it is confirmed, or the end."""
         position = int(reported) if math.isfinite(reported) else 0
         if position == _SUCCESS:
             self._end(CalibrationPhase.DONE)

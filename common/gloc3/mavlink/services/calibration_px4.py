@@ -43,7 +43,7 @@ _STILL: Final = {
 
 
 class Px4Calibration(Calibration):
-    """See `Calibration`. The vehicle finds out by itself how it lies, so nothing has to be confirmed."""
+    """See `Calibration`. The vehicle detects its own orientation, so nothing has to be confirmed."""
 
     handles = frozenset({"COMMAND_ACK", "STATUSTEXT"})
 
@@ -66,7 +66,7 @@ class Px4Calibration(Calibration):
         self._end(CalibrationPhase.CANCELLED)
 
     def tick(self, now_s: float) -> None:
-        """Asks again, or gives up."""
+        """Repeats the command, or gives up."""
         self._texts.tick(now_s)
         self._read(now_s)
         super().tick(now_s)

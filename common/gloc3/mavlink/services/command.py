@@ -23,7 +23,7 @@ class CommandResult(IntEnum):
     UNSUPPORTED_FRAME = 9
     NOT_IN_CONTROL = 10
     OTHER = 254
-    """A result that this version does not know."""
+    """A result that this version does not define."""
     NO_ANSWER = 255
     """Nobody answered, or the answer stayed away after it was in progress."""
 

@@ -17,11 +17,11 @@ from gloc3.mavlink.services.command import CommandResult
 RETRY_S: Final = 0.5
 ATTEMPTS: Final = 8
 PROGRESS_S: Final = 5.0
-"""How long the answer to a command in progress may keep silent."""
+"""Longest silence after an `IN_PROGRESS` answer, s."""
 
 
 class CommandCall:
-    """A command on its way, and what became of it."""
+    """A command under way, and its result."""
 
     __slots__ = (
         "_message",
@@ -43,9 +43,9 @@ class CommandCall:
         self.result: CommandResult | None = None
         """None while it is not over."""
         self.is_in_progress = False
-        """Whether the other side said that it is at it."""
+        """Whether the other end has reported it as in progress."""
         self.progress: int | None = None
-        """Percent; None while that is not said."""
+        """Percent; None while it is not reported."""
         self.result_param1 = 0
         """What the command defines it to be, as a reason; 0 while it is in progress."""
         self.result_param2 = 0
@@ -61,7 +61,7 @@ class CommandCall:
 
 
 class MavCommandClient(Microservice[CommandCall]):
-    """Sends commands; a call comes back as an event when it is over, and each time its progress is told."""
+    """Sends commands; a call is returned as an event when it ends, and on every progress report."""
 
     handles = frozenset({"COMMAND_ACK"})
 
@@ -75,7 +75,7 @@ class MavCommandClient(Microservice[CommandCall]):
         """Sends a COMMAND_LONG.
 
         Args:
-            target: whom; component 0 is whoever feels concerned.
+            target: the receiver; component 0 is any component that handles it.
             command: MAV_CMD.
             params: up to seven; those left out are 0.
             now_s: now.
@@ -110,12 +110,12 @@ class MavCommandClient(Microservice[CommandCall]):
         """Sends a COMMAND_INT, the form for positions.
 
         Args:
-            target: whom.
+            target: the receiver.
             command: MAV_CMD.
             params: up to four; those left out are 0.
             frame: MAV_FRAME of the position.
             position: latitude and longitude in 1e-7 degrees, or local x and y in 1e-4 m; and the altitude in metres, as
-                the frame says.
+                the frame defines.
             now_s: now.
 
         Raises:
@@ -137,9 +137,9 @@ class MavCommandClient(Microservice[CommandCall]):
         return self._begin(target, command, message, now_s)
 
     def abandon(self, call: CommandCall) -> None:
-        """Asks no more and waits no more; the call does not come back as an event, and its kind is free again.
+        """Stops repeating and waiting; the call is not returned as an event, and its kind can be sent again.
 
-        An answer that is still on its way is taken for one to the next command of the kind.
+        A late answer is taken for one to the next command of the kind.
         """
         if self._calls.get((call.target, call.command)) is call:
             del self._calls[call.target, call.command]
@@ -165,7 +165,7 @@ class MavCommandClient(Microservice[CommandCall]):
             self._end(call, CommandResult(message.result) if known else CommandResult.OTHER)
 
     def tick(self, now_s: float) -> None:
-        """Asks again, or gives up."""
+        """Repeats commands, or gives up."""
         for call in [call for call in self._calls.values() if now_s >= call.deadline_s]:
             # a command in progress is not sent again: a peer that does not know repeats would run it twice
             if call.is_in_progress or call.attempts >= self._attempts:

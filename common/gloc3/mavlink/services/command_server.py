@@ -15,19 +15,19 @@ from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.plan import units_per_degree
 
 REMEMBERED_S: Final = 30.0
-"""How long an answer is kept for who asks again with a higher confirmation."""
+"""How long an answer is kept for a repeat with a higher confirmation, s."""
 REPEATED_WITHIN_S: Final = 1.5
 """A COMMAND_INT has no confirmation: the same again within this, with no other command between, is a repeat."""
 DUPLICATED_WITHIN_S: Final = 0.25
-"""The same COMMAND_LONG again within this, with the same confirmation, was doubled on the way."""
+"""Time within which the same COMMAND_LONG with the same confirmation is a duplicate from the link, s."""
 ONLY_QUERIES: Final = frozenset({510, 512, 519, 520})
-"""Commands that only ask for a message: whoever asks again, however soon, has not got it."""
+"""Commands that only request a message: a repeat, however soon, means that it was not received."""
 MOST_REMEMBERED: Final = 128
 _NOT_SET: Final = 0x7FFF_FFFF
 
 
 class MavCommandRequest(msgspec.Struct, frozen=True, kw_only=True):
-    """A command that somebody asks us to run."""
+    """A received command."""
 
     sender: Address
     target: Address
@@ -35,7 +35,8 @@ class MavCommandRequest(msgspec.Struct, frozen=True, kw_only=True):
     command: int
     """MAV_CMD."""
     params: tuple[float, float, float, float, float, float, float]
-    """As in COMMAND_LONG: 5 and 6 are degrees or metres whichever way it came; NaN where a COMMAND_INT sets none."""
+    """As in COMMAND_LONG: 5 and 6 are degrees or metres for both message types; NaN where a COMMAND_INT has no
+    value."""
     is_int: bool
     frame: int
     """MAV_FRAME of a COMMAND_INT; 0 for a COMMAND_LONG."""
@@ -52,7 +53,7 @@ class _Answered(msgspec.Struct):
 
     request: MavCommandRequest
     ack: MavlinkMessage | None
-    """None while it runs and nothing was said."""
+    """None while it runs and has not been acknowledged."""
     is_over: bool
     t_s: float
 
@@ -127,14 +128,14 @@ class MavCommandServer(Microservice[MavCommandRequest]):
         result_param1: int = 0,
         result_param2: int = 0,
     ) -> None:
-        """Answers a command, or tells its progress with `IN_PROGRESS`; the last word is any other result.
+        """Answers a command, or reports its progress with `IN_PROGRESS`; any other result is final.
 
         Args:
             request: the event.
-            result: what is to be said.
+            result: the result.
             now_s: now.
             progress: percent, 255 for unknown.
-            result_param1: of the last word, as the command defines it.
+            result_param1: of the final answer, as the command defines it.
             result_param2: the same.
         """
         param1 = progress if result is CommandResult.IN_PROGRESS else result_param1
@@ -193,12 +194,12 @@ class CancelServer(Microservice[CommandCancel]):
     handles = frozenset({"COMMAND_CANCEL"})
 
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
-        """Takes in the wish; one for everybody is none."""
+        """Handles a cancel request; a broadcast one is ignored."""
         if (message.target_system, message.target_component) == self.own:
             self._events.append(CommandCancel(message.command, sender))
 
     def cancelled(self, cancel: CommandCancel) -> None:
-        """Tells that what a command had begun has ended by it, where the command itself was answered long ago."""
+        """Reports that an action ended by cancellation, after the command that had begun it was answered."""
         self._send_to(cancel.sender, "COMMAND_ACK", command=cancel.command, result=CommandResult.CANCELLED)
 
 

@@ -13,7 +13,7 @@ from gloc3.mavlink.service import Microservice
 
 PERIOD_S: Final = 1.0
 EXPIRES_AFTER_S: Final = 4.5
-"""Four heartbeats missed, and half a one for the way."""
+"""Silence after which a peer counts as lost, s: four missed heartbeats, and half a one for latency."""
 MOST_PEERS: Final = 64
 AUTOPILOT_LATCH_S: Final = 3.0
 """So long the first autopilot must have been the only one before it is taken for the vehicle's."""
@@ -49,7 +49,7 @@ class Heartbeat(Microservice[Never]):
         """Nothing: it only sends."""
 
     def send_now(self) -> None:
-        """Sends the next heartbeat at the next tick, because what it tells has changed."""
+        """Sends the next heartbeat at the next tick, because its contents have changed."""
         self._next_s = 0.0
 
     def tick(self, now_s: float) -> None:
@@ -60,7 +60,7 @@ class Heartbeat(Microservice[Never]):
         self._outgoing.append(self.message())
 
     def message(self) -> MavlinkMessage:
-        """A heartbeat of now."""
+        """A current heartbeat."""
         return make(
             "HEARTBEAT",
             type=self.vehicle_type,
@@ -86,7 +86,7 @@ class PeerChange(StrEnum):
 
 
 class MavlinkPeer:
-    """Somebody else on the link, as its heartbeats tell."""
+    """Another component on the link, from its heartbeats."""
 
     __slots__ = ("address", "boot_ms", "first_s", "heartbeat", "is_alive", "last_s")
 
@@ -95,19 +95,19 @@ class MavlinkPeer:
         self.heartbeat = heartbeat
         """The last one."""
         self.first_s = self.last_s = now_s
-        """When it was heard first and last."""
+        """Times of its first and last heartbeat."""
         self.is_alive = True
         self.boot_ms = 0
-        """Its time since boot when it last told (SYSTEM_TIME)."""
+        """Its last reported time since boot (SYSTEM_TIME)."""
 
     @property
     def is_autopilot(self) -> bool:
-        """Whether it flies the vehicle; told by the heartbeat, never by the id."""
+        """Whether it is an autopilot, by its heartbeat, never by its id."""
         return bool(self.heartbeat.autopilot != AUTOPILOT_INVALID)
 
 
 class PeerEvent(msgspec.Struct, frozen=True):
-    """A change of somebody else's presence."""
+    """A change of a peer's presence."""
 
     change: PeerChange
     peer: MavlinkPeer
@@ -121,7 +121,7 @@ class MavlinkPeers(Microservice[PeerEvent]):
     def __init__(self, own: Address, *, expires_after_s: float = EXPIRES_AFTER_S) -> None:
         super().__init__(own)
         self.refused = 0
-        """Heartbeats of those for whom there was no room."""
+        """Heartbeats of components for which there was no room."""
         self._expires_after_s = expires_after_s
         self._peers: dict[Address, MavlinkPeer] = {}
 
@@ -133,7 +133,7 @@ class MavlinkPeers(Microservice[PeerEvent]):
 
     @property
     def alive(self) -> list[MavlinkPeer]:
-        """Everybody who is there now, in the order in which they came."""
+        """Live peers, in order of first contact."""
         return [peer for peer in self._peers.values() if peer.is_alive]
 
     @property
@@ -147,7 +147,7 @@ class MavlinkPeers(Microservice[PeerEvent]):
         return found[0] if len(found) == 1 and now_s - found[0].first_s >= AUTOPILOT_LATCH_S else None
 
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
-        """Takes in a heartbeat, or a time since boot that tells a restart."""
+        """Handles a heartbeat, or a time since boot that shows a restart."""
         peer = self._peers.get(sender)
         if message.name == "SYSTEM_TIME":
             if peer is not None:
@@ -167,14 +167,14 @@ class MavlinkPeers(Microservice[PeerEvent]):
                 self._events.append(PeerEvent(PeerChange.RETURNED, peer))
 
     def tick(self, now_s: float) -> None:
-        """Notices who is gone."""
+        """Detects lost peers."""
         for peer in self._peers.values():
             if peer.is_alive and now_s >= peer.last_s + self._expires_after_s:
                 peer.is_alive = False
                 self._events.append(PeerEvent(PeerChange.LOST, peer))
 
     def next_tick_s(self) -> float | None:
-        """When the next one is gone, if it stays silent."""
+        """When the next peer is lost unless it sends a heartbeat."""
         return min(
             (peer.last_s + self._expires_after_s for peer in self._peers.values() if peer.is_alive), default=None
         )

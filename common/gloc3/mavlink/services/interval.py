@@ -1,4 +1,4 @@
-"""Message intervals: schedules streams on the vehicle; requests and maintains streams elsewhere."""
+"""Message intervals: schedules streams on the vehicle; requests and maintains streams on other components."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ REQUEST_MESSAGE: Final = 512
 STREAM_COMMANDS: Final = frozenset({GET_MESSAGE_INTERVAL, SET_MESSAGE_INTERVAL, REQUEST_MESSAGE})
 FASTEST_HZ: Final = 250.0
 SILENT_S: Final = 3.0
-"""A stream that was asked for and has not been heard for this long (or five periods) is asked for again."""
+"""Silence (or five periods, if longer) after which a requested stream is requested again, s."""
 _NO_ERROR_S: Final = 1e-6
 """Times that differ by less are the same: sums of periods are not exact."""
 
 
 LONGEST_US: Final = 2e9
-"""What MESSAGE_INTERVAL can tell, rounded down."""
+"""Longest interval that MESSAGE_INTERVAL can hold, rounded down."""
 
 
 class StreamScheduler(Microservice[Never]):
-    """The vehicle's side: says which messages are due, and answers who wants them more or less often.
+    """The vehicle's side: determines which messages are due, and handles requests for other rates.
 
-    Its owner asks `due` after each tick, and sends those messages.
+    Its owner calls `due` after each tick, and sends those messages.
 
     Args:
-        own: as whom it answers.
+        own: address of this end.
         rates_hz: every message that can be sent, by name, with its usual rate; 0 for one that is sent on request only.
     """
 
@@ -50,7 +50,7 @@ class StreamScheduler(Microservice[Never]):
             self._set_period(number, 1.0 / rate_hz if rate_hz > 0.0 else None, 0.0)
 
     def due(self, now_s: float) -> list[int]:
-        """The ids of the messages that are to be sent now, those that were asked for once first."""
+        """Ids of the messages to send now, single requests first."""
         found, self._once = self._once, []
         heap, limit_s = self._due, now_s + _NO_ERROR_S
         while heap and heap[0][0] <= limit_s:
@@ -61,7 +61,7 @@ class StreamScheduler(Microservice[Never]):
         return found
 
     def next_tick_s(self) -> float | None:
-        """When `due` finds something."""
+        """Next time at which a message is due."""
         if self._once:
             return 0.0
         return self._due[0][0] if self._due else None
@@ -104,7 +104,7 @@ class StreamScheduler(Microservice[Never]):
         return CommandResult.ACCEPTED
 
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
-        """Answers the old request for all streams at once; single groups of streams are not told apart."""
+        """Handles the deprecated request for all streams at once; groups of streams are not distinguished."""
         if self._is_for_us(message) and message.req_stream_id == 0:
             for number, usual_hz in self._usual_hz.items():
                 if usual_hz > 0.0:

@@ -1,8 +1,8 @@
 """The receiving end of a plan transfer, for upload and download: requests the items one by one.
 
-What is lost is asked for again after a time that follows the link's round trip. What may be lost is bounded for the
-whole transfer and not for an item, so that a long plan on a bad link is no worse off than a short one; a peer that is
-gone is noticed by its silence.
+Lost items are requested again after a time that adapts to the link's round trip. Losses are limited for the whole
+transfer and not for an item, so that a long plan on a bad link fares no worse than a short one. A lost peer is detected
+by its silence.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from gloc3.mavlink.round_trip import RESTLESS_S, RoundTrip
 from gloc3.mavlink.services.plan import PlanItem
 
 SILENT_S: Final = 9.0
-"""A peer of which nothing was heard for so long is gone."""
+"""Silence after which a peer counts as lost, s."""
 
 
 class Need(Enum):
@@ -47,11 +47,11 @@ class ItemReceiver:
 
     @property
     def silent_since_s(self) -> float:
-        """When the peer was heard last."""
+        """When the peer's last message was received."""
         return self._received_s
 
     def next_request(self, now_s: float) -> int:
-        """The number of the item that is to be asked for, now."""
+        """Number of the item to request now."""
         if self._attempts:
             self._budget -= 1
         self._attempts += 1
@@ -85,6 +85,6 @@ class ItemReceiver:
         return min(self._retry_s(), self._received_s + SILENT_S)
 
     def _retry_s(self) -> float:
-        """After the first miss it asks at short intervals: on a slow and bad link that is what beats the silence."""
+        """Delay before a repeat: short after the first miss, which works better on a slow and lossy link."""
         timeout_s = self._round_trip.timeout_s
         return self._requested_s + (timeout_s if self._attempts <= 1 else min(timeout_s, RESTLESS_S))

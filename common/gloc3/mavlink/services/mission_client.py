@@ -16,11 +16,11 @@ from gloc3.mavlink.services.item_receiver import SILENT_S, ItemReceiver, Need
 from gloc3.mavlink.services.plan import ALL_TYPES, Plan, PlanItem, PlanResult, PlanType, read_item
 
 RESTART_S: Final = 6.0
-"""After so much silence in the middle of a transfer it begins anew: the other end has given up, or restarted."""
+"""Silence in the middle of a transfer after which it is restarted, s: the other end has given up, or restarted."""
 RESTART_AT_THE_END_S: Final = 4.0
-"""The same when only the acknowledgement is missing: it was lost, and this end repeats it to nobody."""
+"""The same when only the acknowledgement is missing: it was lost, and the other end does not repeat it."""
 SETTING_S: Final = 3.0
-"""A vehicle that tells another current item for so long will not set the one that was asked for."""
+"""Time after which a vehicle that reports another current item has refused to set the requested one, s."""
 MOST_RESTARTS: Final = 5
 
 
@@ -58,13 +58,13 @@ class Transfer:
         self.kind = kind
         """PlanType, or 255 for clearing all."""
         self.items = items
-        """What is uploaded, or what was downloaded once that is over."""
+        """Items to upload, or the downloaded ones at the end."""
         self.number = number
         """The item that shall be current."""
         self.result: PlanResult | None = None
         """None while it is not over."""
         self._sent = -1
-        """The last item of an upload that was asked for; -1 while the other end has not begun."""
+        """Last requested item of an upload; -1 while the other end has not begun."""
         self._receiver: ItemReceiver | None = None
         self._budget = 100 + 4 * len(items)
         """So many items may be sent until a new beginning."""
@@ -84,7 +84,7 @@ class Transfer:
 
 
 class CurrentItem(msgspec.Struct, frozen=True):
-    """A vehicle tells another current item than before."""
+    """A vehicle's current item has changed."""
 
     sender: Address
     number: int
@@ -101,7 +101,7 @@ MissionEvent: TypeAlias = Transfer | CurrentItem | ItemReached
 
 
 class MissionClient(Microservice[MissionEvent]):
-    """Moves plans; a transfer comes back as an event when it is over. What is begun meanwhile waits for its turn."""
+    """Transfers plans; a transfer is returned as an event when it ends. Further ones wait for their turn."""
 
     handles = frozenset(
         {
@@ -119,7 +119,7 @@ class MissionClient(Microservice[MissionEvent]):
     def __init__(self, own: Address) -> None:
         super().__init__(own)
         self.current: dict[Address, int] = {}
-        """The current item of each vehicle that tells it."""
+        """Current item of each vehicle that reports it."""
         self._active: Transfer | None = None
         self._waiting: deque[Transfer] = deque()
         self._round_trips: dict[Address, RoundTrip] = {}
@@ -140,7 +140,7 @@ class MissionClient(Microservice[MissionEvent]):
         return self._add(Transfer(Work.CLEAR, target, ALL_TYPES if kind is None else kind), now_s)
 
     def set_current(self, target: Address, number: int, *, now_s: float) -> Transfer:
-        """Lets the mission go on at an item."""
+        """Continues the mission at an item."""
         return self._add(Transfer(Work.SET_CURRENT, target, PlanType.MISSION, number=number), now_s)
 
     def cancel(self, transfer: Transfer, now_s: float) -> None:
@@ -181,7 +181,7 @@ class MissionClient(Microservice[MissionEvent]):
                 self._receive_acknowledgement(transfer, PlanResult.read(message.type), now_s)
 
     def tick(self, now_s: float) -> None:
-        """Asks again for what stays away, begins anew, or gives up."""
+        """Repeats requests, restarts transfers, or gives up."""
         transfer = self._active
         if transfer is None:
             return
@@ -212,7 +212,7 @@ class MissionClient(Microservice[MissionEvent]):
 
     @staticmethod
     def _has_begun(transfer: Transfer) -> bool:
-        """Whether the other end has answered, so that the transfer itself is on."""
+        """Whether the other end has answered, so that the transfer is under way."""
         return transfer._receiver is not None or transfer._sent >= 0
 
     @staticmethod
@@ -260,7 +260,7 @@ class MissionClient(Microservice[MissionEvent]):
         self._end(transfer, PlanResult.TOO_MANY_LOSSES, now_s)
 
     def _try(self, transfer: Transfer, now_s: float) -> None:
-        """Sends what begins a transfer."""
+        """Sends the first message of a transfer."""
         transfer._is_first_try = transfer._tried_s is None
         transfer._tried_s = now_s
         target, kind = transfer.target, transfer.kind

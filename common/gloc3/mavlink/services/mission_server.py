@@ -1,6 +1,6 @@
 """Server of the mission protocol: receives plans, sends them, and reports the current item.
 
-A plan is replaced only when all of the new one is there and has been checked; after any failure the old one stands.
+A plan is replaced only when the new one is complete and has been checked; after any failure the previous one stays.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ MOST_ITEMS: Final = 5000
 READER_EXPIRES_S: Final = 60.0
 MOST_READERS: Final = 16
 FLOAT_AFTER: Final = 3
-"""Who asks so often with MISSION_REQUEST for the same item cannot read MISSION_ITEM_INT."""
+"""Number of MISSION_REQUESTs for one item after which the client gets MISSION_ITEM: it cannot read MISSION_ITEM_INT."""
 CURRENT_PERIOD_S: Final = 1.0
 
 
@@ -43,12 +43,12 @@ def accept_all(_kind: PlanType, _items: Plan) -> PlanResult:
 
 
 def serve_all(_sender: Address) -> bool:
-    """Serves everybody."""
+    """Serves all senders."""
     return True
 
 
 def admit_all(_sender: Address) -> bool:
-    """Lets everybody change plans."""
+    """Allows all senders to change plans."""
     return True
 
 
@@ -67,14 +67,14 @@ class MissionServer(Microservice[PlanReceived | PlanOffered | SetCurrentRequeste
     """Holds a vehicle's plans.
 
     Args:
-        own: as whom it speaks.
-        kinds: the types of plan that it takes.
-        check: says whether a whole plan is acceptable, before it replaces the old one; None leaves it to the owner, who
-            is told by `PlanOffered` and answers with `conclude`; meanwhile the sender is asked for his last item again.
-        serves: whom it serves; a component that is also a client of another one must not serve that.
-        admits: whether somebody may change plans now; asked before the first item, so that who may not keeps nobody
-            waiting.
-        dialect: how it speaks where autopilots differ.
+        own: address of this end.
+        kinds: the supported types of plan.
+        check: checks a complete plan before it replaces the old one; None leaves the decision to the owner, who
+            receives `PlanOffered` and calls `conclude`; meanwhile the last item is requested again from the sender.
+        serves: which clients it serves; a component that is also a client of another one must not serve that one.
+        admits: whether a sender may change plans now; checked before the first item, so that a sender without
+            permission delays nobody.
+        dialect: behaviour where autopilots differ.
     """
 
     handles = frozenset(
@@ -107,7 +107,7 @@ class MissionServer(Microservice[PlanReceived | PlanOffered | SetCurrentRequeste
         self.plans: dict[PlanType, Plan] = dict.fromkeys(kinds, ())
         """The plans that are in force."""
         self.home: PlanItem | None = None
-        """ArduPilot's item 0 of a mission: given to anybody who requests it, also while there is no mission."""
+        """ArduPilot's item 0 of a mission: sent to any client that requests it, even without a mission."""
         self.current = 0
         """The mission's item that is being done."""
         self.mission_state = 0
@@ -123,7 +123,7 @@ class MissionServer(Microservice[PlanReceived | PlanOffered | SetCurrentRequeste
         self._send_s: float | None = 0.0 if dialect.tells_current else None
 
     def set_current(self, number: int) -> None:
-        """Says which item is being done; told at the next tick."""
+        """Sets the current item; reported at the next tick."""
         self.current = number
         if self._send_s is not None:
             self._send_s = 0.0
@@ -133,7 +133,7 @@ class MissionServer(Microservice[PlanReceived | PlanOffered | SetCurrentRequeste
         self.plans[kind] = items
 
     def conclude(self, offered: PlanOffered, result: PlanResult, now_s: float) -> None:
-        """Ends what was offered; nothing happens where its sender has begun anew, or cancelled, meanwhile."""
+        """Ends an offered upload; without effect where its sender has restarted or cancelled it meanwhile."""
         kind, pending = offered.kind, self._pending.get(offered.kind)
         if pending is None or pending.offered is not offered:
             return
@@ -141,7 +141,7 @@ class MissionServer(Microservice[PlanReceived | PlanOffered | SetCurrentRequeste
         self._end(pending.offered, pending.answer, pending.last, result, now_s)
 
     def current_message(self) -> MavlinkMessage:
-        """MISSION_CURRENT of now."""
+        """Current MISSION_CURRENT."""
         total = len(self.plans.get(PlanType.MISSION, ()))
         return make(
             "MISSION_CURRENT",
@@ -154,7 +154,7 @@ class MissionServer(Microservice[PlanReceived | PlanOffered | SetCurrentRequeste
         )
 
     def plan_id(self, kind: int) -> int:
-        """The id of a plan, other for each plan; 0 for an empty one, and where ids are not told."""
+        """Id of a plan, different for each plan; 0 for an empty one, and where ids are not reported."""
         known = next((one for one in self.plans if one == kind), None)
         if not self._dialect.tells_ids or known is None or not self.plans[known]:
             return 0
@@ -165,7 +165,7 @@ class MissionServer(Microservice[PlanReceived | PlanOffered | SetCurrentRequeste
         return kept[1]
 
     def reached(self, number: int) -> None:
-        """Tells everybody that an item has been reached."""
+        """Reports to all clients that an item has been reached."""
         self._send("MISSION_ITEM_REACHED", seq=number)
 
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
@@ -203,7 +203,7 @@ class MissionServer(Microservice[PlanReceived | PlanOffered | SetCurrentRequeste
                 self._acknowledge(sender, kind, PlanResult.UNSUPPORTED)
 
     def tick(self, now_s: float) -> None:
-        """Asks again for what is missing, gives up on who is gone, tells the current item."""
+        """Requests missing items, ends transfers of lost peers, reports the current item."""
         for kind, upload in list(self._uploads.items()):
             match upload.items.need(now_s):
                 case Need.REQUEST:
@@ -377,7 +377,7 @@ class MissionServer(Microservice[PlanReceived | PlanOffered | SetCurrentRequeste
             del self._pending[kind]
 
     def _stop_reminding(self, sender: Address) -> None:
-        """Something new begins: the sender knows how the last transfer ended, or no longer cares."""
+        """Stops the reminders at a new transfer: the sender knows how the last one ended, or no longer needs to."""
         for kind in [kind for kind, finished in self._finished.items() if finished.sender == sender]:
             del self._finished[kind]
 

@@ -12,11 +12,11 @@ from gloc3.mavlink.services.plan import Plan, PlanResult, PlanType
 
 REMEMBERED_S: Final = 30.0
 REMINDERS: Final = 8
-"""How often a silent uploader is asked for its last item once more, in case it has missed the acknowledgement."""
+"""Repeated requests to a silent uploader for its last item, in case it has missed the acknowledgement."""
 REMINDER_S: Final = 0.25
-"""At least so much lies between two of them."""
+"""Shortest time between two of them."""
 TIMEOUT_S: Final = 0.7
-"""Stations wait 1.5 s for what comes behind the last item."""
+"""Interval of requests to the sender, s: stations wait 1.5 s for an answer to the last item."""
 
 
 class PlanReceived(msgspec.Struct, frozen=True):
@@ -28,7 +28,7 @@ class PlanReceived(msgspec.Struct, frozen=True):
 
 
 class PlanOffered(msgspec.Struct, frozen=True):
-    """All of a plan is there (nothing, to clear it) and `check` has left it to the owner, who ends it with `conclude`."""
+    """A plan is complete (empty, to clear it) and `check` has left the decision to the owner, who calls `conclude`."""
 
     kind: PlanType
     items: Plan
@@ -36,7 +36,7 @@ class PlanOffered(msgspec.Struct, frozen=True):
 
 
 class SetCurrentRequested(msgspec.Struct, frozen=True):
-    """Somebody wants the mission to go on at another item; the owner does it with `set_current`, or not."""
+    """Request to continue the mission at another item; the owner calls `set_current` to accept it."""
 
     number: int
     sender: Address
@@ -78,11 +78,11 @@ class Pending:
         self.last = last
         """The message with the last item; None where there is none."""
         self.next_s = now_s + TIMEOUT_S
-        """When its sender is asked for that item once more, so that he goes on waiting."""
+        """When the last item is requested again, so that its sender keeps waiting."""
 
 
 class Finished:
-    """An upload that is over; its sender may not know yet."""
+    """A finished upload whose sender may not know the result yet."""
 
     __slots__ = ("ended_s", "last", "reminders", "result", "sender", "timeout_s")
 
@@ -115,7 +115,7 @@ class Finished:
 
 
 class PlanReader:
-    """Somebody who reads a plan, with the plan as it was when it began."""
+    """A client that downloads a plan, with a copy of the plan from the start of the download."""
 
     __slots__ = ("items", "last_s", "repeats")
 
@@ -123,4 +123,4 @@ class PlanReader:
         self.items = items
         self.last_s = now_s
         self.repeats: tuple[int, int] = (-1, 0)
-        """The item that was asked for last in the old way, and how often."""
+        """Last item requested with MISSION_REQUEST, and how often."""

@@ -1,4 +1,4 @@
-"""A parameter, and the two ways in which autopilots put integers into the protocol's float."""
+"""A parameter, and the two encodings of integers in the protocol's float."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Parameter(msgspec.Struct, frozen=True):
 
     name: str
     value: float
-    """A whole number for the integer types; for REAL32 what a 32-bit float holds."""
+    """A whole number for the integer types; for REAL32 a 32-bit float."""
     type: ParameterType = ParameterType.REAL32
 
     def to_bits(self, encoding: ParameterEncoding) -> int:
@@ -63,14 +63,14 @@ class Parameter(msgspec.Struct, frozen=True):
         return int.from_bytes(raw, "little")
 
     def is_same(self, other: Parameter) -> bool:
-        """Whether both have the same value, as far as the protocol can tell."""
+        """Whether both have the same value, as far as the protocol can represent it."""
         if self.type is ParameterType.REAL32 and math.isnan(self.value):
             return math.isnan(other.value)
         return self.value == other.value
 
 
 def parameter(name: str, value: float, kind: ParameterType = ParameterType.REAL32) -> Parameter:
-    """A parameter whose value fits its type.
+    """Creates a parameter whose value fits its type.
 
     Raises:
         Refused: the name is too long, or the value does not fit.

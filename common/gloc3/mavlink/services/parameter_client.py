@@ -14,11 +14,11 @@ from gloc3.mavlink.services.parameter import Parameter, ParameterEncoding, Param
 
 SILENT_S: Final = 6.0
 QUIET_S: Final = 0.5
-"""A list that pauses for so long has been sent; what is missing is asked for one by one."""
+"""Pause after which a list counts as sent and missing parameters are requested individually, s."""
 AT_ONCE: Final = 8
-"""Questions for single parameters under way at the same time."""
+"""Requests for single parameters under way at the same time."""
 DIFFERENT: Final = 3
-"""So often another value must come back before setting counts as refused: older answers may be on their way."""
+"""Different values that must be returned before setting counts as refused: earlier answers may be under way."""
 
 
 class ParameterResult(StrEnum):
@@ -29,7 +29,7 @@ class ParameterResult(StrEnum):
     REFUSED = "the vehicle keeps another value"
     NO_ANSWER = "no answer"
     CANCELLED = "cancelled"
-    TOO_MANY_LOSSES = "given up: too much was lost on the way"
+    TOO_MANY_LOSSES = "gave up after repeated packet loss"
 
 
 class ParameterCall:
@@ -95,12 +95,12 @@ ParameterEvent: TypeAlias = ParameterCall | ParameterFetch | Parameter
 class ParameterClient(Microservice[ParameterEvent]):
     """Reads and sets parameters.
 
-    Calls and fetches come back as events when they are over; a parameter that is told without being asked for, because
-    another station has set it, is an event too.
+    Calls and fetches are returned as events when they end. A parameter that arrives without a request, because another
+    station has set it, is an event too.
 
     Args:
-        own: as whom it speaks.
-        encoding: how integers travel; PX4 and ArduPilot differ.
+        own: address of this end.
+        encoding: encoding of integers; PX4 and ArduPilot differ.
     """
 
     handles = frozenset({"PARAM_VALUE", "PARAM_ERROR"})
@@ -109,7 +109,7 @@ class ParameterClient(Microservice[ParameterEvent]):
         super().__init__(own)
         self.encoding = encoding
         self.known: dict[Address, dict[str, Parameter]] = {}
-        """What each vehicle has told."""
+        """Parameters received from each vehicle."""
         self._calls: dict[tuple[Address, str], ParameterCall] = {}
         self._fetches: dict[Address, ParameterFetch] = {}
         self._round_trips: dict[Address, RoundTrip] = {}
@@ -118,7 +118,7 @@ class ParameterClient(Microservice[ParameterEvent]):
         """Fetches the whole list.
 
         Raises:
-            Refused: that is under way.
+            Refused: a fetch is already under way.
         """
         if target in self._fetches:
             raise Refused(f"the parameters of {target.system}/{target.component} are being fetched")
@@ -137,17 +137,17 @@ class ParameterClient(Microservice[ParameterEvent]):
     def set(
         self, target: Address, name: str, value: float, kind: ParameterType | None = None, *, now_s: float
     ) -> ParameterCall:
-        """Sets one.
+        """Sets one parameter.
 
         Args:
-            target: whose.
-            name: which.
-            value: to what.
-            kind: its type; None if the vehicle has told it.
+            target: the vehicle.
+            name: its name.
+            value: the new value.
+            kind: its type; None if the vehicle has reported it.
             now_s: now.
 
         Raises:
-            Refused: it is being read or set, its type is not known, or the value does not fit it.
+            Refused: it is being read or set, its type is unknown, or the value does not fit it.
         """
         if kind is None:
             known = self.known.get(target, {}).get(name)
@@ -157,7 +157,7 @@ class ParameterClient(Microservice[ParameterEvent]):
         return self._begin(ParameterCall(target, name, parameter(name, value, kind), now_s), now_s)
 
     def cancel(self, work: ParameterCall | ParameterFetch) -> None:
-        """Asks no more for a parameter or a list; what has been set stays set."""
+        """Stops requesting a parameter or a list; values that have been set stay set."""
         if isinstance(work, ParameterFetch):
             if self._fetches.get(work.target) is work:
                 self._end_fetch(work, ParameterResult.CANCELLED)
@@ -188,7 +188,7 @@ class ParameterClient(Microservice[ParameterEvent]):
             self._events.append(reported)
 
     def tick(self, now_s: float) -> None:
-        """Asks again for what stays away, or gives up."""
+        """Repeats requests, or gives up."""
         for call in list(self._calls.values()):
             if now_s >= call._began_s + SILENT_S:
                 self._end(call, ParameterResult.NO_ANSWER)

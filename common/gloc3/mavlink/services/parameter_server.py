@@ -73,12 +73,12 @@ class ParameterServer(Microservice[ParameterChanged | ParameterWanted]):
     """Holds a vehicle's parameters, in the order of their names.
 
     Args:
-        own: as whom it speaks.
-        parameters: all that there are; none comes later.
-        encoding: how integers travel.
-        check: raises `Refused` for a value that must not be.
-        leave: whether a value that passed is left to the owner, who is told by `ParameterWanted`; may raise `Refused`.
-        per_second: how many parameters of a whole list are sent in a second.
+        own: address of this end.
+        parameters: all parameters; none can be added later.
+        encoding: encoding of integers.
+        check: raises `Refused` for an invalid value.
+        leave: whether the owner decides on a valid value, by `ParameterWanted`; may raise `Refused`.
+        per_second: parameters of a whole list sent per second.
     """
 
     handles = frozenset({"PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"})
@@ -121,7 +121,7 @@ class ParameterServer(Microservice[ParameterChanged | ParameterWanted]):
         return list(self._values.values())
 
     def set(self, name: str, value: float) -> None:
-        """Sets a parameter from this side, and tells everybody.
+        """Sets a parameter from this side, and reports it to all clients.
 
         Raises:
             Refused: there is no such parameter, or the value does not fit.
@@ -133,7 +133,7 @@ class ParameterServer(Microservice[ParameterChanged | ParameterWanted]):
         self._send_value(name)
 
     def conclude(self, wanted: ParameterWanted, error: ParameterError | None) -> None:
-        """Ends what was wanted: put in force, or refused; told either way."""
+        """Ends a requested change: applied or refused; the result is reported either way."""
         name = wanted.parameter.name
         if self._wanted.get(name) is not wanted:
             return
@@ -207,7 +207,7 @@ class ParameterServer(Microservice[ParameterChanged | ParameterWanted]):
         self._send_value(name)
 
     def _is_left(self, wanted: ParameterWanted) -> bool:
-        """Whether a value waits for the owner; what is asked again meanwhile waits with it."""
+        """Whether a value waits for the owner; repeated requests wait with it."""
         name = wanted.parameter.name
         waiting = self._wanted.get(name)
         if waiting is not None:

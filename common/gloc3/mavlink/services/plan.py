@@ -27,7 +27,7 @@ class PlanType(IntEnum):
 
 
 class PlanItem(msgspec.Struct, frozen=True, kw_only=True):
-    """One item of a plan, as on the wire; its number is its place in the plan."""
+    """One item of a plan, as on the wire; its number is its position in the plan."""
 
     command: int
     """MAV_CMD."""
@@ -51,7 +51,7 @@ class PlanItem(msgspec.Struct, frozen=True, kw_only=True):
         return self._message("MISSION_ITEM_INT", self.x, self.y, number, kind, target)
 
     def float_message(self, number: int, kind: int, target: Address) -> MavlinkMessage:
-        """MISSION_ITEM, for those who know nothing else; it is only good to about a metre."""
+        """MISSION_ITEM, for clients that support nothing else; its precision is only about a metre."""
         per_unit = units_per_degree(self.frame)
         return self._message("MISSION_ITEM", self.x / per_unit, self.y / per_unit, number, kind, target)
 
@@ -80,7 +80,7 @@ Plan: TypeAlias = tuple[PlanItem, ...]
 
 
 def read_item(message: MavlinkMessage) -> PlanItem:
-    """The item in a MISSION_ITEM_INT, or in a MISSION_ITEM of the old kind."""
+    """Reads the item of a MISSION_ITEM_INT, or of a deprecated MISSION_ITEM."""
     x, y = message.x, message.y
     if message.name == "MISSION_ITEM":
         per_unit = units_per_degree(message.frame)
@@ -106,7 +106,7 @@ def _whole(value: float) -> int:
 
 
 def units_per_degree(frame: int) -> float:
-    """Wire units in a degree of a global frame, in a metre of a local one, or in what a frame without a place counts."""
+    """Wire units per degree of a global frame, per metre of a local one, or per unit of a frame without a position."""
     return 1e7 if frame in _GLOBAL_FRAMES else 1.0 if frame == FRAME_MISSION else 1e4
 
 
@@ -130,11 +130,11 @@ class PlanResult(IntEnum):
     DENIED = 14
     CANCELLED = 15
     OTHER = 253
-    """A result that this version does not know."""
+    """A result that this version does not define."""
     TOO_MANY_LOSSES = 254
-    """The other end is there, but so much was lost that the transfer was given up."""
+    """The other end is alive, but the transfer was given up after too many losses."""
     NO_ANSWER = 255
-    """The other end has fallen silent, or was never there."""
+    """The other end has stopped answering, or never answered."""
 
     @property
     def words(self) -> str:
@@ -143,7 +143,7 @@ class PlanResult(IntEnum):
 
     @classmethod
     def read(cls, number: int) -> PlanResult:
-        """The result that a MISSION_ACK tells."""
+        """Result of a MISSION_ACK."""
         return cls(number) if number <= cls.CANCELLED else cls.OTHER
 
 
@@ -155,6 +155,6 @@ _WORDS: Final = {
     PlanResult.INVALID: "an item has an invalid value",
     PlanResult.INVALID_SEQUENCE: "an item came out of sequence",
     PlanResult.DENIED: "the other end accepts no plan from us now",
-    PlanResult.TOO_MANY_LOSSES: "given up: too much was lost on the way",
+    PlanResult.TOO_MANY_LOSSES: "gave up after repeated packet loss",
     PlanResult.NO_ANSWER: "no answer",
 }

@@ -12,7 +12,7 @@ from gloc3.mavlink.service import Microservice
 CHUNK_BYTES: Final = 50
 LONGEST_BYTES: Final = 1000
 WAIT_S: Final = 2.0
-"""After so long without another chunk, what is there is passed on with its gaps marked."""
+"""Time without another chunk after which an incomplete text is passed on with its gaps marked, s."""
 MOST_UNFINISHED: Final = 32
 GAP: Final = "[...]"
 
@@ -82,7 +82,7 @@ class StatusTextReceiver(Microservice[StatusText]):
             self._finish(key)
 
     def tick(self, now_s: float) -> None:
-        """Passes on what has waited long enough for its missing chunks."""
+        """Passes on texts that have waited long enough for their missing chunks."""
         for key in [key for key, text in self._unfinished.items() if now_s >= text.last_s + WAIT_S]:
             self._finish(key)
 
@@ -117,7 +117,7 @@ class _Unfinished:
 
 
 def _cut(text: str) -> list[str]:
-    """Pieces of 50 bytes, the last one shorter; a character that would be cut in two moves on, behind spaces."""
+    """Pieces of 50 bytes, the last one shorter; a character that would be split moves to the next piece."""
     chunks: list[str] = []
     piece, size, total = "", 0, 0
     for character in text:

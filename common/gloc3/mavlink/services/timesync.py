@@ -16,11 +16,11 @@ PERIOD_S: Final = 0.5
 SAMPLES: Final = 20
 CONVERGED_SAMPLES: Final = 5
 JUMP_S: Final = 0.1
-"""Samples that differ by more than this and their round trip come from a clock that has stood still, or begun anew."""
+"""Difference between samples, beyond their round trip, that shows that the peer's clock has stopped or restarted, s."""
 JUMPS: Final = 3
 """So many in a row are believed."""
 BACK_S: Final = 0.5
-"""A clock that goes back by more than this has begun anew."""
+"""Decrease of a peer's clock that shows a restart, s."""
 _NS: Final = 1_000_000_000
 
 
@@ -28,21 +28,22 @@ class TimeSample(msgspec.Struct, frozen=True):
     """One round trip."""
 
     offset_s: float
-    """The peer's clock minus ours, if both ways took equally long; wrong by at most half the round trip."""
+    """The peer's clock minus ours, assuming equal delays in both directions; wrong by at most half the round trip."""
     round_trip_s: float
     t_s: float
     is_back: bool = False
-    """Whether the peer tells an earlier time than it had told when it was asked: one that stands still does not."""
+    """Whether the peer's time is earlier than one it had reported before the request; false for a clock that stands
+    still."""
 
 
 class TimeSync(Microservice[TimeSample]):
-    """Asks one peer for its time, and answers everybody who asks for ours.
+    """Requests one peer's time, and answers all requests for ours.
 
     Args:
-        own: as whom it speaks.
-        peer: whose clock is wanted; None only answers.
-        period_s: between two questions.
-        tell_s: what is told as our time, in seconds; None where it is not known yet. By default the time of the owner.
+        own: address of this end.
+        peer: the peer whose clock is requested; None only answers.
+        period_s: between two requests.
+        send_s: our time to send, in seconds; None while it is unknown. By default the owner's time.
     """
 
     handles = frozenset({"TIMESYNC"})
@@ -64,12 +65,12 @@ class TimeSync(Microservice[TimeSample]):
         self._samples: deque[TimeSample] = deque(maxlen=SAMPLES)
         self._strange: list[TimeSample] = []
         self._reported_s, self._reported_at_s = -inf, 0.0
-        """The peer's latest time that was told, and when."""
+        """The peer's last reported time, and when it was reported."""
         self.restarts = 0
-        """Times that the peer's clock was believed to have begun anew."""
+        """Detected restarts of the peer's clock."""
 
     def request(self, peer: Address | None) -> None:
-        """Wants the clock of this one from now on; what is known of another, or of an earlier life of it, is forgotten."""
+        """Requests the clock of this peer from now on; the state of another, or of its earlier life, is discarded."""
         self._peer, self._next_s = peer, 0.0
         self._requested.clear()
         self._samples.clear()
@@ -87,12 +88,12 @@ class TimeSync(Microservice[TimeSample]):
         return min(self._samples, key=lambda sample: sample.round_trip_s, default=None)
 
     def to_peer_s(self, own_s: float) -> float | None:
-        """A time of our clock on the peer's; None before the first round trip."""
+        """Converts a time of our clock to the peer's; None before the first round trip."""
         best = self.best
         return None if best is None else own_s + best.offset_s
 
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
-        """Answers a question, or takes an answer to one of ours."""
+        """Answers a request, or handles an answer to one of ours."""
         if message.tc1 == 0:
             reported_s = self._send_s(now_s)
             if reported_s is not None:

@@ -55,7 +55,7 @@ class Version(msgspec.Struct, frozen=True, kw_only=True):
 
     capabilities: ProtocolCapability
     flight_software: int = 0
-    """As `version_number` makes it."""
+    """As encoded by `version_number`."""
     middleware_software: int = 0
     os_software: int = 0
     board: int = 0
@@ -107,10 +107,10 @@ class VersionServer(Microservice[Version]):
         self.version = version
 
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
-        """Nothing: it is asked by command."""
+        """Does nothing: the version is requested by command."""
 
     def command(self, request: MavCommandRequest) -> CommandResult | None:
-        """Runs a command if it asks for the version, and says its result; None for any other."""
+        """Executes a command that requests the version, and returns its result; None for any other command."""
         is_request = request.command == REQUEST_MESSAGE and request.params[0] == AUTOPILOT_VERSION
         if not is_request and request.command != REQUEST_AUTOPILOT_CAPABILITIES:
             return None

@@ -1,16 +1,16 @@
 """MAVLink endpoints: UDP, TCP and serial lines, opened by a URL in MAVSDK's form.
 
-udpin://0.0.0.0:14550          listens, and answers everyone it has heard from; without an address on this computer alone
-udpout://192.168.1.10:14550    sends there, and hears from there
+udpin://0.0.0.0:14550          listens, and sends to all known peers; without an address on this computer only
+udpout://192.168.1.10:14550    sends to and receives from this address
 tcpin://0.0.0.0:5760           listens for clients
-tcpout://192.168.1.10:5760     connects, and connects again when it is cut off
-serial:///dev/ttyACM0:57600    a serial line; serial_flowcontrol:// with RTS and CTS; with :auto its rate is found
+tcpout://192.168.1.10:5760     connects, and reconnects when disconnected
+serial:///dev/ttyACM0:57600    a serial line; serial_flowcontrol:// with RTS and CTS; with :auto its rate is detected
 
-What is known of a link may follow, as in `udpout://192.168.1.10:14550?rate=57600&key=radio.key`:
+Options of a link may follow, as in `udpout://192.168.1.10:14550?rate=57600&key=radio.key`:
 
-rate=BIT_S   a radio behind it carries so much, each byte counted as ten bits; on a serial line, less than its own rate
+rate=BIT_S   bandwidth of a radio behind it, each byte counted as ten bits; on a serial line, less than its own rate
 key=FILE     the MAVLink signing key of the link
-role=observer  onboard: whoever speaks on this link may look and not command
+role=observer  onboard: peers on this link may read but not command
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ OnData: TypeAlias = Callable[[bytes], None]
 NETWORK_SCHEMES: Final = ("udpin", "udpout", "tcpin", "tcpout")
 SERIAL_SCHEMES: Final = ("serial", "serial_flowcontrol")
 LOOPBACK: Final = "127.0.0.1"
-"""Where what listens does so, unless an address is given."""
+"""Default listen address."""
 DEFAULT_BAUD: Final = 57_600
 AUTO: Final = "auto"
 OPTIONS: Final = ("rate", "key", "role")
@@ -44,10 +44,10 @@ class Endpoint(Protocol):
     """One place where bytes go in and out. What it cannot send at once it drops, and counts: it never blocks."""
 
     url: str
-    """As it was asked for."""
+    """The URL as requested."""
     bytes_sent: int
     dropped: int
-    """Calls of `send` whose bytes found no room or no way."""
+    """Calls of `send` whose bytes were dropped: no room or no connection."""
 
     @property
     def bytes_received(self) -> int:
@@ -55,11 +55,11 @@ class Endpoint(Protocol):
 
     @property
     def is_datagram(self) -> bool:
-        """Whether each piece that is heard holds whole frames only, so that a parser needs no memory."""
+        """Whether each received piece holds whole frames only, so that a parser needs no memory."""
 
     @property
     def is_connected(self) -> bool:
-        """Whether there is somebody to send to, as far as one can know."""
+        """Whether there is a peer to send to, as far as can be known."""
 
     @property
     def problem(self) -> str:
@@ -71,17 +71,17 @@ class Endpoint(Protocol):
 
     @property
     def intruder(self) -> str:
-        """Who claims to be an autopilot that is heard from somewhere else; empty where nobody has done so lately."""
+        """The recent peer that claims the id of another peer's autopilot; empty without one."""
 
     @property
     def local_port(self) -> int | None:
-        """The port that it really has, also where the URL asked for any (0); None for a serial line."""
+        """Actual port, also where the URL requested any (0); None for a serial line."""
 
     def send(self, data: bytes) -> None:
-        """Sends whole frames to everybody there."""
+        """Sends whole frames to all peers."""
 
     async def close(self) -> None:
-        """Closes it; nothing is heard after that."""
+        """Closes it; nothing is received after that."""
 
 
 class EndpointUrl(msgspec.Struct, frozen=True, kw_only=True):
@@ -95,28 +95,28 @@ class EndpointUrl(msgspec.Struct, frozen=True, kw_only=True):
     baud: int | None = DEFAULT_BAUD
     """None where it is to be found."""
     rate_bit_s: int | None = None
-    """What a radio behind it carries, where that was said."""
+    """Bandwidth of a radio behind it, if given."""
     key: str = ""
     """The file with the link's signing key; empty where none was named."""
     role: str = "operator"
-    """What those on the link may do."""
+    """Permissions of peers on the link."""
 
     @property
     def address(self) -> str:
-        """The URL without what is known of the link."""
+        """The URL without options."""
         return self.url.partition("?")[0]
 
     def warning(self, *, is_signed: bool) -> str:
-        """What is to be said of a link on which a network is heard and nothing tells who speaks; empty for others.
+        """Warning about an unauthenticated link that is open to a network; empty for others.
 
         Args:
-            is_signed: whether it has a signing key; its own counts by itself.
+            is_signed: whether it has a signing key from elsewhere; its own key counts without this.
         """
         is_own = self.host in ("localhost", "::1") or self.host.startswith("127.")
         if self.scheme not in ("udpin", "tcpin") or is_own or is_signed or self.key:
             return ""
         return (
-            f"{self.address} is open to the network and not signed: whoever reaches it is believed; "
+            f"{self.address} is open to the network and not signed: anyone who reaches it can command the vehicle; "
             "add ?key=FILE, or listen on 127.0.0.1"
         )
 
@@ -132,7 +132,7 @@ def parse_url(url: str) -> EndpointUrl:
     """Reads an endpoint's URL.
 
     Raises:
-        Refused: with the reason, and an example of what is meant.
+        Refused: with the reason, and an example of a valid URL.
     """
     scheme, separator, rest = url.partition("://")
     known = (*NETWORK_SCHEMES, *SERIAL_SCHEMES)
@@ -212,13 +212,15 @@ async def open_endpoint(
 ) -> Endpoint:
     """Opens an endpoint.
 
-    An address that cannot be had is refused at once. A peer or a device that is not there yet is waited for.
+    An address that is not available is refused at once. The endpoint waits for a peer or device that is not present
+    yet.
 
     Args:
         url: as above.
         loop: the running loop, in wall time.
-        on_data: told what comes in, always on the loop's thread.
-        pins_autopilot: where everyone is heard, a second peer that claims the id of an autopilot is not.
+        on_data: called with received data, always on the loop's thread.
+        pins_autopilot: on an endpoint with several peers, frames of a second peer that claims the id of an autopilot
+            are ignored.
 
     Raises:
         Refused: the URL is wrong, the port is in use, the host has no address, with the reason.

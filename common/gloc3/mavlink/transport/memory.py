@@ -58,14 +58,14 @@ class MemoryEnd:
     def __init__(self, link: MemoryLink, name: str) -> None:
         self.url = f"memory:{name}"
         self.on_data: Callable[[bytes], None] | None = None
-        """Told each piece that arrives; what comes while it is None is gone."""
+        """Called with each piece that arrives; pieces that arrive while it is None are lost."""
         self.conditions = link.conditions
-        """Of what this end sends; may be exchanged at any time."""
+        """For data that this end sends; may be replaced at any time."""
         self.sent = 0
         self.lost = 0
-        """On the way, by chance."""
+        """Pieces lost in transit, by chance."""
         self.dropped = 0
-        """Before the way: the queue of a limited line was full."""
+        """Pieces dropped before transit: the queue of a limited line was full."""
         self.received = 0
         self.bytes_sent = 0
         self.bytes_received = 0
@@ -78,7 +78,7 @@ class MemoryEnd:
 
     @property
     def is_connected(self) -> bool:
-        """Whether there is somebody at the other end."""
+        """Whether the other end is open."""
         return self._other.on_data is not None
 
     def send(self, data: bytes) -> None:
@@ -110,7 +110,7 @@ class MemoryEnd:
             self._other._expect(arrives_s, data)
 
     async def close(self) -> None:
-        """Receives nothing more until somebody sets `on_data` again."""
+        """Receives nothing more until `on_data` is set again."""
         self.on_data = None
 
     def _expect(self, arrives_s: float, data: bytes) -> None:
@@ -147,12 +147,12 @@ class _Line:
 
 
 class MemoryLink:
-    """Two ends, `a` and `b`; what one sends the other is told, later or never.
+    """Two ends, `a` and `b`; data sent by one arrives at the other after a delay, or is lost.
 
     Args:
-        loop: the event loop that gives the time and wakes the link.
-        random: the seeded source of all chance on this link.
-        conditions: of both directions at first; exchange an end's `conditions` for anything else.
+        loop: the event loop, for time and timers.
+        random: the seeded random source of this link.
+        conditions: initial ones of both directions; replace an end's `conditions` to change them.
         is_half_duplex: both directions share one limited line, as on a radio.
     """
 
@@ -163,7 +163,7 @@ class MemoryLink:
         self.random = random
         self.conditions = conditions
         self.count = 0
-        """Pieces under way so far; keeps those of the same instant in order."""
+        """Pieces sent so far; keeps those of the same instant in order."""
         self.a, self.b = MemoryEnd(self, "a"), MemoryEnd(self, "b")
         self.a._other, self.b._other = self.b, self.a
         if is_half_duplex:

@@ -1,4 +1,4 @@
-"""MAVLink over a serial line: pyserial in two threads of its own, so that a stuck device never stops the loop."""
+"""MAVLink over a serial line: pyserial in two threads, so that a stuck device never stops the loop."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ENOUGH: Final = 2
 
 
 class BaudSearch:
-    """Tries one rate after the other. It has no clock and no port: it is told what is heard, and says what to try."""
+    """Tries one baud rate after the other, without a clock or a port: the owner passes data and sets the rate."""
 
     def __init__(self, now_s: float) -> None:
         self.is_found = False
@@ -39,7 +39,7 @@ class BaudSearch:
         return RATES[self._index]
 
     def receive(self, data: bytes, now_s: float) -> None:
-        """Takes in what was heard at the present rate, which may be nothing."""
+        """Handles data received at the present rate, which may be empty."""
         if self.is_found:
             return
         self._frames += sum(frame.shape is not None for frame in self._parser.receive(data))
@@ -171,12 +171,12 @@ class SerialEndpoint:
             port.close()
 
     def _try(self, port: serial.Serial, search: BaudSearch, data: bytes) -> None:
-        """Tells the search what was heard, and sets the line to what it wants to try next."""
+        """Passes received data to the search, and sets the line to the rate to try next."""
         search.receive(data, self._loop.time())
         if search.rate != self._baud:
             self._baud = port.baudrate = search.rate
             port.reset_input_buffer()
-        self.problem = "" if search.is_found else f"no MAVLink heard yet; trying {search.rate} baud"
+        self.problem = "" if search.is_found else f"no MAVLink received yet; trying {search.rate} baud"
 
     def _receive(self, data: bytes) -> None:
         if not self._closing.is_set():

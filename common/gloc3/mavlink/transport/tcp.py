@@ -13,7 +13,7 @@ from gloc3.mavlink.codec import Parser
 from gloc3.mavlink.transport.udp import bind_failure, resolve
 
 WRITE_BUFFER_BYTES: Final = 1 << 16
-"""What a slow peer may leave unread before frames for it are dropped; older ones help nobody."""
+"""Unread data of a slow peer beyond which frames for it are dropped, bytes; stale ones are useless."""
 RECONNECT_S: Final = 1.0
 MOST_CLIENTS: Final = 16
 
@@ -49,7 +49,7 @@ class _TcpEndpoint:
 
 
 class _Connection(asyncio.Protocol):
-    """One connection; tells its endpoint what happens."""
+    """One connection; reports its events to its endpoint."""
 
     def __init__(self, endpoint: TcpServerEndpoint | TcpClientEndpoint) -> None:
         self._endpoint = endpoint
@@ -73,7 +73,7 @@ class _Connection(asyncio.Protocol):
 
 
 class TcpServerEndpoint(_TcpEndpoint):
-    """Listens for clients. Their streams are kept apart: what is passed on are whole frames."""
+    """Listens for clients. Their streams are kept apart: only whole frames are passed on."""
 
     is_datagram = True
 
@@ -89,7 +89,7 @@ class TcpServerEndpoint(_TcpEndpoint):
         """Binds the port.
 
         Raises:
-            Refused: the port is in use or not allowed, or the host is none of ours.
+            Refused: the port is in use or not allowed, or the host is not an address of this computer.
         """
         family, address = await resolve(url, loop, host, port, socket.SOCK_STREAM)
         endpoint = cls(url, loop, on_data)
@@ -168,7 +168,7 @@ class TcpClientEndpoint(_TcpEndpoint):
 
     @property
     def is_connected(self) -> bool:
-        """Whether the connection stands."""
+        """Whether the connection is established."""
         return self._connection is not None
 
     def send(self, data: bytes) -> None:
@@ -179,7 +179,7 @@ class TcpClientEndpoint(_TcpEndpoint):
             self._write(self._connection.transport, data)
 
     async def close(self) -> None:
-        """Closes the connection and gives up trying."""
+        """Closes the connection and stops reconnecting."""
         self._is_closed = True
         if self._again is not None:
             self._again.cancel()
@@ -202,7 +202,7 @@ class TcpClientEndpoint(_TcpEndpoint):
             self._on_data(data)
 
     def on_lost(self, connection: _Connection, error: Exception | None) -> None:
-        """The connection is gone: try again."""
+        """Handles a lost connection: reconnects."""
         self._connection = None
         self._retry("the connection was closed" if error is None else _text(error))
 

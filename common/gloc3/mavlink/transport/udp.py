@@ -15,23 +15,24 @@ from gloc3.mavlink.fair_share import to_evict
 from gloc3.mavlink.parser import MAGIC_1, MAGIC_2, SIGNATURE_LENGTH, SIGNED
 
 RECEIVE_BUFFER_BYTES: Final = 1 << 22
-"""The kernel keeps here what comes while nobody reads: half a second of 10,000 datagrams a second, where it lets us."""
+"""Kernel buffer for unread data, as far as permitted, bytes: half a second of 10,000 datagrams a second."""
 _RCVBUFFORCE: Final = 33
 """SO_RCVBUFFORCE of Linux, which the socket module does not name."""
 LARGEST_DATAGRAM_BYTES: Final = 65_535
 DATAGRAMS_AT_ONCE: Final = 256
-"""After so many the rest of the process has its turn."""
+"""Datagrams read before the rest of the process gets a turn."""
 SOON_S: Final = 1e-4
-"""What comes so soon after the last datagrams may be one of many: whether more wait is then worth asking."""
+"""Gap after the last datagrams within which more may be waiting, so that a further read is worthwhile, s."""
 MOST_PEERS: Final = 128
 CHECK_SILENT_S: Final = 1.0
-"""So often at most the silent peers are looked for."""
+"""Shortest interval between checks for silent peers, s."""
 PEER_EXPIRES_S: Final = 30.0
-"""A peer that is silent for so long is not sent to any more, and makes room for another."""
+"""Silence after which a peer is no longer sent to and makes room for another, s."""
 PINNED_S: Final = 3.0
-"""So long after it was heard last, an autopilot may be another peer: it has restarted with another port, or the way changed."""
+"""Silence after which another peer may take an autopilot's place, s: it restarted with another port, or the route
+changed."""
 INTRUDER_TOLD_S: Final = 30.0
-"""So long after it was heard last, a second peer that claims an autopilot's id is told of."""
+"""How long a second peer that claims an autopilot's id is reported after its last frame, s."""
 AUTOPILOT: Final = 1
 """MAV_COMP_ID_AUTOPILOT1."""
 _AROUND_1: Final = 8
@@ -62,7 +63,7 @@ class UdpEndpoint:
 
     @property
     def intruder(self) -> str:
-        """Nobody where peers are not told apart."""
+        """Empty: peers are not distinguished."""
         return ""
 
     @property
@@ -84,7 +85,7 @@ class UdpEndpoint:
         self._loop.add_reader(opened, self._read)
 
     def _read(self) -> None:
-        """Takes what has come; where little comes, one more look into an empty socket would cost a tenth of all."""
+        """Reads received datagrams; at low traffic without the extra read of an empty socket, a tenth of the cost."""
         now_s = self._now_s()
         left = DATAGRAMS_AT_ONCE if now_s < self._read_s + SOON_S else 1
         self._read_s = now_s
@@ -131,7 +132,7 @@ class UdpPeer:
 
 
 class UdpServerEndpoint(UdpEndpoint):
-    """Listens; sends to every peer heard from lately, and what is meant for one system only to the peers behind which it is."""
+    """Listens; sends to every recent peer, and frames for one system only to the peers behind which that system is."""
 
     def __init__(
         self,
@@ -147,7 +148,7 @@ class UdpServerEndpoint(UdpEndpoint):
         """Datagrams of peers for which there was no room."""
         self._peers: dict[SocketAddress, UdpPeer] = {}
         self._pinned: dict[int, SocketAddress] = {}
-        """Where the autopilot of each system is heard from."""
+        """Peer address of each system's autopilot."""
         self._intruder, self._intruder_s = "", -INTRUDER_TOLD_S
         self._checked_s = 0.0
         self._parser = Parser(is_datagram=True)
@@ -163,10 +164,10 @@ class UdpServerEndpoint(UdpEndpoint):
         *,
         pins_autopilot: bool = False,
     ) -> UdpServerEndpoint:
-        """Binds the port; with `pins_autopilot` a second peer is not heard as an autopilot that a first one is.
+        """Binds the port; with `pins_autopilot`, ignores a second peer that claims the id of a first peer's autopilot.
 
         Raises:
-            Refused: the port is in use or not allowed, or the host is none of ours.
+            Refused: the port is in use or not allowed, or the host is not an address of this computer.
         """
         family, address = await resolve(url, loop, host, port, socket.SOCK_DGRAM)
         opened = socket.socket(family, socket.SOCK_DGRAM)
@@ -181,19 +182,19 @@ class UdpServerEndpoint(UdpEndpoint):
 
     @property
     def peers(self) -> list[SocketAddress]:
-        """The addresses heard from lately, which are sent to."""
+        """Addresses of recent peers, which are sent to."""
         self._remove_silent(self._now_s())
         return list(self._addresses)
 
     @property
     def is_connected(self) -> bool:
-        """Whether a peer has been heard lately."""
+        """Whether there is a recent peer."""
         since_s = self._now_s() - PEER_EXPIRES_S
         return any(peer.heard_s >= since_s for peer in tuple(self._peers.values()))
 
     @property
     def intruder(self) -> str:
-        """Who claims to be an autopilot that another peer is; empty where nobody has done so lately."""
+        """The recent peer that claims the id of another peer's autopilot; empty without one."""
         return self._intruder if self._now_s() < self._intruder_s + INTRUDER_TOLD_S else ""
 
     def send(self, data: bytes) -> None:
@@ -234,7 +235,7 @@ class UdpServerEndpoint(UdpEndpoint):
         self._on_data(data)
 
     def _is_intruder(self, data: bytes, sender: SocketAddress, now_s: float) -> bool:
-        """Whether a peer speaks as an autopilot that is heard from another one: the first counts as the true one."""
+        """Whether a peer sends as an autopilot of another peer: the first one counts as genuine."""
         for system, component in senders_in(data):
             if component != AUTOPILOT or (pinned := self._pinned.setdefault(system, sender)) == sender:
                 continue
@@ -245,7 +246,7 @@ class UdpServerEndpoint(UdpEndpoint):
             if not self.intruder:  # one that changes its port all the time is told once
                 self._intruder = (
                     f"{sender[0]}:{sender[1]} claims to be autopilot {system}/{component}, which is heard from {pinned[0]}:"
-                    f"{pinned[1]}: what the second one sends is dropped; give each vehicle an id and a port of its own"
+                    f"{pinned[1]}: messages of the second one are dropped; give each vehicle an id and a port of its own"
                 )
             self._intruder_s = now_s
             self.dropped += 1
@@ -303,7 +304,7 @@ class UdpClientEndpoint(UdpEndpoint):
 
     @property
     def is_connected(self) -> bool:
-        """Whether it is open; whether somebody is there, UDP does not say."""
+        """Whether it is open; UDP does not show whether there is a peer."""
         return self._socket is not None
 
     def _receive(self, data: bytes, sender: SocketAddress, now_s: float) -> None:
@@ -313,7 +314,7 @@ class UdpClientEndpoint(UdpEndpoint):
 
 
 def senders_in(datagram: bytes) -> Iterator[tuple[int, int]]:
-    """System and component of each frame of a datagram; what is damaged ends the search."""
+    """System and component of each frame of a datagram; ends at the first damaged frame."""
     at, size = 0, len(datagram)
     while at + _AROUND_1 <= size:
         length = datagram[at + 1]
@@ -328,7 +329,7 @@ def senders_in(datagram: bytes) -> Iterator[tuple[int, int]]:
 
 
 def enlarge(opened: socket.socket, size: int) -> None:
-    """Gives a socket room for what comes while nobody reads: beyond the system's limit where we may, else up to it."""
+    """Enlarges a socket's receive buffer: beyond the system's limit where permitted, else up to it."""
     opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, size)
     with suppress(OSError):
         opened.setsockopt(socket.SOL_SOCKET, _RCVBUFFORCE, size)

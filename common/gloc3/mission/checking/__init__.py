@@ -1,6 +1,6 @@
-"""Proves a mission against a platform before it goes anywhere, and again onboard.
+"""Checks a mission against a platform before it is sent, and again onboard.
 
-`checker` runs all checks and returns all findings at once; `estimate` gives times, path and energy.
+`checker` runs all checks and returns all findings at once; `estimate` computes times, path and energy.
 """
 
 __all__ = ["checker", "estimate"]

@@ -48,7 +48,7 @@ class Circumstances:
     platform: Platform | None = None
     """None: every capability is taken to be there, and nothing is known of limits, energy and failsafes."""
     part: str | None = None
-    """In a mission for several platforms: whose part is checked, where that platform itself is not known."""
+    """In a mission for several platforms: the platform whose part is checked, where that platform itself is unknown."""
     known: Callable[[str], Platform | None] | None = None
     """Finds a platform that such a mission names (None where it is not known here), and has all parts of it checked.
     None checks that of `platform` alone."""
@@ -59,9 +59,9 @@ class Circumstances:
     home_altitude_m: float | None = None
     """Altitude above the sea of home, where it is known."""
     home_ned_m: Vector3 | None = None
-    """Where the vehicle was armed, or stands; None where that is not known yet."""
+    """Where the vehicle was armed, else its position on the ground; None where it is unknown."""
     start_ned_m: Vector3 | None = None
-    """Where the vehicle is; None for at home, on the ground."""
+    """Position of the vehicle; None for at home, on the ground."""
 
     def surroundings(self) -> MissionReferences:
         """What the reader needs of the circumstances."""
@@ -130,7 +130,7 @@ def _rounded(figures: MissionFigures) -> dict[str, Any]:
 
 
 def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> CheckReport:
-    """Checks a mission's content; never raises for what is in it."""
+    """Checks a mission's content; never raises for errors in it."""
     try:
         reading = inspect_mission(data, file, circumstances.surroundings())
     except InputError as error:
@@ -197,7 +197,7 @@ def _unknown_platforms(mission: Mission, circumstances: Circumstances) -> Iterat
 def _check_parts(
     data: bytes | str, file: str, circumstances: Circumstances, mission: Mission, found: Iterable[Finding]
 ) -> CheckReport:
-    """Checks a mission for several platforms, each part for its own; what is said of a part names its platform."""
+    """Checks a mission for several platforms, each part for its own; findings about a part name its platform."""
     findings = set(found)
     figures: list[MissionEstimate] = []
     for name in mission.platforms:
@@ -221,7 +221,7 @@ def _path(mission: Mission, figures: MissionEstimate, circumstances: Circumstanc
 def _space(
     mission: Mission, figures: MissionEstimate, path: list[PlacedLeg], circumstances: Circumstances
 ) -> list[Finding]:
-    """What is wrong with the way; and, as warnings, with that on which guards leave out all that they may."""
+    """Findings about the path; as warnings also those about the path if guards skip all that they can."""
     limits = circumstances.platform.limits if circumstances.platform is not None else None
     found = space_findings(mission, path, limits, circumstances.home_ned_m)
     if figures.least is None:
@@ -235,7 +235,7 @@ def _space(
 
 
 def _check_contingency(part: Mission, circumstances: Circumstances, budget: Budget) -> Iterator[Finding]:
-    """A contingency for itself: it begins anywhere, in the air."""
+    """Checks a contingency separately: it may begin at any position, in the air."""
     platform, order = circumstances.platform, PartialOrder.of(part)
     figures = estimate(part, order, budget.home_ned_m, budget, platform.power if platform else None)
     limits = platform.limits if platform else None

@@ -66,17 +66,17 @@ def _senseless(document: Document, name: str, task: Task) -> Iterator[Finding]:
 def path_findings(
     mission: Mission, name: str, path: Iterable[PlacedLeg], budget: Budget, platform: Platform | None
 ) -> Iterator[Finding]:
-    """Warns where a contingency could not start, for every known place where the mission may be.
+    """Warns where a contingency could not be flown, for every known position at which the mission may be.
 
-    Its first way is straight from there: it may leave the fence; and with a low battery all of it, and what follows it,
-    must be done with the reserve.
+    Its first leg is a straight line from there, which may leave the fence. With a low battery, the contingency and its
+    follow-up must be flown with the reserve.
 
     Args:
         mission: the whole mission.
         name: of the contingency.
-        path: that of the mission.
+        path: the path of the mission.
         budget: home and speeds.
-        platform: whose margin and battery count; None where that is not known.
+        platform: provides margin and battery; None where it is unknown.
     """
     document, part = mission.document, part_of(mission, name)
     order = PartialOrder.of(part)
@@ -115,7 +115,7 @@ def path_findings(
 
 
 def _first_path(part: Mission, order: PartialOrder) -> tuple[Action, Vector3] | None:
-    """The action that first leads away from where a contingency begins, and its first waypoint in NED."""
+    """The first action that leaves the position where a contingency begins, and its first waypoint in NED."""
     actions = part.actions()
     for target in order.targets:
         match actions[target].order:

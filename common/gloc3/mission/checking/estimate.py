@@ -1,4 +1,4 @@
-"""Estimates when each action of a mission runs, which way the vehicle makes, and what energy that takes."""
+"""Estimates when each action of a mission runs, the vehicle's path, and the energy needed."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ class ActionEstimate:
 
     @property
     def length_m(self) -> float:
-        """Length of its way."""
+        """Length of its path."""
         return self.more_m + sum(leg.length_m for leg in self.legs)
 
 
@@ -49,7 +49,7 @@ class MissionFigures:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MissionEstimate(MissionFigures):
-    """A whole mission's figures, where every guard lets begin what it guards, and every loop is done to its last time."""
+    """Figures of a whole mission, where every guard admits its item, and every loop runs to its limit."""
 
     actions: Mapping[str, ActionEstimate]
     """By `TASK.ACTION`, in an order in which they can run."""
@@ -70,13 +70,13 @@ class MissionEstimate(MissionFigures):
 def estimate(
     mission: Mission, order: PartialOrder, start_ned_m: Vector3, budget: Budget, power: Power | None
 ) -> MissionEstimate:
-    """The figures of a mission.
+    """Estimates the figures of a mission.
 
     Args:
-        mission: what is to be flown.
+        mission: the mission.
         order: its partial order.
-        start_ned_m: where the vehicle is at its start.
-        budget: home, speeds and the like.
+        start_ned_m: start position.
+        budget: home, speeds and similar values.
         power: the platform's power model; None for no energies.
     """
     most = _Planner(mission, start_ned_m, budget, power).run(order)
@@ -86,7 +86,7 @@ def estimate(
 
 
 def may_vary(task: Task, *, is_begun: bool = False) -> bool:
-    """Whether a guard may leave out something of a task, or its loop may end early; `is_begun`: its own guard holds."""
+    """Whether a guard may skip part of a task, or its loop may end early; `is_begun`: its own guard holds."""
     repeat = task.options.repeat
     options = [action.options for action in task.actions.values()] + ([] if is_begun else [task.options])
     return any(map(_may_be_skipped, options)) or (repeat is not None and repeat.until is not None and repeat.times > 1)
@@ -113,7 +113,7 @@ class _Planner:
         self._moved_until_s = 0.0
 
     def run(self, order: PartialOrder) -> MissionEstimate:
-        """All actions in their order, and what they take together."""
+        """Estimates all actions in order, and their total."""
         budget, power, found = self._budget, self._power, self.found
         for target in order.targets:
             if target in self.actions:
@@ -221,11 +221,11 @@ def _together(parts: Sequence[MissionEstimate]) -> MissionEstimate:
 
 
 def about(figures: MissionEstimate, usable_wh: float = 0.0) -> str:
-    """What a mission takes, in words: `about 35 s, 36 m, 1.8 Wh`, or `about 20 to 35 s, …` where something may be left out.
+    """Text for a mission's figures: `about 35 s, 36 m, 1.8 Wh`, or `about 20 to 35 s, …` where parts may be skipped.
 
     Args:
         figures: the estimate.
-        usable_wh: the energy that there is; 0 for none to be told.
+        usable_wh: the available energy; 0 to omit it.
     """
     least = figures.least or figures
     reported = [f"{span(least.duration_s, figures.duration_s)} s", f"{span(least.length_m, figures.length_m)} m"]
@@ -252,7 +252,7 @@ def return_energy_wh(place_ned_m: Vector3, budget: Budget, power: Power) -> floa
 
 
 def _before(target: str, mission: Mission) -> Iterator[str]:
-    """The actions whose end an action's start waits for."""
+    """Actions that must end before an action starts."""
     task_name, _, name = target.partition(".")
     task = mission.tasks[task_name]
     for other in task.options.after:
@@ -278,7 +278,7 @@ def _end_companions(mission: Mission, found: dict[str, ActionEstimate]) -> None:
 
 
 def _add_devices(mission: Mission, found: dict[str, ActionEstimate]) -> None:
-    """Adds what the actions' own devices take from the battery."""
+    """Adds the consumption of the actions' own devices."""
     actions = mission.actions()
     for target, part in found.items():
         drawn_wh = actions[target].arguments.power_w * (part.end_s - part.start_s) / 3600.0

@@ -14,7 +14,7 @@ from gloc3.platform.platform import Platform
 
 
 def guard_findings(mission: Mission, platform: Platform | None) -> Iterator[Finding]:
-    """Waits without an end, options without their guard, and conditions on unmeasured quantities."""
+    """Waits without a limit, options without their guard, and conditions on unmeasured quantities."""
     document = mission.document
     if document is None:
         return
@@ -56,7 +56,7 @@ def _measured(
 
 
 def unkept_findings(mission: Mission, platform: Platform | None) -> Iterator[Finding]:
-    """Options of ways that the component which flies them does not keep."""
+    """Path options that the component which flies the path does not support."""
     document = mission.document
     if document is None or platform is None:
         return
@@ -92,7 +92,7 @@ def acceptance_findings(mission: Mission, platform: Platform | None) -> Iterator
 
 
 def kept_options(row: ComponentRow) -> frozenset[str]:
-    """The options of ways that a component keeps; all of them where it does not say, or its class is not installed here."""
+    """Path options that a component supports; all of them where it declares none, or its class is not installed."""
     every = frozenset(options_of(FollowWaypointsOrder))
     try:
         kept: frozenset[str] = getattr(row.load_class(), "keeps", every)

@@ -40,7 +40,7 @@ def flight_findings(mission: Mission, order: PartialOrder, *, is_airborne: bool)
         where = (*where_of(target), actions[target].capability)
         if isinstance(kind, SetOff):
             if in_air:
-                yield document.finding(where, f"{target} takes off in the air", "land first", at_key=True)
+                yield document.finding(where, f"{target} takes off while in the air", "land first", at_key=True)
             in_air = True
         elif not in_air:
             yield document.finding(where, f"{target} moves the vehicle on the ground", "take off first", at_key=True)
@@ -57,7 +57,7 @@ def flight_findings(mission: Mission, order: PartialOrder, *, is_airborne: bool)
 
 
 def _unrolled(mission: Mission, targets: list[str]) -> Iterator[str]:
-    """The actions in their order, those of a task that is repeated twice: what may come next does so."""
+    """Actions in order, those of a repeated task twice, because any of its actions may follow the last one."""
     for name, group in groupby(targets, key=lambda target: target.partition(".")[0]):
         own = list(group)
         yield from own
@@ -100,7 +100,7 @@ def _speeds(mission: Mission, limits: Limits, document: Document) -> Iterator[Fi
 
 
 class PlacedLeg(NamedTuple):
-    """A leg of a mission's path, and whether the places of its ends are known."""
+    """A leg of a mission's path, and whether the positions of its ends are known."""
 
     target: str
     action: Action
@@ -112,16 +112,16 @@ class PlacedLeg(NamedTuple):
 def placed_legs(
     mission: Mission, figures: MissionEstimate, home_ned_m: Vector3 | None = None, start_ned_m: Vector3 | None = None
 ) -> Iterator[PlacedLeg]:
-    """All legs of a mission's path in their order.
+    """All legs of a mission's path, in order.
 
-    The place of a waypoint is always known. Where home is not known, neither are the places of setting off and of the
-    return, nor of what is done there until the next waypoint, such as landing.
+    The position of a waypoint is always known. Where home is unknown, so are the positions of departure and return, and
+    of the actions there until the next waypoint, such as landing.
 
     Args:
-        mission: what is flown.
-        figures: its estimate, begun at any place where home is not known.
-        home_ned_m: where the vehicle is armed; None where that is not known.
-        start_ned_m: where it is at the start; None for at home.
+        mission: the mission.
+        figures: its estimate, from an arbitrary start where home is unknown.
+        home_ned_m: position of arming; None where it is unknown.
+        start_ned_m: start position; None for at home.
     """
     actions = mission.actions()
     is_known = home_ned_m is not None or start_ned_m is not None
@@ -189,7 +189,7 @@ def name_of(place: Where) -> str:
 
 
 def altitude_findings(mission: Mission, platform: Platform | None) -> Iterator[Finding]:
-    """An `altitude_m` on a platform that cannot hold it, or one below the platform's limit."""
+    """An `altitude_m` that the platform cannot hold, or that is below its limit."""
     document = mission.document
     if document is None or platform is None:
         return

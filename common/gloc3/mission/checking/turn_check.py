@@ -198,5 +198,5 @@ def _course_rad(start: Vector3, end: Vector3) -> float:
 
 
 def _share(turn_rad: float) -> float:
-    """Of a radius: how far before its corner a turn begins, and how far behind it ends."""
+    """Distance from a corner at which a turn begins and ends, as a share of the radius."""
     return tan(0.5 * min(turn_rad, _WIDEST_RAD))

@@ -1,6 +1,6 @@
-"""The mission executor: a pure machine that is given facts and the time, and returns requests.
+"""Mission executor: a pure state machine with events and the time as inputs, and requests as outputs.
 
-`executor` is its face; everything else is a part of it.
+`executor` is its interface; the other modules are its parts.
 """
 
 __all__ = ["board", "executor", "items", "requests", "restore", "snapshot"]

@@ -15,7 +15,7 @@ MOTION: Final = "motion"
 ANSWER_S: Final = 1.0
 """A component that has not answered within this time is taken for one that cannot do it."""
 SILENT_S: Final = 5.0
-"""An action under way whose component has reported nothing for so long has failed."""
+"""Time without a report after which a running action counts as failed, s."""
 
 
 class AssignmentPhase(StrEnum):
@@ -55,24 +55,24 @@ class Assignment:
         """The action of a program; None for a policy's manoeuvre."""
         self.phase = AssignmentPhase.STARTING
         self.verb = "start"
-        """What was asked last."""
+        """Last request to the component."""
         self.requested_s: float | None = now_s
         """When; None once it is answered."""
         self.received_s = now_s
 
     def accept(self) -> None:
-        """The component has accepted what it was asked."""
+        """Handles the component's acceptance of the last request."""
         if self.verb in ("start", "resume"):
             self.phase = AssignmentPhase.ACTIVE
 
     def stalled(self, by_s: float) -> None:
-        """Nobody could answer or report for so long."""
+        """Extends the timeouts by a time in which no component could reply or report."""
         self.received_s += by_s
         if self.requested_s is not None:
             self.requested_s += by_s
 
     def due_s(self) -> float | None:
-        """When it counts as lost, if nothing more is heard."""
+        """When it counts as lost unless a reply or report arrives."""
         if self.requested_s is not None:
             return self.requested_s + ANSWER_S
         return self.received_s + SILENT_S if self.phase is AssignmentPhase.ACTIVE else None
@@ -93,7 +93,7 @@ class Assignments:
 
     @property
     def granted(self) -> Grant:
-        """The owner of motion, as last told."""
+        """Last announced owner of motion."""
         return self._granted
 
     def holder(self, row: Capability) -> Assignment | None:
@@ -127,7 +127,7 @@ class Assignments:
         return assignment
 
     def pause(self, assignment: Assignment, now_s: float) -> None:
-        """Has the component rest; its resources are free from now on."""
+        """Pauses the action at its component; its resources are free from now on."""
         self._release(assignment)
         request = self._queued(assignment.action_id)
         if isinstance(request, Start):
@@ -142,14 +142,14 @@ class Assignments:
             self._stops.append(Pause(action_id=assignment.action_id, component=assignment.component))
 
     def resume(self, assignment: Assignment, now_s: float) -> None:
-        """Has the component go on; its resources must be free."""
+        """Resumes the action at its component; its resources must be free."""
         self.claims |= dict.fromkeys(assignment.claims, assignment)
         assignment.phase, assignment.verb, assignment.requested_s = AssignmentPhase.ACTIVE, "resume", now_s
         assignment.received_s = now_s
         self._starts.append(Resume(action_id=assignment.action_id, component=assignment.component))
 
     def drop(self, assignment: Assignment, *, is_over: bool = False) -> None:
-        """Ends it; the component is told, unless it has said itself that the action is over."""
+        """Ends it; the component is notified, unless it has reported the end itself."""
         self._release(assignment)
         self._drop(assignment)
         request = self._queued(assignment.action_id)
@@ -163,7 +163,7 @@ class Assignments:
         return iter([one for one in self.by_id.values() if one.component == component])
 
     def collect(self, *, is_held: bool) -> list[Request]:
-        """The requests since the last time: what stops, the new owner of motion, what starts.
+        """Requests since the last call: stops, the new owner of motion, starts.
 
         Args:
             is_held: whether the hold controller owns motion when no action does.

@@ -31,9 +31,9 @@ class PolicyCondition(StrEnum):
     POSE_LOST = "pose lost"
     FENCE_BREACHED = "fence breached"
     OBSTACLE = "obstacle"
-    """In the way of the action that moves the vehicle, for too long."""
+    """In the path of the action that moves the vehicle, for too long."""
     PLATFORM_LOST = "platform lost"
-    """Another platform of the mission, whose tasks are waited for."""
+    """Another platform of the mission on whose tasks this one waits."""
 
 
 SAFETY: Final = frozenset(
@@ -61,13 +61,13 @@ class PolicyManoeuvre:
         """`hold`, `return` or `land`."""
         self.cause = cause
         self.land_at_s: float | None = None
-        """With `hold`: when nobody has acted for too long."""
+        """With `hold`: when it ends in a landing unless an operator acts; None for never."""
         self.assignment: Assignment | None = None
-        """The action that is under way for it."""
+        """The action under way for it."""
         self.again_s: float | None = None
         """When its action is tried again."""
         self.problem = ""
-        """Why it could not be begun last; told once."""
+        """Why it could not be started the last time; reported once."""
         self.contingency: Contingency | None = None
         """The task that runs in its place first."""
         self.program: MissionProgram | None = None
@@ -81,9 +81,9 @@ class OtherPlatform:
 
     def __init__(self, received_s: float) -> None:
         self.received_s = received_s
-        """When something was told of it last; the start of the mission until then."""
+        """Time of its last report; the start of the mission until then."""
         self.state: ActionState | None = None
-        """Of the mission there; None while nothing was told."""
+        """Of the mission there; None before the first report."""
 
 
 class Missing(dict[str, tuple[str, ...]]):
@@ -118,7 +118,7 @@ class AirState:
     def __init__(self) -> None:
         self.is_reported = False
         self.is_taking_off = False
-        """A take-off was begun, and no report says yet that the vehicle is in the air."""
+        """A take-off has started, and no report confirms yet that the vehicle is in the air."""
         self.has_landed = False
         """An action landed the vehicle, whatever the last report says."""
 
@@ -141,26 +141,26 @@ class Board:
         """Those of the last mission that was started."""
         self.manoeuvre: PolicyManoeuvre | None = None
         self.has_pilot = False
-        """A pilot has control, and no operator has said resume since."""
+        """A pilot has control, and no operator has resumed since."""
         self.is_failsafe = False
         """With `has_pilot`: it is the autopilot's failsafe that has control."""
         self.is_taking_back = False
-        """An operator has just said resume; the driver is to be told."""
+        """An operator has just resumed; the driver has to be notified."""
         self.conditions: Final[dict[PolicyCondition, str]] = {}
         """Those that hold, with the reason."""
         self.unanswered: Final[dict[PolicyCondition, str]] = {}
         """Those that arose while a pilot had control."""
         self.others: dict[str, OtherPlatform] = {}
-        """The other platforms of the mission that is under way."""
+        """The other platforms of the running mission."""
         self.silence: PlannedSilence | None = None
-        """The planned silence that has begun, and is not over."""
+        """The planned silence under way; None without one."""
         self.kept_s = float("-inf")
-        """When this was put on disk last."""
+        """When the silence was last written to disk."""
         self.missing: Final = Missing()
         self.readings: Readings = {}
         """What is measured now."""
         self.blocked_since_s: float | None = None
-        """When an obstacle came into the way of the action that moves the vehicle; None where none is."""
+        """When the obstacle appeared in the path of the action that moves the vehicle; None without one."""
         self.air: Final = AirState()
         self.reported: list[MissionEvent] = []
         self.is_changed = False
@@ -198,11 +198,11 @@ class Board:
         raise Refused(f"there is no {target!r}; {nearest(target, known)}")
 
     def users(self, component: str, provides: tuple[str, ...]) -> list[Assignment]:
-        """What is under way and would lose something without a component.
+        """Running assignments that need a component.
 
         Args:
             component: its name.
-            provides: the topics that only it publishes, and the component whose part it plays.
+            provides: the topics that only it publishes, and the component that it substitutes.
         """
         names = {component, *provides}
         return [
@@ -213,7 +213,7 @@ class Board:
         ]
 
     def program(self, name: str, mission: Mission) -> MissionProgram:
-        """A new program, which is on the board from now on."""
+        """Creates a program and adds it to the board."""
         missing = [action.ability for action in mission.actions().values() if action.ability not in self.rows]
         if missing:
             raise Misuse(f"the mission was not checked: no capability {missing[0]!r}")
@@ -238,10 +238,10 @@ class Board:
             self.report(severity, f"{label} {item.state}" + (f": {reason}" if reason else ""))
 
     def _expect_silence(self, target: str, expected_s: float, now_s: float) -> None:
-        """A task or action begins that states a silence; of several the one counts that lasts longest."""
+        """Starts the planned silence of a task or action; of several, the longest applies."""
         if self.silence is None or self.silence.until_s < now_s + expected_s:
             self.silence = PlannedSilence(target=target, began_s=now_s, until_s=now_s + expected_s)
-            self.report(Severity.NOTICE, f"{target} begins a planned silence of {expected_s:g} s")
+            self.report(Severity.NOTICE, f"{target} starts a planned silence of {expected_s:g} s")
 
     def report(self, severity: Severity, text: str) -> None:
         """Notes something for the operators and the log."""
@@ -271,12 +271,12 @@ class Board:
             self.move(item, trigger, now_s, reason)
 
     def end_all(self, program: MissionProgram, trigger: StateTrigger, now_s: float, reason: str = "") -> None:
-        """Skips or aborts all of ours in a program that has not ended, but not the program itself."""
+        """Skips or aborts all items of this platform in a program that has not ended, but not the program itself."""
         for task in program.own_tasks:
             self.end(task, trigger, now_s, reason)
 
     def halt(self, item: MissionItem, by: str, now_s: float, reason: str = "") -> None:
-        """Pauses a running item and all that runs in it; `by` is the level whose pause it is."""
+        """Pauses a running item and everything in it; `by` is the level that was paused."""
         if isinstance(item, MissionProgram):
             for task in item.own_tasks:
                 self.halt(task, by, now_s)

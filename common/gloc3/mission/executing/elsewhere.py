@@ -1,6 +1,6 @@
-"""Missions across platforms, on one of them: the reported states of the others' tasks, and the reaction when one is lost.
+"""Missions across platforms: the other platforms' reported states, and the reaction to a loss.
 
-Every platform has the whole file and performs its own tasks. A task of another platform is here by its state alone.
+Every platform has the whole file and performs its own tasks. Of another platform's task only the state is known here.
 """
 
 from collections.abc import Mapping

@@ -1,8 +1,8 @@
 """The mission executor: a pure state machine that gets events and the time, and returns requests.
 
-Facts go in by method, each with the time `now_s` in seconds; `take()` then returns what the caller has to do, in the
-order in which it has to be done. There is one executor on a platform, inside its command interface server. Missions,
-and single tasks and actions, are checked before they come here (see `checker`).
+Events are passed in by method, each with the time `now_s` in seconds; `take()` then returns the requests that the
+caller has to execute, in order. There is one executor per platform, inside its command interface server. Missions,
+single tasks and single actions are checked before they are passed in (see `checker`).
 """
 
 from collections.abc import Mapping
@@ -26,7 +26,7 @@ from gloc3.mission.model.states import ENDED_BY_FAILSAFE, OURS, ActionState, Sta
 from gloc3.platform.platform import Platform
 
 PROGRESS_STEP: Final = 0.05
-"""Progress is put on disk each time that an action has come so much further, or has achieved something."""
+"""Progress of an action after which it is written to disk; also written on each achievement."""
 
 Verb = Literal["start", "pause", "resume", "cancel"]
 
@@ -38,20 +38,21 @@ class MissionExecutor:
         self.board: Final = Board(platform)
         self._due_s = inf
         self._kept_progress: dict[str, float] = {}
-        """How far each action is on disk."""
+        """Progress of each action on disk."""
         self._achieved: dict[str, int] = {}
         self._is_guard_waited_for = False
-        """Something is begun, or left, by what is measured."""
+        """A guard or a loop depends on measured values."""
         self._reported = (False, False)
-        """Whether the driver says that somebody else has control, and that it is the autopilot's failsafe."""
+        """The driver's last report: whether the pilot or the autopilot has control, and whether it is the
+        autopilot's failsafe."""
 
     # what operators ask for
 
     def load(self, mission: Mission, now_s: float) -> None:
-        """Keeps a checked mission, in place of the one before.
+        """Stores a checked mission, replacing the previous one.
 
         Raises:
-            Refused: the one before is under way.
+            Refused: the previous one is running.
         """
         self.refuse_running()
         self._refuse_claimed(mission, [program for name, program in self.board.programs.items() if name != MISSION])
@@ -59,7 +60,7 @@ class MissionExecutor:
         self.settle(now_s)
 
     def refuse_running(self) -> None:
-        """Refuses to replace a mission that is under way."""
+        """Refuses to replace a running mission."""
         loaded = self.board.mission
         if loaded is not None and loaded.is_open:
             raise Refused(f"the mission {loaded.mission.name!r} is {loaded.state}; abort it first")
@@ -68,7 +69,7 @@ class MissionExecutor:
         """Unloads the mission.
 
         Raises:
-            Refused: it is under way.
+            Refused: it is running.
         """
         self.refuse_running()
         if self.board.programs.pop(MISSION, None) is not None:
@@ -82,10 +83,10 @@ class MissionExecutor:
             verb: `start`, `pause`, `resume`, `skip`, `abort` or `retry`.
             target: empty for the mission, `TASK`, or `TASK.ACTION`.
             now_s: the time.
-            home_ned_m: with `start`: where the vehicle stands; it must be inside the fence.
+            home_ned_m: with `start`: position of the vehicle; it must be inside the fence.
 
         Raises:
-            Refused: it cannot be done now; nothing has changed.
+            Refused: it is not possible now; nothing has changed.
         """
         commands = [str(t) for t in StateTrigger if t not in OURS]
         if verb not in commands:
@@ -117,13 +118,13 @@ class MissionExecutor:
         self.settle(now_s)
 
     def command(self, mission: Mission, now_s: float) -> str:
-        """Runs a single task or action, given as a checked mission, at once; the loaded mission stays as it is.
+        """Runs a single task or action, given as a checked mission, at once; the loaded mission is unchanged.
 
         Returns:
             Its name, under which it can be steered: that of its first task.
 
         Raises:
-            Refused: something that it needs is claimed or missing, or its tasks' names are taken.
+            Refused: a resource that it needs is claimed or missing, or its tasks' names are in use.
         """
         board = self.board
         flow.refuse_while_unfit(board)
@@ -193,7 +194,7 @@ class MissionExecutor:
         self.settle(now_s)
 
     def stalled(self, by_s: float) -> None:
-        """The process that all of this runs in has stood still: for so long no component could report."""
+        """Extends the timeouts after this process has stood still: no component could report in that time."""
         for assignment in self.board.assignments.by_id.values():
             assignment.stalled(by_s)
 
@@ -213,9 +214,9 @@ class MissionExecutor:
         return manoeuvre.assignment is None and self.board.is_airborne and missing_s >= manoeuvres.DIRECT_S
 
     def component_failed(self, component: str, reason: str, now_s: float) -> None:
-        """A component has turned faulty, has left, or is taken away: its actions fail.
+        """Handles a component that has turned faulty, has left, or is taken away: its actions fail.
 
-        What it performs is not available until `available` says otherwise, so that no retry is wasted on it.
+        Its capabilities are unavailable until `available` reports them again, so that no retry is wasted on it.
         """
         lost = list(self.board.assignments.of(component))
         if not lost:
@@ -228,7 +229,7 @@ class MissionExecutor:
         self.settle(now_s)
 
     def motion_lost(self, component: str, provides: tuple[str, ...], reason: str, now_s: float) -> None:
-        """An operator takes a component away by force: the actions that need it fail; see `in_use`."""
+        """Handles a component that an operator takes away by force: the actions that need it fail; see `in_use`."""
         self.component_failed(component, reason, now_s)
         for assignment in self.board.users(component, provides):
             if assignment.action_id in self.board.assignments.by_id:
@@ -236,11 +237,11 @@ class MissionExecutor:
         self.settle(now_s)
 
     def component_lost(self, component: str, policy: Policy, reason: str, now_s: float) -> None:
-        """A component's function is lost for good: neither a standby nor another attempt is left.
+        """Handles the final loss of a component's function: neither a standby nor another attempt is left.
 
         Args:
             component: its name.
-            policy: what its row says is to be done: `hold`, `return`, `land` or `abort`.
+            policy: policy of its row: `hold`, `return`, `land` or `abort`.
             reason: why it is lost.
             now_s: the time.
         """
@@ -282,7 +283,7 @@ class MissionExecutor:
         self.settle(now_s)
 
     def failsafe_holds(self, now_s: float) -> None:
-        """The autopilot's failsafe keeps the vehicle where it is, with nobody in charge: that is the policy hold, which ends."""
+        """Changes to the policy hold when the autopilot's failsafe holds the vehicle and no pilot has control."""
         board = self.board
         if board.has_pilot and board.is_failsafe:
             self._take_back()
@@ -290,7 +291,7 @@ class MissionExecutor:
             self.settle(now_s)
 
     def failsafe_landed(self, now_s: float) -> None:
-        """The vehicle is disarmed after the autopilot's failsafe had control: what was begun is over."""
+        """Ends all programs after the autopilot's failsafe has landed and disarmed the vehicle."""
         board = self.board
         if board.has_pilot and board.is_failsafe:
             for program in board.programs.values():
@@ -409,7 +410,7 @@ class MissionExecutor:
         return {item.target: item.state for program in self.board.programs.values() for item in program.items()}
 
     def progress(self) -> dict[str, float]:
-        """How far the actions are that are under way, 0 to 1, by `TASK.ACTION`."""
+        """Progress of the running actions, 0 to 1, by `TASK.ACTION`."""
         runs = [run for program in self.board.programs.values() for run in program.actions()]
         return {run.target: run.progress for run in runs if run.is_open}
 
@@ -422,11 +423,11 @@ class MissionExecutor:
         return action_id in self.board.assignments.by_id
 
     def in_use(self, component: str, provides: tuple[str, ...] = ()) -> list[str]:
-        """The running actions that would lose something without a component, those of a policy included.
+        """Running actions that need a component, including those of a policy.
 
         Args:
             component: its name.
-            provides: the topics that only it publishes, and the component whose part it plays.
+            provides: the topics that only it publishes, and the component that it substitutes.
         """
         return [assignment.label for assignment in self.board.users(component, provides)]
 
@@ -451,7 +452,7 @@ class MissionExecutor:
         self._is_guard_waited_for = flow.is_guard_waited_for(self.board)
 
     def _receive_obstacle(self, status: ActionStatus, now_s: float) -> None:
-        """Notes since when something is in the way; `flow` judges when that is too long."""
+        """Records since when an obstacle blocks the path; `flow` applies the time limit."""
         board = self.board
         if status.is_blocked and board.blocked_since_s is None:
             board.blocked_since_s = now_s

@@ -11,14 +11,14 @@ from gloc3.mission.model.states import ActionState, StateTrigger
 
 
 def fail_action(board: Board, run: ActionRun, reason: str, now_s: float, *, is_over: bool = False) -> None:
-    """An action has failed.
+    """Handles the failure of an action.
 
     Args:
         board: the executor's state.
         run: the action.
-        reason: why, in words.
+        reason: the reason.
         now_s: the time.
-        is_over: whether its component knows that it has ended.
+        is_over: whether its component has ended it already.
     """
     board.release(run, is_over=is_over)
     if isinstance(run.action.order, SetOff) and is_over:
@@ -101,7 +101,7 @@ def retry(board: Board, item: TaskRun | ActionRun, now_s: float) -> None:
 
 
 def reopen(board: Board, task: TaskRun, now_s: float) -> None:
-    """Has a failed task go on once nothing in it is left that failed."""
+    """Continues a failed task once no failed item is left in it."""
     is_clear = all(run.state is not ActionState.FAILED or run.is_settled for run in task.actions.values())
     if task.state is ActionState.FAILED and not task.is_settled and is_clear:
         board.move(task, StateTrigger.RETRY, now_s)

@@ -21,16 +21,16 @@ from gloc3.mission.model.states import ActionState, StateTrigger
 from gloc3.mission.model.structure import PartialOrder
 
 GRACE_S: Final = 0.5
-"""A running action outlives the loss of what it needs for this long: a standby may take over."""
+"""How long a running action survives the loss of a requirement, s: a standby may take over."""
 POSE_NEEDS: Final = frozenset({"pose", "autopilot_pose"})
 """What may be late for `POSE_LOST_S`; then `on_pose_lost` acts."""
 WAIT_STEP: Final = 0.05
 WAIT_STEP_S: Final = 1.0
-"""How far a wait has come is put on disk after so much of it, but not more often than this."""
+"""Shortest interval between writes of a wait's progress to disk, s."""
 TIMEOUT_S: Final = 2.0
-"""An action that is to start waits this long for what it needs."""
+"""How long an action that is to start waits for its requirements, s."""
 GUARD_TIMEOUT_S: Final = 2.0
-"""So long a guard waits for what is not measured at the moment; then it counts as not met."""
+"""How long a guard waits for a quantity that is not measured at the moment, s; then it counts as not met."""
 
 
 def start_mission(board: Board, item: MissionItem, now_s: float, home_ned_m: Vector3 | None) -> None:
@@ -95,7 +95,7 @@ def check_readiness(board: Board, mission: Mission) -> None:
     first = next((actions[one].order for one in targets if MOTION in board.rows[actions[one].ability].claims), None)
     if isinstance(first, SetOff) and board.is_airborne:
         at = "in the air" if isinstance(first, TakeOff) else "under way"
-        raise Refused(f"the vehicle is already {at}, but the mission begins with a departure")
+        raise Refused(f"the vehicle is already {at}, but the mission starts with a departure")
     if first is not None and not isinstance(first, SetOff) and not board.is_airborne:
         raise Refused("the vehicle is on the ground, but the mission does not begin with take_off, drive_off or dive")
 
@@ -126,14 +126,14 @@ def _silence(assignment: Assignment) -> str:
 
 
 def lose(board: Board, assignment: Assignment, reason: str, now_s: float, *, is_over: bool = False) -> None:
-    """A component cannot do what it was asked, or has gone.
+    """Handles a component that cannot perform its action, or has left.
 
     Args:
         board: the executor's state.
-        assignment: what it was at.
-        reason: why.
+        assignment: its assignment.
+        reason: the reason.
         now_s: the time.
-        is_over: whether it knows that the action has ended.
+        is_over: whether it has ended the action already.
     """
     verb, run = assignment.verb, assignment.run
     was_requested = assignment.requested_s is not None
@@ -167,7 +167,7 @@ def _watch(board: Board, program: MissionProgram, now_s: float) -> None:
 
 
 def _watch_obstacle(board: Board, now_s: float) -> None:
-    """An obstacle has been in the way for too long, or is not any more."""
+    """Handles an obstacle that has been in the way for too long, or is gone."""
     if MOTION not in board.assignments.claims:
         board.blocked_since_s = None
     is_on = now_s >= obstacle_due_s(board)
@@ -177,7 +177,7 @@ def _watch_obstacle(board: Board, now_s: float) -> None:
 
 
 def obstacle_due_s(board: Board) -> float:
-    """When the obstacle that is in the way has been there for too long; infinite where there is none."""
+    """When the obstacle in the way exceeds its time limit; infinite without one."""
     return inf if board.blocked_since_s is None else board.blocked_since_s + board.policies.obstacle_after_s
 
 
@@ -198,7 +198,7 @@ def _wait_due_s(run: ActionRun, duration_s: float) -> float:
 
 
 def lost_at_s(board: Board, run: ActionRun) -> float:
-    """When a running action fails for the want of something; never, where a lost pose has a policy of its own."""
+    """When a running action fails for lack of a requirement; infinite where the policy for a lost pose applies."""
     name = run.action.ability
     missing = board.missing.get(name)
     is_pose = missing is not None and POSE_NEEDS.issuperset(missing)
@@ -208,7 +208,7 @@ def lost_at_s(board: Board, run: ActionRun) -> float:
 
 
 def _go_on(board: Board, program: MissionProgram, now_s: float) -> bool:
-    """One pass over a program; whether anything has changed."""
+    """Runs one pass over a program; returns whether anything has changed."""
     if not program.is_open:
         return False
     has_moved = False
@@ -304,7 +304,7 @@ def _assign(board: Board, run: ActionRun, now_s: float) -> None:
 
 
 def go_on_after_pause(board: Board, run: ActionRun, now_s: float) -> None:
-    """Resumes a paused action at its component, or there anew where the component no longer has it."""
+    """Resumes a paused action at its component, or restarts it where the component no longer has it."""
     board.move(run, StateTrigger.RESUME, now_s)
     assignment = board.assignment(run)
     if assignment is not None and assignment.phase is AssignmentPhase.PAUSED:
@@ -356,7 +356,7 @@ class GuardDecision(Enum):
 
 
 def guard_decision(board: Board, item: TaskRun | ActionRun, now_s: float) -> GuardDecision:
-    """Whether an item whose turn it is may begin; where it may not, it is skipped, waits or fails as its guard says."""
+    """Whether an item whose turn has come may start; if not, its guard decides: skip, wait or fail."""
     guard = item.options.when
     if guard is None:
         return GuardDecision.BEGIN
@@ -388,14 +388,14 @@ def guard_due_s(item: TaskRun | ActionRun) -> float:
 
 
 def is_guard_waited_for(board: Board) -> bool:
-    """Whether something waits for what its guard asks for."""
+    """Whether any item waits for its guard."""
     return any(
         guard_due_s(item) < inf for program in board.programs.values() if program.is_open for item in program.items()
     )
 
 
 def is_to_repeat(board: Board, task: TaskRun) -> bool:
-    """Whether a task whose actions have all ended is to be done once more."""
+    """Whether a task whose actions have all ended is to be repeated."""
     repeat = task.repeat if task.is_open else None
     if repeat is None or task.repetition >= repeat.times:
         return False
@@ -403,7 +403,7 @@ def is_to_repeat(board: Board, task: TaskRun) -> bool:
 
 
 def begin_repetition(board: Board, task: TaskRun, now_s: float) -> bool:
-    """Has all actions of a task wait for their turn again; whether that was done: a paused task does not begin anew."""
+    """Resets all actions of a task to waiting; returns whether it did: a paused task is not repeated."""
     assert task.repeat is not None
     if task.state is not ActionState.RUNNING:
         return False

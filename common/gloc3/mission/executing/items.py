@@ -30,11 +30,11 @@ class MissionItem:
         self.state = ActionState.WAITING
         self.reason = ""
         self.starts = 0
-        """How often it was begun, since an operator last said retry."""
+        """Number of starts since an operator's last retry."""
         self.is_settled = False
-        """Failed, and gone on with all the same, by a policy `continue`."""
+        """Failed, and continued by the policy `continue`."""
         self.paused_by = ""
-        """The level whose pause it is in."""
+        """Level whose pause it is in."""
         self._ran_s = 0.0
         self._since_s: float | None = None
         self._waited_s = 0.0
@@ -46,12 +46,12 @@ class MissionItem:
 
     @property
     def has_ended(self) -> bool:
-        """Whether what comes after it may begin."""
+        """Whether items after it may start."""
         return self.state in _OVER or (self.state is ActionState.FAILED and self.is_settled)
 
     @property
     def is_open(self) -> bool:
-        """Whether it has begun and not ended."""
+        """Whether it has started and not ended."""
         return self.state in (ActionState.RUNNING, ActionState.PAUSED)
 
     @property
@@ -74,13 +74,13 @@ class MissionItem:
         return self._ran_s + (now_s - self._since_s if self._since_s is not None else 0.0)
 
     def reaches_s(self, duration_s: float | None) -> float:
-        """When it will have been running for so long, if it goes on; infinite while it does not run."""
+        """When it will have been running for `duration_s`; infinite while it does not run."""
         if duration_s is None or self._since_s is None:
             return inf
         return self._since_s + duration_s - self._ran_s
 
     def due_s(self) -> float:
-        """When its deadline passes, if it goes on running; a wait for its guard counts."""
+        """When its deadline passes if it continues to run; waiting for its guard counts."""
         return self.reaches_s(self.deadline_s if self.deadline_s is None else self.deadline_s - self._waited_s)
 
     def waited_s(self, now_s: float) -> float:
@@ -98,7 +98,7 @@ class MissionItem:
         self._waited_s, self._waits_since_s = self.waited_s(now_s), None
 
     def wait_limit_s(self, unknown_s: float) -> float:
-        """How long it waits for its guard at most; `unknown_s` where it waits only for what is not measured."""
+        """Longest wait for its guard; `unknown_s` where it waits only for a quantity that is not measured."""
         is_waiting = self.options.otherwise == "wait" and self.deadline_s is not None
         return self.deadline_s if is_waiting and self.deadline_s is not None else unknown_s
 
@@ -109,7 +109,7 @@ class MissionItem:
         return self._waits_since_s + self.wait_limit_s(unknown_s) - self._waited_s
 
     def move(self, trigger: StateTrigger, now_s: float, reason: str = "") -> None:
-        """Goes on by the table.
+        """Changes the state by the table.
 
         Raises:
             Refused: the table has no such row.
@@ -137,7 +137,7 @@ class MissionItem:
         )
 
     def restore(self, kept: ItemSnapshot, now_s: float) -> None:
-        """Becomes what was kept."""
+        """Restores the state from a snapshot."""
         self.state, self.reason, self.starts = kept.state, kept.reason, kept.starts
         self.is_settled, self.paused_by, self._ran_s = kept.is_settled, kept.paused_by, kept.ran_s
         self._waited_s = kept.waited_s
@@ -174,7 +174,7 @@ class ActionRun(MissionItem):
         return structs.replace(super().snapshot(now_s), progress=self.progress, is_planned=self.action.is_planned)
 
     def restore(self, kept: ItemSnapshot, now_s: float) -> None:
-        """Becomes what was kept."""
+        """Restores the state from a snapshot."""
         super().restore(kept, now_s)
         self.progress = kept.progress
 
@@ -188,18 +188,18 @@ class TaskRun(MissionItem):
         super().__init__(task.name, task.options, task.options.deadline_s)
         self.program: Final = program
         self.elsewhere: Final = (task.options.platform or "") if task.is_elsewhere else ""
-        """The other platform that performs it; empty for one of ours."""
+        """The other platform that performs it; empty for this platform's own."""
         self.actions: Final[dict[str, ActionRun]] = {
             action.name: ActionRun(self, action, program.rows[action.ability]) for action in task.actions.values()
         }
         self.blemish = ""
-        """Why it is going to end as failed, although it goes on."""
+        """Reason for which it will end as failed, although it continues."""
         self.repeat: Final = task.options.repeat
         self.repetition = 0
-        """The time for which it is being done, from 1; 0 where it is not repeated, or has not begun."""
+        """Current repetition, from 1; 0 where it is not repeated, or has not started."""
 
     def move(self, trigger: StateTrigger, now_s: float, reason: str = "") -> None:
-        """Goes on by the table."""
+        """Changes the state by the table."""
         super().move(trigger, now_s, reason)
         if trigger is StateTrigger.START and self.repeat is not None:
             self.repetition = max(self.repetition, 1)
@@ -209,12 +209,12 @@ class TaskRun(MissionItem):
         return structs.replace(super().snapshot(now_s), repetition=self.repetition)
 
     def restore(self, kept: ItemSnapshot, now_s: float) -> None:
-        """Becomes what was kept."""
+        """Restores the state from a snapshot."""
         super().restore(kept, now_s)
         self.repetition = kept.repetition
 
     def adopt(self, state: ActionState, reason: str, *, is_settled: bool) -> bool:
-        """Takes what is told of a task of another platform; one that was skipped here stays so.
+        """Adopts the reported state of another platform's task; one that was skipped here stays skipped.
 
         Returns:
             Whether anything has changed.
@@ -226,7 +226,7 @@ class TaskRun(MissionItem):
 
 
 class MissionProgram(MissionItem):
-    """The loaded mission, or a single task or action that was asked for."""
+    """The loaded mission, or a single requested task or action."""
 
     level = "mission"
 
@@ -239,7 +239,7 @@ class MissionProgram(MissionItem):
 
     @property
     def is_mission(self) -> bool:
-        """Whether it is the loaded mission, whose policies govern."""
+        """Whether it is the loaded mission, whose policies apply."""
         return self.name == MISSION
 
     @property
@@ -253,7 +253,7 @@ class MissionProgram(MissionItem):
         return tuple(dict.fromkeys(task.elsewhere for task in self.tasks.values() if task.elsewhere))
 
     def awaited(self) -> dict[str, list[TaskRun]]:
-        """By other platform: its tasks that one of ours waits for, while nothing of ours is left before these."""
+        """By other platform: its tasks that one of this platform's waits for, with no other own task left before it."""
         found: dict[str, list[TaskRun]] = {}
         judged: dict[str, bool] = {}
         for task in self.own_tasks:

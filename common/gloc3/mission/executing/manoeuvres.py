@@ -12,11 +12,11 @@ from gloc3.mission.model.policy import SEVERITY, Policy
 from gloc3.mission.model.states import ENDED, ActionState, StateTrigger
 
 AGAIN_S: Final = 1.0
-"""A landing that cannot be begun is tried again after this time, for as long as it takes."""
+"""Interval between attempts of a landing that cannot be started, without a limit on their number, s."""
 DIRECT_S: Final = 3.0
 """After so long without the components that land, the autopilot is asked for its own landing directly."""
 TIMEOUT_S: Final = 2.0
-"""A return outlives the loss of what it needs for this long; then it becomes a landing here."""
+"""How long a return survives the loss of a requirement, s; then it becomes a landing in place."""
 
 _CAPABILITY: Final[dict[Policy, tuple[str, Arguments]]] = {
     Policy.RETURN: ("return_home", ReturnHome()),
@@ -33,15 +33,15 @@ def apply(
     *,
     is_ordered: bool = False,
 ) -> None:
-    """Carries out `hold`, `return` or `land`, unless a more severe policy is being carried out already.
+    """Executes `hold`, `return` or `land`, unless a more severe policy is active.
 
     Args:
         board: the executor's state.
-        policy: what is to be done.
-        cause: why.
+        policy: the policy.
+        cause: the reason.
         now_s: the time.
-        trigger: what becomes of a mission that a return or landing ends: failed or aborted.
-        is_ordered: an operator wants it: it goes before any policy, and holds for as long as he likes.
+        trigger: state of a mission ended by a return or landing: failed or aborted.
+        is_ordered: requested by an operator: it takes precedence over any policy, and a hold has no time limit.
     """
     current = board.manoeuvre
     if current is not None and not is_ordered and SEVERITY[current.policy] >= SEVERITY[policy]:
@@ -69,14 +69,14 @@ def apply(
 
 
 def continue_policy(board: Board, policy: Policy, cause: str, land_at_s: float | None, now_s: float) -> None:
-    """Continues the policy of before a restart; the restart does not prolong a hold.
+    """Continues the policy from before a restart; the restart does not prolong a hold.
 
     Args:
         board: the executor's state.
-        policy: what was being done.
-        cause: why.
-        land_at_s: of a hold, when it was to end in a landing, by a clock that may have begun anew since; None where an
-            operator ordered it.
+        policy: the policy.
+        cause: the reason.
+        land_at_s: for a hold, when it ends in a landing, by a clock that may have restarted since; None where an
+            operator requested it.
         now_s: the time.
     """
     apply(board, policy, cause, now_s)
@@ -94,7 +94,7 @@ def _is_stopped_by_hold(program: MissionProgram) -> bool:
 
 
 def end_program(board: Board, program: MissionProgram, trigger: StateTrigger, now_s: float, reason: str) -> None:
-    """Ends a program with all that is in it, if it is under way."""
+    """Ends a running program with all its items."""
     if program.is_open:
         board.end_all(program, StateTrigger.ABORT, now_s, reason)
         board.move(program, trigger, now_s, reason)
@@ -112,7 +112,7 @@ def stop(board: Board, now_s: float) -> None:
 
 
 def dismiss(board: Board, now_s: float) -> None:
-    """Ends a policy's hold because an operator acts; the hold controller keeps the vehicle until he goes on."""
+    """Ends a policy's hold because an operator acts; the hold controller keeps the vehicle until it continues."""
     manoeuvre = board.manoeuvre
     if manoeuvre is not None and manoeuvre.policy is Policy.HOLD and manoeuvre.program is None:
         stop(board, now_s)
@@ -124,7 +124,7 @@ def clear(board: Board, now_s: float) -> None:
 
 
 def advance(board: Board, now_s: float) -> None:
-    """Begins the manoeuvre's next action, or lands after a hold in which nobody has acted."""
+    """Starts the manoeuvre's next action, or lands after a hold without an operator's action."""
     manoeuvre = board.manoeuvre
     if manoeuvre is None or manoeuvre.program is not None:
         return
@@ -157,7 +157,7 @@ def advance(board: Board, now_s: float) -> None:
 
 
 def lost_at_s(board: Board) -> float:
-    """When the return that is under way is given up for the want of something; never, if it lacks nothing."""
+    """When the current return is given up for lack of a requirement; infinite if it lacks none."""
     manoeuvre = board.manoeuvre
     if manoeuvre is None or manoeuvre.assignment is None or manoeuvre.policy is not Policy.RETURN:
         return inf
@@ -165,7 +165,7 @@ def lost_at_s(board: Board) -> float:
 
 
 def ended(board: Board, assignment: Assignment, state: ActionState, reason: str, now_s: float) -> None:
-    """A manoeuvre's action has ended, or failed in any way."""
+    """Handles the end or failure of a manoeuvre's action."""
     manoeuvre = board.manoeuvre
     if manoeuvre is None or manoeuvre.assignment is not assignment or state not in ENDED:
         return

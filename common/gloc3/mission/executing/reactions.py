@@ -17,13 +17,13 @@ from gloc3.mission.model.policy import MANOEUVRES, SEVERITY, Policy, resolved
 from gloc3.mission.model.states import ActionState, StateTrigger
 
 CONTINGENCY: Final = "contingency"
-"""The name of the program that is a contingency under way."""
+"""Name of the program of an active contingency."""
 KEEP_SILENCE_S: Final = 30.0
-"""While a silence is planned it is kept on disk so often how far it has come, for restarts of the computer."""
+"""Interval at which the progress of a planned silence is written to disk, s, for restarts of the computer."""
 
 
 def set_condition(board: Board, condition: PolicyCondition, is_on: bool, reason: str, now_s: float) -> None:
-    """Notes whether a condition holds; its policy is carried out once, when it arises."""
+    """Sets or clears a condition; its policy is executed once, when it arises."""
     if is_on == (condition in board.conditions):
         return
     if is_on:
@@ -84,10 +84,10 @@ def _wanted(board: Board, condition: PolicyCondition) -> str | Contingency:
 
 
 def begin_contingency(board: Board, wanted: Contingency, cause: str, now_s: float) -> bool:
-    """Has a contingency run.
+    """Starts a contingency.
 
     Returns:
-        Whether it was answered: it runs, or something more severe is under way. If not, its `then` is to be done.
+        Whether it was handled: it runs, or a more severe policy is active. If not, the caller has to apply its `then`.
     """
     mission = board.mission
     task = mission.mission.contingencies.get(wanted.task) if mission is not None else None
@@ -111,20 +111,20 @@ def begin_contingency(board: Board, wanted: Contingency, cause: str, now_s: floa
 
 
 def contingency_manoeuvre(program: MissionProgram, wanted: Contingency, cause: str) -> PolicyManoeuvre:
-    """The contingency as what is being carried out."""
+    """The policy manoeuvre for a contingency."""
     manoeuvre = PolicyManoeuvre(answer(wanted), cause)
     manoeuvre.contingency, manoeuvre.program = wanted, program
     return manoeuvre
 
 
 def has_contingency_ended(board: Board) -> bool:
-    """Whether the contingency that was under way has ended."""
+    """Whether the active contingency has ended."""
     manoeuvre = board.manoeuvre
     return manoeuvre is not None and manoeuvre.program is not None and not manoeuvre.program.is_open
 
 
 def end_contingency(board: Board, now_s: float) -> bool:
-    """Does what comes after a contingency that has ended; whether the mission is to go on where it was paused."""
+    """Applies the follow-up of a contingency that has ended; returns whether the mission is to be resumed."""
     manoeuvre = board.manoeuvre
     assert manoeuvre is not None
     assert manoeuvre.contingency is not None
@@ -142,10 +142,11 @@ def end_contingency(board: Board, now_s: float) -> bool:
 
 
 def watch_link(board: Board, silent_s: float, now_s: float) -> None:
-    """Judges the time since the last message from the station in control: planned, overdue or lost.
+    """Evaluates the time since the last message from the station in control: planned, overdue or lost.
 
-    The silence lasts until its time, also where the holder is heard meanwhile: he may be heard only for a moment. It ends
-    before when he is heard after the mission has ended. Who is silent at its time is overdue until he is heard.
+    The planned silence lasts until its end time, also if the holder is received meanwhile, perhaps only for a moment.
+    It ends earlier if the holder is received after the mission has ended. A holder that is silent at the end time is
+    overdue until received again.
     """
     after_s = board.policies.link_loss_after_s
     is_silent, planned = silent_s >= after_s, board.silence
@@ -164,7 +165,7 @@ def watch_link(board: Board, silent_s: float, now_s: float) -> None:
 
 
 def _end_silence(board: Board) -> None:
-    """From now on a lost link is a fault again."""
+    """Ends the planned silence: a lost link is a fault again."""
     if board.silence is not None:
         board.silence = None
         board.is_changed = True
@@ -172,7 +173,7 @@ def _end_silence(board: Board) -> None:
 
 
 def restored_silence(kept: PlannedSilence | None, now_s: float) -> PlannedSilence | None:
-    """What was kept, after a restart: never longer than it was stated, even where the clock has begun anew."""
+    """Planned silence after a restart: never longer than stated, even if the clock has restarted."""
     if kept is None:
         return None
     stated_s = kept.until_s - kept.began_s
@@ -181,5 +182,5 @@ def restored_silence(kept: PlannedSilence | None, now_s: float) -> PlannedSilenc
 
 
 def _is_silence_going_on(board: Board, planned: PlannedSilence) -> bool:
-    """Whether the mission, or the single command, that stated it goes on."""
+    """Whether the mission or single command that stated it is still running."""
     return any(program.is_open and program.find(planned.target) is not None for program in board.programs.values())

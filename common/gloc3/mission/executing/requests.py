@@ -13,7 +13,7 @@ class Request(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Persist(Request, frozen=True, kw_only=True):
-    """Put this on disk before anything that follows is carried out or reported."""
+    """Write this to disk before any following request is executed or reported."""
 
     snapshot: Snapshot
 
@@ -22,7 +22,7 @@ class Grant(Request, frozen=True, kw_only=True):
     """Motion has a new owner; publish it, now and periodically, until the next one."""
 
     action_id: str
-    """`hold` where no action owns motion and the hold controller keeps the vehicle; empty: nobody may move it."""
+    """`hold` where no action owns motion and the hold controller keeps the vehicle; empty: no component may move it."""
     component: str
 
 

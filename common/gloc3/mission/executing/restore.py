@@ -22,15 +22,15 @@ _RESTART = "restart"
 def restore(
     platform: Platform, snapshot: Snapshot, read: Callable[[str], Mission], is_airborne: bool, now_s: float
 ) -> MissionExecutor:
-    """An executor that goes on where the last one was.
+    """Creates an executor that continues from a snapshot.
 
-    In the air the mission's `on_restart` is carried out; on the ground it waits, paused, for an operator: a restart
-    never arms the vehicle. Single commands are not taken up again. A pilot who had control keeps it.
+    In the air the mission's `on_restart` is executed; on the ground the mission waits, paused, for an operator: a
+    restart never arms the vehicle. Single commands are not resumed. A pilot who had control keeps it.
 
     Args:
         platform: the platform.
-        snapshot: what was persisted last.
-        read: makes a mission of a text that was checked before.
+        snapshot: the last persisted state.
+        read: parses a mission that was checked before.
         is_airborne: whether the vehicle is in the air.
         now_s: the time.
     """
@@ -78,7 +78,7 @@ def restore(
 
 
 def _goes_on(board: Board, snapshot: Snapshot, is_airborne: bool) -> bool:
-    """Whether a contingency that was under way is taken up again; if not, what it ends in is done."""
+    """Whether an active contingency is resumed; if not, its follow-up is applied."""
     is_wanted = snapshot.contingency is not None and not snapshot.has_pilot
     return is_wanted and is_airborne and Policy(board.policies.on_restart) is Policy.CONTINUE
 
@@ -91,7 +91,7 @@ def _continue_policy(executor: MissionExecutor, contingency: MissionProgram, now
 
 
 def _bring_back(program: MissionProgram, kept: ProgramSnapshot, now_s: float) -> None:
-    """The states as they were; what was running is paused, since no component has it any more."""
+    """Restores the states; running items are paused, because no component performs them any more."""
     program.restore(kept.own, now_s)
     for item in program.items():
         if item.target in kept.items:

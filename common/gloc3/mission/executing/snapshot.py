@@ -14,18 +14,18 @@ class ItemSnapshot(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     state: ActionState
     reason: str = ""
     starts: int = 0
-    """How often it was begun."""
+    """Number of starts."""
     ran_s: float = 0.0
     """How long it was running, pauses left out."""
     progress: float = 0.0
     is_settled: bool = False
-    """Failed, and gone on with all the same."""
+    """Failed, and continued nevertheless."""
     paused_by: str = ""
-    """The level whose pause it is in."""
+    """Level whose pause it is in."""
     waited_s: float = 0.0
     """How long it has been waiting for its guard."""
     is_planned: bool = False
-    """Of an action that the autopilot flies as a plan, in a mode that it goes on in by itself."""
+    """Of an action that the autopilot flies as a plan, in a mode that continues without the companion."""
     repetition: int = 0
     """Of a task that is repeated: the time for which it is being done."""
 
@@ -43,41 +43,41 @@ class ProgramSnapshot(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PlannedSilence(msgspec.Struct, frozen=True, kw_only=True):
-    """A silence that the mission has announced, and that has begun."""
+    """A planned silence of the mission that has begun."""
 
     target: str
     """The `TASK` or `TASK.ACTION` that states it."""
     began_s: float
     until_s: float
-    """When contact is due, on the platform's clock."""
+    """When contact is due, in platform time."""
 
 
 class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     """The executor at one moment."""
 
     count: int
-    """Of the action ids given so far: they are never used twice."""
+    """Number of action ids assigned so far: they are never reused."""
     programs: list[ProgramSnapshot]
     policy: Policy | None = None
     """The policy that is being carried out."""
     cause: str = ""
     """Why."""
     land_at_s: float | None = None
-    """With `hold`: when it ends in a landing, by the clock of the process that kept it; None where an operator orders
-    it, who decides."""
+    """With `hold`: when it ends in a landing, by the clock of the process that saved it; None for a hold requested by
+    an operator, who ends it."""
     has_pilot: bool = False
-    """A pilot has control, and no operator has said resume since."""
+    """A pilot has control, and no operator has resumed since."""
     silence: PlannedSilence | None = None
-    """The planned silence that had begun; its times are those of the process that kept it."""
+    """The planned silence under way; its times are those of the process that saved it."""
     contingency: Contingency | None = None
-    """The contingency that was under way; `policy` is what it ends in."""
+    """The active contingency; `policy` is its follow-up."""
     kept_s: float = 0.0
     """When this was kept, by the clock of the process that kept it."""
 
     def of_earlier_start(self) -> "Snapshot":
-        """As it is after a restart of the computer, whose clock counts from then on: what was left is left still.
+        """The snapshot after a restart of the computer, whose clock starts at 0: remaining times are kept.
 
-        So a computer that is started again and again does not put off what is due.
+        So repeated restarts of the computer do not postpone due times.
         """
         silence, land_at_s = self.silence, self.land_at_s
         if silence is not None:

@@ -32,7 +32,7 @@ def resume(board: Board, item: MissionItem, now_s: float) -> None:
     """Resumes a paused item.
 
     Raises:
-        Refused: it cannot go on now; nothing has changed.
+        Refused: it cannot be resumed now; nothing has changed.
     """
     if board.has_pilot:
         raise Refused(f"{board.controller} has control; resume the mission to take it back")
@@ -144,7 +144,7 @@ def check_resumable(board: Board, item: MissionItem) -> None:
 
 
 def go_on(board: Board, item: MissionItem, now_s: float) -> None:
-    """Resumes an item, what was paused with it, and tries again what has failed in it."""
+    """Resumes an item and everything paused with it, and retries failed items in it."""
     by = item.paused_by
     runs = _paused_in(item)
     if isinstance(item, MissionProgram):

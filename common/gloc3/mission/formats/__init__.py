@@ -56,14 +56,14 @@ def written_text(path: Path) -> str:
 
 
 def mission_text(name: str, speed_limit_m_s: float | None = None) -> tuple[str, str, list[Finding]]:
-    """The text of any mission: an example by name, a mission file with its libraries, or a plan that is converted.
+    """Mission text of an example by name, a mission file with its libraries, or a converted plan.
 
     Args:
         name: a path, or the name of an example.
-        speed_limit_m_s: the platform's; plans that want more are flown at this speed.
+        speed_limit_m_s: the platform's; faster plans are flown at this speed.
 
     Returns:
-        The file's name, the YAML, and warnings about what a conversion left out.
+        The file's name, the YAML, and warnings about parts that a conversion left out.
 
     Raises:
         InputError: it cannot be read or converted; with the reasons.
@@ -78,16 +78,16 @@ def mission_text(name: str, speed_limit_m_s: float | None = None) -> tuple[str, 
 def exported(
     mission: Mission, suffix: str, file: str, frames: Mapping[str, LocalFrame] | None = None
 ) -> tuple[str, list[Finding]]:
-    """A mission as a file of another kind.
+    """Exports a mission to another file format.
 
     Args:
-        mission: what was read.
-        suffix: of the file that is made.
-        file: what the findings call the mission.
-        frames: local frames whose place on Earth is known; a mission in another cannot become a plan.
+        mission: the mission.
+        suffix: of the output file.
+        file: name of the mission in findings.
+        frames: local frames with a known origin on Earth; a mission in another frame cannot become a plan.
 
     Returns:
-        The text, and warnings about what the other kind of file cannot carry.
+        The text, and warnings about parts that the output format cannot express.
 
     Raises:
         InputError: it cannot be expressed there; with the reasons.

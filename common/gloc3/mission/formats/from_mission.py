@@ -36,17 +36,17 @@ _NO_PARAMS: Final = (0.0, 0.0, 0.0, None)
 
 
 def from_mission(mission: Mission, file: str) -> tuple[ForeignPlan, list[Finding]]:
-    """The plan that flies the same way as a mission.
+    """Converts a mission to a plan with the same path.
 
     Args:
-        mission: what was read.
-        file: what the findings call it.
+        mission: the mission.
+        file: name of the mission in findings.
 
     Returns:
-        The plan, and warnings about what was left out.
+        The plan, and warnings about parts that were left out.
 
     Raises:
-        InputError: the mission is not in frame geo, or something that moves the vehicle cannot be expressed.
+        InputError: the mission is not in frame geo, or an action that moves the vehicle cannot be expressed.
     """
     return _Converter(mission, file).plan()
 

@@ -22,9 +22,9 @@ class MavItem(msgspec.Struct, frozen=True, kw_only=True):
     y: float | None = 0.0
     """Longitude in degrees, or param6."""
     z: float | None = 0.0
-    """Altitude in metres above what the frame says, or param7."""
+    """Altitude in metres above the frame's reference, or param7."""
     is_continued: bool = True
-    """Whether the next item follows by itself."""
+    """Whether the next item follows automatically."""
     is_current: bool = False
 
 
@@ -33,7 +33,7 @@ class PlanEntry(msgspec.Struct, frozen=True, kw_only=True):
 
     items: tuple[MavItem, ...]
     raw: dict[str, Any] | None = None
-    """As it stands in the file, for writing it back without loss."""
+    """As read from the file, for writing it back without loss."""
 
 
 class FenceArea(msgspec.Struct, frozen=True, kw_only=True):

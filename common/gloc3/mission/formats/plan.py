@@ -1,4 +1,4 @@
-"""`.plan` files of QGroundControl, read as MAVLink items and written; what was read from one stands in it again as it was."""
+"""QGroundControl's `.plan` files, read as MAVLink items and written; entries read from a file are written unchanged."""
 
 import json
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEnt
 from gloc3.mission.formats.plan_source import SAVE_AGAIN, PlanSource, is_number, is_whole, number, rows, whole
 
 EXPANDABLE: Final = {"survey": (3, 4, 5), "CorridorScan": (2, 3)}
-"""Complex items that store the items that they stand for, with the versions that are known."""
+"""Complex items that contain their expanded items, with the supported versions."""
 
 _OWN_KEYS: Final = ("items", "plannedHomePosition", "cruiseSpeed", "hoverSpeed", "firmwareType", "vehicleType")
 
@@ -25,7 +25,7 @@ def read_plan(data: bytes | str, file: str) -> ForeignPlan:
 
 
 class _Reader:
-    """Reads one file, and collects what is wrong in it."""
+    """Reads one file and collects its errors."""
 
     def __init__(self, source: PlanSource) -> None:
         self._source = source
@@ -87,9 +87,7 @@ class _Reader:
         versions = EXPANDABLE.get(kind) if isinstance(kind, str) else None
         if versions is None:
             hint = "replace it by a survey or by waypoints"
-            self._source.find(
-                (*where, "complexItemType"), f"item {number}, a {kind}, does not store the items it stands for", hint
-            )
+            self._source.find((*where, "complexItemType"), f"item {number}, a {kind}, does not store its items", hint)
             return None
         if version not in versions:
             message = f"item {number}: a {kind} of version {version!r} is not supported, only {_listed(versions)}"
@@ -98,7 +96,7 @@ class _Reader:
         transect = item.get("TransectStyleComplexItem")
         stored = transect.get("Items") if isinstance(transect, dict) else None
         if not isinstance(stored, list) or not stored:
-            message = f"item {number}, a {kind}, lacks the items it stands for (TransectStyleComplexItem.Items)"
+            message = f"item {number}, a {kind}, lacks its items (TransectStyleComplexItem.Items)"
             self._source.find(where, message, SAVE_AGAIN)
             return None
         inner = (*where, "TransectStyleComplexItem", "Items")
@@ -178,7 +176,7 @@ class _Reader:
 
 
 def _without_own(value: dict[str, Any]) -> dict[str, Any]:
-    """What else stands in a file, beside what the model holds."""
+    """Other contents of a file, besides those in the model."""
     raw = {key: inner for key, inner in value.items() if key not in ("mission", "geoFence", "rallyPoints", "version")}
     raw["mission"] = {key: inner for key, inner in value["mission"].items() if key not in _OWN_KEYS}
     for key, own in (("geoFence", ("circles", "polygons", "version")), ("rallyPoints", ("points", "version"))):
@@ -192,7 +190,7 @@ def _listed(versions: Sequence[int]) -> str:
 
 
 def write_plan(plan: ForeignPlan) -> str:
-    """The `.plan` file; what was read from one stands in it again as it was."""
+    """Writes a `.plan` file; entries that were read from one are written unchanged."""
     raw = plan.raw or {}
     mission: dict[str, Any] = {
         "cruiseSpeed": plan.cruise_speed_m_s if plan.cruise_speed_m_s is not None else 5.0,

@@ -12,7 +12,7 @@ SAVE_AGAIN: Final = "open it in a current QGroundControl and save it again"
 
 
 class PlanSource:
-    """One file, with what is found wrong in it."""
+    """One file, with its findings."""
 
     def __init__(self, data: bytes | str, file: str) -> None:
         self._data = data
@@ -43,7 +43,7 @@ class PlanSource:
             ) from error
 
     def find(self, where: Where, message: str, hint: str = "") -> None:
-        """Notes what is wrong at a path."""
+        """Adds a finding at a path."""
         if self._document is None:
             try:
                 self._document = parse(self._data, self._file)

@@ -40,25 +40,25 @@ LEFT_OUT: Final = {
     2500: "VIDEO_START_CAPTURE",
     2501: "VIDEO_STOP_CAPTURE",
 }
-"""Commands that do not move the vehicle: a mission without them is flown the same way."""
+"""Commands that do not move the vehicle: a mission without them has the same path."""
 
 
 def to_mission(
     plan: ForeignPlan, name: str, file: str, speed_limit_m_s: float | None = None
 ) -> tuple[str, list[Finding]]:
-    """The text of a mission that flies the same way as a plan.
+    """Converts a plan to the text of a mission with the same path.
 
     Args:
-        plan: what was read.
+        plan: the plan.
         name: of the mission.
-        file: what the findings call the plan.
+        file: name of the plan in findings.
         speed_limit_m_s: the platform's; faster parts are flown at this speed.
 
     Returns:
-        The YAML, and warnings about what was left out or changed.
+        The YAML, and warnings about parts that were left out or changed.
 
     Raises:
-        InputError: something that moves the vehicle, or limits it, cannot be expressed.
+        InputError: an item that moves or limits the vehicle cannot be expressed.
     """
     return _Converter(plan, name, file, speed_limit_m_s).mission()
 

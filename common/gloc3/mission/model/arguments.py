@@ -40,26 +40,26 @@ DEFAULT_SPEED_M_S: Final = 1.0
 
 
 def speed_of(limits: Limits | None) -> float:
-    """The speed of ways that say none."""
+    """Default speed of paths."""
     if limits is None:
         return DEFAULT_SPEED_M_S
     return limits.survey_speed_m_s or min(DEFAULT_SPEED_M_S, limits.speed_m_s)
 
 
 class Arguments(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
-    """The base of the arguments of an action: what it takes, and what it costs in resources, way, time and energy."""
+    """Base of an action's arguments: its parameters, and its cost in resources, path, time and energy."""
 
     moves: ClassVar[bool] = False
     """Whether the action moves the vehicle, or keeps it in place on purpose."""
     resources: ClassVar[tuple[str, ...]] = ()
     """What it always needs for itself while it runs; a platform's row must claim them. `motion`, where it moves."""
     power_w: ClassVar[float] = 0.0
-    """What its device draws while it runs, beside what the vehicle takes, in watts."""
+    """Consumption of its device while it runs, in addition to the vehicle's, in watts."""
 
     one_of: ClassVar[tuple[tuple[str, ...], ...]] = ()
-    """Groups of arguments of which exactly one must be given."""
+    """Groups of arguments of which exactly one is required."""
     example: ClassVar[str] = "{}"
-    """What may stand for it in a mission file, in YAML, in a local frame."""
+    """Example arguments in a mission file, in YAML, in a local frame."""
 
     def __post_init__(self) -> None:
         for group in self.one_of:
@@ -76,14 +76,14 @@ class Arguments(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
     @property
     def is_endless(self) -> bool:
-        """Whether the action goes on until it is told to end."""
+        """Whether the action runs until it is ended from outside."""
         return False
 
     def filled(self, limits: Limits | None) -> "Arguments":
-        """With what is left to the platform; None where that is not known.
+        """Arguments with the platform's defaults filled in; `limits` is None for an unknown platform.
 
         Raises:
-            Refused: the platform's file does not say it.
+            Refused: the platform's file does not define one.
         """
         del limits
         return self
@@ -98,12 +98,12 @@ class Arguments(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         return self
 
     def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[FlightLeg, ...]:
-        """The way that the vehicle makes, of an order; none for actions that do not move it."""
+        """Path of the vehicle for an order; none for actions that do not move it."""
         del start_ned_m, budget
         return ()
 
     def time_needed_s(self, start_ned_m: Vector3, budget: Budget) -> float:
-        """How long an order takes, as far as it ends by itself."""
+        """Duration of an order, as far as it ends without intervention."""
         return sum(leg.duration_s for leg in self.legs(start_ned_m, budget))
 
 
@@ -116,7 +116,7 @@ class LookAt(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 Degrees = Annotated[float, msgspec.Meta(ge=-360.0, le=360.0)]
 Heading = Literal["along", "hold"] | Degrees | LookAt
-"""Along the way, as it is, degrees clockwise from north (in every frame), or towards a point."""
+"""Along the path, unchanged, degrees clockwise from north (in every frame), or towards a point."""
 
 
 class HeadingOrder(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -152,7 +152,7 @@ class TakeOff(SetOff, frozen=True, kw_only=True):
     example = "{height_m: 1.5}"
 
     height_m: Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)]
-    """Height above the place where the vehicle stands."""
+    """Height above the vehicle's position on the ground."""
 
     def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[FlightLeg, ...]:
         """Straight up, and the seconds that arming takes."""
@@ -165,7 +165,7 @@ class TakeOff(SetOff, frozen=True, kw_only=True):
 
 
 class DriveOff(SetOff, frozen=True, kw_only=True):
-    """Arm (where that is allowed), on the ground or on the water, and wait to be led."""
+    """Arm (where allowed), on the ground or on the water, and wait for setpoints."""
 
     def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[FlightLeg, ...]:
         """The seconds that arming takes."""
@@ -196,7 +196,7 @@ class LandOrder(Arguments, frozen=True, kw_only=True):
     moves = True
 
     at_ned_m: Vector3 | None = None
-    """The place to land at, whose height is ignored; None for right here."""
+    """The point to land at, whose height is ignored; None for the current position."""
 
     def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[FlightLeg, ...]:
         """To above the place, then down to the height of home."""
@@ -228,7 +228,7 @@ class Hold(Arguments, frozen=True, kw_only=True):
     example = "{duration_s: 10}"
 
     duration_s: Seconds | None = None
-    """How long; None for until it is told to end."""
+    """Duration; None to hold until it is ended."""
 
     @property
     def is_endless(self) -> bool:
@@ -256,7 +256,7 @@ class VtolTransition(Arguments, frozen=True, kw_only=True):
 
 
 LONGEST_BY_HAND_S: Final = 1800.0
-"""Steering by hand without a stated duration ends after so long."""
+"""Default limit of manual control without a stated duration."""
 COUNTED_BY_HAND_S: Final = 60.0
 """So much of it is counted in the estimate."""
 
@@ -358,8 +358,8 @@ class FollowWaypoints(_Flight, frozen=True, kw_only=True):
     waypoints: Annotated[tuple[GeoPosition, ...], msgspec.Meta(min_length=1, max_length=10_000)] | None = None
     """`[latitude, longitude, height]` each, in frame geo."""
     wall_distance_m: KeptWallDistance = None
-    """Keep so far from the wall that the vehicle looks at: the way is moved to and fro by up to 1.5 m. Its heading should
-    be across the way (degrees, or `look_at`); it needs a laser scanner."""
+    """Keep this distance from the wall that the vehicle faces: the path is shifted by up to 1.5 m. Its heading should
+    be across the path (degrees, or `look_at`); it needs a laser scanner."""
 
     def order(self, placement: Placement) -> FollowWaypointsOrder:
         """The waypoints in NED."""
@@ -379,13 +379,13 @@ class GoTo(_Flight, frozen=True, kw_only=True):
     """`[latitude, longitude, height]`, in frame geo."""
 
     def order(self, placement: Placement) -> FollowWaypointsOrder:
-        """The position in NED, as a way of one waypoint."""
+        """The position in NED, as a path with one waypoint."""
         position = written_for(placement, self.position_m, self.position, "position")
         return self._order(None if position is None else (position,), placement, "position")
 
 
 class RecordImages(Arguments, frozen=True, kw_only=True):
-    """Take pictures by distance flown or by time, until told to end or so many are taken."""
+    """Take pictures by distance flown or by time, until it is ended or a number of them is taken."""
 
     one_of = (("every_m", "every_s"),)
     example = "{camera: ground, every_m: 0.5}"
@@ -394,9 +394,9 @@ class RecordImages(Arguments, frozen=True, kw_only=True):
     every_m: Distance | None = None
     """A picture each time that the vehicle has moved so far."""
     every_s: Annotated[float, msgspec.Meta(ge=0.02, le=3_600.0)] | None = None
-    """A picture each time that so many seconds have passed."""
+    """Interval between pictures."""
     count: Annotated[int, msgspec.Meta(ge=1, le=100_000)] | None = None
-    """The action is done after so many; None for until it is told to end."""
+    """The action is done after this number of pictures; None to continue until it is ended."""
 
     @property
     def is_endless(self) -> bool:
@@ -417,7 +417,7 @@ class Wait(Arguments, frozen=True, kw_only=True):
     duration_s: Seconds
 
     def time_needed_s(self, start_ned_m: Vector3, budget: Budget) -> float:
-        """What is asked for."""
+        """The requested duration."""
         del start_ned_m, budget
         return self.duration_s
 

@@ -1,6 +1,6 @@
-"""Conditions on the vehicle's state: guards of tasks and actions, and ends of loops. Data, not a language of text.
+"""Conditions on the vehicle's state: guards of tasks and actions, and ends of loops. Plain data, not a text language.
 
-A condition holds, does not hold, or is unknown, where something that it asks for is not measured at the moment.
+A condition holds, does not hold, or is unknown where a quantity in it is not measured at the moment.
 """
 
 from collections.abc import Iterator, Mapping
@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final
 import msgspec
 
 Readings = Mapping[str, float]
-"""What is measured now, by the names of `QUANTITIES`; what is not known is left out."""
+"""Current measurements, by the names of `QUANTITIES`; unknown ones are left out."""
 
 
 class Quantity(msgspec.Struct, frozen=True):
@@ -18,7 +18,7 @@ class Quantity(msgspec.Struct, frozen=True):
     words: str
     unit: str
     topic: str
-    """Where the command interface server samples it, in every cycle; empty for what it knows itself."""
+    """Topic that the command interface server samples in every cycle; empty for quantities that it has itself."""
     doc: str
 
 
@@ -31,7 +31,9 @@ QUANTITIES: Final[Mapping[str, Quantity]] = {
     "home_distance_m": Quantity("distance from home", "m", "pose", "Horizontal distance from home."),
     "pose_quality": Quantity("pose quality", "%", "pose", "Quality of the pose, 0 to 1."),
     "position_std_m": Quantity("position uncertainty", "m", "pose", "Horizontal standard deviation of the position."),
-    "link_silent_s": Quantity("silence of the station", "s", "", "Time since the holder of control was heard last."),
+    "link_silent_s": Quantity(
+        "silence of the station", "s", "", "Time since the last message from the holder of control."
+    ),
 }
 """By the keys of a condition."""
 
@@ -73,7 +75,7 @@ class Condition(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     position_std_m: Range | None = None
     """Horizontal standard deviation of the position."""
     link_silent_s: Range | None = None
-    """Time since the holder of control was heard last."""
+    """Time since the last message from the holder of control."""
     all: Annotated[tuple["Condition", ...], msgspec.Meta(min_length=1, max_length=20)] | None = None
     """All of them hold."""
     any: Annotated[tuple["Condition", ...], msgspec.Meta(min_length=1, max_length=20)] | None = None
@@ -97,7 +99,7 @@ class Condition(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
     @property
     def quantities(self) -> frozenset[str]:
-        """All that it asks for."""
+        """All quantities in it."""
         inner = (*(self.all or ()), *(self.any or ()), *((self.not_,) if self.not_ is not None else ()))
         own = {name for name in QUANTITIES if getattr(self, name) is not None}
         return frozenset(own).union(*(one.quantities for one in inner))

@@ -10,7 +10,7 @@ from gloc3.messages.frames import Vector3
 from gloc3.mission.model.placement import Point
 
 TOLERANCE_M: Final = 1e-3
-"""What is judged against a fence may be short of its margin by so much."""
+"""Shortfall from a fence's margin that is tolerated, m."""
 _SMALL_M: Final = 1e-9
 
 
@@ -107,7 +107,7 @@ class Fence(msgspec.Struct, frozen=True, kw_only=True):
         return room_m if self.ceiling_m is None else min(room_m, self.ceiling_m + down)
 
     def leg_clearance_m(self, start_ned_m: Vector3, end_ned_m: Vector3) -> float:
-        """The smallest clearance on a straight leg."""
+        """Smallest clearance on a straight leg."""
         start, end = start_ned_m[:2], end_ned_m[:2]
         gaps = [area.leg_distance_m(start, end) for area in self.keep_out]
         if self.area is not None:
@@ -117,7 +117,7 @@ class Fence(msgspec.Struct, frozen=True, kw_only=True):
         return min(gaps, default=inf)
 
     def walls(self, position_ned_m: Vector3) -> Iterator[tuple[float, Point]]:
-        """Distance and direction of every edge, of the area and of what is to be kept out of."""
+        """Distance and direction of every edge, of the area and of the keep-out zones."""
         areas = self.keep_out if self.area is None else (self.area, *self.keep_out)
         for area in areas:
             yield from area.walls(position_ned_m[0], position_ned_m[1])

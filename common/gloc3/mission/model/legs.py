@@ -1,4 +1,4 @@
-"""Straight pieces of a flight with the time that each takes, and what they cost by the platform's power model."""
+"""Straight legs of a path with their duration, and their energy by the platform's power model."""
 
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
@@ -90,9 +90,9 @@ def climb(start_ned_m: Vector3, end_ned_m: Vector3, budget: Budget) -> FlightLeg
 def fly(
     start_ned_m: Vector3, path_ned_m: Iterable[Vector3], speed_m_s: float, rest_s: float, budget: Budget
 ) -> tuple[FlightLeg, ...]:
-    """The pieces of a way: each at the speed asked for, no faster than the platform climbs, begun from rest.
+    """Legs of a path: each at the requested speed, limited by the platform's climb rate, starting at rest.
 
-    `rest_s` is the time that the vehicle stays at each waypoint.
+    `rest_s` is the time at each waypoint.
     """
     legs: list[FlightLeg] = []
     here = start_ned_m

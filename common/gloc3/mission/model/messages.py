@@ -1,4 +1,4 @@
-"""The function messages by which actions are started, paused, resumed and cancelled, and the report on them."""
+"""Function messages that start, pause, resume and cancel actions, and the status report."""
 
 from typing import Any
 
@@ -14,23 +14,23 @@ class ActionStart(Message, frozen=True):
     arguments: dict[str, Any] = {}
     """The order: the arguments with positions in NED, by the kind that the capability's row names."""
     progress: float = 0.0
-    """How far an earlier attempt had come (0 to 1), after a restart: the component may go on from there."""
+    """Progress of an earlier attempt (0 to 1), after a restart: the component may continue from there."""
 
 
 class ActionPause(Message, frozen=True):
-    """`action.pause`: rest, keeping what has been achieved; a motion action holds position."""
+    """`action.pause`: pause and keep what has been achieved; a motion action holds position."""
 
     action_id: str
 
 
 class ActionResume(Message, frozen=True):
-    """`action.resume`: go on after a pause."""
+    """`action.resume`: continue after a pause."""
 
     action_id: str
 
 
 class ActionCancel(Message, frozen=True):
-    """`action.cancel`: end it for good; a motion action holds position."""
+    """`action.cancel`: end the action; a motion action holds position."""
 
     action_id: str
 
@@ -50,7 +50,7 @@ class ActionStatus(Message, frozen=True):
     """0 to 1."""
     reason: str = ""
     achieved: int = 0
-    """What is not to be done again after a restart: waypoints passed, pictures taken. With each of them progress is put on
-    disk."""
+    """Count of results that must not be repeated after a restart: waypoints passed, pictures taken. Progress is written
+    to disk with each of them."""
     is_blocked: bool = False
     """An obstacle is in the way."""

@@ -1,4 +1,4 @@
-"""A mission: what its file may hold, and what is made of it, a partial order of tasks and of their actions."""
+"""Mission: the contents of its file, and the partial order of tasks and actions built from it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -27,7 +27,7 @@ PlatformName = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
 RestartPolicy = Literal["continue", "hold", "land"]
 FlownBy = Literal["companion", "autopilot"]
 FLY_PLAN: Final = "fly_plan"
-"""The capability of a platform that has its autopilot fly a way as a plan."""
+"""Capability of a platform whose autopilot can fly a path as a plan."""
 Corners = Annotated[tuple[tuple[Metres, Metres], ...], msgspec.Meta(min_length=3, max_length=200)]
 GeoCorners = Annotated[tuple[tuple[Latitude, Longitude], ...], msgspec.Meta(min_length=3, max_length=200)]
 Radius = Annotated[float, msgspec.Meta(gt=0.0, le=100_000.0)]
@@ -73,11 +73,11 @@ class GeofenceFile(AreaFile, frozen=True, kw_only=True):
 
 
 class Contingency(_Part, frozen=True, kw_only=True):
-    """The answer to a condition that is a task of its own, from `contingencies`."""
+    """Response to a condition by a task from `contingencies`."""
 
     task: Name
     then: Literal["resume", "hold", "return", "land"] = "hold"
-    """What follows it: `resume` has the mission go on where it was paused, or holds where the task has failed."""
+    """Follow-up: `resume` continues the mission where it was paused, or holds if the task has failed."""
 
     def __str__(self) -> str:
         return f"{self.task} then {self.then}"
@@ -96,7 +96,7 @@ class Policies(_Part, frozen=True, kw_only=True):
     on_failure: Policy = Policy.HOLD
     """When a task fails that says nothing itself."""
     on_link_loss: ConditionPolicy | Contingency = "hold"
-    """When nothing was heard from the holder of control for `link_loss_after_s`."""
+    """When no message from the holder of control was received for `link_loss_after_s`."""
     link_loss_after_s: Annotated[float, msgspec.Meta(ge=0.5, le=86_400.0)] = 5.0
     on_overdue: ConditionPolicy | Contingency | None = None
     """When a planned silence has lasted longer than stated; None: `on_link_loss`."""
@@ -106,10 +106,11 @@ class Policies(_Part, frozen=True, kw_only=True):
     """When an obstacle has been in the way of an action for `obstacle_after_s`."""
     obstacle_after_s: Annotated[float, msgspec.Meta(ge=0.0, le=3_600.0)] = 5.0
     on_component_fault: ConditionPolicy | Contingency = "continue"
-    """When a component is lost for good whose row has a policy; the more severe of both wins, and `land` any task."""
+    """When a component whose row has a policy is lost for good; the more severe of both applies, and `land` overrides
+    any task."""
     on_platform_loss: PlatformLossPolicy = "hold"
-    """When another platform, whose tasks are waited for, is silent or has given the mission up. `continue`: wait on;
-    `skip`: its tasks count as skipped, and what comes after them runs."""
+    """When another platform on whose tasks this one waits is silent or has given up the mission. `continue`: keep
+    waiting; `skip`: its tasks count as skipped, and the tasks after them run."""
     platform_loss_after_s: Annotated[float, msgspec.Meta(ge=1.0, le=86_400.0)] = 10.0
     on_restart: RestartPolicy = "hold"
     """When the onboard process came back in flight."""
@@ -128,7 +129,7 @@ class ItemFile(_Part, frozen=True, kw_only=True):
     """What tasks and actions both take."""
 
     after: tuple[Name, ...] = ()
-    """Siblings that must have ended before it begins."""
+    """Siblings that must have ended before it starts."""
     deadline_s: Annotated[float, msgspec.Meta(gt=0.0, le=86_400.0)] | None = None
     """It fails when it runs longer; pauses are not counted."""
     on_failure: Policy | None = None
@@ -138,7 +139,7 @@ class ItemFile(_Part, frozen=True, kw_only=True):
     retries: Retries = 0
     """Attempts after the first before `on_failure` applies; `on_failure: retry` alone means one."""
     when: Condition | None = None
-    """It begins only where this holds when its turn has come."""
+    """It starts only if this holds when its turn has come."""
     otherwise: Literal["skip", "wait", "fail"] = "skip"
     """Where `when` does not hold: `wait` until it does, but no longer than `deadline_s`, which then counts from its turn."""
 
@@ -163,11 +164,12 @@ class TaskOptions(ItemFile, frozen=True, kw_only=True):
     """What a task takes beside its actions."""
 
     platform: PlatformName | None = None
-    """The platform that performs it; in a mission for several each task names its own."""
+    """The platform that performs it; in a mission for several platforms each task names one."""
     repeat: RepeatFile | None = None
     """Done several times, all its actions each time."""
     flown_by: FlownBy = "companion"
-    """Who leads the vehicle along its ways; with `autopilot` each is uploaded as a plan that needs no companion."""
+    """What controls the vehicle on its paths; with `autopilot` each path is uploaded as a plan that needs no
+    companion."""
 
 
 Actions = Annotated[dict[Name, dict[str, Any]], msgspec.Meta(min_length=1)]
@@ -185,7 +187,7 @@ class TaskFile(TaskOptions, frozen=True, kw_only=True):
 
 
 class ParameterFile(_Part, frozen=True, kw_only=True):
-    """What a definition leaves open: `$NAME` stands for it there, as a whole value."""
+    """A parameter of a definition: `$NAME` there is replaced by its value, as a whole value."""
 
     kind: Literal["number", "whole", "text", "flag", "choice", "point", "points", "any"]
     default: Any = None
@@ -195,7 +197,7 @@ class ParameterFile(_Part, frozen=True, kw_only=True):
     at_least: float | None = None
     at_most: float | None = None
     of: tuple[str | int | float, ...] = ()
-    """With `choice`: what is possible."""
+    """With `choice`: the permitted values."""
 
     def __post_init__(self) -> None:
         if (self.kind == "choice") != bool(self.of):
@@ -259,7 +261,7 @@ class MissionFile(Policies, frozen=True, kw_only=True):
     """It fails when it runs longer; pauses are not counted."""
     geofence: GeofenceFile | None = None
     include: tuple[str, ...] | dict[str, str] = ()
-    """Libraries of definitions, relative to this file; a mission that is on its way carries their content."""
+    """Libraries of definitions, relative to this file; a mission that is sent contains their content."""
     define: dict[Name, DefinitionFile] = {}
     """Tasks to be used by name."""
     tasks: Annotated[dict[Name, TaskFile], msgspec.Meta(min_length=1)]
@@ -276,7 +278,7 @@ class Action:
     arguments: Arguments
     """As written."""
     filled: Arguments
-    """With what is left to the platform."""
+    """With the platform's defaults filled in."""
     order: Arguments
     """As the component gets it: positions in NED."""
     options: ActionFile = field(default_factory=ActionFile)
@@ -303,7 +305,7 @@ class Task:
     """Empty for a task of another platform."""
     options: TaskOptions = field(default_factory=TaskOptions)
     is_elsewhere: bool = False
-    """Another platform performs it: what comes after it here waits for what is told of it."""
+    """Another platform performs it: items after it wait for the state that is reported for it."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -325,7 +327,7 @@ class Mission:
     text: str = field(default="", compare=False)
     """The file's content, from which the same mission can be read again."""
     document: Document | None = field(default=None, compare=False, repr=False)
-    """Where everything stands in the file."""
+    """Positions of all parts in the file."""
 
     def actions(self) -> dict[str, Action]:
         """All actions by `TASK.ACTION`, in the order of the file."""
@@ -347,7 +349,7 @@ def attempts(options: ItemFile) -> int:
 
 @lru_cache(maxsize=16)
 def digest_of(text: str) -> str:
-    """A short digest of a mission's text, by which a station tells whether the platform holds the one it knows."""
+    """A short digest of a mission's text, with which a station checks that the platform holds the same mission."""
     return blake2s(text.encode(), digest_size=6).hexdigest()
 
 
@@ -358,7 +360,7 @@ def where_of(target: str) -> Where:
 
 
 def part_of(mission: Mission, name: str) -> Mission:
-    """One contingency of a mission as a mission of its own, in which a failure ends nothing but the action."""
+    """One contingency of a mission as a mission of its own, in which a failure ends only the action."""
     task = mission.contingencies[name]
     return replace(
         mission,

@@ -52,7 +52,7 @@ class Depart(SetOff, frozen=True, kw_only=True):
     """Get ready to move, whatever the vehicle is: arm, and take off, dive or drive off to the platform's survey height."""
 
     def filled(self, limits: Limits | None) -> Arguments:
-        """The way of setting off that leads to the survey height."""
+        """Departure that leads to the survey height."""
         height_m = limits.survey_height_m if limits is not None else 0.0
         if height_m is None:
             raise Refused("the platform's file states no limits.survey_height_m to depart to")
@@ -62,7 +62,7 @@ class Depart(SetOff, frozen=True, kw_only=True):
 
 
 class Arrive(Arguments, frozen=True, kw_only=True):
-    """Return to home's place, end the motion there and disarm, whatever the vehicle is.
+    """Return to home, end the motion there and disarm, for every class of vehicle.
 
     It stands for two actions, `return_home` and `land`, of which the first is named `NAME_return`.
     """
@@ -110,7 +110,7 @@ class Pattern(Arguments, frozen=True, kw_only=True):
     def _path(
         self, ground: "_Ground", places: Iterable[tuple[float, float, float]], heading: Heading
     ) -> FollowWaypoints:
-        """A way through places `(north, east, height)`, all heights in the mission's own count."""
+        """A path through positions `(north, east, height)`, all heights by the mission's reference."""
         points = tuple((*ground.written(north, east), height_m) for north, east, height_m in places)
         if len(points) > MAX_WAYPOINTS:
             raise Refused(f"it makes {len(points):,} waypoints; at most {MAX_WAYPOINTS:,} are possible")
@@ -135,7 +135,7 @@ class Pattern(Arguments, frozen=True, kw_only=True):
 
 
 class Survey(Pattern, frozen=True, kw_only=True):
-    """Lines to and fro over an area, such as a lawn-mower's; the first begins near the area's first corner."""
+    """Parallel lines back and forth over an area (lawnmower); the first begins near the area's first corner."""
 
     example = "{area_m: [[0, 0], [40, 0], [40, 30], [0, 30]], spacing_m: 5}"
     one_of = (("area_m", "area"),)
@@ -153,12 +153,12 @@ class Survey(Pattern, frozen=True, kw_only=True):
     is_crossed: bool = False
     """Flown a second time, across the first lines."""
     turn_m: Annotated[float, msgspec.Meta(ge=0.0, le=10_000.0)] | None = None
-    """Lines that follow each other are no nearer to each other; those between come later. None: room for the platform's
+    """Least distance between successive lines; lines in between are flown later. None: room for the platform's
     `turn_radius_m` on both sides."""
     heading: Heading = "along"
     """Where the nose points."""
     altitude_m: KeptAltitude = None
-    """Keep so high over the ground or the floor of the water, by the range finder that looks down."""
+    """Keep this height above the ground or the sea bed, by the downward range finder."""
 
     def filled(self, limits: Limits | None) -> Arguments:
         """With the room that the platform needs to turn, too."""
@@ -196,7 +196,7 @@ class FollowWall(Pattern, frozen=True, kw_only=True):
     wall: tuple[tuple[Latitude, Longitude], tuple[Latitude, Longitude]] | None = None
     """The wall's two ends `[latitude, longitude]`, in frame geo."""
     side: Literal["left", "right"]
-    """The side of the wall on which the vehicle is, for who looks from its first end to its second."""
+    """The side of the wall on which the vehicle is, seen from its first end to its second."""
     standoff_m: Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)]
     """Distance from the wall."""
     heights_m: tuple[Height, Height] | None = None
@@ -234,7 +234,7 @@ class FollowWall(Pattern, frozen=True, kw_only=True):
         return 2.0 * self.standoff_m * tan(radians(self.view_deg) / 2.0) * (1.0 - self.overlap)
 
     def filled(self, limits: Limits | None) -> Arguments:
-        """With the platform's height where no heights are given either."""
+        """With the platform's default height where no heights are given."""
         if self.heights_m is None:
             return super().filled(limits)
         return super(FollowWall, msgspec.structs.replace(self, height_m=self.heights_m[0])).filled(limits)
@@ -280,9 +280,9 @@ class Transit(Pattern, frozen=True, kw_only=True):
     heading: Heading = "along"
     """Where the nose points."""
     hold_s: HoldTime = 0.0
-    """Stay so long at each place."""
+    """Time to stay at each position."""
     altitude_m: KeptAltitude = None
-    """Keep so high over the ground or the floor of the water, by the range finder that looks down."""
+    """Keep this height above the ground or the sea bed, by the downward range finder."""
 
     def path(self, placement: Placement) -> FollowWaypoints:
         """The places, with a height."""
@@ -419,5 +419,5 @@ def _to_and_fro(
 
 
 def height_is_known(placement: Placement, arguments: Arguments) -> bool:
-    """Whether the platform's survey height, which counts from home, can stand for a height of the mission."""
+    """Whether the platform's survey height, which counts from home, can be used as a height of the mission."""
     return not (placement.counts_from_sea and isinstance(arguments, Pattern) and arguments.height_m is None)

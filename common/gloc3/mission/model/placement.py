@@ -24,9 +24,9 @@ class HeightAbove(StrEnum):
 
 
 class Placement(Protocol):
-    """Turns positions as written in a mission into NED in metres.
+    """Converts positions as written in a mission to NED in metres.
 
-    The origin of NED is the one that the vehicle's pose is given in.
+    The origin of NED is that of the vehicle's pose.
     """
 
     is_geo: bool
@@ -97,7 +97,7 @@ class GeoPlacement:
 
 
 def written_for(placement: Placement, local: T | None, geo: T | None, name: str) -> T | None:
-    """Picks the form of a position that the mission's frame takes: `NAME_m` in a local frame, `NAME` in geo.
+    """Selects the form of a position that the mission's frame requires: `NAME_m` in a local frame, `NAME` in geo.
 
     Raises:
         Refused: the other form is given.
@@ -105,6 +105,6 @@ def written_for(placement: Placement, local: T | None, geo: T | None, name: str)
     right, wrong = (geo, local) if placement.is_geo else (local, geo)
     if wrong is not None:
         if placement.is_geo:
-            raise Refused(f"{name}_m is for local frames; frame geo takes {name} in [latitude, longitude, height]")
-        raise Refused(f"{name} is for frame geo; a local frame takes {name}_m in [x, y, height]")
+            raise Refused(f"{name}_m is for local frames; frame geo uses {name} in [latitude, longitude, height]")
+        raise Refused(f"{name} is for frame geo; a local frame uses {name}_m in [x, y, height]")
     return right

@@ -9,9 +9,9 @@ class Policy(StrEnum):
     """An answer to a failure, or to a condition such as a lost link."""
 
     CONTINUE = "continue"
-    """Go on as if nothing had happened; what failed stays failed."""
+    """Continue; failed items stay failed."""
     SKIP = "skip"
-    """What failed counts as skipped; what comes after it runs."""
+    """The failed item counts as skipped; the items after it run."""
     RETRY = "retry"
     """What failed is started again, `retries` times; then the next level's policy applies."""
     HOLD = "hold"
@@ -32,7 +32,7 @@ SEVERITY: Final[Mapping[Policy, int]] = {
     Policy.RETURN: 4,
     Policy.LAND: 5,
 }
-"""The most severe of several wins. `abort` has no rank of its own: it becomes the mission's `on_failure`."""
+"""The most severe of several applies. `abort` has no rank of its own: it becomes the mission's `on_failure`."""
 
 MANOEUVRES: Final = (Policy.HOLD, Policy.RETURN, Policy.LAND)
 """The policies that move the vehicle."""

@@ -11,7 +11,7 @@ class ActionState(StrEnum):
     """States of actions, tasks and missions."""
 
     WAITING = "waiting"
-    """Not begun: what it comes after has not ended."""
+    """Not started: the items before it have not ended."""
     RUNNING = "running"
     PAUSED = "paused"
     """At rest, to be resumed."""
@@ -19,9 +19,9 @@ class ActionState(StrEnum):
     FAILED = "failed"
     """Ended without success; it can be tried again."""
     SKIPPED = "skipped"
-    """Left out on purpose; what comes after it runs."""
+    """Skipped on purpose; the items after it run."""
     ABORTED = "aborted"
-    """Ended for good before its time."""
+    """Ended before it was done."""
 
 
 class StateTrigger(StrEnum):
@@ -76,12 +76,12 @@ TABLE: Final[Mapping[ActionState, Mapping[StateTrigger, ActionState]]] = {
 }
 
 OURS: Final = (_T.FINISH, _T.FAIL, _T.REPEAT)
-"""The triggers that no operator gives."""
+"""Triggers that no operator sends."""
 
 ENDED: Final = (_S.DONE, _S.FAILED, _S.SKIPPED, _S.ABORTED)
-"""The states in which nothing is going on."""
+"""States in which nothing is running."""
 ENDED_BY_FAILSAFE: Final = "ended by the autopilot's failsafe"
-"""Why a mission is aborted whose vehicle the autopilot has landed by itself."""
+"""Reason for aborting a mission whose vehicle the autopilot's failsafe has landed."""
 
 
 def allowed(state: ActionState) -> tuple[StateTrigger, ...]:

@@ -1,4 +1,4 @@
-"""The partial order of a mission: its references and cycles, and what can be going on at the same time."""
+"""The partial order of a mission: its references and cycles, and which actions can overlap."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ class Tasks:
     """The tasks of a mission, or its contingencies."""
 
     document: Document
-    """In which they stand under `tasks`."""
+    """The document that contains them under `tasks`."""
     read: dict[str, Task]
     """Lack the actions that are not usable."""
     skeleton: dict[str, TaskOptions]
@@ -42,7 +42,7 @@ def structure_findings(reading: Tasks) -> list[Finding]:
 
 
 def _without_platform(tasks: Mapping[str, TaskOptions], document: Document) -> Iterator[Finding]:
-    """In a mission for several platforms each task names its own."""
+    """Findings for tasks without a platform: in a mission for several platforms each task names one."""
     named = sorted({task.platform for task in tasks.values() if task.platform is not None})
     for name, task in tasks.items():
         if named and task.platform is None:
@@ -98,7 +98,7 @@ def _edges(tasks: Mapping[str, ItemFile], actions: Mapping[str, ActionFile]) -> 
 
 
 def sorted_events(graph: Graph) -> tuple[list[str], Graph]:
-    """Events in an order in which they can happen, and what is left over because of cycles."""
+    """Events in a possible order, and the rest that is part of cycles."""
     followers: Graph = {event: [] for event in graph}
     missing = dict.fromkeys(graph, 0)
     for event, before in graph.items():
@@ -179,5 +179,5 @@ class PartialOrder:
         return cls(targets, ended)
 
     def may_overlap(self, one: str, other: str) -> bool:
-        """Whether two actions can be going on at the same time."""
+        """Whether two actions can run at the same time."""
         return one not in self.ended[other] and other not in self.ended[one]

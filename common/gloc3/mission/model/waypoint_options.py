@@ -1,8 +1,8 @@
 """Waypoint options: each is declared once, for reader, schema, estimate, checks and components.
 
-A new one is a field of `WaypointOptions` here, and its name in `keeps` of each component that carries it out. Missions may
-then say it in `follow_waypoints` and `go_to`; it travels in the order, its rests count in the estimate and the check of
-turns, and whoever does not keep it refuses it, before the flight and in it.
+To add one, add a field to `WaypointOptions` here, and its name to `keeps` of each component that supports it. Missions
+can then use it in `follow_waypoints` and `go_to`. It is sent in the order, its stops count in the estimate and the
+check of turns, and components that do not support it refuse it, before and during the flight.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -18,7 +18,7 @@ class WaypointOption(NamedTuple):
     """Properties of an option beside its type and bounds."""
 
     unkept: str
-    """What a component does that does not know it, as it says of itself: `keeps no height over the ground`."""
+    """Text for a component that does not support the option: `keeps no height over the ground`."""
     is_in_plans: bool = False
     """Whether a plan of an autopilot can say it."""
     rest_s: Callable[[Any], float] = lambda _: 0.0
@@ -39,7 +39,7 @@ Altitude = Annotated[float, msgspec.Meta(ge=0.3, le=200.0)]
 """Over the ground or the floor of the water; as far as range finders see."""
 KeptAltitude = Annotated[Altitude | None, WaypointOption("cannot hold a height above ground")]
 WallDistance = Annotated[float, msgspec.Meta(ge=1.2, le=6.0)]
-"""No nearer than the limiter keeps from obstacles, no farther than a wall is looked for."""
+"""At least the distance that the limiter keeps from obstacles, at most the range in which a wall is searched."""
 KeptWallDistance = Annotated[WallDistance | None, WaypointOption("cannot keep a distance from a wall")]
 
 CarriedBy = Annotated[Literal["wings", "rotors"] | None, WaypointOption("has no choice between wings and rotors")]
@@ -48,17 +48,17 @@ S = TypeVar("S", bound=msgspec.Struct)
 
 
 class WaypointOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
-    """The options of every way through waypoints, in a mission and in the order that a component gets."""
+    """Options of every path through waypoints, in a mission and in the order that a component gets."""
 
     acceptance_m: Acceptance = 0.25
     """A waypoint counts as passed within this distance; where a mission says none, the platform's `survey_acceptance_m`."""
     hold_s: HoldTime = 0.0
-    """Stay so long at each waypoint."""
+    """Time to stay at each waypoint."""
     by: CarriedBy = None
     """Of what has both, `wings` or `rotors`; None: wings where the way is longer than two transitions."""
     altitude_m: KeptAltitude = None
-    """Keep so high over the ground or the floor of the water, by the range finder that looks down. The height of the first
-    waypoint counts until that sees something; the others are not flown."""
+    """Keep this height above the ground or the sea bed, by the downward range finder. The height of the first waypoint
+    applies until the range finder has a measurement; the other heights are ignored."""
 
 
 @cache
@@ -73,13 +73,13 @@ def options_of(kind: type[msgspec.Struct]) -> Mapping[str, WaypointOption]:
 
 
 def with_options(path: S, written: msgspec.Struct) -> S:
-    """A way with the options of another structure, as far as both have them."""
+    """A path with the options of another structure, as far as both have them."""
     shared = options_of(type(path)).keys() & options_of(type(written)).keys()
     return msgspec.structs.replace(path, **{name: getattr(written, name) for name in sorted(shared)})
 
 
 def given_options(path: msgspec.Struct) -> Iterator[tuple[str, WaypointOption]]:
-    """The options of a way that are not left to their defaults."""
+    """Options of a path that differ from their defaults."""
     defaults = {field.name: field.default for field in msgspec.structs.fields(type(path))}
     for name, option in options_of(type(path)).items():
         if getattr(path, name) != defaults[name]:
@@ -95,7 +95,7 @@ def refuse_unkept(path: msgspec.Struct, keeps: frozenset[str], who: str) -> None
     """Refuses options that a component does not support.
 
     Raises:
-        Refused: the way has one.
+        Refused: the path has one.
     """
     for name, option in given_options(path):
         if name not in keeps:

@@ -1,7 +1,7 @@
-"""Expands task definitions: `define`, `use` and `with` become plain tasks before anything else is read.
+"""Expands task definitions: `define`, `use` and `with` become plain tasks before all other reading.
 
-A parameter stands for a whole value (`$speed` or `${speed}`); what takes its place is a value of its kind, never text
-that is pasted. Every value keeps the place where it was written, so that findings name both the use and the definition.
+A parameter is a whole value (`$speed` or `${speed}`); it is replaced by a value of its type, never by pasted text.
+Every value keeps its position in the source, so that findings name both the use and the definition.
 """
 
 import re
@@ -26,7 +26,7 @@ _BEGIN_KEYS: Final = ("after", "when", "otherwise")
 _USE_KEYS: Final = ("use", "with")
 _OWN_KEYS: Final = ("parameters", "about")
 TASKS: Final = ("tasks", "contingencies")
-"""Where in a mission file tasks stand."""
+"""Keys of a mission file that contain tasks."""
 
 
 @dataclass(slots=True)
@@ -89,7 +89,7 @@ def _definitions(document: Document, findings: list[Finding]) -> dict[str, _Defi
 
 
 def _read_definition(one: _Definition, source: Document, findings: list[Finding], *, is_library: bool) -> None:
-    """Its parameters, and whether what it holds names them alone."""
+    """Reads the parameters, and checks that the definition refers only to them."""
     if is_library:  # the mission's own are checked with the rest of its file
         before = len(findings)
         schema.check(one.node, DefinitionFile, source.file, findings, one.name)
@@ -137,7 +137,7 @@ def _used(
     findings: list[Finding],
     room: list[int],
 ) -> YamlNode:
-    """The task that a use of a definition stands for; the use itself where it cannot be made."""
+    """The task that results from a use of a definition; the use itself where it cannot be expanded."""
     use = task.children["use"].value
     one = definitions.get(use) if isinstance(use, str) else None
     if one is None:
@@ -169,7 +169,7 @@ def _used(
 
 
 def _arrivals(task: YamlNode) -> YamlNode:
-    """The task with each `arrive` as the two actions that it stands for: a return home, and the end of the motion there."""
+    """The task with each `arrive` expanded to two actions: a return home, and the end of the motion there."""
     actions = task.children.get("actions")
     if actions is None or not any(ARRIVE in action.children for action in actions.children.values()):
         return task
@@ -206,14 +206,14 @@ def _like(node: YamlNode) -> YamlNode:
 
 
 def _put(node: YamlNode, value: Any) -> YamlNode:
-    """A value that stands where another is written."""
+    """A node with another value, at the position of the original."""
     return YamlNode(value, node.line, node.column, node.file, node.note)
 
 
 def _values(
     where: Where, task: YamlNode, one: _Definition, document: Document, findings: list[Finding]
 ) -> dict[str, YamlNode] | None:
-    """What each parameter stands for; None where one is missing or does not fit."""
+    """Value of each parameter; None where one is missing or invalid."""
     given = task.children.get("with")
     rows = given.children if given is not None and isinstance(given.value, dict) else {}
     before = len(findings)
@@ -270,7 +270,7 @@ def _is_point(value: Any) -> bool:
 
 
 def _parameter(value: Any) -> str | None:
-    """The parameter that a value stands for; None for any other value."""
+    """The parameter that a value refers to; None for any other value."""
     match = _ALONE.fullmatch(value) if isinstance(value, str) else None
     return None if match is None else match[1] or match[2]
 
@@ -295,7 +295,7 @@ def _clone(node: YamlNode, values: Mapping[str, YamlNode], file: str, note: str,
 
 
 def _noted(node: YamlNode, note: str) -> YamlNode:
-    """A copy that says what it was given for."""
+    """A copy with a note on its purpose."""
     made = YamlNode(node.value, node.line, node.column, node.file, note)
     made.key_places = node.key_places
     made.children = {key: _noted(child, note) for key, child in node.children.items()}
@@ -303,7 +303,7 @@ def _noted(node: YamlNode, note: str) -> YamlNode:
 
 
 def _copy(node: YamlNode) -> YamlNode:
-    """The same with a mapping of its own."""
+    """A copy with its own mapping of children."""
     made = YamlNode(dict(node.value) if isinstance(node.value, dict) else node.value, node.line, node.column, node.file)
     made.children, made.key_places = dict(node.children), dict(node.key_places)
     return made

@@ -1,7 +1,7 @@
-"""Libraries of definitions: files that a mission includes, and carries with it wherever it goes.
+"""Libraries of definitions: files that a mission includes, and that are sent with it.
 
-A mission is streamed as one text. So its `include: [survey.yaml]` is replaced, where the files are, by
-`include: {survey.yaml: CONTENT}`, with the number of lines unchanged: what is found in it onboard has the same place.
+A mission is sent as one text. So its `include: [survey.yaml]` is replaced at the sender by `include: {survey.yaml:
+CONTENT}`, with the number of lines unchanged: onboard, findings have the same positions.
 """
 
 import json

@@ -13,16 +13,16 @@ from gloc3.platform.platform import Capability, Platform
 PARAMETER: Final = "Parameter"
 _OPEN: Final = "Open"
 _MISSING: Final = "an action names exactly one capability"
-"""What editors that know the keyword `errorMessage` say, instead of asking for the first capability of all."""
+"""Error shown by editors that support the keyword `errorMessage`, instead of a request for the first capability."""
 _OWNERS: Final = {"TaskFile": "Action", "DefinitionFile": f"{_OPEN}Action"}
 """What has `actions`, and what these are there."""
 
 
 def mission_schema(platform: Platform | None = None) -> Schema:
-    """The schema of a mission file.
+    """JSON schema of a mission file.
 
     Args:
-        platform: whose capabilities, cameras and frames are known; None for every kind that is installed.
+        platform: provides capabilities, cameras and frames; None for every installed kind.
     """
     root, definitions = described(MissionFile)
     _add_action(definitions, Circumstances(platform=platform).capabilities())
@@ -72,7 +72,7 @@ def _text_of(schema: Schema) -> Schema:
 
 
 def _set_actions(properties: Schema, action: str) -> None:
-    """Has a mapping of actions hold actions, whether it may be left out or not."""
+    """Sets the schema of a mapping of actions, whether the mapping is optional or not."""
     actions = properties["actions"]
     for one in (actions, *actions.get("anyOf", ())):
         if one.get("type") == "object":
@@ -80,7 +80,7 @@ def _set_actions(properties: Schema, action: str) -> None:
 
 
 def _free_other_platforms(task: Schema, platform: str) -> None:
-    """The tasks of other platforms may hold what this one cannot do."""
+    """Permits capabilities that this platform lacks in the tasks of other platforms."""
     strict = task["properties"]["actions"]
     task["properties"]["actions"] = _text_of(strict) | {"type": ["object", "null"]}
     others = {"required": ["platform"], "properties": {"platform": {"type": "string", "not": {"const": platform}}}}
@@ -88,7 +88,7 @@ def _free_other_platforms(task: Schema, platform: str) -> None:
 
 
 def _add_open(definitions: dict[str, Schema]) -> None:
-    """In a definition a parameter may stand for every value."""
+    """Permits a parameter in place of every value in a definition."""
     definitions[PARAMETER] = {
         "description": "A parameter of the definition: $NAME.",
         "type": "string",

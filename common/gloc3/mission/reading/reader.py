@@ -50,13 +50,13 @@ class MissionReferences:
     """Context of a mission file: names that it refers to but does not define."""
 
     platform: str | None = None
-    """Whose tasks are read; those of others are known by name only. None for everybody's."""
+    """Platform whose tasks are read; of others only the names are known. None for all."""
     frames: Mapping[str, LocalFrame] | None = None
     """Local frames by name; None where they are not known, and any name is taken."""
     origin: GeoPoint | None = None
     """Origin of NED; None for that of the mission's frame, or (frame geo) the first position of its tasks."""
     home_altitude_m: float | None = None
-    """Altitude above the sea at which the vehicle stands; None for that of the origin."""
+    """Altitude above the sea of the vehicle on the ground; None for that of the origin."""
     capabilities: Mapping[str, str] | None = None
     """Capability to kind of arguments; None where they are not known, and each kind is a capability."""
     limits: Limits | None = None
@@ -71,7 +71,7 @@ class MissionReferences:
         origin: GeoPoint | None = None,
         home_altitude_m: float | None = None,
     ) -> "MissionReferences":
-        """Those of a platform (if it is known), with the frames of a world beside its own."""
+        """References of a platform (if known), with the frames of a world in addition to its own."""
         capabilities = None
         if platform is not None:
             frames = {**(frames or {}), **platform.local_frames()}
@@ -102,7 +102,7 @@ def read_mission(data: bytes | str, file: str, surroundings: MissionReferences |
     """Reads a mission; does not check it against a platform (see `checker`).
 
     Raises:
-        InputError: with everything that is wrong in the file by itself.
+        InputError: lists all errors in the file itself.
     """
     reading = inspect_mission(data, file, surroundings or MissionReferences())
     findings = [*reading.findings, *structure_findings(reading.tasks), *structure_findings(reading.contingencies)]
@@ -115,7 +115,7 @@ def load_mission(name: str, surroundings: MissionReferences | None = None) -> Mi
     """Reads a mission from a file, or an example by its name.
 
     Raises:
-        InputError: with everything that is wrong in the file by itself.
+        InputError: lists all errors in the file itself.
     """
     from gloc3.mission.examples import find_mission
 
@@ -204,7 +204,7 @@ def _tasks(
 
 
 def _may_be_planned(order: Arguments, capabilities: Container[str] | None) -> bool:
-    """Whether an order is flown as a plan on a platform with these capabilities (None: not known)."""
+    """Whether an order is flown as a plan on a platform with these capabilities (None: unknown)."""
     return isinstance(order, FollowWaypointsOrder) and capabilities is not None and FLY_PLAN in capabilities
 
 
@@ -271,7 +271,7 @@ def _action(
     placement: Placement | None,
     findings: list[Finding],
 ) -> Action | ActionFile:
-    """An action, or just what it takes beside its capability where that is not usable."""
+    """An action, or only its options besides its capability where that is not usable."""
     options = _options(node, ActionFile, document.file, findings, name)
     capability = _capability(node, where, document, surroundings, findings)
     if capability is None:
@@ -318,7 +318,7 @@ def _options(node: YamlNode, kind: type[Item], file: str, findings: list[Finding
 def _capability(
     node: YamlNode, where: Where, document: Document, surroundings: MissionReferences, findings: list[Finding]
 ) -> str | None:
-    """The one key of an action that names what is to be done."""
+    """The one key of an action that names its capability."""
     known = sorted(argument_kinds() if surroundings.capabilities is None else surroundings.capabilities)
     others = [str(key) for key in node.children if key not in _ACTION_KEYS]
     named = [key for key in others if key in known]
@@ -365,7 +365,7 @@ def _area(
     if given and placement.is_geo != (given[0] in ("polygon", "circle")):
         wanted = given[0].removesuffix("_m") if placement.is_geo else given[0] + "_m"
         kind = "frame geo" if placement.is_geo else "a local frame"
-        findings.append(document.finding((*where, given[0]), f"{kind} takes {wanted}, not {given[0]}", at_key=True))
+        findings.append(document.finding((*where, given[0]), f"{kind} uses {wanted}, not {given[0]}", at_key=True))
         return None
     if written.circle_m is not None:
         return _round(written.circle_m.center_m, written.circle_m.radius_m, placement)

@@ -13,7 +13,7 @@ from gloc3.mission.model.policy import Policy
 
 
 def write_mission(mission: Mission) -> str:
-    """The file of a mission; what has its default value is left out."""
+    """The text of a mission file; default values are left out."""
     written: dict[str, Any] = {"mission": mission.name, "frame": mission.frame}
     if mission.platform is not None:
         written["platform"] = mission.platform
@@ -31,13 +31,13 @@ def write_mission(mission: Mission) -> str:
 
 
 def single_action(name: str, capability: str, arguments: Mapping[str, Any], mission: Mission | None, frame: str) -> str:
-    """The file of a mission that is one action: a low-level command takes the same path, and the same checks.
+    """Text of a mission with a single action: a low-level command has the same processing and the same checks.
 
     Args:
         name: of its task.
-        capability: what is to be done.
+        capability: the capability.
         arguments: as in a mission file.
-        mission: the loaded one, whose frame and fence count; None where there is none.
+        mission: the loaded one, whose frame and fence apply; None without one.
         frame: the frame of the arguments, where there is no mission.
     """
     written: dict[str, Any] = {"mission": name, "frame": frame, "on_failure": Policy.CONTINUE.value}

@@ -26,7 +26,7 @@ class ArgumentLine(msgspec.Struct, frozen=True, kw_only=True):
     unit: str = ""
     bounds: str = ""
     default: Any = None
-    """None where a value must be given, or nothing is the default."""
+    """None where a value is required, or the default is null."""
     is_required: bool = False
     choices: tuple[str, ...] = ()
     """What the platform allows; empty where it says nothing."""
@@ -38,7 +38,7 @@ class CapabilityLine(msgspec.Struct, frozen=True, kw_only=True):
 
     name: str
     doc: str
-    """The first line tells what it does."""
+    """The first line is its summary."""
     kind: str
     """The kind of its arguments."""
     package: str
@@ -51,7 +51,7 @@ class CapabilityLine(msgspec.Struct, frozen=True, kw_only=True):
     power_w: float = 0.0
     arguments: tuple[ArgumentLine, ...] = ()
     performed_by: str = ""
-    """The platform's component; empty without a platform, and for what the executor does itself."""
+    """The platform's component; empty without a platform, and for capabilities of the executor itself."""
     needs: tuple[str, ...] = ()
     """Topics, components or capabilities that must be alive."""
 

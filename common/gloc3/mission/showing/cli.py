@@ -201,7 +201,7 @@ def new(template: str | None = None, /, *, platform: str = "pelican_rtk", file: 
 
 @app.command
 def schema(*, platform: OnPlatform = None, out: Path | None = None) -> int:
-    """Print the JSON Schema of mission files, by which editors complete, explain and check them.
+    """Print the JSON Schema of mission files, with which editors complete, explain and check them.
 
     Args:
         platform: The platform whose capabilities, cameras and frames it lists; default: all installed kinds.

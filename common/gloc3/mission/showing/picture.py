@@ -1,4 +1,4 @@
-"""Draws a mission as an SVG picture: its way in plan view, and its partial order over the estimated time."""
+"""Draws a mission as an SVG picture: its path in plan view, and its partial order over the estimated time."""
 
 from collections.abc import Iterator, Sequence
 from html import escape
@@ -54,7 +54,7 @@ def _rows(mission: Mission) -> list[tuple[str, str]]:
 
 
 def _plan(mission: Mission, figures: MissionEstimate, colours: dict[str, str]) -> Iterator[str]:
-    """The way seen from above, north up, with the fence, home and the waypoints."""
+    """Plan view of the path, north up, with the fence, home and the waypoints."""
     routes = {
         target: _path(part.legs[0].start, [leg.end for leg in part.legs])
         for target, part in figures.actions.items()
@@ -106,7 +106,7 @@ def _plan(mission: Mission, figures: MissionEstimate, colours: dict[str, str]) -
 
 
 def _ready(mission: Mission) -> Iterator[tuple[str, list[Vector3]]]:
-    """The ways of contingencies, each from its first waypoint on: nobody knows where it will be begun."""
+    """Paths of contingencies, each from its first waypoint: their start is not known in advance."""
     for name, task in mission.contingencies.items():
         for action in task.actions.values():
             if isinstance(action.order, FollowWaypointsOrder):
@@ -116,7 +116,7 @@ def _ready(mission: Mission) -> Iterator[tuple[str, list[Vector3]]]:
 def _order(
     mission: Mission, figures: MissionEstimate, rows: Sequence[tuple[str, str]], colours: dict[str, str]
 ) -> Iterator[str]:
-    """A row for each task and action, its bar from start to end, and a line from what it comes after."""
+    """A row for each task and action, its bar from start to end, and a line from each predecessor."""
     room, total_s = WIDTH - _BARS_LEFT - _LEFT, max(figures.duration_s, 1e-3)
     line = {row: _TOP + _ROW * (index + 1) for index, row in enumerate(rows)}
 

@@ -16,20 +16,20 @@ from gloc3.platform.platform import Capability, Platform
 WIDTH: Final = 80
 _BAR: Final = 22
 _LISTS: Final = {"area": "corners", "wall": "ends", "to": "places"}
-"""What the entries of an argument are, where its name does not tell."""
+"""Kind of an argument's entries, where its name does not say it."""
 _LEFT: Final = WIDTH - _BAR - 1
 
 
 def drawing(report: CheckReport, capabilities: Mapping[str, Capability], platform: Platform | None = None) -> str:
     """The partial order of a checked mission, 80 columns wide.
 
-    One thing under the other comes after it; what hangs on the line by `├─` may run at the same time. The bars tell
-    when each action runs, by the estimate.
+    An entry below another one comes after it; entries joined to the line by `├─` may run at the same time. The bars
+    show when each action runs, by the estimate.
 
     Args:
         report: of the mission; it must hold one.
-        capabilities: what the actions claim.
-        platform: for the energy that there is.
+        capabilities: resources claimed by the actions.
+        platform: for the available energy.
     """
     mission = report.flyable()
     lines = [*_head(mission, report, platform), ""]
@@ -129,7 +129,7 @@ def terms(options: ItemFile) -> list[str]:
 
 
 def _layered(after: Mapping[str, tuple[str, ...]], dot: str, rail: str) -> Iterator[tuple[str, str, str]]:
-    """The names by depth in the order, each with what is drawn before it and before the lines below it."""
+    """Names by depth in the order, each with the prefix drawn before it and before the lines below it."""
     depth: dict[str, int] = {}
     while len(depth) < len(after):
         for name, earlier in after.items():

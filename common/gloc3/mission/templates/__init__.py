@@ -9,11 +9,11 @@ from gloc3.platform.platform import Platform
 FRAME: Final = "FRAME"
 CAMERA: Final = "CAMERA"
 WIDE: Final = "mapping"
-"""The one with room for what cannot turn on the spot."""
+"""The template with room for vehicles that cannot turn on the spot."""
 
 
 def templates() -> dict[str, str]:
-    """What each is for, by name: the comment that it begins with."""
+    """Purpose of each template, by name: its first comment."""
     found = {}
     for path in sorted(Path(__file__).parent.glob("*.yaml")):
         found[path.stem] = path.read_text(encoding="utf-8").partition("\n")[0].removeprefix("# ")
@@ -21,15 +21,15 @@ def templates() -> dict[str, str]:
 
 
 def mission_from(template: str, platform: Platform, schema: str) -> str:
-    """A mission file for a platform.
+    """Creates a mission file for a platform.
 
     Args:
         template: its name.
-        platform: whose frame and camera it has.
+        platform: provides frame and camera.
         schema: the schema's file, relative to the mission's, for editors.
 
     Raises:
-        Refused: there is no such template, or the platform lacks what it needs.
+        Refused: there is no such template, or the platform lacks something that it needs.
     """
     if template not in templates():
         raise Refused(f"there is no template {template!r} ({nearest(template, list(templates()))})")

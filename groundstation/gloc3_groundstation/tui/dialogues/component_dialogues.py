@@ -65,12 +65,12 @@ class FunctionForm(ModalScreen[dict[str, str] | None]):
     AUTO_FOCUS = "Input"
 
     def __init__(self, component: str, entry: FunctionEntry, check: Callable[[Mapping[str, str]], object]) -> None:
-        """A form.
+        """Creates a form.
 
         Args:
-            component: whose function.
+            component: owner of the function.
             entry: the function.
-            check: raises `Refused` for what does not fit.
+            check: raises `Refused` for invalid values.
         """
         super().__init__()
         self._component, self._entry, self._check = component, entry, check
@@ -89,7 +89,7 @@ class FunctionForm(ModalScreen[dict[str, str] | None]):
 
     @on(Input.Submitted)
     def send(self) -> None:
-        """Closes with what was typed, if it fits."""
+        """Closes with the typed values, if they are valid."""
         texts = {field.name: self.query_one(f"#argument_{field.name}", Input).value for field in self._fields}
         try:
             self._check(texts)

@@ -22,7 +22,7 @@ from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel, Row
 
 Then = Callable[[], None]
 Lost = Callable[[Path], tuple[str, ...]]
-"""Tells what a file could not carry; raises `Refused` where it cannot be written at all."""
+"""Returns the parts that a file cannot express; raises `Refused` where it cannot be written at all."""
 Objection = Callable[[Path], str]
 """Tells why a file should not be written without another word."""
 
@@ -54,11 +54,11 @@ class OpenMission(ModalScreen[str | None]):
     AUTO_FOCUS = "#typed"
 
     def __init__(self, recent: tuple[str, ...], folder: Path) -> None:
-        """A dialogue.
+        """Creates the dialogue.
 
         Args:
-            recent: what was recent.
-            folder: where it begins.
+            recent: recently opened files.
+            folder: initial folder.
         """
         super().__init__()
         self._start = start_entries(recent)
@@ -73,7 +73,7 @@ class OpenMission(ModalScreen[str | None]):
             yield Panel(id="said", classes="plain line", can_focus=False)
 
     def on_mount(self) -> None:
-        """Says what this is and how to leave it."""
+        """Sets the title and the hint for leaving."""
         sheet = self.query_one(Vertical)
         sheet.border_title = "open a mission"
         sheet.border_subtitle = "enter opens   ↑ ↓ choose   backspace: parent folder   esc cancels"
@@ -85,7 +85,7 @@ class OpenMission(ModalScreen[str | None]):
 
     @on(Input.Changed, "#typed")
     def typed(self) -> None:
-        """Filters; a path is gone to as it is typed."""
+        """Filters; a typed path is followed."""
         folder, _ = self._path()
         if folder is not None and str(folder) != self._listing.folder:
             self._listing = listing(folder)
@@ -93,7 +93,7 @@ class OpenMission(ModalScreen[str | None]):
 
     @on(Input.Submitted, "#typed")
     def choose(self) -> None:
-        """Opens what the cursor is on, or the path that was typed."""
+        """Opens the entry under the cursor, or the typed path."""
         entry = self._entries.get(self.query_one(ListPanel).chosen)
         typed = Path(self._value()).expanduser()
         if entry is None and self._value():
@@ -166,17 +166,17 @@ def _line(entry: MissionEntry, width: int) -> Line:
 
 
 class SaveMission(ModalScreen[bool]):
-    """Writes a file, and closes with whether it did."""
+    """Writes a file, and closes with whether it was written."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss(False)", "Close")]
 
     def __init__(self, suggested: Path, lost: Lost, objection: Objection, write: Write) -> None:
-        """A dialogue.
+        """Creates the dialogue.
 
         Args:
-            suggested: the file to begin with.
-            lost: what would be lost.
-            objection: what speaks against it.
+            suggested: the suggested file.
+            lost: returns the parts that would be lost.
+            objection: returns a reason against writing, such as an existing file.
             write: writes it.
         """
         super().__init__()
@@ -187,13 +187,13 @@ class SaveMission(ModalScreen[bool]):
         self._warned_of = ""
 
     def compose(self) -> ComposeResult:
-        """The name, and what is to be said of it."""
+        """Field for the name, and remarks about it."""
         with Vertical(classes="sheet save"):
             yield Input(str(self._suggested), id="name", select_on_focus=False)
             yield Panel(id="said", classes="plain", can_focus=False)
 
     def on_mount(self) -> None:
-        """Says what this is and how to leave it."""
+        """Sets the title and the hint for leaving."""
         sheet = self.query_one(Vertical)
         sheet.border_title = "save the mission, or export it"
         sheet.border_subtitle = "enter writes   esc cancels"
@@ -210,7 +210,7 @@ class SaveMission(ModalScreen[bool]):
 
     @on(Input.Submitted, "#name")
     def write(self) -> None:
-        """Writes, unless something speaks against it and has not been read yet."""
+        """Writes, unless there is an objection that has not been shown yet."""
         path = self._path()
         if path is None or self._refusal(path):
             return
@@ -307,19 +307,19 @@ class MissionFileDialogue:
     """Asks the operator, and has the desk do it."""
 
     def __init__(self, app: App[Any], missions: MissionDesk, vehicle: Callable[[], str | None]) -> None:
-        """A guide through the dialogues.
+        """Creates the sequence of dialogues.
 
         Args:
             app: shows them.
-            missions: reads and writes.
-            vehicle: tells the name of the vehicle in view.
+            missions: reads and writes missions.
+            vehicle: returns the name of the selected vehicle.
         """
         self._app: Final = app
         self._missions: Final = missions
         self._vehicle: Final = vehicle
 
     def choose(self, then: Callable[[str], None]) -> None:
-        """Lets a file be chosen; what is not saved is asked about first."""
+        """Opens a dialogue to choose a file; asks about unsaved changes first."""
 
         def request() -> None:
             draft = self._missions.draft
@@ -331,7 +331,7 @@ class MissionFileDialogue:
         self.when_saved(request)
 
     def when_saved(self, then: Then) -> None:
-        """Goes on when nothing can be lost any more."""
+        """Continues once there are no unsaved changes."""
         draft = self._missions.draft
         if draft is None or not draft.is_changed:
             then()
@@ -346,7 +346,7 @@ class MissionFileDialogue:
         self._app.push_screen(UnsavedQuestion(draft.name), answered)
 
     def save(self, then: Then = _nothing) -> None:
-        """Saves in the file that it came from; asks for a name where there is none, or that file is another by now."""
+        """Saves in the mission's own file; asks for a name if it has none, or if that file has changed since."""
         draft = self._missions.draft
         if draft is None or draft.is_fixed:
             return

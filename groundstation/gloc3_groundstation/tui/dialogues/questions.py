@@ -20,7 +20,7 @@ UNSAVED_QUESTION: Final = "{} has unsaved changes. They are kept in the station'
 
 
 def choices(*keys: tuple[str, str], hint: str = "") -> Static:
-    """The keys of a dialogue with what they do, one a line; above them a hint, where there is one."""
+    """Keys of a dialogue with their actions, one per line; an optional hint above them."""
     width = max(len(key) for key, _ in keys) + 2
     text = Content.styled(hint, "$quiet") if hint else Content()
     for key, what in keys:
@@ -113,7 +113,7 @@ class TextQuestion(ModalScreen[str | None]):
             yield choices(("enter", "go on"), ("esc", "cancel"), hint=self._hint)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Closes with what was typed."""
+        """Closes with the typed text."""
         self.dismiss(event.value.strip() or None)
 
     def action_leave(self) -> None:

@@ -31,10 +31,10 @@ class SingleAction(ModalScreen[None]):
     AUTO_FOCUS = "#capabilities"
 
     def __init__(self, missions: MissionDesk, platform: str) -> None:
-        """A dialogue.
+        """Creates the dialogue.
 
         Args:
-            missions: asks the vehicle.
+            missions: sends requests to the vehicle.
             platform: the vehicle.
         """
         super().__init__()
@@ -80,7 +80,7 @@ class SingleAction(ModalScreen[None]):
 
     @on(Input.Submitted)
     def enter(self, event: Input.Submitted) -> None:
-        """Goes on to the next field; in the last one it sends."""
+        """Moves to the next field; in the last one it sends."""
         inputs = list(self.query(Input))
         index = inputs.index(event.input)
         if index + 1 < len(inputs):
@@ -103,7 +103,7 @@ class SingleAction(ModalScreen[None]):
             self._show_form(None)
 
     def action_send(self) -> None:
-        """Sends what was typed, if it is fit to be sent."""
+        """Sends the typed values, if they are valid."""
         form = self._form
         if form is None or self._is_requesting:
             return

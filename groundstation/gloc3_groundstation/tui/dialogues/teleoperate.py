@@ -1,8 +1,9 @@
 """Dialogue for teleoperation by keys or gamepad; shows whether the vehicle follows.
 
-A terminal tells that a key is pressed and that it repeats, never that it is let go. So `enter` is the dead-man's key and
-counts as kept for `KEPT_S`, which its repetition renews; over a line that stands still the keys do not come, and the
-vehicle rests. The other keys set how fast, step by step, and renew it only while it is kept. A gamepad tells both.
+A terminal reports that a key is pressed and repeated, never that it is released. So `enter` is the dead-man's key and
+counts as held for `KEPT_S`, which its repetition renews; over a stalled connection no keys arrive, and the vehicle
+stops. The other keys set the speed in steps, and renew the hold only while `enter` is held. A gamepad reports both
+press and release.
 """
 
 import asyncio
@@ -52,13 +53,13 @@ class TeleoperateDialogue(ModalScreen[None]):
     def __init__(
         self, desk: Desk, platform: str, capability: str, moment: Callable[[], StationView], gamepad: str
     ) -> None:
-        """A dialogue.
+        """Creates the dialogue.
 
         Args:
-            desk: asks the vehicle.
+            desk: sends requests to the vehicle.
             platform: the vehicle.
-            capability: what it calls being steered by hand.
-            moment: gives the view of now.
+            capability: its capability for teleoperation.
+            moment: returns the current view.
             gamepad: its device; empty for none.
         """
         super().__init__()
@@ -72,7 +73,7 @@ class TeleoperateDialogue(ModalScreen[None]):
         self._pad: Gamepad | None = None
         self._is_pad_held = False
         self._begun = ""
-        """The vehicle's name for what was begun; empty before."""
+        """The vehicle's name for the started action; empty before."""
         self._is_requesting = self._has_left = False
         self._problem = ""
 
@@ -90,7 +91,7 @@ class TeleoperateDialogue(ModalScreen[None]):
             )
 
     def on_mount(self) -> None:
-        """Opens the gamepad, and looks ten times a second."""
+        """Opens the gamepad, and starts updates at 10 Hz."""
         loop = asyncio.get_running_loop()
         self._hand = HandControl(self._desk.station.client, loop, self._platform, self._full)
         if self._device:
@@ -103,7 +104,7 @@ class TeleoperateDialogue(ModalScreen[None]):
         self.call_after_refresh(self._poll)
 
     def on_unmount(self) -> None:
-        """However it is closed: lets go, and lets the gamepad be."""
+        """Releases control and the gamepad, however it is closed."""
         if self._hand is not None:
             self._hand.close()
         if self._pad is not None:
@@ -143,7 +144,7 @@ class TeleoperateDialogue(ModalScreen[None]):
         self.dismiss()
 
     async def _begin(self) -> None:
-        """Asks; what is granted after the operator has left is given back."""
+        """Requests teleoperation; control granted after the operator has left is given back."""
         missions = self._desk.missions
         try:
             self._begun = await missions.request(self._platform, self._capability, {})

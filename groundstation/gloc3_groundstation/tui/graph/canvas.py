@@ -27,7 +27,7 @@ WIRES: Final = {
 
 
 class GraphCanvas:
-    """Grows to what is drawn on it."""
+    """A grid of characters that grows to fit its contents."""
 
     def __init__(self) -> None:
         self._cells: dict[tuple[int, int], tuple[str, Tone]] = {}
@@ -36,7 +36,7 @@ class GraphCanvas:
         self.height = 0
 
     def text(self, x: int, y: int, text: str, tone: Tone = Tone.TEXT) -> None:
-        """Writes over what is there."""
+        """Writes text over existing characters."""
         for offset, letter in enumerate(text):
             self._cells[y, x + offset] = letter, tone
         self._reach(x + len(text), y + 1)

@@ -24,7 +24,7 @@ def acyclic(before: Before) -> dict[str, tuple[str, ...]]:
 
 
 def reduced(before: Before) -> dict[str, tuple[str, ...]]:
-    """The same order with nothing said twice: what comes before something that comes before is left out."""
+    """The transitive reduction: predecessors of predecessors are left out."""
     order = acyclic(before)
     all_before: dict[str, frozenset[str]] = {}
     for name, earlier in order.items():
@@ -36,7 +36,7 @@ def reduced(before: Before) -> dict[str, tuple[str, ...]]:
 
 
 def depths(before: Before) -> dict[str, int]:
-    """Name to its layer, from 0: one behind the last of what comes before it. The order must be acyclic."""
+    """Name to its layer, from 0: one more than the highest of its predecessors. The order must be acyclic."""
     found: dict[str, int] = {}
     for name, earlier in before.items():
         found[name] = 1 + max((found[one] for one in earlier), default=-1)
@@ -51,8 +51,8 @@ def passed(name: str, goal: str, layer: int) -> str:
 def layered(before: Before) -> tuple[list[list[str]], list[tuple[str, str]]]:
     """The layers from left to right, and the lines between neighbours.
 
-    A line over several layers is cut into pieces by places that it passes; these have names of `passed`. In each
-    layer the names stand so that lines cross little: by the mean place of what comes before them.
+    A line over several layers is split at intermediate positions, with names from `passed`. In each layer the names are
+    sorted by the mean position of their predecessors, which keeps crossings few.
 
     Args:
         before: a reduced order.

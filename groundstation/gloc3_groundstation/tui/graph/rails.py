@@ -22,7 +22,7 @@ class RailRow(NamedTuple):
 def rail_rows(before: Before) -> list[RailRow]:
     """The lines, all with rails of the same width.
 
-    An action stands in the lane of what it follows; a fork opens lanes, and a join closes them. Actions in the same
+    An action is in the lane of its predecessor; a fork opens lanes, and a join closes them. Actions in the same
     lane follow each other, actions in different lanes may run at the same time.
     """
     order = reduced(before)

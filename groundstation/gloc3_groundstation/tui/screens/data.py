@@ -79,7 +79,7 @@ class FlightDataScreen(StationScreen):
         panel.show(lines, charts_title(track, end_s, view.now_s, window_s, is_frozen=self._frozen_s is not None))
 
     def action_freeze(self) -> None:
-        """Stops the charts, or lets them go on."""
+        """Freezes the charts, or resumes them."""
         if self.view is not None:
             self._frozen_s = None if self._frozen_s is not None else self.view.now_s
         self.show_again()
@@ -113,7 +113,7 @@ class FlightDataScreen(StationScreen):
         self.show_again()
 
     def action_back(self, steps: int) -> None:
-        """Goes back in time, or forth; at the end the charts go on by themselves."""
+        """Moves back or forth in time; at the end the charts resume."""
         if self.view is not None:
             end_s = self._end_s(self.view) - steps * STEP * WINDOWS_S[self._window]
             self._frozen_s = None if end_s >= self.view.now_s else max(end_s, self.view.started_s)

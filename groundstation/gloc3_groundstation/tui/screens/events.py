@@ -56,13 +56,13 @@ class EventsScreen(StationScreen):
         yield Panel(id="event")
 
     def on_mount(self) -> None:
-        """Shows no input before it is asked for."""
+        """Hides the input until it is requested."""
         super().on_mount()
         self.query_one("#search").display = False
         self._is_waiting = False
 
     def show_view(self, view: StationView) -> None:
-        """Fills the window of the list, and goes on searching."""
+        """Fills the visible part of the list, and continues the search."""
         events, desk = self.query_one(LongList), self.desk.events
         desk.search.step()
         if not desk.search.is_done and not self._is_waiting:
@@ -95,14 +95,14 @@ class EventsScreen(StationScreen):
         self.show_again()
 
     def action_type(self) -> None:
-        """Begins to type what is searched for."""
+        """Opens the input for the search text."""
         search = self.query_one("#search", Input)
         search.display = True
         search.focus()
 
     @on(Input.Changed, "#search")
     def search_as_typed(self, event: Input.Changed) -> None:
-        """Searches for what has been typed so far."""
+        """Searches for the text typed so far."""
         self.search(text=event.value)
 
     @on(Input.Submitted, "#search")
@@ -112,7 +112,7 @@ class EventsScreen(StationScreen):
         self.query_one(LongList).focus()
 
     def action_severity(self, step: int) -> None:
-        """Shows what is at least so bad."""
+        """Changes the least severity that is shown."""
         now = SEVERITIES.index(self._wanted.severity) if self._wanted.severity in SEVERITIES else 0
         self.search(severity=SEVERITIES[(now + step) % len(SEVERITIES)])
 

@@ -32,7 +32,7 @@ QUESTIONS = {
     Order.START: "Start: {}?\nThe open mission is streamed first if needed. They arm and take off.",
 }
 SINGLE_VEHICLE_ORDERS = (Order.LAND, Order.START)
-"""Orders to the vehicle in view that are asked about too; those to marked ones always are."""
+"""Orders that also require confirmation for the selected vehicle; for marked ones all do."""
 OVERRIDE_QUESTION = "Take over control of {} from station {}?\nIts operator is not asked; the takeover is logged."
 CLOSE_QUESTION = "Close {}?\n{} can no longer be reached over it; on_link_loss of its mission applies."
 
@@ -111,7 +111,7 @@ class FleetScreen(StationScreen):
             self.refresh_bindings()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Greys out what makes no sense now; who asks for control is answered only when somebody does."""
+        """Disables actions that are not possible now; a request for control can be answered only while there is one."""
         platform = self.view.platform if self.view is not None else None
         if action == "control":
             verb = ControlVerb(str(parameters[0]))
@@ -146,7 +146,7 @@ class FleetScreen(StationScreen):
         self.show_again()
 
     def action_order(self, name: str) -> None:
-        """Orders; asks first, naming the vehicles, where they were marked or the order can hurt."""
+        """Sends an order; confirms first, with the vehicles' names, for marked vehicles or a dangerous order."""
         order, names = Order(name), self._selection()
         work = partial(self.desk.order, names, order)
         if names and (self._selection(is_marked_only=True) or order in SINGLE_VEHICLE_ORDERS):
@@ -155,7 +155,7 @@ class FleetScreen(StationScreen):
             self.do(work())
 
     def action_control(self, name: str) -> None:
-        """Changes who controls the vehicle in view."""
+        """Changes control of the selected vehicle."""
         platform, verb = self.view.platform if self.view is not None else None, ControlVerb(name)
         if platform is None:
             return
@@ -187,7 +187,7 @@ class FleetScreen(StationScreen):
         self.app.push_screen(TextQuestion("Open which link?", "", hint), named)
 
     def action_remove_link(self) -> None:
-        """Closes the link under the cursor; asks first if vehicles are behind it."""
+        """Closes the link under the cursor; confirms first if vehicles are behind it."""
         url = self._links.chosen
         behind = [name for link in self.desk.fleet.links() if link.url == url for name in link.platforms]
         if not url:

@@ -27,7 +27,7 @@ from gloc3_groundstation.tui.views.hosts import host_lines
 from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel, Row
 
 AROUND: Final = 8
-"""Lines that are left to what stands above and below the components."""
+"""Lines reserved above and below the components."""
 LEAST: Final = 3
 """Lines of components that are always shown."""
 
@@ -104,7 +104,7 @@ class HealthScreen(StationScreen):
 
     @on(ListPanel.Chosen, "#components")
     def action_ask(self) -> None:
-        """Offers what can be asked of the component under the cursor."""
+        """Opens the requests for the component under the cursor."""
         found = self._chosen()
         if found is None:
             return
@@ -127,7 +127,7 @@ class HealthScreen(StationScreen):
         self.do(self._carry_out(platform, component, command))
 
     async def _carry_out(self, platform: str, component: str, command: str) -> None:
-        """Commands; asks whether to force what a running action does not allow."""
+        """Sends a command; offers to force one that a running action forbids."""
         desk = self.desk.components
         answer = await desk.command(platform, component, command)
         if answer.can_be_forced:

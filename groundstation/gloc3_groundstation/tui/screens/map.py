@@ -37,11 +37,11 @@ from gloc3_groundstation.tui.widgets.panel import Panel
 VIEWER: Final = "map"
 OBSTACLES: Final = Want("obstacles", 2.0)
 EYES_S: Final = 2.0
-"""A map that has not been drawn for so long is not shown any more."""
+"""Time without a redraw after which a map counts as hidden, s."""
 STEP: Final = 0.125
 """Of the map's width or height, that a key moves it by."""
 CALM: Final = 0.3
-"""While the vehicle is no farther from the middle than this share of the map, a map that follows it stands still."""
+"""Distance of the vehicle from the centre, as a share of the map, within which a following map does not move."""
 
 
 class MapScreen(StationScreen):
@@ -114,7 +114,7 @@ class MapScreen(StationScreen):
     # --- keys ---
 
     def action_follow(self) -> None:
-        """Keeps the vehicle in view on the map, or no longer."""
+        """Toggles following the vehicle."""
         self._is_following, self._is_fitting = not self._is_following, False
         self.show_again()
 
@@ -158,7 +158,7 @@ class MapScreen(StationScreen):
     # --- what is seen ---
 
     def _want_obstacles(self, view: StationView) -> None:
-        """Looks at what a scanner of the vehicle in view has hit, if it has one."""
+        """Watches the scanner hits of the selected vehicle, if it has a scanner."""
         monitor, platform = self.desk.station.monitor, view.platform
         if platform is None or not platform.has_companion:
             monitor.unwatch(VIEWER)
@@ -242,7 +242,7 @@ class MapScreen(StationScreen):
         return progress
 
     def _begun_m(self, chart: Chart, request: Requested) -> float:
-        """Where on the path the action begins that is flown now."""
+        """Position on the path at which the current action begins."""
         mission = chart.view.platform.mission if chart.view.platform is not None else None
         running = mission.value.tasks if mission is not None else {}
         return next((path.starts_m for path in request.paths if running.get(path.target) == "running"), 0.0)

@@ -37,7 +37,7 @@ ITEM_ABORT_QUESTION: Final = "Abort {} on {}?\nIt is cancelled; then the mission
 
 
 class MissionScreen(StationScreen):
-    """Graph or text of the mission on the vehicle in view, or of the one at hand."""
+    """Graph or text of the mission on the selected vehicle, or of the open one."""
 
     HELP = """The mission as a graph: each box is a task, in running order from left to right, and contains its actions.
     Actions in one lane run in sequence, actions in parallel lanes may run at the same time. The cursor is on the whole
@@ -75,7 +75,7 @@ class MissionScreen(StationScreen):
 
     _is_text = False
     _shown: str = ""
-    """What the operator wants to see: `loaded`, `at hand`, or empty for what matters most."""
+    """The operator's choice: `loaded`, `at hand`, or empty for the more relevant one."""
     _timer: Timer | None = None
     _is_checking = False
     _was_possible: object = None
@@ -90,7 +90,7 @@ class MissionScreen(StationScreen):
         yield MissionText(id="text")
 
     def show_view(self, view: StationView) -> None:
-        """Fills what is shown."""
+        """Fills the graph or the text."""
         missions, draft = self.desk.missions, self.desk.missions.draft
         name = view.platform.name if view.platform is not None else None
         reported, outline = self._mission(view)
@@ -129,7 +129,7 @@ class MissionScreen(StationScreen):
             self.refresh_bindings()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Offers what makes sense: on the graph what is legal for the item under the cursor, in the text what edits."""
+        """Enables actions that are possible: on the graph for the item under the cursor, in the text for editing."""
         draft = self.desk.missions.draft
         if action in ("graph", "finding", "save"):
             is_possible = draft is not None and not draft.is_fixed if action == "save" else True
@@ -164,7 +164,7 @@ class MissionScreen(StationScreen):
         return self.query_one(GraphPanel).chosen if self._is_there else ""
 
     def _mission(self, view: StationView) -> tuple[MissionSummary | None, Outline | None]:
-        """The states and the order that are shown: those of the vehicle's mission, or no states and that at hand."""
+        """Displayed states and order: those of the vehicle's mission, or no states and those of the open mission."""
         missions = self.desk.missions
         held = view.platform.mission.value if view.platform is not None and view.platform.mission is not None else None
         draft = missions.draft
@@ -182,7 +182,7 @@ class MissionScreen(StationScreen):
         return is_held and missions.draft is not None and not missions.is_at_hand(held.value if held else None)
 
     def _verbs(self) -> frozenset[Verb]:
-        """What is legal for what the cursor is on."""
+        """Commands that are legal for the item under the cursor."""
         return self._legal(self._target)
 
     def _legal(self, target: str) -> frozenset[Verb]:
@@ -192,7 +192,7 @@ class MissionScreen(StationScreen):
         return legal_verbs(reported, target)
 
     def _steered(self, verb: Verb) -> str | None:
-        """What a key acts on: what the cursor is on, else the mission if that is to be paused or resumed."""
+        """Target of a key: the item under the cursor, else the mission if it can be paused or resumed."""
         if verb in self._verbs():
             return self._target
         return "" if verb in (Verb.PAUSE, Verb.RESUME) and verb in self._legal("") else None
@@ -218,11 +218,11 @@ class MissionScreen(StationScreen):
 
     @on(GraphPanel.Moved)
     def show_detail(self) -> None:
-        """Tells what is under the cursor."""
+        """Shows the details of the item under the cursor."""
         self.show_again()
 
     def action_steer(self, verb: str) -> None:
-        """Does something to what the cursor is on; before an abort the operator is asked."""
+        """Sends a command for the item under the cursor; confirms first before an abort."""
         platform = self.view.platform if self.view is not None else None
         if platform is None:
             return
@@ -255,7 +255,7 @@ class MissionScreen(StationScreen):
     # --- text ---
 
     def action_text(self) -> None:
-        """Shows the text of the mission at hand, at the first error in it."""
+        """Shows the text of the open mission, at its first error."""
         draft = self.desk.missions.draft
         if draft is None:
             return
@@ -296,7 +296,7 @@ class MissionScreen(StationScreen):
         self.show_again()
 
     def _check(self) -> None:
-        """Checks the mission at hand, on a thread: a long one takes a while."""
+        """Checks the open mission in a thread, because a long one takes a while."""
         self._is_checking = True
 
         async def check() -> None:
@@ -308,7 +308,7 @@ class MissionScreen(StationScreen):
     # --- open and save ---
 
     def action_open(self) -> None:
-        """Opens another mission; what is not saved is asked about first."""
+        """Opens another mission; asks about unsaved changes first."""
         self._files.choose(lambda file: self.do(self.open(file)))
 
     def action_new(self) -> None:

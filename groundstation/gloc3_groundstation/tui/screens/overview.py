@@ -25,7 +25,7 @@ from gloc3_groundstation.tui.widgets.vehicle_rows import VehicleRows
 
 
 class OverviewScreen(StationScreen):
-    """The fleet, the vehicle in view with its mission, the alerts and what has just happened."""
+    """The fleet, the selected vehicle with its mission, the alerts and recent events."""
 
     HELP = """The state of the fleet at a glance. Each vehicle has a line; ► marks the vehicle in view, which receives
     the commands. Below are its details, its mission, the alerts of all vehicles, and recent events.

@@ -1,4 +1,4 @@
-"""The pre-flight list of the vehicle in view: what is checked before every start."""
+"""Pre-flight list of the selected vehicle: the checks before every start."""
 
 from typing import Final
 
@@ -20,11 +20,11 @@ OVERRIDE_QUESTION: Final = "Start {} although checks are red?\n{}\n\nGive a reas
 LINE: Final = 56
 """Characters of each red line in the question."""
 SHOWN: Final = 4
-"""So many red lines stand in the question; the list behind it has them all."""
+"""Most failed checks shown in the question; the list behind it shows all."""
 
 
 class PreflightScreen(StationScreen):
-    """The list, each line ok or with what to do."""
+    """The list of checks, each ok or with what to do."""
 
     HELP = """The checks before every start of the vehicle in view: autopilot and its setup, failsafes against the
     platform file, sensors, components, mission, computer, and link. The autopilot's parameters are read again for each
@@ -47,10 +47,10 @@ class PreflightScreen(StationScreen):
         yield ListPanel(id="checks")
 
     _style_class: object = None
-    """What the keys depended on when they were shown last."""
+    """State on which the displayed keys depend."""
 
     def show_view(self, view: StationView) -> None:
-        """Fills the list, and has it made when it is old."""
+        """Fills the list, and requests a new one when it is old."""
         panel, headline = self.query_one("#checks", ListPanel), self.panel("headline")
         checks = self._list(view)
         can_start = Move.START in view.moves
@@ -84,7 +84,7 @@ class PreflightScreen(StationScreen):
         return super().check_action(action, parameters)
 
     def action_refresh(self) -> None:
-        """Makes the list anew."""
+        """Requests a new list."""
         if self.view is not None and self.view.platform is not None and self.view.platform.has_companion:
             self.do(self.desk.preflight.refresh(self.view.platform.name))
             self.show_again()

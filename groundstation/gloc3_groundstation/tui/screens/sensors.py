@@ -33,9 +33,9 @@ from gloc3_groundstation.tui.widgets.picture_panel import PicturePanel
 
 VIEWER: Final = "sensors"
 EYES_S: Final = 2.0
-"""A screen that has not looked for so long is not shown any more."""
+"""Time without an update after which a screen counts as hidden, s."""
 REST_S: Final = 0.3
-"""The cursor has to rest on a topic for so long before it is asked for."""
+"""Time that the cursor rests on a topic before it is requested, s."""
 RATES_HZ: Final = (0.5, 1.0, 2.0, 5.0, 10.0)
 
 
@@ -71,7 +71,7 @@ class SensorsScreen(StationScreen):
                 yield PicturePanel(id="plot")
 
     def on_mount(self) -> None:
-        """Shows no input before it is asked for."""
+        """Hides the input until it is requested."""
         super().on_mount()
         self.query_one("#topic_search").display = False
         self._filter = ""
@@ -86,7 +86,7 @@ class SensorsScreen(StationScreen):
         self.desk.station.monitor.unwatch(VIEWER)
 
     def show_view(self, view: StationView) -> None:
-        """Says what is looked at, and shows what came."""
+        """Shows the watched topic and its data."""
         topics = self.query_one("#topics", ListPanel)
         self.panel("topics_header").show([topics_header(topics.width)])
         platform = view.platform
@@ -156,20 +156,20 @@ class SensorsScreen(StationScreen):
 
     @property
     def rate_hz(self) -> float:
-        """Samples a second that are asked for."""
+        """Requested samples per second."""
         return RATES_HZ[self._rate]
 
     # --- keys ---
 
     def action_type(self) -> None:
-        """Begins to type what is searched for."""
+        """Opens the input for the search text."""
         search = self.query_one("#topic_search", Input)
         search.display = True
         search.focus()
 
     @on(Input.Changed, "#topic_search")
     def search_as_typed(self, event: Input.Changed) -> None:
-        """Searches for what has been typed so far."""
+        """Searches for the text typed so far."""
         self._filter = event.value.strip()
         self.show_again()
 

@@ -34,7 +34,7 @@ PANES: Final[tuple[type[ServicePane], ...]] = (
 
 
 class ServicesScreen(StationScreen):
-    """One pane a service; what is under way goes on while another one is looked at."""
+    """One pane per service; running jobs continue while another pane is shown."""
 
     HELP = """The services of the autopilot in view: PX4 and ArduPilot, with or without a GLOC3 companion.
     Tab, or the left and right arrow keys, choose a service.
@@ -58,10 +58,10 @@ class ServicesScreen(StationScreen):
     ]
 
     _style_class: object = None
-    """What the keys depended on when they were shown last."""
+    """State on which the displayed keys depend."""
 
     def body(self) -> ComposeResult:
-        """The line of services, the panes, and what is under way."""
+        """Line of services, the panes, and the running job."""
         yield Panel(id="services", classes="plain line", can_focus=False)
         yield Panel(id="unreachable", classes="plain", can_focus=False)
         with ContentSwitcher(initial=ServicePane.name_of(ServiceKind.PARAMETERS), id="service_panes"):
@@ -113,7 +113,7 @@ class ServicesScreen(StationScreen):
             yield from offers(pane.service, pane.BINDINGS, pane.service)
 
     async def show_vehicle_on_screen(self, offer: Offer) -> None:
-        """Does what was offered, in the pane that it belongs to."""
+        """Performs the offered action, in its pane."""
         if not offer.part:
             await super().show_vehicle_on_screen(offer)
             return
@@ -142,7 +142,7 @@ class ServicesScreen(StationScreen):
         self.pane.list.focus()
 
     def action_back(self) -> None:
-        """Cancels what is under way, else leaves what the pane has open."""
+        """Cancels the running job, else leaves the pane's open item."""
         pane = self.pane
         if isinstance(self.focused, Input):
             pane.list.focus()

@@ -1,6 +1,6 @@
-"""The panes of the services screen, one a file, and what they have in common.
+"""The panes of the services screen, one per file, and their common base.
 
-Each pane belongs to the screen of services and talks to the vehicle's desk.
+Each pane belongs to the services screen and calls the vehicle's desk.
 """
 
 __all__ = ["calibration", "files", "logs", "pane", "parameters", "plans", "rates"]

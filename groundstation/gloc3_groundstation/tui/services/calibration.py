@@ -1,4 +1,4 @@
-"""Calibration of the vehicle's sensors: begun, followed step by step, confirmed, cancelled."""
+"""Calibration of the vehicle's sensors: start, follow step by step, confirm, cancel."""
 
 from typing import ClassVar
 
@@ -46,7 +46,7 @@ class CalibrationPane(ServicePane):
         return super().check_action(action, parameters)
 
     def action_begin(self) -> None:
-        """Begins what is under the cursor."""
+        """Starts the calibration under the cursor."""
         self.choose(self.list.chosen)
 
     def action_measure(self) -> None:

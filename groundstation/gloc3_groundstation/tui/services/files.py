@@ -95,7 +95,7 @@ class FilesPane(ServicePane):
             )
 
     def action_remove(self) -> None:
-        """Removes what is under the cursor, after a question."""
+        """Removes the file or folder under the cursor, after confirmation."""
         vehicle = self.vehicle
         folder = vehicle.listing if vehicle is not None else None
         for entry in folder.entries if folder is not None else ():

@@ -1,4 +1,4 @@
-"""Logs of the vehicle: listed, and downloaded with progress; one that was cut off goes on where it ended."""
+"""Logs of the vehicle: list, and download with progress; an interrupted download resumes."""
 
 from typing import ClassVar
 

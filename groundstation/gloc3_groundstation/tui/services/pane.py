@@ -1,4 +1,4 @@
-"""The base of the services' panes: a list with its header, one row in full, and what is asked before it is done."""
+"""Base of the services' panes: a list with its header, one row in full, and confirmations."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -27,7 +27,7 @@ class ServicePane(Container):
 
     service: ClassVar[ServiceKind]
     detail_lines: ClassVar[int] = 0
-    """Lines below the list, where the row under the cursor is told in full; 0 for none."""
+    """Lines below the list for the full row under the cursor; 0 for none."""
 
     def __init__(self) -> None:
         super().__init__(id=self.name_of(self.service), classes="service")
@@ -48,19 +48,19 @@ class ServicePane(Container):
             yield Panel(id=f"{self.id}_detail", classes="detail")
 
     def fill(self, vehicle: VehicleDesk) -> None:
-        """Shows what is at hand."""
+        """Shows the vehicle's loaded data."""
         raise NotImplementedError
 
     def style_class(self, vehicle: VehicleDesk) -> object:
-        """What its keys depend on; where it is another, they are shown anew."""
+        """State on which its keys depend; when it changes, they are updated."""
         del vehicle
         return None
 
     def choose(self, key: str) -> None:
-        """Enter was pressed on a row."""
+        """Handles Enter on a row."""
 
     def leave(self) -> bool:
-        """Escape was pressed with nothing under way; tells whether the pane had something to leave."""
+        """Handles Escape while no job is running; returns whether the pane had something to leave."""
         return False
 
     def commands(self) -> Sequence[PaletteCommand]:
@@ -79,7 +79,7 @@ class ServicePane(Container):
         return self.query_one(f"#{self.id}_list", ListPanel)
 
     def rows(self, make: Callable[[], Sequence[Row]], *sources: object) -> Sequence[Row]:
-        """Rows that are made anew only when what they are made of is another: lists are long, and looked at often."""
+        """Rows that are rebuilt only when their sources change: lists are long, and updated often."""
         before = self._made[0]
         if len(before) != len(sources) or any(
             now is not was and now != was for now, was in zip(sources, before, strict=True)
@@ -96,7 +96,7 @@ class ServicePane(Container):
             self.list.point_at(self.list.chosen)
 
     def show_detail(self, lines: Callable[[int], Sequence[Line]], title: str = "") -> None:
-        """Fills the detail; what is told is made for its width."""
+        """Fills the details; their lines depend on the width."""
         detail = self.query_one(f"#{self.id}_detail", Panel)
         detail.show(lines(max(20, detail.width)), title)
 
@@ -132,7 +132,7 @@ class ServicePane(Container):
         self.prompt(title, lambda text: work(vehicle.path(text)), value=value, hint=hint, check=check)
 
     def confirm(self, question: str, yes: str, work: Callable[[], object]) -> None:
-        """Asks before what can hurt."""
+        """Asks for confirmation before a dangerous action."""
 
         def answered(answer: bool | None) -> None:
             if answer:
@@ -142,7 +142,7 @@ class ServicePane(Container):
         self.app.push_screen(YesNoQuestion(question, yes), answered)
 
     def confirm_if_armed(self, question: str, yes: str, work: Callable[[], object]) -> None:
-        """Asks while the vehicle is armed; on the ground it is done at once."""
+        """Asks for confirmation while the vehicle is armed; otherwise acts at once."""
         if self.vehicle is not None and self.vehicle.is_armed:
             self.confirm(f"{self.vehicle.name} is ARMED. {question}", yes, work)
         else:
@@ -150,7 +150,7 @@ class ServicePane(Container):
             self.show_again()
 
     def show_again(self) -> None:
-        """Shows at once what a key has changed."""
+        """Updates at once after a key."""
         self.refresh_bindings()
         if self.vehicle is not None and self.is_attached:
             self.fill(self.vehicle)

@@ -82,7 +82,7 @@ class ParametersPane(ServicePane):
         self.show_detail(lambda wide: parameter_lines(row, wide), row.group if row is not None else "")
 
     def style_class(self, vehicle: VehicleDesk) -> object:
-        """The comparison has keys of its own."""
+        """The comparison has its own keys."""
         return vehicle.parameters.diff is None
 
     def choose(self, key: str) -> None:
@@ -96,7 +96,7 @@ class ParametersPane(ServicePane):
             self.show_again()
 
     def leave(self) -> bool:
-        """Leaves the comparison, then what was looked for."""
+        """Leaves the comparison, then the search."""
         if self.vehicle is not None and self.vehicle.parameters.diff is not None:
             self.vehicle.parameters.close_comparison()
         elif self._text or self._only:
@@ -202,7 +202,7 @@ class ParametersPane(ServicePane):
     # --- what is shown ---
 
     def _find(self, table: ParameterTable) -> list[ParameterRow]:
-        """What is looked for; found anew only when something has changed."""
+        """Parameters that match the search; updated only after a change."""
         sought = (table, self._text, self._only)
         if any(now is not before for now, before in zip(sought, self._sought, strict=True)):
             is_changed, is_own = self._only is Only.CHANGED, self._only is Only.NOT_DEFAULT

@@ -1,4 +1,4 @@
-"""Plans on the autopilot: downloaded, opened from a file, uploaded, verified, saved and cleared."""
+"""Plans on the autopilot: download, open a file, upload, verify, save and clear."""
 
 from typing import ClassVar
 
@@ -26,7 +26,7 @@ class PlansPane(ServicePane):
     ]
 
     def fill(self, vehicle: VehicleDesk) -> None:
-        """The vehicle's plan and the file at hand."""
+        """The vehicle's plan and the open file."""
         width, plans = self.list.width, vehicle.plans
         rows = self.rows(
             lambda: [Row(line, key) for key, line in plan_rows(plans, width)],
@@ -36,11 +36,11 @@ class PlansPane(ServicePane):
         self.show(plans_header(width), rows or [Row(line) for line in hints], plans_title(vehicle.plans))
 
     def style_class(self, vehicle: VehicleDesk) -> object:
-        """Some keys need a file at hand."""
+        """Some keys require an open file."""
         return vehicle.plans.file is None
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Greys out what needs a file at hand."""
+        """Disables actions that require an open file."""
         if action in ("upload", "verify"):
             return True if self.vehicle is not None and self.vehicle.plans.file is not None else None
         return super().check_action(action, parameters)
@@ -56,13 +56,13 @@ class PlansPane(ServicePane):
             self.choose_file("open a plan", self.vehicle.plans.open)
 
     def action_upload(self) -> None:
-        """Uploads the file at hand."""
+        """Uploads the open file."""
         plans = self.vehicle.plans if self.vehicle is not None else None
         if plans is not None and plans.file is not None:
             self.confirm_if_armed(f"Replace its plan by {plans.file.name}?", "upload it", plans.upload)
 
     def action_verify(self) -> None:
-        """Compares with the file at hand."""
+        """Compares with the open file."""
         if self.vehicle is not None:
             self.vehicle.plans.verify()
 
@@ -72,7 +72,7 @@ class PlansPane(ServicePane):
             self.choose_file("save the vehicle's plan as", self.vehicle.plans.save, f"{self.vehicle.name}.plan")
 
     def action_clear(self) -> None:
-        """Clears, after a question: what is only on the vehicle is gone then."""
+        """Clears, after confirmation: a plan that is only on the vehicle is lost."""
         if self.vehicle is not None:
             armed = " It is ARMED." if self.vehicle.is_armed else ""
             question = f"Clear mission, fence and rally points of {self.vehicle.name}?{armed}"

@@ -1,4 +1,4 @@
-"""Message rates of the vehicle: what comes how often and what it costs, and asking for one more or less often."""
+"""Message rates of the vehicle: rate and bandwidth of each message, and requests for other rates."""
 
 from typing import ClassVar
 
@@ -43,7 +43,7 @@ class RatesPane(ServicePane):
         yield from super().compose()
 
     def fill(self, vehicle: VehicleDesk) -> None:
-        """The table, measured anew once a second."""
+        """The table, measured once a second."""
         if vehicle.now_s >= self._polled[0] + POLL_PERIOD_S or vehicle is not self._polled[1]:
             self._polled, self._table = (vehicle.now_s, vehicle), vehicle.rates
         width, found = self.list.width, self._table.find(self._text)
@@ -61,7 +61,7 @@ class RatesPane(ServicePane):
         self._request(key.partition(" ")[0])
 
     def leave(self) -> bool:
-        """Leaves what was looked for."""
+        """Leaves the search."""
         if not self._text:
             return False
         self.query_one(Input).value = self._text = ""

@@ -19,15 +19,15 @@ SIGNS: Final = {
     None: "?",
 }
 MOST_SIGNS: Final = 8
-"""A stage of more components is told in numbers."""
+"""Most components of a stage shown individually; a larger stage is shown as counts."""
 
 
 def chain_lines(platform: PlatformSnapshot | None, wiring: Wiring | None, now_s: float, width: int) -> list[Line]:
-    """The drawing, and in a line what it says.
+    """The drawing, and a line that summarizes it.
 
     Args:
-        platform: the vehicle in view.
-        wiring: who hands what to whom; None where that is not known here.
+        platform: the selected vehicle.
+        wiring: the connections between components; None where they are unknown here.
         now_s: the station's time.
         width: columns.
     """

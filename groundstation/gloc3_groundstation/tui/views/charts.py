@@ -16,7 +16,7 @@ Floating = NDArray[np.floating[Any]]
 AXIS: Final = 8
 """Columns left of a chart, for the values at its edges."""
 CALM_S: Final = 0.5
-"""So long at least a chart stands still; each move draws it anew, and a terminal may be far away."""
+"""Shortest time between moves of a chart, s; each redraws it, and the terminal may be remote."""
 HEADROOM: Final = 0.04
 """Of the axis, that the values leave free at both ends."""
 
@@ -39,7 +39,7 @@ class Scale(NamedTuple):
 
 
 class ChartWindow(NamedTuple):
-    """The time that a chart shows, on the station's clock."""
+    """Time range of a chart, on the station's clock."""
 
     from_s: float
     to_s: float
@@ -51,9 +51,9 @@ class ChartWindow(NamedTuple):
 
 
 def window_at(now_s: float, length_s: float, columns: int) -> ChartWindow:
-    """The window that ends now, moved on by whole columns so that what is drawn stays as it is in between.
+    """The window that ends now, moved by whole columns so that the drawing stays the same in between.
 
-    It ends a little later than now: new values come into it at its right edge, and it moves twice a second at most.
+    It ends slightly later than now: new values appear at its right edge, and it moves at most twice a second.
     """
     column_s = length_s / max(1, columns)
     step_s = column_s * ceil(CALM_S / column_s)
@@ -88,16 +88,16 @@ def round_scale(low: float, high: float, least: float) -> Scale:
 def chart_lines(
     title: Line, curves: Sequence[Curve], window: ChartWindow, scale: Scale, width: int, height: int, wrap: float = 0.0
 ) -> list[Line]:
-    """A chart in so many lines, the title being the first.
+    """A chart of the given height, the title being the first line.
 
     Args:
-        title: what stands above it.
-        curves: what is drawn, the most important last.
+        title: the line above it.
+        curves: the curves, the most important last.
         window: the time.
         scale: the values at the edges.
         width: columns, with the axis.
         height: lines, with the title.
-        wrap: a step by more than half of this is a way round, such as from 359 to 0 degrees, and not drawn.
+        wrap: a step of more than half of this is a wrap-around, such as from 359 to 0 degrees, and not drawn.
     """
     canvas = CellCanvas(width - AXIS, height - 1)
     across, down = canvas.size
@@ -116,7 +116,7 @@ def chart_lines(
 
 
 def with_axis(rows: Sequence[Line], scale: Scale, wrap: float = 0.0) -> list[Line]:
-    """Rows of a chart with the values at its edges, and half way where there is room."""
+    """Rows of a chart with the values at its edges, and in the middle where there is room."""
     last = len(rows) - 1
     labels = {0: scale.high, last: scale.low}
     if last >= 4 and last % 2 == 0:
@@ -188,7 +188,7 @@ def _parted(points: Dots, wrap: float) -> Dots:
 
 
 def _label(value: float, decimals: int) -> str:
-    """A value on the axis, with one decimal more where it is half way between."""
+    """A value on the axis, with one more decimal in the middle."""
     return f"{value:.{decimals if abs(round(value, decimals) - value) < 1e-9 else decimals + 1}f}"
 
 

@@ -10,14 +10,14 @@ from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, cut, fitted, joined, spread, text_of
 
 BATTERY_RANK: Final = 3
-"""In the title; what has a lower number is left out after the battery, the time of day before it."""
+"""Rank of the battery in the title; lower ranks are dropped after it, the time of day before it."""
 GAP: Final = "   "
 SPACIOUS: Final = 100
-"""From this width on the screens' names stand apart from their keys."""
+"""Width from which the screens' names are separated from their keys."""
 
 
 class Key(NamedTuple):
-    """A key, and what it does."""
+    """A key and its action."""
 
     key: str
     """As a person reads it: `space`, `^p`."""
@@ -118,7 +118,7 @@ def tone_of(severity: Severity) -> Tone:
 
 
 def tabs_line(tabs: Sequence[Tab], width: int) -> Line:
-    """The screens with their keys; the one that is shown stands out."""
+    """The screens with their keys; the current one is highlighted."""
     between, gap = _tab_gaps(width)
     spans = [Span(" ")]
     for tab in tabs:
@@ -131,7 +131,7 @@ def tabs_line(tabs: Sequence[Tab], width: int) -> Line:
 
 
 def tab_at(tabs: Sequence[Tab], width: int, column: int) -> Tab | None:
-    """The screen whose name stands at a column of that line."""
+    """The screen at a column of that line."""
     between, gap = _tab_gaps(width)
     begin = 1
     for tab in tabs:
@@ -143,7 +143,7 @@ def tab_at(tabs: Sequence[Tab], width: int, column: int) -> Tab | None:
 
 
 def alert_line(view: StationView, width: int) -> Line:
-    """Why the operator was refused just now, else the worst alert that nobody has acknowledged; empty without either."""
+    """Reason of a recent refusal, else the worst alert that is not acknowledged; empty without either."""
     refusal = answer(view.fleet, view.now_s)
     if refusal is not None:
         whose = f"{refusal.platform}: " if refusal.platform else ""
@@ -170,7 +170,7 @@ def keys_line(keys: Sequence[Key], width: int) -> Line:
 
 
 def key_at(keys: Sequence[Key], width: int, column: int) -> Key | None:
-    """The key that stands at a column of that line."""
+    """The key at a column of that line."""
     begin = 1
     for key in _fitting(keys, width):
         if begin <= column < begin + _width(key) - 2:
@@ -201,7 +201,7 @@ def _span(text: str, tone: Tone, is_stale: bool) -> Span:
 
 
 def _fitting(keys: Sequence[Key], width: int) -> list[Key]:
-    """The keys that there is room for, in the order in which they stand."""
+    """Keys for which there is room, in their order."""
     always = [key for key in keys if key.is_always_shown]
     room = width - 1 - sum(_width(key) for key in always)
     if sum(_width(key) for key in keys) > width - 1:
@@ -218,7 +218,7 @@ def _fitting(keys: Sequence[Key], width: int) -> list[Key]:
 
 
 def _tab_gaps(width: int) -> tuple[str, str]:
-    """What stands between a screen's key and its name, and between two screens."""
+    """Text between a screen's key and its name, and between two screens."""
     return (" ", "  ") if width >= SPACIOUS else ("", " ")
 
 

@@ -24,11 +24,11 @@ SEVERITIES: Final = (Severity.DEBUG, Severity.NOTICE, Severity.WARNING, Severity
 
 
 def event_lines(fleet: Fleet, start_s: float, width: int) -> list[Line]:
-    """The last events; long ones go over several lines.
+    """The last events; long ones are wrapped.
 
     Args:
-        fleet: whose events.
-        start_s: when the station started, from which times are counted.
+        fleet: source of the events.
+        start_s: start of the station, from which times are counted.
         width: columns.
     """
     lines: list[Line] = []
@@ -38,7 +38,7 @@ def event_lines(fleet: Fleet, start_s: float, width: int) -> list[Line]:
 
 
 def filter_line(wanted: EventFilter, search: Search, total: int, width: int) -> Line:
-    """What is looked for, and how much of it was found."""
+    """The filter, and the number of matches."""
     parts = [(0, _choice("severity", severity_name(wanted.severity), wanted.severity is not Severity.DEBUG))]
     parts += [
         (2, _choice("vehicle", wanted.platform or "all", bool(wanted.platform))),

@@ -17,7 +17,7 @@ class FindingRow(NamedTuple):
 
 
 def findings_title(draft: Draft | None, *, is_checking: bool) -> str:
-    """How it stands."""
+    """State of the check: errors and warnings, or why there is none."""
     if draft is None:
         return ""
     if is_checking:
@@ -32,7 +32,7 @@ def findings_title(draft: Draft | None, *, is_checking: bool) -> str:
 
 
 def finding_rows(draft: Draft | None, width: int) -> list[FindingRow]:
-    """The findings, whose first line has the place `line:column`."""
+    """Findings; the first line of each has its position `line:column`."""
     if draft is None:
         return []
     if not draft.requested:

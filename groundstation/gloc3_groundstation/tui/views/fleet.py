@@ -61,7 +61,7 @@ def fleet_line(view: StationView, platform: PlatformSnapshot, marked: Container[
 
 
 def fleet_title(view: StationView, marked: Sequence[str]) -> str:
-    """How many vehicles there are, and whom orders go to."""
+    """Number of vehicles, and the receivers of orders."""
     count = counted(len(view.fleet.platforms), "vehicle")
     if marked:
         return f"{count}: commands go to {', '.join(marked)}"
@@ -69,7 +69,7 @@ def fleet_title(view: StationView, marked: Sequence[str]) -> str:
 
 
 def control_lines(view: StationView, possible: Container[ControlVerb]) -> list[Line]:
-    """Who controls the vehicle in view, who asks for it, and what can be done about it."""
+    """Holder of control of the selected vehicle, a pending request, and possible actions."""
     platform = view.platform
     if platform is None:
         return []
@@ -103,7 +103,7 @@ def link_header(width: int) -> Line:
 
 
 def link_lines(link: LinkSnapshot, width: int) -> list[Line]:
-    """One link, and what to do where it is not open."""
+    """One link, and what to do if it is not open."""
     is_lost = bool(link.problem) and not link.is_connected
     advice = [(Span(cut(f"   → {port_advice(link.problem)}", width), Tone.DIM),)] if is_lost else []
     return [link_line(link, width), *advice]

@@ -27,10 +27,10 @@ CHART_LINES: Final = 5
 """Of a chart, with its title; it grows where there is room."""
 MOST_LINES: Final = 12
 TWO_COLUMNS: Final = 130
-"""From this width on charts stand side by side."""
+"""Width from which charts are shown side by side."""
 STALE_S: Final = 2.5
 SURE: Final = 2.0
-"""Standard deviations of an uncertainty that is told."""
+"""Standard deviations in a displayed uncertainty."""
 DEGREES_PER_LINE: Final = 5.0
 STEEPEST_DEG: Final = 88.0
 EIGHTHS: Final = " ▁▂▃▄▅▆▇█"
@@ -45,7 +45,7 @@ class ChartRow(NamedTuple):
     channel: TrackChannel
     decimals: int
     least: float
-    """The axis covers at least so much."""
+    """Least range of the axis."""
     wanted: TrackChannel | None = None
     """What it should be."""
     second: tuple[str, TrackChannel] | None = None
@@ -111,7 +111,7 @@ def charts(
 
 
 def silent_s(track: Track, now_s: float) -> float:
-    """For how long nothing new has come, where what is shown of now is too old for that; else 0."""
+    """Time without new data, if the displayed data is stale; else 0."""
     age_s = 0.0 if track.latest_s is None else now_s - track.latest_s
     return age_s if age_s >= STALE_S else 0.0
 
@@ -119,7 +119,7 @@ def silent_s(track: Track, now_s: float) -> float:
 def chart(
     row: ChartRow, track: Track, window: ChartWindow, width: int, height: int, *, is_stale: bool = False
 ) -> list[Line]:
-    """One chart: dotted what should be, as a line what is; its newest values are marked where they are old."""
+    """One chart: setpoints dotted, actual values as a line; its newest values are marked where they are stale."""
     points = 2 * (width - AXIS)
     curves: list[Curve] = []
     about = track.series(row.channel, *window, points).last if row.wrap else None
@@ -158,7 +158,7 @@ def _around(series: HistorySeries, about: float, wrap: float) -> HistorySeries:
 
 
 def charts_title(track: Track | None, end_s: float, now_s: float, window_s: float, *, is_frozen: bool) -> str:
-    """How much time is shown, whether it stands still, and for how long nothing has come."""
+    """Displayed time range, whether it is frozen, and the time without new data."""
     span, stale_s = duration(window_s), silent_s(track, now_s) if track is not None else 0.0
     if is_frozen:
         return f"{span}, FROZEN {duration(max(0.0, now_s - end_s))} ago"
@@ -166,7 +166,7 @@ def charts_title(track: Track | None, end_s: float, now_s: float, window_s: floa
 
 
 def attitude_lines(view: StationView, track: Track | None, width: int, height: int) -> list[Line]:
-    """The horizon, and the values of now."""
+    """The horizon, and the current values."""
     if track is None or track.latest_s is None:
         return [(Span(" no data yet", Tone.STALE),)]
     latest, is_stale = track.latest, view.now_s - track.latest_s >= STALE_S
@@ -186,7 +186,7 @@ def attitude_lines(view: StationView, track: Track | None, width: int, height: i
 
 
 def attitude_title(view: StationView, track: Track | None) -> str:
-    """The vehicle, and how old its values are where they are old."""
+    """The vehicle, and the age of its values where they are stale."""
     name = view.platform.name if view.platform is not None else "flight data"
     if track is None or track.latest_s is None or view.now_s - track.latest_s < STALE_S:
         return name
@@ -230,14 +230,14 @@ def _reported(value: float | None, decimals: int) -> str:
 
 
 def horizon_lines(roll_deg: float, pitch_deg: float, width: int, height: int, *, is_stale: bool = False) -> list[Line]:
-    """The horizon as seen from the vehicle: it sinks when the nose rises, and turns to the left in a roll to the right.
+    """Horizon as seen from the vehicle: it sinks when the nose rises, and turns to the left in a roll to the right.
 
     Args:
         roll_deg: positive to the right.
         pitch_deg: positive with the nose up.
         width: columns.
         height: lines.
-        is_stale: whether that was so long ago.
+        is_stale: whether the values are stale.
     """
     roll = (roll_deg + 180.0) % 360.0 - 180.0
     is_inverted = abs(roll) > 90.0

@@ -29,12 +29,12 @@ COLUMNS: Final = (
 )
 BAR_WIDTH: Final = 9
 GOOD_PERCENT: Final = 50
-"""A position of less quality is worth a look."""
+"""Position quality below which it is highlighted."""
 NARROW_ALERTS: Final = 60
 """Columns below which an alert's severity has no column of its own."""
 SEVERITY: Final = 9
 SLOW_TRIP_S: Final = 1.0
-"""A round trip from which the operator should know that keys act late."""
+"""Round trip from which the operator is warned of delayed keys."""
 
 
 def vehicle_header(width: int) -> Line:
@@ -60,7 +60,7 @@ def vehicle_line(view: StationView, platform: PlatformSnapshot, width: int) -> L
 
 
 def waiting_lines(view: StationView) -> list[Line]:
-    """What is waited for, and what to do about it."""
+    """What the station waits for, and what to do about it."""
     hints = ("Is gloc3 onboard running, and does its link lead here?", "--link udpin://0.0.0.0:14550 hears a network.")
     waiting = (Span(f" Waiting for a platform on {view.waiting_for}."),)
     return [EMPTY, waiting, *((Span(f" {hint}", Tone.DIM),) for hint in hints)]
@@ -104,7 +104,7 @@ def detail_lines(view: StationView) -> list[Line]:
 
 
 def detail_title(view: StationView) -> str:
-    """Which vehicle is in view, and how old its state is where that is no longer to be trusted."""
+    """Name of the selected vehicle, and the age of its state where it is stale."""
     platform = view.platform
     if platform is None:
         return ""
@@ -115,7 +115,7 @@ def detail_title(view: StationView) -> str:
 
 
 def alert_lines(view: StationView, width: int) -> list[Line]:
-    """The alerts of all vehicles, those first that nobody has acknowledged."""
+    """Alerts of all vehicles, those not acknowledged first."""
     lines: list[Line] = []
     for alert in view.alerts.listed:
         tone = Tone.DIM if alert.is_acknowledged else tone_of(alert.severity)
@@ -152,7 +152,7 @@ def alerts_title(view: StationView) -> str:
 
 
 def link_span(platform: PlatformSnapshot, now_s: float) -> Span:
-    """`ok`, `12 % lost`, or for how long it has been silent."""
+    """`ok`, `12 % lost`, or the duration of the silence."""
     if platform.silence is not None and platform.is_silent_as_planned(now_s):
         return Span(f"due {platform.silence.due_text.removesuffix(' UTC')}", Tone.WARN)
     if platform.is_overdue(now_s):
@@ -167,7 +167,7 @@ def link_span(platform: PlatformSnapshot, now_s: float) -> Span:
 
 
 def link_detail(view: StationView, platform: PlatformSnapshot) -> Span:
-    """`98 % arrives, 320 ms there and back`, or for how long it has been silent."""
+    """`98 % arrives, 320 ms there and back`, or the duration of the silence."""
     planned = platform.silence
     if planned is not None and platform.is_silent_as_planned(view.now_s):
         return Span(f"silent as planned ({planned.target})", Tone.WARN)
@@ -185,7 +185,7 @@ def link_detail(view: StationView, platform: PlatformSnapshot) -> Span:
 
 
 def _silence_figures(platform: PlatformSnapshot, now_s: float) -> list[tuple[str, Span]]:
-    """When contact is due, and what came by sound meanwhile."""
+    """When contact is due, and the last acoustic report."""
     snapshot = []
     planned = platform.silence
     if planned is not None and platform.is_quiet_link(now_s):
@@ -204,7 +204,7 @@ def _silence_figures(platform: PlatformSnapshot, now_s: float) -> list[tuple[str
 
 
 def worst_span(platform: PlatformSnapshot, now_s: float, *, is_brief: bool = False) -> Span:
-    """The worst component, or that all are well; in brief a sign tells its state."""
+    """The worst component, or that all are healthy; in brief form with a sign for its state."""
     if platform.is_all_well(now_s):
         return Span(f"all {len(platform.lines)} well", Tone.GOOD)
     components = platform.components(now_s)
@@ -284,7 +284,7 @@ def _control(view: StationView, platform: PlatformSnapshot) -> Span:
 
 
 def _source(vehicle: VehicleSummary, stale: Tone | None) -> Span:
-    """What the position rests on, and how good it is."""
+    """Sources of the position, and its quality."""
     quality = vehicle.pose_quality_percent
     tone = Tone.TEXT if vehicle.is_pose_valid and quality >= GOOD_PERCENT else Tone.WARN if quality > 0 else Tone.BAD
     if quality < 0:
@@ -293,7 +293,7 @@ def _source(vehicle: VehicleSummary, stale: Tone | None) -> Span:
 
 
 def _battery(percent: int) -> tuple[str, Tone]:
-    """The same as above, a little less loud: the alarm stands in the title."""
+    """The same as above, less prominent: the alarm is in the title."""
     level, tone = battery(percent)
     return level.removeprefix("bat "), Tone.BAD if tone is Tone.ALARM else tone
 

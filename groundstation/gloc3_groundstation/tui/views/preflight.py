@@ -24,7 +24,7 @@ NOT_LOADED: Final = f"{Group.MISSION}: loaded"
 STREAM_IT: Final = "u streams the open mission"
 OPEN_ONE: Final = "open one: 3, then o"
 STALE_S: Final = 60.0
-"""An older list is shown as what it is: old."""
+"""Age from which a list is marked as old."""
 
 
 class CheckRow(NamedTuple):
@@ -35,7 +35,7 @@ class CheckRow(NamedTuple):
 
 
 def preflight_title(checks: CheckList) -> str:
-    """How it stands, and how old that is."""
+    """Summary of the checks, and their age."""
     if checks.age_s is None:
         return "checks"
     requesting = ", refreshing…" if checks.is_requesting else ""
@@ -48,7 +48,7 @@ def preflight_headline(
     """What the list means for a start.
 
     Args:
-        platform: the vehicle in view; None while none is heard.
+        platform: the selected vehicle; None before the first contact.
         checks: its list; None without a vehicle.
         width: columns.
         can_start: whether there is a mission that could be started now.
@@ -88,12 +88,12 @@ def no_list_lines(platform: PlatformSnapshot, problem: str, width: int) -> list[
 
 
 def preflight_rows(checks: CheckList, width: int, *, has_plan: bool = False) -> list[CheckRow]:
-    """Every check; the group stands before its first.
+    """Every check; the name of a group precedes its first check.
 
     Args:
-        checks: what is known.
+        checks: the checks.
         width: columns.
-        has_plan: whether there is a mission at hand, so that the key that streams it does something.
+        has_plan: whether a mission is selected, so that the key for sending it has an effect.
     """
     rows: list[CheckRow] = []
     group = ""

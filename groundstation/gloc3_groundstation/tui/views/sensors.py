@@ -22,7 +22,7 @@ COLUMNS: Final = (
     Column("age", 6, rank=1, is_right=True),
 )
 STALE_S: Final = 3.0
-"""A topic that has spoken regularly and is older than this, and than three of its periods, is told as old."""
+"""Age from which a periodic topic is marked as old, if it is also older than three of its periods."""
 LABEL: Final = 18
 NARROW: Final = 52
 NARROW_LABEL: Final = 14
@@ -39,11 +39,11 @@ def topics_header(width: int) -> Line:
 def topic_rows(
     entries: Sequence[TopicEntry], activity: TopicActivity | None, wanted: str, width: int
 ) -> list[tuple[str, Line]]:
-    """The topics that fit a filter, each with the name that stands for it.
+    """Topics that match a filter, each with its name.
 
     Args:
         entries: all topics.
-        activity: how they speak, in the same order; None while it is not known.
+        activity: their activity, in the same order; None while it is unknown.
         wanted: part of a topic's name, type or source.
         width: columns.
     """
@@ -68,7 +68,7 @@ def topic_rows(
 
 
 def no_topics_lines(entries: Sequence[TopicEntry], wanted: str, problem: str, width: int) -> list[Line]:
-    """Why no topic is shown; the first line stands for what is asked for by its name."""
+    """Why no topic is shown; the first line is a topic that is requested by its name."""
     if entries:
         return [(Span(f" {wanted}"),), *text_lines("not listed, requested by name", width)]
     if problem:
@@ -77,7 +77,7 @@ def no_topics_lines(entries: Sequence[TopicEntry], wanted: str, problem: str, wi
 
 
 def sight_line(sight: Sight, wanted_hz: float, now_s: float, width: int) -> Line:
-    """How the topic that is looked at speaks, and how much of it comes."""
+    """Rate of the watched topic, and the share that arrives."""
     if sight.problem:
         return (Span(cut(f" {sight.problem}", width), Tone.WARN),)
     if sight.envelope is None:
@@ -106,7 +106,7 @@ def preview_line(preview: Preview) -> str:
 
 
 def plot_lines(series: Sequence[tuple[float, tuple[float, ...]]], width: int, height: int) -> list[Line]:
-    """Numbers over time, each in a strip of its own with its range at the left; the newest at the right.
+    """Numbers over time, each in a separate strip with its range at the left; the newest at the right.
 
     Args:
         series: times and numbers, oldest first.
@@ -128,7 +128,7 @@ def plot_lines(series: Sequence[tuple[float, tuple[float, ...]]], width: int, he
 
 
 def scan_lines(points_ne_m: Sequence[tuple[float, float]], width: int, height: int) -> list[Line]:
-    """What a scanner has hit, seen from above: north is up, the same scale both ways."""
+    """Hits of a scanner from above: north up, the same scale on both axes."""
     if not points_ne_m or height < 2:
         return [(Span(" no hits", Tone.DIM),)]
     canvas = CellCanvas(max(1, width), height - 1)

@@ -9,7 +9,7 @@ from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, wrapped
 
 REPORTED_S: Final = 1.0
-"""What the vehicle told longer ago says nothing of now: it tells five times a second."""
+"""Age from which the vehicle's report is ignored, s: it is sent five times a second."""
 
 WIDTH: Final = 58
 """Of the dialogue's text."""
@@ -29,7 +29,7 @@ class TeleoperationView(NamedTuple):
 
 
 def state_line(platform: PlatformSnapshot | None, helm: TeleoperationView, now_s: float) -> Line:
-    """The state in a word or two: whether the vehicle follows now."""
+    """The state in a few words: whether the vehicle follows now."""
     reported = _reported(platform, now_s)
     if not helm.is_begun:
         return (Span("NOT BEGUN", Tone.STRONG), Span("  enter requests teleoperation", Tone.DIM))
@@ -48,7 +48,7 @@ def state_line(platform: PlatformSnapshot | None, helm: TeleoperationView, now_s
 def helm_lines(
     platform: PlatformSnapshot | None, helm: TeleoperationView, round_trip_s: float | None, now_s: float
 ) -> tuple[Line, ...]:
-    """State, link, the four ways, depth and heading."""
+    """State, link, the four axes, depth and heading."""
     reported = _reported(platform, now_s)
     wanted = (*reported.velocity_cm_s, reported.yaw_rate_cdeg_s) if reported is not None else None
     measured = (*reported.measured_cm_s, reported.measured_yaw_rate_cdeg_s) if reported is not None else None

@@ -1,6 +1,6 @@
 """The widgets of the terminal: panels of lines, lists, pictures, editors, tables.
 
-Each draws only what has changed.
+Each redraws only changes.
 """
 
 __all__ = [

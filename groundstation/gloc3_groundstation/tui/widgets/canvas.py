@@ -1,7 +1,7 @@
-"""A raster of braille dots with text: draws lines, areas and ellipses, clipped, and gives lines of spans.
+"""A raster of braille dots with text: draws clipped lines, areas and ellipses, and returns lines of spans.
 
-A cell of the terminal holds 2 × 4 dots and one tone, that of what was drawn in it last. Coordinates are dots from the
-upper left corner, x to the right, y down; a dot is about as wide as it is high. NaN parts a line.
+A cell of the terminal holds 2 × 4 dots and one tone, that of the last drawing in it. Coordinates are dots from the
+upper left corner, x to the right, y down; a dot is about as wide as it is high. NaN splits a line.
 """
 
 from collections.abc import Sequence
@@ -54,10 +54,10 @@ class CellCanvas:
         """Joins points.
 
         Args:
-            points: where the line leads.
+            points: the corners of the line.
             tone: of the line.
-            on: so many dots are drawn in turn with
-            off: so many that are left out.
+            on: dots drawn, alternating with
+            off: dots left out.
         """
         corners = np.asarray(points, np.float64).reshape(-1, 2)
         if len(corners) == 1:
@@ -115,7 +115,7 @@ class CellCanvas:
         self.points(np.column_stack((x[is_inside], y[is_inside])), tone)
 
     def text(self, column: int, row: int, text: str, tone: Tone) -> None:
-        """Writes text in cells, over what is drawn there; what does not fit on the canvas is left out."""
+        """Writes text in cells, over existing drawings; text outside the canvas is cut off."""
         if 0 <= row < self.height:
             cells = self._texts[row]
             for index, letter in enumerate(text, start=column):
@@ -123,7 +123,7 @@ class CellCanvas:
                     cells[index] = Span(letter, tone)
 
     def is_free(self, column: int, row: int, length: int) -> bool:
-        """Whether there is room on the canvas for so many letters, and no other text."""
+        """Whether there is room on the canvas for `length` characters, without other text."""
         if not 0 <= row < self.height or column < 0 or column + length > self.width:
             return False
         cells = self._texts[row]

@@ -11,7 +11,7 @@ from gloc3_groundstation.tui.widgets.panel import Panel
 
 
 class CanvasPanel(Panel):
-    """Lines that fill the panel and never scroll; `Pointed` tells where the mouse is."""
+    """Lines that fill the panel and never scroll; `Pointed` reports the mouse position."""
 
     class Pointed(Message):
         """The mouse is over a cell."""

@@ -26,20 +26,20 @@ class TextEntry(ModalScreen[str | None]):
         hint: str = "",
         check: Callable[[str], str] = lambda _: "",
     ) -> None:
-        """A dialogue.
+        """Creates the dialogue.
 
         Args:
-            title: what is asked for.
-            lines: gives what is known about it, for a width in characters.
-            value: stands there to begin with.
-            hint: is shown while nothing stands there.
-            check: says in words what is wrong with a text; empty where nothing is.
+            title: the requested value.
+            lines: returns explanatory lines for a width in characters.
+            value: the initial text.
+            hint: shown while the field is empty.
+            check: returns the error in a text; empty if it is valid.
         """
         super().__init__()
         self._title, self._lines, self._value, self._hint, self._check = title, lines, value, hint, check
 
     def compose(self) -> ComposeResult:
-        """What is asked, what is known, the line, and what is wrong with it."""
+        """Title, explanatory lines, the input, and its error."""
         with Vertical(classes="entry"):
             if self._lines is not None:
                 yield Panel(id="entry_lines", can_focus=False)
@@ -47,7 +47,7 @@ class TextEntry(ModalScreen[str | None]):
             yield Static("", id="entry_wrong", markup=False)
 
     def on_mount(self) -> None:
-        """Says in the border what this is, and how to leave it."""
+        """Sets the title and the hint for leaving in the border."""
         sheet = self.query_one(Vertical)
         sheet.border_title = self._title
         sheet.border_subtitle = "enter confirms, esc cancels"
@@ -58,7 +58,7 @@ class TextEntry(ModalScreen[str | None]):
         self.call_after_refresh(self._fill)
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """What was wrong with another text is no longer said."""
+        """Clears the error of the previous text."""
         del event
         self.query_one("#entry_wrong", Static).update("")
 

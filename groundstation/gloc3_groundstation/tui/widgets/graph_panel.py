@@ -1,4 +1,4 @@
-"""The panel that shows a graph: it scrolls both ways, and a cursor goes from item to item."""
+"""Panel for a graph: it scrolls in both directions, and a cursor moves from item to item."""
 
 from typing import ClassVar
 
@@ -29,7 +29,7 @@ class GraphPanel(Panel):
     ]
 
     class Moved(Message):
-        """The cursor is on another item."""
+        """The cursor has moved to another item."""
 
         def __init__(self, target: str) -> None:
             super().__init__()

@@ -15,18 +15,18 @@ class Tone(StrEnum):
     STRONG = "strong"
     GOOD = "good"
     BUSY = "busy"
-    """Something goes on."""
+    """Something is in progress."""
     WARN = "warn"
     BAD = "bad"
     ALARM = "alarm"
     STALE = "stale"
-    """No longer to be taken for what is so."""
+    """No longer current."""
     KEY = "key"
     """A key to press."""
     CHOSEN = "chosen"
     """Where the operator is: the screen that is shown."""
     FIRST = "first"
-    """The first of several things that are told apart, such as vehicles on a map; their names stand beside them."""
+    """The first of several distinguished things, such as vehicles on a map, whose names are shown beside them."""
     SECOND = "second"
     THIRD = "third"
     FOURTH = "fourth"
@@ -44,7 +44,7 @@ class Span(NamedTuple):
 
 
 ONE_OF_MANY: Final = (Tone.FIRST, Tone.SECOND, Tone.THIRD, Tone.FOURTH, Tone.FIFTH, Tone.SIXTH)
-"""Things that are told apart have these in turn."""
+"""Tones of distinguished things, in turn."""
 
 Line = tuple[Span, ...]
 
@@ -98,7 +98,7 @@ def wrapped(text: str, width: int) -> list[str]:
 
 
 def cut(text: str, width: int) -> str:
-    """Text in at most `width` characters; an ellipsis stands for what is left out."""
+    """Text in at most `width` characters; an ellipsis replaces the rest."""
     if len(text) <= width:
         return text
     return text[: width - 1] + "…" if width > 0 else ""

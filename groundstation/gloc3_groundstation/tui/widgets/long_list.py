@@ -1,4 +1,4 @@
-"""A list of any length: only the rows that are seen are asked for, and the cursor stays with its row or at the end."""
+"""A list of any length: only visible rows are requested, and the cursor stays with its row or at the end."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -23,7 +23,7 @@ class Numbers(Protocol):
 
 
 class LongList(ListPanel):
-    """Shows a window of a long list; whoever owns it fills the window with `show_rows` from `window()`.
+    """Shows a window of a long list; its owner fills the window with `show_rows` from `window()`.
 
     The cursor follows the last row until it is moved up, and again when it is moved to the end.
     """
@@ -73,7 +73,7 @@ class LongList(ListPanel):
         self.post_message(self.Scrolled())
 
     def action_move(self, rows: int) -> None:
-        """Moves the cursor by so many rows; ten stand for a page."""
+        """Moves the cursor by `rows` rows; ten mean a page."""
         if self._numbers is None or not len(self._numbers):
             return
         if abs(rows) == 10:

@@ -42,7 +42,7 @@ class MissionEditor(TextArea):
             self.refresh()
 
     def point_at(self, line: int, column: int) -> None:
-        """Puts the cursor on a place, both counted from 1; 0 for the beginning."""
+        """Moves the cursor to a position, both numbers counted from 1; 0 for the start."""
         row = max(0, min(line - 1, self.document.line_count - 1))
         place = max(0, min(column - 1, len(self.document.get_line(row))))
         self.move_cursor((row, place))
@@ -79,7 +79,7 @@ class MissionEditor(TextArea):
         return Strip([first, *segments[1:]], strip.cell_length)
 
     async def _on_key(self, event: Key) -> None:
-        """A new line begins below the one before, and escape is left to the screen; the rest is the text area's own."""
+        """Handles a new line's indentation, and leaves escape to the screen; all other keys go to the text area."""
         if event.key == "escape":
             event.prevent_default()
         elif event.key == "enter" and not self.read_only:
@@ -112,7 +112,7 @@ class MissionText(Container):
         return self.query_one(MissionEditor)
 
     def invalidate(self) -> None:
-        """The next look brings another text."""
+        """Reloads the text at the next update."""
         self._is_filled = False
 
     def show_mission(self, draft: Draft, *, is_checking: bool, is_wide: bool) -> None:
@@ -135,7 +135,7 @@ class MissionText(Container):
         findings.styles.height = None if is_wide else max(3, min(len(rows) + 1, self.size.height // 3))
 
     def point_at(self, number: int) -> None:
-        """Puts both cursors on a finding."""
+        """Moves both cursors to a finding."""
         if self._draft is not None and number < len(self._draft.requested):
             finding = self._draft.requested[number]
             self.editor.point_at(finding.line, finding.column)

@@ -25,11 +25,11 @@ class Panel(ScrollView, can_focus=True):
         follows_end: bool = False,
         can_focus: bool = True,
     ) -> None:
-        """A panel.
+        """Creates a panel.
 
         Args:
             id: its name in the style sheet.
-            classes: `plain` has no rule above it.
+            classes: `plain` for no rule above it.
             follows_end: whether it stays at the last line until the operator scrolls up.
             can_focus: whether it takes part in scrolling by key.
         """
@@ -92,12 +92,12 @@ class Panel(ScrollView, can_focus=True):
         return strip
 
     def notify_style_update(self) -> None:
-        """Forgets what was drawn in other colours."""
+        """Clears lines drawn in other colours."""
         self._clear_strips()
         super().notify_style_update()
 
     def on_resize(self) -> None:
-        """Forgets what was drawn at another width; stays at the end where it was there."""
+        """Clears lines drawn at another width; stays at the end if it was there."""
         self._clear_strips()
         if self._follows_end:
             self.scroll_to(y=len(self._lines), animate=False, immediate=True, force=True)
@@ -127,11 +127,11 @@ class Row(NamedTuple):
 
     line: Line
     key: str = ""
-    """What the row stands for; empty for a heading or a further line, on which the cursor never rests."""
+    """Identifies the row; empty for a heading or a continuation line, on which the cursor never stops."""
 
 
 class ListPanel(Panel):
-    """Lines with a cursor; `Chosen` is posted on enter, `Moved` when the cursor has come to another row."""
+    """Lines with a cursor; `Chosen` is posted on enter, `Moved` when the cursor has moved to another row."""
 
     COMPONENT_CLASSES = {"list--cursor"}
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -145,7 +145,7 @@ class ListPanel(Panel):
     ]
 
     class Moved(Message):
-        """The cursor is on another row."""
+        """The cursor has moved to another row."""
 
         def __init__(self, panel: "ListPanel", key: str) -> None:
             super().__init__()
@@ -187,14 +187,14 @@ class ListPanel(Panel):
         return top - height <= index < top + 2 * height or index == self._index
 
     def point_at(self, key: str) -> None:
-        """Puts the cursor on a row."""
+        """Moves the cursor to a row."""
         for index, row in enumerate(self._rows):
             if row.key == key:
                 self._point(index)
                 self._reveal()
 
     def action_move(self, rows: int) -> None:
-        """Moves the cursor by so many rows."""
+        """Moves the cursor by `rows` rows."""
         places = [index for index, row in enumerate(self._rows) if row.key]
         if not places:
             return

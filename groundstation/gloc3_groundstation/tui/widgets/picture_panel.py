@@ -12,13 +12,13 @@ from gloc3_groundstation.tui.widgets.panel import Panel
 
 HALF: Final = "▀"
 INK: Final = " ░▒▓█"
-"""From dark to light, on a dark ground."""
+"""From dark to light, on a dark background."""
 STEP: Final = 8
-"""Grey values that are told apart: fewer styles, fewer bytes to the terminal."""
+"""Distance of displayed grey values: fewer styles, fewer bytes to the terminal."""
 
 
 class PicturePanel(Panel):
-    """A panel whose lines give way to a picture."""
+    """A panel that shows lines or a picture."""
 
     def __init__(self, *, id: str, classes: str | None = None) -> None:  # noqa: A002 - Textual's name
         super().__init__(id=id, classes=classes)

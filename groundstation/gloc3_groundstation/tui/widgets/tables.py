@@ -1,4 +1,4 @@
-"""Tables as lines: columns keep their place, grow with the terminal, and are dropped in a given order."""
+"""Tables as lines: columns keep their position, grow with the terminal, and are dropped in a given order."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -23,7 +23,7 @@ class Column(NamedTuple):
     is_right: bool = False
     """Aligned at the right, as numbers are."""
     most: int = 1000
-    """Characters that it has at most, so that what belongs together stays together on wide terminals."""
+    """Largest number of characters, so that related columns stay close together on wide terminals."""
 
 
 class FittedTable:

@@ -9,11 +9,11 @@ from gloc3_groundstation.tui.widgets.lines import EMPTY, Line
 from gloc3_groundstation.tui.widgets.panel import ListPanel, Row
 
 OLDER_EVERY_S: Final = 0.5
-"""What is shown grows old by itself: a row is made anew so often also where nothing has changed."""
+"""Interval at which a row is rebuilt even without changes, s, because its ages advance."""
 
 
 class VehicleRows:
-    """The rows of one list, each with what it was made of."""
+    """The rows of one list, each with the values that it was built from."""
 
     def __init__(self) -> None:
         self._made: dict[str, tuple[tuple[object, ...], Line]] = {}
@@ -21,13 +21,13 @@ class VehicleRows:
     def rows(
         self, panel: ListPanel, view: StationView, make: Callable[[PlatformSnapshot], Line], of: object = None
     ) -> list[Row]:
-        """A row for each vehicle; empty for one that is out of sight.
+        """A row for each vehicle; empty for one that is not visible.
 
         Args:
-            panel: where they are shown.
-            view: what is known.
-            make: gives the line of a vehicle.
-            of: what the lines are made of besides the vehicle and which one is in view.
+            panel: the panel that shows them.
+            view: the current view.
+            make: builds the line of a vehicle.
+            of: what the lines depend on besides the vehicle and the selection.
         """
         rows, before, self._made = [], self._made, {}
         for index, platform in enumerate(view.fleet):

@@ -1,9 +1,9 @@
 """The covariance of the fusion's error state, predicted and updated by filterpy, with clones of past poses.
 
 The error of the nominal state is (position 3, velocity 3, rotation vector 3, gyroscope bias 3, accelerometer bias 3,
-level of the floor 1), all but the biases in NED: true rotation = exp(error) @ believed rotation. Behind it stand
-the clones, six errors each (position, rotation) of a pose of the past (Roumeliotis and Burdick, *Stochastic Cloning*,
-ICRA 2002). The mean of the error is always zero: what an update finds is given back, for the nominal state to take.
+level of the floor 1), all but the biases in NED: true rotation = exp(error) @ estimated rotation. It is followed by the
+clones, six errors each (position, rotation) of a past pose (Roumeliotis and Burdick, *Stochastic Cloning*, ICRA 2002).
+The mean of the error is always zero: an update returns the correction for the nominal state.
 Sources: Solà, *Quaternion kinematics for the error-state Kalman filter*, 2017; Bar-Shalom, Li and Kirubarajan,
 *Estimation with Applications to Tracking and Navigation*, 2001.
 """
@@ -97,11 +97,11 @@ class ErrorState:
         """Propagates the covariance over a time step.
 
         Args:
-            duration_s: how long.
+            duration_s: the time step.
             ned_from_frd: mean attitude, (3, 3).
             force_ned_m_s2: mean specific force.
             noise: densities of gyroscope and accelerometer, and the walks of their biases.
-            floor_m2: what the floor's level gains in variance.
+            floor_m2: increase of the variance of the floor's level.
         """
         dt = duration_s
         # Jacobian F of dv' = -[R f]x dtheta - R db_a, dtheta' = -R db_g (global angular error: Solà 2017, ch. 7).
@@ -136,9 +136,9 @@ class ErrorState:
         """Stores a pose as a clone, replacing any of the same name.
 
         Args:
-            name: whose it is.
-            jacobian: of the pose's error by the error now, (6, 16).
-            noise: covariance of what is added to it, (6, 6).
+            name: owner of the clone.
+            jacobian: of the pose's error with respect to the present error, (6, 16).
+            noise: covariance of the added noise, (6, 6).
         """
         self.drop(name)
         # Augment: P <- [[P, P J^T], [J P, J P J^T + N]] (stochastic cloning, Roumeliotis and Burdick 2002).

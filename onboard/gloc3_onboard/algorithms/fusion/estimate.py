@@ -1,8 +1,8 @@
-"""The estimate: nominal state and covariance together, driven by the inertial unit and corrected by measurements.
+"""State estimate: nominal state and covariance, propagated with the inertial unit and corrected by measurements.
 
-Measurements may be late: what they say of a past pose is turned into what they say of the present one (`past_pose`),
-so nothing is ever computed again and the work for each is the same. The noise of the inertial unit in between is left
-out: over 0.2 s it is below a millimetre and a hundredth of a degree.
+Measurements may be late: a measurement of a past pose is converted to one of the present pose (`past_pose`), so nothing
+is recomputed and the cost of each is the same. The noise of the inertial unit in between is neglected: over 0.2 s it is
+below a millimetre and a hundredth of a degree.
 """
 
 from math import sqrt
@@ -36,9 +36,9 @@ _STEP_S: Final = 0.1
 _BLIND: Final = (0.12, 1.0)
 """Noise densities of rate and acceleration where nothing is known of them: rad/s/√Hz, m/s²/√Hz."""
 _BLIND_PAST_S: Final = 0.15
-"""So far back the past can be told by the motion that is supposed."""
+"""Age of a past pose up to which the assumed motion is used without the inertial unit, s."""
 _TURN_REPORTED: Final = 0.03
-"""The density of the rate where the autopilot tells it, now and then."""
+"""Noise density of the autopilot's occasional rate, rad/s/√Hz."""
 _TILT_STD_RAD, _VELOCITY_STD_M_S, _GYRO_BIAS_STD, _FORCE_BIAS_STD = 0.008, 0.02, 5e-4, 0.05
 
 
@@ -48,7 +48,7 @@ class Past(NamedTuple):
     state: InertialState
     jacobian: Matrix
     noise: Matrix | None = None
-    """Variances (6,) of what has moved the pose since, unknown to anybody: where the inertial unit is missed."""
+    """Variances (6,) of unmeasured motion since then, while the inertial unit is missing."""
 
 
 class PoseEstimate:
@@ -62,7 +62,8 @@ class PoseEstimate:
         self.floor_down_m: float | None = None
         self.reset_counter = 0
         self.disputed_m: Vector3 = (0.0, 0.0, 0.0)
-        """How far off it may be along each axis by what sources contradict each other: told, and not given to either of them."""
+        """Possible error along each axis, m, from contradicting sources: reported, and not assigned to either of
+        them."""
         self._offset: Vector3 = (0.0, 0.0, 0.0)
         """What is still to come into the reported position."""
         self._settings = settings
@@ -151,8 +152,8 @@ class PoseEstimate:
     def predict(self) -> None:
         """Propagates the covariance to the time of the nominal state.
 
-        One that stays behind when a measurement comes is of a body that stood elsewhere: then measurements of motion alone
-        seem to tell a heading, which nobody knows.
+        Before every update it has to be current: a covariance of an earlier position would make measurements of motion
+        appear to contain an absolute heading, which they do not.
         """
         duration_s = self.t_s - self._predicted_s
         if duration_s <= 0.0:
@@ -281,7 +282,7 @@ class PoseEstimate:
         self.errors.loosen(ROTATION.start, np.full(2, std_rad**2))
 
     def inflate_motion(self) -> None:
-        """Inflates velocity, attitude and biases, as the sources agree on another motion."""
+        """Inflates velocity, attitude and biases, because the sources agree on a different motion."""
         self.sound_s = self.t_s
         self.errors.loosen(VELOCITY.start, np.array((0.25, 0.25, 0.25, 2e-3, 2e-3, 2e-3)))
         self.errors.loosen(GYROSCOPE.start, np.array((1e-3, 1e-3, 1e-3, 0.25, 0.25, 0.25)))

@@ -1,11 +1,11 @@
 """Fault isolation by voting: finds the source whose motion disagrees with the others'.
 
-Every source tells how far the body came since its last report. What it tells less what the fusion believes is summed
-up; over a window, the difference of two sources' sums is by how much *they* disagree: what the fusion believed drops
-out, even where a bad source has pulled it. Two sources agree where that difference is explained by their covariances
-and by an error of scale that either may have. A source that disagrees with at least two others, with more than any of
-these does, is voted out. Where two disagree and nobody else can tell, nobody is voted out: the disagreement itself is
-told, and the pose is as uncertain as they are apart.
+Every source reports the motion since its last report. The differences from the fusion's estimate are summed up. Over a
+window, the difference of two sources' sums is the disagreement between the *sources*: the estimate cancels, even where
+a bad source has pulled it. Two sources agree where that difference is explained by their covariances and by an error of
+scale that either may have. A source that disagrees with at least two others, and with more than each of these does, is
+voted out. Where two disagree and no third can decide, neither is voted out: the conflict is reported, and the pose is
+as uncertain as they differ.
 """
 
 from bisect import bisect_left, bisect_right
@@ -27,7 +27,7 @@ _WINDOWS: Final = (0.25, 0.5, 1.0)
 """Shorter windows see coarse errors sooner."""
 _FLOOR_M2: Final = 0.004**2
 _BLIND_M2: Final = 0.5**2
-"""Along a direction in which two are more uncertain than that, it is not told by how much they disagree."""
+"""Variance beyond which a direction is ignored in a disagreement."""
 _NOTHING: Final = np.zeros((3, 3))
 _CONFIRM: Final = 2
 """Votes in a row with the same outcome, before it counts."""
@@ -53,7 +53,7 @@ class OtherAgreement(NamedTuple):
 
     names: tuple[str, ...]
     by_m: Vector3
-    """How far the body is from where it is believed to be, as they tell it, in NED."""
+    """Offset of the body from its estimated position, according to them, in NED."""
     covariance: Matrix
     """Of that, (3, 3)."""
 
@@ -63,7 +63,7 @@ class Record:
 
     def __init__(self) -> None:
         self.is_of_places = False
-        """Whether it is told in NED itself, not in the body's axes, which the believed attitude turns."""
+        """Whether it is reported in NED, not in body axes, which depend on the estimated attitude."""
         self._times: deque[float] = deque(maxlen=_KEPT)
         self._sums: deque[tuple[float, float, float, Matrix]] = deque(maxlen=_KEPT)
         """Of the excess; and of the covariances, each that of the last report from a reference."""
@@ -136,7 +136,7 @@ class FaultIsolation:
         self._window_s, self._scale_std = window_s, scale_std
         self._latency_s: list[float] = []
         self._distance_m: list[float] = []
-        """The length of the way flown until each of these times."""
+        """Distance flown up to each of these times."""
         self._at: Vector3 | None = None
         self._heading_std_rad = 0.0
         self._last: tuple[str, int] = ("", 0)
@@ -155,8 +155,8 @@ class FaultIsolation:
 
         Args:
             voters: the sources that may vote.
-            position: where the body is believed to be, for the length of the way.
-            heading_std_rad: of the believed heading, which turns what the odometers tell.
+            position: estimated position, for the distance flown.
+            heading_std_rad: of the estimated heading, with which the odometers' motion is rotated.
             now_s: the time.
         """
         self._heading_std_rad = heading_std_rad
@@ -176,11 +176,11 @@ class FaultIsolation:
         return bool(judges) and not any(self._apart(source, other, since_s) for other in judges for since_s in begins)
 
     def elsewhere(self, names: list[str], begin_s: float, now_s: float) -> OtherAgreement | None:
-        """The offset from the estimate that two or more sources agree on, unless as many deny it.
+        """The offset from the estimate that two or more sources agree on, unless as many contradict it.
 
         Args:
-            names: the sources that may say it.
-            begin_s: only what was told since counts.
+            names: the sources considered.
+            begin_s: start of the reports considered.
             now_s: the time.
         """
         able = [name for name in names if self._known(name, begin_s, now_s)]
@@ -199,7 +199,7 @@ class FaultIsolation:
         return OtherAgreement(tuple(group), (north, east, down), covariance)
 
     def _excess(self, name: str, begin_s: float) -> tuple[Matrix, Matrix]:
-        """What a source tells of the way since a time beyond what is believed, and its covariance."""
+        """Excess of a source's motion since a time over the estimate, and its covariance."""
         record = self.records[name]
         by_m, spread = record.over(begin_s)
         return np.array(by_m), spread + np.eye(3) * self._tolerance(begin_s, is_turned=not record.is_of_places)
@@ -219,7 +219,7 @@ class FaultIsolation:
         return float(apart @ np.linalg.solve(reported[1] + covariance, apart)) > CHI2_999[3]
 
     def _tolerance(self, begin_s: float, *, is_turned: bool) -> float:
-        """What any two ways since a time may differ by, m2: an error of scale, and of the heading that turns one of them."""
+        """Variance by which motions since a time may differ, m2: scale error, and heading error if one is rotated."""
         share = self._scale_std**2 + (self._heading_std_rad**2 if is_turned else 0.0)
         return share * self._length(begin_s) ** 2 + _FLOOR_M2
 
@@ -232,7 +232,7 @@ class FaultIsolation:
             del self._latency_s[: _KEPT // 2], self._distance_m[: _KEPT // 2]
 
     def _length(self, begin_s: float) -> float:
-        """Of the way since a time."""
+        """Distance flown since a time."""
         first = min(bisect_left(self._latency_s, begin_s), len(self._distance_m) - 1)
         return self._distance_m[-1] - self._distance_m[first]
 
@@ -241,7 +241,7 @@ class FaultIsolation:
         return record is not None and record.is_about(begin_s, now_s)
 
     def _apart(self, a: str, b: str, begin_s: float) -> Vector3 | None:
-        """By how much two sources disagree since a time; None where they agree, or one cannot tell."""
+        """Disagreement of two sources since a time; None where they agree, or one has no data."""
         one, two = self.records[a], self.records[b]
         ((ax, ay, az), spread_a), ((bx, by, bz), spread_b) = one.over(begin_s), two.over(begin_s)
         # Pairwise residual: the estimate cancels in a - b; its covariance is C_a + C_b + tolerance.

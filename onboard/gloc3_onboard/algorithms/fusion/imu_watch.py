@@ -8,16 +8,16 @@ from gloc3_onboard.algorithms.fusion.estimate import LONGEST_S
 from gloc3_onboard.algorithms.fusion.trust import Trust
 
 _FASTEST: Final = (35.0, 160.0)
-"""More rad/s or m/s² than that no inertial unit of a vehicle tells."""
+"""Limits of rate and specific force, rad/s and m/s², beyond which a sample is invalid."""
 _ABRUPT: Final = (10.0, 80.0)
 """And no vehicle's motion changes by more from one sample to the next."""
 _JOLT_M_S2: Final = 6.0
-"""Where the specific force changes by more from one sample to the next, what it was in between is not known."""
+"""Change of the specific force between samples beyond which the values in between are unknown."""
 _JOLT_S: Final = 0.02
 _RUN: Final = 20
-"""So many equal samples are frozen; so many good ones are believed again."""
+"""Equal samples that count as frozen; also the good samples after which the unit is used again."""
 _SETTLED: Final = 4
-"""So many samples in a row must be good after a bad one: what follows garbage is garbage that nobody can tell yet."""
+"""Good samples required after a bad one, because garbage may follow garbage undetected."""
 _BLIND_S: Final = (3.0, 60.0)
 """So long it is not believed after a doubt; each time twice as long as before, and at most the second."""
 _AHEAD_S: Final = 0.5
@@ -46,13 +46,13 @@ class ImuWatch:
         self._blind_s = _BLIND_S[0]
 
     def add_sample(self, rate: Vector3, force: Vector3, t_s: float, now_s: float, trust: Trust) -> Mean | None:
-        """The means since the last sample; None for an unusable sample.
+        """Mean values since the last sample; None for an unusable sample.
 
         Args:
-            rate: of turn, rad/s.
-            force: specific, m/s².
-            t_s: when it was felt.
-            now_s: the time as others tell it, which a sample may not be far ahead of.
+            rate: angular rate, rad/s.
+            force: specific force, m/s².
+            t_s: time of the sample.
+            now_s: the time by other sources; a sample must not be far ahead of it.
             trust: the record of the inertial unit.
         """
         is_ahead = self._last is not None and t_s > max(now_s, self._last_s) + _AHEAD_S

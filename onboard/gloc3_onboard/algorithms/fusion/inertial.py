@@ -16,7 +16,7 @@ from gloc3.messages.frames import (
 )
 
 KEPT_S: Final = 1.5
-"""The past is known for so long."""
+"""Length of the stored history, s."""
 _TRIM: Final = 400
 
 

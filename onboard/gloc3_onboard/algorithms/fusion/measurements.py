@@ -9,7 +9,7 @@ from gloc3.messages.frames import Quaternion, Vector3, conjugate, multiply, rota
 from gloc3_onboard.algorithms.fusion.error_state import Matrix, skew
 
 UNKNOWN_FROM: Final = 1e3
-"""A variance (m2 or rad2) from which on a direction counts as not told."""
+"""Variance (m2 or rad2) from which a direction counts as unmeasured."""
 CHI2_999: Final = (0.0, 10.83, 13.82, 16.27, 18.47, 20.52, 22.46)
 """Quantiles of the chi-square distribution at 99.9 %, by degrees of freedom."""
 
@@ -69,9 +69,9 @@ def relative(
     """An odometer's motion since a reference; None where it measures nothing.
 
     Args:
-        reference: believed position and attitude of the reference.
-        axes: `ned_from_reference`: the reference's attitude, made level if the odometer's axes are.
-        pose: believed position and attitude at the end.
+        reference: estimated position and attitude of the reference.
+        axes: `ned_from_reference`: the reference's attitude, levelled if the odometer's axes are.
+        pose: estimated position and attitude at the end.
         reported: position in the reference's axes, and attitude on them.
         covariance: (6, 6): position in the axes of the reference, rotation vector in the body's.
         is_level: the axes turn with the reference's heading only.
@@ -118,7 +118,7 @@ def place(
 
 
 def level_of(ned_from_frd: Quaternion, reported: Quaternion, std_rad: float) -> Measured:
-    """Roll and pitch by another attitude, whose heading is ignored."""
+    """Roll and pitch from another attitude, whose heading is ignored."""
     # The other attitude's down in our NED is e_d - dtheta x e_d: (e, -n) measures dtheta about north and east.
     north, east, _ = rotate(ned_from_frd, rotate_back(reported, (0.0, 0.0, 1.0)))
     by_pose = np.zeros((2, 6))
@@ -130,7 +130,7 @@ class HeightMeasurement(NamedTuple):
     """A range to the floor as a vertical distance."""
 
     vertical_m: float
-    """Vertical distance to what was hit."""
+    """Vertical distance to the surface that was hit."""
     by_pose: Matrix
     """(1, 6): how the believed height over a floor that is known less this follows from the error of the pose."""
 
@@ -167,7 +167,7 @@ def covariance_of(numbers: list[float], rows: int, floor: Matrix) -> Matrix | No
 
 
 def _reported(measured: Measured) -> Measured | None:
-    """Without the directions that are not told."""
+    """The measurement without unmeasured directions."""
     noise = measured.noise
     known = [value < UNKNOWN_FROM for value in noise.diagonal().tolist()]
     if all(known):

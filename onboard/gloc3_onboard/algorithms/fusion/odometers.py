@@ -25,8 +25,8 @@ _LEAST: Final = np.array((2.5e-7, 2.5e-7, 2.5e-7, 1e-8, 1e-8, 1e-8))
 """No odometer is better than 0.5 mm and 0.006 degrees."""
 _FARTHEST_M: Final = 1e4
 _WANDER_S: Final = 0.6
-"""After so long the reports from one reference are taken to be wrong by something else. In flights of 60 m in the hold they
-are after 0.5 to 1.3 s."""
+"""Time after which the errors of reports from one reference count as independent, s. In flights of 60 m in the hold it
+is 0.5 to 1.3 s."""
 
 
 class OdometerReport:
@@ -70,17 +70,17 @@ class Reference:
         self.reported_s = reported_s
         """The time of the last report."""
         self.base = base
-        """Where the pose is the one of an earlier report, not of its reference: what that report told."""
+        """Report that defined the pose, where that is the pose of an earlier report and not of its reference."""
         self.granted: Matrix = np.zeros(CLONE)
         """Variances that were added to the clone, for what all its reports have in common."""
 
     def grant(self, common: Matrix, drift: float, t_s: float) -> Matrix:
-        """Variances (6,) to be added to the clone for a report.
+        """Variances (6,) to add to the clone for a report.
 
         Args:
-            common: what the error of the report has in common with others; what is not told needs nothing.
-            drift: by how many times that adds up faster than if it were independent.
-            t_s: the time of the report: in the meantime that has wandered.
+            common: part of the report's error that is common to others; unmeasured directions get none.
+            drift: factor by which that accumulates faster than independent errors.
+            t_s: the time of the report: the common error has changed since the last one.
         """
         more = np.maximum(drift * common - self.granted, 0.0)
         self.granted += more
@@ -92,9 +92,9 @@ class Reference:
 class Odometers:
     """The references of all odometers, kept as clones in the estimate.
 
-    The clone is that of the reference's own time where that is still known. Where it is not, as for an odometer that
-    counts from the begin of its map, or one that is believed again after a fault, the clone is of the first report's
-    time, and later ones are told from that report on.
+    The clone is of the reference's own time where that is still in the history. Otherwise, as for an odometer that
+    counts from the start of its map, or one that is readmitted after a fault, the clone is of the first report's time,
+    and later reports are relative to that report.
     """
 
     def __init__(self, estimate: PoseEstimate) -> None:
@@ -187,9 +187,10 @@ def _since(base: tuple[Vector3, Quaternion], report: OdometerReport) -> tuple[tu
 def source_of(
     before: OdometerReport, report: OdometerReport, ned_from_frd: Quaternion
 ) -> tuple[float, Vector3, bool] | None:
-    """A source's motion since its report before: start time, displacement in NED, whether by a new reference.
+    """Motion of a source since its previous report: start time, displacement in NED, whether it has a new reference.
 
-    The axes of the reference are found from the believed attitude now, so nothing that the source told before counts.
+    The axes of the reference are derived from the present estimated attitude, so earlier reports of the source have no
+    effect.
     """
     axes = multiply(ned_from_frd, conjugate(report.attitude))
     (x, y, z) = report.position

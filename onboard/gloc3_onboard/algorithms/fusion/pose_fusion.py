@@ -29,14 +29,14 @@ _HEIGHT_PERIOD_S: Final = 0.09
 _NEW_FLOOR: Final = 15
 """So many heights in a row that do not fit the floor are another floor: a box, a step."""
 _STAND_S: Final = 0.1
-"""How often a body that has not moved yet is told so."""
+"""Interval of zero-motion updates for a body that has not moved yet, s."""
 _RATE_YOUNG_S: Final = 0.15
-"""The autopilot's rate is that of now for so long."""
+"""Age up to which the autopilot's rate is used, s."""
 _TILT_STD_RAD: Final = 0.02
-"""How well the autopilot tells where down is: errors that stay for a second included."""
+"""Standard deviation of the autopilot's roll and pitch, including errors that last for a second."""
 _ASKEW: Final = (0.09, 3)
-"""Where the autopilot says by more radians, so many times in a row, that down is elsewhere, the inertial unit is wrong: the
-vehicle would have fallen if the autopilot were."""
+"""Difference from the autopilot's vertical, rad, and number of occurrences in a row, that show that the inertial unit
+is wrong: with a wrong autopilot the vehicle would have fallen."""
 _WAITING: Final = 64
 _LEAST_FIX: Final = np.array((1e-6, 1e-6, 1e-6))
 
@@ -56,7 +56,7 @@ class PoseFusion:
         self.estimate: Final = PoseEstimate(self.settings)
         self.is_aligned = False
         self.on_innovation: Callable[[str, float, int], None] | None = None
-        """Told each innovation: source, normalised square, degrees of freedom; for those who measure consistency."""
+        """Called with each innovation: source, normalised square, degrees of freedom; for measuring consistency."""
         self._odometers: Final = Odometers(self.estimate)
         self._voting: Final = SourceVoting(self.estimate, self._odometers, self.settings, self._distrust_imu)
         self._standing: Final = RestAlignment()
@@ -68,7 +68,7 @@ class PoseFusion:
         self._restlessness = 0.0
         """Smoothed turn rate, rad/s: more than noise where the body moves."""
         self._rate: tuple[float, Vector3] = (float("-inf"), (0.0, 0.0, 0.0))
-        """As the autopilot has told it last, and when."""
+        """The autopilot's last rate, and its time."""
         self._askew = 0
         self._waiting: list[tuple[float, Measurement]] = []
         self._source_reports: Final = SourceReports(self.estimate.inertial, self._voting.isolation)
@@ -187,7 +187,7 @@ class PoseFusion:
         self._arrive(AUTOPILOT, message, t_s)
 
     def _coast(self, t_s: float) -> None:
-        """Moves on without the inertial unit, with the autopilot's rate where it is told."""
+        """Propagates without the inertial unit, with the autopilot's rate where it is available."""
         reported_s, rate = self._rate
         trust = self._voting.trust.get(AUTOPILOT)
         is_reported = t_s - reported_s < _RATE_YOUNG_S and trust is not None and trust.is_used
@@ -277,7 +277,7 @@ class PoseFusion:
             self._source_reports.book_motion(report, self.estimate.inertial.at(t_s))
 
     def _judge(self, trust: Trust, measured: Measured, rows: Matrix, past: Past) -> bool:
-        """Gates a measurement and takes it in."""
+        """Gates a measurement and, if it passes, updates the estimate."""
         # R scaled by what past innovations show; blind motion since t_s adds H N H^T.
         noise, t_s = measured.noise * trust.widening, past.state.t_s
         if past.noise is not None:

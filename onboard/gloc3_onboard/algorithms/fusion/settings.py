@@ -11,9 +11,9 @@ class FusionSettings(Settings, frozen=True):
     """Settings of the pose fusion; the defaults suit a small multirotor with a MEMS inertial unit."""
 
     start_ned_m: tuple[float, float, float] | None = None
-    """Where the body stands at the start; None waits for a position from outside or from the autopilot."""
+    """Position of the body at the start; None waits for an external position or the autopilot's."""
     start_heading_deg: float | None = None
-    """Its heading then, clockwise from north; None takes the autopilot's."""
+    """Heading at the start, clockwise from north; None takes the autopilot's."""
     start_std_m: Deviation = 0.005
     """How well the start is known."""
     start_heading_std_deg: Deviation = 0.2
@@ -33,22 +33,22 @@ class FusionSettings(Settings, frozen=True):
     is_height_slant: bool = True
     """Heights are measured along the body's down axis, as a range finder does that is fixed to it; else vertically."""
     floor_walk: Deviation = 0.02
-    """How the floor's level wanders below the way that is flown, m/√m."""
+    """Random walk of the floor's level along the path, m/√m."""
     latest_s: Annotated[float, Bounds(0.05, 1.0)] = 0.5
     """A measurement that is older when it comes is turned down."""
     silent_s: Annotated[float, Bounds(0.1, 5.0)] = 0.5
-    """A source that says nothing for so long is lost."""
+    """Silence after which a source counts as lost."""
     probation_s: Annotated[float, Bounds(0.1, 30.0)] = 1.0
     """So long a source that was turned down must agree again before it is used."""
     window_s: Annotated[float, Bounds(1.0, 30.0)] = 6.0
-    """The sources are compared over the way of so long."""
+    """Time window over which the sources are compared."""
     coast_s: Annotated[float, Bounds(0.1, 10.0)] = 2.5
     """So long the inertial unit alone may carry the pose; then it is not valid."""
     dispute_s: Annotated[float, Bounds(1.0, 120.0)] = 8.0
-    """So long sources may contradict each other, with nobody to tell who is right; then the pose is not valid."""
+    """Longest conflict between sources that no third one can decide; then the pose becomes invalid."""
     std_limit_m: Annotated[float, Bounds(0.01, 10.0)] = 0.4
     """A pose with a greater standard deviation is not valid."""
     jump_m: Annotated[float, Bounds(0.01, 10.0)] = 0.1
-    """A correction that moves the pose farther at once is a jump and counted; what is less is blended in."""
+    """A correction of more than this is counted as a jump; smaller ones are blended in."""
     blend_s: Annotated[float, Bounds(0.0, 2.0)] = 0.15
     """Time constant with which corrections come into the reported pose."""

@@ -1,4 +1,4 @@
-"""Voting among the pose sources: their records, the outcome, and what follows for the estimate."""
+"""Voting among the pose sources: their records, the outcome, and its consequences for the estimate."""
 
 from collections.abc import Callable, Sequence
 from math import hypot, sqrt
@@ -12,16 +12,16 @@ from gloc3_onboard.algorithms.fusion.trust import DISAGREES, SOUND, Trust
 
 VOTE_S: Final = 0.25
 _STUCK_S: Final = 0.7
-"""When nothing was taken in for so long while sources go on, it is the estimate that is wrong."""
+"""Time without an accepted measurement, while sources continue, after which the estimate counts as wrong, s."""
 _ELSEWHERE_S: Final = (0.75, 1.5)
-"""Over the ways of so long sources may say together that the body is elsewhere."""
+"""Time windows over which sources may agree on another position."""
 _ALONE, _ALONE_OF_PLACES = 2.5, 1.75
-"""Where the innovations of one source alone are beyond that, and all others are sound, it is that source that is wrong; one that
-tells positions sooner, for it drags the estimate along for good."""
+"""Innovations of a single source beyond which it counts as wrong while all others are sound; lower for a source of
+positions, which would pull the estimate permanently."""
 _AGAIN_S: Final = 12.0
 """Where that comes again so soon, its biases were not the reason."""
 _OFF_M: Final = 0.1
-"""How far off the estimate may be that somebody can find who tells positions."""
+"""Possible error of the estimate that a source of positions may correct."""
 _LOST_S: Final = 2.0
 """A pose that is lost is doubted so often."""
 _ARGUED_S: Final = 3.0
@@ -32,10 +32,10 @@ class SourceVoting:
     """Keeps the record of every source and runs the vote.
 
     Args:
-        estimate: what the sources correct.
+        estimate: corrected by the sources.
         odometers: their references.
         settings: of the fusion.
-        doubt_imu: told the time and why, when the inertial unit is what contradicts all others.
+        distrust_imu: called with the time and reason when the inertial unit contradicts all others.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class SourceVoting:
         self.held_s = float("-inf")
         """When a source last held the position."""
         self.conflict: IsolationResult | None = None
-        """Two that contradict each other, with nobody to tell who is right."""
+        """Two sources that contradict each other, with no third one to decide."""
         self.conflict_s = float("-inf")
         """Since when."""
         self.is_standing = False
@@ -118,7 +118,7 @@ class SourceVoting:
 
     @property
     def is_disputed(self) -> bool:
-        """Whether two or more sources disagree with the estimate, which may be what is wrong."""
+        """Whether two or more sources disagree with the estimate, which may be wrong itself."""
         return sum(self.trust[name].reason == DISAGREES for name in self.isolation.records) > 1
 
     # --- the vote ---
@@ -142,10 +142,11 @@ class SourceVoting:
         self._check_stuck(now_s)
 
     def _follow_conflict(self, conflict: IsolationResult | None, now_s: float) -> None:
-        """While nobody can tell who is right, the pose may go off as fast as the two go apart, and stays so.
+        """Follows an undecided conflict: the pose may drift as fast as the two sources diverge, and stays off.
 
-        Meanwhile that is only told: the filter would give all of it to the one that tells positions, were that the liar. It
-        learns of it when both are still used in the end; and where one is not, all is well when all are used again.
+        Meanwhile the possible error is only reported: given to the filter, all of it would be attributed to a source of
+        positions, even if that is the wrong one. The filter gets it if both are still used at the end; if one is not,
+        it is cleared when all are used again.
         """
         estimate = self._estimate
         (x, y, z) = estimate.disputed_m
@@ -165,7 +166,7 @@ class SourceVoting:
         self.conflict = conflict
 
     def _vote_out(self, verdict: IsolationResult) -> None:
-        """Takes the word of the others: what the culprit has moved may be off, and whom it made look bad is let in."""
+        """Applies a verdict: inflates what the culprit has moved, and readmits the sources that it made look bad."""
         # Exclude the culprit, inflate by what it pulled, readmit the sources it contradicted.
         apart = hypot(*verdict.apart_m)
         others = " and ".join(verdict.against)
@@ -212,7 +213,7 @@ class SourceVoting:
                 self.trust[name].let_in()
 
     def _elsewhere(self, names: list[str], now_s: float) -> OtherAgreement | None:
-        """What sources say together against the estimate, two of them at least not being heard."""
+        """Agreement of sources against the estimate, of which at least two are not accepted now."""
         off = {name for name in names if self._is_off(self.trust[name])}
         for length_s in _ELSEWHERE_S if len(off) > 1 else ():
             begin_s = now_s - length_s

@@ -18,17 +18,17 @@ SOUND: Final = 1.5
 _SOUND_AGAIN: Final = 1.0
 """and of one that can be believed again below that."""
 _WIDEST: Final = 6.0
-"""So many times its own covariance a source's innovations may be, and it is still used, with a wider one."""
+"""Largest factor of widening of a source's covariance: up to it, a source with large innovations is still used."""
 _SAME: Final = 4
-"""Reports with the same numbers in a row, while the body moves, that a living sensor never gives."""
+"""Equal reports in a row, while the body moves, that show a frozen sensor."""
 
 
 class Trust:
     """The record of one source.
 
-    A source is *used* until it is turned down: by its gate, by being frozen or silent, or by the vote of the others.
-    Turned down it is judged on, and used again after it has agreed without a break for the time of probation; one that
-    was voted out needs the vote of the others as well.
+    A source is *used* until it is rejected: by its gate, by being frozen or silent, or by the vote of the others. A
+    rejected source is still evaluated, and used again after it has agreed without interruption for the probation time;
+    one that was voted out also needs the vote of the others.
     """
 
     def __init__(self, name: str, probation_s: float) -> None:
@@ -44,7 +44,7 @@ class Trust:
         self.received_s = float("-inf")
         """Arrival of the last message of any kind."""
         self.used_s = float("-inf")
-        """Time of the last measurement that was taken in."""
+        """Time of the last accepted measurement."""
         self.down_s = float("-inf")
         """When it was last turned down for not agreeing with the estimate."""
         self.innovation = 1.0
@@ -74,7 +74,7 @@ class Trust:
 
     @property
     def may_vote(self) -> bool:
-        """Whether it may vote: used, or rejected by the estimate alone, which may be what is wrong."""
+        """Whether it may vote: used, or rejected by the estimate alone, which may be wrong itself."""
         return self.is_used or ((self.reason == DISAGREES or self.is_alone) and not self.is_voted_out)
 
     @property
@@ -154,9 +154,9 @@ class Trust:
         """Whether it repeats the same numbers although the body has moved.
 
         Args:
-            numbers: what was told now.
-            position: where the body is believed to be.
-            is_moving: whether the inertial unit feels it move.
+            numbers: the present report.
+            position: estimated position of the body.
+            is_moving: whether the inertial unit measures motion.
         """
         if numbers != self._last:
             self._last, self._same, self._same_since = numbers, 1, position

@@ -1,6 +1,6 @@
-"""Obstacles as points in the plane, and what moves among them.
+"""Obstacles as points in the plane, and moving objects among them.
 
-Made from scans, read by the limiter and the path follower.
+Built from scans, used by the limiter and the path follower.
 """
 
 __all__ = ["movers", "obstacle_field"]

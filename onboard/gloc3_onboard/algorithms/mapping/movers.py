@@ -14,11 +14,11 @@ Array = NDArray[np.float64]
 Points = list[tuple[float, float]]
 BINS: Final = 180
 AGE_S: Final = 0.4
-"""So old at least is the scan that the newest is compared with,"""
+"""Least age of the scan that the newest is compared with, s,"""
 OLDEST_S: Final = 0.8
 """and no older."""
 THROUGH_M: Final = 0.12
-"""A place counts as seen through when what was behind it was so much farther away."""
+"""Least distance between a point and the hit behind it for which the point counts as free space."""
 NOISE_M: Final = 0.05
 MOVING_M_S: Final = 0.15
 """Slower motions than this are taken for noise."""
@@ -48,13 +48,13 @@ class Movers:
         """Adds a scan.
 
         Args:
-            points_ne_m: what it has hit: north and east, in metres.
-            at: where the vehicle was.
-            t_s: when.
-            resets: how often the pose has jumped; scans from before a jump tell nothing.
+            points_ne_m: the hits: north and east, in metres.
+            at: position of the vehicle.
+            t_s: time of the scan.
+            resets: number of jumps of the pose; scans from before a jump are dropped.
 
         Returns:
-            Places where something will be in the next moments: north and east, in metres.
+            Predicted positions of moving obstacles: north and east, in metres.
         """
         points, here = np.array(points_ne_m, np.float64).reshape(-1, 2), np.array(at[:2])
         views = self._polls

@@ -1,7 +1,6 @@
 """Obstacles as points in the plane: clearance, free distance and detours.
 
-All places are (north, east, …) in NED; height does not count: what a level scanner has hit is taken for a post of any
-height.
+All positions are (north, east, …) in NED. Height is ignored: a hit of a level scanner is treated as a vertical post.
 """
 
 import math
@@ -16,32 +15,32 @@ FARTHEST_M: Final = 8.0
 """What is farther away does not matter yet."""
 SIDEWAYS_RAD: Final = math.radians(10.0)
 WIDEST_RAD: Final = math.radians(110.0)
-"""Directions around the wanted one are looked at in such steps, up to so far."""
+"""Directions around the wanted one are examined in steps of `SIDEWAYS_RAD`, up to this angle."""
 SAME_SIDE_RAD: Final = math.radians(35.0)
-"""So much farther round is taken to pass an obstacle on the side that was begun with."""
+"""Extra turn accepted to pass an obstacle on the side that was chosen first."""
 LOOK_AHEAD_M: Final = 1.2
 STUCK_M: Final = 0.4
 STUCK_S: Final = 3.0
-"""Who has come no farther than that in this time has chosen a side that does not lead on;"""
+"""Time without moving `STUCK_M` after which the chosen side counts as a dead end, s."""
 CLOSED_S: Final = 12.0
-"""then the other one is tried for so long."""
+"""Time for which the other side is then tried, s."""
 SLACK_M: Final = 0.1
 """So much nearer than is wanted the point may slide along an obstacle; from nearer still it goes away at once."""
 TUBE_M: Final = 0.03
-"""A way may be so much narrower than the distance that is kept, or sliding along a wall would end at its roughness."""
+"""Tolerance on the width of a path, without which sliding along a wall would end at its roughness."""
 REFUGE_STEPS_M: Final = (0.3, 0.6, 1.2)
 REFUGES: Final = 24
-"""A refuge is looked for so far away, in so many directions."""
+"""Number of directions in which a refuge is searched, at each of the distances above."""
 
 
 class ObstacleField:
     """The points of one scan around a vehicle, and the distance to keep from them.
 
     Args:
-        points_ne_m: what stands there.
-        around: the vehicle.
-        keep_m: the distance.
-        soon_ne_m: where something will be in the next moments.
+        points_ne_m: the obstacles.
+        around: position of the vehicle.
+        keep_m: distance to keep.
+        soon_ne_m: predicted positions of moving obstacles.
     """
 
     def __init__(
@@ -56,7 +55,8 @@ class ObstacleField:
         self._points = points[near]
         self.keep_m: Final = keep_m
         self.present: Final[ObstacleField] = ObstacleField(points_ne_m, around, keep_m) if soon_ne_m else self
-        """What is there now: who stands where something will be has to get away, whatever will be on the way."""
+        """Present obstacles without predictions: a vehicle that stands in a predicted position may leave it in any
+        direction."""
 
     @property
     def is_empty(self) -> bool:
@@ -142,10 +142,10 @@ class Detour:
         """The free direction nearest to the wanted one, and its free distance.
 
         Args:
-            field: what is around.
-            at: where the vehicle is.
-            wanted_rad: direction of the place that it is to go to, clockwise from north.
-            distance_m: of that place.
+            field: the obstacles.
+            at: position of the vehicle.
+            wanted_rad: direction of the target, clockwise from north.
+            distance_m: of the target.
             now_s: the time.
         """
         turns = [0.0]
@@ -169,7 +169,7 @@ class Detour:
         return wanted_rad + turn, free_m
 
     def _watch(self, at: Vector3, now_s: float) -> None:
-        """Closes the side that does not lead on."""
+        """Closes the side that is a dead end."""
         if self._mark is None or math.dist(at[:2], self._mark[0][:2]) > STUCK_M:
             self._mark = (at, now_s)
         elif now_s - self._mark[1] > STUCK_S:

@@ -1,6 +1,6 @@
 """Dead reckoning, wheel odometry, and odometer reports composed into a pose.
 
-Plain classes, told the time.
+Plain classes that receive the time.
 """
 
 __all__ = ["chain", "dead_reckoner", "velocity_trust", "wheel_odometer"]

@@ -22,27 +22,27 @@ _SMOOTHING_S: Final = 0.3
 class OdometryChain:
     """Composes motions that are reported relative to past poses.
 
-    Over a gap, after which an odometer begins with a new reference, the body is held to have gone on and turned as it did
-    before, for two seconds.
+    Over a gap, after which an odometer starts with a new reference, the body is assumed to continue with its previous
+    velocity and turn rate, for two seconds.
 
     Args:
-        position_m: Where the body is at the first report.
-        attitude: How it is turned then: on the axes of `position_m`, the third of which points down.
+        position_m: Position of the body at the first report.
+        attitude: Its attitude then, in the axes of `position_m`, the third of which points down.
     """
 
     def __init__(self, position_m: Vector3 = (0.0, 0.0, 0.0), attitude: Quaternion = IDENTITY) -> None:
         self.position_m = position_m
-        """At the time of the last report, also where that told nothing."""
+        """Position at the last report, even if that measured nothing."""
         self.attitude = attitude
         self._poses: dict[float, tuple[Vector3, Quaternion]] = {}
         self._speed_m_s: Vector3 = (0.0, 0.0, 0.0)
         self._yaw_rad_s = 0.0
         """How fast the heading changes, smoothed."""
         self._known: tuple[float, Vector3, Quaternion] | None = None
-        """When the pose was last told, or a reference begun; and the pose."""
+        """Time of the last known pose or new reference, and the pose."""
 
     def add(self, report: Odometry, t_s: float) -> bool:
-        """Adds a report; true if it gives the pose at its time: it is valid, or the first."""
+        """Adds a report; true if it determines the pose at its time: it is valid, or the first."""
         is_first = self._known is None
         if not report.is_valid:
             self.position_m, self.attitude = self._ahead(t_s)

@@ -20,32 +20,32 @@ class Errors(msgspec.Struct, frozen=True, kw_only=True):
     heading_rad: float = 0.0175
     """Of heading and mounting angle together, constant for long."""
     deviation_rad: float = 0.004
-    """Of the part of it that depends on the heading, as a compass's deviation does: turning round leaves nothing of it."""
+    """Of the heading-dependent part, such as a compass's deviation: a full turn cancels it."""
     scale: float = 0.003
     """Of the DVL's scale: salinity and temperature make most of it. Of the radius of wheels."""
     scale_walk: float = 0.0
-    """Growth of the scale's error in one second's root: wheels slip more on some ground."""
+    """Random walk of the scale error, per square root of a second: wheels slip more on some ground."""
     heading_walk_rad: float = 0.0003
     """Growth of the heading's error in one second's root."""
     acceleration_m_s2: float = 0.12
-    """How the velocity changes by itself, in one second's root."""
+    """Random walk of the velocity, per square root of a second."""
     adrift_m_s: float = 0.3
-    """Of a velocity that nothing measures: the current, and what the vehicle does of what it is asked."""
+    """Of an unmeasured velocity: the current, and the vehicle's error in following commands."""
     memory_s: float = 5.0
-    """So fast the last measured velocity gives way to the one that is asked for, where nothing measures it."""
+    """Time constant with which the last measured velocity changes to the commanded one, where none is measured."""
 
 
 class DeadReckoner:
     """A Kalman filter of the errors of dead reckoning in the horizontal plane.
 
-    State: position (north, east), velocity over ground (north, east), error of the heading with the mounting angle of the
-    DVL, and error of its scale, or of that of wheels. A measured velocity is `(1 + scale) * turned(error) * true`, so the two errors are
-    found while satellites tell the truth, and their part in the position's covariance grows with the distance after that. Where
-    no velocity is measured, the vehicle is believed to do what it is asked to, and the covariance says how far that may be wrong
-    (a constant error that is learnt of by nobody).
+    State: position (north, east), velocity over ground (north, east), error of the heading with the mounting angle of
+    the DVL, and error of its scale, or of that of wheels. A measured velocity is `(1 + scale) * turned(error) * true`,
+    so the two errors are estimated while satellites give the position, and their part in the position's covariance
+    grows with the distance after that. Where no velocity is measured, the vehicle is assumed to follow its commands,
+    and the covariance includes the possible error of that (a constant that cannot be observed).
 
     Args:
-        errors: what is known before.
+        errors: prior standard deviations.
     """
 
     def __init__(self, errors: Errors = Errors()) -> None:  # noqa: B008 # frozen
@@ -76,7 +76,7 @@ class DeadReckoner:
         Args:
             dt_s: the time.
             is_measured: whether velocities are measured meanwhile.
-            commanded_m_s: the velocity that the vehicle is asked for, north and east; it counts where nothing measures it.
+            commanded_m_s: the commanded velocity, north and east; used where none is measured.
         """
         errors = self.errors
         step = np.eye(6)
@@ -112,11 +112,11 @@ class DeadReckoner:
             forward_m_s: ahead.
             right_m_s: to the right.
             yaw_rad: the heading.
-            std_m_s: deviation of the one ahead, and of the other one where that is not told.
-            side_std_m_s: deviation of the one to the right.
+            std_m_s: standard deviation forward, and also sideways where that is not given.
+            side_std_m_s: standard deviation to the right.
 
         Returns:
-            The squared innovation over its gate (5 deviations); above 1 it was left out.
+            The squared innovation over its gate (5 deviations); above 1 it was rejected.
         """
         # Measurement: z = (1 + s) R(psi + e)^T v, of scale error s and heading error e.
         vn, ve, turn, scale = self.x[_VN], self.x[_VE], self.x[_TURN], self.x[_SCALE]

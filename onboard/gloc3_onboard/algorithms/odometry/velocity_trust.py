@@ -1,4 +1,4 @@
-"""Plausibility check of wheel velocity: failed encoders go on reporting wheels at rest."""
+"""Plausibility check of wheel velocity: failed encoders continue to report wheels at rest."""
 
 from typing import Final
 
@@ -9,7 +9,7 @@ AGREEMENTS: Final = 20
 AT_REST_M_S: Final = 0.02
 COMMANDED_M_S: Final = 0.2
 STANDS_S: Final = 2.0
-"""For so long the wheels may stand although at least that speed is asked for, with no satellites to tell whether they do."""
+"""How long the wheels may stand still against a command of at least that speed, without satellites to check, s."""
 
 
 class VelocityTrust:
@@ -35,11 +35,11 @@ class VelocityTrust:
         """Why a velocity is rejected; empty if it is not.
 
         Args:
-            speed_m_s: what the wheels tell.
-            commanded_m_s: what is asked of the vehicle.
-            off_m_s: how far the velocity is from the one that is known without the wheels, while they are doubted.
+            speed_m_s: the measured speed.
+            commanded_m_s: the commanded speed.
+            off_m_s: difference from the velocity known without the wheels, while they are distrusted.
             t_s: its time.
-            has_satellites: whether these are seen.
+            has_satellites: whether satellites are available.
         """
         if self._is_distrusted and has_satellites:
             self._agreements = (

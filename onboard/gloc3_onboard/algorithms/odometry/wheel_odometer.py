@@ -1,9 +1,9 @@
 """Wheel odometry of differential and skid-steered vehicles, with an estimate of slip: a plain algorithm.
 
-Left and right wheels that roll turn the body by the difference of their ways over the track. Those of a skid-steered body slide
-sideways as it turns: they turn it by less, 1/1.5 for the example rover (`turn_factor`; Mandow et al., "Experimental kinematics
-for wheeled skid-steer mobile robots", IROS 2007, call the same an effective track). How much of a motion is slip is seen by
-comparing that turn with the one that gyroscopes have felt.
+Left and right wheels that roll turn the body by the difference of their distances over the track. Those of a
+skid-steered body slide sideways as it turns: they turn it by less, 1/1.5 for the example rover (`turn_factor`; Mandow
+et al., "Experimental kinematics for wheeled skid-steer mobile robots", IROS 2007, call the same an effective track).
+The slip in a motion follows from comparing that turn with the one measured by gyroscopes.
 """
 
 from math import cos, hypot, isfinite, sin
@@ -18,17 +18,17 @@ class Wheelbase(msgspec.Struct, frozen=True, kw_only=True):
     track_m: float = 0.37559
     """Between the middles of left and right wheels."""
     turn_factor: float = 1.5
-    """By how many times the difference of the ways must be greater than rolling would need; 1 for wheels that roll."""
+    """Factor on the difference of the distances compared with pure rolling; 1 for wheels that roll."""
     noise_m_s: float = 0.01
     """Standard deviation that is always there: ticks, time stamps."""
     slip_share: float = 0.02
-    """Standard deviation of the way ahead, as a share of it."""
+    """Standard deviation of the forward distance, as a share of it."""
     side_share: float = 0.02
-    """Standard deviation of the way to the side, as a share of the way ahead."""
+    """Standard deviation of the sideways distance, as a share of the forward distance."""
     side_turn_m: float = 0.05
     """The same for each radian that it turns: how far from its reference point the body turns about."""
     slip_max_m_s: float = 0.25
-    """With more slip than this the wheels tell nothing."""
+    """Slip beyond which the wheels are not used."""
 
 
 class WheelStep(NamedTuple):
@@ -59,7 +59,7 @@ class WheelOdometer:
 
     Args:
         base: of the vehicle.
-        speed_max_m_s: faster than this the ways do not go on: the encoders have begun to count anew.
+        speed_max_m_s: a faster change of the distances means that the encoders have been reset.
     """
 
     def __init__(self, base: Wheelbase = Wheelbase(), speed_max_m_s: float = 5.0) -> None:  # noqa: B008 # frozen
@@ -71,13 +71,13 @@ class WheelOdometer:
         self._last = None
 
     def update(self, left_m: float, right_m: float, seconds: float, measured_rad: float | None) -> WheelStep | None:
-        """The step since the distances before; None for the first, and after a reset of the counters.
+        """The step since the previous distances; None for the first, and after a reset of the counters.
 
         Args:
-            left_m: way of the left rim since the encoders began to count.
+            left_m: distance of the left rim since the encoders' reset.
             right_m: of the right one.
-            seconds: since the ways before.
-            measured_rad: how far the body has turned to the right meanwhile, by its gyroscopes; None where that is not known.
+            seconds: since the previous distances.
+            measured_rad: rotation of the body to the right since then, by its gyroscopes; None where it is unknown.
         """
         before, self._last = self._last, (left_m, right_m) if isfinite(left_m + right_m) else None
         if before is None or self._last is None or seconds <= 0.0:

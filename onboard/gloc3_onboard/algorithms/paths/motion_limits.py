@@ -1,10 +1,10 @@
 """Keeps setpoints inside the limits of the platform and the fence of the mission (DESIGN §7).
 
-What comes out is a point that moves: never faster and never with more acceleration than the platform may, and never so
-that it could not stop any more inside the fence and the band of heights. A wanted position that obeys all of this
-passes unchanged; any other is brought inside and approached. The rule behind the fence: the straight way on which the
-point would come to rest, were it to brake now, keeps the margin (or, from outside, does not lead farther out). Braking
-keeps that true, so there is always something that may be done, whatever the shape of the fence.
+The output is a moving point: within the platform's speed and acceleration, and always able to stop inside the fence and
+the height limits. A wanted position that meets all of this passes unchanged; any other is moved inside and approached.
+The rule for the fence: the straight braking path from the point's present state keeps the margin (or, from outside,
+does not lead farther out). Braking preserves this, so a permitted motion always exists, whatever the shape of the
+fence.
 """
 
 import math
@@ -20,9 +20,9 @@ TOLERANCE_M: Final = 1e-6
 ROUNDING_M: Final = 1e-9
 """So little that it does not add up while the point slides along a fence."""
 GAP_S: Final = 0.5
-"""After so long without a setpoint the stream begins anew, where the vehicle is then."""
+"""Gap between setpoints after which the stream restarts at the vehicle's position, s."""
 LONGEST_STEP_S: Final = 0.1
-"""The point moves on by no more than this from one setpoint to the next."""
+"""Longest time step of the point between setpoints, s."""
 APPROACH_SHARE: Final = 0.7
 """Part of the acceleration that braking is planned with; the rest is for turning."""
 OUT_M: Final = 1e-3
@@ -30,18 +30,18 @@ OUT_M: Final = 1e-3
 SEEN_M: Final = 0.02
 """A difference that is worth counting."""
 REACTION_S: Final = 0.4
-"""So much later the vehicle does what the point does; the fence is kept by the vehicle, not only by the point."""
+"""Delay of the vehicle behind the point, s; the vehicle, not only the point, keeps to the fence."""
 GENTLE_M_S2: Final = 0.8
 """Braking before an obstacle is planned with no more than this, which the vehicle can follow without overshooting."""
 EASING_HZ: Final = 1.5
-"""Where it is to be slower at once, a fast point loses this share of its speed a second, and a slow one brakes gently: the
-vehicle would overshoot, and come back just when it can no longer be told to stay."""
+"""Rate at which a fast point loses speed when its limit drops at once; a slow one brakes gently. Otherwise the vehicle
+would overshoot, and return just when it can no longer be told to stay."""
 AMONG_M_S: Final = 0.6
 AMONG_HZ: Final = 0.7
 """Where an obstacle is as near as it may be the point is no faster than the first; with each metre more by the second."""
 AHEAD_S: Final = 0.4
-"""Where the vehicle will be so much later is kept clear of obstacles, too."""
-FENCE_AHEAD: Final = "an obstacle is in the way"
+"""Time ahead for which the vehicle's predicted position is kept clear of obstacles, too, s."""
+FENCE_AHEAD: Final = "an obstacle blocks the path"
 _AT_REST: Final = (0.0, 0.0, 0.0)
 
 
@@ -50,9 +50,9 @@ def careful_speed_m_s(quality: float, full_quality: float, hold_quality: float, 
 
     Args:
         quality: of the pose, 0 to 1.
-        full_quality: from which on it flies as fast as it may.
-        hold_quality: up to which it stays where it is.
-        careful_m_s: its speed just below `full_quality`; from there it falls in proportion.
+        full_quality: quality from which there is no limit.
+        hold_quality: quality up to which the vehicle holds.
+        careful_m_s: speed just below `full_quality`; below that it decreases in proportion.
     """
     if quality >= full_quality:
         return math.inf
@@ -81,7 +81,7 @@ class SetpointLimiter:
         self._seen_s = -math.inf
         self._resets: int | None = None
         self.obstacles: ObstacleField | None = None
-        """What stands around; may be replaced at any time. None where nobody looks."""
+        """Obstacles around the vehicle; may be replaced at any time. None without a scanner."""
         self._flees = False
         self._detour = Detour()
         self.careful_m_s = math.inf
@@ -94,7 +94,7 @@ class SetpointLimiter:
 
     @property
     def limits(self) -> MotionLimits:
-        """The limits in force; may be replaced at any time, and the stream goes on."""
+        """The limits in force; may be replaced at any time without interrupting the stream."""
         return self._limits
 
     @limits.setter
@@ -121,14 +121,14 @@ class SetpointLimiter:
     def set_vehicle(self, position_ned_m: Vector3, velocity_ned_m_s: Vector3, now_s: float, resets: int = 0) -> None:
         """Sets position and velocity of the vehicle.
 
-        A stream that has paused begins anew there. When the estimate has jumped, the point jumps with it, so that for
-        the vehicle nothing changes.
+        A stream that has paused restarts there. When the estimate has jumped, the point jumps with it, so that the
+        vehicle is not affected.
 
         Args:
             position_ned_m: the estimate's position.
-            velocity_ned_m_s: and velocity.
-            now_s: when it was valid.
-            resets: how often the estimate has jumped.
+            velocity_ned_m_s: the estimate's velocity.
+            now_s: time of validity.
+            resets: number of jumps of the estimate.
         """
         if self._at is None or now_s - self._last_s > GAP_S:
             self.restart(position_ned_m, velocity_ned_m_s, now_s)
@@ -142,10 +142,10 @@ class SetpointLimiter:
         """The nearest setpoint that keeps all limits.
 
         Raises:
-            Misuse: it has not been told where the vehicle is.
+            Misuse: the vehicle's position has not been set.
         """
         if self._at is None:
-            raise Misuse("the limiter has not been told where the vehicle is")
+            raise Misuse("the limiter has no pose of the vehicle")
         duration_s = min(max(now_s - self._last_s, 0.0), LONGEST_STEP_S)
         self._last_s = max(now_s, self._last_s)
         self._among_m_s, self._flees = math.inf, False
@@ -159,7 +159,7 @@ class SetpointLimiter:
         if not reason and math.dist(self._at, target) > SEEN_M:
             is_blocked = self._is_blocked(target)
             reason = (
-                FENCE_AHEAD if is_blocked else "it asks for more than the platform may do, or the fence is on the way"
+                FENCE_AHEAD if is_blocked else "it asks for more than the platform may do, or the fence blocks the path"
             )
         if reason or (feed_forward is not None and not self._agree(feed_forward, self._velocity)):
             feed_forward = self._velocity
@@ -177,13 +177,13 @@ class SetpointLimiter:
             down = min(max(down, -climb_m_s), descent_m_s)
         self._velocity = self._next((north, east, down), duration_s)
         is_clamped = math.dist(self._velocity, requested) > SEEN_M
-        reason = "it asks for more than the platform may do, or the fence is on the way" if is_clamped else ""
+        reason = "it asks for more than the platform may do, or the fence blocks the path" if is_clamped else ""
         return Limited(_with(wanted, None, self._velocity), is_clamped, reason)
 
     # --- the place that is aimed at ---
 
     def _inside(self, position: Vector3) -> tuple[Vector3, str]:
-        """The nearest place where the vehicle may be, and what is wrong with the wanted one."""
+        """The nearest permitted position, and the reason if the wanted one is not permitted."""
         assert self._at is not None
         room_m, margin_m = self._room_m(), self._limits.fence_margin_m
         is_out = room_m < margin_m - OUT_M
@@ -209,7 +209,7 @@ class SetpointLimiter:
         return self._room[1]
 
     def _pushed_in(self, fence: Fence, place: Vector3) -> Vector3:
-        """Moves a place away from what it is too near to; stays at the present one where that leads nowhere."""
+        """Moves a position away from the fence's margin; keeps the point's own position where that fails."""
         assert self._at is not None
         margin_m, small_m = self._limits.fence_margin_m, 1e-3
         north, east, down = place
@@ -231,7 +231,7 @@ class SetpointLimiter:
         return (self._at[0], self._at[1], down)
 
     def _motion_of(self, target: Vector3, reported: Vector3 | None, duration_s: float) -> Vector3:
-        """How a target moves: as it says, if that is what it does. One that has just leapt does not move."""
+        """Velocity of a target: the reported one if it matches the observed motion; zero after a jump."""
         before, self._target = self._target, target
         if before is None or duration_s <= 0.0:
             return _AT_REST
@@ -261,7 +261,7 @@ class SetpointLimiter:
 
     @property
     def _blocked(self) -> ObstacleField | None:
-        """What may stop it; who gets out of the way of something is not stopped by what is not there yet."""
+        """Obstacles that may stop it; while it moves away from one, predicted obstacles do not."""
         return self.obstacles.present if self.obstacles is not None and self._flees else self.obstacles
 
     def _kept_inside(self, place: Vector3) -> Vector3:
@@ -271,7 +271,7 @@ class SetpointLimiter:
         return self._pushed_in(self._flat, place)
 
     def _around(self, wanted: Vector3, distance_m: float) -> Vector3:
-        """The wanted velocity, turned aside where something is in the way."""
+        """The wanted velocity, turned aside where an obstacle blocks the path."""
         assert self._at is not None
         field, across = self._blocked, math.hypot(wanted[0], wanted[1])
         if field is None or field.is_empty or across < TOLERANCE_M:
@@ -286,7 +286,7 @@ class SetpointLimiter:
         return (speed * math.cos(heading), speed * math.sin(heading), wanted[2])
 
     def _is_clear(self, stop: Vector3, distance_m: float) -> bool:
-        """Whether the way to a stop comes no nearer to an obstacle than it may, or than it is now."""
+        """Whether the path to a stop gets no nearer to an obstacle than permitted, or than now."""
         assert self._at is not None
         field = self._blocked
         if field is None or field.is_empty:
@@ -303,7 +303,7 @@ class SetpointLimiter:
     # --- the way there ---
 
     def _approach(self, target: Vector3, moving: Vector3, duration_s: float) -> None:
-        """Moves the point on: onto the target where that may be, else towards it."""
+        """Moves the point: onto the target where permitted, else towards it."""
         assert self._at is not None
         if duration_s <= 0.0:
             return
@@ -370,12 +370,12 @@ class SetpointLimiter:
     # --- speeds ---
 
     def _agree(self, reported: Vector3, seen: Vector3, most: tuple[float, float] | None = None) -> bool:
-        """Whether a velocity that is told fits what is seen from one setpoint to the next."""
+        """Whether a reported velocity matches the motion between setpoints."""
         near_m_s = 0.05 + 0.5 * self._limits.acceleration_m_s2 * LONGEST_STEP_S
         return math.dist(reported, seen) <= near_m_s and self._is_slow(reported, most)
 
     def _is_slow(self, velocity: Vector3, most: tuple[float, float] | None = None) -> bool:
-        """Whether it is within speeds, across and up or down; within those of now if none are given."""
+        """Whether a velocity is within horizontal and vertical limits; by default the present ones."""
         most_m_s, most_climb_m_s = most or self._speeds
         across = math.hypot(velocity[0], velocity[1])
         return across <= most_m_s * 1.001 + 1e-3 and abs(velocity[2]) <= most_climb_m_s * 1.001 + 1e-3

@@ -10,22 +10,22 @@ SAME_M: Final = 1e-6
 """Waypoints that are no farther apart are one place."""
 REACHED_M: Final = 1e-3
 WAITING_SHARE: Final = 0.05
-"""A point that makes less than this share of the wanted speed waits for the vehicle."""
+"""Share of the wanted speed below which the point counts as waiting for the vehicle."""
 CORNER_S: Final = 0.08
 """A corner is passed no faster than the acceleration could turn the velocity in this time."""
 BRAKING_SHARE: Final = 0.7
 """Part of the acceleration that braking is planned with: a vehicle that is braked harder flies past."""
 STOPPING_HZ: Final = 3.5
 CRAWL_M_S: Final = 0.05
-"""Before a stop the speed fades, to so much of the way that is left a second; the last centimetres are crawled."""
+"""Speed of the last centimetres before a stop; before them it is `STOPPING_HZ` times the distance left."""
 SHARP: Final = 0.5
 """Where the direction changes by more than this (30 degrees; it is the distance of the unit vectors) is a corner."""
 NEARER_M: Final = 0.2
-"""A vehicle that has come nearer by so much is still on its way to where the point waits."""
+"""Decrease of the distance that shows that a vehicle is still approaching the waiting point."""
 LEAD_M: Final = 0.3
 LEAD_S: Final = 0.35
-"""The point slows down for a vehicle that is farther behind than `LEAD_M` and the way of this time at its speed, and
-waits at twice as much."""
+"""The point slows down for a vehicle that lags by more than `LEAD_M` plus the distance covered in this time, and waits
+at twice that lag."""
 
 
 class PathLeg(NamedTuple):
@@ -56,16 +56,16 @@ class PathTarget(NamedTuple):
 class PathFollower:
     """Moves a point along waypoints: accelerates, slows down before corners, stops at the end.
 
-    At a corner, at a rest and at the end it waits until the vehicle is within the acceptance distance.
+    At a corner, a stop and the end it waits until the vehicle is within the acceptance distance.
 
     Args:
-        start_ned_m: where the vehicle is.
-        waypoints_ned_m: where it shall pass, in their order.
+        start_ned_m: position of the vehicle.
+        waypoints_ned_m: the waypoints, in order.
         speed_m_s: on the legs.
-        acceleration_m_s2: along the way, and what corners may ask for.
-        hold_s: rest at each waypoint, once the vehicle is there.
+        acceleration_m_s2: along the path, and in corners.
+        hold_s: stop at each waypoint, from the vehicle's arrival.
         climb_m_s: largest vertical speed; steep legs are flown slower.
-        acceptance_m: how near to a waypoint the vehicle must come.
+        acceptance_m: largest distance at which a waypoint counts as reached.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class PathFollower:
 
     @property
     def _is_staying(self) -> bool:
-        """Whether the point stands at a waypoint that it has come to, for the vehicle or to rest."""
+        """Whether the point stays at a reached waypoint, for the vehicle or for a stop."""
         return self._is_waiting or self._rest_s > 0.0
 
     @property
@@ -130,7 +130,7 @@ class PathFollower:
 
     @property
     def progress(self) -> float:
-        """Waypoints passed, and the share of the way to the next, of all: 0 to 1."""
+        """Waypoints passed, plus the share of the leg to the next one, out of all: 0 to 1."""
         if self._index >= len(self._legs):
             return 1.0
         leg = self._legs[self._index]
@@ -144,7 +144,7 @@ class PathFollower:
         self._now_m_s = self.waited_s = 0.0
 
     def rejoin(self, position_ned_m: Vector3) -> None:
-        """Leads the vehicle back to the point at the path's speed, and on from there."""
+        """Leads the vehicle back to the point at the path's speed, and continues from there."""
         self.halt()
         here = self._here().position_ned_m
         if self._index >= len(self._legs) or math.dist(here, position_ned_m) <= LEAD_M:
@@ -231,10 +231,10 @@ def next_ahead(position: Vector3, waypoints: Sequence[Vector3], first: int, with
     """Index of the next waypoint of a vehicle that may have flown on unobserved.
 
     Args:
-        position: where the vehicle is.
+        position: position of the vehicle.
         waypoints: all of them.
-        first: index of the one that was next when it was last known; at least 1.
-        within_m: how near to a later leg the vehicle must be to be on it.
+        first: index of the last known next one; at least 1.
+        within_m: largest distance from a later leg at which the vehicle counts as on it.
     """
     while first + 1 < len(waypoints):
         before, here, after = waypoints[first - 1 : first + 2]

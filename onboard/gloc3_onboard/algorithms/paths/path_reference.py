@@ -8,12 +8,12 @@ from gloc3.messages.vehicle import DriverState, Pose
 from gloc3_onboard.algorithms.paths.path_follower import PathFollower, PathTarget
 
 GAP_S: Final = 0.5
-"""After so long without leading, the vehicle is brought back to where it left the way."""
+"""Interruption after which the vehicle is led back to where it left the path, s."""
 STEP_S: Final = 0.1
 DRIVER_S: Final = 0.5
-"""What the driver said longer ago does not count."""
+"""Age from which the driver's state is ignored, s."""
 CALM_S: Final = 0.3
-"""A vehicle that has been slow for so long has come to rest."""
+"""Time at low speed after which a vehicle counts as at rest, s."""
 TIMEOUT_S: Final = 3.0
 """So long its rest at the end is waited for; in gusts, or with a restless estimate, it may never quite come."""
 
@@ -22,9 +22,9 @@ class PathReference:
     """Advances a `PathFollower` only while the autopilot follows the setpoints.
 
     Args:
-        follower: the way.
-        now_s: when it begins.
-        at_rest_m_s: a vehicle that is no faster rests.
+        follower: moves along the path.
+        now_s: start time.
+        at_rest_m_s: speed up to which a vehicle is at rest.
     """
 
     def __init__(self, follower: PathFollower, now_s: float, at_rest_m_s: float = 0.2) -> None:
@@ -39,7 +39,7 @@ class PathReference:
         self._calm_since_s: float | None = None
 
     def is_there(self, within_m: float) -> bool:
-        """Whether the vehicle is at rest near the end of the path, or has come there and been given the time to rest."""
+        """Whether the vehicle is at rest near the end of the path, or has had the time to come to rest there."""
         if self._at_end_s is None:
             return False
         is_calm = self._calm_since_s is not None and self._last_s - self._calm_since_s >= CALM_S
@@ -51,10 +51,10 @@ class PathReference:
         """The current target; called in every cycle with a valid pose.
 
         Args:
-            pose: where it is.
+            pose: pose of the vehicle.
             driver: whether the autopilot follows.
             now_s: the time.
-            is_waiting: the point stays where it is, for something else than the vehicle.
+            is_waiting: whether the point waits for a reason other than the vehicle.
         """
         target = self._advance(pose, driver, now_s, is_waiting=is_waiting)
         if math.hypot(*pose.velocity_ned_m_s) > self._at_rest_m_s:
@@ -91,7 +91,7 @@ class PathReference:
         """Why it makes no progress; empty if it does.
 
         Args:
-            timeout_s: longest wait for the vehicle to come to where it is led.
+            timeout_s: longest wait for the vehicle to reach the point.
             follow_s: longest wait for the autopilot to follow.
         """
         if self._left_alone_s > follow_s:

@@ -10,7 +10,7 @@ from gloc3_onboard.algorithms.paths.motion_limits import is_finite
 SETPOINT_AGE_S: Final = 0.25
 """An older setpoint is dropped."""
 AHEAD_S: Final = 0.05
-"""One that claims to be valid later than this is dropped too: its age cannot be told."""
+"""Largest lead of a setpoint's time over ours, s; later ones are dropped, since their age is unknown."""
 
 
 class SetpointGate:

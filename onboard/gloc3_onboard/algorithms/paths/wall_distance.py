@@ -9,16 +9,16 @@ import numpy as np
 from gloc3.messages.frames import Vector3
 
 VIEW_RAD: Final = math.radians(40.0)
-"""The wall is looked for so far to both sides of where the vehicle looks,"""
+"""Search range for the wall, to both sides of the vehicle's heading…"""
 FARTHEST_M: Final = 8.0
 """and no farther away."""
 PIECE_M: Final = 1.5
 """What counts of it lies so near to its nearest point."""
 FEWEST: Final = 5
 ROUGH_M: Final = 0.1
-"""A rougher piece is a corner or clutter: then the way stays where it was moved to."""
+"""Roughness above which a piece is a corner or clutter, m; the path then keeps its shift."""
 MOST_M: Final = 1.5
-"""The way is moved by no more than this, at no more than the speed below."""
+"""Largest shift of the path, m; its rate is limited below."""
 SPEED_M_S: Final = 0.4
 
 
@@ -60,24 +60,24 @@ class WallDistance:
         self._distance_m = distance_m
         self._shift: tuple[float, float] = (0.0, 0.0)
         self.blind_s = 0.0
-        """For so long no wall has been seen."""
+        """Time without a visible wall, s."""
 
     def unmoved(self, place: Vector3) -> Vector3:
-        """A place on the shifted path, shifted back."""
+        """A position on the shifted path, shifted back."""
         return (place[0] - self._shift[0], place[1] - self._shift[1], place[2])
 
     def moved(self, place: Vector3) -> Vector3:
-        """A place on the path, shifted."""
+        """A position on the path, shifted."""
         return (place[0] + self._shift[0], place[1] + self._shift[1], place[2])
 
     def update(self, wall: WallAhead | None, vehicle: Vector3, target: Vector3, duration_s: float) -> None:
         """Handles the wall ahead, and shifts the path.
 
         Args:
-            wall: it.
-            vehicle: where the vehicle is.
-            target: where its way, not moved, wants it to be.
-            duration_s: since the last time.
+            wall: the wall.
+            vehicle: the vehicle's position.
+            target: target on the unshifted path.
+            duration_s: time since the last call.
         """
         if wall is None:
             self.blind_s += duration_s

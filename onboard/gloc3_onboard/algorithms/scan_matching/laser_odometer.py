@@ -25,14 +25,14 @@ from gloc3_onboard.algorithms.scan_matching.scan_points import (
 LEVEL: Final = Tilt()
 AT_BODY: Final = Mount()
 MOST_FAILURES: Final = 5
-"""After so many bad scans in a row what was before is given up."""
+"""Consecutive bad scans after which earlier data are dropped."""
 LONGEST_S: Final = 2.0
 """A velocity is not believed for longer."""
 REPORTED_M: Final = 0.1
 REPORTED_SHARE: Final = 0.15
 REPORTED_RAD: Final = 0.1
 REPORTED_TURN_SHARE: Final = 0.5
-"""A motion that is told may be wrong by so much, and by this part of it."""
+"""Largest error of a motion reported by others: absolute, and as a share of distance and turn."""
 FIRST_M_S: Final = 1.0
 FIRST_RAD_S: Final = 0.5
 """The first motion of all is about so fast at most."""
@@ -43,13 +43,13 @@ CAUTION: Final = 1.8
 """Residuals of things that are no walls, such as tops of boxes, are alike: errors are larger than they suggest."""
 DARK_S: Final = 2.0
 BETTER: Final = 0.1
-"""A place that was not expected must fit so much better."""
+"""Margin by which an unexpected position must fit better."""
 LEAN: Final = 0.75
-"""Walls may lean: where they stand at another height is not known better than by so much of the climb."""
+"""Tilt allowance of walls: uncertainty of their position at another height, as a share of the climb."""
 LEVEL_M: Final = 0.03
-"""A climb that is less is none; one that goes on over many references counts from its begin."""
+"""Climb below which the height counts as constant, m; longer climbs count from their start."""
 NEW_LEVEL_M: Final = 0.2
-"""After such a climb the map begins anew."""
+"""Climb after which the map restarts, m."""
 _FULL_TRUST: Final = np.zeros((3, 3))
 _FLOOR: Final = np.diag((0.001**2, 0.001**2, 0.0002**2))
 """No fit is better than this: walls are not quite straight, nor is the clock of the scanner."""
@@ -59,21 +59,21 @@ class LaserOdometerSettings(Settings, frozen=True):
     """Settings of the laser odometer."""
 
     reach_m: Annotated[float, Bounds(1.0, 1000.0)] = 30.0
-    """The map holds the walls that were seen on so much of the way."""
+    """Length of path whose walls the map holds, m."""
     key_distance_m: Annotated[float, Bounds(0.05, 10.0)] = 0.5
-    """The map takes in a scan after so much way,"""
+    """Distance after which the map adds a scan, m…"""
     key_turn_rad: Annotated[float, Bounds(0.02, 3.0)] = 0.35
-    """or so much turning,"""
+    """…or turn, rad…"""
     key_share: Annotated[float, Bounds(0.1, 1.0)] = 0.7
-    """or when no more of a scan than this is on the map."""
+    """…or the share of a scan on the map falls below this."""
     good_share: Annotated[float, Bounds(0.1, 1.0)] = 0.6
-    """A scan of which less fits where it was expected is looked for all around."""
+    """Share of fitting points below which a scan is searched for all around."""
     lowest_share: Annotated[float, Bounds(0.05, 1.0)] = 0.25
     """A scan of which less fits into the map is lost."""
     acceleration_m_s2: Annotated[float, Bounds(0.1, 50.0)] = 3.0
     """How much the motion may change between two scans:"""
     turn_acceleration_rad_s2: Annotated[float, Bounds(0.1, 100.0)] = 6.0
-    """with both, how far around the expected place a scan is looked for,"""
+    """Turn acceleration for the search range around the expected pose, rad/s²."""
     search_m: Annotated[float, Bounds(0.1, 5.0)] = 1.5
     """but no farther than this,"""
     search_rad: Annotated[float, Bounds(0.1, 3.2)] = 1.2
@@ -81,26 +81,26 @@ class LaserOdometerSettings(Settings, frozen=True):
 
 
 class LaserMotion(msgspec.Struct, frozen=True, kw_only=True):
-    """Planar motion of the body since a reference, on the level axes of the reference (x forward, y right)."""
+    """Planar motion of the body since a reference, on the reference's level axes (x forward, y right)."""
 
     t_s: float
     reference_t_s: float
-    """When the pose was taken that the motion is told from."""
+    """Time of the reference pose."""
     motion: Planar
     covariance: Array
-    """3 by 3: x, y, heading; `UNKNOWN_VARIANCE` along what the walls do not tell."""
+    """3 by 3: x, y, heading; `UNKNOWN_VARIANCE` along directions that the walls do not constrain."""
     pose: Planar
-    """The body's pose since the begin, on the axes of the first scan."""
+    """The body's pose since the start, on the axes of the first scan."""
     is_valid: bool = True
     reason: str = ""
     quality: float = 1.0
-    """Part of the scan that lies on walls of the map."""
+    """Share of the scan on walls of the map."""
     is_degenerate: bool = False
-    """There is a direction that the walls do not tell."""
+    """Whether the walls leave a direction unconstrained."""
 
 
 class LaserOdometer:
-    """Estimates motion from scans. A bad scan gives a motion that is not valid, with a reason, and changes nothing."""
+    """Estimates motion from scans. A bad scan yields an invalid motion with a reason, and changes nothing."""
 
     def __init__(self, settings: LaserOdometerSettings | None = None, mount: Mount = AT_BODY) -> None:
         self._settings = settings or LaserOdometerSettings()
@@ -115,7 +115,7 @@ class LaserOdometer:
         self._heading_rad: float | None = None
         self._travelled_m = 0.0
         self._height_m: float | None = None
-        """From where climbs count: follows the height of what the motion is told from, `LEVEL_M` behind."""
+        """Reference height of climbs: follows the height of the motion's reference, `LEVEL_M` behind."""
         self._map_height_m: float | None = None
         """Of the scan that the map began with."""
         self._bad = 0
@@ -131,12 +131,12 @@ class LaserOdometer:
         """Processes a scan.
 
         Args:
-            scan: it.
-            t_s: when it ended.
-            tilt: how the body stood.
-            heading_rad: the body's heading then, from anybody whose heading drifts slowly; only its change is used, and
-                only to expect where the scan lies.
-            guess: the body's motion since the call before, on the axes of then, if somebody knows about it; used so too.
+            scan: the scan.
+            t_s: its end time.
+            tilt: tilt of the body.
+            heading_rad: heading of the body, from any source with slow drift; only its change is used, to predict the
+                pose.
+            guess: motion of the body since the previous call, on the axes of that time, if known; used the same way.
 
         Returns:
             The motion since the reference.
@@ -152,7 +152,7 @@ class LaserOdometer:
         self._ranges = scan.ranges_m
         if not self._has_begun:
             self._height_m = self._map_height_m = tilt.height_m
-            return self._begin(points, Planar(), t_s, heading_rad, "the map begins with this scan")
+            return self._begin(points, Planar(), t_s, heading_rad, "the map starts with this scan")
         found = self._fit(points.points_m, expected)
         if found.share < self._settings.lowest_share:
             return self._lose(points, expected, found.share, t_s, heading_rad)
@@ -196,7 +196,7 @@ class LaserOdometer:
         return Expected(motion, SearchWindow(min(distance_m, settings.search_m), min(turn_rad, settings.search_rad)))
 
     def _skew(self, scan_s: float, t_s: float, expected: Planar, heading_rad: float | None) -> Planar:
-        """The motion during a scan: as the last one was, which is smoother than what wheels tell."""
+        """Motion during a scan: that of the last one, which is smoother than the wheels'."""
         if not self._has_begun or scan_s <= 0.0:
             return Planar()
         share = min(1.0, scan_s / (t_s - self._t_s))
@@ -271,11 +271,11 @@ class LaserOdometer:
     def _lose(
         self, points: ScanPoints, expected: "Expected", share: float, t_s: float, heading_rad: float | None
     ) -> LaserMotion:
-        """The scan does not fit; after some of them what was before is given up."""
+        """Handles a scan that does not fit; after several, earlier data are dropped."""
         reason = f"only {100.0 * share:.0f} % of the scan fits into the map"
         if self._bad < MOST_FAILURES:
             return self._nothing(t_s, reason)
-        return self._begin(points, self._pose @ expected.motion, t_s, heading_rad, f"{reason}: it begins anew")
+        return self._begin(points, self._pose @ expected.motion, t_s, heading_rad, f"{reason}: it restarts")
 
     # --- keeping books ---
 
@@ -292,7 +292,7 @@ class LaserOdometer:
         self._reported, self._bad = Planar(), -1
 
     def _nothing(self, t_s: float, reason: str) -> LaserMotion:
-        """No motion; the pose is what somebody told, or that of the last good scan."""
+        """No motion; the pose is the given one, or that of the last good scan."""
         self._bad += 1
         pose = self._pose @ (self._reported or Planar())
         return LaserMotion(
@@ -321,7 +321,7 @@ def _between(height_m: float | None, before_m: float | None) -> float:
 
 
 def _since(key: Planar, key_covariance: Array, pose: Planar, covariance: Array) -> Array:
-    """Covariance of a pose as seen from another, with independent errors of both, on the axes of the other."""
+    """Covariance of a pose relative to another with independent errors, on the other's axes."""
     x, y = pose.x_m - key.x_m, pose.y_m - key.y_m
     # C = R^T (C_pose + L C_key L^T) R, R the key's axes; L carries its heading error over the distance.
     lever = np.array(((1.0, 0.0, -y), (0.0, 1.0, x), (0.0, 0.0, 1.0)))

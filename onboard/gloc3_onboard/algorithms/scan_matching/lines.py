@@ -41,7 +41,7 @@ class _Sums(NamedTuple):
 
     totals: Array
     begins: NDArray[np.intp]
-    """First point of the run without gaps that each point is in, and the one behind its last."""
+    """First point of the gapless run around each point, and the one after its last."""
     ends: NDArray[np.intp]
 
 
@@ -70,7 +70,7 @@ def _sums_of(scan: ScanPoints) -> _Sums:
 
 
 def _fitted(points: Array, sums: _Sums, index: NDArray[np.intp], half: NDArray[np.intp]) -> Lines:
-    """The lines around some of the points, over so many points to both sides."""
+    """Lines fitted around some of the points, over a number of points to both sides."""
     low, high = np.maximum(index - half, sums.begins[index]), np.minimum(index + half + 1, sums.ends[index])
     number = (high - low).astype(np.float64)
     sx, sy, sxx, sxy, syy = (sums.totals[:, high] - sums.totals[:, low]) / number

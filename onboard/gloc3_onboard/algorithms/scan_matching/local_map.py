@@ -8,7 +8,7 @@ from gloc3_onboard.algorithms.scan_matching.lines import Lines
 from gloc3_onboard.algorithms.scan_matching.planar import Array, Planar
 
 SAME_M: Final = 0.05
-"""A point this near to one of the map, and on its line, is the same."""
+"""Distance from a map point, along its line, within which a point is the same, m."""
 
 
 class Neighbours(NamedTuple):
@@ -22,10 +22,10 @@ class Neighbours(NamedTuple):
 
 
 class LocalMap:
-    """Points on walls with the directions of these walls, in one frame; those that were left far behind are dropped."""
+    """Points on walls with the directions of these walls, in one frame; distant ones behind are dropped."""
 
     def __init__(self, reach_m: float) -> None:
-        """Keeps what was seen from places that lie no farther back on the way than `reach_m`."""
+        """Keeps walls seen from at most `reach_m` back along the path."""
         self._reach_m = reach_m
         self._feet = np.empty((0, 2))
         self._normals = np.empty((0, 2))
@@ -42,9 +42,9 @@ class LocalMap:
         """Adds the new points of a scan.
 
         Args:
-            lines: the pieces of wall of the scan.
-            pose: where the scan was taken.
-            travelled_m: way made so far.
+            lines: wall pieces of the scan.
+            pose: pose of the scan.
+            travelled_m: length of path so far.
         """
         from scipy.spatial import cKDTree
 

@@ -1,7 +1,7 @@
-"""Point-to-line alignment: turns and moves a scan until its points lie on the walls of a map.
+"""Point-to-line alignment: rotates and shifts a scan onto the walls of a map.
 
 Gauss-Newton on the distances across the walls (Censi, "An ICP variant using a point-to-line metric", ICRA 2008), with
-neighbours looked up anew in each step and far points counting less (Cauchy's weights).
+neighbours looked up again in each step and less weight on far points (Cauchy's weights).
 """
 
 from math import atan2, cos, hypot, sin
@@ -17,13 +17,13 @@ from gloc3_onboard.algorithms.scan_matching.planar import Array, Planar
 SOLVED: Final = 6
 """Fewest points that are fitted."""
 SUPPORT: Final = 3.0
-"""A direction that fewer beams than this look at squarely, together, is not known."""
+"""Summed squared incidence of beams below which a direction is unconstrained…"""
 SUPPORT_SHARE: Final = 0.01
-"""Nor one that less than this part of them looks at."""
+"""…and the same as a share of all beams."""
 TURN_SUPPORT_M2: Final = 0.75
-"""A heading that the beams tell less of than three at half a metre from the middle is not known."""
+"""Information on the heading below which it is unconstrained: that of three beams at half a metre from the centre."""
 EXCESS: Final = 4.0
-"""So many times what the uncertainty of the normals explains is taken off."""
+"""Factor of the information explained by noise of the normals, which is subtracted."""
 
 
 class Information(NamedTuple):
@@ -32,7 +32,7 @@ class Information(NamedTuple):
     matrix: Array
     """3 by 3: north, east, heading; in the map's axes, heading about the scanner; for residuals of variance 1 m²."""
     known: Array
-    """Orthonormal directions that the fit tells, as columns; shape (3, k) with k of 0 to 3."""
+    """Orthonormal directions constrained by the fit, as columns; shape (3, k) with k of 0 to 3."""
     sigma_m: float
     """Standard deviation of the residuals."""
 
@@ -107,7 +107,7 @@ def _axes(a: float, b: float, d: float) -> tuple[tuple[float, float, float], tup
 def _turning_alone(
     nn: float, ne: float, ee: float, nh: float, eh: float, hh: float, columns: list[tuple[float, float, float]]
 ) -> float:
-    """What is said about the heading when the place is free along the directions that are known."""
+    """Information on the heading when the position is free along the constrained directions."""
     if len(columns) == 2:
         return hh - (ee * nh * nh - 2.0 * ne * nh * eh + nn * eh * eh) / (nn * ee - ne * ne)
     if len(columns) == 1:
@@ -120,9 +120,9 @@ STEPS: Final = 20
 STILL_M: Final = 5e-4
 STILL_RAD: Final = 2e-4
 FIT_M: Final = 0.04
-"""A point so near to its wall lies on it."""
+"""Distance from its wall within which a point fits, m."""
 NEAR_M: Final = 0.15
-"""Neighbours are looked for so near at the end."""
+"""Final search radius for neighbours, m."""
 COARSE_M: Final = 0.4
 FEW: Final = 120
 TRIAL_STEPS: Final = 3
@@ -130,7 +130,7 @@ TRIAL_STEPS: Final = 3
 CLEAR: Final = 0.6
 """After one that fits so well the others are not tried."""
 CLEARLY: Final = 0.08
-"""So much more of a scan must fit where a search has found it along what the walls hardly tell."""
+"""Margin in fitting share that a search result needs along weakly constrained directions."""
 SPREAD: Final = 1.5
 """Standard deviation over median of the sizes, for a normal distribution, rounded up."""
 FINEST_M: Final = 0.005
@@ -143,7 +143,7 @@ class ScanAlignment(NamedTuple):
     pose: Planar
     information: Information
     share: float
-    """Part of the points that lie on a wall."""
+    """Share of points on a wall."""
     residual_m: float
     """Robust standard deviation of the points on walls."""
 
@@ -163,11 +163,11 @@ def align(points: Array, walls: LocalMap, guess: Planar, within_m: float, steps:
     """Aligns points to a map, point to line.
 
     Args:
-        points: of the scan; shape (n, 2).
+        points: points of the scan; shape (n, 2).
         walls: the map.
-        guess: where the scan was taken, about.
-        within_m: how far from its wall a point may be at first.
-        steps: no more than so many.
+        guess: approximate pose of the scan.
+        within_m: initial search radius for walls.
+        steps: largest number of steps.
     """
     pose, reach_m = guess, within_m
     found = ScanAlignment(pose, NOTHING, 0.0, 0.0)

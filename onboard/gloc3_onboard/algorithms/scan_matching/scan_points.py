@@ -22,7 +22,7 @@ class Tilt(NamedTuple):
     roll_rad: float = 0.0
     pitch_rad: float = 0.0
     height_m: float | None = None
-    """Of the body above the floor; None while nobody knows it: then nothing is taken for the floor."""
+    """Height of the body above the floor; None if unknown: nothing then counts as floor."""
 
 
 class Mount(NamedTuple):
@@ -30,7 +30,7 @@ class Mount(NamedTuple):
 
     position_frd_m: Vector3 = (0.0, 0.0, 0.0)
     yaw_rad: float = 0.0
-    """Clockwise seen from above: where its middle beam looks."""
+    """Direction of the middle beam, clockwise seen from above, rad."""
 
 
 class ScanPoints(NamedTuple):
@@ -54,7 +54,7 @@ def ranges_of(scan: LaserScan) -> Array:
 
 
 def _nothing_m(scan: LaserScan) -> float:
-    """From here on nothing was seen: a little less than the maximum, which 32 bits may have rounded down."""
+    """Range from which on nothing was hit: slightly below the maximum, which 32 bits may round down."""
     return scan.range_max_m * (1.0 - 1e-6)
 
 
@@ -111,7 +111,7 @@ def points_of(scan: LaserScan, tilt: Tilt, mount: Mount, motion: Planar) -> Scan
 
 
 def _moved_back(forward: Array, right: Array, shares: Array, motion: Planar) -> tuple[Array, Array]:
-    """Points seen a share of the motion before its end, on the axes of its end."""
+    """Points seen at a share of the motion before its end, on the axes of its end."""
     turn = -shares * motion.yaw_rad
     c, s = np.cos(turn), np.sin(turn)
     ahead, aside = forward - shares * motion.x_m, right - shares * motion.y_m

@@ -11,7 +11,7 @@ from gloc3_onboard.algorithms.vision.picture import Picture
 Pixels = NDArray[np.float32]
 
 _HALF: Final = 2
-"""Corners are looked for at half resolution: where exactly a patch sits does not matter, only that it can be told."""
+"""Corners are found at half resolution: the exact position of a patch is irrelevant if it is distinctive."""
 
 
 class GridCorners:

@@ -13,9 +13,9 @@ from gloc3_onboard.algorithms.vision.stereo_match import StereoMatcher
 from gloc3_onboard.algorithms.vision.stereo_rig import StereoRig
 
 _GAP_S: Final = 1.0
-"""After so long without a usable picture nothing is looked for again."""
+"""Time without a usable picture after which tracked points are dropped, s."""
 TURNED_BACK_AFTER: Final = 5
-"""After so many in a row that are not newer than the last, time itself has gone back."""
+"""Consecutive non-increasing times after which the clock counts as reset."""
 _FEW: Final = 8
 _MATCHED_SHARE: Final = 0.4
 """With less of the points matched that were matched before a pair of pictures is held to be a bad one, at first."""
@@ -28,7 +28,7 @@ class MatcherOptions:
     cell_px: int = 40
     """One point in each square of this side."""
     levels: int = 4
-    """Halvings of the resolution at which points are looked for that are not where they were headed for."""
+    """Pyramid levels searched for points that are not at their predicted position."""
     nearest_m: float = 0.4
     """Nearest that anything is expected to be."""
     keep_share: float = 0.7

@@ -5,18 +5,18 @@ from typing import Final
 
 _GATE: Final = 4.0
 _GATE_SHARE: Final = 0.04
-"""An echo may differ by this share of the height before it is said to come from something else than the floor."""
+"""Difference of an echo from the height, as a share, above which it does not come from the floor."""
 
 _LOST_SHARE: Final = 0.1
 """A height that is known less well than to this share of it is none."""
 
 
 class GroundHeight:
-    """A scalar Kalman filter on the vertical distance to the floor that the odometer moves over.
+    """A scalar Kalman filter of the vertical distance to the floor under the odometer.
 
     Args:
         noise_m: Standard deviation of a single echo.
-        scale_std: Standard deviation of the share by which all echoes may be wrong; it is not averaged away.
+        scale_std: Standard deviation of the common scale error of all echoes; it does not average out.
     """
 
     def __init__(self, noise_m: float, scale_std: float) -> None:
@@ -45,9 +45,9 @@ class GroundHeight:
         self._fitting_s = self._denied_s = 0.0
 
     def is_lost(self, coast_s: float) -> bool:
-        """Whether the echoes have contradicted the height for `coast_s`, or for longer than they confirmed it.
+        """Whether echoes have contradicted the height for `coast_s`, or longer than they confirmed it.
 
-        Without echoes it is known as well as the pictures tell how it changes, until that is no longer well enough.
+        Without echoes its accuracy is that of the change measured in pictures, until that no longer suffices.
         """
         is_denied = self._denied_s > coast_s or self._denied_s > self._fitting_s
         return is_denied or math.sqrt(self._variance) > _LOST_SHARE * self._mean_m
@@ -63,16 +63,16 @@ class GroundHeight:
         self._mean_m = ratio * self._mean_m + floor_shift_m
 
     def update(self, height_m: float, ratio: float, reliefs_m: tuple[float, ...], period_s: float) -> bool:
-        """Updates with an echo from a place where the height is `ratio` times the filtered one.
+        """Updates with an echo at a point where the height is `ratio` times the filtered one.
 
         Args:
-            height_m: Vertical distance to what was hit.
-            ratio: Height there in heights here.
-            reliefs_m: How far what may have been hit stands above the floor; the best fitting one counts.
-            period_s: Time since the echo before.
+            height_m: Vertical distance to the hit surface.
+            ratio: Height there relative to the height here.
+            reliefs_m: Heights above the floor of surfaces that may have been hit; the best fitting one counts.
+            period_s: Time since the previous echo.
 
         Returns:
-            Whether it fits one of them; else it changes nothing.
+            Whether it fits one of them; otherwise it is ignored.
         """
         candidates = [(height_m + relief_m) / ratio for relief_m in reliefs_m]
         used_m = min(candidates, key=lambda candidate: abs(candidate - self._mean_m))

@@ -1,4 +1,4 @@
-"""Ground odometry from a camera that looks down, the attitude and the height."""
+"""Ground odometry from a downward camera, the attitude and the height."""
 
 import math
 from typing import Final, NamedTuple
@@ -26,7 +26,7 @@ _LEAST_SHARE: Final = 0.35
 _KEPT_SHARE: Final = 0.6
 """A key frame of which fewer points are left is replaced."""
 _FAR: Final = 0.35
-"""A key frame is replaced after so many heights of way, ..."""
+"""Distance, in heights, after which a key frame is replaced…"""
 _TURNED_RAD: Final = 0.15
 """... after this turn, ..."""
 _SCALED: Final = 0.15
@@ -34,18 +34,18 @@ _SCALED: Final = 0.15
 _SURE_SHARE: Final = 0.06
 """A relief that is known to this share of the height is kept."""
 _HIGHEST_M: Final = 200.0
-"""No range finder of ours tells more."""
+"""Largest range of a range finder, m."""
 _CLIMB_M_S: Final = 0.3
 """How fast the height may have changed while nothing was seen."""
 _ECHO_FLAT: Final = 0.2
-"""What the range finder hits is looked for within this distance below the camera, in flat units."""
+"""Search distance below the camera for the point hit by the range finder, in flat units."""
 _MOST_M_S2: Final = 15.0
-"""No vehicle of ours accelerates more."""
+"""Largest acceleration of a vehicle, m/s²."""
 _LARGEST_NOISE_PX: Final = 1.5
 _SLOPE_CHANGE: Final = 0.003
 """How much the slope of a floor may change from key frame to key frame."""
 _LOST_AFTER: Final = 3
-"""Fine pictures in a row without a motion until a new key frame begins."""
+"""Consecutive good pictures without a motion after which a new key frame starts."""
 _TURNED_BACK_AFTER: Final = 5
 """Pictures older than the last in a row until their time is believed."""
 
@@ -62,7 +62,7 @@ class GroundSettings(NamedTuple):
     sensor_frd_m: Vector3 = (0.0, 0.0, 0.0)
     """Where the height is measured from."""
     tilt_std_rad: float = 0.003
-    """How well the attitude tells changes of roll and pitch between two pictures."""
+    """Standard deviation of roll and pitch changes between two pictures, rad."""
     yaw_std_rad: float = 0.02
     """The same of heading."""
     level_std_rad: float = 0.006
@@ -72,13 +72,13 @@ class GroundSettings(NamedTuple):
     pixel_std: float = 0.1
     """Least error of a point's place, in pixels."""
     gap_s: float = 1.0
-    """A longer time without a picture begins a new key frame."""
+    """Time without a picture after which a new key frame starts, s."""
     coast_s: float = 5.0
-    """How long it goes on over a floor that the height sensor does not hit, before it believes the new height."""
+    """Time over a surface that contradicts the height before the new height is adopted, s."""
     key_frame_s: float = 4.0
     """Longest life of a key frame while the vehicle moves."""
     is_climb_reported: bool = True
-    """Whether the motion along the vertical is told, which rests on the heights and on the attitude."""
+    """Whether vertical motion is reported, which rests on heights and attitude."""
 
 
 class _Key(NamedTuple):
@@ -88,18 +88,18 @@ class _Key(NamedTuple):
     pixels: Array
     flat: Array
     relief_m: Array
-    """How far each point stands above the floor."""
+    """Height of each point above the floor, m."""
 
 
 class GroundOdometer:
     """Horizontal motion and turn over a floor, scaled by the height, relative to a key frame.
 
-    The floor is a plane that may slope. What stands on it moves otherwise in the picture, is left out, and is used
-    with its own height once that is known; so the height sensor's steps over boxes are understood, not flown.
+    The floor is a plane that may slope. Objects on it move differently in the picture; they are left out until their
+    height is known. Steps of the height sensor over boxes are thus recognized, not followed.
 
     Args:
         camera: The camera.
-        settings: How it is set up.
+        settings: Its settings.
     """
 
     def __init__(self, camera: CameraModel, settings: GroundSettings | None = None) -> None:
@@ -129,11 +129,11 @@ class GroundOdometer:
         Args:
             picture: Grey values, (rows, columns), 8 bit.
             t_s: Its time of exposure.
-            ned_from_frd: The attitude then; its heading may drift and have any offset.
-            height_m: The height then, as the settings say; not-a-number where there is none.
+            ned_from_frd: The attitude at that time; its heading may drift and have any offset.
+            height_m: The height at that time, as defined by the settings; not-a-number if unknown.
 
         Returns:
-            The motion since the key frame; invalid, with a reason, where it cannot be told.
+            The motion since the key frame; invalid, with a reason, where it is unknown.
         """
         reason = self._problem(picture, t_s, ned_from_frd)
         if reason:
@@ -173,7 +173,7 @@ class GroundOdometer:
         return ""
 
     def _begin(self, picture: Picture, held: BodyAttitude, height_m: float, reason: str) -> Odometry:
-        """Begins anew at a picture, if it shows enough and the height is known."""
+        """Restarts at a picture with enough features and a known height."""
         vertical_m = self._vertical_m(height_m, held)
         silent_s = held.t_s - self._moved_s
         is_new = self._key is None or silent_s > self.settings.gap_s or self._height.is_lost(self.settings.coast_s)
@@ -194,10 +194,10 @@ class GroundOdometer:
         self._key = _Key(held, corners, flat, relief_m)
         self._velocity, self._place = np.zeros(3), np.zeros(3)
         self._moved_s, self._lost = held.t_s, 0
-        return self._invalid(held.t_s, f"begins anew: {reason}")
+        return self._invalid(held.t_s, f"restarts: {reason}")
 
     def _remembered(self, key: _Key, flat: Array, held: BodyAttitude) -> Array:
-        """How far new points stand above the floor, if nothing has moved but the vehicle, as it did before."""
+        """Heights of new points above the floor, if only the vehicle has moved, as before."""
         ahead = (self._place + self._velocity * (held.t_s - self._moved_s)) / self._height.mean_m
         turn = _about_down(held.yaw_rad - key.held.yaw_rad)
         before = flat @ turn[:2, :2].T + ahead[:2]
@@ -223,7 +223,7 @@ class GroundOdometer:
             return self._lose(picture, held, height_m, reason)
         is_floor_hit = self._use_height(motion, before, now, height_m, held, period_s)
         if not is_floor_hit and self._height.is_lost(self.settings.coast_s):
-            return self._begin(picture, held, height_m, "the height does not fit what is seen")
+            return self._begin(picture, held, height_m, "the height contradicts the pictures")
         # Scale: the translation is in heights of the key frame.
         place = motion.translation * self._height.mean_m
         self._velocity = (place - self._place) / ahead_s
@@ -278,7 +278,7 @@ class GroundOdometer:
     def _use_height(
         self, motion: PlaneMotion, before: Array, now: Array, height_m: float, held: BodyAttitude, period_s: float
     ) -> bool:
-        """Whether the height is that of the floor, or of something on it that is known."""
+        """Whether the height is that of the floor, or of a known object on it."""
         vertical_m = self._vertical_m(height_m, held)
         if not math.isfinite(vertical_m):
             return False
@@ -315,7 +315,7 @@ class GroundOdometer:
         now: Array,
         relief_m: Array,
     ) -> None:
-        """Makes the picture the key frame, with the points whose place is known."""
+        """Makes the picture the key frame, with the points of known position."""
         share, std, left = ground_plane.relief(before, now, motion)
         height_m = self._height.mean_m
         is_raised = ~motion.is_inlier & (std < _SURE_SHARE) & (left < ground_plane.INLIER * motion.noise)
@@ -341,7 +341,7 @@ class GroundOdometer:
         return no_motion(SOURCE, t_s if self._key is None else self._key.held.t_s, reason, is_level=True)
 
     def _vertical_m(self, height_m: float, held: BodyAttitude) -> float:
-        """Vertical distance of the camera to what a range finder hits; not-a-number where nothing is known."""
+        """Vertical distance of the camera to the point hit by a range finder; not-a-number if unknown."""
         if not 0.0 < height_m < _HIGHEST_M:
             return math.nan
         level_from_frd = matrix(held.level_from_frd)

@@ -1,10 +1,11 @@
 """Robust fit of a camera's motion over a plane, and of the plane's slope, to points seen twice.
 
-All lengths are in units of the camera's height above the plane at the key frame. Directions are *flat*, `(n, 2)`: forward
-and right at one unit down, in axes that are level with the heading of the body (forward, right, down). The plane is `down = 1 + slope . (forward, right)`.
+All lengths are in units of the camera's height above the plane at the key frame. Directions are *flat*, `(n, 2)`:
+forward and right at one unit down, in level axes with the heading of the body (forward, right, down). The plane is
+`down = 1 + slope . (forward, right)`.
 
-The motion between two views of a plane is a homography; here it is written in what is known of it (attitude from the
-inertial unit, slope from before), which enters as prior knowledge (Hartley and Zisserman, *Multiple View Geometry*,
+The motion between two views of a plane is a homography; here it is parametrized by known quantities (attitude from the
+inertial unit, previous slope), which enter as a prior (Hartley and Zisserman, *Multiple View Geometry*,
 chapter 13; maximum a posteriori by Gauss and Newton, weights of Geman and McClure).
 """
 
@@ -20,12 +21,12 @@ Flags = NDArray[np.bool_]
 _SCALES: Final = (6.0, 3.0, 2.0)
 """Half-weight distance of each round, in standard deviations: the basin first, then the precision."""
 INLIER: Final = 3.5
-"""A point is on the plane when it is within so many standard deviations."""
+"""Standard deviations within which a point is on the plane."""
 _QUANTILE: Final = 0.3
-"""More than half of the points may be on something else."""
+"""Quantile for the scale estimate; more than half of the points may be off the plane."""
 _SQUARE_AT_QUANTILE: Final = -2.0 * math.log(1.0 - _QUANTILE)
 _WEAK: Final = 1e-4
-"""Information of the translation before anything is seen: none to speak of."""
+"""Negligible prior information of the translation."""
 
 
 class Prior(NamedTuple):
@@ -63,11 +64,11 @@ class PlaneMotion(NamedTuple):
     slope: Array
     """(2,)."""
     covariance: Array
-    """(8, 8): translation, turn (a rotation vector in the axes of now), slope."""
+    """(8, 8): translation, turn (a rotation vector in the current axes), slope."""
     residuals: Array
     """Distance of each point from where it should be, (n,), in flat units."""
     is_inlier: Flags
-    """Which points are on the plane, (n,)."""
+    """Whether each point is on the plane, (n,)."""
     noise: float
     """Standard deviation of one coordinate of the inliers, in flat units."""
 
@@ -78,7 +79,7 @@ class PlaneMotion(NamedTuple):
 
 
 def on_plane(flat: Array, depth: Array, slope: Array) -> Array:
-    """Points (n, 3) where directions meet the plane, lifted to a share `depth` (n,) of the way to it."""
+    """Points (n, 3) where directions meet the plane, at a share `depth` (n,) of the distance."""
     reach = depth / (1.0 - flat @ slope)
     return np.column_stack((flat * reach[:, None], reach))
 
@@ -95,11 +96,11 @@ def fit(before: Array, now: Array, depth: Array, prior: Prior, translation: Arra
 
     Args:
         before: Flat directions at the key frame, (n, 2).
-        now: The same points now, (n, 2).
-        depth: How far each point is, as a share of the way to the plane, (n,); 1 for those on it.
-        prior: What is known.
-        translation: Where to begin, (3,).
-        noise: Between what the standard deviation of a coordinate is.
+        now: The same points in the current picture, (n, 2).
+        depth: Depth of each point as a share of the distance to the plane, (n,); 1 on the plane.
+        prior: Prior knowledge.
+        translation: Initial value, (3,).
+        noise: Bounds of the standard deviation of a coordinate.
     """
     turn, slope = prior.turn, prior.slope.copy()
     translation = translation.copy()
@@ -130,8 +131,8 @@ def relief(before: Array, now: Array, motion: PlaneMotion) -> tuple[Array, Array
     """Depth of each point from its motion, as a share of the distance to the plane.
 
     Returns:
-        The shares (n,), their standard deviations (n,), and what is left of the points' distances from where they
-        should be (n,), in flat units.
+        The shares (n,), their standard deviations (n,), and the residual distances of the points (n,), in
+        flat units.
     """
     flat = on_plane(before, np.ones(len(before)), motion.slope) @ motion.turn
     origin = motion.translation @ motion.turn

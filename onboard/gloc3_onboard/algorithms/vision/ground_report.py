@@ -59,7 +59,7 @@ def report(
 ) -> Odometry:
     """The motion of the body's origin since the key frame.
 
-    Roll and pitch are those that were given: their variance is `UNKNOWN_VARIANCE`.
+    Roll and pitch are inputs: their variance is `UNKNOWN_VARIANCE`.
     """
     yaw_rad = math.atan2(motion.turn[1, 0], motion.turn[0, 0])
     reference_from_frd = normalize(multiply(from_yaw(yaw_rad), now.level_from_frd))
@@ -86,7 +86,7 @@ def report(
 def _covariance(
     motion: PlaneMotion, height: GroundHeight, key: BodyAttitude, now: BodyAttitude, level_std_rad: float
 ) -> Array:
-    """(6, 6): position in the reference's level axes, rotation in the body's, of which roll and pitch are not told."""
+    """(6, 6): position in the reference's level axes, rotation in the body's without roll and pitch."""
     covariance = np.zeros((6, 6))
     scale = height.std_m / height.mean_m
     seen = motion.covariance * _CAUTION

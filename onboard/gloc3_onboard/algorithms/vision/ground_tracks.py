@@ -14,20 +14,20 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 _CELLS: Final = 84
-"""About so many points are looked for: one in each square cell of a grid."""
+"""Approximate number of points: one in each square cell of a grid."""
 _WINDOW_PX: Final = 13
 _ERROR_MAX: Final = 0.8
-"""Generous: what moves as the floor does is told by the plane that is fitted afterwards."""
+"""Loose limit: the plane fit decides later which points move with the floor."""
 _SURE_LEVELS: Final = 2
 _FAR_LEVELS: Final = 4
 
 
 class GroundTracks:
-    """Corners of a key frame, spread on a grid and tracked from the key frame itself, in evened light.
+    """Corners of a key frame, spread on a grid and tracked from the key frame itself, in equalized light.
 
     Args:
-        width: of the pictures.
-        height: of the pictures.
+        width: width of the pictures.
+        height: height of the pictures.
     """
 
     def __init__(self, width: int, height: int) -> None:
@@ -46,10 +46,10 @@ class GroundTracks:
 
         Args:
             picture: Grey values, (rows, columns).
-            kept_px: Points to go on with, (n, 2).
+            kept_px: Points to keep, (n, 2).
 
         Returns:
-            New points in cells that none of them is in, (m, 2).
+            New points in empty cells, (m, 2).
         """
         self._key, self._contrast = self._evened(picture), None
         return self._corners.find(self._key, kept_px.astype(np.float32)).astype(float)

@@ -19,8 +19,8 @@ class PatchTracker:
 
     Args:
         window_px: side of a patch.
-        error_max: greatest mean difference of the grey values of a patch and what was found for it, as a share of the
-            patch's contrast; patches that have nothing in common differ by about one.
+        error_max: greatest mean grey value difference between a patch and its match, as a share of the patch's
+            contrast; unrelated patches differ by about one.
     """
 
     def __init__(self, window_px: int = 17, error_max: float = 0.55) -> None:
@@ -44,12 +44,12 @@ class PatchTracker:
         """Positions of patches in another picture, (n, 2), and which of them were found.
 
         Args:
-            of: the picture that the points are in.
-            points: the middles of the patches, (n, 2).
-            contrast: that of the patches, (n,).
+            of: the picture of the points.
+            points: centres of the patches, (n, 2).
+            contrast: contrast of the patches, (n,).
             into: the other picture.
-            guess: where to begin to look.
-            levels: halvings of the resolution to begin at; each doubles how far the guess may be off.
+            guess: initial positions.
+            levels: pyramid levels; each doubles the permitted error of the guess.
         """
         if len(points) == 0:
             return points, np.zeros(0, bool)

@@ -33,7 +33,7 @@ class MonoMotion:
     rotation: Array
     """The body's: before from now, (3, 3)."""
     direction: Array
-    """Which way it went, in the axes of before, of length 1; of no meaning where it stood still."""
+    """Direction of motion in the axes of the first view, of length 1; meaningless at standstill."""
     is_valid: bool
     reason: str = ""
     points: int = 0
@@ -77,7 +77,7 @@ class MonoTracker:
         # Essential matrix by MAGSAC++ (Barath et al., CVPR 2020); recoverPose picks the pose with points ahead.
         essential, is_inlier = cv2.findEssentialMat(now, before, np.eye(3), cv2.USAC_MAGSAC, 0.999, tight)
         if essential is None or essential.shape != (3, 3):
-            return _none(t_s, "the points do not tell a motion")
+            return _none(t_s, "the points do not determine a motion")
         inlier = is_inlier.ravel() == 1
         _, rotation, direction, _ = cv2.recoverPose(essential, now[inlier], before[inlier], np.eye(3))
         rotation, direction = _refined(before, now, rotation, direction.ravel(), _SCALE_PX / self._focal_px)

@@ -1,4 +1,4 @@
-"""Position of a vehicle from an external camera that sees the bright lamp on it."""
+"""Position of a vehicle from an external camera that sees its bright lamp."""
 
 import math
 from typing import Final, NamedTuple
@@ -15,17 +15,18 @@ from gloc3.messages.perception import UNKNOWN_VARIANCE, PositionFix
 Picture = NDArray[np.uint8]
 
 _RIM_PX: Final = 4
-"""So much around a spot counts towards its centre: its skirt tells more than its saturated middle."""
+"""Border around a spot that contributes to its centre, px: its flank carries more information than its saturated
+middle."""
 _MOST_SPOTS: Final = 32
-"""So many of the largest patches are looked at; noise makes thousands."""
+"""Number of largest patches examined; noise makes thousands."""
 _MOST: Final = 8
-"""More spots than this are not looked at one by one: the brightest are."""
+"""Number of brightest spots examined individually."""
 Array = NDArray[np.float64]
 
 _FULL_WEIGHT: Final = 2000.0
-"""A lamp of so many grey values is as good as it gets."""
+"""Sum of grey values at which a lamp has full weight."""
 _OF_LENGTH: Final = 0.3
-"""A spot that is longer than wide is so much less sure for each pixel."""
+"""Additional uncertainty per pixel of an elongated spot's length."""
 _TURNED_BACK_AFTER: Final = 5
 
 
@@ -43,11 +44,11 @@ class Spot(NamedTuple):
 
 
 class SpotFinder:
-    """Finds spots that are brighter than what is around them and neither tiny nor large.
+    """Finds spots brighter than their surroundings and neither tiny nor large.
 
     Args:
-        threshold_grey: A spot's pixels are at least so bright.
-        most_area_px: Anything larger is no lamp.
+        threshold_grey: Least grey value of a spot's pixels.
+        most_area_px: Largest area of a lamp.
     """
 
     def __init__(self, threshold_grey: int, most_area_px: int) -> None:
@@ -96,9 +97,9 @@ class FollowerSettings(NamedTuple):
     position_ned_m: Vector3 = (0.0, 0.0, 0.0)
     """Origin of the stand."""
     ned_from_frd: Quaternion = IDENTITY
-    """How the stand is turned; how the camera sits on it says its model."""
+    """Attitude of the stand; the camera's mount on it is in its model."""
     lever_frd_m: Vector3 = (0.0, 0.0, 0.0)
-    """The lamp on the body of the vehicle."""
+    """Position of the lamp on the vehicle's body."""
     threshold_grey: int = 200
     """The lamp is at least so bright in the picture."""
     most_area_px: int = 1500
@@ -106,12 +107,12 @@ class FollowerSettings(NamedTuple):
     spot_std_px: float = 0.3
     """How well its centre is found."""
     pointing_std_rad: float = 0.0005
-    """How well it is known where the camera looks."""
+    """Standard deviation of the camera's direction, rad."""
     range_m: float = 10.0
-    """How far the vehicle usually is; it matters only where the height does not tell."""
+    """Typical distance of the vehicle, m; it matters only where the height does not constrain it."""
     range_std_m: float = 10.0
     is_range_reported: bool = True
-    """Whether the lamp is placed along the line of sight, by its height; else only the direction is told."""
+    """Whether the lamp is located along the line of sight, by its height; otherwise only the direction is reported."""
     most_m_s2: float = 6.0
     """How fast the vehicle's motion may change."""
 
@@ -119,12 +120,12 @@ class FollowerSettings(NamedTuple):
 class OpticalFollower:
     """Tracks the lamp and reports its position, with its uncertainty along the line of sight.
 
-    One camera tells a direction. The lamp's height, if it is given, cuts it; what is left of the uncertainty along the
-    ray is in the covariance. Two lights that may both be the lamp give no position.
+    One camera measures a direction. The lamp's height, if given, constrains it; the remaining uncertainty along the ray
+    is in the covariance. Two lights that may both be the lamp yield no position.
 
     Args:
         camera: The external camera.
-        settings: Where it stands, and what is known of the lamp.
+        settings: Its position, and data of the lamp.
     """
 
     def __init__(self, camera: CameraModel, settings: FollowerSettings | None = None) -> None:
@@ -217,7 +218,7 @@ class OpticalFollower:
         )
 
     def _range(self, slope: float, down_m: float, down_std_m: float) -> tuple[float, float]:
-        """How far along the ray, and how well that is known: by the height, where the ray is steep enough to tell."""
+        """Distance along the ray and its standard deviation: from the height, where the ray is steep enough."""
         usual = self.settings.range_std_m**-2
         if not (math.isfinite(down_m) and math.isfinite(down_std_m)) or down_std_m <= 0.0:
             return self.settings.range_m, self.settings.range_std_m
@@ -243,11 +244,11 @@ class OpticalFollower:
 CONFIRMED_AFTER: Final = 3
 """Pictures in a row with one spot that moves steadily, until it is the lamp."""
 SUSPECT_AFTER_S: Final = 0.5
-"""After so long out of sight, what is where it could be has to be seen as often again."""
+"""Time out of sight after which a candidate must be seen for as long to count, s."""
 FORGOTTEN_AFTER_S: Final = 2.0
-"""After so long out of sight, nothing is expected any more."""
+"""Time out of sight after which the prediction is dropped, s."""
 _LOOSE_PX: Final = 10.0
-"""What noise and a shaking stand may move a spot by."""
+"""Allowance for noise and a shaking stand, px."""
 _VELOCITY_GAIN: Final = 0.4
 
 

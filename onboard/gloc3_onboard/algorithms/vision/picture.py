@@ -1,4 +1,4 @@
-"""Preprocessing of pictures: whether they can be used, and evening out their light."""
+"""Preprocessing of pictures: usability, and equalization of light."""
 
 from typing import Final
 
@@ -44,10 +44,10 @@ def problem(picture: Picture, camera: CameraModel) -> str:
 class LightEvener:
     """Removes the effects of lamps, exposure and shadows, so that a patch looks the same in all pictures.
 
-    The logarithm makes factors of brightness into offsets; what is wider than the box is subtracted.
+    The logarithm turns brightness factors into offsets; structures wider than the box are subtracted.
 
     Args:
-        box_px: side of the box; more than a patch that is matched.
+        box_px: side of the box; larger than a matched patch.
     """
 
     def __init__(self, box_px: int = 41) -> None:

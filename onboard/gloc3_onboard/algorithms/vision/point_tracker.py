@@ -15,25 +15,25 @@ NO_PIXELS: Final[Pixels] = np.zeros((0, 2), np.float32)
 
 _FEW: Final = 8
 _MOST_MISSES: Final = 3
-"""Bad pictures in a row after which points are looked for anew."""
+"""Consecutive bad pictures after which new points are found."""
 _BACK_MAX_PX: Final = 1.0
-"""Farthest from where it began that a point may be when it is followed there and back."""
+"""Largest distance from its start of a point tracked forth and back, px."""
 _NEAR_LEVELS: Final = 1
 _NEAR_SHARE: Final = 0.7
-"""With less of the points found where they were headed for they are looked for farther away."""
+"""Share of points found at their predicted position below which the search is widened."""
 
 
 class PointTracker:
     """Tracks points from an anchor picture.
 
-    Patches are taken from one picture, the anchor, as long as enough of them are seen, so that errors do not add up from
+    Patches come from one picture, the anchor, as long as enough are visible, so that errors do not accumulate from
     picture to picture.
 
     Args:
         corners: finds points.
-        patches: finds them again.
-        levels: halvings of the resolution at which points are looked for that are not where they were headed for.
-        least_share: with less of the points found again a picture is held to be a bad one, at first.
+        patches: tracks them.
+        levels: pyramid levels searched for points that are not at their predicted position.
+        least_share: share of tracked points below which a picture counts as bad at first.
     """
 
     def __init__(self, corners: GridCorners, patches: PatchTracker, levels: int, least_share: float = 0.5) -> None:
@@ -102,7 +102,7 @@ class PointTracker:
         return ""
 
     def _search_wide(self, picture: Picture) -> tuple[Pixels, NDArray[np.bool_]]:
-        """Finds points that are not where they were headed for: there and back, because much looks alike from afar."""
+        """Finds points that are not at their predicted position, forth and back, because distant patches look alike."""
         assert self._anchor is not None
         start, contrast, find = self._anchor_px, self.contrast, self._patches.find
         found, is_good = find(self._anchor, start, contrast, picture, self.pixels, self._levels)

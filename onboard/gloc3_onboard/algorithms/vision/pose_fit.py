@@ -1,9 +1,9 @@
 """Motion of a stereo camera between two views of the same points: robust least squares, depths eliminated.
 
-Points are rays and inverse depths in the first view. What is measured in the second is ray and disparity; what was
-measured in the first is the inverse depth, with its variance. Both poses and depths are estimated, the depths by the
-Schur complement, so that the covariance of the pose holds what the depths are not known by. Outliers lose their weight by
-Geman and McClure's function (Barron, CVPR 2019, for its place among others).
+Points are rays and inverse depths in the first view. The second view measures ray and disparity; the first measured the
+inverse depth, with its variance. Both poses and depths are estimated, the depths by the Schur complement, so that the
+covariance of the pose includes the uncertainty of the depths. Outliers lose their weight by Geman and McClure's
+function (Barron, CVPR 2019, for its place among others).
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ _ROUNDS: Final = 12
 _STEP_MIN: Final = 1e-2
 """Of the estimate's own standard deviation, squared: a step that is less is the last one."""
 _GATE: Final = 9.0
-"""Squared residual over its variance, from which on a measurement has little weight."""
+"""Squared normalized residual above which a measurement has little weight."""
 _WIDE: Final = 4.0
 """The same in medians of all: a bad first guess must not make outliers of all points."""
 _INLIER: Final = 11.3
@@ -123,9 +123,9 @@ def fit_pose(
 def _linearize(
     ray3: Array, inverse: Array, baseline_m: float, p: Array, r: Array, given: Array
 ) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-    """What is measured, less what is expected (3, n), its slopes, and which points lie ahead.
+    """Measured less expected values (3, n), their derivatives, and which points lie ahead.
 
-    The slopes are those by the pose (3, n, 6) and by the inverse depth (3, n). Measured are ray right, ray down and
+    The derivatives are by the pose (3, n, 6) and by the inverse depth (3, n). Measured are ray right, ray down and
     disparity of the point in the second view; with q the point times its inverse depth, they are qx/qz, qy/qz, b/qz.
     """
     seen = (ray3 - inverse[:, None] * p) @ r

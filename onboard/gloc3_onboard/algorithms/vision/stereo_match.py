@@ -11,12 +11,12 @@ from gloc3_onboard.algorithms.vision.picture import Picture
 from gloc3_onboard.algorithms.vision.stereo_rig import StereoRig
 
 _COARSE: Final = 4
-"""The search looks at every fourth pixel, at a quarter of the resolution."""
+"""Search step, px: every fourth pixel, at a quarter of the resolution."""
 _REACH: Final = 3
 """Half a side of the patches that are compared, in coarse pixels."""
 _ALIKE_MIN: Final = 0.6
 _SECOND_MAX: Final = 0.9
-"""A second place that is nearly as much alike as the best makes a match doubtful."""
+"""Similarity of the second best match, relative to the best, above which a match is ambiguous."""
 _FEW: Final = 8
 _EPIPOLAR_MAX_PX: Final = 1.2
 _DISPARITY_MIN_PX: Final = 0.3

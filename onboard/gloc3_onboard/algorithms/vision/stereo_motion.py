@@ -15,19 +15,19 @@ from gloc3_onboard.algorithms.vision.stereo_rig import StereoRig
 
 _LEAST_POINTS: Final = 12
 _LEAST_SHARE: Final = 0.5
-"""With less of the points agreeing on one motion, none is told."""
+"""Share of points consistent with one motion below which none is reported."""
 _SURE_SHARE: Final = 0.8
 _RIVAL_SHARE: Final = 0.6
-"""With so much of the rest agreeing on another motion, less than the above is not enough."""
+"""Share of the other points consistent with a second motion that makes less than the above ambiguous."""
 _LASTING_S: Final = 0.5
-"""After so long without a motion the key frame is given up."""
+"""Time without a motion after which the key frame is dropped, s."""
 _SEED: Final = 7
 _SHARED: Final = 1.1
 _OWN: Final = 1.5
 """What the covariance is multiplied by: a part for errors that neighbouring points share, and one for residuals that are
 larger than expected (by their median). Found in the simulated hold, so that 5 % of the errors are outside of 95 %."""
-BEGUN: Final = "motion is told from this picture on"
-"""Why the first report of a key frame with nothing before it tells no motion."""
+BEGUN: Final = "motion is measured from this picture on"
+"""Reason why the first report of a key frame without a predecessor has no motion."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -197,7 +197,7 @@ class StereoMotion:
         self._speed_m_s = speed
 
     def _predicted(self, t_s: float) -> tuple[Array, Array]:
-        """Where the camera is, if it has gone on as before."""
+        """Predicted pose of the camera for unchanged motion."""
         ahead_s = t_s - self._last_s
         turned = self._rotation @ self._turn if ahead_s < 1.5 * self._turn_s else self._rotation
         return self._position + self._speed_m_s * ahead_s, turned
@@ -237,26 +237,26 @@ class StereoMotion:
 
     def _distrust(self, fit: PoseFit | None, points: Points, t_s: float) -> str:
         if fit is None:
-            return "the points do not tell a motion"
+            return "the points do not determine a motion"
         count, share = int(fit.is_inlier.sum()), float(fit.is_inlier.mean())
         if count < _LEAST_POINTS or share < _LEAST_SHARE:
             return f"only {count} of {len(fit.is_inlier)} points agree on a motion"
         std_m = float(np.sqrt(np.trace(fit.covariance[:3, :3])))
         if std_m > self._options.std_max_m:
-            return f"the points tell the motion to no more than {std_m:.2f} m"
+            return f"the points determine the motion only to {std_m:.2f} m"
         if self._turn_s == 0.0:  # nothing is known yet of how it moves
             return ""
         jump_m = float(np.linalg.norm(fit.position_m - self._predicted(t_s)[0]))
         if jump_m > self._options.acceleration_max_m_s2 * (t_s - self._last_s) ** 2 + 5.0 * std_m:
             return f"a jump of {jump_m:.2f} m"
         if share < _SURE_SHARE and self._is_rivalled(fit, points, t_s, jump_m):
-            return "the points tell two motions"
+            return "the points fit two motions"
         return ""
 
     def _is_rivalled(self, fit: PoseFit, points: Points, t_s: float, jump_m: float) -> bool:
-        """Whether the points that do not agree tell another motion, nearer to how the vehicle moved before.
+        """Whether the inconsistent points fit another motion, closer to the previous one.
 
-        So it is with a picture that is torn, its one part being older.
+        This happens with a torn picture, part of which is older.
         """
         rest = ~fit.is_inlier
         if int(rest.sum()) < _LEAST_POINTS:

@@ -16,7 +16,7 @@ from gloc3.errors import Refused
 
 _BASELINE_MIN_M: Final = 1e-3
 _ASKEW_MAX: Final = 0.8
-"""Greatest cosine between the baseline and what the cameras look along."""
+"""Largest cosine between the baseline and the cameras' viewing directions."""
 _TABLE_PX: Final = 2
 _COEFFICIENTS: Final = {Lens.PINHOLE: (0,), Lens.RADTAN: (4, 5), Lens.EQUIDISTANT: (4,)}
 """How many a lens of each kind has."""
@@ -26,7 +26,7 @@ class StereoRig:
     """A calibrated stereo pair.
 
     Raises:
-        Refused: the two do not make a pair: no distance between them, one behind the other, or looking apart.
+        Refused: the cameras are no pair: no baseline, one behind the other, or diverging.
     """
 
     def __init__(self, left: CameraModel, right: CameraModel) -> None:
@@ -52,9 +52,9 @@ class StereoRig:
         down = np.cross(ahead, across)
         down /= np.linalg.norm(down)
         self.frd_from_rectified: Final[Array] = np.column_stack([across, down, np.cross(across, down)])
-        """The rectified frame on the body."""
+        """Rotation of the rectified frame to the body."""
         self.position_frd_m: Final[Array] = np.array(left.position_frd_m, np.float64)
-        """Its origin on the body."""
+        """Origin of the rectified frame on the body."""
         self.focal_px: Final = float(np.mean((*left.focal_px, *right.focal_px)))
         """Pixels that a ray moves by for each unit, near the middle of a picture."""
         self._rectified = (self.frd_from_rectified.T @ frd_from_left, self.frd_from_rectified.T @ frd_from_right)

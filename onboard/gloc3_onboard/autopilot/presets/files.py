@@ -1,4 +1,4 @@
-"""Preset files of autopilot parameters, and their differences from a vehicle. They are applied on request only."""
+"""Preset files of autopilot parameters, and their differences from a vehicle; applied on request only."""
 
 import math
 from collections.abc import Mapping
@@ -73,17 +73,17 @@ class PresetChange(NamedTuple):
 
 
 def is_same(one: float, other: float) -> bool:
-    """Whether two values are the same, as far as the protocol can tell."""
+    """Whether two values are the same within the protocol's precision."""
     return math.isclose(one, other, rel_tol=SAME, abs_tol=1e-9)
 
 
 def diff(preset: Preset, now: Mapping[str, float], problems: Mapping[str, str]) -> list[PresetChange]:
-    """What the preset means for a vehicle, in the order of the file.
+    """Changes that the preset makes on a vehicle, in the order of the file.
 
     Args:
-        preset: what is wanted.
+        preset: the preset.
         now: the vehicle's values.
-        problems: why others could not be read.
+        problems: reasons why others could not be read.
     """
     changes = []
     for row, wanted in preset.parameters.items():

@@ -33,8 +33,8 @@ class PresetSession(Microservice[Never]):
     """One preset and one autopilot.
 
     Args:
-        own: as whom it speaks.
-        preset: what is wanted.
+        own: our MAVLink address.
+        preset: the preset.
     """
 
     def __init__(self, own: Address, preset: Preset) -> None:

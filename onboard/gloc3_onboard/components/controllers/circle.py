@@ -1,4 +1,4 @@
-"""CC: has what flies on wings wait in circles of its autopilot's, while this controller owns motion."""
+"""CC: has a winged vehicle wait in its autopilot's circles while this controller owns motion."""
 
 import math
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ class CircleSettings(Settings, frozen=True):
     """Settings of the controller for circles."""
 
     repeat_s: Annotated[float, Bounds(0.2, 60.0)] = 2.0
-    """It is asked for again after this time while the autopilot does not circle."""
+    """Period at which circling is requested again until the autopilot circles, in seconds."""
 
 
 class CircleController(Holding, Controller[CircleSettings]):

@@ -1,4 +1,4 @@
-"""CC: keeps the vehicle where it is, while it owns motion and nobody else does."""
+"""CC: keeps the vehicle's position while no other controller owns motion."""
 
 import math
 from collections.abc import Sequence
@@ -14,9 +14,9 @@ from gloc3.messages.vehicle import MotionGrant, Pose, Setpoint
 from gloc3_onboard.components.controllers.holding import Holding
 
 STEP_S = 0.1
-"""The place moves on by no more than this in one cycle."""
+"""Longest time by which the target advances in one cycle, s."""
 GAP_S = 0.5
-"""After so long without a pose the autopilot holds by itself: the place to keep is then where it has."""
+"""Time without a pose after which the autopilot has held by itself, s; the position to keep is then its own."""
 
 
 class HoldSettings(Settings, frozen=True):
@@ -25,7 +25,7 @@ class HoldSettings(Settings, frozen=True):
     braking_m_s2: Annotated[float, Bounds(0.1, 20.0)] = 1.75
     """How hard a moving vehicle is braked. The place to keep is where it comes to rest, so that it need not come back."""
     pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = POSE_LATE_S
-    """An older pose is late: without a younger one no setpoint is asked for."""
+    """Age above which a pose is late, in seconds; setpoints stop until a newer one arrives."""
 
 
 class HoldController(Holding, Controller[HoldSettings]):
@@ -81,7 +81,7 @@ class HoldController(Holding, Controller[HoldSettings]):
         self._yaw_rad = yaw_of(pose.ned_from_frd)
 
     def _brake(self, duration_s: float) -> None:
-        """Moves the place on until it rests."""
+        """Moves the target on until it rests."""
         assert self._place_ned_m is not None
         speed = math.hypot(*self._velocity_ned_m_s)
         share = max(0.0, 1.0 - self.settings.braking_m_s2 * duration_s / speed) if speed > 0.0 else 0.0

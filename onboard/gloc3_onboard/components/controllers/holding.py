@@ -22,12 +22,12 @@ class Holding(ActionPerformer):
     _until_s = 0.0
 
     def begin_action(self, capability: str, arguments: Hold, now_s: float) -> None:
-        """Stays here for a time, or until it is told to end."""
+        """Holds here for a time, or until cancelled."""
         self._duration_s = arguments.duration_s
         self._until_s = now_s + (arguments.duration_s or 0.0) * (1.0 - self.earlier_progress)
 
     def pause_action(self, now_s: float) -> None:
-        """The time that is left stands still."""
+        """Stops the remaining time."""
         self._until_s -= now_s
 
     def resume_action(self, now_s: float) -> None:
@@ -35,13 +35,13 @@ class Holding(ActionPerformer):
         self._until_s += now_s
 
     def owner(self, grant: Envelope[MotionGrant] | None) -> str:
-        """Under which id motion is this controller's; empty where it is somebody else's."""
+        """Id under which this controller owns motion; empty if another does."""
         owner = grant.payload.action_id if grant is not None else ""
         self._last_action = self.action_id or self._last_action
         return owner if owner and owner in (HOLD_ACTION, self._last_action) else ""
 
     def report_progress(self, now_s: float) -> None:
-        """Says how far the action is; it ends with its time."""
+        """Reports the action's progress; it ends with its time."""
         if self.is_running and self._duration_s is not None:
             left_s = self._until_s - now_s
             progress = 1.0 - left_s / self._duration_s if self._duration_s > 0.0 else 1.0

@@ -28,19 +28,19 @@ class LandingSettings(Settings, frozen=True):
     timeout_s: Annotated[float, Bounds(1.0, 3600.0)] = 180.0
     """The landing fails after this time."""
     speed_m_s: Annotated[float, Bounds(0.1, 20.0)] = 1.0
-    """Speed of the way to a landing place that is elsewhere."""
+    """Speed on the way to a remote landing place, in m/s."""
     may_approach: bool = True
-    """Whether the vehicle can be led to a landing place that is elsewhere; not what lands on wings, at home."""
+    """Whether the vehicle can be led to a remote landing place; false for wings, which land at home."""
     settle_s: Annotated[float, Bounds(0.0, 60.0)] = 10.0
     """Longest wait for the vehicle to come to the landing place."""
     repeat_s: Annotated[float, Bounds(0.2, 60.0)] = 2.0
-    """The manoeuvre is asked for again after this time while the autopilot does not land."""
+    """Period at which the manoeuvre is requested again until the autopilot lands, in seconds."""
     pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = POSE_LATE_S
-    """An older pose is late: without a younger one no setpoint is asked for."""
+    """Age above which a pose is late, in seconds; setpoints stop until a newer one arrives."""
 
 
 class LandingController(ActionPerformer, Controller[LandingSettings]):
-    """Flies to the place if one is given, asks for the manoeuvre until it is flown, and watches for the disarming."""
+    """Flies to the landing place if one is given, requests the manoeuvre until it is flown, and waits for disarming."""
 
     performs: ClassVar = {"land": LandOrder}
 
@@ -62,7 +62,7 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
         self.drop_action()
 
     def begin_action(self, capability: str, arguments: LandOrder, now_s: float) -> None:
-        """Lays the way to the place, if one is given. Landing here works without a pose."""
+        """Plans the path to the landing place, if one is given. Landing here works without a pose."""
         self._reference = None
         self._since_s, self._requested_s = now_s, -math.inf
         if arguments.at_ned_m is None:
@@ -79,7 +79,7 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
         self._reference = PathReference(follower, now_s)
 
     def pause_action(self, now_s: float) -> None:
-        """The time that is left stands still."""
+        """Stops the remaining time."""
         self._since_s -= now_s
 
     def resume_action(self, now_s: float) -> None:
@@ -128,7 +128,7 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
         return [setpoint]
 
     def _descend(self, driver: Envelope[DriverState] | None, now_s: float) -> list[Result]:
-        """A landing that is refused, lost or broken off is asked for again: there is nothing better to do."""
+        """Requests a refused, lost or interrupted landing again: there is no better alternative."""
         is_ours = driver is not None and driver.payload.manoeuvre_id == self.action_id
         is_flown = driver is not None and is_ours and driver.payload.manoeuvre_state is ManoeuvreState.RUNNING
         if is_flown:

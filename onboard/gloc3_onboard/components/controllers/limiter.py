@@ -37,10 +37,10 @@ class LimiterSettings(Settings, frozen=True):
 
 
 class Limiter(Controller[LimiterSettings]):
-    """Passes the owner's setpoints and manoeuvres on, within the limits; drops everybody else's.
+    """Forwards the owner's setpoints and manoeuvres within the limits; drops all others.
 
-    While the pose is late (up to `POSE_LOST_S`), a vehicle that followed setpoints is braked and held by velocities, which
-    need no pose but the autopilot's own.
+    While the pose is late (up to `POSE_LOST_S`), a vehicle that followed setpoints is braked and held by velocity
+    setpoints, which need only the autopilot's own estimate.
     """
 
     loggable = ("clamped", "foreign", "stale", "not_finite", "reason")
@@ -80,7 +80,7 @@ class Limiter(Controller[LimiterSettings]):
         self._limited_s, self._has_braked = -math.inf, False
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
-        """Limits what the owner of motion wants."""
+        """Limits the setpoints of the owner of motion."""
         for limits in inbox.new(self.limits):
             if self._limiter is None:
                 self._limiter = SetpointLimiter(limits.payload)

@@ -19,41 +19,41 @@ from gloc3.mission.model.waypoint_options import refuse_unkept
 from gloc3_onboard.components.controllers.waypoint_performer import WaypointPerformer
 
 DRIVER_S: Final = 0.5
-"""What the driver said longer ago does not count."""
+"""Age above which the driver's state is ignored, s."""
 PAST_M: Final = 0.1
-"""A waypoint is passed so far beyond it, along the way."""
+"""Distance beyond a waypoint, along the path, at which it is passed, m."""
 MISSES: Final = 2
 """So often it turns back for a waypoint that it has passed too far aside."""
 LEAST_M_S: Final = 0.3
-"""Slower than this a boat does not steer; the last of a way is made with it."""
+"""Lowest speed at which a boat steers, m/s; kept to the end of a path."""
 REST_S: Final = 5.0
-"""A vehicle that never quite rests, in waves, is done after so long at its last waypoint."""
+"""Time at the last waypoint after which a vehicle that never quite rests, in waves, is done, s."""
 STRAIGHT_ON_RAD: Final = 0.5
-"""What is known of the drift is kept where the way turns by no more."""
+"""Largest turn of the path that keeps the drift estimate, rad."""
 BRAKING_SHARE: Final = 0.5
 SLOWLY: Final = 0.3
 """Share of its speed with which it turns round."""
 DEPTH_HZ: Final = 0.4
-"""Vertical speed per metre beside the way."""
+"""Vertical speed per metre of height error, 1/s."""
 
 
 class LineOfSightSettings(Settings, frozen=True):
     """Settings of the line-of-sight controller."""
 
     acceleration_m_s2: Annotated[float, Bounds(0.05, 5.0)] = 0.3
-    """Along the way, in m/s²; half of it is braked with."""
+    """Acceleration along the path, in m/s²; braking uses half of it."""
     lookahead_s: Annotated[float, Bounds(0.5, 30.0)] = 3.0
-    """It steers for the place where it would be on the way in so many seconds: longer is calmer, shorter is nearer."""
+    """Look-ahead time of the steering, in seconds: longer is calmer, shorter is closer."""
     lookahead_m: Annotated[float, Bounds(0.5, 100.0)] = 3.0
     """But no nearer than this, in metres: one to two lengths of the vehicle."""
     drift_s: Annotated[float, Bounds(0.1, 60.0)] = 3.0
-    """The drift to the side that the pose tells is averaged over so long, and steered against."""
+    """Averaging time of the measured sideways drift, in seconds."""
     integral: Annotated[float, Bounds(0.0, 1.0)] = 0.04
-    """How fast it learns what is left across the way, 1/s: less than a quarter of 1/`lookahead_s`."""
+    """Rate at which the residual lateral error is learned, 1/s: less than a quarter of 1/`lookahead_s`."""
     turn_rate_rad_s: Annotated[float, Bounds(0.02, 3.0)] = 0.1
-    """How fast it turns under way: corners are passed no faster than that allows within the acceptance."""
+    """Turn rate under way, in rad/s; it limits the speed in corners to keep within the acceptance."""
     climb_m_s: Annotated[float, Bounds(0.0, 5.0)] = 0.0
-    """Largest vertical speed; 0 for what stays on the surface."""
+    """Largest vertical speed, in m/s; 0 for surface vehicles."""
     return_speed_m_s: Annotated[float, Bounds(0.1, 50.0)] = 1.5
     """Speed of a return home that names none."""
     at_rest_m_s: Annotated[float, Bounds(0.01, 5.0)] = 0.3
@@ -63,15 +63,14 @@ class LineOfSightSettings(Settings, frozen=True):
     follow_s: Annotated[float, Bounds(1.0, 600.0)] = 30.0
     """Longest wait for the autopilot to follow the setpoints, before the action fails."""
     pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = POSE_LATE_S
-    """An older pose is late: without a younger one no setpoint is asked for."""
+    """Age above which a pose is late, in seconds; setpoints stop until a newer one arrives."""
 
 
 class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
-    """Streams a velocity whose direction is to be the heading: along the way, and against what sets it off.
+    """Streams a velocity along the path, corrected against drift, whose direction is the heading.
 
-    It follows the waypoints as `WaypointsController` does, and takes the same orders, but leads no point: in a current
-    a boat that chases a point lies beside the way, and one that cannot keep up is left behind. Without a valid pose it
-    streams nothing.
+    It follows waypoints and orders like `WaypointsController`, but without a moving target: in a current, a boat that
+    chases one runs beside the path, or falls behind. Without a valid pose it streams nothing.
     """
 
     loggable = ("waypoint", "cross_track_m", "crab_m", "drift_m_s", "left_m")
@@ -92,14 +91,14 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
         self._refusal = ""
 
     def stop(self) -> None:
-        """Forgets the action under way."""
+        """Drops the action under way."""
         self.drop_action()
         self._order = None
 
     # --- actions ---
 
     def begin_action(self, capability: str, arguments: FollowWaypointsOrder | ReturnHome, now_s: float) -> None:
-        """Lays the way from where the vehicle is, through the waypoints that no earlier attempt has passed."""
+        """Plans the path from the vehicle's position through the waypoints that no earlier attempt has passed."""
         pose, order = self.wanted(arguments)
         refuse_unkept(order, self.keeps, "a vehicle that steers by its heading")
         if order.heading.mode not in ("along", "hold"):
@@ -128,11 +127,11 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
         )
 
     def pause_action(self, now_s: float) -> None:
-        """Rests; the way is kept."""
+        """Rests and keeps the path."""
         self._now_m_s = 0.0
 
     def end_action(self, now_s: float) -> None:
-        """Forgets the way."""
+        """Drops the path."""
         self._order = None
 
     # --- cycles ---
@@ -205,7 +204,7 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
         return Setpoint(action_id=action_id, velocity_ned_m_s=(north, east, self._sink_m_s(pose, place)))
 
     def _against_drift(self, course_rad: float, pose: Pose, duration_s: float) -> float:
-        """The heading that makes a course good, by the speed to the side that the pose tells."""
+        """Heading that holds a course against the measured sideways speed."""
         yaw, (north, east, _) = yaw_of(pose.ned_from_frd), pose.velocity_ned_m_s
         heading_rad = course_rad - math.atan2(self.drift_m_s, max(self._now_m_s, LEAST_M_S))
         if abs(wrap_pi(heading_rad - yaw)) < STRAIGHT_ON_RAD:  # in a turn it slips
@@ -231,7 +230,7 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
         return Setpoint(action_id=action_id, velocity_ned_m_s=(0.0, 0.0, self._sink_m_s(pose, place)))
 
     def _is_passed(self, order: FollowWaypointsOrder, away_m: float, left_m: float) -> bool:
-        """Whether the vehicle is near enough to the waypoint: it goes on as late as it may, so that corners are kept."""
+        """Whether the waypoint counts as passed: as late as permitted, so that corners are kept."""
         if away_m > order.acceptance_m:
             return False
         turns_early_m = 0.5 * order.acceptance_m
@@ -246,7 +245,7 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
         return max(LEAST_M_S, corner_speed_m_s(turn, order.acceptance_m, self.settings.turn_rate_rad_s))
 
     def _sink_m_s(self, pose: Pose, place: Vector3) -> float:
-        """Vertical speed, positive down, onto the straight way between the waypoints."""
+        """Vertical speed, positive down, towards the straight line between the waypoints."""
         most = self.settings.climb_m_s
         share = 1.0 - max(0.0, self.left_m) / self._length_m if self._length_m > 0.0 else 1.0
         wanted_down = self._start_ned_m[2] + min(max(share, 0.0), 1.0) * (place[2] - self._start_ned_m[2])

@@ -1,6 +1,6 @@
-"""CC: automatic take-off (paper §VI), and its like of other vehicles: driving off, and diving.
+"""CC: automatic take-off (paper §VI), and its counterparts: driving off, and diving.
 
-The autopilot arms, climbs in its own mode where it can, and is then brought to follow setpoints.
+The autopilot arms, climbs in its own mode if it has one, and then changes to following setpoints.
 """
 
 import math
@@ -29,7 +29,7 @@ from gloc3.mission.model.arguments import Dive, DriveOff, SetOff, TakeOff
 from gloc3.mission.model.states import ActionState
 
 REPORT_S: Final = 0.5
-"""What the driver says of a manoeuvre earlier than this after it was asked for may be about the one before."""
+"""Time after a request within which the driver's report may concern the previous manoeuvre, s."""
 IN_AIR: Final = (LandedState.IN_AIR, LandedState.TAKING_OFF)
 
 
@@ -39,19 +39,19 @@ class TakeOffSettings(Settings, frozen=True):
     arm: bool = False
     """Whether it may arm the vehicle; the platform file's `arm` sets it."""
     tolerance_m: Annotated[float, Bounds(0.02, 5.0)] = 0.15
-    """The take-off is done within this distance of the height asked for."""
+    """Height error within which the take-off is done, in metres."""
     settled_m_s: Annotated[float, Bounds(0.02, 5.0)] = 0.3
     """… when it climbs no faster than this …"""
     timeout_s: Annotated[float, Bounds(1.0, 600.0)] = 60.0
     """The take-off fails after this time."""
     pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = POSE_LATE_S
-    """An older pose is late: without a younger one no setpoint is asked for."""
+    """Age above which a pose is late, in seconds; setpoints stop until a newer one arrives."""
 
 
 class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
-    """Asks for the manoeuvre, watches the height, and ends with the vehicle hanging on our setpoints.
+    """Requests the manoeuvre, monitors the height, and ends with the vehicle following our setpoints.
 
-    So the next action finds an autopilot that follows. A take-off that was paused in the air goes on with setpoints.
+    The next action thus finds an autopilot that follows. A take-off paused in the air continues with setpoints.
     """
 
     performs: ClassVar = {"take_off": TakeOff, "drive_off": DriveOff, "dive": Dive}
@@ -68,7 +68,7 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         self._autopilot: AutopilotState | None = None
         self._pose: Pose | None = None
         self._begin_pose: Pose | None = None
-        """The last valid one that may be late, but is not lost: on the ground the vehicle stands."""
+        """Latest valid pose, late or not, but not lost: on the ground the vehicle stands."""
         self._kind = ManoeuvreKind.TAKE_OFF
         self._target_m = 0.0
         """Height to reach above the place where it stood; negative for a dive."""
@@ -111,11 +111,11 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         self._requested_s, self._top, self._has_flown = None, None, False
 
     def pause_action(self, now_s: float) -> None:
-        """The time that is left stands still."""
+        """Stops the remaining time."""
         self._since_s -= now_s
 
     def resume_action(self, now_s: float) -> None:
-        """Asks again, or climbs on from where it hangs."""
+        """Requests the manoeuvre again, or climbs on from the present height."""
         self._since_s += now_s
         self._requested_s, self._top = None, None
 
@@ -161,7 +161,7 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         return min(max(self.height_m / self._target_m, 0.0), 1.0) if self._target_m else 0.5
 
     def _manoeuvre(self, driver: Envelope[DriverState] | None) -> tuple[ManoeuvreState | None, str]:
-        """What has become of the manoeuvre; running until the driver can have heard of it."""
+        """State of the manoeuvre; running until the driver can have received the request."""
         if self._requested_s is None:
             return None, ""
         if driver is None or driver.payload.manoeuvre_id != self.action_id or driver.t_s < self._requested_s + REPORT_S:
@@ -195,5 +195,5 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
 
 
 def _why(autopilot: AutopilotState) -> str:
-    """Why it would not arm: what it says itself, then what its sensors and its estimator say."""
+    """Why the vehicle does not arm: the autopilot's reasons, then its sensors and estimator."""
     return "; ".join([*autopilot.reasons, *autopilot.doubts]) or "it gives no reason"

@@ -16,10 +16,10 @@ from gloc3.mission.model.arguments import LONGEST_BY_HAND_S, Teleoperate
 from gloc3.mission.model.states import ActionState
 
 STEP_S: Final = 0.1
-"""The place moves on by no more than this in one cycle."""
+"""Longest time by which the target advances in one cycle, s."""
 REPORT_S: Final = 0.2
 STANDING_M_S: Final = 0.1
-"""A driven vehicle that shall go no faster turns on the spot."""
+"""Speed demand below which a driven vehicle turns on the spot, m/s."""
 ONLY_AHEAD: Final = "it only goes ahead and turns, not to the side, up or back"
 _STILL: Final = (0.0, 0.0, 0.0)
 
@@ -28,7 +28,7 @@ class TeleoperateSettings(Settings, frozen=True):
     """Settings of steering by hand."""
 
     acceleration_m_s2: Annotated[float, Bounds(0.05, 20.0)] = 0.5
-    """How fast the velocity follows what is demanded, also when that is to stop."""
+    """Acceleration of the velocity towards the demand, also to a stop, in m/s²."""
     lead_m: Annotated[float, Bounds(0.1, 10.0)] = 1.0
     """The place that is aimed at is no farther from the vehicle, so that one that is held fast does not leap when free."""
     turn_ahead_rad: Annotated[float, Bounds(0.05, 1.5)] = 0.35
@@ -36,14 +36,14 @@ class TeleoperateSettings(Settings, frozen=True):
     is_driven: bool = False
     """The vehicle is led by heading and speed, as rovers and boats are: it goes ahead and turns, and neither to the side nor back."""
     pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = POSE_LATE_S
-    """An older pose is late: without a younger one no setpoint is asked for."""
+    """Age above which a pose is late, in seconds; setpoints stop until a newer one arrives."""
 
 
 class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
-    """Performs `teleoperate`: a place that moves with the demanded velocity, and rests without one.
+    """Performs `teleoperate`: a target that moves with the demanded velocity, and rests without one.
 
-    The velocity is level, whatever the vehicle's roll and pitch; it turns with the heading that is aimed at. A driven vehicle is
-    led by that velocity and that heading alone until it stands, and then keeps the place where it does.
+    The velocity is horizontal whatever the vehicle's roll and pitch, and turns with the target heading. A driven
+    vehicle follows that velocity and heading until it stands, and then keeps its position.
     """
 
     loggable = ("taken", "expired")
@@ -82,12 +82,12 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
         self.resume_action(now_s)
 
     def resume_action(self, now_s: float) -> None:
-        """Takes the place anew."""
+        """Restarts from the present position."""
         self._seen_s = self._began_s = now_s
         self._place_ned_m, self._is_live, self._last_report_s = None, False, -math.inf
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
-        """Moves the place on while the action runs."""
+        """Moves the target while the action runs."""
         results: list[Result] = []
         if self.is_running:
             results = self._lead(now_s, inbox)
@@ -119,7 +119,7 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
         return [self._setpoint(yaw_rate, at), *self._report(velocity, yaw_rate, at, now_s)]
 
     def _setpoint(self, yaw_rate: float, at: Pose) -> Setpoint:
-        """The place that moves; for a driven vehicle that does not stand, how fast it goes and where it looks."""
+        """Moving target; for a driven vehicle in motion, its speed and heading."""
         speed_m_s = math.hypot(*self._velocity_ned_m_s)
         is_driving = self.settings.is_driven and (speed_m_s > 0.0 or yaw_rate != 0.0)
         if is_driving:
@@ -156,7 +156,7 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
         return (surge * share, sway * share, min(max(heave, -climb), climb)), yaw_rate
 
     def _move(self, level_m_s: Vector3, yaw_rate_rad_s: float, at: Pose, duration_s: float) -> None:
-        """Moves place and heading on."""
+        """Moves target position and heading."""
         assert self._place_ned_m is not None
         settings, now_rad = self.settings, yaw_of(at.ned_from_frd)
         ahead = wrap_pi(self._yaw_rad + yaw_rate_rad_s * duration_s - now_rad)
@@ -180,7 +180,7 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
         self._place_ned_m, self._velocity_ned_m_s = _limited(place, at.position_ned_m, settings.lead_m), after
 
     def _why(self, last: VelocityDemand | None) -> str:
-        """Why it does not do what is asked for."""
+        """Reason why the demand is not followed."""
         if last is None:
             return "no demand"
         if not self._is_live:
@@ -189,7 +189,7 @@ class TeleoperateController(ActionPerformer, Controller[TeleoperateSettings]):
         return ONLY_AHEAD if self.settings.is_driven and (surge < 0 or sway or heave) else ""
 
     def _report(self, velocity: Vector3, yaw_rate: float, at: Pose, now_s: float) -> list[Result]:
-        """What the stations are told, five times a second and when demands begin or end."""
+        """Reports to stations, five times a second and when demands start or end."""
         if now_s - self._last_report_s < REPORT_S - 1e-6:
             return []
         self._last_report_s = now_s
@@ -223,12 +223,12 @@ def _towards(here: Vector3, there: Vector3, share: float) -> Vector3:
 
 
 def _next(before: float, wanted: float, most: float) -> float:
-    """A speed, changed by so much at most."""
+    """A speed after a limited change."""
     return before + min(max(wanted - before, -most), most)
 
 
 def _limited(place: Vector3, here: Vector3, lead_m: float) -> Vector3:
-    """The place, no farther away than allowed on the map, nor in height: what lags on its way keeps its height."""
+    """The target, limited in distance on the map and in height; a lagging vehicle keeps its height."""
     north, east, down = (there - at for there, at in zip(place, here, strict=True))
     across = math.hypot(north, east)
     share = lead_m / across if across > lead_m else 1.0

@@ -23,7 +23,7 @@ class WaypointPerformer(ActionPerformer):
     }
 
     keeps: ClassVar[frozenset[str]] = frozenset({"acceptance_m", "hold_s"})
-    """The options of ways that it keeps; missions with others are refused."""
+    """Waypoint options that it supports; missions with others are refused."""
 
     pose = Input(Pose)
     home = Input(Home)
@@ -33,7 +33,7 @@ class WaypointPerformer(ActionPerformer):
     _pose: Pose | None = None
     """The newest that is not late."""
     _begin_pose: Pose | None = None
-    """The newest that is not lost: a way begins there, and is flown when the pose is back."""
+    """Newest pose that is not lost: a path starts there and is flown once the pose is back."""
     _home_ned_m: Vector3 | None = None
     _order: FollowWaypointsOrder | None = None
 
@@ -47,10 +47,10 @@ class WaypointPerformer(ActionPerformer):
             self._home_ned_m = home.payload.position_ned_m
 
     def wanted(self, arguments: FollowWaypointsOrder | ReturnHome) -> tuple[Pose, FollowWaypointsOrder]:
-        """Where the vehicle is, and the way that is asked for.
+        """The vehicle's pose and the requested path.
 
         Raises:
-            Refused: either is not known, or the way is empty.
+            Refused: either is unknown, or the path is empty.
         """
         pose = self._begin_pose
         if pose is None or not pose.is_valid:
@@ -67,7 +67,7 @@ class WaypointPerformer(ActionPerformer):
 
     @abstractmethod
     def path_home(self, arguments: ReturnHome, home_ned_m: Vector3, here_ned_m: Vector3) -> FollowWaypointsOrder:
-        """The way from where the vehicle is to home."""
+        """The path from the vehicle's position to home."""
 
     def passed(self, order: FollowWaypointsOrder, here_ned_m: Vector3) -> int:
         """Waypoints that an earlier attempt has passed; never the last."""

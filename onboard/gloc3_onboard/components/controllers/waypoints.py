@@ -28,18 +28,18 @@ DETOUR_M = 2.0
 """So much farther ahead the point that is followed may be while the vehicle goes around something."""
 AHEAD_M = 1.5
 NARROW_M = 0.1
-"""A way that is so much too narrow is flown all the same, as the limiter does."""
+"""Shortfall in clearance that is accepted, as by the limiter, m."""
 SETTLED_S = 1.0
-"""The height over the floor is right when the way is moved for no longer than this."""
+"""The height over the floor is settled when it needs a correction for no longer than this, s."""
 LOOK_AT_M = 0.2
-"""Nearer than this to the point that it looks at, the vehicle keeps its heading."""
+"""Distance to the look-at point below which the vehicle keeps its heading, m."""
 
 
 class WaypointsSettings(Settings, frozen=True):
     """Settings of the waypoint controller."""
 
     acceleration_m_s2: Annotated[float, Bounds(0.1, 20.0)] = 2.0
-    """Along the way, in m/s²."""
+    """Acceleration along the path, in m/s²."""
     climb_m_s: Annotated[float, Bounds(0.1, 20.0)] = 1.0
     """Largest vertical speed; steep legs are flown slower."""
     yaw_rate_rad_s: Annotated[float, Bounds(0.05, 6.0)] = 1.0
@@ -49,29 +49,29 @@ class WaypointsSettings(Settings, frozen=True):
     settle_s: Annotated[float, Bounds(0.0, 60.0)] = 10.0
     """Longest wait for the vehicle to come to a waypoint, before the action fails."""
     detour_s: Annotated[float, Bounds(0.0, 600.0)] = 15.0
-    """It waits longer by the time for which an obstacle was in the way, but by no more than this."""
+    """Greatest extra waiting time for an obstacle in the path, in seconds."""
     follow_s: Annotated[float, Bounds(1.0, 600.0)] = 30.0
     """Longest wait for the autopilot to follow the setpoints, before the action fails."""
     at_rest_m_s: Annotated[float, Bounds(0.01, 5.0)] = 0.2
-    """The action is done when the vehicle is at the last waypoint and no faster than this, so that what follows begins
-    there; in a wind that never lets it rest it is done after some seconds."""
+    """Speed below which the action is done at the last waypoint, so that the next one starts there; in a wind that
+    never lets the vehicle rest, it is done after some seconds."""
     least_acceptance_m: Annotated[float, Bounds(0.0, 50.0)] = 0.0
-    """Waypoints count as passed within this distance where a mission asks for less, in metres: what the vehicle knows of its
-    position is no better (about 1 m with plain satellites)."""
+    """Smallest acceptance radius of waypoints, in metres, whatever the mission asks: the accuracy of the vehicle's
+    position (about 1 m with plain satellites)."""
     comes_within_m: Annotated[float, Bounds(0.0, 500.0)] = 0.0
     """So near a vehicle that cannot stop comes to a place, in metres: more than the radius of a plane's circles."""
     pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = POSE_LATE_S
-    """An older pose is late: without a younger one no setpoint is asked for."""
+    """Age above which a pose is late, in seconds; setpoints stop until a newer one arrives."""
     keep_m: Annotated[float, Bounds(0.3, 10.0)] = 1.1
-    """Something nearer to the way than this is gone around, in metres; as in the limiter, which does it."""
+    """Objects closer to the path than this are avoided, in metres; as in the limiter, which does it."""
     obstacles_limit_s: Annotated[float, Bounds(0.1, 10.0)] = 1.0
     """Obstacles that were seen longer ago do not count."""
     wall_s: Annotated[float, Bounds(0.5, 600.0)] = 5.0
     """Longest flight without sight of the wall that a distance is to be kept from, before the action fails."""
     floor_s: Annotated[float, Bounds(0.5, 600.0)] = 10.0
-    """Longest way without an echo of the floor that a height is to be kept over, before the action fails."""
+    """Longest time without an echo of the floor while keeping a height over it, in seconds."""
     range_limit_s: Annotated[float, Bounds(0.1, 10.0)] = 0.5
-    """What the range finder told longer ago does not count."""
+    """Age above which a range is ignored, in seconds."""
 
 
 class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
@@ -91,9 +91,9 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
         self._wall: WallDistance | None = None
         self._floor: FloorClearance | None = None
         self._range_m: float | None = None
-        """What the range finder that looks down tells; None for no echo."""
+        """Reading of the downward range finder; None without an echo."""
         self._points: list[tuple[float, float]] | None = None
-        """What stands around; None where nobody looks."""
+        """Obstacle points; None without a scanner."""
         self._is_blocking, self._hindered_s = False, 0.0
         self._passed = 0
         """Waypoints that an earlier attempt had passed."""
@@ -101,12 +101,12 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
         self._last_s = 0.0
 
     def stop(self) -> None:
-        """Forgets the action under way."""
+        """Drops the action under way."""
         self.drop_action()
         self._reference = None
 
     def begin_action(self, capability: str, arguments: FollowWaypointsOrder | ReturnHome, now_s: float) -> None:
-        """Lays the way from where the vehicle is, through the waypoints that no earlier attempt has passed."""
+        """Plans the path from the vehicle's position through the waypoints that no earlier attempt has passed."""
         pose, order = self.wanted(arguments)
         refuse_unkept(order, self.keeps, "this vehicle")
         least_m = max(self.settings.least_acceptance_m, self.settings.comes_within_m)
@@ -147,11 +147,11 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
         )
 
     def end_action(self, now_s: float) -> None:
-        """Forgets the way."""
+        """Drops the path."""
         self._reference = None
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
-        """Moves the target on and asks for it."""
+        """Advances the target and publishes its setpoint."""
         self.update_pose(inbox, now_s, self.settings.pose_limit_s)
         scan = inbox.latest(self.obstacles)
         is_seen = scan is not None and inbox.is_fresh(self.obstacles, now_s, self.settings.obstacles_limit_s)
@@ -193,7 +193,7 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
             problem = "the floor to keep the height over is out of sight"
         self._turn(order.heading, target.bearing_rad, pose, now_s - self._last_s)
         if problem:
-            why = ", an obstacle is in the way" if self._is_blocking else ""
+            why = ", an obstacle blocks the path" if self._is_blocking else ""
             self.advance(now_s, progress, ActionState.FAILED, f"{problem} ({self.cross_track_m:.2f} m away{why})")
         else:
             is_there = reference.is_there(order.acceptance_m) and left_s < SETTLED_S
@@ -209,7 +209,7 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
     def _target(
         self, reference: PathReference, pose: Pose, driver: Envelope[DriverState] | None, now_s: float
     ) -> PathTarget:
-        """Where the vehicle shall be now: on its way, or as far from wall and floor as is wanted."""
+        """The vehicle's target now: on its path, or at the demanded distance from wall and floor."""
         at, wall, floor, points = pose.position_ned_m, self._wall, self._floor, self._points or []
         duration_s = min(now_s - self._last_s, 0.1)
         if floor is not None:
@@ -229,7 +229,7 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
         return target
 
     def _is_blocked(self, at: Vector3, target: PathTarget, points: list[tuple[float, float]]) -> bool:
-        """Whether something is too near to the way to the target, or to what comes next."""
+        """Whether an obstacle is too close to the path to the target or to the next leg."""
         if not points:
             return False
         speed = math.hypot(*target.velocity_ned_m_s[:2])

@@ -1,4 +1,4 @@
-"""AD: the autopilot driver: streams the owner's setpoints, commands manoeuvres, and gives way to the human pilot."""
+"""AD: autopilot driver: streams the owner's setpoints, commands manoeuvres, and yields to the human pilot."""
 
 import math
 from collections.abc import Sequence
@@ -42,9 +42,9 @@ STATE_PERIOD_S: Final = 0.2
 RISING_M_S: Final = 1.0
 """So fast what floats is taken to rise when it is asked to, until its velocity shows otherwise."""
 NOT_ARMED_IN: Final = (FlightMode.GUIDED, FlightMode.LAND)
-"""Modes in which PX4 cannot be armed, or not without a stream: on the ground it is taken out of them."""
+"""Modes in which PX4 cannot be armed, or not without a stream; left on the ground."""
 SURRENDER_S: Final = 10.0
-"""A stop that was refused, and is not repeated within this time, is forgotten."""
+"""Time after which a refused stop that is not repeated is dropped, s."""
 
 
 class ManoeuvreStep(NamedTuple):
@@ -54,7 +54,7 @@ class ManoeuvreStep(NamedTuple):
 
 
 class Abandon(NamedTuple):
-    """Write: let no command of ours be repeated any more."""
+    """Write: stop repeating our commands."""
 
 
 class ForcedDisarm(NamedTuple):
@@ -64,8 +64,8 @@ class ForcedDisarm(NamedTuple):
 class AutopilotDriver(ActuatorDriver[DriverSettings]):
     """The only component that moves the vehicle.
 
-    A quiet one does everything but write, and so is ready to go on. `primary` is then bound to the topic `driver` of the
-    working one, from which it hears who has control.
+    A quiet driver does everything except writing, and is ready to take over. Its `primary` is then bound to the topic
+    `driver` of the working one, which reports who has control.
     """
 
     loggable = ("foreign", "stale", "not_finite", "clamped", "expired")
@@ -94,7 +94,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
     def _reset(self) -> None:
         self._autopilot: AutopilotState | None = None
         self._is_autopilot_known = False
-        """Whether that state is young enough to tell whether the autopilot obeys."""
+        """Whether that state is recent enough to tell whether the autopilot obeys."""
         self._machine = ManoeuvreMachine(self.settings)
         self._stream.stop()
         self._is_quiet = False
@@ -123,7 +123,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         self._reset()
 
     def goquiet(self) -> None:
-        """Goes on in the shadow of the driver that moves the vehicle now."""
+        """Continues as the shadow of the active driver."""
         self._is_quiet = True
         self._surrendered_s = -math.inf
 
@@ -135,7 +135,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         self._requested = None
 
     def stop(self) -> None:
-        """Refused in flight unless the autopilot has confirmed a mode of its own."""
+        """Stops; refused in flight unless the autopilot has confirmed a mode of its own."""
         state = self._autopilot
         if state is not None and self._is_airborne and state.mode is FlightMode.GUIDED and not self._watch.has_control:
             raise Refused("the vehicle flies on our setpoints; hold has been commanded, ask again when it is confirmed")
@@ -239,7 +239,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         self._stream.set_vehicle(inbox.latest(self.pose), self._own, is_guided=self._is_guided)
 
     def _note(self, write: Any, now_s: float) -> None:
-        """Tells the watch what is ours."""
+        """Notifies the pilot watch of our commands."""
         match write:
             case SetMode(mode=mode):
                 self._watch.command(mode, now_s)
@@ -302,7 +302,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
     def _release_control(self) -> list[Any]:
         self._stream.stop()
         self._requested = None
-        self._machine.abandon(self._watch.reason or "the driver was told to stop")
+        self._machine.abandon(self._watch.reason or "the driver was stopped")
         had_control, self._had_control = self._had_control, not self._watch.has_control
         return [Abandon()] if had_control and self._watch.has_control else []
 

@@ -13,18 +13,18 @@ from gloc3_onboard.sensors.devices import CommandAnswer
 REPORT_PERIOD_S = 1.0
 RETRY_S = 5.0
 ON_S = 3.0
-"""So long after switching it on the autopilot may take to report its fence as on."""
+"""Time after enabling within which the autopilot must report its fence as enabled, s."""
 
 
 class FenceControl(Protocol):
     """Interface for giving an autopilot a fence. Nothing blocks."""
 
     def command_fence(self, areas: Sequence[FenceArea]) -> int:
-        """Uploads areas in place of those before, reads them back and switches the fence on; without areas it clears it."""
+        """Uploads areas, replacing earlier ones, reads them back and enables the fence; none clear it."""
 
     @property
     def fence_problem(self) -> str:
-        """Why the autopilot does not keep the fence that it holds; empty where it does, or does not tell."""
+        """Reason why the autopilot does not enforce its fence; empty if it does, or does not report it."""
 
     def state(self) -> AutopilotState:
         """The latest mode and arming state."""
@@ -40,10 +40,10 @@ class SendFence(NamedTuple):
 
 
 class AutopilotFence(ActuatorDriver[NoSettings]):
-    """Uploads a fence when it changes; tries again when that fails, or when the fence is off before a start.
+    """Uploads a fence when it changes; retries after a failure, or when the fence is off before a start.
 
-    It leaves a fence alone that it has not set, and its own when there is no mission any more: a fence goes when a
-    mission comes that has none.
+    It does not touch a fence that it has not set, and keeps its own after the mission: a mission without a fence
+    removes it.
     """
 
     geofence = Input(GeoFence)
@@ -69,7 +69,7 @@ class AutopilotFence(ActuatorDriver[NoSettings]):
         self._clear()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
-        """Sends what has changed, and follows what became of it."""
+        """Sends changes, and tracks their result."""
         results: list[Result] = []
         latest = inbox.latest(self.geofence)
         if latest is not None and latest.payload.digest != self._digest:
@@ -136,4 +136,4 @@ class AutopilotFence(ActuatorDriver[NoSettings]):
         self._ticket = self._control.command_fence(write.areas)
 
     def make_safe(self) -> None:
-        """A fence that stands is safe."""
+        """Does nothing: an existing fence is safe."""

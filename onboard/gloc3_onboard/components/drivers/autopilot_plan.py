@@ -1,4 +1,4 @@
-"""AD: has the autopilot fly a way by itself, as a plan that is uploaded, read back, started and followed."""
+"""AD: has the autopilot fly a path as a plan: uploaded, read back, started and tracked."""
 
 from typing import ClassVar
 
@@ -8,7 +8,7 @@ from gloc3_onboard.components.drivers.plan_flier import PlanFlier, PlanSettings
 
 
 class AutopilotPlan(PlanFlier[PlanSettings], ActuatorDriver[PlanSettings]):
-    """Flies `fly_plan`: ways of tasks that say `flown_by: autopilot`."""
+    """Performs `fly_plan`: paths of tasks with `flown_by: autopilot`."""
 
     performs: ClassVar = {"fly_plan": FollowWaypointsOrder}
     loggable = ("uploads", "waypoint")

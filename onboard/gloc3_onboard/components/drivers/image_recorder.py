@@ -42,11 +42,11 @@ POSE_GAP_S: Final = 0.25
 
 
 SILENT_S: Final = 2.0
-"""When no picture of the camera has come for so long, this is told."""
+"""Time without a picture after which this is reported, s."""
 
 
 class ImageRecorder(ActionPerformer, ActuatorDriver[NoSettings]):
-    """Performs `record_images` for the cameras whose topics it is given, one at a time."""
+    """Performs `record_images` for its cameras, one picture at a time."""
 
     performs: ClassVar = {"record_images": RecordImages}
     loggable = ("recorded",)
@@ -103,7 +103,7 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[NoSettings]):
         return [*results, *self.action_reports(now_s)]
 
     def _add_calibration(self, camera: str) -> None:
-        """Goes on with the numbers of pictures that an earlier life has written; none is ever overwritten."""
+        """Continues the numbering of earlier runs; no picture is overwritten."""
         if camera not in self._numbers:
             self._numbers[camera] = self._store.highest(camera)
 

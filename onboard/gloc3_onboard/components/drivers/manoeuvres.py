@@ -1,4 +1,4 @@
-"""Manoeuvres that the autopilot flies in its own modes, step by step: a pure machine of the autopilot driver."""
+"""Manoeuvres in the autopilot's own modes, step by step: a pure state machine of the autopilot driver."""
 
 from collections.abc import Sequence
 from math import dist
@@ -11,13 +11,13 @@ from gloc3_onboard.sensors.devices import AutopilotBehaviour, CommandAnswer
 
 COPTER: Final = AutopilotBehaviour()
 SETTLING_M: Final = 1.0
-"""So far below the height asked for the autopilot may end its climb by itself (PX4: NAV_MC_ALT_RAD, 0.8 m)."""
+"""Distance below the requested height at which the autopilot may end its climb, m (PX4: NAV_MC_ALT_RAD, 0.8 m)."""
 HOME_M: Final = 160.0
 """So near home what circles in its return begins to land: two radii of PX4's circle (RTL_LOITER_RAD, NAV_LOITER_RAD)."""
 UNSEEN_S: Final = 120.0
 """So long what shall come to rest is waited for where nobody knows how fast it is; then it counts as standing."""
 ENDING_M: Final = 3.0
-"""So far from the last place of a plan the autopilot may end it by itself (PX4: NAV_ACC_RAD, 2 m at most)."""
+"""Distance from the last position of a plan at which the autopilot may end it, m (PX4: NAV_ACC_RAD, 2 m at most)."""
 
 
 class DriverSettings(Settings, frozen=True):
@@ -28,7 +28,7 @@ class DriverSettings(Settings, frozen=True):
     step_timeout_s: Annotated[float, Bounds(0.5, 60.0)] = 8.0
     """A step of a manoeuvre (mode, arming, take-off) fails after this time."""
     at_rest_m_s: Annotated[float, Bounds(0.01, 5.0)] = 0.15
-    """A vehicle that is no faster stands, and may be disarmed where that ends its way."""
+    """Speed below which a vehicle counts as standing, in m/s, and may be disarmed at the end of its path."""
     at_rest_over_s: Annotated[float, Bounds(0.0, 60.0)] = 0.0
     """So long its velocity is averaged for that: waves move what stays where it is to and fro."""
 
@@ -51,7 +51,7 @@ class Arm(NamedTuple):
 
 
 class Settle(NamedTuple):
-    """Ask for nothing; wait until the vehicle has landed that does not disarm by itself."""
+    """Command nothing; wait for the landing of a vehicle that does not disarm automatically."""
 
     words: str = "come to rest"
 
@@ -63,7 +63,7 @@ class ComeHome(NamedTuple):
 
 
 class Disarm(NamedTuple):
-    """Ask to disarm: after a start that has failed on the ground, and where it does not disarm by itself."""
+    """Disarm: after a failed start on the ground, and for vehicles that do not disarm automatically."""
 
     words: str = "disarm"
 
@@ -80,7 +80,7 @@ ManoeuvreStep = AutopilotCommand | Settle | ComeHome
 
 
 class ManoeuvreMachine:
-    """Carries one manoeuvre through its steps: told the autopilot's state and answers, says what to command.
+    """Carries one manoeuvre through its steps: from the autopilot's state and answers to the next commands.
 
     Args:
         settings: time-outs.
@@ -92,7 +92,7 @@ class ManoeuvreMachine:
         self.state: ManoeuvreState | None = None
         self.reason = ""
         self.ticket = 0
-        """Of the command under way; set by the driver when it is written."""
+        """Ticket of the command under way; set by the driver after the write."""
         self._settings = settings
         self._steps: list[ManoeuvreStep] = []
         self._behaviour = AutopilotBehaviour()
@@ -106,17 +106,17 @@ class ManoeuvreMachine:
 
     @property
     def is_running(self) -> bool:
-        """Whether the autopilot is flying, or about to fly, a manoeuvre of ours."""
+        """Whether the autopilot flies, or is about to fly, our manoeuvre."""
         return self.state is ManoeuvreState.RUNNING
 
     @property
     def is_climbing(self) -> bool:
-        """Whether a take-off has left its last step behind; the owner's setpoints may end it from now on."""
+        """Whether a take-off has completed its last step; the owner's setpoints may end it from now on."""
         return self.is_running and self.kind is ManoeuvreKind.TAKE_OFF and not self._steps
 
     @property
     def is_taking_over(self) -> bool:
-        """Whether a mode for which the owner's setpoints end is asked for, and not confirmed yet."""
+        """Whether a mode that ends the owner's setpoints is requested, but not confirmed yet."""
         return self.is_running and bool(self._steps) and isinstance(self._steps[0], SetMode)
 
     def begin(
@@ -167,21 +167,21 @@ class ManoeuvreMachine:
             )
 
     def abandon(self, reason: str) -> None:
-        """Ends a manoeuvre that is under way, because somebody else moves the vehicle now."""
+        """Ends a manoeuvre under way, because another party moves the vehicle now."""
         if self.is_running:
             self._end(ManoeuvreState.FAILED, reason)
 
     def finish(self) -> None:
-        """The owner's setpoints go on from a climb."""
+        """Ends the climb; the owner's setpoints continue from it."""
         if self.is_climbing:
             self._end(ManoeuvreState.DONE, "")
 
     def repeat(self, now_s: float) -> None:
-        """Asks for the step under way again: what was asked so far was withheld."""
+        """Repeats the step under way, whose requests were withheld so far."""
         self._is_requested, self._since_s = False, now_s
 
     def may_settle(self, climbed_m: float | None, position_ned_m: Vector3 | None = None) -> bool:
-        """Whether the autopilot may go over to hold by itself, having climbed so far, being there (None: not known)."""
+        """Whether the autopilot may change to hold at this climb and position (None: unknown)."""
         if self.kind is ManoeuvreKind.PLAN and self._end_ned_m is not None and position_ned_m is not None:
             return dist(position_ned_m, self._end_ned_m) <= ENDING_M
         return self.kind is ManoeuvreKind.TAKE_OFF and (climbed_m is None or climbed_m >= self._height_m - SETTLING_M)

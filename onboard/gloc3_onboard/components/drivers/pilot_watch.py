@@ -14,16 +14,16 @@ FOLLOWS: Final[Mapping[FlightMode, frozenset[FlightMode]]] = {
     FlightMode.MISSION: frozenset({FlightMode.MISSION}),
     FlightMode.RETURN: frozenset({FlightMode.RETURN}),
 }
-"""The modes that a command of ours may lead to, by the mode that was commanded."""
+"""Modes that may follow from our commands, by commanded mode."""
 OURS: Final = frozenset(FOLLOWS) - {FlightMode.RETURN}
 """The modes that are taken for ours when nothing is known of who commanded them: a return is more often a pilot's."""
 
 ANSWER_S: Final = 5.0
-"""So long after a command of ours (its repetitions included) what it asks for is taken for ours."""
+"""Time after our command (repetitions included) in which its mode is attributed to us, s."""
 BLIND_S: Final = 5.0
-"""A driver that was stopped for longer does not know who has done what meanwhile."""
+"""Interruption of the driver after which earlier mode changes cannot be attributed, s."""
 GAP_S: Final = 0.5
-"""An autopilot that was not heard for so long has not heard us either; PX4 leaves offboard mode after 1 s."""
+"""Silence after which the autopilot has not received our setpoints either, s; PX4 leaves offboard mode after 1 s."""
 GAP_TOLD_S: Final = 2.5
 """So long after a gap a hold of the failsafe is taken for its consequence: the heartbeat that shows it comes once a second."""
 
@@ -31,19 +31,19 @@ GAP_TOLD_S: Final = 2.5
 class PilotWatch:
     """Compares the autopilot's modes and arming with what we commanded.
 
-    A quiet driver watches as a shadow: what its primary commands it cannot know, so that only modes which none of us
-    ever commands are somebody else's.
+    A quiet driver is a shadow: it does not know its primary's commands, so only modes that we never command are
+    attributed to others.
     """
 
     def __init__(self) -> None:
         self.has_control = False
         self.reason = ""
         self.is_failsafe = False
-        """Who has control is the autopilot by itself, no human."""
+        """Whether the autopilot's failsafe has control, not a human."""
         self.held_after_gap_s = 0.0
         """How long the last gap was for which the autopilot went over to its hold; 0 while there was none."""
         self.lands_into: tuple[str, ...] = ()
-        """Modes, in the autopilot's words, that it enters by itself when a landing of ours is over."""
+        """Modes, in the autopilot's names, that it enters automatically after our landing."""
         self._expected: FlightMode | None = None
         self._commanded: dict[FlightMode, float] = {}
         """Modes that we have commanded and not seen yet, oldest first, with the time until which they may come."""
@@ -73,17 +73,17 @@ class PilotWatch:
         self._disarm_until_s = now_s + ANSWER_S
 
     def interrupt(self, now_s: float) -> None:
-        """Setpoints of ours may have been missed: a hold that the autopilot's failsafe chooses follows from that."""
+        """Notes a possible gap in our setpoints; a failsafe hold then follows from it."""
         self._gap_until_s = now_s + GAP_TOLD_S
 
     def yield_back(self) -> None:
-        """An operator says that we may go on: what the autopilot does now is taken for ours."""
+        """Returns control to us on an operator's request; the present mode counts as ours."""
         self.has_control, self.reason, self.is_failsafe = False, "", False
         self._expected = self._seen.mode if self._seen is not None else None
         self._commanded.clear()
 
     def step_in(self, now_s: float) -> None:
-        """The shadow's primary is gone: its mode is ours now, and so is the hold that it left behind."""
+        """Takes over from a lost primary; its mode and the hold that it left are ours now."""
         seen = self._seen
         if seen is not None:
             self._expected = seen.mode
@@ -99,7 +99,7 @@ class PilotWatch:
     # --- what we see ---
 
     def begin(self) -> None:
-        """The driver starts, maybe after a time in which it did not look."""
+        """Starts, possibly after a time without observation."""
         self._begins = True
         self._is_left_alone = self._expected is FlightMode.TAKE_OFF
 
@@ -121,15 +121,15 @@ class PilotWatch:
         may_settle: bool = False,
         may_return: bool = False,
     ) -> None:
-        """Takes the autopilot's state in.
+        """Handles the autopilot's state.
 
         Args:
-            state: what it tells.
+            state: the reported state.
             now_s: the time.
-            is_shadow: somebody else of ours commands the vehicle.
-            may_settle: our take-off is high enough, or our plan near enough to its end, for the autopilot to go over to
-                hold by itself.
-            may_return: our stream brings guided mode back by itself.
+            is_shadow: another driver of ours commands the vehicle.
+            may_settle: our take-off is high enough, or our plan close enough to its end, for the autopilot to change to
+                hold.
+            may_return: our stream restores guided mode.
         """
         if self._begins and now_s - self._polled_s > BLIND_S:
             self._seen = None
@@ -155,11 +155,11 @@ class PilotWatch:
         self, before: AutopilotState, state: AutopilotState, now_s: float, *, may_settle: bool, may_return: bool
     ) -> None:
         if state.is_armed and not before.is_armed and now_s > self._arm_until_s:
-            self.lose("the vehicle was armed by somebody else")
+            self.lose("the vehicle was armed by another party")
         if before.is_armed and not state.is_armed:
             lands = self._expected in (FlightMode.LAND, FlightMode.RETURN) or FlightMode.LAND in self._commanded
             if not lands and now_s > self._disarm_until_s:
-                self.lose("the vehicle was disarmed by somebody else")
+                self.lose("the vehicle was disarmed by another party")
         if state.mode is before.mode:
             return
         ours = next((mode for mode in reversed(self._commanded) if state.mode in FOLLOWS[mode]), None)
@@ -185,7 +185,7 @@ class PilotWatch:
         self._is_left_alone = False
 
     def _holds_after_gap(self, before: AutopilotState, state: AutopilotState, now_s: float) -> bool:
-        """Whether the autopilot's failsafe has just begun to hold because it has not heard us for a while."""
+        """Whether the autopilot's failsafe has just started a hold after a gap in our setpoints."""
         is_new = state.is_failsafe and not before.is_failsafe and state.mode is FlightMode.HOLD
         return is_new and self._expected is FlightMode.GUIDED and now_s <= self._gap_until_s
 

@@ -20,7 +20,7 @@ from gloc3_onboard.sensors.devices import CommandAnswer, GeoPath
 PROGRESS_M = 1.0
 """So far from a leg a vehicle that its autopilot leads may be."""
 PAIRED_S = 0.2
-"""Two estimates that are valid at most so far apart tell how their frames lie to each other."""
+"""Largest time difference of two estimates that relate their frames, s."""
 
 
 class PlanSettings(Settings, frozen=True):
@@ -29,11 +29,11 @@ class PlanSettings(Settings, frozen=True):
     upload_s: Annotated[float, Bounds(1.0, 600.0)] = 30.0
     """Longest upload with its reading back, before the action fails."""
     repeat_s: Annotated[float, Bounds(0.2, 60.0)] = 2.0
-    """The autopilot is asked again to fly the plan after this time."""
+    """Period at which the autopilot is commanded again to fly the plan, in seconds."""
     start_s: Annotated[float, Bounds(1.0, 120.0)] = 10.0
     """Longest wait for the autopilot to fly the plan, before the action fails."""
     settle_s: Annotated[float, Bounds(0.0, 60.0)] = 5.0
-    """So long at the last place, the way counts as flown though the autopilot's report of it is missing."""
+    """Time at the last position after which the path counts as flown without the autopilot's report, in seconds."""
 
 
 S = TypeVar("S", bound=PlanSettings)
@@ -43,31 +43,31 @@ class PlanControl(Protocol):
     """Interface for giving an autopilot a plan. Nothing blocks."""
 
     def command_plan(self, path: GeoPath) -> int:
-        """Uploads the plan of a way and reads it back."""
+        """Uploads a path as a plan and reads it back."""
 
     @property
     def places_reached(self) -> int:
-        """Places that the autopilot has passed of the way that it was given last."""
+        """Number of positions of the latest path that the autopilot has passed."""
 
     def answer(self, ticket: int) -> CommandAnswer | None:
         """The answer to a command; None while there is none."""
 
 
 class SendPlan(NamedTuple):
-    """Write: the way whose plan is to be uploaded."""
+    """Write: upload the plan of a path."""
 
     path: GeoPath
 
 
 class PlanFlier(ActionPerformer, Generic[S]):
-    """Mix this into a driver that flies plans; the autopilot goes on with one by itself, with or without this computer.
+    """Mix-in of drivers that fly plans; the autopilot continues one with or without this computer.
 
-    Each begin, after a pause or a restart in flight too, uploads what is left of the way: what the autopilot holds is
-    always what was asked for.
+    Each start, also after a pause or a restart in flight, uploads the rest of the path, so that the autopilot's plan
+    always equals the request.
     """
 
     keeps: ClassVar[frozenset[str]] = IN_PLANS
-    """The options of ways that it keeps; missions with others are refused."""
+    """Waypoint options that it supports; missions with others are refused."""
 
     pose = Input(Pose)
     autopilot_pose = Input(AutopilotPose)
@@ -81,7 +81,7 @@ class PlanFlier(ActionPerformer, Generic[S]):
         self._order: FollowWaypointsOrder | None = None
         self._pose: Pose | None = None
         self._passed = 0
-        """Waypoints that were passed before what is left was uploaded."""
+        """Waypoints passed before the upload of the rest."""
         self._ticket: int | None = None
         self._is_sent = self._is_held = False
         self._since_s = 0.0
@@ -107,7 +107,7 @@ class PlanFlier(ActionPerformer, Generic[S]):
         self._restart(now_s)
 
     def resume_action(self, now_s: float) -> None:
-        """Uploads what is left."""
+        """Uploads the rest of the path."""
         self._restart(now_s)
 
     def path(self, order: FollowWaypointsOrder, places: tuple[GeoPoint, ...]) -> GeoPath:
@@ -117,7 +117,7 @@ class PlanFlier(ActionPerformer, Generic[S]):
         return GeoPath(places, order.speed_m_s, order.acceptance_m, order.rest_s, heading_deg)
 
     def manoeuvre(self, order: FollowWaypointsOrder) -> Manoeuvre:
-        """What the autopilot driver is asked for, once the plan is there."""
+        """The manoeuvre requested from the autopilot driver once the plan is uploaded."""
         return Manoeuvre(action_id=self.action_id, kind=ManoeuvreKind.PLAN, end_ned_m=order.waypoints_ned_m[-1])
 
     def _restart(self, now_s: float) -> None:
@@ -160,7 +160,7 @@ class PlanFlier(ActionPerformer, Generic[S]):
     def _places(
         self, order: FollowWaypointsOrder, ours: Envelope[Pose] | None, theirs: Envelope[AutopilotPose] | None
     ) -> tuple[GeoPoint, ...] | None:
-        """What is left of the way, where the autopilot believes it to be."""
+        """The rest of the path, in the autopilot's estimate of it."""
         if ours is None or theirs is None or not ours.payload.is_valid or abs(ours.t_s - theirs.t_s) > PAIRED_S:
             return None
         if theirs.payload.origin_geo is None:
@@ -206,7 +206,7 @@ class PlanFlier(ActionPerformer, Generic[S]):
         return [self.manoeuvre(order)]
 
     def _rests_at_the_end(self, order: FollowWaypointsOrder, now_s: float) -> bool:
-        """Whether it has been at the last place for so long that the autopilot's report must be lost."""
+        """Whether it has been at the last position so long that the autopilot's report must be lost."""
         last, pose = order.waypoints_ned_m[-1], self._pose
         is_last = self.waypoint >= len(order.waypoints_ned_m) - 1
         if pose is None or not is_last or math.dist(pose.position_ned_m, last) > order.acceptance_m:
@@ -231,4 +231,4 @@ class PlanFlier(ActionPerformer, Generic[S]):
         self.uploads += 1
 
     def make_safe(self) -> None:
-        """A plan that is not started moves nothing; who flies one is the autopilot driver's."""
+        """Does nothing: a plan that is not started moves nothing, and the autopilot driver stops one in flight."""

@@ -1,4 +1,4 @@
-"""The stream of the owner's setpoints to the autopilot: what may be sent, in whose frame, and when it has run dry."""
+"""Stream of the owner's setpoints to the autopilot: what may be sent, in which frame, and when it expires."""
 
 import math
 from collections.abc import Sequence
@@ -13,18 +13,18 @@ from gloc3_onboard.algorithms.paths.setpoint_gate import SETPOINT_AGE_S, Setpoin
 from gloc3_onboard.sensors.devices import AutopilotSetpoint
 
 EXPIRY_S: Final = 0.5
-"""Without a valid setpoint for so long the stream stops and the autopilot's hold is commanded (DESIGN §7)."""
+"""Time without a valid setpoint after which the stream stops and the autopilot's hold is commanded, s (DESIGN §7)."""
 STEADY_S: Final = 1.0
-"""After it has run dry a stream counts again when it has been steady for so long: first this, then twice as long each time."""
+"""Time of steady setpoints required after an expiry, s; doubled with each further expiry."""
 STEADY_MOST_S: Final = 8.0
 RECOVERED_S: Final = 30.0
-"""A stream that the autopilot has followed for so long has never run dry."""
+"""Time of following after which earlier expiries no longer count, s."""
 _AT_REST: Final = (0.0, 0.0, 0.0)
 SHORTEST_S: Final = 0.01
 LONGEST_S: Final = 0.2
 """Setpoints that follow each other within these times tell an acceleration."""
 PAIRED_S: Final = 0.1
-"""Two estimates that are valid at most so far apart tell how their frames lie to each other."""
+"""Largest time difference of two estimates that relate their frames, s."""
 
 
 class SetpointStream:
@@ -36,7 +36,7 @@ class SetpointStream:
         self.since_s: float | None = None
         """When it began; None while there is none."""
         self.steady_s = 0.0
-        """So long it must have been steady before the autopilot is asked to follow it."""
+        """Required time of steady setpoints before the autopilot is asked to follow, s."""
         self._valid_s = -math.inf
         self._limiter: SetpointLimiter | None = None
         self._pose: Pose | None = None
@@ -48,7 +48,7 @@ class SetpointStream:
 
     @property
     def is_steady(self) -> bool:
-        """Whether setpoints have come for as long as is asked for after some were missed."""
+        """Whether setpoints have been steady for the required time after a gap."""
         return self.since_s is not None and self._valid_s - self.since_s >= self.steady_s - 1e-9
 
     @property
@@ -57,19 +57,19 @@ class SetpointStream:
         return self._pose
 
     def young_pose(self, now_s: float) -> Pose | None:
-        """The last valid one, unless it is old."""
+        """The last valid pose, unless stale."""
         return self._pose if now_s - self._pose_s <= SETPOINT_AGE_S else None
 
     def is_interrupted(self, now_s: float) -> bool:
-        """Whether the autopilot may have gone over to its hold by itself: setpoints were missed, or the pose is late.
+        """Whether the autopilot may have changed to its hold: setpoints were missed, or the pose is late.
 
-        A late pose may be a lost cable, and then the autopilot misses the setpoints that are sent, too.
+        A late pose may mean a lost cable, in which case the autopilot misses our setpoints as well.
         """
         is_missed = now_s - min(self._valid_s, self._pose_s) > EXPIRY_S
         return self.since_s is not None and is_missed
 
     def adopt(self, limits: MotionLimits) -> None:
-        """Keeps to these limits from now on."""
+        """Applies these limits from now on."""
         if self._limiter is None:
             self._limiter = SetpointLimiter(limits)
         self._limiter.limits = limits
@@ -80,10 +80,10 @@ class SetpointStream:
         return self._limiter.limits.home_ned_m if self._limiter is not None else None
 
     def set_vehicle(self, pose: Envelope[Pose] | None, own: Envelope[AutopilotPose] | None, *, is_guided: bool) -> None:
-        """Says where the vehicle is, in our frame and in the autopilot's own.
+        """Sets the vehicle's pose, in our frame and in the autopilot's.
 
-        Until the autopilot follows, the stream stays where the vehicle is: there is no step when it begins to. After a
-        late pose it begins anew there.
+        Until the autopilot follows, the stream stays at the vehicle's position, so that there is no step. After a late
+        pose it restarts there.
         """
         if pose is None or not pose.payload.is_valid:
             return
@@ -105,7 +105,7 @@ class SetpointStream:
     def next_setpoint(
         self, envelopes: Sequence[Envelope[Setpoint]], owner: str, now_s: float, *, may_fly: bool, is_guided: bool
     ) -> AutopilotSetpoint | None:
-        """Looks at what has come in; returns what is to be sent."""
+        """Handles received setpoints; returns the setpoint to send."""
         found = self.gate.newest(envelopes, owner, now_s)
         send = None
         if found is not None and self._is_ready(now_s):
@@ -127,14 +127,14 @@ class SetpointStream:
         return None
 
     def brake(self, now_s: float) -> AutopilotSetpoint | None:
-        """What to send while the autopilot is asked to take over: without it, a lost frame would mean its failsafe."""
+        """Setpoint during a hand-over to the autopilot; prevents its failsafe after a lost frame."""
         self.since_s = None
         if self._limiter is None or not self._is_ready(now_s):
             return None
         return self._standing(now_s)
 
     def stop(self) -> None:
-        """Ends on purpose."""
+        """Ends the stream on purpose."""
         self.since_s = None
 
     def _is_ready(self, now_s: float) -> bool:
@@ -142,12 +142,12 @@ class SetpointStream:
         return self._limiter is not None and now_s - self._pose_s <= SETPOINT_AGE_S
 
     def _may_stand(self, wanted: Setpoint, now_s: float) -> bool:
-        """Whether a stream under way goes on although the pose is late: to brake, and towards no place."""
+        """Whether a stream under way continues despite a late pose: to brake, but not towards a position."""
         is_waited_for = self._limiter is not None and now_s - self._pose_s <= POSE_LOST_S
         return is_waited_for and self.since_s is not None and wanted.position_ned_m is None
 
     def _standing(self, now_s: float) -> AutopilotSetpoint:
-        """The next velocity on the way to rest."""
+        """The next velocity setpoint while braking to rest."""
         assert self._limiter is not None
         standing = self._limiter.limit(Setpoint(action_id="", velocity_ned_m_s=_AT_REST), now_s).setpoint
         return AutopilotSetpoint(None, standing.velocity_ned_m_s, None)

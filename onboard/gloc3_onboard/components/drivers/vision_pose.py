@@ -1,4 +1,4 @@
-"""AD: gives the platform's pose to the autopilot, which flies by it where there are no satellites."""
+"""AD: sends the platform's pose to the autopilot, which flies by it without satellites."""
 
 from collections.abc import Sequence
 from math import isfinite, radians
@@ -16,7 +16,7 @@ from gloc3_onboard.sensors.devices import CommandAnswer
 
 ORIGIN_PERIOD_S: Final = 1.0
 HOME_S: Final = 8.0
-"""So long an autopilot that stands with our origin may take to say where its home is."""
+"""Time within which an autopilot with our origin should report its home, s."""
 _SAME_DEG: Final = 2e-7
 _SAME_M: Final = 0.01
 
@@ -28,7 +28,7 @@ class PoseInput(Protocol):
         """Sends a valid pose of the time `t_s`."""
 
     def send_origin(self, origin_geo: tuple[float, float, float]) -> None:
-        """Tells where the frame of the poses begins: degrees, degrees, metres above mean sea level."""
+        """Sends the origin of the poses' frame: degrees, degrees, metres above mean sea level."""
 
     def command_home(self, place_geo: tuple[float, float, float]) -> int:
         """Tells where home is, in the same numbers."""
@@ -46,9 +46,9 @@ class VisionPoseSettings(Settings, frozen=True):
     rate_hz: Annotated[float, Bounds(4.0, 50.0)] = 30.0
     """Poses come no more often than that to the autopilot. PX4 wants 30 to 50, ArduPilot at least 4."""
     attitude_std_deg: Annotated[float, Bounds(0.01, 45.0)] = 1.0
-    """Standard deviation of the attitude, which a pose does not tell."""
+    """Standard deviation of the attitude, which a pose does not include, in degrees."""
     velocity_std_m_s: Annotated[float, Bounds(0.001, 10.0)] = 0.05
-    """Standard deviation of the velocity, which a pose does not tell."""
+    """Standard deviation of the velocity, which a pose does not include, in m/s."""
     least_quality: Annotated[float, Bounds(0.0, 1.0)] = 0.0
     """A pose of less quality is not sent."""
     source_set: Annotated[int, Bounds(0, 3)] = 0
@@ -58,9 +58,9 @@ class VisionPoseSettings(Settings, frozen=True):
     lost_s: Annotated[float, Bounds(0.2, 60.0)] = 1.0
     """See `other_source_set`; as long a pose must have come before `source_set` is chosen."""
     in_place_of: str = ""
-    """A source of poses, such as *satellites*: while the pose rests on it, the autopilot sees it by itself, and
-    `other_source_set` is chosen; `source_set` is, at once, when it does not. Back again it goes after `lost_s`: until then the
-    autopilot has followed our pose to where that source has it. Empty chooses by whether a pose is sent alone."""
+    """A pose source that the autopilot has as well, such as *satellites*. While the pose rests on it,
+    `other_source_set` is selected; otherwise `source_set`, immediately. The change back waits for `lost_s`, in which
+    the autopilot follows our pose to that source's position. If empty, only whether a pose is sent decides."""
 
 
 class SendPose(NamedTuple):
@@ -71,7 +71,7 @@ class SendPose(NamedTuple):
 
 
 class SendOrigin(NamedTuple):
-    """Write: where the frame begins."""
+    """Write: the frame's origin."""
 
     origin_geo: tuple[float, float, float]
 
@@ -89,9 +89,9 @@ class ChooseSources(NamedTuple):
 
 
 class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
-    """Sends each valid pose once, and the origin until the autopilot has it.
+    """Sends each valid pose once, and the origin until the autopilot reports it.
 
-    An invalid pose is not sent: the autopilot misses it within half a second, and does what it is set to do then.
+    An invalid pose is not sent: the autopilot notices within half a second, and acts as configured.
     """
 
     loggable = ("sent", "withheld", "reason", "chosen_set", "refusal")
@@ -105,7 +105,7 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         self.reason = ""
         """Why the last pose was not sent."""
         self.chosen_set = 0
-        """The set of sources that was asked for last."""
+        """Latest requested set of sources."""
         self.refusal = ""
         """Why the autopilot did not take it."""
         self._device = device
@@ -119,7 +119,7 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         """Since when poses are sent without a gap."""
         self._begun_s: float | None = None
         self._is_needed = True
-        """The autopilot lacks what the pose has."""
+        """Whether the autopilot lacks the source that the pose rests on."""
         self._has_it_since_s: float | None = None
         self.chosen_set, self._ticket = 0, 0
 
@@ -128,7 +128,7 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         self._reset()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
-        """Sends what is new."""
+        """Sends new poses."""
         results: list[Result] = []
         for envelope in inbox.new(self.pose):
             pose, t_s = envelope.payload, envelope.t_s
@@ -153,7 +153,7 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         return [*results, *(self._sources(now_s) if latest is not None or is_under_way else [])]
 
     def _check_need(self, pose: Pose, t_s: float) -> bool:
-        """Whether the autopilot lacks what the pose rests on."""
+        """Whether the autopilot lacks the source that the pose rests on."""
         source = self.settings.in_place_of
         if not source or source not in pose.sources:
             self._has_it_since_s = None
@@ -162,7 +162,7 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         return self._has_it_since_s is None or t_s - self._has_it_since_s < self.settings.lost_s
 
     def _home(self, pose: Pose, inbox: Inbox, now_s: float) -> list[Actuation]:
-        """Where it stands is home, for an autopilot that has our origin, and has no home by itself after a while."""
+        """Sets home at the vehicle's position, for an autopilot with our origin but without a home."""
         state = inbox.latest(self.autopilot)
         reported = None if state is None else state.payload
         is_homeless = reported is not None and reported.is_connected and not reported.is_armed and not reported.has_home
@@ -175,7 +175,7 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         return [Actuation(SendHome((place[0], place[1], place[2])))]
 
     def _sources(self, now_s: float) -> list[Actuation]:
-        """Chooses the set of sources that fits what is sent."""
+        """Selects the set of sources that fits the sent poses."""
         settings = self.settings
         if not settings.source_set:
             return []
@@ -210,7 +210,7 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         return "" if t_s > self._sent_s else "its time does not advance"
 
     def _must_send(self, origin_geo: tuple[float, float, float], inbox: Inbox, now_s: float) -> bool:
-        """Whether the autopilot is heard, and has no origin or another one."""
+        """Whether the autopilot is connected and has no origin or another one."""
         reported = inbox.latest(self.autopilot_pose)
         if reported is None or now_s - self._reported_s < ORIGIN_PERIOD_S:
             return False
@@ -231,7 +231,7 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
             self._device.send_pose(write.pose, write.t_s, deviation_rad, settings.velocity_std_m_s)
 
     def make_safe(self) -> None:
-        """An autopilot that hears no pose any more does by itself what it is set to do."""
+        """Does nothing: without poses the autopilot acts as configured."""
 
 
 def _is_same_place(one: tuple[float, float, float], other: tuple[float, float, float]) -> bool:
@@ -239,7 +239,7 @@ def _is_same_place(one: tuple[float, float, float], other: tuple[float, float, f
 
 
 def _from_their_origin(pose: Pose, reported: Envelope[AutopilotPose] | None) -> Pose:
-    """The pose told from the origin that the autopilot has, where that is another place: one with satellites keeps its own."""
+    """The pose relative to the autopilot's own origin, which one with satellites keeps."""
     theirs = None if reported is None else reported.payload.origin_geo
     if theirs is None or pose.origin_geo is None or _is_same_place(theirs, pose.origin_geo):
         return pose

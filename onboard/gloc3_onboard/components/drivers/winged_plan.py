@@ -1,4 +1,4 @@
-"""AD: has what flies on wings take off, fly its ways and come home by plans of its autopilot: lines that it keeps."""
+"""AD: has a winged vehicle take off, fly its paths and come home by plans of its autopilot."""
 
 from collections.abc import Sequence
 from typing import Annotated, ClassVar, Final
@@ -23,14 +23,14 @@ ON_THE_GROUND: Final = (LandedState.ON_GROUND, LandedState.UNKNOWN)
 
 
 class WingedPlanSettings(PlanSettings, frozen=True):
-    """Settings of the driver for the ways of planes."""
+    """Settings of the driver for planes."""
 
     arm: bool = False
     """Whether it may arm the vehicle; the platform file's `arm` sets it."""
     cruise_m_s: Annotated[float, Bounds(1.0, 100.0)] = 23.0
     """Air speed of take-offs, and of returns home that name none."""
     comes_within_m: Annotated[float, Bounds(1.0, WIDEST_M)] = 30.0
-    """So near it comes to a place, or passes it: it begins to turn there. Ways that ask for less get this."""
+    """Distance at which it turns to the next position, in metres; paths with smaller acceptance get this."""
     take_off_min_m: Annotated[float, Bounds(1.0, 1_000.0)] = 20.0
     """A take-off to less is refused: it circles there."""
 
@@ -62,7 +62,7 @@ class WingedPlan(PlanFlier[WingedPlanSettings], ActuatorDriver[WingedPlanSetting
     def begin_action(
         self, capability: str, arguments: FollowWaypointsOrder | ReturnHome | TakeOff, now_s: float
     ) -> None:
-        """Takes up the way; a take-off's is to its height over the place where it stands."""
+        """Starts the path; that of a take-off leads to its height over the present position."""
         if self._pose is None:
             raise Refused("there is no valid pose")
         match arguments:

@@ -1,4 +1,4 @@
-"""DP: the platform's pose by dead reckoning: heading, and a DVL or wheels, set right by satellites where these are seen."""
+"""DP: the platform's pose by dead reckoning: heading, and a DVL or wheels, corrected by satellites when visible."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -29,17 +29,17 @@ from gloc3_onboard.algorithms.odometry.velocity_trust import VelocityTrust
 from gloc3_onboard.sensors.devices import Memory
 
 _FIX_GAP_S: Final = 1.0
-"""Errors of fixes are alike for long: no more than one in this time is taken in."""
+"""Interval of used fixes, s: their errors are correlated for long."""
 _REQUESTED_S: Final = 1.0
-"""A setpoint that is older asks for nothing."""
+"""Age above which a setpoint is ignored, s."""
 _TO_PLACE: Final = 0.4
-"""Speed at which a vehicle goes to a place that it is asked to, per metre…"""
+"""Speed towards a requested position per metre of distance, 1/s…"""
 _TO_PLACE_MAX_M_S: Final = 0.3
 """…and at most."""
 _AIDED_S: Final = 2.0
 """After the last fix satellites count as lost, and so does the autopilot's own velocity with them."""
 _LATE_S: Final = 1.0
-"""A fix that is no later than this is carried on to the present by the velocity."""
+"""Largest lateness at which a fix is propagated to the present by the velocity, s."""
 KEPT_S: Final = 120.0
 """What was reckoned is carried on after a crash or a restart that is no longer ago than this."""
 DEPTH_LOST_S: Final = 10.0
@@ -65,32 +65,32 @@ class DeadReckoningSettings(Settings, frozen=True):
     begins_at_origin: bool = False
     """Begins at the origin, for tanks and halls where satellites are never seen; else with the first fixes."""
     first_fixes: Annotated[int, Bounds(1, 60)] = 5
-    """So many fixes, a second apart, are averaged before it begins."""
+    """Number of fixes, a second apart, averaged at the start."""
     is_level: bool = False
-    """Takes the height for 0 at all times, as for what stays on the ground; else depth is the autopilot's."""
+    """Whether the height is always 0, as for vehicles on the ground; else depth is the autopilot's."""
     lost_std_m: Annotated[float, Bounds(1.0, 10_000.0)] = 50.0
     """A pose that is worse than this along an axis is not valid."""
     jump_m: Annotated[float, Bounds(0.05, 100.0)] = 0.5
     """A step by a fix that is longer than this counts as a jump."""
     unlocked_s: Annotated[float, Bounds(0.2, 60.0)] = 1.5
-    """Without bottom lock, or wheels that hold, for so long it says that it is adrift."""
+    """Time without bottom lock or wheel grip after which it reports drifting, in seconds."""
     heading_std_deg: Annotated[float, Bounds(0.01, 20.0)] = 1.0
-    """Standard deviation of heading and mounting angle together, before satellites have told more."""
+    """Initial standard deviation of heading and mounting angle together, in degrees; satellites refine it."""
     deviation_std_deg: Annotated[float, Bounds(0.0, 20.0)] = 0.22918311805232927
     """Standard deviation of the part of the heading's error that another heading changes, as a compass's deviation."""
     scale_std: Annotated[float, Bounds(0.0001, 0.1)] = 0.003
     """Standard deviation of the scale of the DVL or of the wheels."""
     scale_walk: Annotated[float, Bounds(0.0, 0.1)] = 0.0
-    """Its growth in one second's root, as for wheels that slip more on some ground."""
+    """Random walk of the scale, per root second, as for wheels with varying slip."""
     acceleration_m_s2: Annotated[float, Bounds(0.01, 20.0)] = 0.12
-    """How the velocity over ground changes by itself in one second's root: what turns quickly needs more."""
+    """Random walk of the velocity over ground, in m/s per root second; agile vehicles need more."""
     adrift_std_m_s: Annotated[float, Bounds(0.01, 5.0)] = 0.3
     """Standard deviation of the velocity where nothing measures it."""
     climb_m_s: Annotated[float, Bounds(0.0, 10.0)] = 0.4
     """How fast the depth may change while the autopilot does not tell it."""
     autopilot_std_m_s: Annotated[float, Bounds(0.0, 5.0)] = 0.0
-    """Standard deviation of the autopilot's own velocity, which is taken while satellites are seen and nothing else measures
-    any; 0 takes it never."""
+    """Standard deviation of the autopilot's velocity, in m/s, used while satellites are visible and nothing else
+    measures velocity; 0 disables it."""
 
 
 class KeptReckoning(msgspec.Struct, frozen=True, array_like=True):
@@ -225,7 +225,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
             self._memory.keep(msgspec.msgpack.encode(kept))
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
-        """Takes in what is new in the order of time; one pose for each of the autopilot's."""
+        """Handles new data in order of time; one pose for each of the autopilot's."""
         results: list[Result] = []
         if self._kept is not None:
             self._carry_on(now_s)
@@ -255,7 +255,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
     # --- what comes ---
 
     def _advance(self, t_s: float) -> None:
-        """Brings the filter to a time; what is older than it is taken as being of its time."""
+        """Advances the filter to a time; older data are treated as of the filter's time."""
         if self._now_s is None:
             self._now_s = t_s
         dt_s = t_s - self._now_s
@@ -271,7 +271,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         self._now_s = t_s
 
     def _requested_m_s(self) -> tuple[float, float]:
-        """The velocity that the vehicle is asked for: what is fed forward, and what leads to the place asked for."""
+        """The requested velocity: feed-forward, plus the correction towards the requested position."""
         requested = self._requested
         if requested is None:
             return (0.0, 0.0)
@@ -434,13 +434,13 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         if not self._is_begun:
             return "the start position is not known: no fixes yet"
         if unknown_s > DEPTH_LOST_S:
-            return "the autopilot has no position, and tells no depth"
+            return "the autopilot has no position, and reports no depth"
         if self.std_m > self.settings.lost_std_m:
             return f"lost: its standard deviation is {self.std_m:.0f} m"
         return ""
 
     def _adopt_origin(self, given: AutopilotPose) -> None:
-        """Once the autopilot has told its own: the local frame's, if that is near, else that one."""
+        """Sets the origin once the autopilot has reported its own: the local frame's if near, else the autopilot's."""
         if self._plane is not None or given.origin_geo is None:
             return
         settings, origin = self.settings, given.origin_geo

@@ -1,4 +1,4 @@
-"""DP: features of the stereo pair, found once for everybody who needs them (FDM)."""
+"""DP: features of the stereo pair, computed once for all users (FDM)."""
 
 from collections.abc import Sequence
 from typing import Annotated, Final
@@ -14,7 +14,7 @@ from gloc3_onboard.sensors.checks.silence import InputSilence
 from gloc3_onboard.sensors.devices import Rig, calibrated
 
 LONELY_S: Final = 0.2
-"""A picture whose other eye's is so much late has none."""
+"""Lateness of the other picture above which a picture counts as unpaired, s."""
 
 
 class FeatureSettings(Settings, frozen=True):
@@ -69,7 +69,7 @@ class FeatureProcessor(DataProcessor[FeatureSettings]):
         self._silence = InputSilence()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
-        """Features of the newest pair; what came too fast is skipped, not queued."""
+        """Features of the newest pair; pairs that arrive too fast are skipped, not queued."""
         self._lefts |= {envelope.t_s: envelope for envelope in inbox.new(self.left)}
         self._rights |= {envelope.t_s: envelope for envelope in inbox.new(self.right)}
         both = sorted(self._lefts.keys() & self._rights.keys())

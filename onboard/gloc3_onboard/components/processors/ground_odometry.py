@@ -1,4 +1,4 @@
-"""DP: motion over the ground, from the camera that looks down, the attitude and the height."""
+"""DP: motion over the ground, from the downward camera, the attitude and the height."""
 
 from collections.abc import Sequence
 from typing import Annotated, Final
@@ -24,7 +24,7 @@ class GroundOdometrySettings(Settings, frozen=True):
     """Settings of the ground odometry."""
 
     camera: str = "ground"
-    """Name of the camera that looks down, as it was calibrated."""
+    """Name of the downward camera, as in its calibration."""
     height_noise_m: Annotated[float, Bounds(0.001, 1.0)] = 0.02
     """Standard deviation of one height, in metres."""
     height_scale_std: Annotated[float, Bounds(0.0, 0.2)] = 0.007
@@ -32,9 +32,9 @@ class GroundOdometrySettings(Settings, frozen=True):
     is_slant: bool = True
     """The height is measured along the body's down axis, as a fixed range finder does, not vertically."""
     sensor_frd_m: Vector3 = (0.0, 0.0, 0.0)
-    """Where on the body the height is measured from, in metres."""
+    """Position of the height sensor on the body, in metres."""
     tilt_std_rad: Annotated[float, Bounds(1e-5, 0.1)] = 0.003
-    """How well the attitude tells changes of roll and pitch within a second, in radians."""
+    """Standard deviation of roll and pitch changes within a second, in radians."""
     yaw_std_rad: Annotated[float, Bounds(1e-5, 0.5)] = 0.02
     """The same of heading."""
     level_std_rad: Annotated[float, Bounds(1e-5, 0.2)] = 0.006
@@ -42,7 +42,8 @@ class GroundOdometrySettings(Settings, frozen=True):
     slope_std: Annotated[float, Bounds(0.0001, 0.5)] = 0.015
     """How far the floor may be from level, as a tangent."""
     is_climb_told: bool = True
-    """Whether climbs are told: they rest on height and attitude; no where the fusion has the same height and a better attitude."""
+    """Whether climbs are reported, which rest on height and attitude; off where the fusion has the same height and a
+    better attitude."""
 
 
 class GroundOdometryProcessor(DataProcessor[GroundOdometrySettings]):

@@ -31,15 +31,15 @@ class LaserOdometrySettings(Settings, frozen=True):
     """Settings of the laser odometry."""
 
     mount_frd_m: Vector3 = (0.0, 0.0, 0.0)
-    """Where the scanner sits on the body, in metres."""
+    """Position of the scanner on the body, in metres."""
     mount_yaw_deg: Annotated[float, Bounds(-180.0, 180.0)] = 0.0
-    """Where its middle beam looks, clockwise from ahead."""
+    """Direction of its middle beam, clockwise from ahead, in degrees."""
     reach_m: Annotated[float, Bounds(1.0, 1000.0)] = 30.0
-    """The map holds the walls that were seen on so much of the way."""
+    """Length of path whose walls the map holds, in metres."""
     key_distance_m: Annotated[float, Bounds(0.05, 10.0)] = 0.5
-    """The map takes in a scan after so much way,"""
+    """Distance after which the map adds a scan, in metres…"""
     key_turn_deg: Annotated[float, Bounds(1.0, 170.0)] = 20.0
-    """or so much turning."""
+    """…or the turn, in degrees."""
     lowest_share: Annotated[float, Bounds(0.05, 1.0)] = 0.25
     """A scan of which less fits into the map is lost."""
 
@@ -59,7 +59,7 @@ class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
         self.reason = ""
 
     def initialize(self, settings: LaserOdometrySettings) -> None:
-        """Adopts the settings and loads what the odometer needs."""
+        """Adopts the settings and loads the odometer."""
         import scipy.spatial
 
         load_opencv()
@@ -123,7 +123,7 @@ class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
 
 
 def odometry_of(found: LaserMotion, roll_rad: float, pitch_rad: float) -> Odometry:
-    """The odometer's motion as a message; height, roll and pitch are not told by it, though roll and pitch are known."""
+    """The odometer's motion as a message; roll and pitch are known but not measured by it, nor is height."""
     rows = [[UNKNOWN_VARIANCE if row == column else 0.0 for column in range(6)] for row in range(6)]
     reported = (0, 1, 5)
     for row, values in zip(reported, found.covariance.tolist(), strict=True):

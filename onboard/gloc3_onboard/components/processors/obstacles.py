@@ -20,9 +20,9 @@ class ObstacleSettings(Settings, frozen=True):
     """Settings of the obstacle processor."""
 
     mount_frd_m: Vector3 = (0.0, 0.0, 0.0)
-    """Where the scanner sits on the body, in metres."""
+    """Position of the scanner on the body, in metres."""
     mount_yaw_deg: Annotated[float, Bounds(-180.0, 180.0)] = 0.0
-    """Where its middle beam looks, clockwise from ahead."""
+    """Direction of its middle beam, clockwise from ahead, in degrees."""
     pose_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.25
     """A pose that is older than this at the time of a scan does not count."""
     height_limit_s: Annotated[float, Bounds(0.05, 5.0)] = 0.5

@@ -1,4 +1,4 @@
-"""DP: where the vehicle is, by the lamp on it, seen by a camera that stands beside (paper §VI)."""
+"""DP: the vehicle's position from its lamp, seen by an external camera (paper §VI)."""
 
 import math
 from collections.abc import Sequence
@@ -24,19 +24,19 @@ class OpticalFollowerSettings(Settings, frozen=True):
     """Settings of the optical follower."""
 
     camera: str = "tracker"
-    """Name of the camera that looks at the vehicle, as it was calibrated."""
+    """Name of the tracking camera, as in its calibration."""
     position_ned_m: Vector3 = (0.0, 0.0, 0.0)
-    """Where its stand is, in the platform's frame, metres north, east and down."""
+    """Position of its stand in the platform's frame, metres north, east and down."""
     euler_deg: Vector3 = (0.0, 0.0, 0.0)
     """Roll, pitch and heading of the stand, in degrees; a pitch below 0 looks down."""
     lever_frd_m: Vector3 = (0.0, 0.0, 0.0)
-    """The lamp on the body of the vehicle, in metres."""
+    """Position of the lamp on the vehicle's body, in metres."""
     threshold_grey: Annotated[int, Bounds(10, 255)] = 200
     """The lamp is at least so bright in the picture."""
     floor_height_m: Annotated[float, Bounds(-1000.0, 1000.0)] = 0.0
     """How high the floor, that the vehicle's height counts from, is above the frame's origin, in metres."""
     sensor_frd_m: Vector3 = (0.0, 0.0, 0.0)
-    """Where on the body the height is measured from, in metres."""
+    """Position of the height sensor on the body, in metres."""
     height_std_m: Annotated[float, Bounds(0.001, 10.0)] = 0.05
     """How well the height of the lamp is known from it, in metres."""
     is_range_told: bool = True
@@ -44,9 +44,10 @@ class OpticalFollowerSettings(Settings, frozen=True):
     spot_std_px: Annotated[float, Bounds(0.001, 10.0)] = 0.3
     """How well the middle of the lamp is found in a picture, in pixels."""
     pointing_std_deg: Annotated[float, Bounds(0.0, 5.0)] = 0.03
-    """How well it is known where the camera looks, in degrees."""
+    """Standard deviation of the camera's direction, in degrees."""
     step_m: Annotated[float, Bounds(0.01, 10.0)] = 0.3
-    """Where height and pose differ more than this, something stands below the vehicle, and the pose counts."""
+    """Difference of height and pose above which an object below the vehicle is assumed, in metres; the pose is used
+    then."""
 
 
 class OpticalFollowerProcessor(DataProcessor[OpticalFollowerSettings]):

@@ -38,8 +38,8 @@ class PoseSettings(Settings, frozen=True):
     std_m: Annotated[float, Bounds(0.001, 100.0)] = 0.05
     """Standard deviation that is claimed along each axis, while the position moves as its velocity says."""
     is_level: bool = False
-    """Takes the height for 0 at all times: for vehicles that stay on the ground or on the water, whose estimate of it
-    drifts, and whose way does not depend on it."""
+    """Whether the height is always 0: for vehicles on the ground or on the water, whose height estimate drifts and does
+    not matter for the path."""
 
 
 class PoseProcessor(DataProcessor[PoseSettings]):
@@ -128,7 +128,7 @@ class PoseProcessor(DataProcessor[PoseSettings]):
         return pose
 
     def _lost(self, reason: str) -> Pose:
-        """The last pose again, which is not valid; what comes after it is compared with nothing."""
+        """The last pose, marked invalid; the next one is compared with none."""
         self.reason = reason
         if self._last is not None:
             self._shown, self._last = self._last, None

@@ -1,4 +1,4 @@
-"""DP: the platform's pose, fused from its own sensors, without any satellite (paper §VI)."""
+"""DP: the platform's pose, fused from its own sensors, without satellites (paper §VI)."""
 
 from collections.abc import Sequence
 from math import dist
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 STATE_PERIOD_S: Final = 0.5
 YOUNG_S: Final = 0.3
-"""A pose of somebody else is followed, or begun at, only while it is so young."""
+"""Age below which another source's pose is followed or used as a start, s."""
 _AIRBORNE: Final = (LandedState.IN_AIR, LandedState.TAKING_OFF, LandedState.LANDING)
 _IN_FLIGHT_STD: Final = (0.3, 0.05)
-"""How well position (m) and heading (rad) are known where another's pose is begun at."""
+"""Standard deviations of position (m) and heading (rad) when starting at another's pose."""
 
 
 _NOWHERE: Final = Pose(
@@ -41,17 +41,17 @@ class PoseFusionSettings(FusionSettings, frozen=True):
     origin_geo: tuple[float, float, float] | None = None
     """Origin of the local frame: latitude and longitude in degrees, altitude above mean sea level in metres."""
     takeover_jump_m: Annotated[float, Bounds(0.0, 10.0)] = 0.03
-    """A standby whose pose differs from the primary's by more counts a jump when it takes over."""
+    """Difference from the primary's pose above which a standby counts a jump at its take-over, in metres."""
     await_autopilot_s: Annotated[float, Bounds(0.0, 60.0)] = 2.0
-    """So long it waits to hear from the autopilot whether the vehicle stands, before it takes that for granted."""
+    """Time to wait for the autopilot's report that the vehicle stands before it is assumed, in seconds."""
 
 
 class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
-    """Fuses inertial samples, odometers, positions from outside and heights into one pose, and tells what it rests on.
+    """Fuses inertial samples, odometers, external positions and heights into one pose, and reports its sources.
 
-    A second row of it with `begin: quiet` and `standby_for` is a hot standby: it hears the same and believes the same.
-    `primary` is bound to the topic `pose` in both rows: whichever of them is quiet follows what the other says there, to
-    count on from it when it takes over, and to begin at it where it starts in flight.
+    A second row of it with `begin: quiet` and `standby_for` is a hot standby: it has the same inputs and the same
+    estimate. `primary` is bound to the topic `pose` in both rows: the quiet one follows the other's pose, to continue
+    its reset count at a take-over, and to start from it in flight.
     """
 
     loggable = ("reset_counter", "quality", "reason", "witnesses")
@@ -77,7 +77,7 @@ class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
         self._shown: tuple[float, Pose] | None = None
         self._is_quiet = False
         self._jumps = 0
-        """What is added to the fusion's own count, to go on from the primary's."""
+        """Offset to the fusion's own reset count that continues the primary's."""
         self._begun_s: float | None = None
         self._reported_s = float("-inf")
 
@@ -99,11 +99,11 @@ class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
         self._reported_s = float("-inf")
 
     def goquiet(self) -> None:
-        """Follows the pose that another one says from now on."""
+        """Follows the other row's pose from now on."""
         self._is_quiet = True
 
     def resume(self) -> None:
-        """Takes over: counts on from the primary's resets, one more where its pose was another."""
+        """Takes over: continues the primary's reset count, plus one if the poses differ."""
         self._is_quiet = False
         if self._followed is None or self._shown is None or self._fusion is None:
             return
@@ -138,7 +138,7 @@ class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
         return [*self._report(fusion, now_s)]
 
     def _prepare(self, fusion: "PoseFusion", now_s: float, inbox: Inbox) -> bool:
-        """Says where to begin, once it is known whether the vehicle stands or flies; false until then."""
+        """Initializes the fusion once it is known whether the vehicle stands or flies; false until then."""
         if self._begun_s is None:
             self._begun_s = now_s
         state = inbox.latest(self.autopilot)

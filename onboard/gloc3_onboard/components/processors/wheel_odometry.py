@@ -1,4 +1,4 @@
-"""DP: odometry by wheels: how the body moved by what they have turned, with the slip in its covariance."""
+"""DP: odometry by wheels: body motion from their rotation, with the slip in its covariance."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -16,11 +16,11 @@ from gloc3_onboard.algorithms.odometry.wheel_odometer import Wheelbase, WheelOdo
 
 SOURCE: Final = "wheels"
 _MEASURED_S: Final = 0.2
-"""The autopilot's heading is carried on to the time of a reading for no longer than this."""
+"""Longest extrapolation of the autopilot's heading to a reading, s."""
 _GAP_S: Final = 1.0
 """Readings that are farther apart are no step: what happened between them is not known."""
 _UP_SHARE: Final = 0.05
-"""Standard deviation of the way along the body's down axis, as a share of the way ahead."""
+"""Standard deviation along the body's down axis, as a share of the distance ahead."""
 
 
 class WheelOdometrySettings(Settings, frozen=True):
@@ -29,24 +29,24 @@ class WheelOdometrySettings(Settings, frozen=True):
     track_m: Annotated[float, Bounds(0.05, 10.0)] = 0.37559
     """Between the middles of left and right wheels."""
     turn_factor: Annotated[float, Bounds(0.5, 4.0)] = 1.5
-    """By how many times the difference of the ways must be greater than rolling would need; 1 for wheels that roll."""
+    """Ratio of the wheels' difference in distance to that of pure rolling; 1 for wheels without slip."""
     left: Annotated[int, Bounds(0, 15)] = 0
-    """Number of the encoder on the left, from 0."""
+    """Number of the left encoder, from 0."""
     right: Annotated[int, Bounds(0, 15)] = 1
-    """Number of the one on the right."""
+    """Number of the right encoder."""
     slip_share: Annotated[float, Bounds(0.001, 0.5)] = 0.02
-    """Standard deviation of the way, as a share of it."""
+    """Standard deviation of the distance, as a share of it."""
     slip_max_m_s: Annotated[float, Bounds(0.01, 5.0)] = 0.25
-    """With more slip than this the wheels tell nothing."""
+    """Slip above which the wheels give no information, in m/s."""
     speed_max_m_s: Annotated[float, Bounds(0.1, 50.0)] = 5.0
-    """Faster than this the encoders have begun to count anew."""
+    """Speed above which the encoders must have restarted, in m/s."""
 
 
 class WheelOdometryProcessor(DataProcessor[WheelOdometrySettings]):
-    """One report for each reading of the encoders, told from the reading before.
+    """One report for each encoder reading, relative to the previous one.
 
-    Slip is what the wheels' turn differs from the one that the autopilot's gyroscopes have felt; it goes into the covariance, and
-    where it is too much the report is not valid.
+    Slip is the difference between the turn by wheels and by the autopilot's gyroscopes; it enters the covariance, and
+    too much of it invalidates the report.
     """
 
     loggable = ("slip_m_s", "travelled_m", "reason")
@@ -115,7 +115,7 @@ class WheelOdometryProcessor(DataProcessor[WheelOdometrySettings]):
         return [self.odometry.report(_report(moved, before_s, settings.slip_max_m_s), t_s=t_s)]
 
     def _yaw_rad(self, t_s: float) -> float | None:
-        """The heading at a time, by the last attitude and the rate of turning; None where that is too old."""
+        """Heading at a time, by the last attitude and turn rate; None if stale."""
         reported = self._attitude
         if reported is None or not abs(t_s - reported.t_s) <= _MEASURED_S:
             return None

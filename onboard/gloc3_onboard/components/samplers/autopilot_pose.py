@@ -20,7 +20,7 @@ class AutopilotPoseSampler(SensorSampler[NoSettings]):
         self._last_s = float("-inf")
 
     def start(self) -> None:
-        """Takes what comes from now on."""
+        """Starts with data from now on."""
         self._last_s = float("-inf")
         self.until_stop.callback(self._device.on_pose(self.request_cycle))
 

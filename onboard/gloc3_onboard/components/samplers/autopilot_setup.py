@@ -13,20 +13,20 @@ REPORT_PERIOD_S = 5.0
 
 
 class AutopilotInspection(Protocol):
-    """An autopilot whose setup can be read. Both may be called from any thread."""
+    """Access to an autopilot's setup. Both methods may be called from any thread."""
 
     def setup(self) -> AutopilotSetup:
         """What is known now."""
 
     def read_setup(self, number: int) -> None:
-        """Reads it anew; its end is told with this number."""
+        """Starts reading the setup; its end is reported with this number."""
 
     def on_setup(self, changed: Callable[[], None]) -> Unwatch:
         """Has `changed` called, from any thread, when more is known."""
 
 
 class AutopilotSetupSampler(SensorSampler[NoSettings]):
-    """Reports the setup on every change, and now and then; has it read anew when asked to."""
+    """Reports the setup on every change and periodically; reads it again on request."""
 
     read_setup = Input(ReadSetup)
     autopilot_setup = Output(AutopilotSetup)

@@ -12,7 +12,7 @@ REPORT_PERIOD_S = 0.2
 
 
 class AutopilotStateSampler(SensorSampler[NoSettings]):
-    """Reports the state on every change, and five times a second."""
+    """Reports the state on every change, and at 5 Hz."""
 
     loggable = ("mode_name",)
 

@@ -10,7 +10,7 @@ from gloc3.messages.readiness import ComputerState
 
 
 class Computer(Protocol):
-    """A computer that can be looked at; may be called from any thread, and does not block."""
+    """Vital signs of a computer; may be called from any thread, and does not block."""
 
     def state(self) -> ComputerState:
         """How it is now."""

@@ -16,7 +16,7 @@ class DvlSettings(Settings, frozen=True):
     """Settings of the sampler."""
 
     silent_s: Annotated[float, Bounds(0.1, 60.0)] = 1.5
-    """Without a velocity for so long, in seconds, it says that none comes."""
+    """Time without a velocity after which the device counts as silent, in seconds."""
     max_m_s: Annotated[float, Bounds(0.1, 30.0)] = 5.0
     """A velocity above this cannot be the vehicle's."""
 

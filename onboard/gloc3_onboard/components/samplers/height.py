@@ -14,7 +14,7 @@ class HeightSettings(Settings, frozen=True):
     """Settings of the height sampler."""
 
     min_m: Annotated[float, Bounds(0.0, 5.0)] = 0.05
-    """Shortest range that the device can tell, in metres."""
+    """Shortest measurable range, in metres."""
     max_m: Annotated[float, Bounds(0.1, 1000.0)] = 40.0
     """Longest range, in metres."""
 
@@ -32,7 +32,7 @@ class HeightSampler(SensorSampler[HeightSettings]):
         self._last_s = float("-inf")
 
     def start(self) -> None:
-        """Takes what comes from now on."""
+        """Starts with data from now on."""
         self.until_stop.callback(self._device.on_height(self.request_cycle))
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:

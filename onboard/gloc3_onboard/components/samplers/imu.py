@@ -18,20 +18,20 @@ MOST_RATE_RAD_S: Final = 70.0
 MOST_FORCE_M_S2: Final = 320.0
 """32 g."""
 STUCK_AFTER: Final = 50
-"""So many equal samples in a row: noise makes two equal ones rare."""
+"""Number of equal consecutive samples that counts as stuck; noise makes two equal ones rare."""
 
 
 class ImuSettings(Settings, frozen=True):
     """Settings of the IMU sampler."""
 
     silent_s: Annotated[float, Bounds(0.02, 60.0)] = 0.5
-    """Without a sample for so long, in seconds, it says that none comes."""
+    """Time without a sample after which the unit counts as silent, in seconds."""
     may_repeat: bool = False
     """Whether samples may be equal for ever; else the unit counts as stuck."""
 
 
 class ImuSampler(SensorSampler[ImuSettings]):
-    """Reports every sample, with its own time; marks those that cannot be used."""
+    """Reports every sample with its own time; marks unusable ones."""
 
     loggable = ("samples", "refused", "reason")
 

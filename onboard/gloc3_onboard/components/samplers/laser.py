@@ -18,7 +18,7 @@ class LaserSettings(Settings, frozen=True):
     """Settings of the laser sampler."""
 
     silent_s: Annotated[float, Bounds(0.05, 60.0)] = 1.0
-    """Without a scan for so long, in seconds, it says that none comes."""
+    """Time without a scan after which the scanner counts as silent, in seconds."""
 
 
 class LaserSampler(SensorSampler[LaserSettings]):

@@ -23,7 +23,7 @@ class SatellitesSampler(SensorSampler[NoSettings]):
         self._last_s = float("-inf")
 
     def start(self) -> None:
-        """Takes what comes from now on."""
+        """Starts with data from now on."""
         self._last_s = float("-inf")
         self.until_stop.callback(self._device.on_fix(self.request_cycle))
 

@@ -16,7 +16,7 @@ class WheelsSettings(Settings, frozen=True):
     """Settings of the sampler."""
 
     silent_s: Annotated[float, Bounds(0.1, 60.0)] = 1.5
-    """Without a word of the encoders for so long, in seconds, it says that none comes."""
+    """Time without encoder data after which they count as silent, in seconds."""
 
 
 class WheelsSampler(SensorSampler[WheelsSettings]):
@@ -31,7 +31,7 @@ class WheelsSampler(SensorSampler[WheelsSettings]):
         self._device = device
 
     def start(self) -> None:
-        """Takes what comes from now on."""
+        """Starts with data from now on."""
         self._timeline = StampMonitor("wheel distance", self.settings.silent_s)
         self.until_stop.callback(self._device.on_wheels(self.request_cycle))
 

@@ -14,18 +14,18 @@ BLACK_MAX: Final = 48
 """A dark picture with one light in it is brighter than that somewhere."""
 WHITE_MEAN: Final = 250.0
 FILLERS: Final = (0, 128)
-"""What stands in the rows that a driver or a decoder has not got: nothing, or the grey of an empty JPEG block."""
+"""Fill values of missing rows: nothing, or the grey of an empty JPEG block."""
 LEAST_TORN: Final = 0.06
-"""Share of empty rows at the end from which on a picture counts as torn."""
+"""Share of empty rows at the end above which a picture counts as torn."""
 STEP: Final = 7
-"""Every so many pixels are looked at for the mean."""
+"""Sampling step of the mean, px."""
 
 
 class FrameSettings(Settings, frozen=True):
     """Settings of everything that samples cameras."""
 
     silent_s: Annotated[float, Bounds(0.05, 60.0)] = 1.0
-    """Without a picture for so long, in seconds, it says that none comes."""
+    """Time without a picture after which the camera counts as silent, s."""
     may_repeat: bool = False
     """Whether two pictures may be the same to the last bit; else the camera counts as stuck."""
 

@@ -1,4 +1,4 @@
-"""From a scan to obstacles: where something stands, how far it is in each sector, and what is nearest."""
+"""Obstacles from a scan: positions, distance by sector, and the nearest."""
 
 from math import cos, pi, sin
 from typing import Final
@@ -12,7 +12,7 @@ from gloc3_onboard.algorithms.scan_matching.planar import Array, Planar
 from gloc3_onboard.algorithms.scan_matching.scan_points import Mount, Tilt, points_of, ranges_of
 
 BINS: Final = 180
-"""The nearest point in each of so many directions is told."""
+"""Number of directions in which the nearest point is reported."""
 APART_M: Final = 1.0
 CLOSEST: Final = 8
 
@@ -20,15 +20,15 @@ CLOSEST: Final = 8
 def obstacles_of(
     scan: LaserScan, tilt: Tilt, mount: Mount, pose: Planar, motion: Planar, height_m: float
 ) -> ObstacleScan:
-    """What a valid scan has hit, without the floor.
+    """Obstacles hit by a valid scan, without the floor.
 
     Args:
-        scan: it.
-        tilt: how the body stood.
-        mount: where the scanner sits on it.
-        pose: where the body was: north, east, heading.
-        motion: of the body during the scan.
-        height_m: of the body above the origin of the frame.
+        scan: the scan.
+        tilt: tilt of the body.
+        mount: mount of the scanner on it.
+        pose: pose of the body: north, east, heading.
+        motion: motion of the body during the scan.
+        height_m: height of the body above the frame's origin.
     """
     points = points_of(scan, tilt, mount, motion).points_m
     distance = np.hypot(*points.T)

@@ -45,7 +45,7 @@ class RecentHeights:
 
 
 class RecentAttitudes:
-    """Attitudes of the last seconds; between two of them on the shorter way, beyond the newest by its rate."""
+    """Attitudes of the last seconds, interpolated the shorter way round, and extrapolated by the newest rate."""
 
     def __init__(self, gap_s: float) -> None:
         self._gap_s = gap_s

@@ -19,7 +19,7 @@ NEXT_M: Final = 0.1
 NEXT_SHARE: Final = 0.03
 """Next beams that differ by less than that, and by this share of the range, have hit the same thing."""
 LEAST_CLOSE: Final = 0.15
-"""In a scan of so many pairs of next beams at least this share has."""
+"""Smallest share of close neighbouring beams in a plausible scan."""
 
 
 def checked_scan(scan: LaserScan) -> LaserScan:
@@ -47,7 +47,7 @@ def checked_scan(scan: LaserScan) -> LaserScan:
 
 
 def _is_scattered(ranges: "NDArray[np.floating]") -> bool:
-    """Whether next beams hit things that are far apart almost everywhere: no place looks like that."""
+    """Whether almost all neighbouring beams hit far apart points, which no real place causes."""
     import numpy as np
 
     near, far = ranges[:-1], ranges[1:]

@@ -3,11 +3,11 @@
 from typing import Final
 
 SILENT_S: Final = 1.0
-"""Without anything for so long a processor says that nothing comes."""
+"""Time without input after which a processor reports silence, s."""
 
 
 class InputSilence:
-    """Follows one input of a processor: silence is to be told once in each period of it."""
+    """Silence monitor of one input; silence is reported once per period."""
 
     def __init__(self) -> None:
         self._since_s: float | None = None

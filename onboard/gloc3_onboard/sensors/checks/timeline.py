@@ -1,28 +1,28 @@
-"""The order in time of what a device brings: what is new, what comes from the past or the future, and silence."""
+"""Order of a device's data in time: new, from the past or future, and silence."""
 
 from typing import Final, NamedTuple
 
 AHEAD_S: Final = 0.05
-"""A stamp may be so much ahead of our time: clocks are mapped to each other with some error."""
+"""Accepted lead of a stamp over our time, s: clocks are mapped with some error."""
 ADOPTED_AFTER: Final = 5
-"""So many stamps in order, all before the last good one, are a device's clock that has begun anew."""
+"""Ordered stamps before the last good one after which the device's clock counts as restarted."""
 
 
 class Arrival(NamedTuple):
     """Something new."""
 
     t_s: float
-    """Its time of validity; the present where its own cannot be believed."""
+    """Time of validity; the present if its own is not plausible."""
     problem: str
     """Why its stamp cannot be believed; empty where it can."""
 
 
 class StampMonitor:
-    """Follows the stamps of one device.
+    """Checks the stamps of one device.
 
     Args:
-        what: one thing that the device brings, in words: *picture*.
-        silent_s: without anything new for so long the device counts as silent, and what is older as stale.
+        what: name of one datum of the device, such as *picture*.
+        silent_s: time without new data after which the device counts as silent, and age above which data are stale.
     """
 
     def __init__(self, what: str, silent_s: float) -> None:

@@ -1,4 +1,4 @@
-"""The autopilot's sensors as devices of samplers: what they use is asked for when they are opened."""
+"""The autopilot's sensors as devices of samplers; their messages are requested when opened."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, Final
@@ -24,7 +24,7 @@ class AutopilotImu:
         self._sensors.want("imu", self._rate_hz)
 
     def close(self) -> None:
-        """They go on; nobody listens."""
+        """Ends the subscription; the sensor continues."""
 
     def on_new_data(self, ready: Callable[[], None]) -> Unwatch:
         """Has `ready` called when a sample has come."""
@@ -36,7 +36,7 @@ class AutopilotImu:
 
 
 class ObstacleDistance:
-    """The range scanner whose turns the autopilot tells as OBSTACLE_DISTANCE."""
+    """The range scanner behind the autopilot's OBSTACLE_DISTANCE."""
 
     def __init__(self, sensors: AutopilotSensors, rate_hz: float = SCAN_HZ) -> None:
         self._sensors, self._rate_hz = sensors, rate_hz
@@ -46,7 +46,7 @@ class ObstacleDistance:
         self._sensors.want("obstacles", self._rate_hz)
 
     def close(self) -> None:
-        """They go on; nobody listens."""
+        """Ends the subscription; the sensor continues."""
 
     def on_new_data(self, ready: Callable[[], None]) -> Unwatch:
         """Has `ready` called when a scan has come."""
@@ -58,7 +58,7 @@ class ObstacleDistance:
 
 
 class DistanceSensors:
-    """Range finders that look level, told as DISTANCE_SENSOR each, as a scanner of eight beams."""
+    """Horizontal range finders from DISTANCE_SENSOR, as a scanner of eight beams."""
 
     def __init__(self, sensors: AutopilotSensors, rate_hz: float = 2.0 * SCAN_HZ) -> None:
         self._sensors, self._rate_hz = sensors, rate_hz
@@ -68,10 +68,10 @@ class DistanceSensors:
         self._sensors.want("ranges", self._rate_hz)
 
     def close(self) -> None:
-        """They go on; nobody listens."""
+        """Ends the subscription; the sensor continues."""
 
     def on_new_data(self, ready: Callable[[], None]) -> Unwatch:
-        """Has `ready` called when one has told its range."""
+        """Calls `ready` when a range arrives."""
         return self._sensors.ranges_bell.listen(ready)
 
     def scan(self) -> StampedScan | None:

@@ -25,7 +25,7 @@ CAMERA: Final = "camera"
 EYES: Final = (CAMERA, STEREO)
 """What a source of pictures can be the source of."""
 RECORDED: Final = "image_recorded"
-"""The topic that tells of pictures on disk."""
+"""Topic of pictures saved to disk."""
 WIDTH: Final = Number(16, 16_384, True)
 V4L2: Final[Options] = {
     "width": WIDTH,
@@ -44,19 +44,19 @@ BELIEVED_S: Final = 1.0
 """A driver's stamp that is further from the present is of another clock."""
 NETWORK_TIMEOUT_MS: Final = 3000.0
 FILE_HZ: Final = 15.0
-"""Of pictures in a folder, which tell no rate."""
+"""Frame rate of picture folders, Hz."""
 
 
 class VideoCamera(ThreadedSource[StampedImage]):
     """A camera that VideoCapture can open.
 
-    Frames become grey. Their time is the driver's, where it goes by the monotonic clock (V4L2), else that of arrival
-    less `delay_s`. A file is played at its own pace, beginning with its opening.
+    Frames are converted to grey. Their time is the driver's if on the monotonic clock (V4L2), else that of arrival less
+    `delay_s`. A file plays at its own pace from its opening on.
 
     Args:
-        name: of the camera.
+        name: name of the camera.
         url: `v4l2`, `gst`, `rtsp` or `video`.
-        folder: to which files are relative.
+        folder: base of relative file names.
         now_s: our time, monotonic.
     """
 
@@ -149,7 +149,7 @@ def _is_built_with_gstreamer(cv2: Any) -> bool:
 
 
 def _set_up(cv2: Any, capture: Any, options: Mapping[str, str], name: str) -> None:
-    """Sets what was asked for; a size that the camera does not take is an error, since its calibration is of that size."""
+    """Applies the options; an unsupported size is an error, since the calibration depends on it."""
     if "format" in options:
         capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*options["format"].ljust(4)[:4]))
     for option, number in (("width", cv2.CAP_PROP_FRAME_WIDTH), ("height", cv2.CAP_PROP_FRAME_HEIGHT)):
@@ -204,14 +204,14 @@ def camera_name(device: str) -> str:
 
 
 def recorded_pictures(path: Path, camera: str) -> Sequence[Recorded[Image]]:
-    """The pictures that a flight has put on disk, in the folder beside its log, with the times at which they were taken.
+    """Pictures of a flight from the folder beside its log, with their capture times.
 
     Args:
         path: the log.
-        camera: whose pictures.
+        camera: name of the camera.
 
     Raises:
-        InputError: the file is no log, or tells of no such pictures.
+        InputError: the file is not a log, or names no such pictures.
     """
     folder = path.parent / path.stem.replace("log", "images", 1)
     with LogReader(path) as reader:

@@ -19,12 +19,12 @@ def scan_records(path: Path, name: str, max_m: float | None = None) -> Sequence[
 
     Args:
         path: the file, or a folder with one.
-        name: of the scanner.
-        max_m: a range at or past it is nothing seen; None for what is usual for the kind of log.
+        name: name of the scanner.
+        max_m: ranges from here on mean no echo; None for the default of the kind of log.
 
     Raises:
-        InputError: it is damaged.
-        Refused: it is no such log.
+        InputError: the log is damaged.
+        Refused: not such a log.
     """
     log = read_laser_log(path, max_m)
     return [Recorded(t_s, partial(_named, scan.scan, name)) for t_s, scan in zip(log.times_s, log.scans, strict=True)]

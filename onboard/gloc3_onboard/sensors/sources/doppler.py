@@ -18,7 +18,7 @@ PD6_STD_M_S: Final = 0.005
 
 
 class DopplerReport(NamedTuple):
-    """A velocity, and the device's own time where it tells one."""
+    """A velocity, and the device's own time if it sends one."""
 
     stamp_us: int | None
     bottom: BottomVelocity
@@ -139,7 +139,7 @@ def _distance(reported_m: float) -> float:
 
 
 def _turned(velocity: tuple[float, float, float], yaw_deg: float) -> tuple[float, float, float]:
-    """From the axes of a device that is mounted turned to the right by so much, to the body's."""
+    """Rotates a velocity from the axes of a device mounted at a yaw angle to the body's."""
     x, y, z = velocity
     cosine, sine = cos(radians(yaw_deg)), sin(radians(yaw_deg))
     return x * cosine - y * sine, x * sine + y * cosine, z

@@ -1,4 +1,4 @@
-"""Doppler velocity logs over TCP or a serial line: Water Linked A50 and A125, and those that speak PD6."""
+"""Doppler velocity logs over TCP or a serial line: Water Linked A50 and A125, and PD6 devices."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -21,15 +21,15 @@ from gloc3_onboard.sensors.threaded import ThreadedSource
 BAUD: Final = 115_200
 WAIT_S: Final = 0.3
 _NONSENSE: Final = 50
-"""So many damaged lines without one that is whole: it speaks another language."""
+"""Damaged lines without a valid one after which the device counts as incompatible."""
 
 
 class DvlSource(ThreadedSource[StampedBottomVelocity]):
-    """A device that tells its velocity by itself, a line at a time.
+    """A device that streams its velocity, a line at a time.
 
     Args:
-        name: of the device.
-        url: `a50://192.168.194.95:16171`, `pd6:///dev/ttyUSB0` or `pd6://HOST:PORT`; `yaw_deg` is how it is mounted.
+        name: name of the device.
+        url: `a50://192.168.194.95:16171`, `pd6:///dev/ttyUSB0` or `pd6://HOST:PORT`; `yaw_deg` is its mounting angle.
         now_s: our time.
     """
 
@@ -42,7 +42,7 @@ class DvlSource(ThreadedSource[StampedBottomVelocity]):
         """The latest velocity; None before the first.
 
         Raises:
-            Gloc3Error: the device is gone.
+            Gloc3Error: the device is lost.
         """
         return self.latest()
 

@@ -62,10 +62,10 @@ def stereo_records(folder: Path, names: tuple[str, str]) -> Sequence[Recorded[tu
 
 
 def imu_records(folder: Path, sensor: str) -> Sequence[Recorded[ImuSample]]:
-    """What an inertial unit felt, on our axes.
+    """Samples of an inertial unit, on FRD axes.
 
     Raises:
-        InputError: it is not there, or the list is damaged.
+        InputError: the file is missing or damaged.
     """
     place = sensor_folder(folder, sensor)
     frd_from_imu = frd_from_axes(AXES)

@@ -1,4 +1,4 @@
-"""Range finders that look down: those of the autopilot and of logs, and what others of their kind need."""
+"""Downward range finders: those of the autopilot and of logs, and shared code for others."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -11,7 +11,7 @@ from gloc3_onboard.sensors.replay import Recorded, Replay, topic_records
 
 
 class ReplayHeight(Replay[HeightAboveGround]):
-    """A range finder of a log; it plays while somebody listens."""
+    """A range finder from a log; it plays while subscribed."""
 
     _height: StampedHeight | None = None
 

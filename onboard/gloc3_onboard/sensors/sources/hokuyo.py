@@ -34,14 +34,14 @@ BAUD: Final = 115_200
 """Of serial lines; those by USB take any."""
 WAIT_S: Final = 0.5
 ANSWER_TRIES: Final = 6
-"""So often a piece is waited for until the scanner counts as silent."""
+"""Reads without data after which the scanner counts as silent."""
 
 
 class HokuyoLaser(ThreadedSource[StampedScan]):
-    """A scanner that speaks SCIP 2: URG, UTM, UST, UBG.
+    """A SCIP 2 scanner: URG, UTM, UST, UBG.
 
     Args:
-        name: of the device.
+        name: name of the device.
         url: `hokuyo:///dev/ttyACM0` or `hokuyo://192.168.0.10:10940`.
         now_s: our time.
     """
@@ -74,7 +74,7 @@ class HokuyoLaser(ThreadedSource[StampedScan]):
         return open_line(self.name, self._url, self._address, BAUD, WAIT_S)
 
     def _identify(self, line: Line, reader: ScipReader) -> ScannerParameters:
-        """Ends what it may be doing, and asks what it is."""
+        """Stops any activity of the scanner and reads its identity."""
         line.write(STOP)
         line.write(IDENTIFY)
         for _ in range(ANSWER_TRIES):
@@ -102,7 +102,7 @@ class HokuyoLaser(ThreadedSource[StampedScan]):
 
 
 def scan_of(name: str, ranges_mm: object, parameters: ScannerParameters) -> LaserScan:
-    """A turn as a scan; what is nearer than the scanner can tell is one of its error codes, and no reading."""
+    """A turn as a scan; values below the scanner's minimum are error codes, not readings."""
     step_rad = math.tau / parameters.steps_a_turn
     ranges_m = np.asarray(ranges_mm, np.float32) * np.float32(1e-3)
     near_m, far_m = parameters.min_mm / 1000.0, parameters.max_mm / 1000.0

@@ -1,4 +1,4 @@
-"""Range scanners: what all of them share, how they sit on a vehicle, and their replay from logs."""
+"""Range scanners: shared code, mounting, and replay from logs."""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ MOUNT: Final[Options] = {**YAW, "is_flipped": Number(0, 1, True)}
 
 
 def mounted_scan(scan: LaserScan, url: SourceUrl) -> LaserScan:
-    """The scan with x forward, for a scanner whose zero looks `yaw_deg` to the left, or that hangs (`is_flipped=1`)."""
+    """The scan with x forward, for a mount turned left by `yaw_deg` or upside down (`is_flipped=1`)."""
     yaw_rad = math.radians(url.number("yaw_deg", 0.0))
     if url.number("is_flipped", 0.0):
         import numpy as np

@@ -30,10 +30,10 @@ SILENT_S: Final = 1.0
 
 
 class RpLidar(ThreadedSource[StampedScan]):
-    """A scanner on a serial line; its points are put into beams of one degree.
+    """A scanner on a serial line; its points are binned into beams of one degree.
 
     Args:
-        name: of the device.
+        name: name of the device.
         url: `rplidar:///dev/ttyUSB0`.
         now_s: our time.
     """
@@ -100,7 +100,7 @@ def _library(name: str) -> tuple[Any, type[Exception]]:
         raise Gloc3Error(f"{name}: rplidar:// needs a library: pip install 'gloc3[laser]' ({error})") from error
 
     class Lidar(RPLidar):  # type: ignore[misc] # the library has no types
-        """One whose motor may have no line of its own: adapters without DTR let it turn all the time."""
+        """A scanner whose motor may lack a control line: adapters without DTR keep it turning."""
 
         def _control_motor(self, val: bool) -> None:
             with suppress(OSError):

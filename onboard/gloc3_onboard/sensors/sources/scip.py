@@ -34,7 +34,7 @@ class ScannerParameters(NamedTuple):
     first: int
     last: int
     front: int
-    """The step that looks ahead."""
+    """The step that points ahead."""
     turns_a_minute: int
 
 
@@ -53,10 +53,10 @@ class ScipReader:
         self._remainder = b""
 
     def receive(self, data: bytes) -> list[list[bytes]]:
-        """Takes bytes in, gives the replies that are complete.
+        """Handles received bytes; returns the complete replies.
 
         Raises:
-            ScipError: there is no end to a reply.
+            ScipError: a reply does not end.
         """
         self._remainder += data
         *whole, self._remainder = self._remainder.split(b"\n\n")
@@ -102,7 +102,7 @@ def _parameters(values: Mapping[str, str]) -> ScannerParameters:
     try:
         numbers = [int(values[key]) for key in ("DMIN", "DMAX", "ARES", "AMIN", "AMAX", "AFRT", "SCAN")]
     except (KeyError, ValueError) as error:
-        raise ScipError(f"it does not tell its parameters: {error}") from error
+        raise ScipError(f"it does not report its parameters: {error}") from error
     found = ScannerParameters(values.get("MODL", "").strip(), *numbers)
     if not (0 <= found.first < found.last < 10_000 and 0 < found.steps_a_turn < 100_000 and found.turns_a_minute > 0):
         raise ScipError("its parameters are impossible")

@@ -23,12 +23,12 @@ KEPT: Final = 4
 
 
 class PairedCameras:
-    """Two cameras as one: the frames that were exposed within a time of each other; the later side tells when.
+    """Two cameras as one: frames exposed within a time of each other; notifies when the later one arrives.
 
     Args:
-        left: opened and closed with the pair, as is `right`.
-        right: the other one.
-        within_s: how far apart in time the frames of a pair may be.
+        left: left camera; opened and closed with the pair.
+        right: right camera; likewise.
+        within_s: largest time difference within a pair.
     """
 
     def __init__(self, left: Camera, right: Camera, within_s: float) -> None:
@@ -85,11 +85,11 @@ class PairedCameras:
 
 
 class SideBySide:
-    """One camera whose pictures show the left eye's view beside the right one's.
+    """A stereo camera that delivers both views side by side in one picture.
 
     Args:
-        camera: what takes the pictures.
-        names: of the left and the right camera.
+        camera: source of the pictures.
+        names: names of the left and the right camera.
     """
 
     def __init__(self, camera: Camera, names: tuple[str, str]) -> None:

@@ -1,4 +1,4 @@
-"""Simulated cameras and scanners over TCP, as `gloc3 sitl` serves them; read in a thread of its own."""
+"""Simulated cameras and scanners over TCP, as served by `gloc3 sitl`; read in a thread."""
 
 import socket
 import threading
@@ -24,13 +24,13 @@ MapTime = Callable[[float], float | None]
 
 
 class StreamSource:
-    """The base of what comes over one connection. One that breaks is made anew for ever: the other end may begin later.
+    """Base of sources over one connection, which is reopened indefinitely: the server may start later.
 
     Args:
-        name: of the thread.
+        name: name of the thread.
         address: host and port.
         t_s_of: maps the vehicle's time to ours.
-        wish: the sensors of the other end that are wanted.
+        wish: requested sensors of the server.
     """
 
     def __init__(self, name: str, address: tuple[str, int], t_s_of: MapTime, request: tuple[str, ...]) -> None:
@@ -73,7 +73,7 @@ class StreamSource:
         raise NotImplementedError
 
     def _accept(self, t_s: float, record: GreyFrame | ScanFrame) -> bool:
-        """Keeps a record; returns whether that is news."""
+        """Keeps a record; returns whether it is new."""
         raise NotImplementedError
 
 
@@ -108,10 +108,10 @@ class StreamCamera(StreamSource):
 
 
 class StreamStereoCamera(StreamSource):
-    """Two cameras whose frames have the same time.
+    """Two synchronous cameras.
 
     Args:
-        names: of the left and the right one, in the stream and here.
+        names: names of the left and the right one, in the stream and here.
         address: host and port.
         t_s_of: maps the vehicle's time to ours.
     """

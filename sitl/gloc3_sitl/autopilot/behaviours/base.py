@@ -12,7 +12,7 @@ PERIOD_S = 0.02
 """Time between two setpoints."""
 
 _LAG_M = 1.0
-"""A vehicle further behind its trajectory than this makes the trajectory wait."""
+"""Lag behind the trajectory beyond which the trajectory waits, m."""
 
 
 class Activity(ABC):
@@ -21,7 +21,7 @@ class Activity(ABC):
     __slots__ = ("craft",)
 
     is_done: bool = False
-    """Whether it has done what it was for; the style says what follows."""
+    """Whether it is complete; the style defines what follows."""
 
     def __init__(self, craft: Craft) -> None:
         self.craft = craft
@@ -69,7 +69,7 @@ class FliesMission(Activity):
 
     @abstractmethod
     def go_on(self) -> None:
-        """Goes on after a pause."""
+        """Resumes after a pause."""
 
 
 class Mover(Activity):
@@ -95,18 +95,18 @@ class Mover(Activity):
         self.trajectory.go_to((n + north, e + east, d + down))
 
     def resync(self) -> None:
-        """Goes on from where the vehicle is believed to be."""
+        """Continues from the vehicle's estimated position."""
         inertial = self.craft.estimator.inertial
         self.trajectory.position = inertial.position_ned_m
         self.trajectory.velocity = inertial.velocity_ned_m_s
         self.trajectory.acceleration = (0.0, 0.0, 0.0)
 
     def fly(self) -> Setpoint:
-        """Moves on by one period."""
+        """Advances by one period."""
         return self.glide()
 
     def glide(self) -> MotionSetpoint:
-        """Moves the trajectory and the heading on by one period."""
+        """Advances trajectory and heading by one period."""
         trajectory = self.trajectory
         n, e, d = self.craft.estimator.inertial.position_ned_m
         pn, pe, pd = trajectory.position
@@ -123,7 +123,7 @@ class Mover(Activity):
         )
 
     def turn(self) -> float:
-        """Turns the wanted heading on by one period; gives it."""
+        """Advances the heading setpoint by one period, and returns it."""
         place = self.craft.is_facing
         if place is not None:
             n, e, _ = self.craft.estimator.inertial.position_ned_m
@@ -138,6 +138,6 @@ class Mover(Activity):
         return self.yaw_rad
 
     def horizontal_distance_to(self, position_ned_m: Vector3) -> float:
-        """From where the vehicle is believed to be, on the map."""
+        """Horizontal distance from the vehicle's estimated position."""
         n, e, _ = self.craft.estimator.inertial.position_ned_m
         return hypot(position_ned_m[0] - n, position_ned_m[1] - e)

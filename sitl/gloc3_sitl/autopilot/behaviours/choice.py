@@ -18,7 +18,7 @@ from gloc3_sitl.autopilot.modes import Behaviour, StyleTables
 
 
 class Terminated(Activity):
-    """Motors stopped in flight, for good."""
+    """Motors permanently stopped in flight."""
 
     __slots__ = ()
 
@@ -33,8 +33,8 @@ def activity_for(behaviour: Behaviour, craft: Craft, takeoff_down_m: float, styl
     Args:
         behaviour: what to do.
         craft: the vehicle.
-        takeoff_down_m: where a take-off ends, as NED down; NaN is the usual height over here.
-        style: whose behaviour.
+        takeoff_down_m: end of a take-off, as NED down; NaN for the default height above here.
+        style: the autopilot's style.
     """
     if behaviour in style.activities:
         return style.activities[behaviour](craft)

@@ -8,7 +8,7 @@ from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
 
 _SPIN_UP_S = 0.8
-"""Motors idle so long before the climb."""
+"""Idle time of the motors before the climb, s."""
 
 
 class ClimbToHeight(Mover):

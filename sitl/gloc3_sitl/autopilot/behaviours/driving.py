@@ -15,7 +15,7 @@ from gloc3_sitl.autopilot.plans import MissionCommand, StoredItem
 
 _DEAD_BAND: Final = 0.06
 STREAM_S: Final = 3.0
-"""Headings and speeds that are not renewed count so long."""
+"""Validity of headings and speeds without renewal, s."""
 _STANDING_M_S: Final = 0.05
 _NOT_FOR_DRIVING: Final = frozenset({MissionCommand.TAKE_OFF, MissionCommand.LAND})
 
@@ -109,7 +109,7 @@ class GuidedDrive(GoesTo):
         self._seen_s = craft.stream.received_s
 
     def go_to(self, position_ned_m: Vector3, yaw_rad: float = nan, speed_m_s: float = nan) -> None:
-        """Drives to a place and stays there; a speed counts for this way."""
+        """Drives to a position and stays there; a speed applies to this leg."""
         del yaw_rad
         limits = self.craft.tuning.limits
         self._helm.speed_m_s = speed_m_s if speed_m_s > 0.0 else limits.speed_xy_m_s
@@ -220,7 +220,7 @@ class Retrace(Activity):
 
 
 class MissionDrive(MissionFlight):
-    """Auto: the items of the uploaded mission, on straight ways between them."""
+    """Auto: the items of the uploaded mission, along straight legs."""
 
     __slots__ = ("_helm", "_is_staying", "_legs_end")
 
@@ -236,7 +236,7 @@ class MissionDrive(MissionFlight):
         self._stay(stopping_place(self.craft))
 
     def fly(self) -> Setpoint:
-        """Steers on, or stays where it is to be."""
+        """Steers on, or stays at the target."""
         self._helm.speed_m_s = self.trajectory.limits.speed_xy_m_s
         return self._helm.stay(self.trajectory.target) if self._is_staying else self._helm.steer()
 
@@ -296,6 +296,6 @@ class MissionDrive(MissionFlight):
         self._legs_end = None
 
     def go_on(self) -> None:
-        """Goes on after a pause, from here."""
+        """Resumes after a pause, from here."""
         super().go_on()
         self._legs_end = None

@@ -9,7 +9,7 @@ from gloc3_sitl.autopilot.control.setpoint import WingSetpoint
 from gloc3_sitl.autopilot.craft import Craft
 
 _ROUND_SHARE: Final = 1.3
-"""Nearer to the centre than so many radii it is on its circle."""
+"""Distance to the centre, in radii, within which the vehicle counts as on its circle."""
 
 
 class PlanePath:
@@ -31,7 +31,7 @@ class PlanePath:
         return LateralGuidance(gains.guidance_s, gains.guidance_damping)
 
     def head_for(self, target: Vector3, start: Vector3 | None = None) -> None:
-        """Sets the next place, and where the line to it begins; here, where that is not said."""
+        """Sets the next position and the start of the line to it; by default here."""
         here = self._craft.estimator.inertial.position_ned_m
         self._begin, self.target = here if start is None else start, target
 
@@ -55,7 +55,7 @@ class PlanePath:
 
     @property
     def length_m(self) -> float:
-        """Of the line, on the map."""
+        """Horizontal length of the line, m."""
         return hypot(self.target[0] - self._begin[0], self.target[1] - self._begin[1])
 
     @property
@@ -94,10 +94,10 @@ class PlanePath:
 
 
 def beyond(place: Vector3, course_rad: float, distance_m: float, height_m: float = 0.0) -> Vector3:
-    """A place so far on a course, and so much higher."""
+    """A position at a distance on a course, and at a height above."""
     return (place[0] + distance_m * cos(course_rad), place[1] + distance_m * sin(course_rad), place[2] - height_m)
 
 
 def circle_of(radius_m: float, usual_m: float) -> float:
-    """A radius, or the usual one where none is said."""
+    """The radius, or the default without one."""
     return usual_m if isnan(radius_m) or radius_m == 0.0 else radius_m

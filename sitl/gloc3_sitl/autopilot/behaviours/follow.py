@@ -8,13 +8,13 @@ from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
 
 _TIMEOUT_S = 3.0
-"""Where somebody who is silent would be by now is believed for so long."""
+"""Time for which a silent target's position is extrapolated, s."""
 _WALKS_M_S = 0.5
 """Slower than this his course means nothing."""
 
 
 class Follow(Mover):
-    """Stays at a distance and a bearing from the target's course, and looks at it; holds while there is no target."""
+    """Keeps a distance and a bearing from the target's course, and faces it; holds without a target."""
 
     __slots__ = ("_course_rad",)
 
@@ -66,6 +66,6 @@ class Follow(Mover):
                 return 0.0 if craft.home is None else craft.home.position_ned_m[2]
 
     def on_jump(self, jump_ned_m: Vector3) -> None:
-        """The position estimate has jumped: the vehicle corrects its way."""
+        """The position estimate has jumped: the vehicle corrects its path."""
         del jump_ned_m
         self.resync()

@@ -11,14 +11,14 @@ from gloc3_sitl.autopilot.periods import OUTER_S
 
 _PIVOTED_RAD: Final = 0.15
 _LEAST_M_S: Final = 0.25
-"""A way is made with no less, until it is at its end."""
+"""Lowest speed along a leg until its end, m/s."""
 _BRAKING_SHARE: Final = 0.5
 _LEAST_LOOKAHEAD_M: Final = 1.0
 _STRAIGHT_ON_RAD: Final = 0.5
 _PAST_M: Final = 0.1
 
 REST: Final = DriveSetpoint(is_at_rest=True)
-"""Stops, and stands."""
+"""Stops and stands."""
 
 
 class SteeringTarget:
@@ -37,12 +37,12 @@ class SteeringTarget:
         self._is_pivoting = False
 
     def head_for(self, target: Vector3, start: Vector3 | None = None, beyond: Vector3 | None = None) -> None:
-        """Sets the next place.
+        """Sets the next position.
 
         Args:
             target: NED.
-            start: where the straight way to it begins; None for here.
-            beyond: the place after it, where it goes on; None where it stops there.
+            start: start of the straight leg to it; None for here.
+            beyond: the position after it; None for a stop.
         """
         here = self._craft.estimator.inertial.position_ned_m
         begin = here if start is None or hypot(target[0] - start[0], target[1] - start[1]) < 0.5 else start
@@ -62,7 +62,7 @@ class SteeringTarget:
         self._is_pivoting = 0.0 < gains.pivot_angle_rad < off
 
     def steer(self) -> DriveSetpoint:
-        """The setpoint for the next 20 ms, on the way."""
+        """The setpoint for the next 20 ms along the leg."""
         craft, gains = self._craft, self._craft.tuning.drive
         here = craft.estimator.inertial.position_ned_m
         speed = self.speed_m_s
@@ -87,7 +87,7 @@ class SteeringTarget:
         return away < within_m or (self.left_m < -_PAST_M and away < 2.0 * within_m)
 
     def stay(self, place: Vector3) -> DriveSetpoint:
-        """Stays at a place: a boat drifts within its circle and goes back, a rover stands."""
+        """Stays at a position: a boat drifts within its circle and returns, a rover stands."""
         craft, gains = self._craft, self._craft.tuning.drive
         if not gains.loiters:
             return REST

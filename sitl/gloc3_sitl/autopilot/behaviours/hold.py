@@ -10,7 +10,7 @@ from gloc3_sitl.autopilot.craft import Craft
 
 
 class HoldPosition(Mover, GoesTo):
-    """Stops at the nearest place where it can and stays there; on the ground it keeps the motors idling."""
+    """Stops at the nearest reachable position and stays there; keeps the motors idling on the ground."""
 
     __slots__ = ("_is_going",)
 

@@ -7,10 +7,10 @@ from gloc3_sitl.autopilot.craft import Craft
 
 
 class LandInPlace(Mover):
-    """Holds its place on the map and descends; done on the ground.
+    """Holds the horizontal position and descends; done on the ground.
 
-    Without a position estimate it stays level and drifts with the wind; without a height it descends by speed all the
-    same, since the vertical velocity comes from the accelerometer for a while.
+    Without a position estimate it stays level and drifts with the wind; without a height it still descends by speed,
+    since the accelerometer provides the vertical velocity for a while.
     """
 
     __slots__ = ("_descent_m_s", "is_done")

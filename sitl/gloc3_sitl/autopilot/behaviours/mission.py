@@ -20,7 +20,7 @@ _HEIGHT_RADIUS_M = 0.8
 
 
 class MissionFlight(Mover, FliesMission):
-    """Goes on with the current item of the mission; done when the last one is."""
+    """Flies the current mission item; done after the last one."""
 
     __slots__ = ("_item", "_leg_start", "_sub", "_wait_until_s", "is_done")
 
@@ -38,7 +38,7 @@ class MissionFlight(Mover, FliesMission):
         progress.is_paused = False
 
     def on_jump(self, jump_ned_m: Vector3) -> None:
-        """The position estimate has jumped: the vehicle corrects its way, its places stay where they are on Earth."""
+        """The position estimate has jumped: the vehicle corrects its path; positions stay fixed on Earth."""
         del jump_ned_m
         self.resync()
 
@@ -74,7 +74,7 @@ class MissionFlight(Mover, FliesMission):
         self.trajectory.stop()
 
     def go_on(self) -> None:
-        """Goes on after a pause."""
+        """Resumes after a pause."""
         self.craft.mission.is_paused = False
         self._item = self._sub = None
 
@@ -179,7 +179,7 @@ class MissionFlight(Mover, FliesMission):
         return (n, e, origin.origin.altitude_m - item.height_m)
 
     def _carry_on(self, item: StoredItem) -> Setpoint:
-        """Flies the current item and goes on when it is done."""
+        """Flies the current item and advances when it is done."""
         craft = self.craft
         if self._sub is not None:
             setpoint = self._sub.update()

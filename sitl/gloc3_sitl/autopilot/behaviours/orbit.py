@@ -40,9 +40,9 @@ class OrbitCircle:
 
 
 def circle(centre_ned_m: Vector3, radius_m: float, speed_m_s: float, facing: Facing, largest_m: float) -> OrbitCircle:
-    """A circle that can be flown: radius and speed are brought within bounds; NaN means the usual.
+    """A flyable circle: radius and speed are limited; NaN means the default.
 
-    A negative radius goes round the other way, as MAV_CMD_DO_ORBIT has it.
+    A negative radius reverses the direction, as in MAV_CMD_DO_ORBIT.
     """
     radius = abs(radius_m) if isfinite(radius_m) else _USUAL_RADIUS_M
     radius = max(_LEAST_RADIUS_M, min(largest_m, radius))
@@ -82,7 +82,7 @@ class Orbit(Mover):
         self.trajectory.go_to((n + radius * cos(self._angle_rad), e + radius * sin(self._angle_rad), d))
 
     def on_jump(self, jump_ned_m: Vector3) -> None:
-        """The position estimate has jumped: the circle stays where it is on Earth."""
+        """The position estimate has jumped: the circle stays fixed on Earth."""
         del jump_ned_m
         self.resync()
 

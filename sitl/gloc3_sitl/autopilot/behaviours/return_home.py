@@ -45,7 +45,7 @@ class ReturnFlight(Mover):
         self.trajectory.go_to(target)
 
     def on_jump(self, jump_ned_m: Vector3) -> None:
-        """The position estimate has jumped: the vehicle corrects its way, its places stay where they are on Earth."""
+        """The position estimate has jumped: the vehicle corrects its path; positions stay fixed on Earth."""
         del jump_ned_m
         self.resync()
 

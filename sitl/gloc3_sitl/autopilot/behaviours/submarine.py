@@ -9,7 +9,7 @@ from gloc3_sitl.autopilot.control.setpoint import MotionSetpoint, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
 
 _PUSH_M_S2 = 1.0
-"""Acceleration that a full stick asks for."""
+"""Acceleration at full stick, m/s²."""
 _YAW_RATE_RAD_S = 0.6
 _AT_SURFACE_M = 0.3
 
@@ -41,7 +41,7 @@ class SubmarineSticks(Activity):
         return forward * cosine - right * sine, forward * sine + right * cosine
 
     def turn(self) -> float:
-        """The heading, turned on by the stick."""
+        """The heading, advanced by the stick."""
         self._yaw_rad = wrap_pi(self._yaw_rad + self._rate() * PERIOD_S)
         return self._yaw_rad
 

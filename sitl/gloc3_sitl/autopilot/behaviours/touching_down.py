@@ -1,4 +1,4 @@
-"""Landing on wings: lose height in circles, come in on a slope, flare, roll out."""
+"""Landing on wings: descend in circles, approach on a slope, flare, roll out."""
 
 from enum import StrEnum
 from math import atan2, hypot
@@ -14,7 +14,7 @@ _ALIGNED_RAD: Final = 0.5
 _HEIGHT_M: Final = 4.0
 _ROLLS_M: Final = 0.5
 _FLARE_SPEED_S: Final = 1.5
-"""A flare begins so long before the ground, where that is higher than LAND_FLARE_ALT."""
+"""Time before touchdown at which the flare starts, s, where that is higher than LAND_FLARE_ALT."""
 
 
 class LandingPhase(StrEnum):
@@ -26,13 +26,13 @@ class LandingPhase(StrEnum):
 
 
 class Descent(Activity):
-    """Lands at a place, from a direction; done when it stands.
+    """Lands at a position, from a direction; done at standstill.
 
     Args:
         craft: the vehicle.
-        place: on the ground, where the slope ends.
-        start: where the slope begins; None for where it usually begins, against the direction of the take-off, which is
-            come to in a circle at that height.
+        place: end of the slope on the ground.
+        start: start of the slope; None for the default, against the direction of the take-off, reached by a circle at
+            that height.
     """
 
     __slots__ = ("_circle_m", "_directions_rad", "_fix", "_path", "_place", "is_done", "phase")
@@ -82,7 +82,7 @@ class Descent(Activity):
         return self.craft.height_over_ground_m
 
     def _lose_height(self) -> Setpoint:
-        """Round a circle that touches the slope where it begins, until low enough and on its course."""
+        """Circles at the start of the slope until low enough and on course."""
         craft, gains = self.craft, self.craft.tuning.wings
         side = 1.0 if self._circle_m > 0.0 else -1.0
         centre = beyond(self._fix, wrap_pi(self._directions_rad + side * 1.5708), abs(self._circle_m))

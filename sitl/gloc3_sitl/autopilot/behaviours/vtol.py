@@ -336,7 +336,7 @@ class VtolMission(TwoForms, FliesMission):
         self.craft.mission.is_paused = True
 
     def go_on(self) -> None:
-        """Goes on after a pause."""
+        """Resumes after a pause."""
         self.craft.mission.is_paused = False
         self.active = self.make()
 

@@ -119,7 +119,7 @@ class CircleLoiter(GoesTo):
         self._path.airspeed_m_s = speed_m_s if speed_m_s > 0.0 else nan
 
     def on_jump(self, jump_ned_m: Vector3) -> None:
-        """The position estimate has jumped: the place stays where it is on Earth."""
+        """The position estimate has jumped: the position stays fixed on Earth."""
         del jump_ned_m
 
     def update(self) -> Setpoint:
@@ -154,7 +154,7 @@ class ReturnToCircle(Activity):
 
 
 class RunUp(Activity):
-    """Take-off from the ground: full throttle along the runway, nose up, straight on, then to the height and round."""
+    """Take-off from the ground: full throttle along the runway, nose up, straight climb, then to the height."""
 
     __slots__ = ("_down_m", "_heading_rad", "_path", "_place", "_rotates", "is_done")
 
@@ -190,7 +190,7 @@ class RunUp(Activity):
 
 
 class MissionOnWings(MissionFlight):
-    """Auto: the items of the uploaded mission, on straight ways between them, and circles where it is to wait."""
+    """Auto: the items of the uploaded mission, along straight legs, with circles for waits."""
 
     __slots__ = ("_centre", "_line_start", "_path", "_radius_m")
 
@@ -278,6 +278,6 @@ class MissionOnWings(MissionFlight):
         self._line_start = None
 
     def go_on(self) -> None:
-        """Goes on after a pause, from here."""
+        """Resumes after a pause, from here."""
         super().go_on()
         self._line_start = None

@@ -7,7 +7,7 @@ from gloc3.messages.frames import Quaternion
 from gloc3_sitl.autopilot.control.setpoint import Setpoint
 
 Outputs = Sequence[float]
-"""What the motors and rudders of a vehicle are told, in its body's own order: 0 to 1, or -1 to 1 where they reverse."""
+"""Outputs to motors and control surfaces, in the body's order: 0 to 1, or -1 to 1 where reversible."""
 
 
 class ControlLoops(Protocol):
@@ -20,7 +20,7 @@ class ControlLoops(Protocol):
 
     @property
     def thrust(self) -> float:
-        """Drive asked for, as a fraction of full, for the telemetry."""
+        """Commanded drive as a fraction of full, for telemetry."""
         ...
 
     @property

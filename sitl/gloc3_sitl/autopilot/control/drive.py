@@ -14,14 +14,14 @@ Pair = tuple[float, float]
 """Left and right, -1 to 1."""
 _STOPPED: Final[Pair] = (0.0, 0.0)
 _CRUMB_M: Final = 2.0
-"""Distance between the places that are kept of the way."""
+"""Spacing of the recorded track points, m."""
 _MOST_TRACK_POINTS: Final = 500
 
 
 class DriveControl:
     """Two drives, one on each side; a `Control`.
 
-    A rover stands while it is not armed; a boat never does: it drifts.
+    A disarmed rover stands; a boat always drifts.
     """
 
     stopped: Pair = _STOPPED
@@ -120,7 +120,7 @@ class DriveControl:
         return max(-1.0, min(1.0, steering))
 
     def _mix(self, throttle: float, steering: float) -> Pair:
-        """Left and right; where both cannot be given, steering keeps its share and the speed gives way."""
+        """Left and right outputs; at a limit, steering has priority over speed."""
         share = max(self._gains.steering_share, 1.0 - abs(throttle))
         steering = max(-share, min(share, steering))
         room = 1.0 - abs(steering)
@@ -128,7 +128,7 @@ class DriveControl:
         return (self._shaped(throttle + steering), self._shaped(throttle - steering))
 
     def _shaped(self, thrust: float) -> float:
-        """The output that gives a share of the thrust ahead."""
+        """The output for a share of the forward thrust."""
         gains = self._gains
         size = min(1.0, abs(thrust) * gains.astern) if thrust < 0.0 else thrust
         curve = gains.thrust_curve
@@ -137,7 +137,7 @@ class DriveControl:
         return -size if thrust < 0.0 else size
 
     def _add_track_point(self) -> None:
-        """Remembers the way, without its loops, for the return along it."""
+        """Records the track without loops, for the return along it."""
         craft = self._craft
         if not craft.estimator.is_position_good(craft.now_s) or not craft.records_track:
             return

@@ -29,11 +29,11 @@ class DriveGains:
     steering_share: float = 0.5
     """Of full output that steering gets in any case."""
     position_p: float = 0.5
-    """Speed across the way per metre beside it, 1/s."""
+    """Lateral speed per metre of lateral error, 1/s."""
     integral: float = 0.0
     """Of the line of sight, where there is drift."""
     pivot_angle_rad: float = 1.05
-    """Corners that are sharper are turned on the spot; 0 for none."""
+    """Corners sharper than this are turned on the spot, rad; 0 for none."""
     pivot_rate_rad_s: float = 1.05
     loiters: bool = False
     """Whether it drifts where it stops, and goes back."""

@@ -9,18 +9,18 @@ _LEAST_M_S: Final = 5.0
 
 
 class LateralGuidance:
-    """Accelerations to the right, in m/s^2, from places and velocities, NED.
+    """Lateral acceleration to the right, in m/s^2, from NED positions and velocities.
 
     Args:
-        period_s: of the oscillation with which a way is come to; longer is gentler.
-        damping: of that.
+        period_s: period of the convergence to a path; longer is gentler.
+        damping: damping of the convergence.
     """
 
     def __init__(self, period_s: float, damping: float) -> None:
         self.period_s, self.damping = period_s, damping
 
     def along(self, here: Vector3, velocity: Vector3, begin: Vector3, end: Vector3) -> float:
-        """Along the straight line, which goes on beyond its end."""
+        """Along the straight line, extended beyond its end."""
         speed = max(_LEAST_M_S, hypot(velocity[0], velocity[1]))
         ahead_m = self.damping * self.period_s * speed / pi
         north, east = end[0] - begin[0], end[1] - begin[1]

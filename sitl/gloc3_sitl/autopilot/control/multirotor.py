@@ -20,14 +20,14 @@ IDLE: Throttles = (0.0, 0.0, 0.0, 0.0)
 _IDLE_THRUST: Final = 0.03
 """Collective thrust of motors that idle."""
 _THRUST_RISE_PER_S: Final = 1.2
-"""How fast the collective may grow after standing on the ground."""
+"""Largest rise of the collective thrust after standing on the ground, 1/s."""
 
 
 class Mixer:
-    """Quadrotor in X seen from above: 0 front right and 1 rear left turn counter-clockwise, 2 front left and 3 rear right clockwise.
+    """Quadrotor in X from above: 0 front right, 1 rear left counter-clockwise; 2 front left, 3 rear right clockwise.
 
-    At a limit yaw gives way first, then collective thrust, and only a demand beyond the whole range of a rotor scales
-    roll and pitch down: a vehicle that is upright but turns or climbs wrongly can be flown, a toppled one cannot.
+    At a limit, yaw is reduced first, then collective thrust; roll and pitch are scaled only beyond a rotor's whole
+    range: an upright vehicle that turns or climbs wrongly can be flown, a toppled one cannot.
     """
 
     __slots__ = ("_half_linear", "_inverse_curve", "_is_linear", "idle_thrust", "is_saturated")
@@ -36,7 +36,7 @@ class Mixer:
         self.idle_thrust = idle_thrust
         """Least thrust of a rotor while armed, as a fraction, so that none stops in flight."""
         self.is_saturated = False
-        """Whether the last mix could not give all that was asked; integrators then stand still."""
+        """Whether the last mix was limited; integrators then stop."""
         self._is_linear = thrust_curve < 1e-6
         self._inverse_curve = 0.0 if self._is_linear else 1.0 / thrust_curve
         self._half_linear = 0.0 if self._is_linear else (1.0 - thrust_curve) / (2.0 * thrust_curve)
@@ -92,8 +92,8 @@ class MultirotorControl:
     """Control loops of a quadrotor; a `Control`.
 
     Args:
-        craft: what is known of the vehicle.
-        airframe: what it is made of.
+        craft: the vehicle's state.
+        airframe: the vehicle's properties.
     """
 
     stopped: Throttles = IDLE

@@ -33,7 +33,7 @@ class PositionGains:
 
 
 class PositionController:
-    """Cascade of P on position and PID on velocity; gives a wanted specific force in NED."""
+    """Cascade of P on position and PID on velocity; returns a specific force setpoint in NED."""
 
     __slots__ = ("_integral", "_velocity_wanted", "gains")
 
@@ -44,11 +44,11 @@ class PositionController:
 
     @property
     def velocity_wanted_ned_m_s(self) -> Vector3:
-        """Velocity that the last update asked of the inner loop."""
+        """Velocity setpoint of the last update."""
         return self._velocity_wanted
 
     def reset(self) -> None:
-        """Resets the integrals; called on the ground."""
+        """Resets the integrators; called on the ground."""
         self._integral = (0.0, 0.0, 0.0)
 
     def update(
@@ -60,7 +60,7 @@ class PositionController:
         hover_thrust: float,
         dt_s: float,
     ) -> Vector3:
-        """Wanted specific force (what the rotors must give, about -9.8 down in hover), NED, in m/s^2."""
+        """Specific force setpoint (rotor thrust per mass, about -9.8 down in hover), NED, in m/s^2."""
         gains = self.gains
         pn, pe, pd = wanted.position_ned_m
         vn, ve, vd = wanted.velocity_ned_m_s

@@ -7,7 +7,7 @@ from gloc3_sitl.autopilot.airframe import Airframe
 
 
 class RateController:
-    """PID per axis; the derivative acts on the measured rate and is low-passed, so that a step in the wish does not kick."""
+    """PID per axis; the derivative acts on the low-passed measured rate, so that a setpoint step causes no kick."""
 
     __slots__ = ("_acceleration", "_d", "_filter", "_i", "_integral", "_last", "_limit", "_p", "_period_s")
 
@@ -23,7 +23,7 @@ class RateController:
         self._acceleration: Vector3 = (0.0, 0.0, 0.0)
 
     def reset(self) -> None:
-        """Resets the integrals; called while on the ground."""
+        """Resets the integrators; called on the ground."""
         self._integral = (0.0, 0.0, 0.0)
 
     def update(self, wanted_rad_s: Vector3, rate_frd_rad_s: Vector3, is_saturated: bool) -> Vector3:
@@ -70,7 +70,7 @@ class AttitudeController:
         self.gain = gain
         """Wanted rate per radian of error about the body's axes, in 1/s."""
         self.limit_rad_s = limit_rad_s
-        """Largest rate asked for about each of the body's axes."""
+        """Largest rate setpoint about each body axis."""
 
     def update(self, ned_from_frd: Quaternion, wanted_ned_from_frd: Quaternion, yaw_rate_rad_s: float) -> Vector3:
         """Wanted body rates; `yaw_rate_rad_s` about down is fed forward."""
@@ -99,7 +99,7 @@ class AttitudeController:
 
 
 def attitude_for(force_ned_m_s2: Vector3, yaw_rad: float) -> Quaternion:
-    """The attitude whose thrust points along a specific force (up in hover) with a heading.
+    """Attitude whose thrust points along a specific force (up in hover), at a heading.
 
     The force must have an upward part. The vehicle turns to the heading first and then tilts by the shortest way.
     """

@@ -25,7 +25,7 @@ class MotionSetpoint(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """Heading clockwise from north; NaN keeps the heading, or turns it by the rate."""
     yaw_rate_rad_s: float = 0.0
     is_landed: bool = False
-    """The vehicle stands on the ground with motors idling; nothing is controlled but rates."""
+    """Landed with motors idling; only rates are controlled."""
 
 
 class AttitudeSetpoint(msgspec.Struct, frozen=True, kw_only=True, gc=False):
@@ -47,7 +47,7 @@ class DriveSetpoint(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """Clockwise from north; NaN turns by the rate alone."""
     turn_rate_rad_s: float = 0.0
     is_at_rest: bool = False
-    """With no speed: its drives stop once it stands."""
+    """At zero speed: the drives stop once the vehicle stands."""
     is_direct: bool = False
     """Throttle and steering go to the drives as they are."""
     throttle: float = 0.0
@@ -57,7 +57,7 @@ class DriveSetpoint(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 
 
 class WingSetpoint(msgspec.Struct, frozen=True, kw_only=True, gc=False):
-    """A bank, a height and an air speed, for what flies on wings; or parts of that given as they are."""
+    """Bank, height and airspeed for flight on wings, or direct values for parts of them."""
 
     roll_rad: float = 0.0
     """To the right."""
@@ -72,7 +72,7 @@ class WingSetpoint(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     throttle: float = nan
     """0 to 1; NaN leaves it to the sum of energy."""
     heading_rad: float = nan
-    """Steered by the rudder on the ground; NaN in flight."""
+    """Heading steered by the rudder on the ground, rad; NaN in flight."""
     is_direct: bool = False
     """Sticks go to the rudders as they are."""
     aileron: float = 0.0

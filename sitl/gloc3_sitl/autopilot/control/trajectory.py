@@ -27,7 +27,7 @@ _BRAKING_SHARE = 0.7
 
 
 def approach_speed_m_s(distance_m: float, deceleration_m_s2: float) -> float:
-    """Largest speed from which the way to stop is still long enough; linear close to the target."""
+    """Largest speed with enough distance to stop; linear close to the target."""
     near = deceleration_m_s2 / (_NEAR_GAIN * _NEAR_GAIN)
     if distance_m < near:
         return _NEAR_GAIN * distance_m
@@ -53,10 +53,10 @@ def wanted_speed_m_s(
 
 
 class SmoothTrajectory:
-    """A point that moves towards a target, limited in speed, acceleration and jerk.
+    """A point that moves to a target with limited speed, acceleration and jerk.
 
-    Horizontally it follows the line from where the target was set towards the target and stops there; the height
-    moves by its own limits, slowed so that both arrive together when `is_straight`.
+    Horizontally it follows the line to the target from the position at which the target was set. The height moves
+    within its own limits, slowed for simultaneous arrival when `is_straight`.
     """
 
     __slots__ = ("_leg_start", "acceleration", "limits", "position", "target", "velocity")
@@ -93,7 +93,7 @@ class SmoothTrajectory:
         return sqrt((tn - n) ** 2 + (te - e) ** 2 + (td - d) ** 2)
 
     def advance(self, dt_s: float) -> None:
-        """Moves on by one period."""
+        """Advances by one period."""
         limits = self.limits
         n, e, d = self.position
         vn, ve, vd = self.velocity

@@ -22,14 +22,14 @@ _RATE_INTEGRAL: Final = 0.1
 _RATE_MAX_RAD_S: Final = (0.8, 0.5, 0.6)
 _PITCH_MAX_RAD: Final = 0.5
 _CRUISE_AT_M_S, _CRUISE_AT_M = 0.25, 3.0
-"""A vehicle that steers by its heading turns into its way when it is to go on faster, or has farther to go, than this…"""
+"""Speed and distance above which a vehicle that steers by its heading turns along its path…"""
 _HOVER_AT_M_S, _HOVER_AT_M = 0.15, 2.0
 """…and hovers again when it is slower, and nearer."""
 _STREAM_SPEED_M_S: Final = 0.5
 _STREAM_TURN_RAD_S: Final = 0.05
 _STREAM_S: Final = 6.0
 _STREAM_MAX_M_S: Final = 1.2
-"""The current is learnt on straight ways above this speed, with this time constant, up to this much."""
+"""Largest estimate of the current; it is learned on straight legs above this speed, with this time constant."""
 _FIN_SPEED_M_S: Final = 0.4
 """Fins are used above this speed."""
 _TURN_SHARE: Final = 0.7
@@ -41,12 +41,12 @@ _TRIM_MAX_M_S2: Final = 0.6
 class UnderwaterControl:
     """Control loops of a vehicle that hovers in all directions; a `Control`.
 
-    A slender vehicle (one with fins) also steers by its heading: on its way it turns its nose to where it must go through the
-    water, so that the current is met by a crab angle, and dives with its nose down.
+    A slender vehicle (with fins) also steers by its heading: it turns its nose along its path through the water, with a
+    crab angle against the current, and dives nose down.
 
     Args:
-        craft: what is known of the vehicle.
-        model: its masses, drag and actuators, as its autopilot has been tuned to them.
+        craft: the vehicle's state.
+        model: masses, drag and actuators to which the autopilot is tuned.
     """
 
     def __init__(self, craft: Craft, model: UnderwaterModel) -> None:
@@ -89,7 +89,7 @@ class UnderwaterControl:
         return self._outputs
 
     def follow(self, setpoint: Setpoint) -> None:
-        """Turns a setpoint into commands. Under water there is no ground to stand on: an armed vehicle never is landed."""
+        """Turns a setpoint into commands. An armed vehicle under water is never landed."""
         craft = self._craft
         craft.touchdown.is_landed = False
         if not craft.is_armed:
@@ -175,7 +175,7 @@ class UnderwaterControl:
         self._drive(force, 0.0, pitch, rate, yaw)
 
     def _wanted_velocity(self, wanted: MotionSetpoint, position: Vector3) -> Vector3:
-        """Position errors and velocities asked for, as one velocity in NED within the limits; NaN where nothing is wanted."""
+        """Position errors and velocity setpoints as one velocity in NED within the limits; NaN on free axes."""
         gains = self._craft.tuning.gains
         pn, pe, pd = wanted.position_ned_m
         vn, ve, vd = wanted.velocity_ned_m_s
@@ -197,7 +197,7 @@ class UnderwaterControl:
         return vn, ve, vd
 
     def _learn_stream(self) -> None:
-        """The current: what the velocity over ground has beside that through the water, which follows from thrust and drag."""
+        """Estimates the current: velocity over ground minus the velocity through water derived from thrust and drag."""
         model, inertial = self._model, self._estimator.inertial
         push = sum(
             steady_thrust_n(model, thruster.forward_n, thruster.backward_n, command) * thruster.direction_frd[0]
@@ -220,7 +220,7 @@ class UnderwaterControl:
     def _cruise(
         self, wanted: MotionSetpoint, goal: Vector3, errors: Sequence[float]
     ) -> tuple[float, float, float] | None:
-        """Heading, pitch and speed through the water for a way that is worth turning to; None to hover."""
+        """Heading, pitch and speed through the water for a path long enough to turn along; None to hover."""
         vn, ve, vd = goal
         pn, pe, _ = wanted.position_ned_m
         on_n, on_e, _ = wanted.velocity_ned_m_s
@@ -319,7 +319,7 @@ def _effect(thruster: Thruster) -> Six:
 
 
 def _command(model: UnderwaterModel, thruster: Thruster, force_n: float) -> float:
-    """The command -1 to 1 at which a thruster gives a force."""
+    """The command (-1 to 1) at which a thruster produces a force."""
     share = abs(force_n) / (thruster.forward_n if force_n > 0.0 else thruster.backward_n)
     if share < 0.002:
         return 0.0

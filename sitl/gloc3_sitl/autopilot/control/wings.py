@@ -16,7 +16,7 @@ _STOPPED: Final[Rudders] = (0.0, 0.0, -1.0, 0.0)
 _STANDS_M_S: Final = 1.0
 _STANDS_S: Final = 1.5
 _STARTS: Final = 0.2
-"""Throttle with which a plane on the ground counts as under way."""
+"""Throttle above which a plane on the ground counts as rolling."""
 
 
 class WingControl:
@@ -96,7 +96,7 @@ class WingControl:
         self._pitch_rad = pitch_rad
 
     def _mind_ground(self, throttle: float) -> None:
-        """Tells ground from air: it has landed when it stands with its motor off."""
+        """Detects ground and air: landed at standstill with the motor off."""
         craft = self._craft
         touchdown = craft.touchdown
         if not self._lands:
@@ -187,10 +187,10 @@ class EnergyControl:
         """Pitch in radians and throttle, 0 to 1.
 
         Args:
-            wanted: what is wanted.
-            climb_m_s: estimated.
-            airspeed_m_s: measured.
-            load_factor: lift over weight that the bank asks for.
+            wanted: the setpoint.
+            climb_m_s: estimated climb rate.
+            airspeed_m_s: measured airspeed.
+            load_factor: lift over weight required by the bank.
         """
         g = self._gains
         speed = max(5.0, airspeed_m_s)

@@ -11,13 +11,13 @@ _STILL_RAD_S = 0.1
 _STILL_AFLOAT_RAD_S = 0.02
 """The same for what floats: slow rocking would be taken for a bias of the gyros."""
 _MOST_WAITS = 2000
-"""After so many samples without rest, 10 s, it floats: then so much rocking is averaged over several waves."""
+"""Samples without rest (10 s) after which the vehicle counts as floating; waves are averaged then."""
 _ROCKING_RAD_S = 1.5
 _ROCKING_SAMPLES = 1600
 
 
 class InertialAlignment:
-    """Averages the IMU while nothing moves; then gives attitude and gyro bias."""
+    """Averages the IMU at rest; yields attitude and gyro bias."""
 
     __slots__ = ("_count", "_force", "_is_afloat", "_rate", "_seen", "field_frd")
 
@@ -30,7 +30,7 @@ class InertialAlignment:
         """The newest magnetic field in the body, in any unit."""
 
     def add(self, force_frd_m_s2: Vector3, rate_frd_rad_s: Vector3, *, floats: bool = False) -> bool:
-        """Takes in one IMU sample, of a vehicle that floats or stands; true when the average is complete."""
+        """Adds one IMU sample of a standing or floating vehicle; returns whether the average is complete."""
         p, q, r = rate_frd_rad_s
         self._seen += 1
         is_afloat = self._is_afloat = self._seen > _MOST_WAITS

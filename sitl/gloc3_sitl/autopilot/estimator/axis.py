@@ -7,7 +7,7 @@ Gains = tuple[float, float, float]
 class AxisFilter:
     """Covariance of a three-state Kalman filter whose inputs are integrated accelerations.
 
-    Only the covariance lives here, the state is the inertial solution's: north and east see the same measurements
+    Only the covariance is kept here, the state is the inertial solution's: north and east have the same measurements
     and share one filter. States: position [m], velocity [m/s], error of the acceleration [m/s^2] (in the
     horizontal axes nearly all of it is tilt).
     """
@@ -23,7 +23,7 @@ class AxisFilter:
         self.reset(100.0, 1.0, 0.09)
 
     def reset(self, position_m2: float, velocity_m2_s2: float, acceleration_m2_s4: float | None = None) -> None:
-        """Starts again with these variances; the acceleration error is kept unless one is given."""
+        """Resets the variances; the acceleration error is kept unless one is given."""
         self._pp, self._vv = position_m2, velocity_m2_s2
         self._pv = self._pa = self._va = 0.0
         if acceleration_m2_s4 is not None:
@@ -52,7 +52,7 @@ class AxisFilter:
         self._aa = aa + self.acceleration_walk * dt_s
 
     def measure_position(self, variance_m2: float) -> Gains:
-        """Takes in a position with this variance; gives the gains for its innovation."""
+        """Updates with a position of this variance; returns the gains for its innovation."""
         pp, pv, pa = self._pp, self._pv, self._pa
         inverse = 1.0 / (pp + variance_m2)
         kp, kv, ka = pp * inverse, pv * inverse, pa * inverse
@@ -65,7 +65,7 @@ class AxisFilter:
         return kp, kv, ka
 
     def measure_velocity(self, variance_m2_s2: float) -> Gains:
-        """Takes in a velocity with this variance; gives the gains for its innovation."""
+        """Updates with a velocity of this variance; returns the gains for its innovation."""
         pv, vv, va = self._pv, self._vv, self._va
         inverse = 1.0 / (vv + variance_m2_s2)
         kp, kv, ka = pv * inverse, vv * inverse, va * inverse

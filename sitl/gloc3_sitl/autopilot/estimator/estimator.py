@@ -1,4 +1,4 @@
-"""The state estimator: an inertial solution, corrected by whichever sources are switched on and pass their gates."""
+"""State estimator: an inertial solution, corrected by all enabled sources that pass their gates."""
 
 from dataclasses import dataclass, field
 from math import atan2, nan, sqrt
@@ -12,7 +12,7 @@ from gloc3_sitl.autopilot.estimator.sources import DEFAULT_SOURCES, AidingSource
 
 _GATE_SIGMA: Final = 5.0
 _FIRST_MEASUREMENTS: Final = 10
-"""Positions taken in before the estimate may be flown by."""
+"""Accepted positions before the estimate may be used in flight."""
 _STUCK: Final = 10
 """So many equal readings of a magnetometer in a row: a working one has noise."""
 _FIX_LOST_S: Final = 0.5
@@ -36,7 +36,7 @@ class Estimator:
     """Where NED is tangent to the Earth; None until the first good fix or until it is set."""
     is_aligned: bool = False
     is_landed: bool = True
-    """Told by the autopilot: on the ground and not moving."""
+    """Set by the autopilot: on the ground and at rest."""
     ground_down_m: float = 0.0
     """NED down of the ground below, by the range finder."""
     height_above_ground_m: float = nan
@@ -54,7 +54,7 @@ class Estimator:
     """By how much it has jumped in all."""
     barometer_altitude_m: float = nan
     boot_down_m: float = 0.0
-    """NED down of the place where the vehicle boots: what a diving one lies in the water."""
+    """NED down of the boot position: the draught of a diving vehicle, m."""
     _horizontal: AxisFilter = field(default_factory=lambda: AxisFilter(0.02, 4e-4))
     _vertical: AxisFilter = field(default_factory=lambda: AxisFilter(0.02, 1e-3))
     _alignment: InertialAlignment = field(default_factory=InertialAlignment)
@@ -260,12 +260,12 @@ class Estimator:
 
     @property
     def is_yaw_aligned(self) -> bool:
-        """Whether the heading counts from north, so that the position is one on Earth."""
+        """Whether the heading is relative to north, so that the position is one on Earth."""
         return self._yaw_is_from_north or not self.sources & AidingSource.EXTERNAL_YAW
 
     @property
     def place(self) -> GeoPoint | None:
-        """Place on Earth, where origin and north are known."""
+        """Position on Earth; None without origin and north."""
         return (
             None
             if self.origin is None or not self.is_yaw_aligned
@@ -279,11 +279,11 @@ class Estimator:
         return enough and age < 1.0 and self._horizontal.position_variance_m2 < 9.0
 
     def is_height_good(self, now_s: float) -> bool:
-        """Whether some height source was taken in within the last second."""
+        """Whether a height source was accepted within the last second."""
         return now_s - max(self.height_state.accepted_s, self.barometer_state.accepted_s) < 1.0
 
     def is_heading_good(self, now_s: float) -> bool:
-        """Whether a heading source was taken in within the last two seconds."""
+        """Whether a heading source was accepted within the last two seconds."""
         return now_s - self.heading_state.accepted_s < 2.0
 
     @property

@@ -19,10 +19,10 @@ class PastState(NamedTuple):
 
 
 class InertialSolution:
-    """Integrates the IMU at its own rate, and takes corrections as small steps.
+    """Integrates the IMU at its rate, and applies corrections in small steps.
 
-    Past states are kept without the corrections made so far, so that a late measurement is compared with what would
-    be believed today about its time.
+    Past states are kept without the corrections made so far, so that a late measurement is compared with the present
+    estimate of its time.
     """
 
     __slots__ = (
@@ -57,7 +57,7 @@ class InertialSolution:
         self._history: deque[PastState] = deque(maxlen=40)
 
     def predict(self, force_frd_m_s2: Vector3, rate_frd_rad_s: Vector3, t_s: float, dt_s: float) -> None:
-        """Moves on by one IMU sample, a specific force and a body rate valid for the last `dt_s`."""
+        """Advances by one IMU sample, a specific force and a body rate valid for the last `dt_s`."""
         bp, bq, br = self.gyro_bias_rad_s
         p, q, r = rate_frd_rad_s
         p -= bp

@@ -9,9 +9,9 @@ from gloc3.messages.frames import GeoPoint, Vector3
 
 
 class AidingSource:
-    """Bits of what may correct the inertial solution; each can be switched on and off in flight.
+    """Bits of the aiding sources of the inertial solution; each can be enabled and disabled in flight.
 
-    They are plain integers: in the loops that ask for them the operators of an `IntFlag` would be dear.
+    They are plain integers: the operators of `IntFlag` would be expensive in the inner loops.
     """
 
     FIX: Final = 1
@@ -26,7 +26,7 @@ class AidingSource:
     RANGE_HEIGHT: Final = 128
     """The range finder as height, over flat ground."""
     DEPTH: Final = 256
-    """The barometer alone as height, as under water: satellites tell no height."""
+    """The barometer as the only height, under water: satellites provide none."""
 
 
 DEFAULT_SOURCES: Final = AidingSource.FIX | AidingSource.BAROMETER | AidingSource.MAGNETOMETER
@@ -37,11 +37,11 @@ class AidingState:
     """State of an aiding source."""
 
     accepted_s: float = -1e9
-    """Last time that a measurement was taken in."""
+    """Time of the last accepted measurement."""
     refused_since_s: float | None = None
     """Since when its measurements have failed the gate without a break."""
     accepted: int = 0
-    """Measurements taken in so far."""
+    """Number of accepted measurements."""
     test_ratio: float = 0.0
     """Last squared innovation over its gate; above 1 it was refused."""
 
@@ -58,7 +58,7 @@ class AidingState:
         return False
 
     def is_stuck(self, now_s: float) -> bool:
-        """Refused for so long that the estimate, not the source, must be wrong."""
+        """Whether rejections have lasted so long that the estimate, not the source, must be wrong."""
         return self.refused_since_s is not None and now_s - self.refused_since_s > 1.5
 
 

@@ -19,7 +19,7 @@ class Subject(StrEnum):
 
 
 TURNED: Final = frozenset({Subject.MAGNETOMETER, Subject.ACCELEROMETER})
-"""Those for which somebody has to lay the vehicle on each of its sides, which nobody can here."""
+"""Calibrations that require the vehicle on each of its sides, which the simulation cannot do."""
 
 _STEP_S: Final = 0.3
 _STEPS: Final = 5
@@ -38,11 +38,11 @@ class CalibrationRun:
 
     @property
     def is_busy(self) -> bool:
-        """Whether one is under way."""
+        """Whether a calibration is under way."""
         return self._subject is not None
 
     def begin(self, subject: Subject) -> None:
-        """Begins one; `tick` goes on with it."""
+        """Starts a calibration; `tick` continues it."""
         self._subject, self._begin_s, self._step = subject, self._craft.now_s, 0
         self._send_text(f"calibration started: 2 {subject}")
         if subject in TURNED:
@@ -50,7 +50,7 @@ class CalibrationRun:
             self._send_text("hold vehicle still on a pending side")
 
     def cancel(self) -> None:
-        """Ends the one that is under way."""
+        """Cancels the calibration under way."""
         if self._subject is not None:
             self._subject = None
             self._send_text("calibration cancelled")
@@ -72,7 +72,7 @@ class CalibrationRun:
                 self._send_text(f"calibration done: {subject}")
 
     def _wait(self, subject: Subject, now_s: float) -> None:
-        """The side on which it stands is measured; the others nobody brings down."""
+        """Measures the present side; the other sides never come."""
         waited_s = now_s - self._begin_s
         if self._step == 0 and waited_s >= _STEP_S:
             self._step = 1
@@ -104,7 +104,7 @@ _SAMPLES_S: Final = 1.0
 class AccelerometerPositions:
     """ArduPilot's calibration on six sides: it requests a position every second until a station confirms it.
 
-    Nobody can turn the simulated vehicle: when all six are confirmed, the calibration fails.
+    The simulated vehicle cannot be turned: when all six are confirmed, the calibration fails.
     """
 
     def __init__(self, craft: Craft) -> None:

@@ -263,7 +263,7 @@ def _storage(context: FrontContext, request: MavCommandRequest) -> RequestVerdic
 
 
 def _turn_nose(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
-    """CONDITION_YAW outside a mission, as ArduPilot takes it: it turns the vehicle in the modes that steer its heading."""
+    """CONDITION_YAW outside a mission, as in ArduPilot: turns the vehicle in modes that control its heading."""
     if context.is_px4:
         return _UNSUPPORTED
     angle, _, direction, relative = request.params[:4]
@@ -289,7 +289,7 @@ def _source_set(context: FrontContext, request: MavCommandRequest) -> RequestVer
 
 
 def _fence_enable(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
-    """ArduPilot's fence is switched on and off until the next start or change of FENCE_ENABLE; PX4's is not."""
+    """Enables or disables ArduPilot's fence until the next boot or change of FENCE_ENABLE; PX4 refuses."""
     if context.is_px4:
         return _UNSUPPORTED
     wanted = request.params[0]

@@ -78,16 +78,16 @@ _COMMON: Final = (
 MOST_HEIGHT_M: Final = 100_000.0
 _ALIGNING_SHARE: Final = 0.01
 _IMU: Final = {codec.shape(name).id: name for name in ("HIGHRES_IMU", "SCALED_IMU")}
-"""What is asked for at more than the rate of the outer loop."""
+"""Messages sent faster than the outer loop."""
 
 _PX4_FIXED: Final = frozenset({codec.shape("MISSION_CURRENT").id})
-"""Messages that PX4 sends at a rate of its own; an interval is refused."""
+"""Messages that PX4 sends at a fixed rate; an interval is refused."""
 _PX4_ON_CHANGE: Final = frozenset({codec.shape("GPS_GLOBAL_ORIGIN").id})
 """Messages that PX4 sends when they change and on request; an interval is accepted without effect."""
 
 
 def starting_rates(style: str, kind: LinkKind) -> dict[str, float]:
-    """Rates in Hz at which a link begins; 0 for what is only sent when somebody asks."""
+    """Initial rates of a link, Hz; 0 for messages sent on request only."""
     return dict.fromkeys(producers(style), 0.0) | dict(_DEFAULTS[style].get(kind, {}))
 
 
@@ -111,11 +111,11 @@ GROUP_PARAMETERS: Final[Mapping[str, int]] = {
     "MAV1_EXTRA2": 11,
     "MAV1_EXTRA3": 12,
 }
-"""ArduPilot's parameters for the groups; here they act on all links."""
+"""ArduPilot's parameters of the message groups; they apply to all links here."""
 
 
 def version_of(style: StyleTables) -> Version:
-    """The version of the firmware whose manners are followed; the vendor and product ids are nobody's."""
+    """The emulated firmware's version; vendor and product ids are unassigned."""
     bytewise = style.name == "px4"
     return Version(
         capabilities=_COMMON
@@ -129,7 +129,7 @@ def version_of(style: StyleTables) -> Version:
 
 
 class HeadingOffset:
-    """The heading of an odometer's own frame, whose x axis points wherever it was switched on."""
+    """Heading of an odometer's own frame, whose x axis is that of its start."""
 
     __slots__ = ("_offset_rad", "_resets")
 
@@ -152,9 +152,9 @@ class FrontContext:
     """See the module.
 
     Args:
-        autopilot: whom the front end speaks for.
+        autopilot: the autopilot that it serves.
         receive: receives each frame from any link.
-        before: itself before a reboot; the signing key outlives that.
+        before: the instance before a reboot, whose signing key is kept.
     """
 
     def __init__(
@@ -173,7 +173,7 @@ class FrontContext:
         self.router: Final = AutopilotRouter(self.own, receive, self.signing.passes)
         self._streams: dict[AutopilotPort, StreamScheduler] = {}
         self.producers: Final = producers(autopilot.style.name)
-        """By name, what can be streamed or requested."""
+        """Messages that can be streamed or requested, by name."""
         self._producers = {codec.shape(name).id: produce for name, produce in self.producers.items()}
         self.heading_offset: Final = HeadingOffset()
         """Between an odometer's frame and north."""
@@ -189,7 +189,7 @@ class FrontContext:
     # -- links --------------------------------------------------------------------------------------------------------
 
     def attach(self, send: Send, kind: LinkKind, *, is_datagram: bool = True) -> Receive:
-        """Adds a link; gives what is to be called with each piece of data that comes in there."""
+        """Adds a link; returns a callable for each piece of received data."""
         link, receive = self.router.attach(send, kind, is_datagram=is_datagram)
         self.signing.equip(link)
         rates = starting_rates(self.autopilot.style.name, kind)
@@ -202,13 +202,13 @@ class FrontContext:
         return receive
 
     def link_of(self, sender: Address) -> AutopilotPort | None:
-        """The link on which somebody was heard."""
+        """The link on which an address was heard; None if on none."""
         return next((link for link in self.router.links if sender in link.peers), None)
 
     # -- out ----------------------------------------------------------------------------------------------------------
 
     def stream(self, now_s: float) -> None:
-        """Sends what is due on each link."""
+        """Sends due messages on each link."""
         made: dict[int, MavlinkMessage | None] = {}
         for link, streams in self._streams.items():
             for number in streams.due(now_s):
@@ -225,7 +225,7 @@ class FrontContext:
                     link.send(link.encoder.encode(message))
 
     def send_now(self, name: str) -> None:
-        """Sends a message to everybody out of turn."""
+        """Sends a message to all peers immediately."""
         message = self.producers[name](self.autopilot)
         if message is not None:
             self.router.send(message)
@@ -252,7 +252,7 @@ class FrontContext:
         return True
 
     def request_message(self, number: int, request: MavCommandRequest) -> RequestVerdict:
-        """Sends one message once, to whom asked."""
+        """Sends one message once to the requester."""
         if number == codec.shape("AUTOPILOT_VERSION").id:
             message: MavlinkMessage | None = version_of(self.autopilot.style).message()
         elif number in self._producers:
@@ -267,7 +267,7 @@ class FrontContext:
         return ACCEPTED
 
     def stream_command(self, request: MavCommandRequest) -> RequestVerdict:
-        """SET_MESSAGE_INTERVAL and GET_MESSAGE_INTERVAL, for the link on which they came."""
+        """SET_MESSAGE_INTERVAL and GET_MESSAGE_INTERVAL, for the link of the request."""
         link = self.link_of(request.sender)
         if link is None:
             return RequestVerdict(Result.FAILED, "unknown link")
@@ -284,7 +284,7 @@ class FrontContext:
         return RequestVerdict(Result.UNSUPPORTED if result is None else Result(int(result)))
 
     def set_group(self, group: int, rate_hz: float, sender: Address | None) -> None:
-        """ArduPilot's groups of messages: all of one group, on the sender's link or on every link."""
+        """Rate of one of ArduPilot's message groups, on the sender's link or on every link."""
         names = GROUPS.get(group, ()) if group else tuple(name for row in GROUPS.values() for name in row)
         link = None if sender is None else self.link_of(sender)
         for streams in self._streams.values() if link is None else (self._streams[link],):
@@ -301,7 +301,7 @@ class FrontContext:
         return ACCEPTED
 
     def begin_calibration(self) -> None:
-        """A calibration of the gyro: it takes a second and changes nothing."""
+        """Starts a gyro calibration: it takes a second and changes nothing."""
         self.craft.send_text(Severity.INFO, "Calibrating; do not move the vehicle")
 
     def set_origin(self, place: GeoPoint) -> RequestVerdict:
@@ -316,7 +316,7 @@ class FrontContext:
         return ACCEPTED
 
     def accepts_joystick(self, sender: Address) -> bool:
-        """Whether sticks over MAVLink are taken: PX4 by COM_RC_IN_MODE, ArduPilot from its own station."""
+        """Whether MANUAL_CONTROL is accepted: PX4 by COM_RC_IN_MODE, ArduPilot from its own station."""
         if self.is_px4:
             return self.autopilot.parameters["COM_RC_IN_MODE"] in (1.0, 2.0, 3.0)
         return sender.system == self.craft.tuning.station_system

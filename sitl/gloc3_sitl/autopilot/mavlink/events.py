@@ -22,7 +22,7 @@ from gloc3_sitl.autopilot.autopilot import Autopilot
 
 _ARGUMENT_BYTES: Final = 40
 _FIRST_SEQUENCE: Final = 65525
-"""PX4 begins so high that receivers meet the wrap soon."""
+"""First sequence number, as high as PX4's, so that receivers soon meet the wrap."""
 _KEPT: Final = 20
 """Newest events that can be requested again."""
 _SEQUENCE_PERIOD_S: Final = 3.0
@@ -87,7 +87,7 @@ CHECKS: Final[Mapping[str, EventKind]] = {
 
 
 class EventSender(Microservice[Never]):
-    """Sends events once to everybody, and again to whom requests them."""
+    """Sends events once to all, and again on request."""
 
     handles = frozenset({"REQUEST_EVENT"})
 
@@ -114,7 +114,7 @@ class EventSender(Microservice[Never]):
         self._outgoing.append(event)
 
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
-        """Sends the requested events again; those that are gone are answered one by one."""
+        """Sends requested events again; expired ones are answered one by one."""
         if not self._is_for_us(message):
             return
         kept = {event.sequence: event for event in self._kept}
@@ -249,7 +249,7 @@ class HealthReporter:
     """Reports the checks when they change, and on request.
 
     Args:
-        autopilot: whose checks.
+        autopilot: the checked autopilot.
         events: sends the report.
     """
 

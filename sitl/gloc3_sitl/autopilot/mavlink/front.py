@@ -45,18 +45,18 @@ _ARMED, _CUSTOM = 128, 1
 ARM_AUTHORIZATION_REQUEST: Final = 3001
 _CALIBRATION_S: Final = 1.0
 _BUSY_S: Final = 1.0
-"""So long after the last message to or from a service they are looked at in every outer period, and rarely otherwise."""
+"""Time after the last message to or from a service in which it is polled every outer period, s; rarely otherwise."""
 _RARELY_S: Final = 0.1
 _IMU: Final = {codec.shape(name).id: name for name in ("HIGHRES_IMU", "SCALED_IMU")}
-"""What is asked for at more than the rate of the outer loop."""
+"""Messages sent faster than the outer loop."""
 
 
 class Front:
     """MAVLink interface of an autopilot on any number of links.
 
     Args:
-        autopilot: whom it speaks for; its outer loop drives this too.
-        before: itself before a reboot; uploaded plans and files outlive that.
+        autopilot: the autopilot that it serves; its outer loop also drives this.
+        before: the instance before a reboot, whose plans and files are kept.
     """
 
     def __init__(self, autopilot: Autopilot, before: "Front | None" = None) -> None:
@@ -100,7 +100,7 @@ class Front:
         autopilot.on_outer.append(self.tick)
 
     def _serve_files(self) -> None:
-        """Offers the files that the style makes itself: PX4's metadata of its events, ArduPilot's virtual files."""
+        """Serves the style's generated files: PX4's event metadata, ArduPilot's virtual files."""
         context, autopilot = self.context, self.autopilot
         if autopilot.style.reports_by_event:
             context.health = HealthReporter(autopilot, self._events)
@@ -143,11 +143,11 @@ class Front:
     # -- links --------------------------------------------------------------------------------------------------------
 
     def attach(self, send: Send, kind: LinkKind, *, is_datagram: bool = True) -> Receive:
-        """Adds a link; gives what is to be called with each piece of data that comes in there."""
+        """Adds a link; returns a callable for each piece of received data."""
         return self.context.attach(send, kind, is_datagram=is_datagram)
 
     def send_text(self, severity: Severity, text: str) -> None:
-        """Sends a sentence to everybody."""
+        """Sends a status text to all."""
         self._texts.send(int(severity), text)
         self._serve_s = 0.0
 
@@ -170,7 +170,7 @@ class Front:
             self._serve()
 
     def _serve(self) -> None:
-        """Runs the commands that have come, and sends what the services have to say."""
+        """Runs received commands, and sends the services' messages."""
         now_s = self.craft.now_s
         self._serve_s = now_s + _RARELY_S
         self.plans.tick()

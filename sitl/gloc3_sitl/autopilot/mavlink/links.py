@@ -26,7 +26,7 @@ class LinkKind(StrEnum):
 
 
 class AutopilotPort:
-    """One link: a parser, an encoder with its own sequence, and the peers seen on it."""
+    """One link: parser, encoder with its own sequence, and known peers."""
 
     __slots__ = ("encoder", "is_datagram", "is_trusted", "kind", "parser", "peers", "send")
 
@@ -35,18 +35,18 @@ class AutopilotPort:
         self.kind: Final = kind
         self.is_datagram: Final = is_datagram
         self.is_trusted = False
-        """Whether it takes what is not signed, though there is a key."""
+        """Whether unsigned frames are accepted although there is a key."""
         self.parser: Final = Parser(is_datagram=is_datagram)
         self.encoder: Final = Encoder(own.system, own.component)
         self.peers: dict[Address, None] = {}
-        """Everybody heard on this link, in the order in which they came."""
+        """Peers heard on this link, in order of arrival."""
 
     def reaches(self, system: int, component: int) -> bool:
-        """Whether somebody with this address has been heard here; 0 means anybody."""
+        """Whether a peer with this address has been heard here; 0 matches any."""
         return any(system in (0, peer.system) and component in (0, peer.component) for peer in self.peers)
 
     def learn(self, sender: Address) -> None:
-        """Somebody was heard here."""
+        """Registers a peer heard on this link."""
         if sender not in self.peers:
             if len(self.peers) >= _MOST_PEERS:
                 del self.peers[next(iter(self.peers))]
@@ -54,7 +54,7 @@ class AutopilotPort:
 
 
 class AutopilotRouter:
-    """Passes frames in to the autopilot and on between links, by the rules of the MAVLink guide."""
+    """Routes frames to the autopilot and between links, by the rules of the MAVLink guide."""
 
     def __init__(
         self,
@@ -67,7 +67,7 @@ class AutopilotRouter:
         self._receive, self._passes = handle, passes
 
     def attach(self, send: Send, kind: LinkKind, *, is_datagram: bool) -> tuple[AutopilotPort, Receive]:
-        """Adds a link; gives what is to be called with each piece of data that comes in there."""
+        """Adds a link; returns a callable for each piece of received data."""
         link = AutopilotPort(send, self.own, kind, is_datagram=is_datagram)
         self.links.append(link)
 
@@ -98,7 +98,7 @@ class AutopilotRouter:
                 link.send(frame.raw)
 
     def send(self, message: MavlinkMessage) -> None:
-        """Sends one of our own: addressed ones where their target was heard, the rest everywhere."""
+        """Sends one of the autopilot's messages: to the target's link, or on all links."""
         shape = message.shape
         system = message.target_system if shape.target_system_at >= 0 and hasattr(message, "target_system") else 0
         component = message.target_component if system and shape.target_component_at >= 0 else 0

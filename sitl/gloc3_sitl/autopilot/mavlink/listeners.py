@@ -28,7 +28,7 @@ _OVER_SEA: Final = (0, 5)
 _LEAVE: Final = 65535
 _OVERRIDE_S: Final = 3.0
 _JOYSTICK_S: Final = 0.5
-"""A joystick that is silent for so long is gone."""
+"""Time-out of a joystick, s."""
 
 
 def _heartbeat(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
@@ -55,7 +55,7 @@ def _attitude(context: FrontContext, message: MavlinkMessage, sender: Address) -
 
 
 def _set_mode(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
-    """SET_MODE (old, still in use with ArduPilot); it has no answer but the heartbeat."""
+    """SET_MODE (deprecated, still in use with ArduPilot); the heartbeat is the only answer."""
     del sender
     if message.base_mode & 1:
         context.commander.set_mode(message.custom_mode, Author.COMMAND)
@@ -68,7 +68,7 @@ def _data_stream(context: FrontContext, message: MavlinkMessage, sender: Address
 
 
 def _manual_control(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
-    """A joystick at the ground station: the same as the pilot's sticks, as long as it goes on."""
+    """MANUAL_CONTROL: a joystick at the ground station acts as the pilot's sticks until its time-out."""
     if not context.accepts_joystick(sender):
         return
     pilot = context.craft.pilot
@@ -80,7 +80,7 @@ def _manual_control(context: FrontContext, message: MavlinkMessage, sender: Addr
 
 
 def _target(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
-    """Somebody to follow tells where he is; ArduPilot's way to follow is not here."""
+    """Position of a target to follow, PX4's way; ArduPilot's is not implemented."""
     del sender
     origin = context.craft.estimator.origin
     latitude, longitude = message.lat * 1e-7, message.lon * 1e-7
@@ -96,7 +96,7 @@ def _target(context: FrontContext, message: MavlinkMessage, sender: Address) -> 
 
 
 def _shell(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
-    """There is no shell: whoever types something is told so. ArduPilot has none on this message either."""
+    """Replies that there is no shell; ArduPilot has none on this message either."""
     if not context.is_px4 or message.device != _SHELL or not message.count:
         return
     text = _NO_SHELL.encode()
@@ -108,7 +108,7 @@ def _shell(context: FrontContext, message: MavlinkMessage, sender: Address) -> N
 
 
 def _guided_item(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
-    """ArduPilot's old way to be sent somewhere: a mission item that is marked as one to go to now."""
+    """ArduPilot's legacy guided item: a mission item marked as a position to go to now."""
     if context.is_px4 or message.current != _GO_NOW:
         return
     craft, origin = context.craft, context.craft.estimator.origin
@@ -129,7 +129,7 @@ def _guided_item(context: FrontContext, message: MavlinkMessage, sender: Address
 
 
 def _override(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
-    """Sticks as pulse lengths, as long as they go on: the first four channels; 0 gives one back, the largest leaves it."""
+    """RC_CHANNELS_OVERRIDE for the first four channels; 0 releases one, the largest value ignores it."""
     if not context.accepts_joystick(sender):
         return
     pilot = context.craft.pilot

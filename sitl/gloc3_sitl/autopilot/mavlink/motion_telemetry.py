@@ -53,7 +53,7 @@ def attitude_quaternion(autopilot: "Autopilot") -> MavlinkMessage:
 
 
 def attitude_target(autopilot: "Autopilot") -> MavlinkMessage:
-    """ATTITUDE_TARGET: what the attitude loop is asked for."""
+    """ATTITUDE_TARGET: setpoint of the attitude loop."""
     return message(
         "ATTITUDE_TARGET",
         time_boot_ms=boot_ms(autopilot),
@@ -63,7 +63,7 @@ def attitude_target(autopilot: "Autopilot") -> MavlinkMessage:
 
 
 def local_position(autopilot: "Autopilot") -> MavlinkMessage | None:
-    """LOCAL_POSITION_NED; silent while there is no position."""
+    """LOCAL_POSITION_NED; None without a position."""
     estimator = autopilot.estimator
     if not estimator.is_position_good(autopilot.craft.now_s):
         return None
@@ -73,7 +73,7 @@ def local_position(autopilot: "Autopilot") -> MavlinkMessage | None:
 
 
 def global_position(autopilot: "Autopilot") -> MavlinkMessage | None:
-    """GLOBAL_POSITION_INT; silent while there is no global position."""
+    """GLOBAL_POSITION_INT; None without a global position."""
     estimator = autopilot.estimator
     place = estimator.place
     if place is None or not estimator.is_position_good(autopilot.craft.now_s):
@@ -94,7 +94,7 @@ def global_position(autopilot: "Autopilot") -> MavlinkMessage | None:
 
 
 def position_target(autopilot: "Autopilot") -> MavlinkMessage | None:
-    """POSITION_TARGET_LOCAL_NED: what the position loop is asked for."""
+    """POSITION_TARGET_LOCAL_NED: setpoint of the position loop."""
     setpoint = autopilot.craft.last_setpoint
     if not isinstance(setpoint, MotionSetpoint) or setpoint.is_landed:
         return None

@@ -89,7 +89,7 @@ def vision_speed(context: FrontContext, message: MavlinkMessage, sender: Address
 
 
 def mocap(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
-    """ATT_POS_MOCAP: ArduPilot takes it; what PX4 makes of it its estimator does not use."""
+    """ATT_POS_MOCAP: used by ArduPilot; PX4's estimator ignores it."""
     del sender
     if context.is_px4 or not context.autopilot.parameters["VISO_TYPE"]:
         return
@@ -118,6 +118,6 @@ def _finite(vector: Vector3) -> Vector3 | None:
 
 
 def _deviation(covariance: tuple[float, ...]) -> float:
-    """Root of the larger variance of x and y, or the usual one where none is given."""
+    """Root of the larger variance of x and y, or the default without one."""
     variance = max(covariance[_X], covariance[_Y])
     return sqrt(variance) if isfinite(variance) and variance > 0.0 else USUAL_DEVIATION

@@ -23,7 +23,7 @@ _WHEELS: Final = 16
 
 
 def servo_output(autopilot: "Autopilot") -> MavlinkMessage:
-    """SERVO_OUTPUT_RAW: motors and rudders, and what somebody has set on the other outputs."""
+    """SERVO_OUTPUT_RAW: motors and control surfaces, and outputs set from outside."""
     pulses = dict(autopilot.servo_us)
     vehicle = autopilot.vehicle
     for number, output in zip(vehicle.output_numbers, autopilot.outputs, strict=True):
@@ -44,7 +44,7 @@ def actuator_output(autopilot: "Autopilot") -> MavlinkMessage:
 
 
 def wheel_distance(autopilot: "Autopilot") -> MavlinkMessage | None:
-    """WHEEL_DISTANCE: left and right; silent for what has no encoders."""
+    """WHEEL_DISTANCE: left and right; None without encoders."""
     reading = autopilot.others.get(WheelReading)
     if reading is None:
         return None
@@ -55,7 +55,7 @@ def wheel_distance(autopilot: "Autopilot") -> MavlinkMessage | None:
 
 
 def rc_channels(autopilot: "Autopilot") -> MavlinkMessage | None:
-    """RC_CHANNELS: roll, pitch, throttle, yaw; silent until a transmitter was heard."""
+    """RC_CHANNELS: roll, pitch, throttle, yaw; None until a transmitter was heard."""
     pilot = autopilot.pilot
     if pilot.last_seen_s < 0.0:
         return None
@@ -98,7 +98,7 @@ def raw_imu(autopilot: "Autopilot") -> MavlinkMessage | None:
 
 
 def odometry_out(autopilot: "Autopilot") -> MavlinkMessage | None:
-    """ODOMETRY: the estimate, in the local NED frame, with velocity and rates in the body's; silent without a position."""
+    """ODOMETRY: the estimate in the local NED frame, with velocity and rates in the body's; None without a position."""
     estimator = autopilot.estimator
     if not estimator.is_position_good(autopilot.craft.now_s):
         return None
@@ -132,7 +132,7 @@ def odometry_out(autopilot: "Autopilot") -> MavlinkMessage | None:
 
 
 def ground_truth(autopilot: "Autopilot") -> MavlinkMessage | None:
-    """HIL_STATE_QUATERNION: where the vehicle truly is, which only a simulated one can tell."""
+    """HIL_STATE_QUATERNION: the vehicle's true state, which only a simulation knows."""
     try:
         truth = autopilot.surroundings.truth()
     except LookupError:

@@ -22,8 +22,8 @@ class ParameterSync:
 
     Args:
         store: the autopilot's parameters.
-        own: as whom the server speaks.
-        is_bytewise: whether integers travel as PX4 has them, and not as ArduPilot does.
+        own: the server's MAVLink address.
+        is_bytewise: whether integers are encoded as by PX4 rather than as by ArduPilot.
     """
 
     def __init__(self, store: ParameterStore, own: Address, *, is_bytewise: bool) -> None:
@@ -46,7 +46,7 @@ class ParameterSync:
         """Applies a value from the ground.
 
         Raises:
-            Refused: it is out of its bounds; the old value stays.
+            Refused: out of bounds; the old value stays.
         """
         self._is_setting = True
         try:

@@ -18,7 +18,7 @@ _START_COMPASS, _CANCEL_COMPASS = 42424, 42426
 
 
 def _power(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
-    """Reboot and shutdown, only on the ground: PX4 does both, ArduPilot only the first."""
+    """Reboot and shutdown, on the ground only: PX4 does both, ArduPilot only the first."""
     wanted = request.params[0]
     if context.is_px4:
         if wanted == 0.0:
@@ -37,7 +37,7 @@ def _power(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
 
 
 def _calibrate(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
-    """PX4 accepts, tells the rest in texts, and stops when nothing is asked for; ArduPilot answers when it is done."""
+    """PX4 accepts, reports progress as texts, and stops when all parameters are 0; ArduPilot answers when done."""
     calibration = context.autopilot.calibration
     if context.is_px4 and not any(request.params):
         calibration.cancel()
@@ -99,7 +99,7 @@ def _set_relay(context: FrontContext, request: MavCommandRequest) -> RequestVerd
 
 
 def _calibrate_compass(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
-    """ArduPilot has commands of its own for this, which end at once, as the simulated vehicle cannot be turned."""
+    """ArduPilot's own compass calibration commands; they end immediately, as the simulated vehicle cannot be turned."""
     if context.is_px4:
         return _UNSUPPORTED
     return (

@@ -77,7 +77,7 @@ def attitude_setpoint(message: MavlinkMessage, hover_thrust: float, style: Style
     """Reads SET_ATTITUDE_TARGET.
 
     Raises:
-        Refused: a number is not finite, or nothing is asked for.
+        Refused: a number is not finite, or all fields are ignored.
     """
     mask = message.type_mask
     rates = (message.body_roll_rate, message.body_pitch_rate, message.body_yaw_rate)

@@ -1,4 +1,4 @@
-"""Signing of the autopilot's links: SETUP_SIGNING, and which frames are signed, accepted and dropped.
+"""Signing of the autopilot's links: SETUP_SIGNING, and the rules for signing, accepting and dropping frames.
 
 PX4: docs.px4.io, "MAVLink Message Signing" (from 1.17 on); ArduPilot: `GCS_Signing.cpp`.
 """
@@ -17,7 +17,7 @@ _NEVER_SIGNED: Final = {"px4": frozenset({0, 109, 246, 247}), "ardupilot": froze
 class SigningSync:
     """Signs and verifies the frames of all links of an autopilot with a key.
 
-    It has no clock of its own: its time is that of the key, or of the latest frame, as on an autopilot without a fix.
+    Its time is that of the key or of the latest frame, as on an autopilot without a fix.
 
     Args:
         own: the autopilot.
@@ -46,7 +46,7 @@ class SigningSync:
         self._sign(link, len(self._links) - 1)
 
     def passes(self, frame: Frame, link: AutopilotPort) -> bool:
-        """Whether a frame is taken, and passed on."""
+        """Whether a frame is accepted and forwarded."""
         signing = link.encoder.signing
         if signing is None:
             return True
@@ -58,7 +58,7 @@ class SigningSync:
         return False
 
     def set_up(self, message: MavlinkMessage, *, is_armed: bool) -> str:
-        """SETUP_SIGNING: takes a key, or forgets it where key and time are zero; why not, in words, empty where it is done."""
+        """SETUP_SIGNING: sets a key, or deletes it if all zero; returns the reason for a refusal."""
         if message.target_system not in (0, self._own.system) or message.target_component not in (
             0,
             self._own.component,

@@ -20,7 +20,7 @@ _PREARM: Final = 268435456
 
 
 def sys_status(autopilot: "Autopilot") -> MavlinkMessage:
-    """SYS_STATUS, with the bits by which ground stations judge health and readiness."""
+    """SYS_STATUS, with the bits from which ground stations derive health and readiness."""
     estimator, craft = autopilot.estimator, autopilot.craft
     now_s = craft.now_s
     present = (
@@ -122,7 +122,7 @@ def extended_sys_state(autopilot: "Autopilot") -> MavlinkMessage:
 
 
 def home_position(autopilot: "Autopilot") -> MavlinkMessage | None:
-    """HOME_POSITION; silent while there is none."""
+    """HOME_POSITION; None without a home."""
     home = autopilot.craft.home
     if home is None:
         return None
@@ -144,7 +144,7 @@ def home_position(autopilot: "Autopilot") -> MavlinkMessage | None:
 
 
 def global_origin(autopilot: "Autopilot") -> MavlinkMessage | None:
-    """GPS_GLOBAL_ORIGIN; silent while there is none."""
+    """GPS_GLOBAL_ORIGIN; None without an origin."""
     plane = autopilot.estimator.origin
     if plane is None:
         return None
@@ -222,7 +222,7 @@ def mission_current(autopilot: "Autopilot") -> MavlinkMessage:
 
 
 def fence_status(autopilot: "Autopilot") -> MavlinkMessage | None:
-    """FENCE_STATUS; silent without a fence."""
+    """FENCE_STATUS; None without a fence."""
     tuning = autopilot.tuning
     if not tuning.fence_is_on or not (autopilot.plans.fence or tuning.fence_radius_m or tuning.fence_height_m):
         return None
@@ -242,5 +242,5 @@ def system_time(autopilot: "Autopilot") -> MavlinkMessage:
 
 
 def _ratio(squared: float) -> float:
-    """Innovation test ratios are told as the root of the squared one, at most 10."""
+    """Innovation test ratio as reported: the root of the squared ratio, at most 10."""
     return min(10.0, sqrt(max(0.0, squared)))

@@ -45,7 +45,7 @@ _PRODUCERS: Final[dict[str, Producer]] = {
     "VFR_HUD": motion_telemetry.vfr_hud,
     "WHEEL_DISTANCE": output_telemetry.wheel_distance,
 }
-"""By the name of the message; None means that there is nothing to tell now."""
+"""Producer of each message, by its name; one that returns None has nothing to send."""
 
 _NOT_REPORTED: Final[Mapping[str, frozenset[str]]] = {
     "px4": frozenset({"EKF_STATUS_REPORT", "FENCE_STATUS", "RAW_IMU", "WHEEL_DISTANCE"}),

@@ -60,4 +60,4 @@ ARDUPILOT: Final = StyleTables(
     takeoff_in_streamed=True,
     version=(4, 7, 0),
 )
-"""ArduPilot Copter 4.7; the styles of the other vehicles are this one with what is different there."""
+"""ArduPilot Copter 4.7; the other vehicles' styles derive from it."""

@@ -1,7 +1,7 @@
 """The supported ArduPilot parameters, with the names, types and units of Copter 4.7.
 
-Defaults are ArduPilot's where they decide what happens (failsafes, time-outs); gains, speeds and the battery's are the
-airframe's, with a return when it is low. Streams are those of its first link, and here act on every link.
+Defaults that decide behaviour (failsafes, time-outs) are ArduPilot's; gains, speeds and battery values are the
+airframe's, with a return on low battery. Stream rates are those of its first link and apply to every link.
 """
 
 from collections.abc import Callable, Mapping
@@ -102,7 +102,7 @@ PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     whole("GUID_OPTIONS", 0, 0, 511, "guided options"),
     real("GUID_TIMEOUT", 3.0, 0.1, 5.0, "guided timeout, s", "stream_timeout_s"),
     whole("MIS_TOTAL", 0, 0, 32766, "items of the mission", kind=ParameterKind.INT16),
-    whole("MIS_RESTART", 0, 0, 1, "mission begins anew in AUTO", kind=ParameterKind.INT8),
+    whole("MIS_RESTART", 0, 0, 1, "mission restarts in AUTO", kind=ParameterKind.INT8),
     whole("WP_YAW_BEHAVIOR", 2, 0, 3, "heading in missions", kind=ParameterKind.INT8),
     real("WP_SPD", 5.0, 0.1, 20.0, "speed in missions, m/s", "limits.speed_xy_m_s"),
     real("WP_SPD_UP", 2.5, 0.1, 10.0, "climb speed, m/s", "limits.speed_up_m_s"),

@@ -1,6 +1,6 @@
 """The supported ArduPilot Plane parameters, with the names, types and units of Plane 4.7.
 
-Defaults are those of the Aerosonde where a plane has its own: gains, speeds, radii, the battery's.
+Airframe-specific defaults (gains, speeds, radii, battery) are those of the Aerosonde.
 """
 
 from collections.abc import Callable, Mapping
@@ -20,7 +20,7 @@ _LONG: Final[Mapping[int, FailsafeAction]] = {
     4: FailsafeAction.NONE,
     5: FailsafeAction.LAND,
 }
-"""FS_LONG_ACTN; what glides (2) circles here, and AUTO (4) goes on with what it does."""
+"""FS_LONG_ACTN; gliding (2) becomes circling here, and AUTO (4) continues."""
 _BATTERY: Final[Mapping[int, FailsafeAction]] = {
     0: FailsafeAction.WARN,
     1: FailsafeAction.RETURN,
@@ -56,9 +56,9 @@ PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     whole("ARMING_CHECK", 1, 0, 1048575, "0 skips the arming checks"),
     whole("ARMING_REQUIRE", 1, 0, 2, "arming is needed", kind=ParameterKind.INT8),
     whole("FS_SHORT_ACTN", 0, 0, 4, "at once when a link is lost: 0 circles, not in missions", kind=ParameterKind.INT8),
-    real("FS_SHORT_TIMEOUT", 1.5, 1.0, 100.0, "loss of the transmitter counts after so long, s", "pilot_timeout_s"),
+    real("FS_SHORT_TIMEOUT", 1.5, 1.0, 100.0, "time-out of the transmitter, s", "pilot_timeout_s"),
     whole("FS_LONG_ACTN", 0, 0, 5, "after FS_LONG_TIMEOUT: 1 returns, 2 circles, 5 lands", kind=ParameterKind.INT8),
-    real("FS_LONG_TIMEOUT", 5.0, 1.0, 300.0, "loss of the station counts after so long, s", "station_timeout_s"),
+    real("FS_LONG_TIMEOUT", 5.0, 1.0, 300.0, "time-out of the station, s", "station_timeout_s"),
     whole("FS_GCS_ENABL", 0, 0, 3, "station loss: 0 ignored, 1 acts, 3 not in AUTO", kind=ParameterKind.INT8),
     whole("THR_FAILSAFE", 1, 0, 2, "transmitter loss: 0 ignored, 1 acts", kind=ParameterKind.INT8),
     whole("BATT_FS_LOW_ACT", 0, 0, 7, "low battery action", "battery_low_action", _BATTERY, ParameterKind.INT8),

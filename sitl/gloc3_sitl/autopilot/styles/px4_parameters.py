@@ -1,8 +1,8 @@
 """The supported PX4 parameters, with the names, types, bounds and meanings of its parameter reference (v1.16).
 
-Defaults are PX4's where they decide what happens (failsafes, time-outs); gains, speeds and return heights are the
-airframe's, as an airframe file of PX4 would set them. So are two failsafes that PX4 leaves to its owner: it returns on a
-critical battery, and holds when the setpoints stop.
+Defaults that decide behaviour (failsafes, time-outs) are PX4's; gains, speeds and return heights are the airframe's, as
+set by a PX4 airframe file. So are two failsafes that PX4 leaves to the owner: return on a critical battery, and hold
+when setpoints stop.
 """
 
 from collections.abc import Callable, Mapping
@@ -50,7 +50,7 @@ _BATTERY: Final[Mapping[int, tuple[FailsafeAction, FailsafeAction]]] = {
     2: (FailsafeAction.LAND, FailsafeAction.LAND),
     3: (FailsafeAction.RETURN, FailsafeAction.LAND),
 }
-"""What COM_LOW_BAT_ACT makes of a critical battery, and of an emergency."""
+"""Actions of COM_LOW_BAT_ACT on a critical battery and in an emergency."""
 
 PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     # Identity and links
@@ -92,7 +92,7 @@ PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     whole("GF_ACTION", 2, 0, 5, "fence action", "fence_action", _FENCE),
     real("GF_MAX_HOR_DIST", 0.0, 0.0, 10000.0, "farthest from home, m", "fence_radius_m"),
     real("GF_MAX_VER_DIST", 0.0, 0.0, 10000.0, "highest over home, m", "fence_height_m"),
-    whole("GF_SOURCE", 0, 0, 1, "position that the fence looks at"),
+    whole("GF_SOURCE", 0, 0, 1, "position source of the fence"),
     # Take-off, mission, return, land
     real("MIS_TAKEOFF_ALT", 2.5, 0.0, 80.0, "take-off height, m", "takeoff_height_m"),
     whole("MIS_TKO_LAND_REQ", 0, 0, 5, "mission must have take-off or landing", "mission_requires"),

@@ -31,8 +31,8 @@ def rover_style(defaults: Mapping[str, float], *, hold_mode: int) -> StyleTables
     """Rover 4.7 for one vehicle.
 
     Args:
-        defaults: parameters that are the vehicle's own.
-        hold_mode: what has it stay: HOLD, or LOITER for what drifts.
+        defaults: vehicle-specific parameters.
+        hold_mode: mode that keeps the position: HOLD, or LOITER for a vehicle that drifts.
     """
     return replace(
         ARDUPILOT,

@@ -54,7 +54,7 @@ PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     whole("ARMING_CHECK", 1, 0, 1048575, "0 skips the arming checks"),
     whole("ARMING_REQUIRE", 1, 0, 2, "arming is needed", kind=ParameterKind.INT8),
     whole("FS_ACTION", 2, 0, 6, "action on loss of transmitter or station", kind=ParameterKind.INT8),
-    real("FS_TIMEOUT", 1.5, 1.0, 100.0, "loss of the transmitter counts after so long, s", "pilot_timeout_s"),
+    real("FS_TIMEOUT", 1.5, 1.0, 100.0, "time-out of the transmitter, s", "pilot_timeout_s"),
     whole("FS_GCS_ENABLE", 0, 0, 2, "station loss: 0 ignored, 1 acts, 2 not in AUTO", kind=ParameterKind.INT8),
     whole("FS_THR_ENABLE", 1, 0, 2, "transmitter loss: 0 ignored, 1 acts, 2 not in AUTO", kind=ParameterKind.INT8),
     whole("FS_THR_VALUE", 910, 910, 1100, "throttle pulse that counts as lost", kind=ParameterKind.INT16),
@@ -105,7 +105,7 @@ PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     real("MOT_THST_EXPO", 0.0, -1.0, 1.0, "curve of thrust over output", "drive.thrust_curve"),
     real("MOT_THST_ASYM", 1.0, 1.0, 10.0, "thrust ahead over astern", "drive.astern"),
     real("MOT_STR_THR_MIX", 0.5, 0.2, 1.0, "share of steering where both cannot be given", "drive.steering_share"),
-    real("PSC_POS_P", 0.2, 0.0, 2.0, "speed across per metre beside the way, 1/s", "drive.position_p"),
+    real("PSC_POS_P", 0.2, 0.0, 2.0, "lateral speed per metre of lateral error, 1/s", "drive.position_p"),
     whole("WENC_TYPE", 0, 0, 10, "wheel encoder: 0 none, 1 quadrature", kind=ParameterKind.INT8),
 )  # fmt: skip
 

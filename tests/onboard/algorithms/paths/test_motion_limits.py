@@ -159,7 +159,7 @@ def test_the_arm_of_a_concave_fence_is_not_cut_across() -> None:
     out = stream.feed((16.0, 18.0, -2.0), seconds=20.0)
     assert min(fence.clearance_m(place) for place in stream.places) >= 0.5 - 1e-5
     assert out.setpoint.position_ned_m == pytest.approx((7.5, 18.0, -2.0), abs=0.05)
-    assert "the fence is on the way" in out.reason
+    assert "the fence blocks the path" in out.reason
 
 
 @pytest.mark.thorough

@@ -38,7 +38,7 @@ def drifts(world: World, seed: int = 2) -> tuple[Run, Run]:
 
 def test_a_leg_over_the_floor_keeps_the_bars_and_an_honest_covariance() -> None:
     plain, biased = drifts(World.load("hold"))
-    assert plain.reasons == ["begins anew: the first picture"]
+    assert plain.reasons == ["restarts: the first picture"]
     assert plain.drift() < 0.8
     assert biased.drift() < 1.3
     assert 0.1 < np.mean([position for position, _ in plain.errors]) < 2.0

@@ -85,7 +85,7 @@ class Flight:
 
 def test_a_flight_over_a_flat_floor_is_metric_and_level() -> None:
     flight = Flight()
-    assert flight.step().reason == "begins anew: the first picture"
+    assert flight.step().reason == "restarts: the first picture"
     flight.steps(40)
     assert flight.is_right
     assert flight.last.is_level
@@ -153,7 +153,7 @@ def test_pictures_of_the_past_are_turned_down_until_time_itself_has_gone_back() 
     for number in range(4):
         found = flight.odometer.update(seen(number), number * PERIOD_S, IDENTITY, HEIGHT_M)
         assert found.reason == "the picture is not newer than the last"
-    assert "begins anew" in flight.odometer.update(seen(4), 4 * PERIOD_S, IDENTITY, HEIGHT_M).reason
+    assert "restarts" in flight.odometer.update(seen(4), 4 * PERIOD_S, IDENTITY, HEIGHT_M).reason
     assert flight.odometer.update(seen(8), 5 * PERIOD_S, IDENTITY, HEIGHT_M).is_valid
 
 

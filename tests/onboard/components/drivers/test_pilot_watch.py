@@ -94,7 +94,7 @@ def test_the_autopilots_own_failsafe_takes_over_too() -> None:
 def test_a_disarm_that_is_not_the_end_of_our_landing_is_somebody_elses() -> None:
     story = in_flight()
     assert story.see(standing(GUIDED))
-    assert story.watch.reason == "the vehicle was disarmed by somebody else"
+    assert story.watch.reason == "the vehicle was disarmed by another party"
     story = in_flight()
     story.command(LAND)
     assert not story.see(standing(HOLD)), "landed and disarmed between two reports"
@@ -112,7 +112,7 @@ def test_arming_by_somebody_else_is_taking_over_also_long_after_we_asked_in_vain
     story.see(*[standing()] * 40)
     assert story.now_s > ANSWER_S
     assert story.see(standing(is_armed=True))
-    assert story.watch.reason == "the vehicle was armed by somebody else"
+    assert story.watch.reason == "the vehicle was armed by another party"
 
 
 def test_on_the_ground_and_disarmed_anybody_may_change_modes() -> None:
@@ -287,6 +287,6 @@ def test_a_pilot_takes_over_from_the_failsafe_and_not_the_other_way() -> None:
     assert story.watch.is_failsafe
     assert story.see(flying(MANUAL))
     assert not story.watch.is_failsafe
-    assert "somebody else" in story.watch.reason
+    assert "another party" in story.watch.reason
     assert story.see(flying(RETURN, is_failsafe=True))
     assert not story.watch.is_failsafe

@@ -55,7 +55,7 @@ class FtpError(IntEnum):
     TOO_LARGE = 251
     """It does not go into memory."""
     DIFFERENT = 252
-    """What was written is not what is there."""
+    """The written data and the file on the vehicle differ."""
     CANCELLED = 253
     TOO_MANY_LOSSES = 254
     NO_ANSWER = 255
@@ -74,15 +74,15 @@ class FtpError(IntEnum):
 
 _WORDS: Final = {
     FtpError.FAILED_WITH_NUMBER: "failed in the other end's file system",
-    FtpError.INVALID_SESSION: "the other end has forgotten the session",
+    FtpError.INVALID_SESSION: "the server has closed the session",
     FtpError.NO_SESSIONS_AVAILABLE: "the other end has no session left",
     FtpError.UNKNOWN_COMMAND: "the other end does not know this operation",
     FtpError.FILE_EXISTS: "it exists already",
     FtpError.FILE_PROTECTED: "it must not be touched",
     FtpError.FILE_NOT_FOUND: "there is no such file or folder",
     FtpError.TOO_LARGE: "it is too large to be read at once",
-    FtpError.DIFFERENT: "what was written is not what is there",
-    FtpError.TOO_MANY_LOSSES: "given up: too much was lost on the way",
+    FtpError.DIFFERENT: "the file differs from what was written",
+    FtpError.TOO_MANY_LOSSES: "gave up after repeated packet loss",
 }
 
 
@@ -109,7 +109,7 @@ class Payload(msgspec.Struct, frozen=True, kw_only=True):
     size: int = 0
     """Bytes of data, or how many are wanted."""
     requested: int = 0
-    """In an answer, the operation that was asked for."""
+    """In an answer, the requested operation."""
     is_burst_complete: bool = False
     offset: int = 0
     data: bytes = b""
@@ -176,7 +176,7 @@ def read_entries(data: bytes) -> tuple[list[FolderEntry], int]:
 
 
 class Checksum:
-    """The protocol's CRC-32: the usual polynomial, begun at 0 and not inverted."""
+    """The protocol's CRC-32: the usual polynomial, with initial value 0 and not inverted."""
 
     def __init__(self) -> None:
         self._crc = 0xFFFF_FFFF
@@ -187,7 +187,7 @@ class Checksum:
 
     @property
     def value(self) -> int:
-        """Of all that was taken in."""
+        """Of all data so far."""
         return self._crc ^ 0xFFFF_FFFF
 
 

@@ -1,4 +1,4 @@
-"""Client of MAVLink FTP: reads and writes a vehicle's files; retries lost requests and verifies what it wrote."""
+"""MAVLink FTP client: reads and writes a vehicle's files, retries lost requests and verifies written data."""
 
 from __future__ import annotations
 
@@ -77,18 +77,18 @@ class FtpCall:
         self.target = target
         self.path = path
         self.data = bytearray(data)
-        """What is written, or what was read, unless that goes to a sink."""
+        """Data to write, or data read, unless it goes to a sink."""
         self.sink = sink
         self._order: InOrder | None = None
         self.entries: list[FolderEntry] = []
         """What a folder holds, once it has been listed."""
         self.checksum: int | None = None
-        """Of the file, if that was asked for."""
+        """Of the file, if requested."""
         self.result: FtpError | None = None
         """None while it is not over; `FtpError.NONE` when it went well."""
         self.uses_burst = uses_burst
         self._steps: deque[tuple[Operation, bytes, int]] = deque()
-        """Questions that are still to be asked before the work is done: operation, data, offset."""
+        """Requests that remain until the work is done: operation, data, offset."""
         self._session: int | None = None
         self._expected = 0
         self._gaps: deque[tuple[int, int]] = deque()
@@ -206,7 +206,7 @@ class FtpClient(Microservice[FtpCall]):
             self._receive_refusal(call, requested, FtpError.read(answer.data), now_s)
 
     def tick(self, now_s: float) -> None:
-        """Asks again, or gives up."""
+        """Repeats requests, or gives up."""
         call = self._active
         if call is None or call._requested is None:
             return
@@ -346,7 +346,7 @@ class FtpClient(Microservice[FtpCall]):
         self._request_file(call, now_s)
 
     def _request_file(self, call: FtpCall, now_s: float, *, may_burst: bool = True) -> None:
-        """Asks for the first part that is missing: the rest of the file in a burst if permitted, a hole by itself."""
+        """Requests the first missing part: the rest of the file in a burst if permitted, a gap individually."""
         if not call._gaps:
             self._next_step(call, now_s)
             return
@@ -374,7 +374,7 @@ class FtpClient(Microservice[FtpCall]):
 
     @staticmethod
     def _store(call: FtpCall, offset: int, data: bytes) -> bool:
-        """Puts a part of the file in its place and takes it off the gaps; False where it has no room yet."""
+        """Stores a part of the file and removes it from the gaps; False where there is no room for it yet."""
         end = min(offset + len(data), call._expected)
         if end <= offset:
             return True

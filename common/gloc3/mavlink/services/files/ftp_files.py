@@ -44,12 +44,12 @@ class Files(Protocol):
 
 
 class FolderFiles:
-    """One folder of this computer. Nothing outside it can be reached: no `..`, and no link that leads out.
+    """One folder of this computer. Nothing outside it can be reached: no `..`, and no link that leads outside.
 
     Args:
-        folder: exists already.
-        is_writable: refuses all changes if not.
-        most_bytes: the largest size that a file may be given from outside.
+        folder: must exist.
+        is_writable: if false, refuses all changes.
+        most_bytes: the largest file that a client may write.
     """
 
     def __init__(self, folder: Path, *, is_writable: bool = True, most_bytes: int = 1 << 30) -> None:
@@ -58,7 +58,7 @@ class FolderFiles:
         self._most_bytes = most_bytes
 
     def entries(self, path: str) -> list[FolderEntry]:
-        """What a folder holds; what leads out of it, and what is no file, is left out."""
+        """Entries of a folder; links that lead outside, and anything that is not a file or folder, are left out."""
         found = []
         for child in sorted(self._find(path).iterdir()):
             with contextlib.suppress(OSError):
@@ -126,7 +126,7 @@ class FolderFiles:
         source.rename(destination)
 
     def _find(self, path: str) -> Path:
-        """The place that a path means, whether or not something is there."""
+        """Resolves a path, whether or not something exists there."""
         parts = [part for part in path.split("/") if part not in ("", ".")]
         if ".." in parts or any("\0" in part or "\\" in part for part in parts):
             raise PermissionError(path)

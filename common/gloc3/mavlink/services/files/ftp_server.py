@@ -21,10 +21,10 @@ from gloc3.mavlink.services.files.ftp_files import Files
 
 MOST_SESSIONS: Final = 8
 IDLE_S: Final = 60.0
-"""A session that nobody used for so long makes room for another."""
+"""Idle time after which a session may be closed for another, s."""
 MOST_CLIENTS: Final = 16
 BURST_PACKETS: Final = 100
-"""After so many a burst ends, and the client asks for the next."""
+"""Packets after which a burst ends, and the client requests the next."""
 PACKETS_PER_S: Final = 400.0
 CHECKED_BYTES: Final = 1 << 16
 """So much of a file is read at a time for its checksum, that nothing else waits for long."""
@@ -45,7 +45,7 @@ class _Session:
 
 
 class _Burst:
-    """A file being sent without being asked for each piece."""
+    """A file being sent in a burst, without a request for each part."""
 
     __slots__ = ("left", "next_s", "offset", "path", "piece", "request", "sender", "sequence")
 
@@ -89,18 +89,18 @@ _CHANGES: Final = frozenset(
 
 
 def admit_all(_sender: Address) -> bool:
-    """Lets everybody change files."""
+    """Allows all senders to change files."""
     return True
 
 
 class FtpServer(Microservice[Never]):
-    """Serves files.
+    """MAVLink FTP server.
 
     Args:
-        own: as whom it speaks.
-        files: what may be touched.
-        admits: whether somebody may change files now.
-        packets_per_s: how fast a burst is sent.
+        own: address of this end.
+        files: the accessible files.
+        admits: whether a sender may change files now.
+        packets_per_s: rate of a burst.
     """
 
     handles = frozenset({"FILE_TRANSFER_PROTOCOL"})
@@ -172,7 +172,7 @@ class FtpServer(Microservice[Never]):
             self._answer(request, sender, answer)
 
     def _answer(self, request: Payload, sender: Address, answer: Payload) -> None:
-        """Answers, and remembers it for who asks again."""
+        """Answers, and remembers the answer for a repeated request."""
         self._answered.pop(sender, None)
         if len(self._answered) >= MOST_CLIENTS:
             del self._answered[next(iter(self._answered))]
@@ -180,7 +180,7 @@ class FtpServer(Microservice[Never]):
         self._reply(sender, answer)
 
     def tick(self, now_s: float) -> None:
-        """Sends the next packets of the bursts, and goes on with checksums."""
+        """Sends the next packets of the bursts, and continues checksums."""
         for number, burst in list(self._bursts.items()):
             while number in self._bursts and now_s >= burst.next_s:
                 burst.next_s = max(burst.next_s + self._packet_s, now_s - 10 * self._packet_s)

@@ -5,16 +5,16 @@ from __future__ import annotations
 from typing import Final, Protocol
 
 AHEAD_BYTES: Final = 256_000
-"""What comes behind a hole is kept until the hole is filled; when it is more, the hole is asked for first.
+"""Data received beyond a gap and kept until the gap is filled, bytes; with more, the gap is requested first.
 
-So much is lost at most when a download is cut off, which goes on at its first hole."""
+Also the most that is lost when a download is interrupted, since it resumes at its first gap."""
 
 
 class Sink(Protocol):
     """Receiver of a file's content."""
 
     def opened(self, size: int) -> int:
-        """The file is there; gives how many of its bytes, from the beginning on, are here already.
+        """The file exists; returns how many of its bytes, from the start, are already stored here.
 
         Args:
             size: of the whole file, in bytes.
@@ -25,24 +25,24 @@ class Sink(Protocol):
 
 
 class InOrder:
-    """Gives pieces on in their order.
+    """Writes pieces to a sink in order.
 
     Args:
-        sink: takes them.
-        begin: where the first one belongs.
-        ahead_bytes: how much is kept that has come too early.
+        sink: receives them.
+        begin: offset of the first piece.
+        ahead_bytes: most bytes kept of pieces ahead of a gap.
     """
 
     def __init__(self, sink: Sink, begin: int, ahead_bytes: int = AHEAD_BYTES) -> None:
         self.given = begin
-        """So much has been given on."""
+        """Offset up to which data has been written to the sink."""
         self._sink = sink
         self._most = ahead_bytes
         self._early: dict[int, bytes] = {}
         self._early_bytes = 0
 
     def put(self, offset: int, data: bytes) -> bool:
-        """Takes a piece; False where there is no room for it before those are given on that come first."""
+        """Stores a piece; False where there is no room for it until earlier pieces have been written."""
         if offset + len(data) <= self.given:
             return True
         if offset > self.given and self._early_bytes + len(data) > self._most:
@@ -53,10 +53,10 @@ class InOrder:
         return True
 
     def give(self, whole: int) -> None:
-        """Gives on what has no holes any more.
+        """Writes the pieces that are free of gaps to the sink.
 
         Args:
-            whole: so much of the file has come without a hole.
+            whole: bytes of the file received without a gap.
         """
         if whole <= self.given:
             return

@@ -11,7 +11,7 @@ from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.files.log_server import MOST_LOGS, PIECE_BYTES, LogEntry
 
 QUIET_S: Final = 0.4
-"""After so long without a piece, what is missing is asked for."""
+"""Pause after which missing pieces are requested, s."""
 SILENT_S: Final = 5.0
 LARGEST_BYTES: Final = 1 << 26
 """At 90 bytes a piece, more than this is a matter for file transfer."""
@@ -23,7 +23,7 @@ class LogResult(StrEnum):
 
     DONE = "done"
     NO_ANSWER = "no answer"
-    TOO_MANY_LOSSES = "given up: too much was lost on the way"
+    TOO_MANY_LOSSES = "gave up after repeated packet loss"
     TOO_LARGE = "the log is too large"
     CANCELLED = "cancelled"
 
@@ -71,7 +71,7 @@ class LogDownload:
 
     @property
     def whole_bytes(self) -> int:
-        """How much has come from the beginning on without a hole."""
+        """Bytes received from the start without a gap."""
         return next(iter(self._missing), self.entry.size)
 
 
@@ -103,10 +103,10 @@ class LogClient(Microservice[LogEvent]):
         """Reads a log.
 
         Args:
-            target: whose.
-            entry: which, as it was listed.
+            target: the vehicle.
+            entry: the log, as listed.
             now_s: now.
-            begun: what is here of it already, from its beginning; it is not asked for again.
+            begun: the part that is already stored here, from its start; it is not requested again.
 
         Raises:
             Refused: another request is under way, or the log is too large.
@@ -127,7 +127,7 @@ class LogClient(Microservice[LogEvent]):
         self._send_to(target, "LOG_ERASE")
 
     def cancel(self) -> None:
-        """Stops what is under way."""
+        """Cancels the request under way."""
         if self._active is not None:
             self._end(self._active, LogResult.CANCELLED)
 
@@ -143,7 +143,7 @@ class LogClient(Microservice[LogEvent]):
             self._receive_piece(active, message, now_s)
 
     def tick(self, now_s: float) -> None:
-        """Asks for what is missing, or gives up."""
+        """Requests missing data, or gives up."""
         active = self._active
         if active is None:
             return

@@ -22,7 +22,7 @@ class LogEntry(msgspec.Struct, frozen=True):
     size: int
     """Bytes."""
     utc_s: int = 0
-    """When it was begun, in seconds since 1970; 0 if that is not known."""
+    """Start time, in seconds since 1970; 0 if it is unknown."""
 
 
 class Logs(Protocol):
@@ -39,13 +39,13 @@ class Logs(Protocol):
 
 
 class LogServer(Microservice[Never]):
-    """Offers logs. One is sent at a time; a new request takes the place of the one before.
+    """Serves logs. One is sent at a time; a new request replaces the one before.
 
     Args:
-        own: as whom it speaks.
-        logs: what there is.
+        own: address of this end.
+        logs: the available logs.
         may_erase: whether LOG_ERASE is obeyed.
-        pieces_per_s: how fast a log is sent.
+        pieces_per_s: rate at which a log is sent.
     """
 
     handles = frozenset({"LOG_REQUEST_LIST", "LOG_REQUEST_DATA", "LOG_REQUEST_END", "LOG_ERASE"})

@@ -1,4 +1,4 @@
-"""The item under the graph's cursor in full: what it does, its order, progress, and failures."""
+"""Details of the item under the graph's cursor: its action, order, progress, and failures."""
 
 from gloc3.messages.summaries import MissionSummary
 from gloc3.mission.model.states import ActionState
@@ -24,7 +24,7 @@ def detail_title(outline: Outline | None, target: str) -> str:
 
 
 def detail_lines(outline: Outline | None, reported: MissionSummary | None, target: str, width: int) -> list[Line]:
-    """The item, and what has failed anywhere in the mission."""
+    """The item, and all failures in the mission."""
     if outline is None:
         return []
     lines = _mission(outline, reported, width) if not target else _item(outline, reported, target, width)
@@ -44,7 +44,7 @@ def position_line(
     is_loaded: bool,
     is_at_hand: bool,
 ) -> Line:
-    """Which mission is shown: the one on the vehicle, the one at hand, or both in one."""
+    """Which mission is shown: the one on the vehicle, the open one, or both if they are the same."""
     name = platform.name if platform is not None else "the vehicle"
     held = platform.mission if platform is not None else None
     has_loaded = held is not None and bool(held.value.state)
@@ -72,7 +72,7 @@ def position_line(
 
 
 def text_line(draft: Draft | None) -> Line:
-    """Which text is edited, and whether it is saved."""
+    """Name of the edited text, and whether it is saved."""
     if draft is None:
         return ()
     where = "" if draft.path else "   no file yet" if draft.name == NEW_NAME else "   an example"
@@ -84,7 +84,7 @@ def text_line(draft: Draft | None) -> Line:
 
 
 def nothing_lines(draft: Draft | None, platform: PlatformSnapshot | None, recent: tuple[str, ...]) -> list[Line]:
-    """Where there is no graph to draw: why, and what can be done."""
+    """Lines shown without a graph: the reason, and what can be done."""
     if draft is not None:
         return [
             (Span(f" {draft.name} cannot be drawn as a graph.", Tone.WARN),),

@@ -30,7 +30,7 @@ FRAMES: Final = {
     ActionState.ABORTED: Tone.BAD,
 }
 UNSTATED: Final = ("○", Tone.DIM)
-"""The sign of what is on no vehicle yet."""
+"""Sign of an item that is not on any vehicle yet."""
 
 
 class GraphSpot(NamedTuple):
@@ -52,7 +52,7 @@ class Graph(NamedTuple):
     width: int
 
     def spot(self, target: str) -> GraphSpot | None:
-        """Where an item stands."""
+        """Position of an item."""
         return next((spot for spot in self.spots if spot.target == target), None)
 
 
@@ -62,13 +62,13 @@ def sign_of(state: str) -> tuple[str, Tone]:
 
 
 def mission_graph(outline: Outline, reported: MissionSummary | None, width: int, *, is_stale: bool = False) -> Graph:
-    """Draws a mission.
+    """Draws a mission as a graph.
 
     Args:
         outline: its order.
-        reported: its states, of the platform that holds it; None for a mission that is on no platform.
-        width: columns that there are; the graph may be wider.
-        is_stale: whether the states are old.
+        reported: its states on the platform that holds it; None for a mission that is on no platform.
+        width: available columns; the graph may be wider.
+        is_stale: whether the states are stale.
     """
     states = reported.tasks if reported is not None else {}
     stages = {stage.name: stage for stage in outline.stages}

@@ -32,7 +32,7 @@ def mission_title(platform: PlatformSnapshot | None, now_s: float) -> str:
 
 
 def mission_lines(platform: PlatformSnapshot | None, plan: CheckedPlan | None, now_s: float, width: int) -> list[Line]:
-    """A line for each task and action; without a mission what can be done."""
+    """A line for each task and action; without a mission, what can be done."""
     timed = platform.mission if platform is not None else None
     if platform is not None and not platform.has_companion:
         return [(Span(cut(" Its autopilot's plan: Services (6).", width), Tone.DIM),)]

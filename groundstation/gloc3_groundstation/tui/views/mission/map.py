@@ -23,9 +23,10 @@ SURE: Final = sqrt(5.991)
 ARROW: Final = ((4.5, 0.0), (-3.0, 3.0), (-1.5, 0.0), (-3.0, -3.0))
 """A vehicle in dots: forward and to the right."""
 AHEAD: Final = 9.0
-"""So far a line shows where the vehicle in view looks."""
+"""Length of the line that shows the heading of the selected vehicle."""
 NEAR: Final = 8.0
-"""What is fewer dots away cannot be told apart from the vehicle: its setpoint, the edge of its ellipse."""
+"""Distance in dots below which a mark cannot be distinguished from the vehicle: its setpoint, the edge of its
+ellipse."""
 ARROWS: Final = "↑↗→↘↓↙←↖"
 
 
@@ -44,7 +45,7 @@ class Chart(NamedTuple):
 
     @property
     def placed(self) -> Iterator[tuple[int, PlatformSnapshot, MapPlacement]]:
-        """The vehicles that are on this map with their numbers, the one in view last."""
+        """Vehicles on this map with their numbers, the selected one last."""
         found = []
         for number, platform in enumerate(self.view.fleet):
             place = self.ground.place(platform)
@@ -55,12 +56,12 @@ class Chart(NamedTuple):
 
 
 def tone_of_vehicle(number: int) -> Tone:
-    """The tone of the vehicle of a number, counted from 0 in the order in which they were first heard."""
+    """Tone of a vehicle by its number, counted from 0 in the order of first contact."""
     return ONE_OF_MANY[number % len(ONE_OF_MANY)]
 
 
 def map_lines(chart: Chart, width: int, height: int) -> list[Line]:
-    """The map in so many cells."""
+    """Lines of the map at this size."""
     canvas = CellCanvas(width, height)
     own = own_place(chart)
     if chart.request is not None:
@@ -98,7 +99,7 @@ def extent(chart: Chart) -> list[Plane]:
 
 
 def position_of(platform: PlatformSnapshot) -> tuple[float, float, float] | None:
-    """Where a vehicle is in its own frame, by the newer of what it tells; None where that is not known."""
+    """Position of a vehicle in its own frame, from the newer of its two reports; None where it is unknown."""
     motion, vehicle = platform.motion, platform.vehicle
     if motion is not None and (vehicle is None or motion.received_s >= vehicle.received_s - 1.0):
         x, y, height = motion.value.position_cm
@@ -116,7 +117,7 @@ def outline(area: Area) -> Plane:
 
 
 def is_within(parts: Iterable[Plane], projection: Projection) -> bool:
-    """Whether all of it is on the screen."""
+    """Whether all points are on the screen."""
     for part in parts:
         dots = projection.dots(part)
         if (dots < 0).any() or (dots > (projection.width, projection.height)).any():
@@ -293,7 +294,7 @@ def _cell(dot: tuple[float, float]) -> tuple[int, int]:
 
 
 def cursor_line(chart: Chart, place: tuple[float, float], width: int) -> Line:
-    """Where the cursor is: in the frame of the vehicle in view, on Earth, and as seen from the vehicle."""
+    """Position of the cursor: in the frame of the selected vehicle, on Earth, and relative to the vehicle."""
     north, east = place
     ground, own = chart.ground, own_place(chart)
     decimals = 2 if chart.projection.m_per_dot < 0.05 else 1
@@ -322,7 +323,7 @@ def cursor_line(chart: Chart, place: tuple[float, float], width: int) -> Line:
 
 
 def map_title(chart: Chart) -> str:
-    """What is on the map."""
+    """Summary of the map's contents."""
     ground = chart.ground
     where = f"frame {ground.frame}" if ground.frame else "north up" if ground.has_north else "frame not known"
     if chart.request is None:
@@ -331,7 +332,7 @@ def map_title(chart: Chart) -> str:
 
 
 def vehicle_lines(chart: Chart) -> list[Line]:
-    """The vehicles with their colours and where they are, those first that are on the map."""
+    """The vehicles with their colours and positions, those on the map first."""
     on_map = {platform.name: place for _, platform, place in chart.placed}
     lines: list[Line] = []
     for number, platform in enumerate(chart.view.fleet):

@@ -26,12 +26,12 @@ LEAST_M = 1.0
 
 
 def along_lines(request: Requested, progress: PathProgress | None, tone: Tone, width: int, height: int) -> list[Line]:
-    """Heights along the requested path: dashed as asked for, in the vehicle's colour as flown.
+    """Heights along the requested path: dashed as requested, in the vehicle's colour as flown.
 
     Args:
         request: the mission.
         progress: of the vehicle along its path; None before it flies it.
-        tone: the vehicle's.
+        tone: that of the vehicle.
         width: columns.
         height: lines, the last one with the distances.
     """
@@ -67,7 +67,7 @@ def along_lines(request: Requested, progress: PathProgress | None, tone: Tone, w
 
 
 def time_lines(tracks: Tracks, name: str, tone: Tone, now_s: float, width: int, height: int) -> list[Line]:
-    """Heights over the last minutes: dotted as asked for, in the vehicle's colour as flown."""
+    """Heights over the last minutes: dotted as requested, in the vehicle's colour as flown."""
     track = tracks.get(name)
     if track is None:
         return []

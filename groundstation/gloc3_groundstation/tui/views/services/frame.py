@@ -10,7 +10,7 @@ MOST_LINES = 6
 
 
 def services_line(shown: ServiceKind, running: Mapping[ServiceKind, ServiceJob], title: str, width: int) -> Line:
-    """All services; a figure stands at those that are at work. The vehicle's firmware at the right where it fits."""
+    """All services, with the progress of running ones. The vehicle's firmware at the right where it fits."""
     spans = [Span(" ")]
     for service in ServiceKind:
         job = running.get(service)
@@ -24,7 +24,7 @@ def services_line(shown: ServiceKind, running: Mapping[ServiceKind, ServiceJob],
 
 
 def job_lines(job: ServiceJob | None, outcome: JobOutcome | None, width: int) -> list[Line]:
-    """What is under way with its progress; else how the last thing ended."""
+    """The running job with its progress; else the outcome of the last one."""
     if job is not None:
         spans = [Span(f" {job.what} ", Tone.BUSY)]
         if job.fraction is not None:

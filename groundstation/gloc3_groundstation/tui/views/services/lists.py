@@ -72,7 +72,7 @@ def file_line(name: str, size: int | None, width: int) -> Line:
 
 
 def files_title(folder: Folder | None) -> str:
-    """Where on the vehicle this is."""
+    """Path of the folder on the vehicle."""
     return "files: not listed" if folder is None else f"on the vehicle: {folder.path}"
 
 
@@ -99,6 +99,6 @@ def rate_line(row: RateRow, width: int) -> Line:
 
 
 def rates_title(table: RateTable, shown: int, text: str) -> str:
-    """What all of them cost on the link."""
+    """Bandwidth of all messages on the link."""
     found = f"{shown} of {len(table.rows)} messages for {text!r}" if text else f"{len(table.rows)} messages"
     return f"{found}, {table.total_hz:.0f} a second, {size_text(round(table.total_bytes_s))}/s on the link"

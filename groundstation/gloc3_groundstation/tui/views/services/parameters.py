@@ -137,7 +137,7 @@ def diff_header(width: int) -> Line:
 
 
 def diff_line(row: DiffRow, left_out: Collection[str], width: int) -> Line:
-    """One difference; whether it will be written stands first."""
+    """One difference; its first character shows whether it will be written."""
     is_written = row.kind is DiffKind.DIFFERENT and row.name not in left_out
     if row.kind is DiffKind.DIFFERENT:
         sign, note = ("write", Tone.WARN) if is_written else ("leave", Tone.DIM), ""
@@ -164,7 +164,7 @@ def diff_title(diff: ParameterDiff, left_out: Collection[str]) -> str:
 
 
 def diff_detail(diff: ParameterDiff, row: DiffRow | None, width: int) -> list[Line]:
-    """One difference in full, what is strange in the file, and the keys."""
+    """One difference in full, warnings about the file, and the keys."""
     lines: list[Line] = []
     if row is not None:
         where = f"line {row.line} of the file" if row.line else ""

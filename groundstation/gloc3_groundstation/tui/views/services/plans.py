@@ -24,7 +24,7 @@ def plans_header(width: int) -> Line:
 
 
 def plan_rows(desk: PlanDesk, width: int) -> list[tuple[str, Line]]:
-    """Differences, the plan on the vehicle and the plan at hand; with keys for the cursor."""
+    """Differences, the plan on the vehicle and the open plan; with keys for the cursor."""
     found: list[tuple[str, Line]] = []
     if desk.differences:
         found.append(("", (Span(" differences between the file and the vehicle", Tone.BAD),)))
@@ -40,7 +40,7 @@ def plan_rows(desk: PlanDesk, width: int) -> list[tuple[str, Line]]:
 
 
 def plans_title(desk: PlanDesk) -> str:
-    """What is known of the vehicle's plan, and whether it is the one at hand."""
+    """State of the vehicle's plan, and whether it equals the open one."""
     vehicle = "on the vehicle: not downloaded" if desk.found is None else f"on the vehicle: {desk.found.summary}"
     if desk.file is None:
         return vehicle

@@ -165,7 +165,10 @@ TROUBLES = (
         "a vehicle falls silent in flight", lambda: silent(is_armed=True), "it was armed", "check radio, antenna"
     ),
     TunnelTrouble(
-        "a vehicle falls silent on the ground", lambda: silent(is_armed=False), "no messages from it", "is it switched on"
+        "a vehicle falls silent on the ground",
+        lambda: silent(is_armed=False),
+        "no messages from it",
+        "is it switched on",
     ),
     TunnelTrouble(
         "a link cannot be opened",

@@ -8,6 +8,10 @@ from gloc3.platform.platform import Platform
 
 FRAME: Final = "FRAME"
 CAMERA: Final = "CAMERA"
+SPACING: Final = "SPACING"
+CLOSE_M: Final = 60.0
+"""Spacing of lines that vehicles with a turn radius up to `CLOSE_TURN_M` can fly, by leaving lines out in turn."""
+CLOSE_TURN_M: Final = 80.0
 WIDE: Final = "mapping"
 """The template with room for vehicles that cannot turn on the spot."""
 
@@ -43,7 +47,9 @@ def mission_from(template: str, platform: Platform, schema: str) -> str:
         raise Refused(f"{platform.platform} needs more room to turn than {template} has: begin with {WIDE}")
     if template == WIDE and not platform.limits.turn_radius_m:
         raise Refused(f"{platform.platform} turns on the spot, or nearly: begin with survey")
-    lines = text.replace(FRAME, next(iter(platform.frames))).splitlines()
+    radius_m = platform.limits.turn_radius_m
+    spacing_m = CLOSE_M if radius_m <= CLOSE_TURN_M else 2.2 * radius_m  # room to turn between two lines
+    lines = text.replace(FRAME, next(iter(platform.frames))).replace(SPACING, f"{spacing_m:g}").splitlines()
     if (camera := _camera(platform)) is None:
         lines = [line for line in lines if CAMERA not in line]
     made = "\n".join(lines).replace(CAMERA, camera or "") + "\n"

@@ -190,5 +190,5 @@ class PilotWatch:
         return is_new and self._expected is FlightMode.GUIDED and now_s <= self._gap_until_s
 
     def _chosen(self, state: AutopilotState) -> str:
-        who = "the autopilot (failsafe)" if state.is_failsafe else "somebody else"
+        who = "the autopilot (failsafe)" if state.is_failsafe else "another party"
         return f"mode {state.mode_name} was chosen by {who}"

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Annotated, ClassVar, Final
 
+from gloc3.component.component import ActuatorDriver
 from gloc3.component.ports import Result
 from gloc3.component.settings import Bounds
 from gloc3.errors import Refused
@@ -12,7 +13,7 @@ from gloc3.messages.vehicle import DriverState, ManoeuvreState, VtolForm
 from gloc3.mission.model.arguments import FollowWaypointsOrder, ReturnHome, TakeOff, VtolTransition
 from gloc3.mission.model.waypoint_options import IN_PLANS
 from gloc3_onboard.components.drivers.plan_flier import PlanControl
-from gloc3_onboard.components.drivers.winged_plan import WIDEST_M, WingedPlan, WingedPlanSettings
+from gloc3_onboard.components.drivers.winged_flier import WIDEST_M, WingedFlier, WingedPlanSettings
 from gloc3_onboard.sensors.devices import GeoPath, VtolWay
 
 STOPPED_M_S: Final = 2.0
@@ -32,17 +33,16 @@ class VtolPlanSettings(WingedPlanSettings, frozen=True):
     """Longest transition to wings from the beginning of its plan, before the action fails."""
 
 
-class VtolPlan(WingedPlan):
+class VtolPlan(WingedFlier[VtolPlanSettings], ActuatorDriver[VtolPlanSettings]):
     """Performs `take_off`, `transition`, `return_home` and all that follows waypoints for VTOLs.
 
     A way on wings ends in a hover at its last place. A way is flown on wings where it asks for that, or where it is longer
     than two transitions and does not say; a return home likewise.
     """
 
-    performs: ClassVar = {**WingedPlan.performs, "transition": VtolTransition}
+    performs: ClassVar = {**WingedFlier.performs, "transition": VtolTransition}
     keeps = IN_PLANS | {"by"}
-    settings_type = VtolPlanSettings
-    settings: VtolPlanSettings
+    loggable = ("uploads", "waypoint")
 
     def __init__(self, device: PlanControl) -> None:
         super().__init__(device)

@@ -129,7 +129,7 @@ def ask_too_often(station: Station) -> None:
         station.request(PAUSE)
 
 
-@pytest.mark.parametrize(("ask", "reason"), [(ask_too_much, "too large"), (ask_too_often, "already wait")])
+@pytest.mark.parametrize(("ask", "reason"), [(ask_too_much, "too large"), (ask_too_often, "wait already")])
 def test_too_much_at_once_is_refused_with_a_reason(ask: Callable[[Station], None], reason: str) -> None:
     async def fly() -> Station:
         station, _, _ = pair_on(4)

@@ -32,7 +32,7 @@ def test_when_the_pilot_takes_over_setpoints_stop_at_once_and_nothing_is_command
     assert rig.autopilot.setpoints == []
     assert rig.autopilot.commands == ["abandon"], "nor is anything repeated that was commanded before"
     assert rig.state.has_pilot_control
-    assert rig.state.pilot_reason == f"mode {mode} was chosen by somebody else"
+    assert rig.state.pilot_reason == f"mode {mode} was chosen by another party"
 
 
 @STYLES

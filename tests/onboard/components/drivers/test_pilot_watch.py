@@ -82,7 +82,7 @@ def test_a_change_that_we_did_not_command_is_somebody_elses(ours: FlightMode, th
     if theirs in FOLLOWS[ours]:
         return
     assert story.see(flying(theirs))
-    assert story.watch.reason == f"mode {theirs} was chosen by somebody else"
+    assert story.watch.reason == f"mode {theirs} was chosen by another party"
 
 
 def test_the_autopilots_own_failsafe_takes_over_too() -> None:
@@ -211,7 +211,7 @@ def test_a_shadow_knows_the_pilots_modes_and_what_its_primary_says() -> None:
     assert story.see(flying(GUIDED), flying(MANUAL), is_shadow=True)
     story = Story()
     story.see(flying(HOLD), is_shadow=True)
-    story.watch.lose("mode HOLD was chosen by somebody else")
+    story.watch.lose("mode HOLD was chosen by another party")
     story.watch.step_in(story.now_s)
     assert story.see(flying(HOLD))
 

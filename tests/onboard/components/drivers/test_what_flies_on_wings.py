@@ -20,7 +20,8 @@ from gloc3.messages.vehicle import (
 )
 from gloc3_onboard.autopilot.plan_upload import path_items
 from gloc3_onboard.components.controllers.circle import CircleController
-from gloc3_onboard.components.drivers.winged_plan import WingedPlan, WingedPlanSettings
+from gloc3_onboard.components.drivers.winged_flier import WingedPlanSettings
+from gloc3_onboard.components.drivers.winged_plan import WingedPlan
 from gloc3_onboard.sensors.devices import CommandAnswer, GeoPath
 
 FLYING = AutopilotState(

@@ -32,7 +32,7 @@ WRONG_USE: list[tuple[Sequence[str], str]] = [
     (["fly", "no/such.yaml"], "there is no file no/such.yaml"),
     (
         ["fly", "hop", "--platform", "nosuch"],
-        "no such platform (known: auv, boat, copter, hummingbird, pelican, pelican_rtk, plane, rov, rover, submarine)",
+        "no such platform (known: auv, boat, copter, hummingbird, pelican, pelican_rtk, plane, rov, rover, submarine, vtol)",
     ),
     (["fly", "hop", "--autopilot", "px5"], "--autopilot must be px4 or ardupilot, not 'px5'"),
     (["fly", "hop", "--seed", "one"], "--seed must be a whole number, not 'one'"),

@@ -57,11 +57,11 @@ def disks(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> li
     """Those of the flight: of its journal, its progress and its events."""
     found: list[SlowDisk] = []
 
-    def disk(late_s: float) -> SlowDisk:
+    def disk(late_s: float, _state: object) -> SlowDisk:
         found.append(SlowDisk(late_s))
         return found[-1]
 
-    monkeypatch.setattr("gloc3_sitl.flight.onboard_process.MemoryRecords", partial(disk, request.param))
+    monkeypatch.setattr("gloc3_sitl.flight.onboard_process.FlightRecords", partial(disk, request.param))
     return found
 
 

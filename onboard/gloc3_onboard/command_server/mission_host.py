@@ -7,6 +7,7 @@ from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup, PortRep
 from gloc3.messages.envelope import CommandReply, FunctionReply, FunctionRequest, Severity
 from gloc3.messages.frames import GeoPoint
 from gloc3.messages.vehicle import (
+    AutopilotState,
     DriverState,
     FlightMode,
     Manoeuvre,
@@ -229,7 +230,7 @@ class MissionHost:
         is_there = autopilot is None or autopilot.has_transmitter or self._control.is_another_there(now_s)
         if not driver.has_pilot_control or is_there or self._attended_s is None:
             self._attended_s = now_s
-        elif now_s - self._attended_s >= UNATTENDED_S:
+        elif now_s - self._attended_s >= UNATTENDED_S and not _brings_down(autopilot):
             executor.unattended(UNATTENDED_S, now_s)
         if driver.held_after_gap_s not in (0.0, self._gap_s):
             text = (
@@ -314,6 +315,11 @@ class MissionHost:
         arguments = {"action_id": action_id, **more}
         message = FunctionRequest(request_id=request_id, function=f"action.{verb}", arguments=arguments)
         return MissionPorts.function.report(message, key=component)
+
+
+def _brings_down(autopilot: AutopilotState | None) -> bool:
+    """Whether the autopilot's failsafe already returns or lands the vehicle, which no milder policy interrupts."""
+    return autopilot is not None and autopilot.is_failsafe and autopilot.mode in (FlightMode.RETURN, FlightMode.LAND)
 
 
 def was_running(kept: Snapshot | None) -> bool:

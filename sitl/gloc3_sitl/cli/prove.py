@@ -41,7 +41,7 @@ app = App(
     mode, a policy, an order of events) are varied further. A flight that breaks an invariant is shrunk: fewest faults,
     calm weather, shortest mission, shortest and earliest faults. It is left in `OUT/found/NN-INVARIANT`:
 
-    - `replay.json`: one line, for `gloc3 prove --replay`; a line of `tests/flight/found_cases.jsonl` makes it a test
+    - `replay.json`: one line, for `gloc3 prove --replay`; a line of `tests/proof/found_cases.jsonl` makes it a test
     - `cause.txt`: five lines: what must hold, what was so, what led there
     - `log.mcap` and `path.svg`, as `gloc3 fly --out` leaves them
 

@@ -154,4 +154,4 @@ def test_nothing_is_sent_to_the_armed_nor_without_a_yes_nor_over_a_network(
 
 def test_where_no_autopilot_is_that_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["signing", "show", "--autopilot", "udpin://127.0.0.1:0", "--key", file_of(tmp_path, KEY)]) == 1
-    assert "no autopilot is connected" in capsys.readouterr().err
+    assert "no autopilot responds" in capsys.readouterr().err

@@ -138,6 +138,7 @@ async def _open(here: Scene) -> Watcher:
     return Watcher(here)
 
 
+@pytest.mark.sockets  # a key counts for a moment of wall time
 async def test_it_is_begun_by_key_goes_while_the_key_is_kept_and_ends_with_the_dialogue() -> None:
     async with scene() as here:
         monitor = await _open(here)

@@ -14,9 +14,9 @@ Array = NDArray[np.float64]
 Points = list[tuple[float, float]]
 BINS: Final = 180
 AGE_S: Final = 0.4
-"""Least age of the scan that the newest is compared with, s,"""
+"""Least age of the scan that the newest is compared with, s."""
 OLDEST_S: Final = 0.8
-"""and no older."""
+"""Greatest age of that scan, s."""
 THROUGH_M: Final = 0.12
 """Least distance between a point and the hit behind it for which the point counts as free space."""
 NOISE_M: Final = 0.05

@@ -148,6 +148,8 @@ async def open_modem(platform: str, url: str, station: Station, exchange: Exchan
     routes: list[AcousticRoute] = []
     endpoint = await open_endpoint(url, loop, lambda data: routes[0].receive(data) if routes else None)
     routes.append(AcousticRoute(platform, loop, endpoint.send, _context(platform, station, exchange, boot, key)))
+    if warning := parse_url(url).warning(is_signed=False):
+        station.note(platform, Severity.WARNING, warning)
     return Modem(routes[0], endpoint)
 
 

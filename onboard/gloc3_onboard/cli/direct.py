@@ -3,6 +3,7 @@
 import asyncio
 from pathlib import Path
 
+from gloc3.cli.narration import narrate
 from gloc3.clock import Clock
 from gloc3.mavlink.codec import Frame, Parser
 from gloc3.mavlink.message import Address
@@ -10,6 +11,7 @@ from gloc3.mavlink.services.heartbeat import Heartbeat
 from gloc3.mavlink.signing import Signing, timestamp
 from gloc3.mavlink.signing_key import read_signing_key
 from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint, parse_url
+from gloc3.messages.envelope import Severity
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.companion.station_link import ONBOARD_CONTROLLER
 
@@ -46,8 +48,19 @@ async def open_direct(link: AutopilotLink, url: str, loop: asyncio.AbstractEvent
     """
     parser = Parser()
     endpoint = await open_endpoint(url, loop, lambda data: link.receive_frames(parser.receive(data)))
+    warn_of_exposure(url)
     link.open(_DirectLink(endpoint))
     return endpoint
+
+
+def warn_of_exposure(url: str) -> None:
+    """Warns about a link that is open to a network and not signed.
+
+    Raises:
+        Refused: the URL is wrong.
+    """
+    if warning := parse_url(url).warning(is_signed=False):
+        narrate(warning, Severity.WARNING)
 
 
 def heartbeat_of(own: Address) -> Heartbeat:

@@ -26,7 +26,7 @@ class OnboardOptions:
     """Link to the autopilot: udpin://HOST:PORT, udpout://, tcpin://, tcpout:// or serial:///dev/PORT:BAUD; with :auto
     as BAUD the rate is detected. Append ?key=FILE to sign the link with that key."""
     station: Several = field(default_factory=list)
-    """Link to ground stations; repeatable. Default: udpout://127.0.0.1:14550. Append ?rate=BIT_S for the bandwidth of
+    """Link to ground stations; repeatable. Default: udpout://127.0.0.1:14550, and none with --network. Append ?rate=BIT_S for the bandwidth of
     a radio link, ?key=FILE (or &key=FILE) to override --signing-key; with ?role=observer stations on the
     link can watch, but command neither platform nor autopilot."""
     acoustic: str = ""

@@ -125,7 +125,7 @@ async def _converse(
     from gloc3.mavlink.node import MavlinkComponent
     from gloc3.mavlink.transport.endpoints import open_endpoint
     from gloc3_onboard.autopilot.presets.session import PresetStage
-    from gloc3_onboard.cli.direct import heartbeat_of, signing_of
+    from gloc3_onboard.cli.direct import heartbeat_of, signing_of, warn_of_exposure
 
     loop = asyncio.get_running_loop()
     parser, node = codec.Parser(), MavlinkComponent(session.own, [heartbeat_of(session.own), session])
@@ -136,6 +136,7 @@ async def _converse(
             node.receive(frame, loop.time())
 
     endpoint = await open_endpoint(autopilot, loop, receive)
+    warn_of_exposure(autopilot)
 
     async def until(stage: "PresetStage") -> None:
         begin_s = loop.time()

@@ -10,14 +10,16 @@ from msgspec.structs import replace
 
 from gloc3.cli.narration import narrate
 from gloc3.errors import Refused
-from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint
+from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint, parse_url
 from gloc3.mavlink.transport.memory import ACOUSTIC, Conditions, MemoryEnd, MemoryLink
+from gloc3.messages.envelope import Severity
 
 KINDS: Final = {
     "perfect": Conditions(),
     "radio": Conditions(latency_s=0.03, loss=0.02, bandwidth_bit_s=57_600.0, bits_per_byte=10.0),
     "acoustic": ACOUSTIC,
 }
+ADVICE: Final = "it passes signed frames on, so sign at both ends, or listen on 127.0.0.1"
 HALF_DUPLEX: Final = ("radio", "acoustic")
 
 app = App(
@@ -60,6 +62,8 @@ def relay(
         loss: Share of the datagrams that is lost, 0 to 1, instead of the link's.
         seed: Seed of losses and delays.
     """
+    for url in (one, other):
+        parse_url(url).check_unkeyed("gloc3 relay")
     conditions = KINDS[link]
     for name, value, most in (("--rate", rate, 1e12), ("--latency", latency, 3600.0), ("--loss", loss, 1.0)):
         if value is not None and not 0.0 <= value <= most:
@@ -80,6 +84,9 @@ async def _relay(one: str, other: str, conditions: Conditions, seed: int, *, is_
     link = MemoryLink(loop, Random(seed), conditions, is_half_duplex=is_half_duplex)
     endpoints = [await _joined(one, link.a, loop), await _joined(other, link.b, loop)]
     narrate(f"relaying between {' and '.join(map(_address, endpoints))}")
+    for url in (one, other):
+        if warning := parse_url(url).warning(is_signed=False, advice=ADVICE):
+            narrate(warning, Severity.WARNING)
     try:
         await over.wait()
     finally:

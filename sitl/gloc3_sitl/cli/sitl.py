@@ -13,7 +13,8 @@ from cyclopts import App, Parameter
 from gloc3.cli.narration import narrate
 from gloc3.clock import Clock
 from gloc3.errors import Refused, nearest
-from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint
+from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint, parse_url
+from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import GeoPoint
 from gloc3_sitl.autopilot.mavlink.links import Receive
 from gloc3_sitl.cli.record import record
@@ -22,7 +23,7 @@ from gloc3_sitl.flight.truth_log import TruthLog
 from gloc3_sitl.physics.water import rough
 from gloc3_sitl.physics.wind import CALM, Wind, gusty
 from gloc3_sitl.vehicles import MULTIROTORS
-from gloc3_sitl.vehicles.dvl_server import MOST_PORT, DvlAddress, DvlServer, read_dvl
+from gloc3_sitl.vehicles.dvl_server import MOST_PORT, DvlAddress, DvlServer, exposure, read_dvl
 from gloc3_sitl.vehicles.sensor_server import SensorServer
 from gloc3_sitl.vehicles.simulator import LinkKind, Simulator, SimulatorSettings
 from gloc3_sitl.vehicles.table import check_sea, style_of, vehicle_named
@@ -33,6 +34,7 @@ DEFAULT_LINKS: Final = ("udpout://127.0.0.1:14550", "udpout://127.0.0.1:14540")
 ARDUPILOTS_LINK: Final = "station=tcpin://127.0.0.1:5760"
 """Listening address of ArduPilot's own simulation, which MAVProxy, dronekit and pymavlink expect."""
 
+ADVICE: Final = "listen on 127.0.0.1 if only this computer is meant"
 PELICAN: Final = "pelican"
 INDOORS: Final = "hold"
 """World of the paper's vehicle; other vehicles use that of missions on Earth."""
@@ -78,13 +80,15 @@ def read_link(text: str) -> LinkRow:
     """Reads a link: a URL, with `station=` or `companion=` before it where the port does not imply one.
 
     Raises:
-        Refused: the word before the URL is neither.
+        Refused: the word before the URL is neither, or the URL is wrong.
     """
     word, equals, url = text.partition("=")
     if equals and "://" not in word:
         if word not in _KINDS:
             raise Refused(f"link {text!r}: {nearest(word, list(_KINDS))}")
+        parse_url(url).check_unkeyed("gloc3 sitl")
         return LinkRow(url, _KINDS[word])
+    parse_url(text).check_unkeyed("gloc3 sitl")
     port = text.rpartition(":")[2]
     is_companion = port.isdigit() and int(port) in _COMPANION_PORTS
     return LinkRow(text, LinkKind.COMPANION if is_companion else LinkKind.GROUND)
@@ -292,11 +296,15 @@ async def _run(
         for row, endpoint in zip(links, endpoints, strict=True):
             port = "" if endpoint.local_port is None else f", port {endpoint.local_port}"
             _narrate(f"{row.kind} link {row.url}{port}")
+            if warning := parse_url(row.url).warning(is_signed=False, advice=ADVICE):
+                _narrate(warning, Severity.WARNING)
         if server is not None and options.sensors is not None:
             await server.open(options.sensors)
             _narrate(f"sensors tcp://127.0.0.1:{server.port}: {', '.join(server.feeds)}")
         if dvl is not None:
             _narrate(f"Doppler velocity log {(await dvl.open()).url}")
+            if dvl_at is not None and (warning := exposure(dvl_at)):
+                _narrate(warning, Severity.WARNING)
         simulator.autopilot.utc_offset_s = Clock(loop).utc_offset_s + loop.time()
         simulator.start(loop, options.speed)
         await _watch(simulator, endpoints, stopped, options.seconds)
@@ -355,5 +363,5 @@ async def _watch(
             return
 
 
-def _narrate(text: str) -> None:
-    narrate(f"sitl: {text}")
+def _narrate(text: str, severity: Severity = Severity.INFO) -> None:
+    narrate(f"sitl: {text}", severity)

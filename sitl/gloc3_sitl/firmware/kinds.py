@@ -63,6 +63,8 @@ class FirmwareKind(msgspec.Struct, frozen=True, kw_only=True):
     start: Callable[[Path, FirmwareOptionsWanted], FirmwareStart]
     problem: Callable[[str], str] = lambda _: ""
     """What its output says went wrong with its parameters, once it flies; empty where nothing did."""
+    opens: str = ""
+    """Sockets that the program opens to the network by itself, whatever it is asked for."""
     by_hand: str
     """What a person would type, with {port}."""
 
@@ -201,6 +203,7 @@ KINDS: Final[Mapping[str, FirmwareKind]] = {
         rate_hz=ardupilot.RATE_HZ,
         links=("udpout://127.0.0.1:14550", "udpout://127.0.0.1:14540"),
         uses_fixes=False,
+        opens="listens on two UDP ports, and on TCP for tcpin://, on every address of this computer",
         start=_start_ardupilot,
         by_hand="arducopter --model JSON:127.0.0.1 --sim-port-out {port} --rate 800",
     ),
@@ -211,6 +214,7 @@ KINDS: Final[Mapping[str, FirmwareKind]] = {
         rate_hz=px4.RATE_HZ,
         links=(),
         uses_fixes=True,
+        opens="listens on UDP ports 13030, 14280, 14580 and 18570 on every address of this computer",
         start=_start_px4,
         problem=_px4_problem,
         by_hand="PX4_SIM_MODEL=none_iris px4, which connects to TCP port {port}",

@@ -13,6 +13,7 @@ import msgspec
 from gloc3.cli.narration import narrate
 from gloc3.clock import Clock
 from gloc3.errors import Refused
+from gloc3.messages.envelope import Severity
 from gloc3_sitl.firmware.ardupilot import ArduPilotBridge
 from gloc3_sitl.firmware.body import BodySettings, SensedBody
 from gloc3_sitl.firmware.hil_server import HilServer
@@ -21,7 +22,7 @@ from gloc3_sitl.firmware.kinds import FirmwareKind, FirmwareOptionsWanted, kind_
 from gloc3_sitl.firmware.program import FirmwareProcess, find_binary
 from gloc3_sitl.firmware.px4 import Px4Bridge
 from gloc3_sitl.flight.truth_log import TruthLog
-from gloc3_sitl.vehicles.dvl_server import DvlAddress, DvlServer
+from gloc3_sitl.vehicles.dvl_server import DvlAddress, DvlServer, exposure
 from gloc3_sitl.vehicles.sensor_server import SensorServer
 from gloc3_sitl.world import World
 
@@ -90,6 +91,8 @@ async def run_firmware(options: FirmwareOptions) -> int:
             dvl = DvlServer(body, loop, options.body.seed, options.dvl)
             stack.push_async_callback(dvl.close)
             _narrate(f"Doppler velocity log {(await dvl.open()).url}")
+            if warning := exposure(options.dvl):
+                _narrate(warning, Severity.WARNING)
         if options.out is not None:
             truth = TruthLog(body, loop, options.out, vehicle)
             stack.callback(truth.close)
@@ -101,6 +104,8 @@ async def run_firmware(options: FirmwareOptions) -> int:
                 folder.mkdir(parents=True, exist_ok=True)
             program = _program(options, kind, binary, server.port, folder)
             stack.push_async_callback(program.stop)
+            if kind.opens:
+                _narrate(f"{kind.title} itself {kind.opens}; a firewall keeps a network out", Severity.WARNING)
             _narrate(f"{kind.title} {binary.name} started on simulated {vehicle}, world {options.world.name}")
         else:
             _narrate(f"waiting for {kind.title} on port {server.port}: {kind.by_hand.format(port=server.port)}")
@@ -175,5 +180,5 @@ class _Watch:
         return 0
 
 
-def _narrate(text: str) -> None:
-    narrate(f"sitl: {text}")
+def _narrate(text: str, severity: Severity = Severity.INFO) -> None:
+    narrate(f"sitl: {text}", severity)

@@ -9,6 +9,7 @@ from typing import Final, NamedTuple, Self
 import msgspec
 
 from gloc3.errors import Refused, nearest
+from gloc3.mavlink.transport.endpoints import parse_url
 from gloc3.messages.perception import BottomVelocity
 from gloc3_sitl.sensors.dvl import BEAM_RAD, RATE_HZ, DvlModel
 from gloc3_sitl.vehicles.scene import Scene
@@ -42,6 +43,13 @@ def read_dvl(text: str) -> DvlAddress:
     if match["wire"] not in WIRES:
         raise Refused(f"--dvl {text!r}: {nearest(match['wire'], list(WIRES))}")
     return DvlAddress(match["wire"], match["host"], int(match["port"]))
+
+
+def exposure(address: DvlAddress) -> str:
+    """Warning about a server that other computers reach; empty for others."""
+    if not parse_url(f"tcpin://{address.host}:{address.port}").is_open:
+        return ""
+    return f"{address.wire}://{address.host}:{address.port} is open to the network: anyone who reaches it can read it"
 
 
 class DvlServer:

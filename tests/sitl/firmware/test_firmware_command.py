@@ -91,6 +91,7 @@ async def test_ardupilot_is_started_with_its_parameters_links_and_home_and_ended
     assert read[2] == {"WPNAV_SPEED": 200.0}
     assert not (tmp_path / "firmware" / "eeprom.bin").exists()
     text = capsys.readouterr().err
+    assert "ArduPilot itself listens on two UDP ports" in text
     assert "ArduPilot connected; it drives the simulated time" in text
     assert "s of simulated time" in text
 

@@ -25,11 +25,12 @@ import msgspec
 from gloc3.errors import Refused, nearest
 from gloc3.mavlink.transport.serial_line import SerialEndpoint
 from gloc3.mavlink.transport.tcp import TcpClientEndpoint, TcpServerEndpoint
-from gloc3.mavlink.transport.udp import UdpClientEndpoint, UdpServerEndpoint
+from gloc3.mavlink.transport.udp import UdpClientEndpoint, UdpServerEndpoint, is_loopback
 
 OnData: TypeAlias = Callable[[bytes], None]
 
 NETWORK_SCHEMES: Final = ("udpin", "udpout", "tcpin", "tcpout")
+LISTENING_SCHEMES: Final = ("udpin", "tcpin")
 SERIAL_SCHEMES: Final = ("serial", "serial_flowcontrol")
 LOOPBACK: Final = "127.0.0.1"
 """Default listen address."""
@@ -106,19 +107,30 @@ class EndpointUrl(msgspec.Struct, frozen=True, kw_only=True):
         """The URL without options."""
         return self.url.partition("?")[0]
 
-    def warning(self, *, is_signed: bool) -> str:
+    @property
+    def is_open(self) -> bool:
+        """Whether it listens where other computers reach it."""
+        return self.scheme in LISTENING_SCHEMES and not is_loopback(self.host)
+
+    def warning(self, *, is_signed: bool, advice: str = "add ?key=FILE, or listen on 127.0.0.1") -> str:
         """Warning about an unauthenticated link that is open to a network; empty for others.
 
         Args:
             is_signed: whether it has a signing key from elsewhere; its own key counts without this.
+            advice: what the user can do about it.
         """
-        is_own = self.host in ("localhost", "::1") or self.host.startswith("127.")
-        if self.scheme not in ("udpin", "tcpin") or is_own or is_signed or self.key:
+        if not self.is_open or is_signed or self.key:
             return ""
-        return (
-            f"{self.address} is open to the network and not signed: anyone who reaches it can command the vehicle; "
-            "add ?key=FILE, or listen on 127.0.0.1"
-        )
+        return f"{self.address} is open to the network and not signed: anyone who reaches it can command the vehicle; {advice}"
+
+    def check_unkeyed(self, program: str) -> None:
+        """Checks that no option is given that a program without keys and roles would ignore.
+
+        Raises:
+            Refused: one is given.
+        """
+        if self.key or self.role != ROLES[0]:
+            raise Refused(f"endpoint {self.url!r}: {program} has links without keys and roles; omit ?key= and ?role=")
 
     @property
     def line_bit_s(self) -> int | None:

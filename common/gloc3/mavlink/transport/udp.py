@@ -7,6 +7,7 @@ import errno
 import socket
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from ipaddress import ip_address
 from typing import Any, Final, TypeAlias
 
 from gloc3.errors import Refused
@@ -297,7 +298,8 @@ class UdpClientEndpoint(UdpEndpoint):
         """
         family, address = await resolve(url, loop, host, port, socket.SOCK_DGRAM)
         opened = socket.socket(family, socket.SOCK_DGRAM)
-        opened.bind(("::" if family == socket.AF_INET6 else "0.0.0.0", 0))
+        here, anywhere = ("::1", "::") if family == socket.AF_INET6 else ("127.0.0.1", "0.0.0.0")
+        opened.bind((here if is_loopback(address[0]) else anywhere, 0))  # what is for this computer, no other reaches
         endpoint = cls(url, loop, on_data, address)
         endpoint._start(opened)
         return endpoint
@@ -326,6 +328,14 @@ def senders_in(datagram: bytes) -> Iterator[tuple[int, int]]:
             at += length + _AROUND_1
         else:
             return
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this computer reaches what listens on a host's address."""
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 def enlarge(opened: socket.socket, size: int) -> None:

@@ -283,6 +283,9 @@ class CiRequest(Message, frozen=True):
     """Its sender's; set by the platform's end of the link that brought it, whatever was sent."""
     way: str = ""
     """How it came: set there too, for the record."""
+    until_s: float = 0.0
+    """Latest time to carry it out, by the platform's clock; 0 where its sender has not learned that clock. What somebody
+    holds back on the way is not carried out when it comes."""
 
 
 class Outcome(StrEnum):

@@ -1,7 +1,7 @@
 """Client of the command interface: a station's requests to platforms, over any exchange and clock."""
 
 import asyncio
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from msgspec.structs import replace
 
@@ -40,6 +40,9 @@ TIMEOUT_S: Final = 16.0
 EMERGENCY_TIMEOUT_S: Final = 6.0
 """The same for emergencies, which the link gives up sooner."""
 
+CLOCK_DRIFT: Final = 1e-3
+"""Two clocks drift apart by less than this share of the time."""
+
 _Key = tuple[str, int]
 """Platform and sequence of a request."""
 
@@ -75,13 +78,41 @@ class _Pending:
         """Why the link gave it up, where it may have arrived all the same."""
 
 
+class _ClockSample(NamedTuple):
+    boot: int
+    ahead_s: float
+    """The platform's clock minus ours, less the shortest latency of late."""
+    received_s: float
+
+
+class PlatformClocks:
+    """Each platform's clock, learned from the times in its summaries: behind by their latency, never ahead."""
+
+    def __init__(self) -> None:
+        self._samples: dict[str, _ClockSample] = {}
+
+    def receive(self, envelope: Envelope[Any], now_s: float) -> None:
+        """Handles a summary; with another boot of its source the clock may have started again."""
+        platform, boot, ahead_s = envelope.topic.partition("/")[0], envelope.source.boot, envelope.t_s - now_s
+        last = self._samples.get(platform)
+        if last is not None and last.boot == boot:
+            ahead_s = max(ahead_s, last.ahead_s - CLOCK_DRIFT * (now_s - last.received_s))
+        self._samples[platform] = _ClockSample(boot, ahead_s, now_s)
+
+    def until_s(self, platform: str, now_s: float, timeout_s: float) -> float:
+        """When a time from now on is over by the platform's clock; 0 while that is not known."""
+        sample = self._samples.get(platform)
+        return 0.0 if sample is None else max(now_s + sample.ahead_s + timeout_s, 0.0)
+
+
 class CommandClient:
     """Client of the command interface: one for a station, for all platforms that it commands.
 
     A request is identified by `(sender, boot, sequence)`, counted for each platform; it is never executed twice. When
     its reply is late, the client queries the outcome (`Query`); only if the request never arrived it is sent again,
     with the same id. Without an outcome at the timeout it ends as *unknown*. When the link gives a request up, it ends
-    as *refused* if it was certainly never delivered; otherwise the outcome is queried at once.
+    as *refused* if it was certainly never delivered; otherwise the outcome is queried at once. A request carries its
+    time limit by the platform's clock: the platform does not carry it out after the operator was shown *unknown*.
     """
 
     def __init__(self, exchange: Exchange, loop: asyncio.AbstractEventLoop, station: str, boot: int) -> None:
@@ -104,12 +135,17 @@ class CommandClient:
         """Questions to the requests that they are about."""
         self._timer: asyncio.TimerHandle | None = None
         self._sessions = 0
-        self._unsubscribe = exchange.subscribe("*/ci/reply", self._receive)
+        self._clocks = PlatformClocks()
+        self._unsubscribe = [
+            exchange.subscribe("*/ci/reply", self._receive),
+            exchange.subscribe("*/ci/summary", lambda envelope: self._clocks.receive(envelope, loop.time())),
+        ]
         self._withdraw = exchange.declare_alive(f"stations/{station}")
 
     def close(self) -> None:
         """Stops receiving replies; waiting requests are cancelled."""
-        self._unsubscribe()
+        for unsubscribe in self._unsubscribe:
+            unsubscribe()
         self._withdraw()
         if self._timer is not None:
             self._timer.cancel()
@@ -126,7 +162,7 @@ class CommandClient:
         if self.role is StationRole.OBSERVER and not isinstance(body, QUERIES):
             reason = f"station {self.station} may look and not command: it is an observer"
             return CiReply(sender=self.station, boot=0, sequence=-1, outcome=Outcome.REFUSED, reason=reason)
-        request, patience_s = self._new(platform, body), PATIENCE_S
+        request, patience_s = self._new(platform, body, timeout_s), PATIENCE_S
         if isinstance(body, LoadMission | RequestTask):
             patience_s += len(body.text.encode()) / SLOWEST_BYTES_S
         key, times = (platform, request.sequence), (patience_s, timeout_s, self._loop.time())
@@ -223,10 +259,11 @@ class CommandClient:
 
     # --- requests under way ---
 
-    def _new(self, platform: str, body: AnyBody) -> CiRequest:
+    def _new(self, platform: str, body: AnyBody, timeout_s: float = TIMEOUT_S) -> CiRequest:
         sequence = self._sequences.get(platform, 0)
         self._sequences[platform] = sequence + 1
-        return CiRequest(sender=self.station, boot=self._boot, sequence=sequence, body=body)
+        until_s = self._clocks.until_s(platform, self._loop.time(), timeout_s)
+        return CiRequest(sender=self.station, boot=self._boot, sequence=sequence, body=body, until_s=until_s)
 
     def _send(self, platform: str, request: CiRequest) -> None:
         self._publisher.publish(f"{platform}/ci/request", request, self._loop.time())

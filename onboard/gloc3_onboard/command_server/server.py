@@ -9,6 +9,7 @@ from gloc3.component.component import CommandInterface
 from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup, Result
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages.command_interface import (
+    QUERIES,
     AboutLogs,
     AnyBody,
     CallFunction,
@@ -49,6 +50,8 @@ from gloc3_onboard.command_server.start_gate import RedChecks
 
 URGENT_S: Final = 8.0
 """So long an emergency waits for a platform that is only just starting."""
+LONGEST_LIMIT_S: Final = 1800.0
+"""Time limits of requests are shorter, those of the largest missions over the slowest links included."""
 OPEN_TO_ALL: Final = (ReadMission, Control, Emergency, Query, Hello)
 """What a station may ask for without holding control."""
 
@@ -75,6 +78,18 @@ class _Noted(NamedTuple):
     request: CiRequest
     mark: int
     until_s: float
+
+
+def time_limit(request: CiRequest, now_s: float) -> str:
+    """Why a request comes too late to be carried out; empty if it does not, has no time limit, or only reads."""
+    if request.until_s <= 0.0 or isinstance(request.body, QUERIES):
+        return ""
+    left_s = request.until_s - now_s
+    if left_s > LONGEST_LIMIT_S:
+        return f"its time limit is {left_s:.0f} s ahead: the platform's clock has started again since; send it again"
+    if left_s < 0.0:
+        return f"it came {-left_s:.1f} s after its time limit; send it again if it is still wanted"
+    return ""
 
 
 class RequestHandler:
@@ -128,14 +143,20 @@ class RequestHandler:
             return self._contacts.read(request, request.body)
         if isinstance(request.body, Watch | ListTopics):
             return self.components.forward_query(request, now_s)
+        late = time_limit(request, now_s)
         if isinstance(request.body, Elsewhere):
-            self.missions.elsewhere(request.sender, request.body, now_s)
+            if not late:
+                self.missions.elsewhere(request.sender, request.body, now_s)
             return None
         if isinstance(request.body, Preflight):
             return self.missions.preflight(request, now_s)
         known = self._journal.begin(request)
         if not known.is_new:
             return known.reply
+        if late:
+            reply = answer(request, Outcome.REFUSED, late)
+            self._journal.end(reply)
+            return reply
         if isinstance(request.body, Emergency):
             if not self.missions.is_ready:
                 self._urgent.append(_Urgent(request, now_s + URGENT_S))

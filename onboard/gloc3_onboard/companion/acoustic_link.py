@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Callable
 from typing import Any, Final
 
+from gloc3.clock import Clock
 from gloc3.exchange import Publisher
 from gloc3.exchange.acoustic import AcousticCode, AcousticOrder, AcousticVerb, Receipt, summary_of
 from gloc3.exchange.base import Exchange
@@ -16,6 +17,9 @@ SENDER: Final = "acoustic"
 PERIOD_S: Final = 60.0
 IN_CONTACT_S: Final = 5.0
 """Time after a station's last message on another link in which the modem stays silent, s."""
+ORDER_MOST_AGE_S: Final = 600.0
+"""Orders are numbered by the time of day. An older one was held back, where this computer's clock is right; a station stops
+repeating its own after two minutes, and its clock may be some minutes off."""
 _VERBS: Final = {AcousticVerb.HOLD: EmergencyVerb.HOLD, AcousticVerb.SURFACE: EmergencyVerb.LAND}
 _LIFE: Final = 0
 """Orders are of one life over all starts of this process: an order that is played again later is known to the journal."""
@@ -49,6 +53,7 @@ class AcousticLink:
         self.code: Final = AcousticCode(platform, key)
         self._platform, self._loop, self._send, self._period_s = platform, loop, send, period_s
         self._publisher = Publisher(exchange, platform, "acoustic_link", boot)
+        self._clock = Clock(loop)
         self._vehicle: VehicleSummary | None = None
         self._mission: MissionSummary | None = None
         self._health = Health.IDLE
@@ -78,7 +83,8 @@ class AcousticLink:
     def receive(self, data: bytes) -> None:
         """Takes a frame from the modem; an order that has come already is answered again, and not carried out.
 
-        One that is older than the last is refused, so that its sender learns of a clock that has been set back.
+        One that is older than the last, or too old altogether, is refused, so that its sender learns of a clock that has
+        been set back.
         """
         order = self.code.decode(data)
         if not isinstance(order, AcousticOrder):
@@ -86,6 +92,8 @@ class AcousticLink:
         sequence = order.number * _KINDS + order.verb
         if sequence in self._outcomes:
             self._send(self.code.encode(Receipt(order.number, self._outcomes[sequence])))
+        elif self._is_too_old(order):
+            self._send(self.code.encode(Receipt(order.number, False)))
         elif order.number >= self._newest // _KINDS and sequence != self._newest:
             self._newest = sequence
             body = Emergency(verb=_VERBS[order.verb], author="an operator, by acoustic modem")
@@ -93,6 +101,9 @@ class AcousticLink:
             self._publisher.publish(f"{self._platform}/ci/request", request, self._loop.time())
         elif sequence != self._newest:
             self._send(self.code.encode(Receipt(order.number, False)))
+
+    def _is_too_old(self, order: AcousticOrder) -> bool:
+        return self._clock.is_utc_right() and self._clock.utc_s() - order.number > ORDER_MOST_AGE_S
 
     def _transmit(self) -> None:
         self._timer = self._loop.call_later(self._period_s, self._transmit)

@@ -23,6 +23,7 @@ from gloc3.messages.command_interface import (
     ReadMission,
 )
 from gloc3.messages.envelope import Envelope
+from gloc3.messages.summaries import Health, Summary
 from gloc3_groundstation.station.command_client import PATIENCE_S, CommandClient
 
 
@@ -71,6 +72,28 @@ def play(steps: Callable[[Stage], Awaitable[None]]) -> None:
             stage.client.close()
 
     run_virtual(main())
+
+
+def test_a_request_ends_by_the_platform_s_own_clock_as_it_ends_for_the_operator() -> None:
+    async def steps(stage: Stage) -> None:
+        platform = Publisher(stage.exchange, "a", "command_server", 4)
+        summary = Summary(table=0, health=Health.WORKING, lines=[])
+        stage.request(Hello())
+        for late_s in (0.9, 0.2, 1.4):
+            await asyncio.sleep(1.0)
+            platform.publish("a/ci/summary", summary, stage.loop.time() + 7000.0 - late_s)
+        stage.request(Hello(), timeout_s=6.0)
+        await asyncio.sleep(0.0)
+        unknown, known = [one.payload for one in stage.take() if isinstance(one.payload.body, Hello)]
+        assert unknown.until_s == 0.0, "it has not learned the clock yet"
+        assert 7008.7 < known.until_s <= 7008.8, "behind by the shortest latency"
+        restarted = Publisher(stage.exchange, "a", "command_server", 5)
+        restarted.publish("a/ci/summary", summary, 2.0)
+        stage.request(Hello(), timeout_s=6.0)
+        await asyncio.sleep(0.0)
+        assert stage.take()[-1].payload.until_s == 8.0
+
+    play(steps)
 
 
 def test_a_reply_ends_its_request_and_only_its_own() -> None:

@@ -123,6 +123,11 @@ class Desk:
             sequence = self.sequence
         return self.handler.handle(CiRequest(sender=sender, boot=boot, sequence=sequence, body=body), 0.0)
 
+    def late(self, body: AnyBody, until_s: float, sequence: int, now_s: float = 100.0) -> CiReply | None:
+        """What a request with a time limit is answered."""
+        request = CiRequest(sender="255", boot=7, sequence=sequence, body=body, until_s=until_s)
+        return self.handler.handle(request, now_s)
+
     def observed(self, body: AnyBody) -> CiReply | None:
         """What an observer is answered."""
         self.sequence += 1
@@ -173,6 +178,46 @@ def test_an_observer_may_look_and_not_command(desk: Desk, body: AnyBody) -> None
     checked = desk.observed(Hello())
     assert checked is not None
     assert checked.outcome is Outcome.ACCEPTED
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        LoadMission(name="hop", text=HOP),
+        Control(verb=ControlVerb.RELEASE),
+        Emergency(verb=EmergencyVerb.LAND),
+        CommandComponent(component="hold", command="stop"),
+    ],
+    ids=lambda body: type(body).__name__,
+)
+def test_what_was_held_back_on_the_way_is_not_carried_out_when_it_comes(desk: Desk, body: AnyBody) -> None:
+    for sequence in (50, 50):
+        reply = desk.late(body, until_s=60.0, sequence=sequence)
+        assert reply is not None
+        assert reply.outcome is Outcome.REFUSED
+        assert reply.reason == "it came 40.0 s after its time limit; send it again if it is still wanted"
+    assert desk.executor.mission is None
+    assert desk.authority.holder == "255"
+    assert desk.handler.components.messages == []
+    in_time = desk.late(body, until_s=101.0, sequence=51)
+    assert in_time is None or "time limit" not in in_time.reason
+
+
+def test_a_request_from_before_the_vehicle_s_clock_started_again_is_refused_and_a_question_is_answered(
+    desk: Desk,
+) -> None:
+    reply = desk.late(Steer(verb=Verb.START), until_s=5_000.0, sequence=50)
+    assert reply is not None
+    assert reply.reason.startswith("its time limit is 4900 s ahead: the platform's clock has started again since")
+    asked = desk.late(ReadMission(), until_s=60.0, sequence=51)
+    assert asked is not None
+    assert "time limit" not in asked.reason
+
+
+def test_a_request_that_was_carried_out_in_time_gets_the_same_reply_later(desk: Desk) -> None:
+    first = desk.late(LoadMission(name="hop", text=HOP), until_s=101.0, sequence=50)
+    assert first is not None
+    assert desk.late(LoadMission(name="hop", text=HOP), until_s=101.0, sequence=50, now_s=500.0) == first
 
 
 def test_a_mission_is_loaded_and_read_back_as_it_was(desk: Desk) -> None:

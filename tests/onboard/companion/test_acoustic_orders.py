@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from gloc3.clock import VirtualLoop
+from gloc3.clock import VIRTUAL_EPOCH_S, VirtualLoop
 from gloc3.exchange.acoustic import AcousticCode, AcousticOrder, AcousticVerb, Receipt
 from gloc3.exchange.base import LocalExchange, Publisher
 from gloc3.messages.command_interface import CiReply, CiRequest, Emergency, EmergencyVerb, Outcome
@@ -14,9 +14,10 @@ from gloc3.messages.envelope import Envelope
 from gloc3.store import MemoryRecords
 from gloc3_groundstation.links.acoustic_route import AcousticRoute, ModemContext
 from gloc3_onboard.command_server.journal import Journal, answer
-from gloc3_onboard.companion.acoustic_link import AcousticLink
+from gloc3_onboard.companion.acoustic_link import ORDER_MOST_AGE_S, AcousticLink
 
 KEY = b"a key of the modem"
+NOW = int(VIRTUAL_EPOCH_S)
 _boots = itertools.count()
 
 
@@ -68,27 +69,35 @@ def test_an_order_is_carried_out_once_also_where_it_is_played_again_to_the_next_
 ) -> None:
     records = MemoryRecords()
     auv = Auv(loop, records)
-    assert auv.order(100, AcousticVerb.SURFACE) == auv.order(100, AcousticVerb.SURFACE) == Receipt(100, True)
+    assert auv.order(NOW, AcousticVerb.SURFACE) == auv.order(NOW, AcousticVerb.SURFACE) == Receipt(NOW, True)
     assert auv.done == [EmergencyVerb.LAND]
     later = Auv(loop, records)
-    assert later.order(100, AcousticVerb.SURFACE) == Receipt(100, True)
+    assert later.order(NOW, AcousticVerb.SURFACE) == Receipt(NOW, True)
     assert later.done == []
-    assert later.order(101, AcousticVerb.SURFACE) == Receipt(101, True)
+    assert later.order(NOW + 1, AcousticVerb.SURFACE) == Receipt(NOW + 1, True)
     assert later.done == [EmergencyVerb.LAND]
 
 
 def test_two_stations_that_order_in_one_second_are_both_heard(loop: VirtualLoop) -> None:
     auv = Auv(loop, MemoryRecords())
-    assert auv.order(100, AcousticVerb.HOLD) == Receipt(100, True)
-    assert auv.order(100, AcousticVerb.SURFACE) == Receipt(100, True)
+    assert auv.order(NOW, AcousticVerb.HOLD) == Receipt(NOW, True)
+    assert auv.order(NOW, AcousticVerb.SURFACE) == Receipt(NOW, True)
     assert auv.done == [EmergencyVerb.HOLD, EmergencyVerb.LAND]
 
 
 def test_an_order_of_a_clock_that_was_set_back_is_refused_and_not_left_without_a_receipt(loop: VirtualLoop) -> None:
     auv = Auv(loop, MemoryRecords())
-    auv.order(100, AcousticVerb.HOLD)
-    assert auv.order(99, AcousticVerb.SURFACE) == Receipt(99, False)
+    auv.order(NOW, AcousticVerb.HOLD)
+    assert auv.order(NOW - 1, AcousticVerb.SURFACE) == Receipt(NOW - 1, False)
     assert auv.done == [EmergencyVerb.HOLD]
+
+
+def test_an_order_that_was_held_back_on_the_way_is_refused(loop: VirtualLoop) -> None:
+    auv = Auv(loop, MemoryRecords())
+    held_back = NOW - int(ORDER_MOST_AGE_S) - 1
+    assert auv.order(held_back, AcousticVerb.SURFACE) == Receipt(held_back, False)
+    assert auv.done == []
+    assert auv.order(NOW - 60, AcousticVerb.SURFACE) == Receipt(NOW - 60, True), "sound is slow, and clocks are off"
 
 
 def test_a_station_never_says_two_orders_under_one_number(loop: VirtualLoop) -> None:

@@ -17,12 +17,14 @@ pytestmark = pytest.mark.sockets
 OPEN = "is open to the network and not signed"
 
 
-def process_of(folder: Path, key: bytes | None = None, port: int = 0) -> OnboardProcess:
+def process_of(
+    folder: Path, key: bytes | None = None, port: int = 0, station: str = "udpin://0.0.0.0:0"
+) -> OnboardProcess:
     platform = load_platform("pelican_rtk", is_loading_classes=True, devices=DEVICES)
     options = ProcessOptions(
         platform="pelican_rtk",
         autopilot=f"udpin://:{port}",
-        stations=("udpin://0.0.0.0:0",),
+        stations=(station,),
         out=folder,
         signing_key=key,
     )

@@ -162,7 +162,6 @@ def hostile(progress: Progress) -> list[Figure]:
         Figure("… taken", str(found["taken_again"]), "0", not found["taken_again"]),
         Figure("frames of invented systems on a link without a key", str(found["invented"])),
         Figure("… senders that are remembered", str(found["senders"]), "≤ 256", found["senders"] <= 256),
-        Figure("… frames that found no room", str(found["no_room"])),
         Figure(
             "… a station that was there before still reaches the autopilot",
             "yes" if found["flood_still_served"] else "no",

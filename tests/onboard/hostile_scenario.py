@@ -62,7 +62,6 @@ class Figures(msgspec.Struct, kw_only=True):
     """Frames of foreign systems on a link without a key."""
     senders: int = 0
     """Those that the router remembers of them."""
-    no_room: int = 0
     flood_still_served: bool = False
     """Whether a true station on that link reaches the autopilot through it all."""
     growth_bytes: int = 0
@@ -259,7 +258,6 @@ async def _flood(scene: _Scene, count: int, figures: Figures) -> None:
     """Foreign systems by the thousand on a link without a key, behind a station that was there before."""
     station, chance = Encoder(254, 190), Random(count)
     scene.open.receive(station.encode(message("HEARTBEAT", type=6)))
-    before = scene.open.routed.counts.refused
     for number in range(count):
         who = Encoder(2 + number // 250 % 250, 1 + number % 250)
         scene.open.receive(who.encode(message("HEARTBEAT", type=chance.randrange(30), autopilot=8)))
@@ -270,7 +268,6 @@ async def _flood(scene: _Scene, count: int, figures: Figures) -> None:
     scene.open.receive(station.encode(ARM))
     await asyncio.sleep(0.1)
     figures.invented, figures.senders = count, len(scene.open.routed.senders)
-    figures.no_room = scene.open.routed.counts.refused - before
     figures.flood_still_served = any(
         frame.system == 254 and frame.message_id == ARM.id for frame in _frames(scene.at_autopilot[received:])
     )

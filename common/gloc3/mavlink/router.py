@@ -42,7 +42,10 @@ class Gaps:
 
 MOST_ADDRESSES: Final = 256
 """So many senders a link may have. A flood of invented ones costs nobody else's room: behind the peer that has most of
-it, the newest makes room for a newcomer behind another one."""
+it, the newest makes room for a newcomer behind another one, and one that was heard but for a moment for a newcomer behind
+the same."""
+LASTING_S: Final = 1.0
+"""A sender that is heard for so long has come to stay; one that was heard but once may be invented."""
 MOVED_AFTER_S: Final = 10.0
 """Silence on a link after which a sender that is received on another link has moved there, s."""
 FORGOTTEN_AFTER_S: Final = 300.0
@@ -82,6 +85,8 @@ class KnownSender(msgspec.Struct, gc=False):
     heard_s: float
     sequence: int
     """The number of its last frame."""
+    since_s: float
+    """When it was first heard."""
     boot_ms: int = 0
     ways: tuple[RouterLink, ...] = ()
     """Links to which its broadcasts are forwarded, cached until something changes."""
@@ -223,7 +228,7 @@ class Router:
         for link in self.links:
             if link is not source and key in link.senders and not _accepts(link, key, now_s):
                 del link.senders[key]
-        sender = source.senders[key] = KnownSender(now_s, frame.sequence - 1 & 0xFF, origin=origin)
+        sender = source.senders[key] = KnownSender(now_s, frame.sequence - 1 & 0xFF, now_s, origin=origin)
         return sender
 
     def _check_restart(self, source: RouterLink, sender: KnownSender, key: int, frame: Frame) -> None:
@@ -252,6 +257,14 @@ def _make_room(link: RouterLink, origin: str, now_s: float) -> bool:
         return True
     evicted = to_evict({key: sender.origin for key, sender in link.senders.items()}, origin)
     if evicted is None:
+        passing = (key for key, sender in link.senders.items() if _is_passing(sender, origin))
+        evicted = next(passing, None)
+    if evicted is None:
         return False
     del link.senders[evicted]
     return True
+
+
+def _is_passing(sender: KnownSender, origin: str) -> bool:
+    """Whether a sender behind a peer was heard but for a moment."""
+    return sender.origin == origin and sender.heard_s - sender.since_s < LASTING_S

@@ -19,6 +19,5 @@ def test_who_has_no_key_gets_nothing_through_is_counted_and_costs_no_memory() ->
     assert figures.replayed > 20
     assert figures.taken_again == 0, "nor is anything taken once more by the next onboard process"
     assert (figures.invented, figures.senders) == (400, 256)
-    assert figures.no_room > 140, "invented systems find no room"
     assert figures.flood_still_served, "and keep nobody out who was there before"
     assert figures.growth_bytes < 20_000

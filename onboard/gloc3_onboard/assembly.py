@@ -29,6 +29,7 @@ from gloc3_onboard.command_server.site import Background, Site
 from gloc3_onboard.companion.acoustic_link import PERIOD_S, AcousticLink
 from gloc3_onboard.companion.autopilot_reporter import AutopilotReporter
 from gloc3_onboard.companion.companion import Companion
+from gloc3_onboard.companion.landing_watchdog import LandingWatchdog
 from gloc3_onboard.companion.link_watch import LinkWatch, RateWatch
 from gloc3_onboard.companion.parameter_table import own_parameters
 from gloc3_onboard.companion.routing import RoutedLink
@@ -111,6 +112,8 @@ class VehicleSide:
         self._reporter = AutopilotReporter(exchange, name, self.autopilot.own, loop, self._send_to_stations)
         parts.add("reporter", self._reporter, self._reporter.close)
         self.companion: Final = self._add_companion()
+        watchdog = LandingWatchdog(exchange, inputs.platform, self.autopilot_device, loop, autopilot_reports)
+        parts.add("landing watchdog", watchdog, watchdog.close)
         self._link_watch = LinkWatch(loop, self._ends, inputs.report)
         parts.add("link watch", self._link_watch, self._link_watch.close)
         self.onboard: Onboard | None = None

@@ -16,7 +16,7 @@ from gloc3.messages.vehicle import (
     MotionGrant,
     TakeOver,
 )
-from gloc3.mission.executing.executor import MissionExecutor, Verb
+from gloc3.mission.executing.executor import UNATTENDED_S, MissionExecutor, Verb
 from gloc3.mission.executing.items import MissionProgram
 from gloc3.mission.executing.requests import (
     Cancel,
@@ -37,7 +37,7 @@ from gloc3.mission.model.policy import Policy
 from gloc3.mission.model.states import ActionState
 from gloc3.mission.reading.reader import MissionReferences, read_mission
 from gloc3.platform.platform import Platform
-from gloc3_onboard.command_server.authority import THERE_S, ControlAuthority
+from gloc3_onboard.command_server.authority import ControlAuthority
 from gloc3_onboard.command_server.observing import OURS, TAKE_OVER_S, Observing
 from gloc3_onboard.command_server.site import Report, ServerSettings, Site
 from gloc3_onboard.command_server.summaries import RequestCounts
@@ -45,8 +45,6 @@ from gloc3_onboard.command_server.vehicle_state import VehicleState
 
 DIRECT_PERIOD_S: Final = 2.0
 """How often the autopilot is asked for its own landing until it lands."""
-UNATTENDED_S: Final = THERE_S
-"""A pilot who has control and of whom nothing is heard for so long has left the vehicle to the policies (DESIGN §7)."""
 COME_UP_S: Final = 30.0
 """After a restart: how long components that are still coming up are waited for before the mission is taken up."""
 
@@ -82,6 +80,7 @@ class MissionHost:
         """What the loaded mission takes."""
         self.granted = MotionGrant(action_id="", component="")
         self._landed_directly_s = -inf
+        self._is_landing_reported = False
         self._ended: MissionProgram | None = None
         """The program whose end was reported."""
         """The owner of motion."""
@@ -166,8 +165,9 @@ class MissionHost:
         return read_mission(text, "kept mission", surroundings)
 
     def _land_directly(self, executor: MissionExecutor, now_s: float) -> list[Result]:
-        """The last way down, which needs the autopilot's driver alone: its own landing, until it is under way."""
+        """Requests the autopilot's own landing, of its driver or else of the landing watchdog, until it is under way."""
         if not executor.needs_direct_landing(now_s) or executor.board.has_pilot:
+            self._is_landing_reported = False
             return []
         driver = self._observing.snapshot.driver
         is_landing = driver is not None and driver.manoeuvre is ManoeuvreKind.LAND
@@ -176,7 +176,10 @@ class MissionHost:
         if now_s - self._landed_directly_s < DIRECT_PERIOD_S:
             return []
         self._landed_directly_s = now_s
-        self._report(Severity.WARNING, "the autopilot is asked to land by itself")
+        self._observing.lands_directly()
+        if not self._is_landing_reported:
+            self._is_landing_reported = True
+            self._report(Severity.WARNING, "the autopilot is asked to land by itself")
         return [
             MissionPorts.direct_landing.report(Manoeuvre(action_id=self.granted.action_id, kind=ManoeuvreKind.LAND))
         ]
@@ -231,7 +234,8 @@ class MissionHost:
         if not driver.has_pilot_control or is_there or self._attended_s is None:
             self._attended_s = now_s
         elif now_s - self._attended_s >= UNATTENDED_S and not _brings_down(autopilot):
-            executor.unattended(UNATTENDED_S, now_s)
+            is_held = autopilot is not None and autopilot.mode is FlightMode.HOLD
+            executor.unattended(now_s - self._attended_s, now_s, is_held=is_held)
         if driver.held_after_gap_s not in (0.0, self._gap_s):
             text = (
                 f"no contact with the autopilot for {driver.held_after_gap_s:.1f} s: it held meanwhile, now it goes on"

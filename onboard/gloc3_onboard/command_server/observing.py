@@ -203,6 +203,10 @@ class Observing:
         driver = self.snapshot.driver
         return driver is not None and self._handover.is_ours(driver, self.snapshot.known_autopilot, now_s)
 
+    def lands_directly(self) -> None:
+        """The autopilot was asked for its own landing: that mode is ours for a driver that comes back."""
+        self._handover.is_landing = True
+
 
 class _LastSeen(NamedTuple):
     """Inputs of the last answer."""
@@ -297,10 +301,14 @@ class Handover:
     """Distinguishes a driver that restarted in flight from a pilot's takeover (DESIGN §7).
 
     A new driver finds an armed vehicle and cannot know who has control. The server can: if the mode is still the one
-    before the restart, or the hold in which a failing driver leaves the vehicle, nobody has taken over.
+    before the restart, or the hold in which a failing driver leaves the vehicle, nobody has taken over. The time for that
+    begins when the autopilot is connected; where it was not, a transmitter means that a pilot may have taken over unseen.
     """
 
     def __init__(self) -> None:
+        self.is_landing = False
+        """Whether the autopilot was asked for its own landing without the driver."""
+        self._was_blind = False
         self._boot: int | None = None
         self._was_ours = False
         self._mode = FlightMode.OTHER
@@ -312,8 +320,11 @@ class Handover:
         if boot != self._boot:
             is_new_life = self._boot is not None and self._was_ours
             self._until_s = now_s + TAKE_OVER_S if is_new_life else float("-inf")
-            self._boot = boot
+            self._boot, self._was_blind = boot, False
+        if now_s < self._until_s and (autopilot is None or not autopilot.is_connected):
+            self._until_s, self._was_blind = now_s + TAKE_OVER_S, True
         if now_s >= self._until_s:
+            self.is_landing = False
             self._was_ours = not report.payload.has_pilot_control
             self._mode = autopilot.mode if autopilot is not None else FlightMode.OTHER
 
@@ -321,5 +332,9 @@ class Handover:
         """Whether the control that the new driver attributes to a pilot was ours; the driver must then be told."""
         if not driver.has_pilot_control or now_s >= self._until_s or autopilot is None or not autopilot.is_armed:
             return False
+        if self._was_blind and autopilot.has_transmitter:
+            return False
+        if self.is_landing and autopilot.mode is FlightMode.LAND:
+            return True
         modes = (*OURS, FlightMode.MISSION)  # of a plan that goes on by itself
         return autopilot.mode in modes and autopilot.mode in (self._mode, FlightMode.HOLD)

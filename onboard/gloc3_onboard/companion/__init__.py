@@ -8,6 +8,7 @@ __all__ = [
     "autopilot_reporter",
     "companion",
     "files",
+    "landing_watchdog",
     "link_watch",
     "parameter_table",
     "routing",

@@ -69,6 +69,19 @@ def test_a_pilot_who_has_left_leaves_safety_to_the_policies_and_nothing_else(rig
     assert rig.executor.policy == "land"
 
 
+def test_a_vehicle_that_holds_with_nobody_in_charge_lands_after_the_time_of_a_hold(rig: Rig) -> None:
+    pilot(rig, has_control=True)
+    hold_s = rig.executor.board.policies.hold_s
+    rig.executor.unattended(29.9 + hold_s, rig.now_s, is_held=True)
+    rig.executor.unattended(31.0 + hold_s, rig.now_s)  # it is flown somewhere
+    rig.settle()
+    assert rig.executor.policy == "pilot"
+    rig.executor.unattended(30.0 + hold_s, rig.now_s, is_held=True)
+    rig.settle()
+    assert rig.taken_back == 1
+    assert rig.executor.policy == "land"
+
+
 def test_what_arose_under_the_pilot_is_answered_when_he_has_handed_back(rig: Rig) -> None:
     pilot(rig, has_control=True)
     rig.arise(PolicyCondition.LOW_BATTERY)

@@ -28,6 +28,9 @@ from gloc3.platform.platform import Platform
 PROGRESS_STEP: Final = 0.05
 """Progress of an action after which it is written to disk; also written on each achievement."""
 
+UNATTENDED_S: Final = 30.0
+"""A pilot who has control and of whom nothing is heard for so long has left the vehicle to the policies (DESIGN §7)."""
+
 Verb = Literal["start", "pause", "resume", "cancel"]
 
 
@@ -299,24 +302,30 @@ class MissionExecutor:
             self._take_back()
             self.settle(now_s)
 
-    def unattended(self, silent_s: float, now_s: float) -> None:
-        """Nobody has been heard who could fly: what waits for the pilot's end is answered by the safety policies now.
+    def unattended(self, silent_s: float, now_s: float, *, is_held: bool = False) -> None:
+        """Nobody has been heard who could fly: the safety policies answer what waits for the pilot's end.
+
+        A vehicle that only holds has a time, too: it lands after a further `hold_s`.
 
         Args:
             silent_s: how long nobody has been heard.
             now_s: the time.
+            is_held: whether the autopilot holds the vehicle, rather than that it is flown somewhere.
         """
         board = self.board
         waiting = {one: reason for one, reason in board.unanswered.items() if one in SAFETY}
-        if not board.has_pilot or board.is_failsafe or not waiting:
+        is_over = is_held and board.is_airborne and silent_s >= UNATTENDED_S + board.policies.hold_s
+        if not board.has_pilot or board.is_failsafe or not (waiting or is_over):
             return
         for condition in waiting:
             del board.unanswered[condition]
         self._take_back()
         who = "neither a transmitter nor another station"
-        board.report(Severity.WARNING, f"{who} was heard for {silent_s:g} s: the mission's policies apply")
+        board.report(Severity.WARNING, f"{who} was heard for {silent_s:.0f} s: the mission's policies apply")
         for condition, reason in waiting.items():
             reactions.apply_policy(board, condition, reason, now_s)
+        if is_over:
+            manoeuvres.apply(board, Policy.LAND, "held, and nobody in charge", now_s)
         self.settle(now_s)
 
     def _take_back(self) -> None:

@@ -32,6 +32,7 @@ from gloc3_onboard.components.drivers.manoeuvres import (
     Disarm,
     DriverSettings,
     ManoeuvreMachine,
+    RestMeter,
     SetMode,
 )
 from gloc3_onboard.components.drivers.pilot_watch import PilotWatch
@@ -39,8 +40,6 @@ from gloc3_onboard.components.drivers.setpoint_stream import SetpointStream
 from gloc3_onboard.sensors.devices import AutopilotControl, AutopilotSetpoint
 
 STATE_PERIOD_S: Final = 0.2
-RISING_M_S: Final = 1.0
-"""So fast what floats is taken to rise when it is asked to, until its velocity shows otherwise."""
 NOT_ARMED_IN: Final = (FlightMode.GUIDED, FlightMode.LAND)
 """Modes in which PX4 cannot be armed, or not without a stream; left on the ground."""
 SURRENDER_S: Final = 10.0
@@ -105,11 +104,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         self._refusal = ""
         self._climbs_from_down_m: float | None = None
         self._surrendered_s = -math.inf
-        self._rests_since_s: float | None = None
-        self._rest_seen_s = -math.inf
-        self._mean_ned_m_s = (0.0, 0.0, 0.0)
-        """Velocity, averaged."""
-        self._rested_s: float | None = None
+        self._rest = RestMeter(self.settings)
         self._own: Envelope[AutopilotPose] | None = None
         self._had_control = True
         self._reported: DriverState | None = None
@@ -252,23 +247,6 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
                 pose = self._stream.pose
                 self._climbs_from_down_m = None if pose is None else pose.position_ned_m[2]
 
-    def _check_rest(self, now_s: float) -> None:
-        """For how long the vehicle has stood still; None where nobody knows. What floats only stops to rise."""
-        velocity = self._known_velocity(now_s)
-        if velocity is not None:
-            share = 1.0 - math.exp(-(now_s - self._rest_seen_s) / max(self.settings.at_rest_over_s, 1e-6))
-            north, east, down = (
-                mean + share * (now - mean) for mean, now in zip(self._mean_ned_m_s, velocity, strict=True)
-            )
-            self._mean_ned_m_s, self._rest_seen_s = (north, east, down), now_s
-        counts = self._mean_ned_m_s[2:] if self._control.behaviour.floats else self._mean_ned_m_s
-        if velocity is None or math.hypot(*counts) > self.settings.at_rest_m_s:
-            self._rests_since_s = None
-        elif self._rests_since_s is None:
-            self._rests_since_s = now_s
-        self._rested_s = 0.0 if self._rests_since_s is None else now_s - self._rests_since_s
-        self._rested_s = None if velocity is None else self._rested_s
-
     def _known_velocity(self, now_s: float) -> Vector3 | None:
         """By our own pose, or else by the autopilot's, where that is young."""
         pose = self._stream.young_pose(now_s)
@@ -316,14 +294,14 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
             self._requested = None
             self._machine.begin(envelope.payload, now_s, self._control.behaviour, self._away_m)
             if self._control.behaviour.floats:
-                self._rests_since_s, self._mean_ned_m_s = None, (0.0, 0.0, -RISING_M_S)
+                self._rest.begin_to_rise()
         if self._machine.action_id != self._owner:
             self._machine.abandon("motion was granted to another owner")
         answer = self._control.answer(self._machine.ticket) if self._machine.ticket else None
         state = self._autopilot if self._is_autopilot_known else None
-        self._check_rest(now_s)
+        rested_s = self._rest.update(self._known_velocity(now_s), now_s, floats=self._control.behaviour.floats)
         self._machine.away_m = self._away_m
-        return [ManoeuvreStep(command) for command in self._machine.advance(now_s, state, answer, self._rested_s)]
+        return [ManoeuvreStep(command) for command in self._machine.advance(now_s, state, answer, rested_s)]
 
     # --- setpoints ---
 

@@ -1,7 +1,7 @@
 """Manoeuvres in the autopilot's own modes, step by step: a pure state machine of the autopilot driver."""
 
 from collections.abc import Sequence
-from math import dist
+from math import dist, exp, hypot
 from typing import Annotated, Final, NamedTuple
 
 from gloc3.component.settings import Bounds, Settings
@@ -16,6 +16,8 @@ HOME_M: Final = 160.0
 """So near home what circles in its return begins to land: two radii of PX4's circle (RTL_LOITER_RAD, NAV_LOITER_RAD)."""
 UNSEEN_S: Final = 120.0
 """So long what shall come to rest is waited for where nobody knows how fast it is; then it counts as standing."""
+RISING_M_S: Final = 1.0
+"""Assumed rate of climb of what floats when it is asked to surface, until its velocity shows otherwise."""
 ENDING_M: Final = 3.0
 """Distance from the last position of a plan at which the autopilot may end it, m (PX4: NAV_ACC_RAD, 2 m at most)."""
 
@@ -296,3 +298,47 @@ class ManoeuvreMachine:
     def _end(self, state: ManoeuvreState, reason: str) -> None:
         self.state, self.reason, self.ticket = state, reason, 0
         self._steps = []
+
+
+class RestMeter:
+    """Measures for how long a vehicle has stood still.
+
+    Args:
+        settings: the speed that counts as standing, and the time over which the velocity is averaged.
+    """
+
+    def __init__(self, settings: DriverSettings) -> None:
+        self._settings = settings
+        self._since_s: float | None = None
+        self._seen_s = float("-inf")
+        self._mean_ned_m_s: Vector3 = (0.0, 0.0, 0.0)
+
+    def begin_to_rise(self) -> None:
+        """Assumes that what floats rises, until its velocity shows otherwise."""
+        self._since_s, self._mean_ned_m_s = None, (0.0, 0.0, -RISING_M_S)
+
+    def update(self, velocity_ned_m_s: Vector3 | None, now_s: float, *, floats: bool) -> float | None:
+        """Adds a velocity.
+
+        Args:
+            velocity_ned_m_s: None where it is not known.
+            now_s: the time.
+            floats: whether the vehicle rests at the surface, where only its rise counts: a current carries it on.
+
+        Returns:
+            For how long the vehicle has stood still, s; None where the velocity is not known.
+        """
+        if velocity_ned_m_s is not None:
+            share = 1.0 - exp(-(now_s - self._seen_s) / max(self._settings.at_rest_over_s, 1e-6))
+            north, east, down = (
+                mean + share * (now - mean) for mean, now in zip(self._mean_ned_m_s, velocity_ned_m_s, strict=True)
+            )
+            self._mean_ned_m_s, self._seen_s = (north, east, down), now_s
+        counts = self._mean_ned_m_s[2:] if floats else self._mean_ned_m_s
+        if velocity_ned_m_s is None or hypot(*counts) > self._settings.at_rest_m_s:
+            self._since_s = None
+        elif self._since_s is None:
+            self._since_s = now_s
+        if velocity_ned_m_s is None:
+            return None
+        return 0.0 if self._since_s is None else now_s - self._since_s

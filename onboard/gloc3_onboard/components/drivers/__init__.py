@@ -3,4 +3,4 @@
 They are found through entry points and reach each other by topics only.
 """
 
-__all__ = ["image_recorder"]
+__all__ = ["image_recorder", "manoeuvres"]

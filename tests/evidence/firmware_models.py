@@ -243,6 +243,16 @@ MODELS: Final = (
     ),
     FirmwareModel(
         "ArduPilot",
+        "loads an uploaded fence a moment later, and refuses to enable one until then",
+        ("test_missions_and_fences.py::test_ardupilot_loads_an_uploaded_fence_a_moment_later_and_has_none_until_then",),
+    ),
+    FirmwareModel(
+        "ArduPilot",
+        "reports a transition to wings for a moment when a quadplane begins to hover in Guided",
+        ("test_vtols.py::test_ardupilot_reports_a_transition_for_a_moment_when_it_begins_to_hover_in_guided",),
+    ),
+    FirmwareModel(
+        "ArduPilot",
         "repeats a configuration error and starts nothing until it is repaired",
         (),
         "its configuration is always right; the texts are tested against a scripted one",

@@ -11,7 +11,11 @@ from gloc3.messages.preflight import PreflightReport, Verdict
 from gloc3.platform.reader import load_platform
 
 AROUND = "{polygon_m: [[-200, -200], [200, -200], [200, 200], [-200, 200]], ceiling_m: 100}"
-SET_OFF = {"pelican_rtk": "take_off: {height_m: 2}", "plane": "take_off: {height_m: 50}"}
+SET_OFF = {
+    "pelican_rtk": "take_off: {height_m: 2}",
+    "plane": "take_off: {height_m: 50}",
+    "vtol": "take_off: {height_m: 40}",
+}
 """What is not `drive_off` or `dive`."""
 OWN = {"rover": "drive_off: {}", "boat": "drive_off: {}", "auv": "dive: {depth_m: 2}", "rov": "dive: {depth_m: 2}"}
 ACTS = {"auv": Verdict.WARNING, "rov": Verdict.WARNING}
@@ -40,6 +44,8 @@ def text(platform: str) -> str:
         ("pelican_rtk", "px4"),
         ("pelican_rtk", "ardupilot"),
         ("plane", "ardupilot"),
+        ("vtol", "px4"),
+        ("vtol", "ardupilot"),
         ("rover", "ardupilot"),
         ("boat", "ardupilot"),
         ("auv", "ardupilot"),

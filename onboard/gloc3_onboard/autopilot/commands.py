@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Callable
-from typing import Final
+from typing import Final, NamedTuple
 
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.command import CommandResult
@@ -14,7 +14,21 @@ KEPT: Final = 64
 """Answers that are kept."""
 REASON_S: Final = 0.3
 """Time to wait for the reason of a refusal, s: autopilots send it as a separate text."""
+AGAIN_S: Final = 0.5
+"""Time between a refusal that may end soon and the next attempt, s."""
+PASSING: Final = (CommandResult.FAILED, CommandResult.TEMPORARILY_REJECTED)
 NO_OWNER: Final = "no autopilot is connected"
+
+
+class _Sent(NamedTuple):
+    """A command under way."""
+
+    command: MavCommand
+    target: Address
+    sent_s: float
+    """Time of the first attempt, since when texts may say why it is refused."""
+    until_s: float
+    """Time until which a refusal that may end is followed by another attempt."""
 
 
 class CommandDesk:
@@ -32,8 +46,9 @@ class CommandDesk:
         self._client = client
         self._texts = texts
         self._tickets = itertools.count(1)
-        self._calls: dict[int, tuple[CommandCall, float]] = {}
-        """Commands under way, with the time at which each was sent."""
+        self._calls: dict[int, tuple[CommandCall, _Sent]] = {}
+        self._again: dict[int, tuple[float, _Sent]] = {}
+        """Commands that are sent again, each at its time."""
         self._refused: list[tuple[float, int, CommandCall, float]] = []
         self._answers: dict[int, CommandAnswer] = {}
 
@@ -51,41 +66,62 @@ class CommandDesk:
         while len(self._answers) > KEPT:
             del self._answers[next(iter(self._answers))]
 
-    def send(self, ticket: int, command: MavCommand, target: Address | None, now_s: float) -> None:
-        """Sends a command now; it supersedes an older one of its kind under way."""
+    def send(
+        self, ticket: int, command: MavCommand, target: Address | None, now_s: float, *, patience_s: float = 0.0
+    ) -> None:
+        """Sends a command now; it supersedes an older one of its kind under way.
+
+        Args:
+            ticket: for its answer.
+            command: what to send.
+            target: the autopilot; None if there is none.
+            now_s: the time.
+            patience_s: how long a refusal that may end soon is followed by another attempt, s.
+        """
         if target is None:
             self.put(ticket, CommandAnswer(False, NO_OWNER))
             return
-        for older, (call, _) in list(self._calls.items()):
-            if call.command == command.number:
+        for older, (_, sent) in [*self._calls.items(), *self._again.items()]:
+            if sent.command.number == command.number:
                 self._drop(older, "superseded by a later command")
-        call = self._client.send_long(target, command.number, command.parameters, now_s=now_s)
-        self._calls[ticket] = (call, now_s)
+        self._call(ticket, _Sent(command, target, now_s, now_s + patience_s), now_s)
+
+    def _call(self, ticket: int, sent: _Sent, now_s: float) -> None:
+        call = self._client.send_long(sent.target, sent.command.number, sent.command.parameters, now_s=now_s)
+        self._calls[ticket] = (call, sent)
 
     def abandon(self, reason: str) -> None:
         """Sends nothing again."""
-        for ticket in list(self._calls):
+        for ticket in (*self._calls, *self._again):
             self._drop(ticket, reason)
 
     def _drop(self, ticket: int, reason: str) -> None:
-        self._client.abandon(self._calls.pop(ticket)[0])
+        if ticket in self._calls:
+            self._client.abandon(self._calls.pop(ticket)[0])
+        self._again.pop(ticket, None)
         self.put(ticket, CommandAnswer(False, reason))
 
     def ended(self, call: CommandCall, now_s: float) -> None:
         """A call has come back from the client; those that are not from here are ignored."""
         if call.result is None:
             return
-        for ticket, (known, sent_s) in list(self._calls.items()):
+        for ticket, (known, sent) in list(self._calls.items()):
             if known is not call:
                 continue
             del self._calls[ticket]
             if call.result is CommandResult.ACCEPTED:
                 self.put(ticket, CommandAnswer(True, ""))
+            elif call.result in PASSING and now_s + AGAIN_S <= sent.until_s:
+                self._again[ticket] = (now_s + AGAIN_S, sent)
             else:
-                self._refused.append((now_s + REASON_S, ticket, call, sent_s))
+                self._refused.append((now_s + REASON_S, ticket, call, sent.sent_s))
 
     def tick(self, now_s: float) -> None:
-        """Completes refusals with the autopilot's status texts."""
+        """Makes further attempts, and completes refusals with the autopilot's status texts."""
+        for ticket, (at_s, sent) in list(self._again.items()):
+            if now_s >= at_s:
+                del self._again[ticket]
+                self._call(ticket, sent, now_s)
         while self._refused and now_s >= self._refused[0][0]:
             _, ticket, call, sent_s = self._refused.pop(0)
             assert call.result is not None

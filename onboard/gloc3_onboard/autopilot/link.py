@@ -38,6 +38,8 @@ COMPANION: Final = 191
 BEHIND_S: Final = 0.3
 """Time after another station's request for rates at which ours are restored, s."""
 TICK_S: Final = 0.1
+FENCE_LOAD_S: Final = 3.0
+"""Time within which ArduPilot loads an uploaded fence, s; until then it answers that there is none to switch on."""
 ONE_RESTART_S: Final = 3.0
 """Signs of a restart that come within this are of the same one."""
 
@@ -268,7 +270,8 @@ class AutopilotLink:
                 fenced, switch_on = self.fence.received(event, now_s), self.style.fence_on_command
                 ended = fenced or self.plan.received(event, now_s)
                 if fenced is not None and fenced[1].is_accepted and self.fence.is_set and switch_on is not None:
-                    self.commands.send(fenced[0], switch_on, self.target, now_s)  # its answer is that of the fence
+                    # its answer is that of the fence
+                    self.commands.send(fenced[0], switch_on, self.target, now_s, patience_s=FENCE_LOAD_S)
                 elif ended is not None:
                     self.commands.put(*ended)
             elif event.sender == self.target:

@@ -294,6 +294,7 @@ class Commander:
             self.activity.on_jump((north, east, down))
         if craft.home is None and estimator.place is not None and estimator.is_position_good(craft.now_s):
             self.set_home()
+        self.fence.tick(craft)
         self._mind_pilot()
         self._mind_authorizer()
         if not craft.is_landed:

@@ -9,6 +9,8 @@ from gloc3_sitl.autopilot.plans import StoredItem
 from gloc3_sitl.autopilot.tuning import FailsafeAction
 
 Point = tuple[float, float]
+LOAD_S = 0.3
+"""Time after which ArduPilot has loaded an uploaded fence; before, it has none, and cannot enable one."""
 
 
 def is_inside(point: Point, corners: Sequence[Point]) -> bool:
@@ -26,7 +28,17 @@ def is_inside(point: Point, corners: Sequence[Point]) -> bool:
 class FenceMonitor:
     """Checks the position against the fence; polygons are converted to NED once."""
 
-    __slots__ = ("_circles", "_items", "_origin", "_polygons", "breach_s", "breaches", "is_broken")
+    __slots__ = (
+        "_circles",
+        "_items",
+        "_origin",
+        "_polygons",
+        "_stored",
+        "_stored_s",
+        "breach_s",
+        "breaches",
+        "is_broken",
+    )
 
     def __init__(self) -> None:
         self.is_broken = False
@@ -34,10 +46,22 @@ class FenceMonitor:
         """Times that it was broken in flight."""
         self.breach_s = 0.0
         """When it was broken last."""
+        self._stored: tuple[StoredItem, ...] = ()
+        self._stored_s = 0.0
         self._items: tuple[StoredItem, ...] = ()
         self._origin: TangentPlane | None = None
         self._polygons: list[tuple[list[Point], bool]] = []
         self._circles: list[tuple[Point, float, bool]] = []
+
+    def tick(self, craft: Craft) -> None:
+        """Notices a fence that has been uploaded."""
+        if self._stored is not craft.plans.fence:
+            self._stored, self._stored_s = craft.plans.fence, craft.now_s
+
+    def _is_loaded(self, craft: Craft) -> bool:
+        """Whether the uploaded fence has an effect in ArduPilot; that takes an origin, too."""
+        is_taken = self._stored is craft.plans.fence and craft.now_s - self._stored_s >= LOAD_S
+        return is_taken and craft.estimator.origin is not None
 
     def watch(self, craft: Craft) -> str:
         """The same as `breach`, and counts: for the failsafe, in flight."""
@@ -49,9 +73,9 @@ class FenceMonitor:
         return broken
 
     def is_present(self, craft: Craft) -> bool:
-        """Whether any limit would be enforced with the fence enabled."""
+        """Whether ArduPilot would enforce any limit with the fence enabled."""
         tuning = craft.tuning
-        has_areas = bool(craft.plans.fence) and tuning.fence_has_polygons
+        has_areas = bool(craft.plans.fence) and tuning.fence_has_polygons and self._is_loaded(craft)
         return has_areas or any((tuning.fence_height_m, tuning.fence_depth_m, tuning.fence_radius_m))
 
     def is_kept(self, craft: Craft) -> bool:

@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import pytest
 
+from gloc3.messages.frames import GeoPoint, LocalFrame
 from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text
 from gloc3.mission.model.arguments import FollowWaypointsOrder
 from gloc3.platform.reader import load_platform
@@ -75,9 +76,14 @@ def test_what_it_cannot_fly_is_found_with_a_reason(action: str, what: str) -> No
 def test_it_lands_where_its_autopilot_lands_and_is_kept_inside_by_its_autopilots_fence() -> None:
     away = "go_to: {position_m: [500, 0, 60]}"
     assert "at home, along its runway" in problem(away, end="land: {at_m: [10, 10]}")
-    fenced = report(away, fence="geofence: {circle_m: {center_m: [0, 0], radius_m: 900}}")
+    fence = "geofence: {circle_m: {center_m: [0, 0], radius_m: 900}}"
+    fenced = report(away, fence=fence)
     assert fenced.is_ok
-    assert "has no fence in a local frame" in str(fenced.findings[0])
+    assert fenced.findings == ()
+    nowhere = "has no fence in frame hall, which has no place on Earth in the platform file"
+    hall = Circumstances(platform=PLANE.platform, frames={"hall": LocalFrame(GeoPoint(47.0, 8.0, 0.0), 0.0)})
+    text = TEXT.replace("ACTION", away).replace("END", "arrive: {}").replace("FRAME", "hall").replace("FENCE", fence)
+    assert any(nowhere in str(one) for one in check_text(text, "m", hall).findings)
 
 
 def test_where_it_turns_or_circles_there_is_room_to_the_fence() -> None:

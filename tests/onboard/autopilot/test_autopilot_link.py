@@ -19,12 +19,13 @@ from gloc3.messages.vehicle import FlightMode, LandedState, Style
 from gloc3_onboard.autopilot.commands import KEPT, NO_OWNER
 from gloc3_onboard.autopilot.device import AutopilotDevice
 from gloc3_onboard.autopilot.link import AutopilotLink
-from gloc3_onboard.autopilot.style import ARM_DISARM, COMMON_STREAMS, NAV_LAND, NAV_TAKEOFF, SET_MODE
+from gloc3_onboard.autopilot.style import ARM_DISARM, COMMON_STREAMS, NAV_LAND, NAV_TAKEOFF, SET_MODE, MavCommand
 from gloc3_onboard.companion.link_watch import RateWatch
 from gloc3_onboard.sensors.devices import AutopilotSetpoint
 
 STYLES = pytest.mark.parametrize("style", ["px4", "ardupilot"])
 REQUEST_MESSAGE = 512
+FENCE_ENABLE = 207
 SET_POSITION = "SET_POSITION_TARGET_LOCAL_NED"
 
 
@@ -365,3 +366,40 @@ def test_garbage_and_others_do_no_harm() -> None:
         assert rig.device.state().landed is LandedState.ON_GROUND
         rig.run(1.0)
         assert rig.device.state().is_connected
+
+
+@pytest.mark.parametrize("later", [CommandResult.ACCEPTED, CommandResult.FAILED])
+def test_a_refusal_that_may_end_soon_is_followed_by_other_attempts_for_a_time(later: CommandResult) -> None:
+    with Rig("ardupilot") as rig:
+        rig.run(3.0)
+        rig.autopilot.refuses[FENCE_ENABLE] = (CommandResult.FAILED, "")
+        ticket = rig.link.commands.ticket()
+        command = MavCommand(FENCE_ENABLE, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        rig.link.commands.send(ticket, command, VEHICLE, rig.loop.time(), patience_s=3.0)
+        rig.run(1.2)
+        assert rig.link.commands.answer(ticket) is None
+        if later is CommandResult.ACCEPTED:
+            del rig.autopilot.refuses[FENCE_ENABLE]
+        begin_s = rig.loop.time()
+        rig.until(lambda: rig.link.commands.answer(ticket) is not None, 3.0)
+        answer = rig.link.commands.answer(ticket)
+        assert answer is not None
+        assert answer.is_accepted is (later is CommandResult.ACCEPTED)
+        assert (rig.loop.time() - begin_s > 1.0) is (later is CommandResult.FAILED)
+        tries = len(rig.requested(FENCE_ENABLE))
+        rig.run(3.0)
+        assert len(rig.requested(FENCE_ENABLE)) == tries
+
+
+def test_no_further_attempt_follows_a_later_command_of_its_kind() -> None:
+    with Rig("ardupilot") as rig:
+        rig.run(3.0)
+        rig.autopilot.refuses[FENCE_ENABLE] = (CommandResult.FAILED, "")
+        tickets = [rig.link.commands.ticket() for _ in range(2)]
+        for ticket, value in zip(tickets, (1.0, 0.0), strict=True):
+            command = MavCommand(FENCE_ENABLE, (value, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+            rig.link.commands.send(ticket, command, VEHICLE, rig.loop.time(), patience_s=3.0 * value)
+            rig.run(0.2)
+        rig.run(2.0)
+        assert [params[0] for params in rig.requested(FENCE_ENABLE)] == [1.0, 0.0]
+        assert "superseded" in str(rig.link.commands.answer(tickets[0]))

@@ -8,7 +8,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from tests.onboard.real_journey import SIZES, lead
+from tests.onboard.real_journey import lead
 from tests.onboard.real_vehicle import COPTER, ROVER, SUB, Vehicle
 
 pytestmark = [pytest.mark.firmware, pytest.mark.sockets, pytest.mark.thorough]
@@ -22,7 +22,7 @@ async def test_a_mission_survives_its_station_is_paused_and_resumed_and_ends_dis
     if shutil.which(vehicle.binary) is None:
         pytest.skip(f"{vehicle.binary} is not on PATH: see docs/firmware.md")
     exchange = await lead(vehicle, tmp_path)
-    _, _, near_m = SIZES[vehicle.binary]
+    near_m = vehicle.near_m
     assert exchange.pictures >= 3
     assert max(exchange.misses_m) < near_m + 0.5
     assert exchange.most_m < near_m
@@ -32,3 +32,5 @@ async def test_a_mission_survives_its_station_is_paused_and_resumed_and_ends_dis
         else (exchange.lowest_m < vehicle.height_m + 0.5)
     )
     assert not exchange.had_pilot
+    assert exchange.fence == "confirmed"
+    assert exchange.inside_m > 0.0

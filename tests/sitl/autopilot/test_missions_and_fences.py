@@ -233,6 +233,7 @@ def test_an_uploaded_fence_does_nothing_in_ardupilot_until_it_is_switched_on(is_
     bench.get_ready()
     assert bench.command(FENCE_ENABLE, 1) is Result.FAILED, "there is no fence"
     assert bench.upload(box(bench), PlanType.FENCE) is PlanResult.ACCEPTED
+    bench.run(0.5)
     assert fence_bits(bench) == (True, False, True)
     if is_switched_on:
         assert bench.command(FENCE_ENABLE, 1) is Result.ACCEPTED
@@ -243,6 +244,17 @@ def test_an_uploaded_fence_does_nothing_in_ardupilot_until_it_is_switched_on(is_
     bench.stream(lambda t: ((1.0 * t, 0.0, -2.5), (1.0, 0.0, 0.0)), 5.6)
     assert bench.mode == ("RTL" if is_switched_on else "GUIDED")
     assert fence_bits(bench) == (True, is_switched_on, not is_switched_on)
+
+
+def test_ardupilot_loads_an_uploaded_fence_a_moment_later_and_has_none_until_then() -> None:
+    bench = Bench("ardupilot")
+    bench.set_parameter("FENCE_TYPE", 4)
+    bench.get_ready()
+    assert bench.upload(box(bench), PlanType.FENCE) is PlanResult.ACCEPTED
+    assert bench.command(FENCE_ENABLE, 1) is Result.FAILED
+    bench.run(0.5)
+    assert bench.command(FENCE_ENABLE, 1) is Result.ACCEPTED
+    assert fence_bits(bench) == (True, True, True)
 
 
 def test_a_fence_that_only_reports_shows_as_off_in_ardupilot() -> None:

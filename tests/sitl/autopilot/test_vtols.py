@@ -80,6 +80,23 @@ def test_it_says_that_it_is_a_vtol_and_hovers_after_a_take_off(style: str) -> No
     assert height_m(bench) == pytest.approx(30.0, abs=0.6)
 
 
+@pytest.mark.parametrize(("style", "seen"), [("px4", {3}), ("ardupilot", {1, 3})])
+def test_ardupilot_reports_a_transition_for_a_moment_when_it_begins_to_hover_in_guided(
+    style: str, seen: set[int]
+) -> None:
+    bench = flying(style)
+    if style == "ardupilot":
+        assert bench.set_mode("QLAND") is Result.ACCEPTED
+        bench.run(0.5)
+    assert bench.command(511, 245, 100_000) is Result.ACCEPTED
+    begun = len(bench.received)
+    assert bench.set_mode(ON_ROTORS[style]) is Result.ACCEPTED
+    bench.run(1.0)
+    reported = [one.vtol_state for one in bench.received[begun:] if one.name == "EXTENDED_SYS_STATE"]
+    assert set(reported) == seen
+    assert reported[-1] == form(bench) == VtolForm.ROTORS
+
+
 @STYLES
 def test_it_goes_over_to_its_wings_circles_and_comes_back_to_a_hover(style: str) -> None:
     bench = flying(style)

@@ -16,6 +16,7 @@ from gloc3.mission.model.arguments import FollowWaypointsOrder, Hold, LandOrder,
 from gloc3.mission.model.legs import FlightLeg
 from gloc3.mission.model.model import GEO, Action, Mission, where_of
 from gloc3.platform.limits import Limits
+from gloc3.platform.platform import Platform
 
 _WIDEST_RAD: Final = 2.2
 """Wider turns need no more room: they are flown as a circle."""
@@ -24,15 +25,16 @@ _SHORT_M: Final = 1.0
 
 
 def turn_findings(
-    mission: Mission, figures: MissionEstimate, path: Iterable[PlacedLeg], limits: Limits | None
+    mission: Mission, figures: MissionEstimate, path: Iterable[PlacedLeg], platform: Platform | None
 ) -> Iterator[Finding]:
     """Legs too short for their turns, too slow or too steep; circles too close to the fence; needed stops.
 
     Circles around places that are not known are not judged.
     """
     document = mission.document
-    if document is None or limits is None or limits.turn_radius_m <= 0.0:
+    if document is None or platform is None or platform.limits.turn_radius_m <= 0.0:
         return
+    limits = platform.limits
     actions = mission.actions()
     unknown = {one.leg for one in path if not one.is_end_known}
     for target, part in figures.actions.items():
@@ -49,9 +51,13 @@ def turn_findings(
             yield from _legs(action, where, routes, limits, document)
         if not isinstance(action.order, LandOrder):
             yield from _circles(mission, action, where, routes or part.legs, unknown, limits, document)
-    if mission.fence is not None and mission.frame != GEO:
-        message = "the autopilot has no fence in a local frame: a breach is detected, but not prevented"
-        yield document.finding(("geofence",), message, "write the mission in frame geo", at_key=True, is_warning=True)
+    if mission.fence is not None and mission.frame != GEO and mission.frame not in platform.frames:
+        message = (
+            f"the autopilot has no fence in frame {mission.frame}, which has no place on Earth in the platform file: "
+            "a breach is detected, but not prevented"
+        )
+        hint = "declare the frame in the platform file, or write the mission in frame geo"
+        yield document.finding(("geofence",), message, hint, at_key=True, is_warning=True)
 
 
 def _goes_on_wings(action: Action, legs: Sequence[FlightLeg], limits: Limits) -> bool:

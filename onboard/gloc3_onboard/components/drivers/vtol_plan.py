@@ -150,11 +150,12 @@ class VtolPlan(WingedFlier[VtolPlanSettings], ActuatorDriver[VtolPlanSettings]):
         is_flown = driver is not None and driver.manoeuvre_id == self.action_id
         if driver is not None and is_flown and driver.manoeuvre_state is ManoeuvreState.RUNNING:
             self._flies_since_s = min(self._flies_since_s, now_s)
-        if state is not None and state.form is not None and self._goes_on_wings and not self._was_on_wings:
+        took_s = now_s - self._flies_since_s
+        is_judged = took_s >= 0.0 and self._goes_on_wings and not self._was_on_wings
+        if state is not None and state.form is not None and is_judged:
             self._was_on_wings = state.form is VtolForm.WINGS
             self._has_left_rotors |= state.form is VtolForm.TO_WINGS
-            took_s = now_s - self._flies_since_s
             if (self._has_left_rotors and state.form is VtolForm.ROTORS) or took_s > self.settings.transition_s:
-                self._fail(f"the transition to wings failed: after {max(took_s, 0.0):.0f} s it is on rotors", now_s)
+                self._fail(f"the transition to wings failed: after {took_s:.0f} s it is on rotors", now_s)
                 return []
         return super()._fly(order, driver, now_s)

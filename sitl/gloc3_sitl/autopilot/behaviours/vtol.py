@@ -140,6 +140,7 @@ class VtolGuided(TwoForms, GoesTo, TakesOff):
     def __init__(self, craft: Craft) -> None:
         self._target: tuple[Vector3, float] | None = None
         super().__init__(craft, Guided, CircleLoiter, wings=not craft.tuning.vtol.guided_hovers)
+        self.state.seem_to_leave_rotors(craft.now_s)
 
     def make(self) -> Activity:
         """Goes on to where it was sent."""

@@ -1,7 +1,11 @@
 """The form of a VTOL, rotors or wings: when it changes, and the figures of the change."""
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Final
+
+_SEEMS_S: Final = 0.2
 
 
 class VtolForm(IntEnum):
@@ -57,6 +61,17 @@ class VtolState:
     """When the form began."""
     problem: str = ""
     """Why it went back to its rotors by itself, until a transition is asked for again."""
+
+    _seems_until_s: float = -math.inf
+
+    def seem_to_leave_rotors(self, now_s: float) -> None:
+        """Begins to hover in Guided: ArduPilot reports a transition to wings for a moment, and then rotors again."""
+        self._seems_until_s = now_s + _SEEMS_S if self.form is VtolForm.ROTORS else -math.inf
+
+    def reported(self, now_s: float) -> VtolForm:
+        """The form that it reports."""
+        is_other = self.form is VtolForm.ROTORS and now_s < self._seems_until_s
+        return VtolForm.TO_WINGS if is_other else self.form
 
     def want(self, *, wings: bool) -> None:
         """Asks for a form."""

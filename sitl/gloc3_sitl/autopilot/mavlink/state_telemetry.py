@@ -118,7 +118,8 @@ def extended_sys_state(autopilot: "Autopilot") -> MavlinkMessage:
     """EXTENDED_SYS_STATE."""
     landed = int(_landed_state(autopilot)) if autopilot.vehicle.reports_landed else 0
     vtol = autopilot.craft.vtol
-    return message("EXTENDED_SYS_STATE", vtol_state=0 if vtol is None else int(vtol.form), landed_state=landed)
+    form = 0 if vtol is None else int(vtol.reported(autopilot.craft.now_s))
+    return message("EXTENDED_SYS_STATE", vtol_state=form, landed_state=landed)
 
 
 def home_position(autopilot: "Autopilot") -> MavlinkMessage | None:

@@ -167,6 +167,15 @@ def test_a_way_whose_transition_fails_fails_with_the_reason() -> None:
         manoeuvre_state=ManoeuvreState.RUNNING,
     )
     mission = replace(HOVERING, mode=FlightMode.MISSION)
+    for form in (
+        VtolForm.ROTORS,
+        VtolForm.ROTORS,
+        VtolForm.ROTORS,
+        VtolForm.TO_WINGS,
+        VtolForm.ROTORS,
+    ):  # an ArduPlane that begins to hover in GUIDED says so for a moment
+        see(found, replace(HOVERING, form=form))
+    assert found.status.state == "running"
     for _ in range(4):
         see(found, mission, driver=running)
     see(found, replace(mission, form=VtolForm.TO_WINGS), driver=running)

@@ -123,7 +123,7 @@ def opened(name: str, platform: Platform | None) -> Draft:
     try:
         left_out: list[Finding] = []
         if is_plan:
-            _, text, left_out = mission_text(str(path), platform.limits.speed_m_s if platform is not None else None)
+            _, text, left_out = mission_text(str(path), platform)
         else:
             text = written_text(path)
     except InputError as error:

@@ -1,6 +1,6 @@
 """Reads and checks a mission file, as far as the platform is known here."""
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -8,9 +8,10 @@ from typing import Final
 import msgspec
 
 from gloc3.documents.document import load_bytes
-from gloc3.errors import Finding, InputError, Refused
+from gloc3.errors import InputError, Refused
 from gloc3.messages.command_interface import Outcome, ReadMission
 from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text
+from gloc3.mission.checking.plan_check import check_plan
 from gloc3.mission.examples import example_missions, find_mission
 from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, mission_text
 from gloc3.mission.model.model import digest_of
@@ -63,9 +64,14 @@ def read_plan(name: str, platform: str | None = None, components: Collection[str
     if not path.is_file():
         raise Refused(f"there is no mission file {name!r}")
     known = known_platform(platform, components)
-    file, text, left_out = mission_text(str(path), known.limits.speed_m_s if known is not None else None)
-    plan = _plan(check_text(text, file, Circumstances(platform=known, known=known_platform)), left_out)
-    if path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
+    circumstances = Circumstances(platform=known, known=known_platform)
+    is_foreign = path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES)
+    if is_foreign:
+        plan = _plan(check_plan(path, circumstances).report)
+    else:
+        file, text, _ = mission_text(str(path), known)
+        plan = _plan(check_text(text, file, circumstances))
+    if is_foreign:
         plan = msgspec.structs.replace(plan, converted_from=str(path))
     elif path not in example_missions().values():
         plan = msgspec.structs.replace(plan, file=str(path.absolute()))
@@ -95,9 +101,7 @@ def recheck(plan: CheckedPlan, platform: str, components: Collection[str] = (), 
         text = OTHER_FILE.format(platform, plan.platform_file or "the one installed here")
         return msgspec.structs.replace(plan, warnings=(text,) if is_other else ())
     if plan.converted_from:
-        text_of = mission_text(plan.converted_from, known.limits.speed_m_s)
-        file, text, left_out = text_of
-        made = _plan(check_text(text, file, Circumstances(platform=known, known=known_platform)), left_out)
+        made = _plan(check_plan(Path(plan.converted_from), Circumstances(platform=known, known=known_platform)).report)
     else:
         made = _plan(check_text(plan.text, plan.name, Circumstances(platform=known)))
     return msgspec.structs.replace(made, converted_from=plan.converted_from, platform_file=plan.platform_file)
@@ -149,9 +153,9 @@ def _has(platform: Platform, components: Collection[str]) -> bool:
     return {row.name for row in platform.components} == set(components)
 
 
-def _plan(report: CheckReport, left_out: Iterable[Finding] = ()) -> CheckedPlan:
+def _plan(report: CheckReport) -> CheckedPlan:
     mission = report.flyable()
-    warnings = [msgspec.structs.replace(finding, is_warning=False) for finding in (*left_out, *report.findings)]
+    warnings = [msgspec.structs.replace(finding, is_warning=False) for finding in report.findings]
     return CheckedPlan(
         name=Path(report.file).name,
         title=mission.name,

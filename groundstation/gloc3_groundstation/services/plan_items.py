@@ -11,18 +11,15 @@ from typing import Final
 import msgspec
 
 from gloc3.cli.counting import counted
-from gloc3.errors import Refused
 from gloc3.mavlink.services.plan import PlanItem, PlanType
-from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
+from gloc3.mission.formats.commands import JUMP, WAYPOINT
+from gloc3.mission.formats.items import ForeignPlan, MavItem, PlanEntry, fence_parts, rally_points
 from gloc3.plan_wire import from_wire as item_from_wire
 from gloc3.plan_wire import to_wire as item_to_wire
 from gloc3_groundstation.services.snapshot import Firmware
 
-DO_JUMP: Final = 177
-WAYPOINT: Final = 16
 _SAME_FRAMES: Final = {5: 0, 6: 3, 11: 10}
 """Frames whose names end in INT have the same meaning as those without."""
-_INCLUSION_POLYGON, _EXCLUSION_POLYGON, _INCLUSION_CIRCLE, _EXCLUSION_CIRCLE, _RALLY = 5001, 5002, 5003, 5004, 5100
 _HEIGHT_STEP_M: Final = 0.011
 """ArduPilot keeps heights in centimetres."""
 _PARAM_STEP: Final = 1e-4
@@ -58,20 +55,17 @@ def to_wire(plan: ForeignPlan, firmware: Firmware) -> PlanParts:
     Raises:
         Refused: a number does not fit the wire; with the item.
     """
-    items = list(plan.items)
-    home = plan.home
-    if plan.raw is None and items and items[0].command == WAYPOINT:  # a file of waypoints begins with home
-        first = items.pop(0)
-        home = (first.x or 0.0, first.y or 0.0, first.z or 0.0)
+    items, home = list(plan.items), plan.home
     has_home = firmware is Firmware.ARDUPILOT
     if has_home and items:
         x, y, z = home or (0.0, 0.0, 0.0)
         items.insert(0, MavItem(command=WAYPOINT, frame=0, x=x, y=y, z=z))
     elif not has_home:
         items = [_jump_moved(item, -1) for item in items]
+    fence = plan if has_home else msgspec.structs.replace(plan, fence_return=None)  # a point that only ArduPilot knows
     return PlanParts(
         mission=_items(items, "item"),
-        fence=_items(plan.fence_items(), "fence item"),
+        fence=_items(fence.fence_items(), "fence item"),
         rally=_items(plan.rally_items(), "rally point"),
     )
 
@@ -89,10 +83,12 @@ def from_wire(parts: PlanParts, firmware: Firmware, vehicle_type: int = 2) -> Fo
         home = (first.x or 0.0, first.y or 0.0, first.z or 0.0)
     elif firmware is not Firmware.ARDUPILOT:
         items = [_jump_moved(item, 1) for item in items]
+    fence = fence_parts([item_from_wire(item) for item in parts.fence])
     return ForeignPlan(
         entries=tuple(PlanEntry(items=(item,)) for item in items),
-        fence=_areas([item_from_wire(item) for item in parts.fence]),
-        rally=_points([item_from_wire(item) for item in parts.rally]),
+        fence=fence.areas,
+        fence_return=fence.return_point,
+        rally=rally_points([item_from_wire(item) for item in parts.rally]),
         home=home,
         firmware_type={Firmware.ARDUPILOT: 3, Firmware.PX4: 12}.get(firmware),
         vehicle_type=vehicle_type,
@@ -146,39 +142,10 @@ def _plain(value: float) -> float:
 
 def _jump_moved(item: MavItem, by: int) -> MavItem:
     target = item.params[0]
-    if item.command != DO_JUMP or target is None:
+    if item.command != JUMP or target is None:
         return item
     return msgspec.structs.replace(item, params=(target + by, *item.params[1:]))
 
 
 def _items(items: Sequence[MavItem], called: str) -> tuple[PlanItem, ...]:
     return tuple(item_to_wire(item, f"{called} {number}", is_current=number == 0) for number, item in enumerate(items))
-
-
-def _areas(items: list[MavItem]) -> tuple[FenceArea, ...]:
-    areas: list[FenceArea] = []
-    index = 0
-    while index < len(items):
-        item = items[index]
-        command, size = item.command, item.params[0] or 0.0
-        if command in (_INCLUSION_CIRCLE, _EXCLUSION_CIRCLE):
-            center = (item.x or 0.0, item.y or 0.0)
-            areas.append(FenceArea(is_inclusion=command == _INCLUSION_CIRCLE, center=center, radius_m=size))
-            index += 1
-            continue
-        corners = items[index : index + int(size)]
-        if command not in (_INCLUSION_POLYGON, _EXCLUSION_POLYGON) or not 3 <= size == len(corners):
-            raise Refused(f"fence item {index} (command {command}) is not understood")
-        if any((corner.command, corner.params[0]) != (command, item.params[0]) for corner in corners):
-            raise Refused(f"fence item {index} starts an incomplete polygon")
-        polygon = tuple((corner.x or 0.0, corner.y or 0.0) for corner in corners)
-        areas.append(FenceArea(is_inclusion=command == _INCLUSION_POLYGON, polygon=polygon))
-        index += len(corners)
-    return tuple(areas)
-
-
-def _points(items: list[MavItem]) -> tuple[tuple[float, float, float], ...]:
-    for number, item in enumerate(items):
-        if item.command != _RALLY:
-            raise Refused(f"rally point {number} (command {item.command}) is not understood")
-    return tuple((item.x or 0.0, item.y or 0.0, item.z or 0.0) for item in items)

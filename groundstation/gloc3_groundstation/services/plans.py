@@ -76,8 +76,8 @@ class PlanService:
     ) -> tuple[PlanDifference, ...]:
         """Uploads a plan to the vehicle, reads it back and compares.
 
-        Types that are empty in the plan are cleared on the vehicle: afterwards it has this plan and nothing else. A
-        file of waypoints cannot contain fence and rally points, so those stay.
+        Types that are empty in a `.plan` with a mission are cleared on the vehicle: afterwards it has this plan and
+        nothing else. Files of waypoints, fences and rally points replace what they contain, and nothing else.
 
         Args:
             plan: from `read` or `download`.
@@ -149,7 +149,7 @@ class PlanService:
         if path.suffix in PLAN_SUFFIXES:
             text = write_plan(found.plan)
         elif path.suffix in WPL_SUFFIXES:
-            text = write_wpl(_with_home_first(found.plan))
+            text = write_wpl(found.plan)
         else:
             raise Refused(f"{path.name}: the file must end in {', '.join((*PLAN_SUFFIXES, *WPL_SUFFIXES))}")
         try:
@@ -194,19 +194,13 @@ def _report_progress(report: Quietly, what: str, transfer: Transfer) -> None:
 
 
 def kinds_of(plan: ForeignPlan) -> tuple[PlanType, ...]:
-    """What a plan's file has a place for: a file of waypoints has neither a fence nor rally points."""
-    return (PlanType.MISSION,) if plan.raw is None else KINDS
+    """What a plan's file is about: a file of waypoints of what it has, a file without a mission not of the mission."""
+    parts = {PlanType.MISSION: plan.items, PlanType.FENCE: plan.fence, PlanType.RALLY: plan.rally}
+    there = tuple(kind for kind in KINDS if parts[kind])
+    return KINDS if plan.items and not plan.is_from_waypoints else there or (PlanType.MISSION,)
 
 
 def _can(snapshot: ServicesSnapshot, kind: PlanType) -> bool:
     """Whether the vehicle supports this type of plan; one that reports no capabilities is queried."""
     needed = _NEEDED.get(kind)
     return needed is None or snapshot.version is None or needed in snapshot.version.capabilities
-
-
-def _with_home_first(plan: ForeignPlan) -> ForeignPlan:
-    from gloc3.mission.formats.items import MavItem, PlanEntry
-
-    x, y, z = plan.home or (0.0, 0.0, 0.0)
-    home = PlanEntry(items=(MavItem(command=16, frame=0, x=x, y=y, z=z, is_current=True),))
-    return msgspec.structs.replace(plan, entries=(home, *plan.entries))

@@ -183,8 +183,7 @@ class PlanServer:
 
     def _load(self, offered: PlanOffered, items: Items, fence: tuple[FenceArea, ...], now_s: float) -> None:
         name = f"plan of station {offered.sender.system}"
-        limit_m_s = self._platform.limits.speed_m_s
-        text, warnings = to_mission(plan_of(items, fence), name, name, limit_m_s)
+        text, warnings = to_mission(plan_of(items, fence), name, name, self._platform)
         for warning in warnings[:MOST_WARNINGS]:
             self._report(str(warning))
         deciding = _Deciding(offered, digest_of(text), self._requesting.mission.digest, now_s + TIMEOUT_S)

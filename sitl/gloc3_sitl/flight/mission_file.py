@@ -6,8 +6,9 @@ from typing import Final, NamedTuple
 from gloc3.documents.document import load_bytes, parse
 from gloc3.errors import Finding, Gloc3Error, InputError, Refused
 from gloc3.messages.frames import GeoPoint
-from gloc3.mission.checking.checker import Circumstances, check_text
+from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text
 from gloc3.mission.checking.estimate import MissionEstimate
+from gloc3.mission.checking.plan_check import check_plan, planned_home
 from gloc3.mission.examples import find_mission
 from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, load_plan, mission_text
 from gloc3.mission.model.model import GEO, Mission
@@ -103,22 +104,26 @@ def read_mission_file(path: Path, platform: Platform, folder: Path) -> FlyableMi
     Raises:
         InputError: it cannot be read, not be expressed, or may not fly; with everything that is wrong.
     """
-    file, text, left_out = mission_text(str(path), platform.limits.speed_m_s)
-    is_foreign = path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES)
-    planned = load_plan(path).home if is_foreign else None
-    home = GeoPoint(*planned) if planned is not None and any(planned[:2]) else None
+    if path.suffix not in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
+        file, text, _ = mission_text(str(path), platform)
+        return _flyable(file, check_text(text, file, Circumstances(platform=platform)), None)
+    home = planned_home(load_plan(path))
     circumstances = Circumstances(platform=platform)
     if home is not None:
         circumstances = Circumstances(
             platform=platform, origin=home, home_altitude_m=home.altitude_m, home_ned_m=(0.0, 0.0, 0.0)
         )
-    report = check_text(text, f"{file} (converted)" if is_foreign else file, circumstances)
+    _, report, text = check_plan(path, circumstances)
+    report.flyable()
+    converted = folder / "mission-converted.yaml"
+    converted.write_text(text, encoding="utf-8")
+    return _flyable(str(converted), report, home)
+
+
+def _flyable(file: str, report: CheckReport, home: GeoPoint | None) -> FlyableMission:
     mission = report.flyable()
-    if is_foreign:
-        path = folder / "mission-converted.yaml"
-        path.write_text(text, encoding="utf-8")
     duration_s = report.estimate.duration_s if report.estimate is not None else UNKNOWN_DURATION_S
-    return FlyableMission(str(path), mission, duration_s, report.estimate, [*left_out, *report.findings], home)
+    return FlyableMission(file, mission, duration_s, report.estimate, list(report.findings), home)
 
 
 def faces_down(platform: Platform, mission: Mission) -> bool:

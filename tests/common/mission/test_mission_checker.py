@@ -84,7 +84,7 @@ def test_a_good_mission_has_figures_and_no_findings(pelican: Platform) -> None:
          "m:13:60: the straight path to waypoint 2 leaves the fence or its margin of 0.5 m (add a waypoint to go around)"),
         ("[2, 1, 2]", "[2, 1, 8.2]", "m:13:49: waypoint 1 is 0.2 m outside the fence (move it inwards)"),
         ("[2, 1, 2]", "[2, 1, 0.1]",
-         "m:13:49: waypoint 1 is 0.1 m above home; the platform's limit is 0.3 m (fly higher)"),
+         "m:13:49: waypoint 1 is 0.1 m above home; the platform's limit is 0.3 m (raise it by 0.2 m, or lower limits.height_min_m in the platform file)"),
         ("height_m: 1.5", "height_m: 7.8",
          "m:8:37: climb's end is 0.20 m inside the fence, less than the margin of 0.5 m (move it inwards)"),
         ("speed_m_s: 0.5", "speed_m_s: 5",

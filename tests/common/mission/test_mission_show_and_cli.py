@@ -176,3 +176,40 @@ def test_a_picture_shows_the_way_the_fence_and_every_action_with_its_time(pelica
 
 def test_a_mission_is_simulated_by_the_command_that_the_simulation_brings() -> None:
     assert "simulate" in list(app)
+
+
+def test_fences_and_rally_points_alone_are_checked_and_listed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fence = tmp_path / "fence.txt"
+    fence.write_text("47.001 8.001\n47.0 8.0\n47.002 8.0\n47.002 8.002\n47.0 8.002\n47.0 8.0\n")
+    assert app(["check", str(fence)], result_action="return_value") == 0
+    assert capsys.readouterr().out == f"{fence} can be uploaded: 1 fence area; it holds no mission\n"
+    assert app(["show", str(fence)], result_action="return_value") == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith("fence       inside of 4 corners: 47.0000000, 8.0000000; ")
+    assert "return to   47.0010000, 8.0010000" in shown
+    fence.write_text("47.01 8.001\n47.0 8.0\n47.002 8.002\n47.002 8.0\n47.0 8.002\n")
+    assert app(["check", str(fence)], result_action="return_value") == 1
+    told = capsys.readouterr().out
+    assert "area 1 of the fence: the polygon crosses itself" in told
+    assert "the return point is 889.4 m outside the fence (move it inwards)" in told
+
+
+def test_a_plan_that_cannot_become_a_mission_is_listed_by_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = tmp_path / "loops.waypoints"
+    plan.write_text(
+        "QGC WPL 110\n0 1 0 16 0 0 0 0 47.0 8.0 488 1\n1 0 3 22 0 0 0 0 0 0 10 1\n"
+        "2 0 3 16 3 0 0 0 47.001 8.0 10 0\n3 0 0 177 1 2 0 0 0 0 0 1\n"
+    )
+    assert app(["show", str(plan)], result_action="return_value") == 0
+    assert capsys.readouterr().out == (
+        "home        47.0000000, 8.0000000  488 m above sea\n"
+        "item 1      NAV_TAKEOFF               here  10 m above home  (line 3)\n"
+        "item 2      NAV_WAYPOINT              47.0010000, 8.0000000  10 m above home  param1 3  waits there  (line 4)\n"
+        "item 3      DO_JUMP                   param1 1  param2 2  (line 5)\n"
+    )
+    assert app(["check", str(plan)], result_action="return_value") == 1
+    assert f"{plan}:5:1: item 3, DO_JUMP: cannot be expressed in a mission" in capsys.readouterr().out

@@ -11,8 +11,9 @@ from tests.data_folders import MISSIONS
 from gloc3.errors import Refused
 from gloc3.mavlink.services.plan import PlanItem, PlanType
 from gloc3.mission.formats import load_plan, read_plan, read_wpl, write_plan
+from gloc3.mission.formats.commands import JUMP as DO_JUMP
 from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
-from gloc3_groundstation.services.plan_items import DO_JUMP, PlanParts, differences, from_wire, to_wire
+from gloc3_groundstation.services.plan_items import PlanParts, differences, from_wire, to_wire
 from gloc3_groundstation.services.snapshot import Firmware
 
 WPL = (
@@ -62,10 +63,13 @@ def test_a_plan_comes_back_from_the_wire_as_it_went(firmware: Firmware) -> None:
 @pytest.mark.parametrize(
     ("items", "words"),
     [
-        ([PlanItem(command=5001, param1=4.0)] * 3, "fence item 0 .command 5001. is not understood"),
+        (
+            [PlanItem(command=5001, param1=4.0)] * 3,
+            "fence item 0 .NAV_FENCE_POLYGON_VERTEX_INCLUSION. is not understood",
+        ),
         ([PlanItem(command=5001, param1=3.0)] * 2 + [PlanItem(command=5002, param1=3.0)], "an incomplete polygon"),
         ([PlanItem(command=5001, param1=0.0)], "not understood"),
-        ([PlanItem(command=16)], "fence item 0 .command 16. is not understood"),
+        ([PlanItem(command=16)], "fence item 0 .NAV_WAYPOINT. is not understood"),
     ],
 )
 def test_a_fence_that_is_not_understood_is_refused(items: list[PlanItem], words: str) -> None:

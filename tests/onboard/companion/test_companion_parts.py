@@ -134,7 +134,7 @@ def test_a_plan_whose_items_can_be_flown_each_becomes_a_mission_or_is_refused_as
     if judge(tuple(items)) is not None:
         return
     try:
-        text, _ = to_mission(plan_of(tuple(items), ()), "plan", "plan", 3.0)
+        text, _ = to_mission(plan_of(tuple(items), ()), "plan", "plan", CIRCUMSTANCES["platform"])
     except InputError:
         return
     read = check_text(text, "plan", Circumstances(**CIRCUMSTANCES))

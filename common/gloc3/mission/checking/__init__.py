@@ -1,6 +1,7 @@
 """Checks a mission against a platform before it is sent, and again onboard.
 
-`checker` runs all checks and returns all findings at once; `estimate` computes times, path and energy.
+`checker` runs all checks and returns all findings at once; `plan_check` does so for other programs' plans,
+`place_check` judges places on Earth, and `estimate` computes times, path and energy.
 """
 
-__all__ = ["checker", "estimate"]
+__all__ = ["checker", "estimate", "place_check", "plan_check"]

@@ -9,7 +9,7 @@ from msgspec import structs
 
 from gloc3.documents.document import Document, Where
 from gloc3.errors import Finding, InputError, nearest
-from gloc3.messages.frames import GeoPoint, LocalFrame, Vector3
+from gloc3.messages.frames import GeoPoint, LocalFrame, TangentPlane, Vector3
 from gloc3.mission.checking.agreement import agreement_findings, silence_findings
 from gloc3.mission.checking.contingency_check import contingency_findings, path_findings
 from gloc3.mission.checking.estimate import MissionEstimate, MissionFigures, estimate, may_vary, together
@@ -19,6 +19,7 @@ from gloc3.mission.checking.option_check import (
     plan_findings,
     unkept_findings,
 )
+from gloc3.mission.checking.place_check import place_findings
 from gloc3.mission.checking.space_check import (
     PlacedLeg,
     altitude_findings,
@@ -69,6 +70,12 @@ class Circumstances:
             self.platform, frames=self.frames, origin=self.origin, home_altitude_m=self.home_altitude_m
         )
         return replace(found, platform=found.platform or self.part)
+
+    def home_geo(self) -> GeoPoint | None:
+        """Home on Earth; None where it is not known."""
+        if self.origin is None or self.home_ned_m is None:
+            return None
+        return TangentPlane(self.origin).geo_from_ned(self.home_ned_m)
 
     def capabilities(self) -> Mapping[str, Capability]:
         """The rows by name; without a platform one for each kind of arguments."""
@@ -171,6 +178,7 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Ch
     findings += silence_findings(mission, figures, platform)
     if platform is not None:
         findings += agreement_findings(mission, platform)
+    findings += place_findings(mission, circumstances.home_geo())
     if circumstances.home_ned_m is not None:
         problem = home_problem(mission, circumstances.home_ned_m)
         if problem:

@@ -177,10 +177,12 @@ def _height(point: Vector3, home: Vector3, limits: Limits, document: Document, p
     height_m = home[2] - point[2]
     if height_m > limits.height_max_m + TOLERANCE_M:
         message = f"{name_of(place)} is {height_m:.1f} m above home; the platform's limit is {limits.height_max_m:g} m"
-        yield document.finding(place, message, "fly lower")
+        hint = f"lower it by {height_m - limits.height_max_m:.1f} m, or raise limits.height_max_m in the platform file"
+        yield document.finding(place, message, hint)
     elif height_m < limits.height_min_m - TOLERANCE_M:
         message = f"{name_of(place)} is {height_m:.1f} m above home; the platform's limit is {limits.height_min_m:g} m"
-        yield document.finding(place, message, "fly higher")
+        hint = f"raise it by {limits.height_min_m - height_m:.1f} m, or lower limits.height_min_m in the platform file"
+        yield document.finding(place, message, hint)
 
 
 def name_of(place: Where) -> str:

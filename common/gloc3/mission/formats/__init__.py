@@ -16,15 +16,19 @@ from gloc3.mission.formats.items import ForeignPlan
 from gloc3.mission.formats.on_earth import on_earth
 from gloc3.mission.formats.plan import read_plan, write_plan
 from gloc3.mission.formats.plan_source import MAX_BYTES
+from gloc3.mission.formats.source_lines import in_source
 from gloc3.mission.formats.to_mission import to_mission
 from gloc3.mission.formats.wpl import read_wpl, write_wpl
 from gloc3.mission.model.model import Mission
 from gloc3.mission.reading.library import bundled
 from gloc3.mission.reading.writer import write_mission
+from gloc3.platform.platform import Platform
 
 PLAN_SUFFIXES: Final = (".plan",)
 WPL_SUFFIXES: Final = (".waypoints", ".txt", ".wpl", ".mission")
 MISSION_SUFFIXES: Final = (".yaml", ".yml")
+_WITH_HEADING: Final = frozenset({16, 21, 22, 84, 85})
+"""Commands with a heading in parameter 4."""
 
 
 def load_plan(path: Path) -> ForeignPlan:
@@ -55,12 +59,12 @@ def written_text(path: Path) -> str:
         raise InputError([finding]) from error
 
 
-def mission_text(name: str, speed_limit_m_s: float | None = None) -> tuple[str, str, list[Finding]]:
+def mission_text(name: str, platform: Platform | None = None) -> tuple[str, str, list[Finding]]:
     """Mission text of an example by name, a mission file with its libraries, or a converted plan.
 
     Args:
         name: a path, or the name of an example.
-        speed_limit_m_s: the platform's; faster plans are flown at this speed.
+        platform: that flies it, as far as it is known; plans are converted for it.
 
     Returns:
         The file's name, the YAML, and warnings about parts that a conversion left out.
@@ -71,7 +75,7 @@ def mission_text(name: str, speed_limit_m_s: float | None = None) -> tuple[str, 
     path = find_mission(name)
     if path.suffix in MISSION_SUFFIXES or path.suffix not in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
         return str(path), bundled(written_text(path), path), []
-    text, warnings = to_mission(load_plan(path), path.stem, str(path), speed_limit_m_s)
+    text, warnings = to_mission(load_plan(path), path.stem, str(path), platform)
     return str(path), text, warnings
 
 
@@ -108,16 +112,20 @@ def exported(
 
 def lost_in_waypoints(plan: ForeignPlan, file: str) -> list[Finding]:
     """What of a plan a file of waypoints cannot carry."""
-    if not (plan.fence or plan.rally):
-        return []
-    message = "a waypoint file cannot hold the fence and rally points"
-    return [Finding(file=file, message=message, hint="convert it to .plan", is_warning=True)]
+    lost = []
+    if plan.items and (plan.fence or plan.rally):
+        lost.append(("a waypoint file cannot hold the fence and rally points beside a mission", "convert it to .plan"))
+    if any(item.command in _WITH_HEADING and item.params[3] is None for item in plan.items):
+        lost.append(("a waypoint file cannot leave a heading open: 0 is written", "PX4 turns to north there"))
+    return [Finding(file=file, message=message, hint=hint, is_warning=True) for message, hint in lost]
 
 
 __all__ = [
     "ForeignPlan",
+    "commands",
     "exported",
     "from_mission",
+    "in_source",
     "items",
     "load_plan",
     "mission_text",

@@ -87,7 +87,12 @@ class _Converter:
         fence = self._fence()
         if any(not finding.is_warning for finding in self._findings):
             raise InputError(sorted(self._findings))
-        return ForeignPlan(entries=tuple(PlanEntry(items=(item,)) for item in self._items), fence=fence), self._findings
+        entries = tuple(PlanEntry(items=(item,)) for item in self._items)
+        return ForeignPlan(entries=entries, fence=fence, home=self._home()), self._findings
+
+    def _home(self) -> tuple[float, float, float] | None:
+        """Home is not part of a mission: the first position that it flies to, at sea level."""
+        return next(((item.x or 0.0, item.y or 0.0, 0.0) for item in self._items if item.has_position), None)
 
     def _note(self, target: str, message: str, hint: str, *, is_warning: bool) -> None:
         document = self._mission.document

@@ -2,12 +2,12 @@
 
 import json
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from gloc3.documents.document import Where
 from gloc3.errors import InputError
 from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
-from gloc3.mission.formats.plan_source import SAVE_AGAIN, PlanSource, is_number, is_whole, number, rows, whole
+from gloc3.mission.formats.plan_source import SAVE_AGAIN, PlanSource, is_number, is_whole, number, whole
 
 EXPANDABLE: Final = {"survey": (3, 4, 5), "CorridorScan": (2, 3)}
 """Complex items that contain their expanded items, with the supported versions."""
@@ -22,6 +22,13 @@ def read_plan(data: bytes | str, file: str) -> ForeignPlan:
         InputError: it is none, or of a version or with items that cannot be read; each with a reason.
     """
     return _Reader(PlanSource(data, file)).plan()
+
+
+class _Entry(NamedTuple):
+    """An entry that was read, and the place of each of its items in the file."""
+
+    read: PlanEntry
+    places: tuple[Where, ...]
 
 
 class _Reader:
@@ -42,7 +49,7 @@ class _Reader:
             )
         mission = value.get("mission")
         if not isinstance(mission, dict):
-            self._source.refuse((), "there is no mission in it", "plan a mission in QGroundControl and save it again")
+            return self._parts_alone(value)
         if mission.get("version") != 2:
             message = f"mission version {mission.get('version')!r} is not supported, only 2"
             self._source.refuse(("mission", "version"), message, SAVE_AGAIN)
@@ -51,12 +58,14 @@ class _Reader:
             self._source.refuse(("mission",), "the mission has no list of items", SAVE_AGAIN)
         entries = [self._entry(item, ("mission", "items", index)) for index, item in enumerate(items)]
         fence, rally = self._fence(value.get("geoFence")), self._rally(value.get("rallyPoints"))
+        lines = [self._source.line(where) for entry in entries if entry is not None for where in entry.places]
         home = self._source.numbers(
             mission.get("plannedHomePosition"), 3, ("mission", "plannedHomePosition"), is_optional=True
         )
         plan = ForeignPlan(
-            entries=tuple(entry for entry in entries if entry is not None),
+            entries=tuple(entry.read for entry in entries if entry is not None),
             fence=fence,
+            fence_return=self._return_point(value.get("geoFence")),
             rally=rally,
             home=(home[0], home[1], home[2]) if home else None,
             cruise_speed_m_s=number(mission, "cruiseSpeed"),
@@ -64,25 +73,42 @@ class _Reader:
             firmware_type=whole(mission, "firmwareType"),
             vehicle_type=whole(mission, "vehicleType"),
             raw=_without_own(value),
+            lines=tuple(lines),
         )
         if self._source.findings:
             raise InputError(sorted(self._source.findings))
         return plan
 
-    def _entry(self, item: Any, where: Where) -> PlanEntry | None:
+    def _parts_alone(self, value: dict[str, Any]) -> ForeignPlan:
+        """A fence or rally points without a mission."""
+        fence, rally = self._fence(value.get("geoFence")), self._rally(value.get("rallyPoints"))
+        if not (fence or rally or self._source.findings):
+            self._source.refuse((), "there is no mission in it", "plan a mission in QGroundControl and save it again")
+        if self._source.findings:
+            raise InputError(sorted(self._source.findings))
+        return_point = self._return_point(value.get("geoFence"))
+        return ForeignPlan(fence=fence, fence_return=return_point, rally=rally, raw=_without_own(value))
+
+    def _return_point(self, fence: Any) -> tuple[float, float] | None:
+        point = fence.get("breachReturn") if isinstance(fence, dict) else None
+        if not isinstance(point, list) or len(point) < 2 or not all(is_number(one) for one in point[:2]):
+            return None
+        return float(point[0]), float(point[1])
+
+    def _entry(self, item: Any, where: Where) -> "_Entry | None":
         number = int(where[-1]) + 1
         if not isinstance(item, dict):
             self._source.find(where, f"item {number} is not a mapping", SAVE_AGAIN)
             return None
         if item.get("type") == "SimpleItem":
             simple = self._item(item, where)
-            return PlanEntry(items=(simple,), raw=item) if simple is not None else None
+            return _Entry(PlanEntry(items=(simple,), raw=item), (where,)) if simple is not None else None
         if item.get("type") != "ComplexItem":
             self._source.find(where, f"item {number} is of the unknown type {item.get('type')!r}", SAVE_AGAIN)
             return None
         return self._complex(item, where, number)
 
-    def _complex(self, item: dict[str, Any], where: Where, number: int) -> PlanEntry | None:
+    def _complex(self, item: dict[str, Any], where: Where, number: int) -> "_Entry | None":
         kind, version = item.get("complexItemType"), item.get("version")
         versions = EXPANDABLE.get(kind) if isinstance(kind, str) else None
         if versions is None:
@@ -101,7 +127,8 @@ class _Reader:
             return None
         inner = (*where, "TransectStyleComplexItem", "Items")
         items = [self._item(one, (*inner, index)) for index, one in enumerate(stored)]
-        return PlanEntry(items=tuple(one for one in items if one is not None), raw=item)
+        entry = PlanEntry(items=tuple(one for one in items if one is not None), raw=item)
+        return _Entry(entry, tuple((*inner, index) for index, one in enumerate(items) if one is not None))
 
     def _item(self, item: Any, where: Where) -> MavItem | None:
         if not isinstance(item, dict):
@@ -140,7 +167,7 @@ class _Reader:
             self._source.find(where, f"fence version {fence.get('version')!r} is not supported, only 2", SAVE_AGAIN)
             return ()
         areas: list[FenceArea] = []
-        for index, one in enumerate(rows(fence.get("circles"))):
+        for index, one in self._rows(fence, where, "circles"):
             place = (*where, "circles", index)
             circle = one.get("circle")
             circle = circle if isinstance(circle, dict) else {}
@@ -150,14 +177,29 @@ class _Reader:
             elif center:
                 inside = one.get("inclusion") is not False
                 areas.append(FenceArea(is_inclusion=inside, center=(center[0], center[1]), radius_m=float(radius)))
-        for index, one in enumerate(rows(fence.get("polygons"))):
+        for index, one in self._rows(fence, where, "polygons"):
             place = (*where, "polygons", index)
-            corners = [self._source.numbers(corner, 2, place) for corner in one.get("polygon") or ()]
+            written = one.get("polygon")
+            if not isinstance(written, list):
+                self._source.find((*place, "polygon"), "a list of corners is expected here", SAVE_AGAIN)
+                continue
+            corners = [self._source.numbers(corner, 2, place) for corner in written]
             if len(corners) < 3:
                 self._source.find(place, "a polygon of the fence has fewer than three corners")
             inside = one.get("inclusion") is not False
             areas.append(FenceArea(is_inclusion=inside, polygon=tuple((c[0], c[1]) for c in corners if c)))
         return tuple(areas)
+
+    def _rows(self, holder: dict[str, Any], where: Where, key: str) -> list[tuple[int, dict[str, Any]]]:
+        """The mappings of a list with their indexes; anything else there is a finding."""
+        value = holder.get(key)
+        if value is not None and not isinstance(value, list):
+            self._source.find((*where, key), "a list is expected here", SAVE_AGAIN)
+            return []
+        for index, one in enumerate(value or ()):
+            if not isinstance(one, dict):
+                self._source.find((*where, key, index), f"an entry of {key} is not a mapping", SAVE_AGAIN)
+        return [(index, one) for index, one in enumerate(value or ()) if isinstance(one, dict)]
 
     def _rally(self, rally: Any) -> tuple[tuple[float, float, float], ...]:
         points = rally.get("points") if isinstance(rally, dict) else None
@@ -178,7 +220,9 @@ class _Reader:
 def _without_own(value: dict[str, Any]) -> dict[str, Any]:
     """Other contents of a file, besides those in the model."""
     raw = {key: inner for key, inner in value.items() if key not in ("mission", "geoFence", "rallyPoints", "version")}
-    raw["mission"] = {key: inner for key, inner in value["mission"].items() if key not in _OWN_KEYS}
+    mission = value.get("mission")
+    if isinstance(mission, dict):
+        raw["mission"] = {key: inner for key, inner in mission.items() if key not in _OWN_KEYS}
     for key, own in (("geoFence", ("circles", "polygons", "version")), ("rallyPoints", ("points", "version"))):
         if isinstance(value.get(key), dict):
             raw[key] = {name: inner for name, inner in value[key].items() if name not in own}

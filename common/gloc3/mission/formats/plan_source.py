@@ -1,6 +1,7 @@
 """The JSON of a plan file: size limits, findings with positions, and checked numbers."""
 
 import json
+from functools import cached_property
 from math import isfinite
 from typing import Any, Final, NoReturn, TypeGuard
 
@@ -17,7 +18,6 @@ class PlanSource:
     def __init__(self, data: bytes | str, file: str) -> None:
         self._data = data
         self._file = file
-        self._document: Document | None = None
         self.findings: list[Finding] = []
         self.value = self._json()
 
@@ -44,13 +44,22 @@ class PlanSource:
 
     def find(self, where: Where, message: str, hint: str = "") -> None:
         """Adds a finding at a path."""
-        if self._document is None:
-            try:
-                self._document = parse(self._data, self._file)
-            except InputError:
-                self.findings.append(Finding(file=self._file, message=message, hint=hint))
-                return
-        self.findings.append(self._document.finding(where, message, hint))
+        document = self._document
+        if document is None:
+            self.findings.append(Finding(file=self._file, message=message, hint=hint))
+        else:
+            self.findings.append(document.finding(where, message, hint))
+
+    def line(self, where: Where) -> int:
+        """Line of the value at a path; 0 in a file that is too large for it."""
+        return self._document.node(where).line if self._document is not None else 0
+
+    @cached_property
+    def _document(self) -> Document | None:
+        try:
+            return parse(self._data, self._file)
+        except InputError:
+            return None
 
     def refuse(self, where: Where, message: str, hint: str) -> NoReturn:
         """Gives up.
@@ -84,11 +93,6 @@ def whole(holder: dict[str, Any], key: str) -> int | None:
     """A whole number in a mapping, if it is one."""
     value = holder.get(key)
     return value if is_whole(value, 2**31) else None
-
-
-def rows(value: Any) -> list[dict[str, Any]]:
-    """The mappings in a list, if it is one."""
-    return [one for one in value if isinstance(one, dict)] if isinstance(value, list) else []
 
 
 def is_number(value: Any) -> TypeGuard[float]:

@@ -13,6 +13,7 @@ from gloc3.errors import Finding, InputError, NotFound
 from gloc3.installed import installed_points
 from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text
 from gloc3.mission.checking.estimate import about
+from gloc3.mission.checking.plan_check import check_plan
 from gloc3.mission.examples import find_mission
 from gloc3.mission.formats import (
     MISSION_SUFFIXES,
@@ -28,6 +29,7 @@ from gloc3.mission.formats import (
 )
 from gloc3.mission.reading.reader import MissionReferences, load_mission
 from gloc3.mission.showing.picture import picture
+from gloc3.mission.showing.plan_listing import parts_summary, plan_listing
 from gloc3.mission.showing.show import drawing, mermaid
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform
@@ -86,18 +88,34 @@ def check(
     except InputError as error:
         return _fail(error, WRONG_USE)
     try:
+        if _is_plan(path):
+            return _check_plan(path, on[0] if on else None, json_output=json_output)
         report = _report(path, on[0] if len(on) == 1 else None, on)
     except NotFound as error:
         return _fail(error, WRONG_USE)
     except InputError as error:
         report = CheckReport(file=mission, findings=error.findings)
+    return _tell(report, _verdict(report), json_output=json_output, is_ok=report.is_ok)
+
+
+def _check_plan(path: Path, platform: Platform | None, *, json_output: bool) -> int:
+    """Checks a plan of another program, or its fence or rally points alone."""
+    _, report, _ = found = check_plan(path, Circumstances(platform=platform))
+    if not found.is_parts_alone:
+        return _tell(report, _verdict(report), json_output=json_output, is_ok=report.is_ok)
+    is_ok = all(finding.is_warning for finding in report.findings)
+    verdict = f"{path} can be uploaded: {parts_summary(found.plan)}; it holds no mission"
+    return _tell(report, verdict if is_ok else _verdict(report), json_output=json_output, is_ok=is_ok)
+
+
+def _tell(report: CheckReport, verdict: str, *, json_output: bool, is_ok: bool) -> int:
     if json_output:
-        _print(json.dumps(report.as_dict(), indent=2))
+        _print(json.dumps(report.as_dict() | {"is_ok": is_ok}, indent=2))
     else:
         for finding in report.findings:
             _print(str(finding))
-        _print(_verdict(report))
-    return OK if report.is_ok else FAILED
+        _print(verdict)
+    return OK if is_ok else FAILED
 
 
 @app.command
@@ -122,6 +140,9 @@ def show(
     except InputError as error:
         return _fail(error, WRONG_USE)
     try:
+        if _is_plan(path) and (listed := _listed(path, on)):
+            _print(listed, end="")
+            return OK
         report = _report(path, on)
         found = report.flyable()
     except InputError as error:
@@ -249,13 +270,12 @@ def convert(source: Mission, target: Path, /, *, platform: OnPlatform = None) ->
 
 
 def _converted(source: Path, suffix: str, platform: Platform | None) -> tuple[str, list[Finding]]:
-    if source.suffix not in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
+    if not _is_plan(source):
         frames = platform.local_frames() if platform is not None else None
         return exported(load_mission(str(source), MissionReferences.of(platform)), suffix, str(source), frames)
     plan = load_plan(source)
     if suffix in MISSION_SUFFIXES:
-        limit_m_s = platform.limits.speed_m_s if platform is not None else None
-        return to_mission(plan, source.stem, str(source), limit_m_s)
+        return to_mission(plan, source.stem, str(source), platform)
     if suffix in PLAN_SUFFIXES:
         return write_plan(plan), []
     return write_wpl(plan), lost_in_waypoints(plan, str(source))
@@ -274,14 +294,23 @@ def _platform(name: str | None) -> Platform | None:
     return load_platform(name) if name is not None else None
 
 
+def _is_plan(path: Path) -> bool:
+    return path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES)
+
+
+def _listed(path: Path, platform: Platform | None) -> str:
+    """The items of a plan that cannot become a mission; empty for one that can."""
+    plan = load_plan(path)
+    try:
+        to_mission(plan, path.stem, str(path), platform)
+    except InputError:
+        return plan_listing(plan)
+    return ""
+
+
 def _report(path: Path, platform: Platform | None, known: Sequence[Platform] = ()) -> CheckReport:
-    if path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
-        file, text, warnings = mission_text(str(path), platform.limits.speed_m_s if platform is not None else None)
-        report = check_text(text, f"{file} (converted)", Circumstances(platform=platform))
-        findings = (*warnings, *report.findings)
-        return CheckReport(
-            file=file, findings=findings, mission=report.mission, estimate=report.estimate, order=report.order
-        )
+    if _is_plan(path):
+        return check_plan(path, Circumstances(platform=platform)).report
     found = {one.platform: one for one in known}
     file, text, _ = mission_text(str(path))
     return check_text(text, file, Circumstances(platform=platform, known=found.get if found else None))

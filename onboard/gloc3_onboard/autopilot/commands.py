@@ -7,11 +7,13 @@ from typing import Final, NamedTuple
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_client import CommandCall, MavCommandClient
-from gloc3_onboard.autopilot.style import MavCommand
+from gloc3_onboard.autopilot.style import NAV_LAND, NAV_RETURN, NAV_TAKEOFF, SET_MODE, MavCommand
 from gloc3_onboard.sensors.devices import CommandAnswer
 
 KEPT: Final = 64
 """Answers that are kept."""
+MODE_COMMANDS: Final = frozenset({SET_MODE, NAV_LAND, NAV_TAKEOFF, NAV_RETURN})
+"""Commands that choose the mode: of these only the latest is repeated, or an older one would undo it."""
 REASON_S: Final = 0.3
 """Time to wait for the reason of a refusal, s: autopilots send it as a separate text."""
 AGAIN_S: Final = 0.5
@@ -82,7 +84,7 @@ class CommandDesk:
             self.put(ticket, CommandAnswer(False, NO_OWNER))
             return
         for older, (_, sent) in [*self._calls.items(), *self._again.items()]:
-            if sent.command.number == command.number:
+            if sent.command.number == command.number or {sent.command.number, command.number} <= MODE_COMMANDS:
                 self._drop(older, "superseded by a later command")
         self._call(ticket, _Sent(command, target, now_s, now_s + patience_s), now_s)
 

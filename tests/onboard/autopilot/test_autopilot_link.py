@@ -227,6 +227,7 @@ def test_modes_arming_and_take_off_in_the_words_of_each_style(style: str) -> Non
     with Rig(style) as rig:
         rig.run(4.0)
         tickets = [rig.device.command_arm(), rig.device.command_take_off(1.5)]
+        rig.run(0.5)
         for mode in (FlightMode.GUIDED, FlightMode.HOLD, FlightMode.LAND):
             tickets.append(rig.device.command_mode(mode))
             rig.run(0.5)
@@ -293,6 +294,22 @@ def test_hold_never_waits_behind_an_older_mode_command(style: str) -> None:
         assert (message.param1, message.param2, message.param3) == wanted
         assert rig.device.answer(guided) == (False, "superseded by a later command")
         assert rig.device.answer(hold) is None
+
+
+@STYLES
+@pytest.mark.parametrize("mode", [FlightMode.LAND, FlightMode.TAKE_OFF])
+def test_an_unanswered_landing_or_take_off_is_not_repeated_after_a_hold(style: str, mode: FlightMode) -> None:
+    with Rig(style) as rig:
+        rig.run(4.0)
+        rig.autopilot.silent_on = {NAV_LAND, NAV_TAKEOFF, SET_MODE}
+        older = rig.device.command_take_off(2.0) if mode is FlightMode.TAKE_OFF else rig.device.command_mode(mode)
+        rig.run(0.3)
+        rig.autopilot.silent_on = set()
+        rig.autopilot.received.clear()
+        rig.device.command_mode(FlightMode.HOLD)
+        rig.run(5.0)
+        assert [m.command for m in rig.autopilot.received if m.name == "COMMAND_LONG"] == [SET_MODE]
+        assert rig.device.answer(older) == (False, "superseded by a later command")
 
 
 @STYLES

@@ -42,6 +42,8 @@ from gloc3_onboard.sensors.devices import AutopilotControl, AutopilotSetpoint
 STATE_PERIOD_S: Final = 0.2
 NOT_ARMED_IN: Final = (FlightMode.GUIDED, FlightMode.LAND)
 """Modes in which PX4 cannot be armed, or not without a stream; left on the ground."""
+UNANSWERED_S: Final = 30.0
+"""Longest wait for the answer to a command whose effect is ours, s; the command protocol gives up before."""
 SURRENDER_S: Final = 10.0
 """Time after which a refused stop that is not repeated is dropped, s."""
 
@@ -101,6 +103,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         self._requested: tuple[FlightMode, float] | None = None
         """The mode that was commanded for the stream, and when."""
         self._ticket = 0
+        self._unanswered: dict[int, tuple[AutopilotCommand, float]] = {}
+        """Our commands whose answers have not come, by ticket, with the time of each."""
         self._refusal = ""
         self._climbs_from_down_m: float | None = None
         self._surrendered_s = -math.inf
@@ -143,7 +147,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         self._stream.stop()
         if is_ours and not self._watch.has_control:
             self._watch.command(FlightMode.HOLD, self._now_s)
-            self._control.command_mode(FlightMode.HOLD)
+            self._command(SetMode(FlightMode.HOLD))
 
     def actuate(self, write: Any) -> None:
         """Writes to the autopilot."""
@@ -164,13 +168,15 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
     def _command(self, command: AutopilotCommand) -> int:
         match command:
             case SetMode(mode=mode):
-                return self._control.command_mode(mode)
+                ticket = self._control.command_mode(mode)
             case Arm():
-                return self._control.command_arm()
+                ticket = self._control.command_arm()
             case Disarm():
-                return self._control.command_disarm()
+                ticket = self._control.command_disarm()
             case Climb(height_m=height_m):
-                return self._control.command_take_off(height_m)
+                ticket = self._control.command_take_off(height_m)
+        self._unanswered[ticket] = command, self._now_s
+        return ticket
 
     # --- the cycle ---
 
@@ -212,6 +218,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
             self._stream.adopt(limits.payload)
         self._own = inbox.latest(self.autopilot_pose)
         self._watch.received(self._own, now_s)
+        self._await_answers(now_s)
         for state in inbox.new(self.autopilot):
             pose = self._stream.pose
             may_settle = self._machine.may_settle(self._climbed_m, pose.position_ned_m if pose is not None else None)
@@ -232,6 +239,21 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         grant = inbox.latest(self.grant)
         self._owner = grant.payload.action_id if grant is not None else ""
         self._stream.set_vehicle(inbox.latest(self.pose), self._own, is_guided=self._is_guided)
+
+    def _await_answers(self, now_s: float) -> None:
+        """What a busy autopilot, or a process that stood still, carries out or confirms late is ours all the same."""
+        for ticket, (command, sent_s) in list(self._unanswered.items()):
+            match command:
+                case SetMode(mode=mode):
+                    self._watch.extend(mode, now_s)
+                case Climb():
+                    self._watch.extend(FlightMode.TAKE_OFF, now_s)
+                case Arm():
+                    self._watch.command_arm(now_s)
+                case Disarm():
+                    self._watch.command_disarm(now_s)
+            if self._control.answer(ticket) is not None or now_s - sent_s > UNANSWERED_S:
+                del self._unanswered[ticket]
 
     def _note(self, write: Any, now_s: float) -> None:
         """Notifies the pilot watch of our commands."""

@@ -64,12 +64,17 @@ class PilotWatch:
         self._commanded.pop(mode, None)
         self._commanded[mode] = now_s + ANSWER_S
 
+    def extend(self, mode: FlightMode, now_s: float) -> None:
+        """A mode that we commanded may still come: its command is not answered, or its answer has just come."""
+        if mode in self._commanded:
+            self._commanded[mode] = now_s + ANSWER_S
+
     def command_arm(self, now_s: float) -> None:
-        """We have commanded arming."""
+        """We have commanded arming, or the command is not answered yet."""
         self._arm_until_s = now_s + ANSWER_S
 
     def command_disarm(self, now_s: float) -> None:
-        """We have commanded disarming."""
+        """We have commanded disarming, or the command is not answered yet."""
         self._disarm_until_s = now_s + ANSWER_S
 
     def interrupt(self, now_s: float) -> None:

@@ -51,6 +51,28 @@ def test_manoeuvres_are_not_begun_and_those_under_way_are_given_up(style: str) -
 
 
 @STYLES
+def test_a_busy_autopilot_that_carries_a_command_out_late_is_no_pilot(style: str) -> None:
+    rig = DriverRig(style).in_flight()
+    rig.wants = lambda: None
+    rig.autopilot.delay_s = 7.0
+    rig.request(ManoeuvreKind.LAND)
+    rig.run(8.0)
+    assert rig.autopilot.state.mode is FlightMode.LAND
+    assert not rig.state.has_pilot_control, rig.state.pilot_reason
+
+
+@STYLES
+def test_an_answer_that_waited_while_our_process_stood_still_is_still_ours(style: str) -> None:
+    rig = DriverRig(style).in_flight()
+    rig.wants = lambda: None
+    rig.request(ManoeuvreKind.LAND)
+    rig.stage.step(7.0)
+    rig.run(1.0)
+    assert rig.autopilot.state.mode is FlightMode.LAND
+    assert not rig.state.has_pilot_control, rig.state.pilot_reason
+
+
+@STYLES
 def test_a_disarm_by_the_pilot_stops_everything_too(style: str) -> None:
     rig = DriverRig(style).in_flight()
     silence(rig)

@@ -150,6 +150,18 @@ def test_a_command_that_is_lost_harms_nobody_and_one_that_is_late_is_still_ours(
     assert story.see(flying(HOLD)), "too late to be the answer to our command"
 
 
+def test_a_command_that_is_not_answered_yet_may_still_be_carried_out_once() -> None:
+    story = in_flight(HOLD)
+    story.command(GUIDED)
+    for _ in range(40):
+        story.watch.extend(GUIDED, story.now_s)
+        assert not story.see(flying(HOLD))
+    assert story.now_s > ANSWER_S
+    assert not story.see(flying(GUIDED)), "it was on its way all the time"
+    story.watch.extend(GUIDED, story.now_s)
+    assert story.see(flying(HOLD), flying(GUIDED)), "but only once"
+
+
 def test_two_commands_of_ours_may_both_be_carried_out_in_turn() -> None:
     story = in_flight(HOLD)
     story.command(GUIDED)

@@ -319,9 +319,10 @@ FLIGHTS: Final[Mapping[str, tuple[Callable[[RealPx4], str], str]]] = {
 MODELS: Final = {"airplane: take-off, way, hold, return, landing": "sihsim_airplane"}
 PARAMETERS: Final[Mapping[str, Mapping[str, float]]] = {
     "battery low": {"SIM_BAT_MIN_PCT": 5.0, "COM_LOW_BAT_ACT": 0.0},
-    "airplane: take-off, way, hold, return, landing": {"MIS_TKO_LAND_REQ": 0.0},
+    "airplane: take-off, way, hold, return, landing": {"MIS_TKO_LAND_REQ": 0.0, "LNDFW_ROT_MAX": 5.0},
 }
-"""What PX4 is to be set to for one of them."""
+"""What PX4 is to be set to for one of them. The noise of the plane's simulated gyros (0.1 to 0.8 °/s) is above the 0.5 °/s below
+which PX4's detector takes a plane for landed, so that no landing of it would ever end."""
 
 
 def what_must_be(title: str) -> str:

@@ -3,9 +3,10 @@
 import math
 
 import pytest
-from tests.flight.card import Card
+from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission, platform
 
+from gloc3.messages.command_interface import Outcome
 from gloc3.messages.vehicle import FlightMode
 
 HOME_M = 0.3
@@ -95,3 +96,14 @@ def test_a_fix_that_jumps_or_sticks_never_leads_the_vehicle_away(flight: Card, f
     assert all(-2.0 < north < 12.0 and abs(east) < 2.0 for north, east, _ in places)
     speeds = [math.hypot(*truth.velocity_ned_m_s[:2]) for truth in flight.since(begin_s, "sim/truth")]
     assert max(speeds) < 3.0
+
+
+@ONE_STYLE
+def test_a_landing_that_the_autopilot_never_ends_fails_soon_and_the_operator_is_told_what_to_do(flight: Card) -> None:
+    flight.begin(mission(), parameters={"COM_DISARM_LAND": -1.0})
+    flight.await_state("recover.down", "running", 60.0)
+    flight.await_state("mission", "failed", 60.0)
+    assert flight.was_told("it has stood still for 30 s, but is armed in mode AUTO.LAND")
+    assert flight.was_told("disarm it")
+    assert flight.emergency_reply("disarm", flight.flight.name).outcome is Outcome.ACCEPTED
+    flight.until(lambda: not flight.autopilot.is_armed, 5.0, "the operator disarms it")

@@ -21,6 +21,11 @@ from gloc3_onboard.algorithms.paths.path_reference import PathReference
 ACCEPTANCE_M: Final = 0.25
 """So near the vehicle comes to a landing place before it goes down."""
 
+STILL_S: Final = 30.0
+"""A vehicle in its landing that has stood still for so long stands on the ground, s, although it is still armed."""
+STILL_M_S: Final = 0.3
+"""Speed below which it stands still, in m/s: estimates drift."""
+
 
 class LandingSettings(Settings, frozen=True):
     """Settings of the landing controller."""
@@ -56,6 +61,8 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
         self._yaw_rad = 0.0
         self._since_s = 0.0
         self._requested_s = -math.inf
+        self._stands_since_s: float | None = None
+        """Since when it has stood still in the autopilot's landing; None where it moves, or its speed is not known."""
 
     def stop(self) -> None:
         """Forgets the action."""
@@ -63,7 +70,7 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
 
     def begin_action(self, capability: str, arguments: LandOrder, now_s: float) -> None:
         """Plans the path to the landing place, if one is given. Landing here works without a pose."""
-        self._reference = None
+        self._reference = self._stands_since_s = None
         self._since_s, self._requested_s = now_s, -math.inf
         if arguments.at_ned_m is None:
             return
@@ -98,14 +105,36 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
             state = autopilot.payload if autopilot is not None and is_known else None
             if state is not None and state.is_connected and not state.is_armed:
                 self.advance(now_s, 1.0, ActionState.DONE)
-            elif now_s - self._since_s > self.settings.timeout_s:
-                reason = f"not landed after {self.settings.timeout_s:g} s"
+            elif reason := self._problem(state, driver, now_s):
                 self.advance(now_s, 0.0, ActionState.FAILED, reason)
             elif self._reference is not None:
                 results += self._approach(self._reference, driver, now_s)
             else:
                 results += self._descend(driver, now_s)
         return [*results, *self.action_reports(now_s)]
+
+    def _problem(self, state: AutopilotState | None, driver: Envelope[DriverState] | None, now_s: float) -> str:
+        """Why the landing does not end; empty while it may."""
+        if self._pose is None or not self._is_flown(driver) or math.hypot(*self._pose.velocity_ned_m_s) > STILL_M_S:
+            self._stands_since_s = None
+        elif self._stands_since_s is None:
+            self._stands_since_s = now_s
+        seen = "not heard: the autopilot is silent"
+        if state is not None:
+            landed = state.landed.replace("_", " ")
+            seen = f"armed in mode {state.mode_name or state.mode}, and the autopilot reports {landed}"
+        if self._stands_since_s is not None and now_s - self._stands_since_s >= STILL_S:
+            undetected = ": it does not detect that it has landed; if it stands on the ground, disarm it"
+            return f"it has stood still for {STILL_S:g} s, but is {seen}{undetected}"
+        if now_s - self._since_s > self.settings.timeout_s:
+            return f"not landed after {self.settings.timeout_s:g} s: it is {seen}"
+        return ""
+
+    def _is_flown(self, driver: Envelope[DriverState] | None) -> bool:
+        """Whether the autopilot flies this landing."""
+        if driver is None or driver.payload.manoeuvre_id != self.action_id:
+            return False
+        return driver.payload.manoeuvre_state is ManoeuvreState.RUNNING
 
     def _approach(self, reference: PathReference, driver: Envelope[DriverState] | None, now_s: float) -> list[Result]:
         if self._pose is None:
@@ -130,7 +159,7 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
     def _descend(self, driver: Envelope[DriverState] | None, now_s: float) -> list[Result]:
         """Requests a refused, lost or interrupted landing again: there is no better alternative."""
         is_ours = driver is not None and driver.payload.manoeuvre_id == self.action_id
-        is_flown = driver is not None and is_ours and driver.payload.manoeuvre_state is ManoeuvreState.RUNNING
+        is_flown = self._is_flown(driver)
         if is_flown:
             self.advance(now_s, 0.5)
         elif driver is not None and is_ours and driver.payload.manoeuvre_state is ManoeuvreState.FAILED:

@@ -14,12 +14,13 @@ from gloc3.messages.vehicle import (
     AutopilotState,
     DriverState,
     FlightMode,
+    LandedState,
     Manoeuvre,
     ManoeuvreKind,
     ManoeuvreState,
     Setpoint,
 )
-from gloc3_onboard.components.controllers.landing import LandingController, LandingSettings
+from gloc3_onboard.components.controllers.landing import STILL_S, LandingController, LandingSettings
 
 RUNNING, FAILED = ManoeuvreState.RUNNING, ManoeuvreState.FAILED
 
@@ -33,13 +34,16 @@ class Rig:
         self.driver = DriverState(action_id="go", is_guided=True)
         self.at: Vector3 = (0.0, 0.0, -3.0)
         self.has_pose = True
+        self.speed_m_s = 0.0
+        """Downwards, by the pose."""
         self.run(0.05)
 
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds / 0.05)):
             messages: dict[str, Any] = {"autopilot": self.autopilot, "driver": self.driver}
             if self.has_pose:
-                messages["pose"] = pose(self.at[0], self.at[1], -self.at[2])
+                still = pose(self.at[0], self.at[1], -self.at[2])
+                messages["pose"] = replace(still, velocity_ned_m_s=(0.0, 0.0, self.speed_m_s))
             for message in self.stage.step(0.05, **messages):
                 if isinstance(message, Setpoint) and message.position_ned_m is not None and self.driver.is_guided:
                     self.at = message.position_ned_m
@@ -104,10 +108,43 @@ def test_a_landing_that_is_refused_or_lost_is_asked_for_again(state: ManoeuvreSt
 
 def test_one_that_never_comes_down_fails_in_time() -> None:
     rig = Rig(timeout_s=30.0)
+    rig.speed_m_s = 1.0
     rig.stage.begin("land")
     rig.says(RUNNING)
+    rig.autopilot = flying(FlightMode.LAND, landed=LandedState.LANDING)
     rig.run(31.0)
-    assert (rig.stage.status.state, rig.stage.status.reason) == ("failed", "not landed after 30 s")
+    assert (rig.stage.status.state, rig.stage.status.reason) == (
+        "failed",
+        "not landed after 30 s: it is armed in mode land, and the autopilot reports landing",
+    )
+
+
+def test_one_that_stands_on_the_ground_undetected_fails_soon_and_says_what_to_do() -> None:
+    rig = Rig()
+    rig.speed_m_s = 1.0
+    rig.stage.begin("land")
+    rig.says(RUNNING)
+    rig.autopilot = flying(FlightMode.LAND)
+    rig.run(60.0)
+    assert rig.stage.status.state == "running", "it comes down"
+    rig.speed_m_s = 0.05
+    rig.run(STILL_S - 1.0)
+    assert rig.stage.status.state == "running"
+    rig.run(2.0)
+    assert (rig.stage.status.state, rig.stage.status.reason) == (
+        "failed",
+        "it has stood still for 30 s, but is armed in mode land, and the autopilot reports in air: it does not detect that "
+        "it has landed; if it stands on the ground, disarm it",
+    )
+
+
+def test_one_whose_speed_is_not_known_is_not_taken_to_stand_still() -> None:
+    rig = Rig()
+    rig.stage.begin("land")
+    rig.says(RUNNING)
+    rig.has_pose = False
+    rig.run(STILL_S + 10.0)
+    assert rig.stage.status.state == "running"
 
 
 def test_what_the_driver_says_of_an_earlier_landing_does_not_count() -> None:

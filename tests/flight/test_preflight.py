@@ -29,7 +29,7 @@ def ready(flight: Card, **plan: Any) -> None:
 
 
 def test_a_vehicle_that_is_set_up_like_its_platform_file_has_no_red_or_doubtful_line(flight: Card) -> None:
-    ready(flight)
+    ready(flight, parameters={"GF_MAX_VER_DIST" if flight.style == "px4" else "FENCE_ALT_MAX": 8.0})
     found = checks(flight)
     assert [str(check) for check in found.values() if check.verdict is not Verdict.OK] == []
     assert {check.group for check in found.values()} == {

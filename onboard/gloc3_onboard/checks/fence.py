@@ -1,7 +1,7 @@
 """Checks that the autopilot's fence keeps the mission's, and does not stop the mission."""
 
 from collections.abc import Iterator
-from math import ceil, hypot
+from math import ceil, floor, hypot
 from typing import Final
 
 from gloc3.messages.frames import Vector3
@@ -37,6 +37,7 @@ def fence_checks(readings: Readings) -> Iterator[Check]:
     if has_fence:
         yield _breach(setup, fence)
         yield from _polygons(setup, fence)
+        yield from _ceiling(setup, fence, mission, readings.home_ned_m)
     if readings.home_ned_m is not None and (has_fence or _is_on(setup, fence)):
         yield from _limits(setup, fence, mission, readings.platform.limits, readings.home_ned_m)
 
@@ -105,6 +106,33 @@ def _polygons(setup: AutopilotSetup, fence: FenceTable) -> Iterator[Check]:
     if kinds is not None and not int(kinds) & POLYGONS:
         finding = f"{kinds:g} leaves out polygons and circles, of which the mission's fence is made"
         yield Check(GROUP, fence.kinds, Verdict.RED, finding, f"set {fence.kinds} to {int(kinds) | POLYGONS}")
+
+
+def _ceiling(setup: AutopilotSetup, fence: FenceTable, mission: Mission, home_ned_m: Vector3 | None) -> Iterator[Check]:
+    """Whether the autopilot keeps the mission's ceiling: the areas that are uploaded to it have none."""
+    limit = next((one for one in fence.limits if one.reach == "up"), None)
+    if limit is None or home_ned_m is None or mission.fence is None or mission.fence.ceiling_m is None:
+        return
+    value = setup.parameters.get(limit.parameter)
+    if value is None:
+        return
+    ceiling_m = mission.fence.ceiling_m + home_ned_m[2]
+    kinds = int(setup.parameters.get(fence.kinds, 0.0))
+    is_selected = bool(kinds & limit.kind) if limit.kind else value > 0.0
+    if is_selected and value <= ceiling_m:
+        finding = f"{ceiling_m:.1f} m above home; the autopilot keeps {value:g} m ({limit.parameter})"
+        yield Check(GROUP, "ceiling", Verdict.OK, finding)
+        return
+    limiter = "GLOC3's limiter alone keeps it"
+    theirs = (
+        f"the autopilot's limit {value:g} m: between them {limiter}"
+        if is_selected
+        else f"the autopilot has no limit of height: {limiter}"
+    )
+    advice = f"set {limit.parameter} to {floor(ceiling_m)}"
+    advice += f" and {fence.kinds} to {kinds | limit.kind}" if not is_selected and limit.kind else ""
+    finding = f"the mission's ceiling is {ceiling_m:.1f} m above home, and {theirs}"
+    yield Check(GROUP, "ceiling", Verdict.WARNING, finding, advice)
 
 
 def _limits(

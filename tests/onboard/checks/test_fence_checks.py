@@ -189,3 +189,33 @@ def test_a_dead_companion_is_a_warning_where_the_autopilot_does_not_act_at_the_f
     (line,) = [one for one in found if one.name == "companion lost"]
     assert line.verdict is verdict
     assert len({one.name for one in found}) == len(found)
+
+
+CEILING = "geofence: {circle: {center: [47.0, 8.0], radius_m: 900}, ceiling_m: 60}"
+
+
+@pytest.mark.parametrize(
+    ("style", "changes", "finding", "advice"),
+    [
+        (PX4, {}, "the mission's ceiling is 60.0 m above home, and the autopilot has no limit of height: GLOC3's limiter alone "
+         "keeps it", "set GF_MAX_VER_DIST to 60"),
+        (PX4, {"GF_MAX_VER_DIST": 120}, "the mission's ceiling is 60.0 m above home, and the autopilot's limit 120 m: between "
+         "them GLOC3's limiter alone keeps it", "set GF_MAX_VER_DIST to 60"),
+        (ARDUPILOT, {}, "the mission's ceiling is 60.0 m above home, and the autopilot's limit 100 m: between them GLOC3's "
+         "limiter alone keeps it", "set FENCE_ALT_MAX to 60"),
+        (ARDUPILOT, {"FENCE_TYPE": 6}, "the mission's ceiling is 60.0 m above home, and the autopilot has no limit of height: "
+         "GLOC3's limiter alone keeps it", "set FENCE_ALT_MAX to 60 and FENCE_TYPE to 7"),
+    ],
+)  # fmt: skip
+def test_a_ceiling_that_the_autopilot_does_not_keep_is_a_warning(
+    style: Style, changes: dict[str, float], finding: str, advice: str
+) -> None:
+    (line,) = [one for one in lines(style, COPTER, changes, geofence=CEILING) if one.name == "ceiling"]
+    assert (line.verdict, line.finding, line.advice) == (Verdict.WARNING, finding, advice)
+
+
+@pytest.mark.parametrize(("style", "changes"), [(PX4, {"GF_MAX_VER_DIST": 60}), (ARDUPILOT, {"FENCE_ALT_MAX": 55})])
+def test_a_ceiling_that_the_autopilot_keeps_is_told_as_kept(style: Style, changes: dict[str, float]) -> None:
+    (line,) = [one for one in lines(style, COPTER, changes, geofence=CEILING) if one.name == "ceiling"]
+    name, value = next(iter(changes.items()))
+    assert (line.verdict, line.finding) == (Verdict.OK, f"60.0 m above home; the autopilot keeps {value} m ({name})")

@@ -91,7 +91,7 @@ PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     whole("FENCE_ENABLE", 0, 0, 1, "fence is on", "fence_is_on", kind=ParameterKind.INT8),
     whole("FENCE_TYPE", 7, 0, 15, "height, circle, polygons", kind=ParameterKind.INT8),
     whole("FENCE_ACTION", 1, 0, 8, "fence action", "fence_action", _FENCE, ParameterKind.INT8),
-    real("FENCE_ALT_MAX", 100.0, 10.0, 1000.0, "highest over home, m"),
+    real("FENCE_ALT_MAX", 100.0, 0.0, 1000.0, "highest over home, m"),
     real("FENCE_RADIUS", 300.0, 30.0, 10000.0, "farthest from home, m"),
     real("FENCE_MARGIN", 2.0, 1.0, 10.0, "distance kept from the fence, m", "fence_margin_m"),
     whole("FENCE_TOTAL", 0, 0, 255, "items of the fence", kind=ParameterKind.INT16),

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from mavsdk.plugins.ftp import Ftp
+from mavsdk.plugins.geofence import Geofence
 from mavsdk.plugins.log_files import LogFiles
 from mavsdk.plugins.param import Param
 from tests.onboard.real_px4 import RealPx4
@@ -30,6 +31,10 @@ class Other:
             east_m / EARTH_M / math.cos(math.radians(position.latitude_deg))
         )
         self._client.action.goto_location(latitude_deg, longitude_deg, position.absolute_altitude_m, math.nan)
+
+    def clear_fence(self) -> None:
+        """Removes the fence that PX4 holds."""
+        self._client.plugin(Geofence).clear_geofence()
 
     def height(self) -> str:
         """Telemetry."""

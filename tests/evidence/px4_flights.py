@@ -198,9 +198,9 @@ def link_lost(px4: RealPx4) -> str:
 
 def battery_low(px4: RealPx4) -> str:
     """Its simulated battery drains; with `on_low_battery: return` it comes home and lands."""
-    with flying(px4, MISSION, action="depart.climb", after_s=0.0) as flight:
+    with flying(px4, after_s=2.0) as flight:
         px4.shell("param", "set", "SIM_BAT_DRAIN", "12")
-        low = flight.await_words("battery", within_s=90.0)
+        low = flight.await_words("low battery", "is left", within_s=90.0)
         return f"{low} · {flight.end(NOT_DONE)}"
 
 
@@ -231,11 +231,25 @@ tasks:
 """
 
 
-def fence(px4: RealPx4) -> str:
-    """Another station sends it beyond the fence that our limiter keeps, and leaves: nobody is in charge."""
-    area = "geofence: {polygon_m: [[-15, -15], [25, -15], [25, 25], [-15, 25]]}"
-    with flying(px4, MISSION.replace("frame: site", f"frame: site\n{area}"), links=[px4.other_link]) as flight:
+AREA: Final = "frame: site\ngeofence: {polygon_m: [[-15, -15], [25, -15], [25, 25], [-15, 25]]}"
+
+
+def sent_beyond_the_fence(px4: RealPx4) -> str:
+    """Another station sends it beyond the fence that PX4 holds, too; the operator resumes."""
+    with flying(px4, MISSION.replace("frame: site", AREA), links=[px4.other_link]) as flight, beside(px4) as other:
+        other.go_to(40.0, 0.0)
+        refused = flight.await_words("outside geofence", within_s=10.0)
+        time.sleep(5.0)
+        assert "fence breached" not in flight.station.text, flight.station.text
+        flight.station.tell("resume")
+        return f"{refused} · {flight.end()}"
+
+
+def led_out_of_the_fence(px4: RealPx4) -> str:
+    """Another station clears PX4's fence, sends the vehicle beyond ours, and leaves: nobody is in charge."""
+    with flying(px4, MISSION.replace("frame: site", AREA), links=[px4.other_link]) as flight:
         with beside(px4) as other:
+            other.clear_fence()
             other.go_to(40.0, 0.0)
             breach = flight.await_words("fence breached", within_s=40.0)
         left = flight.await_words("neither a transmitter nor another station", within_s=45.0)
@@ -309,7 +323,11 @@ FLIGHTS: Final[Mapping[str, tuple[Callable[[RealPx4], str], str]]] = {
     "link to the station lost": (link_lost, "returned, landed, disarmed"),
     "battery low": (battery_low, "returned, landed"),
     "satellites lost": (satellites_lost, "landed by PX4's failsafe, named as it: exit code 3"),
-    "led out of the fence by another station, which then leaves": (fence, "told; lands after 30 s with nobody there"),
+    "sent beyond the fence by another station": (sent_beyond_the_fence, "PX4 refuses, and the operator reads it; done"),
+    "led out of the fence by another station that clears PX4's, and leaves": (
+        led_out_of_the_fence,
+        "told; lands after 30 s with nobody there",
+    ),
     "PX4 does nothing at its fence": (fence_without_action, "not started; why, and what to set"),
     "plan flown by the autopilot": (plan, "in its mission mode; done"),
     "MAVSDK, parameters, files and ULog through the router": (services, "all of them beside a mission that is done"),

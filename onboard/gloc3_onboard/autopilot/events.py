@@ -181,6 +181,11 @@ class AutopilotEvents:
         self._next_s = float("-inf")
         self._report: list[str] | None = None
 
+    @property
+    def is_readable(self) -> bool:
+        """Whether events can be put into words: the dictionary is here."""
+        return self._dictionary is not None
+
     def restart(self) -> None:
         """The autopilot is another one, or has restarted, maybe with another firmware."""
         self._dictionary = self._report = self.reasons = None

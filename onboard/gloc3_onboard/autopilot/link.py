@@ -25,6 +25,7 @@ from gloc3_onboard.autopilot.commands import NO_OWNER, CommandDesk
 from gloc3_onboard.autopilot.events import AutopilotEvents
 from gloc3_onboard.autopilot.identification import Identification, IdentityChange
 from gloc3_onboard.autopilot.inspection import Inspection
+from gloc3_onboard.autopilot.link_reports import AlertRelay
 from gloc3_onboard.autopilot.plan_upload import FenceUpload, PlanUpload
 from gloc3_onboard.autopilot.sensors import AutopilotSensors
 from gloc3_onboard.autopilot.streams import StreamRequests, origin_request, prearm_checks
@@ -92,6 +93,7 @@ class AutopilotLink:
         self.telemetry: Final = Telemetry()
         self.sensors: Final = AutopilotSensors(lambda: self.post(self._request_sensors))
         self.events: Final = AutopilotEvents(own)
+        self._alerts: Final = AlertRelay(report)
         handled = (*Telemetry.HANDLES, *AutopilotSensors.HANDLES, "EVENT")
         self._received_here = {codec.shape(name).id for name in handled}
         self._identification = Identification(own, report)
@@ -194,6 +196,8 @@ class AutopilotLink:
         for said in self._texts.events():
             if said.sender == self.target:
                 self.telemetry.receive_text(said.severity, said.text, now_s)
+                if not (self.events.is_readable and said.text.endswith("\t")):  # PX4's sign that an event says it, too
+                    self._alerts.relay(said.severity, said.text, now_s)
         self._follow_events(now_s)
         self._follow_plans(now_s)
         self.commands.tick(now_s)
@@ -259,6 +263,7 @@ class AutopilotLink:
             self._report(Severity.NOTICE, f"PX4's event texts are missing: {self.events.problem}")
         for severity, text in self.events.alerts:
             self.telemetry.receive_text(severity, text, now_s)
+            self._alerts.relay(severity, text, now_s)
         self.events.alerts.clear()
         if self.events.reasons is not None:
             self.telemetry.receive_reasons(self.events.reasons, now_s)

@@ -19,6 +19,7 @@ from gloc3.messages.vehicle import FlightMode, LandedState, Style
 from gloc3_onboard.autopilot.commands import KEPT, NO_OWNER
 from gloc3_onboard.autopilot.device import AutopilotDevice
 from gloc3_onboard.autopilot.link import AutopilotLink
+from gloc3_onboard.autopilot.link_reports import SAID_S
 from gloc3_onboard.autopilot.style import ARM_DISARM, COMMON_STREAMS, NAV_LAND, NAV_TAKEOFF, SET_MODE, MavCommand
 from gloc3_onboard.companion.link_watch import RateWatch
 from gloc3_onboard.sensors.devices import AutopilotSetpoint
@@ -265,6 +266,28 @@ def test_a_refusal_is_answered_with_what_the_autopilot_says_at_once_or_a_moment_
         assert not answer.is_accepted
         assert answer.reason == f"rejected for now; it may be accepted later: {why}"
         assert elapsed_s < 0.6
+
+
+@STYLES
+def test_warnings_of_the_autopilot_are_told_as_it_says_them_and_not_over_and_over(style: str) -> None:
+    with Rig(style) as rig:
+        rig.run(3.0)
+        for severity, text in [
+            (2, "Reposition is outside geofence\t"),
+            (4, "EKF lane switch"),
+            (6, "Takeoff detected"),
+        ]:
+            rig.autopilot.report(text, severity)
+        rig.autopilot.report("PreArm: no fix", 2)
+        rig.run(0.2)
+        rig.autopilot.report("EKF lane switch", 4)
+        rig.run(0.2)
+        told = [text for text in rig.reported if text.startswith("the autopilot says")]
+        assert told == ["the autopilot says: Reposition is outside geofence", "the autopilot says: EKF lane switch"]
+        rig.run(SAID_S)
+        rig.autopilot.report("EKF lane switch", 4)
+        rig.run(0.2)
+        assert [text for text in rig.reported if "lane switch" in text] == ["the autopilot says: EKF lane switch"] * 2
 
 
 def test_reasons_against_arming_are_kept_until_it_would_arm() -> None:

@@ -112,6 +112,12 @@ def test_reasons_are_those_of_the_present_mode_in_the_last_whole_report(tmp_path
         rig.autopilot.send("EVENT", id_=OWN | 7, log_levels=2, arguments=alert)
         rig.run(0.3)
         assert rig.link.telemetry.texts_since(0.0) == ["Wind 15.0 m/s, Left side, 2 m{9}"]
+        rig.autopilot.report("Wind\t", 2)
+        rig.run(0.3)
+        alerts = [text for text in rig.reported if text.startswith("the autopilot says")]
+        assert alerts == ["the autopilot says: Wind 15.0 m/s, Left side, 2 m{9}"], (
+            "its text, with a tab, is the same event"
+        )
 
 
 def test_an_autopilot_without_a_dictionary_is_asked_again_after_a_minute_and_says_so_once(tmp_path: Path) -> None:

@@ -197,14 +197,14 @@ CEILING = "geofence: {circle: {center: [47.0, 8.0], radius_m: 900}, ceiling_m: 6
 @pytest.mark.parametrize(
     ("style", "changes", "finding", "advice"),
     [
-        (PX4, {}, "the mission's ceiling is 60.0 m above home, and the autopilot has no limit of height: GLOC3's limiter alone "
-         "keeps it", "set GF_MAX_VER_DIST to 60"),
-        (PX4, {"GF_MAX_VER_DIST": 120}, "the mission's ceiling is 60.0 m above home, and the autopilot's limit 120 m: between "
-         "them GLOC3's limiter alone keeps it", "set GF_MAX_VER_DIST to 60"),
-        (ARDUPILOT, {}, "the mission's ceiling is 60.0 m above home, and the autopilot's limit 100 m: between them GLOC3's "
-         "limiter alone keeps it", "set FENCE_ALT_MAX to 60"),
-        (ARDUPILOT, {"FENCE_TYPE": 6}, "the mission's ceiling is 60.0 m above home, and the autopilot has no limit of height: "
-         "GLOC3's limiter alone keeps it", "set FENCE_ALT_MAX to 60 and FENCE_TYPE to 7"),
+        (PX4, {}, ("the mission's ceiling is 60.0 m above home, and the autopilot has no limit of height: GLOC3's limiter alone "
+         "keeps it"), "set GF_MAX_VER_DIST to 60"),
+        (PX4, {"GF_MAX_VER_DIST": 120}, ("the mission's ceiling is 60.0 m above home, and the autopilot's limit 120 m: between "
+         "them GLOC3's limiter alone keeps it"), "set GF_MAX_VER_DIST to 60"),
+        (ARDUPILOT, {}, ("the mission's ceiling is 60.0 m above home, and the autopilot's limit 100 m: between them GLOC3's "
+         "limiter alone keeps it"), "set FENCE_ALT_MAX to 60"),
+        (ARDUPILOT, {"FENCE_TYPE": 6}, ("the mission's ceiling is 60.0 m above home, and the autopilot has no limit of height: "
+         "GLOC3's limiter alone keeps it"), "set FENCE_ALT_MAX to 60 and FENCE_TYPE to 7"),
     ],
 )  # fmt: skip
 def test_a_ceiling_that_the_autopilot_does_not_keep_is_a_warning(

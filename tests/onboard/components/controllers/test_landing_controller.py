@@ -133,8 +133,10 @@ def test_one_that_stands_on_the_ground_undetected_fails_soon_and_says_what_to_do
     rig.run(2.0)
     assert (rig.stage.status.state, rig.stage.status.reason) == (
         "failed",
-        "it has stood still for 30 s, but is armed in mode land, and the autopilot reports in air: it does not detect that "
-        "it has landed; if it stands on the ground, disarm it",
+        (
+            "it has stood still for 30 s, but is armed in mode land, and the autopilot reports in air: it does not detect that "
+            "it has landed; if it stands on the ground, disarm it"
+        ),
     )
 
 

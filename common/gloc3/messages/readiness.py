@@ -37,6 +37,8 @@ class AutopilotSetup(Message, frozen=True):
     is_complete: bool = False
     """Whether a reading has ended since the autopilot came or restarted."""
     vehicle: VehicleClass | None = None
+    rally_points: int | None = None
+    """Number of rally points (PX4: safe points) that it holds; None where that was not read, or a parameter counts them."""
 
 
 class LinkCondition(msgspec.Struct, frozen=True, array_like=True):

@@ -1,4 +1,4 @@
-"""Reads an autopilot's setup: its version, its time of day, and the parameters that matter to us."""
+"""Reads an autopilot's setup: its version, time of day, rally points, and the parameters that matter to us."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -12,9 +12,11 @@ from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.service import Microservice, earliest
 from gloc3.mavlink.services.command_client import CommandCall, MavCommandClient
 from gloc3.mavlink.services.interval import REQUEST_MESSAGE
+from gloc3.mavlink.services.mission_client import MissionClient, Transfer
 from gloc3.mavlink.services.parameter import Parameter, ParameterEncoding
 from gloc3.mavlink.services.parameter_client import ParameterCall, ParameterClient, ParameterResult
-from gloc3.mavlink.services.version import read_version
+from gloc3.mavlink.services.plan import PlanResult, PlanType
+from gloc3.mavlink.services.version import ProtocolCapability, read_version
 from gloc3.messages.readiness import AutopilotSetup
 from gloc3.messages.vehicle import Style, VehicleClass
 
@@ -24,6 +26,9 @@ OFFICIAL: Final = 255
 """The last byte of a release's version number."""
 REPORTED_SEVERITY: Final = ("AUTOPILOT_VERSION", "SYSTEM_TIME")
 """Messages requested once per reading."""
+
+RALLY_S: Final = 3.0
+"""Longest wait for the rally points, s: fences and plans wait behind them."""
 
 
 class Inspection(Microservice[AutopilotSetup]):
@@ -35,15 +40,19 @@ class Inspection(Microservice[AutopilotSetup]):
     Args:
         own: our MAVLink address.
         commands: the command protocol; driven by its owner, who passes its results to `ended`.
+        plans: the mission protocol; likewise, with `transferred`.
     """
 
     handles = ParameterClient.handles | {*REPORTED_SEVERITY, "SYS_STATUS"}
 
-    def __init__(self, own: Address, commands: MavCommandClient) -> None:
+    def __init__(self, own: Address, commands: MavCommandClient, plans: MissionClient) -> None:
         super().__init__(own)
         self.setup = AutopilotSetup()
         """What is known."""
-        self._commands = commands
+        self._commands, self._plans = commands, plans
+        self._rally: Transfer | None = None
+        self._rally_s = 0.0
+        """When the rally points were requested."""
         self._parameters = ParameterClient(own)
         self._target: Address | None = None
         self._names: Sequence[str] = ()
@@ -59,7 +68,7 @@ class Inspection(Microservice[AutopilotSetup]):
 
     def adopt(self, target: Address, style: Style, vehicle: VehicleClass, names: Sequence[str], now_s: float) -> None:
         """Handles a new or restarted autopilot: reads everything, the given parameters by name."""
-        self._drop()
+        self._drop(now_s)
         self._target, self._names = target, names
         self._absent.clear()
         self._parameters.encoding = ParameterEncoding.BYTEWISE if style is Style.PX4 else ParameterEncoding.CAST
@@ -82,7 +91,7 @@ class Inspection(Microservice[AutopilotSetup]):
         self._messages = deque(REPORTED_SEVERITY)
         self.tick(now_s)
 
-    def _drop(self) -> None:
+    def _drop(self, now_s: float) -> None:
         for call in list(self._reading.values()):
             self._parameters.cancel(call)
         self._parameters.events()
@@ -90,7 +99,13 @@ class Inspection(Microservice[AutopilotSetup]):
         if self._requested is not None:
             self._commands.abandon(self._requested)
             self._requested = None
+        self._leave_rally(now_s)
         self._is_reading = False
+
+    def _leave_rally(self, now_s: float) -> None:
+        transfer, self._rally = self._rally, None
+        if transfer is not None:
+            self._plans.cancel(transfer, now_s)
 
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
         """Handles the autopilot's messages."""
@@ -98,7 +113,10 @@ class Inspection(Microservice[AutopilotSetup]):
             return
         match message.name:
             case "AUTOPILOT_VERSION":
-                number = read_version(message).flight_software
+                version = read_version(message)
+                number = version.flight_software
+                if version.capabilities & ProtocolCapability.MISSION_RALLY:
+                    self._request_rally(sender, now_s)
                 if number:
                     firmware = (number >> 24 & 0xFF, number >> 16 & 0xFF, number >> 8 & 0xFF)
                     self._set(firmware=firmware, is_official=number & 0xFF == OFFICIAL)
@@ -114,6 +132,20 @@ class Inspection(Microservice[AutopilotSetup]):
             case _:
                 self._parameters.receive(message, sender, now_s)
                 self._follow(now_s)
+
+    def _request_rally(self, target: Address, now_s: float) -> None:
+        """ArduPilot counts its rally points in a parameter."""
+        if self._is_reading and self._rally is None and self.setup.style is Style.PX4:
+            self._rally = self._plans.download(target, now_s=now_s, kind=PlanType.RALLY)
+            self._rally_s = now_s
+
+    def transferred(self, transfer: Transfer, now_s: float) -> None:
+        """A transfer has ended; those that are not from here are ignored."""
+        if transfer is self._rally:
+            self._rally = None
+            if transfer.result is PlanResult.ACCEPTED:
+                self._set(rally_points=len(transfer.items))
+            self._follow(now_s)
 
     def ended(self, call: CommandCall, now_s: float) -> None:
         """A command has come back from the client; those that are not from here are ignored."""
@@ -144,7 +176,9 @@ class Inspection(Microservice[AutopilotSetup]):
                 self._messages.popleft()
             except Refused:  # somebody else asks for one
                 return
-        if not (self._waiting or self._reading or self._messages or self._requested):
+        if self._rally is not None and now_s - self._rally_s >= RALLY_S:
+            self._leave_rally(now_s)
+        if not (self._waiting or self._reading or self._messages or self._requested or self._rally):
             self._end(now_s)
 
     def _ended_reading(self, call: ParameterCall) -> None:

@@ -101,7 +101,7 @@ class AutopilotLink:
         self._leave = ArmPermissionRequest(own, why_not_arm)
         self._client, self._plans, self._texts = MavCommandClient(own), MissionClient(own), StatusTextReceiver(own)
         self.commands: Final = CommandDesk(self._client, self.telemetry.texts_since)
-        self.inspection: Final = Inspection(own, self._client)
+        self.inspection: Final = Inspection(own, self._client, self._plans)
         self._more_names = more_names
         self.fence: Final = FenceUpload(self._plans)
         self.plan: Final = PlanUpload(self._plans)
@@ -272,6 +272,7 @@ class AutopilotLink:
     def _follow_plans(self, now_s: float) -> None:
         for event in self._plans.events():
             if isinstance(event, Transfer):
+                self.inspection.transferred(event, now_s)
                 fenced, switch_on = self.fence.received(event, now_s), self.style.fence_on_command
                 ended = fenced or self.plan.received(event, now_s)
                 if fenced is not None and fenced[1].is_accepted and self.fence.is_set and switch_on is not None:

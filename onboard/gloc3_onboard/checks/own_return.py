@@ -129,10 +129,10 @@ def _landing(setup: AutopilotSetup, own: ReturnTable, why: str) -> Iterator[Chec
         yield Check(
             GROUP, "own return: landing", Verdict.RED, finding, f"set {own.lands} to 0 (home, or a nearer rally point)"
         )
-    if own.rally and (count := setup.parameters.get(own.rally)):
-        finding = (
-            f"{why} may end at one of its rally points ({own.rally} {count:g}), which are not compared with the fence"
-        )
+    count = setup.parameters.get(own.rally) if own.rally else setup.rally_points
+    if count:
+        source = f"{own.rally} {count:g}" if own.rally else f"it holds {count:g}"
+        finding = f"{why} may end at one of its rally points ({source}), which are not compared with the fence"
         yield Check(
             GROUP,
             "own return: rally points",

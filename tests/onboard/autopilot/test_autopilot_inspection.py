@@ -10,35 +10,41 @@ from gloc3.mavlink.node import MavlinkComponent
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_client import MavCommandClient
 from gloc3.mavlink.services.command_server import MavCommandServer
+from gloc3.mavlink.services.mission_client import MissionClient, Transfer
+from gloc3.mavlink.services.mission_server import MissionServer
 from gloc3.mavlink.services.parameter import ParameterEncoding, ParameterType, parameter
 from gloc3.mavlink.services.parameter_server import ParameterServer
+from gloc3.mavlink.services.plan import PlanItem, PlanType
 from gloc3.mavlink.services.version import ProtocolCapability, Version, VersionServer, version_number
 from gloc3.messages.vehicle import Style, VehicleClass
-from gloc3_onboard.autopilot.inspection import Inspection
+from gloc3_onboard.autopilot.inspection import RALLY_S, Inspection
 
 OWN, VEHICLE = Address(1, 191), Address(1, 1)
 NAMES = ("NAV_DLL_ACT", "COM_DL_LOSS_T", "NEVER_HEARD_OF")
 STEP_S = 0.05
+NOTHING, RALLY = ProtocolCapability(0), ProtocolCapability.MISSION_RALLY
 
 
 class Rig:
     """An inspection and the autopilot that it looks at, message by message."""
 
-    def __init__(self, style: Style = Style.PX4) -> None:
+    def __init__(self, style: Style = Style.PX4, capabilities: ProtocolCapability = NOTHING) -> None:
         encoding = ParameterEncoding.BYTEWISE if style is Style.PX4 else ParameterEncoding.CAST
         self.commands = MavCommandClient(OWN)
-        self.inspection = Inspection(OWN, self.commands)
+        self.plans = MissionClient(OWN)
+        self.inspection = Inspection(OWN, self.commands, self.plans)
         self.server = MavCommandServer(VEHICLE, is_autopilot=True)
         self.version = VersionServer(
-            VEHICLE, Version(capabilities=ProtocolCapability(0), flight_software=version_number(1, 15, 2))
+            VEHICLE, Version(capabilities=capabilities, flight_software=version_number(1, 15, 2))
         )
         self.parameters = ParameterServer(
             VEHICLE,
             [parameter("NAV_DLL_ACT", 2, ParameterType.INT32), parameter("COM_DL_LOSS_T", 7.5)],
             encoding=encoding,
         )
-        self.here = MavlinkComponent(OWN, [self.commands, self.inspection])
-        self.there = MavlinkComponent(VEHICLE, [self.server, self.version, self.parameters])
+        self.held = MissionServer(VEHICLE)
+        self.here = MavlinkComponent(OWN, [self.commands, self.plans, self.inspection])
+        self.there = MavlinkComponent(VEHICLE, [self.server, self.version, self.parameters, self.held])
         self.own_encoder, self.own_parser = Encoder(*OWN), Parser()
         self.encoder, self.parser = Encoder(*VEHICLE), Parser()
         self.deaf_to: set[str] = set()
@@ -67,6 +73,9 @@ class Rig:
                     self.here.receive(frame, self.now_s)
             for call in self.commands.events():
                 self.inspection.ended(call, self.now_s)
+            for event in self.plans.events():
+                if isinstance(event, Transfer):
+                    self.inspection.transferred(event, self.now_s)
 
     def hears(self, name: str, **fields: Any) -> None:
         self.inspection.receive(message(name, **fields), VEHICLE, self.now_s)
@@ -154,3 +163,36 @@ def test_sensors_and_time_of_day_are_told() -> None:
     assert setup.utc_minus_t_s == pytest.approx(1_700_000_000 - rig.now_s, abs=0.06)
     rig.hears("SYSTEM_TIME", time_unix_usec=0)
     assert rig.inspection.setup.utc_minus_t_s is None
+
+
+def test_the_rally_points_are_counted_and_again_with_each_reading() -> None:
+    rig = Rig(capabilities=RALLY)
+    rig.held.set_plan(PlanType.RALLY, (PlanItem(command=5100, frame=3), PlanItem(command=5100, frame=3)))
+    rig.adopt()
+    rig.run(1.0)
+    assert (rig.inspection.setup.is_complete, rig.inspection.setup.rally_points) == (True, 2)
+    rig.held.set_plan(PlanType.RALLY, ())
+    rig.inspection.read(1, rig.now_s)
+    rig.run(1.0)
+    assert (rig.inspection.setup.number, rig.inspection.setup.rally_points) == (1, 0)
+
+
+@pytest.mark.parametrize(
+    ("style", "capabilities"),
+    [(Style.PX4, NOTHING), (Style.ARDUPILOT, RALLY)],
+    ids=["has none", "by parameter"],
+)
+def test_rally_points_are_requested_only_where_that_is_the_way(style: Style, capabilities: ProtocolCapability) -> None:
+    rig = Rig(style, capabilities)
+    rig.adopt()
+    rig.run(1.0)
+    assert rig.inspection.setup.rally_points is None
+    assert "MISSION_REQUEST_LIST" not in rig.requested
+
+
+def test_rally_points_that_do_not_come_hold_nothing_up() -> None:
+    rig = Rig(capabilities=RALLY)
+    rig.deaf_to = {"MISSION_REQUEST_LIST"}
+    rig.adopt()
+    rig.run(RALLY_S + 1.0)
+    assert (rig.inspection.setup.is_complete, rig.inspection.setup.rally_points) == (True, None)

@@ -1,8 +1,10 @@
 """The autopilot's own return before a start: below the ceiling, inside the fence, and home."""
 
+import dataclasses
 from collections.abc import Mapping
 
 import pytest
+from msgspec.structs import replace
 
 from gloc3.messages.frames import GeoPoint
 from gloc3.messages.preflight import Check, Verdict
@@ -149,3 +151,17 @@ def test_no_two_lines_have_the_same_name() -> None:
     found = lines(ARDUPILOT, {"RTL_ALT_M": 15, "RTL_CLIMB_MIN_M": 20, "RALLY_TOTAL": 1}, fence=CORNER)
     names = [line.name for line in found]
     assert names == [f"own return: {what}" for what in ("height", "climb", "way", "rally points")]
+
+
+@pytest.mark.parametrize(("count", "verdict"), [(2, Verdict.WARNING), (0, Verdict.OK), (None, Verdict.OK)])
+def test_the_rally_points_of_px4_are_told_as_where_its_return_may_end(count: int | None, verdict: Verdict) -> None:
+    readings = readings_of(PX4)
+    assert readings.setup is not None
+    readings = dataclasses.replace(readings, setup=replace(readings.setup, rally_points=count))
+    (line,) = own_return_checks(readings)
+    assert line.verdict is verdict
+    if count:
+        assert line.finding == (
+            "its own return (low battery) may end at one of its rally points (it holds 2), which are not compared with the "
+            "fence"
+        )

@@ -84,6 +84,9 @@ def test_a_failsafe_of_the_autopilot_counts_as_somebody_elses_and_is_left_alone(
     flight.await_state("mission", "paused", 1.0)
     assert flight.autopilot.mode in (FlightMode.LAND, FlightMode.RETURN, FlightMode.HOLD)
     flight.await_landed(60.0)
+    controlled = [vehicle for vehicle in flight.since(0.0, "ci/vehicle") if vehicle.has_pilot_control]
+    assert controlled
+    assert all(vehicle.is_failsafe for vehicle in controlled), "no pilot was there"
 
 
 @pytest.mark.parametrize("fault", ["sensor:fix=biased/2", "sensor:fix=stuck"])

@@ -121,6 +121,8 @@ class VehicleSummary(Message, frozen=True):
     """Sources of the position."""
     pose_quality_percent: int = -1
     """How good the position is, 0 to 100; -1 where that is not known."""
+    is_failsafe: bool = False
+    """`has_pilot_control` because the autopilot's failsafe has chosen a mode, not a pilot."""
 
 
 class MissionSummary(Message, frozen=True):

@@ -88,7 +88,11 @@ class ChangeNarrator:
         if previous is None or previous.mode != new.mode:
             parts.append(f"mode {new.mode}" if new.mode else "mode unknown")
         if (previous is not None and previous.has_pilot_control) != new.has_pilot_control:
-            parts.append("the pilot has control" if new.has_pilot_control else "the pilot has handed back")
+            parts.append(
+                f"{wording.controller(new)} has control"
+                if new.has_pilot_control or previous is None
+                else f"{wording.controller(previous)} has handed back"
+            )
         if (previous is None or previous.is_autopilot_connected) != new.is_autopilot_connected:
             parts.append("autopilot connected" if new.is_autopilot_connected else "NO AUTOPILOT")
         if parts:

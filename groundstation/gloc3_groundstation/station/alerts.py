@@ -15,6 +15,7 @@ from gloc3.messages.envelope import Severity
 from gloc3.messages.preflight import Verdict
 from gloc3.messages.software import Software, compared
 from gloc3.messages.summaries import Health
+from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.snapshots import HEALTHS, Fleet, FleetEvent, PlatformSnapshot
 
 BATTERY_LOW_PERCENT: Final = 30
@@ -204,9 +205,9 @@ def _vehicle_causes(platform: PlatformSnapshot, now_s: float, *, is_settled: boo
         text = "no autopilot: the companion receives nothing from it; check its cable, and gloc3 onboard --autopilot"
         yield AlertCause(name, "autopilot", Severity.CRITICAL, text)
     if is_settled and vehicle.has_pilot_control:
-        yield AlertCause(
-            name, "pilot", Severity.WARNING, "the pilot has control; resume when the vehicle is handed back"
-        )
+        advice = "to take it back" if vehicle.is_failsafe else "when the vehicle is handed back"
+        text = f"{wording.controller(vehicle)} has control; resume {advice}"
+        yield AlertCause(name, "failsafe" if vehicle.is_failsafe else "pilot", Severity.WARNING, text)
     if is_settled and vehicle.is_armed and not vehicle.is_pose_valid and platform.has_companion:
         yield AlertCause(name, "position", Severity.CRITICAL, "armed without a valid position")
 

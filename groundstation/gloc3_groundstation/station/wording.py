@@ -109,6 +109,11 @@ def armed(vehicle: VehicleSummary) -> str:
     return "armed?" if is_unknown else "disarmed"
 
 
+def controller(vehicle: VehicleSummary) -> str:
+    """Who has control in place of the mission: `the pilot`, or `the autopilot's failsafe`."""
+    return "the autopilot's failsafe" if vehicle.is_failsafe else "the pilot"
+
+
 def arming(vehicle: VehicleSummary) -> str:
     """`armed, in air`."""
     landed = vehicle.landed.replace("_", " ")

@@ -182,6 +182,7 @@ def vehicle_summary(platform: Platform, snapshot: VehicleState, now_s: float) ->
         geo=geo,
         pose_sources=list(pose.sources) if pose is not None else [],
         pose_quality_percent=round(100.0 * pose.quality) if pose is not None else -1,
+        is_failsafe=driver is not None and driver.has_pilot_control and driver.is_failsafe,
         is_armable=snapshot.is_autopilot_known and autopilot is not None and _would_arm(autopilot),
     )
 

@@ -1,6 +1,7 @@
 """The headless station flies a mission on a scripted platform and narrates it; the narration is golden."""
 
 import asyncio
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -41,7 +42,16 @@ def script(platform: ScriptedPlatform) -> None:
     later(24.5, lambda: platform.advance("done", recover="done", recover__home="done", recover__down="done"))
 
 
-def fly(platform_setup: list[str], reported: list[NarrationLine], refusal: str = "") -> str:
+def nothing_more(_: ScriptedPlatform) -> None:
+    """The script alone."""
+
+
+def fly(
+    platform_setup: list[str],
+    reported: list[NarrationLine],
+    refusal: str = "",
+    more: Callable[[ScriptedPlatform], None] = nothing_more,
+) -> str:
     async def main() -> str:
         exchange = LocalExchange()
         platform = ScriptedPlatform(exchange)
@@ -49,6 +59,7 @@ def fly(platform_setup: list[str], reported: list[NarrationLine], refusal: str =
         if "silent" not in platform_setup:
             platform.loop.call_later(1.2, platform.speak_every, 0.5)
             script(platform)
+            more(platform)
         if refusal == "check":
             platform.answer_next(LoadMission, refused("does not fit", "hold.yaml:1:1: no tasks"))
         if refusal == "start":
@@ -66,6 +77,21 @@ def test_a_whole_mission_is_narrated_calmly() -> None:
     reported: list[NarrationLine] = []
     assert fly([], reported) == "done"
     assert "\n".join(str(line) for line in reported) + "\n" == GOLDEN.read_text()
+
+
+@pytest.mark.parametrize(("is_failsafe", "who"), [(False, "the pilot"), (True, "the autopilot's failsafe")])
+def test_who_has_control_is_named_and_who_hands_back(is_failsafe: bool, who: str) -> None:
+    reported: list[NarrationLine] = []
+
+    def script_of(platform: ScriptedPlatform) -> None:
+        platform.loop.call_later(12.0, lambda: platform.fly(has_pilot_control=True, is_failsafe=is_failsafe))
+        platform.loop.call_later(14.0, lambda: platform.fly(has_pilot_control=False, is_failsafe=False))
+
+    fly([], reported, more=script_of)
+    told = [
+        line.text for line in reported if (line.kind == "vehicle" and "control" in line.text) or "handed" in line.text
+    ]
+    assert told == [f"{who} has control", f"{who} has handed back"]
 
 
 def test_what_is_told_is_also_data() -> None:

@@ -93,6 +93,14 @@ def test_what_endangers_the_vehicle_is_an_alert() -> None:
     }
 
 
+def test_a_failsafe_of_the_autopilot_that_has_control_is_not_called_a_pilot() -> None:
+    (alert,) = update(Alerts(), fleet_of(has_pilot_control=True, is_failsafe=True), 100.0).listed
+    assert (alert.what, alert.text) == (
+        "failsafe",
+        "the autopilot's failsafe has control; resume to take it back",
+    )
+
+
 def test_a_link_that_loses_most_is_an_alert_once_it_has_settled() -> None:
     lossy = replace(PLATFORM, link=LinkStatistics(loss=0.6), received_s=110.0, began_s=100.0)
     assert update(Alerts(), fleet_of(lossy), 101.0).all == {}

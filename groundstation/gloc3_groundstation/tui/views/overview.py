@@ -97,7 +97,7 @@ def detail_lines(view: StationView) -> list[Line]:
         if not vehicle.is_autopilot_connected:
             snapshot.insert(0, ("autopilot", Span("NOT CONNECTED", stale or Tone.BAD)))
         if vehicle.has_pilot_control:
-            snapshot.insert(0, ("pilot", Span("HAS CONTROL", stale or Tone.BAD)))
+            snapshot.insert(0, ("failsafe" if vehicle.is_failsafe else "pilot", Span("HAS CONTROL", stale or Tone.BAD)))
         if vehicle.frame:
             snapshot.append(("frame", Span(vehicle.frame, stale or Tone.TEXT)))
     return [(Span(f" {name:<10}", Tone.DIM), span) for name, span in snapshot]

@@ -3,14 +3,16 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
+FUZZ := .venv/.fuzz
 SOURCES := common onboard groundstation sitl tests
 MISSION ?= inspection
 NAME ?=
+SECONDS ?= 60
 
 # Where bytecode is not kept, each start of a program or of the tests would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test unit check bench evidence schema docs lock clean
+.PHONY: demo test unit check bench fuzz evidence schema docs lock clean
 
 demo: $(READY)  ## simulated vehicle, onboard process and ground station, as three processes
 	$(BIN)/gloc3 demo $(MISSION) --out runs/demo
@@ -30,7 +32,10 @@ check: $(READY)  ## format, lint, types, import contracts
 bench: $(READY)  ## what the parts cost
 	$(BIN)/python -m tests.benchmarks
 
-evidence: $(READY)  ## every bar in full, one page each under docs/evidence; NAME=… for one of them
+fuzz: $(FUZZ)  ## every parser that a stranger's bytes reach, for SECONDS=60 each; NAME=… for one of them
+	nice -n 10 $(BIN)/python -m tests.fuzz $(SECONDS) $(NAME)
+
+evidence: $(FUZZ)  ## every bar in full, one page each under docs/evidence; NAME=… for one of them
 	$(BIN)/python -m tests.evidence $(NAME)
 
 schema: $(READY)  ## the JSON Schemas of mission and platform files, as they are published
@@ -44,6 +49,8 @@ lock:  ## after a change of the dependencies: new hashes
 	test -x $(BIN)/uv || $(BIN)/python -m pip install --quiet --disable-pip-version-check uv
 	$(BIN)/uv pip compile -q pyproject.toml --all-extras --group dev --generate-hashes --universal \
 	    --python-version 3.11 --no-header --no-annotate -o requirements.txt
+	$(BIN)/uv pip compile -q --group fuzz --generate-hashes --universal \
+	    --python-version 3.11 --no-header --no-annotate -o requirements-fuzz.txt
 
 clean:
 	rm -rf .venv runs
@@ -53,4 +60,8 @@ $(READY): requirements.txt pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	$(BIN)/python -m compileall -q common onboard groundstation sitl
+	touch $@
+
+$(FUZZ): $(READY) requirements-fuzz.txt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-fuzz.txt
 	touch $@

@@ -6,6 +6,8 @@ from typing import Final
 
 import msgspec
 
+UNREADABLE: Final = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
+"""What msgspec raises on bytes that are damaged, of another type, or nested without end."""
 LISTED_MAX: Final = 16
 """Known words that a hint lists when none is near."""
 LEAST_BEGINNING: Final = 3

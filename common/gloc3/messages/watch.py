@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import msgspec
 
+from gloc3.errors import UNREADABLE
 from gloc3.messages.envelope import Envelope, Message, Source
 from gloc3.messages.wire import TypeRegistry, WireError, from_array, to_array, type_name
 
@@ -143,7 +144,7 @@ def unpack(envelope: Envelope[Sample], types: TypeRegistry) -> Envelope[Any]:
     message_type = Preview if sample.type == type_name(Preview) else types.find(sample.type)
     try:
         array = msgspec.msgpack.decode(sample.payload)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+    except UNREADABLE as error:
         raise WireError(f"damaged sample: {error}") from error
     platform, _, name = envelope.topic.partition("/")
     topic = f"{platform}/{topic_of(name)}"

@@ -18,7 +18,7 @@ from typing import Any, Final
 
 import msgspec
 
-from gloc3.errors import Gloc3Error, Misuse
+from gloc3.errors import UNREADABLE, Gloc3Error, Misuse
 from gloc3.messages.envelope import Envelope, Message, Source
 
 
@@ -128,7 +128,7 @@ class TypeRegistry:
         """
         try:
             topic, source, sequence, t_s, frame, type_text, payload = _ENVELOPE.decode(data)
-        except (msgspec.DecodeError, msgspec.ValidationError, UnicodeDecodeError, RecursionError) as error:
+        except UNREADABLE as error:
             raise WireError(f"damaged envelope: {error}") from error
         form = self._forms.get(type_text)
         if form is None:
@@ -201,7 +201,7 @@ class _Form:
                 msgspec.structs.force_setattr(found, "__class__", self._type)
                 return found
             return msgspec.convert(found, self._type, from_attributes=True)
-        except (msgspec.DecodeError, msgspec.ValidationError, UnicodeDecodeError, RecursionError) as error:
+        except UNREADABLE as error:
             raise WireError(f"{self._type.__name__}: {error}") from error
 
 

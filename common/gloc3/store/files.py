@@ -11,6 +11,8 @@ from typing import BinaryIO, Generic, TypeVar
 
 import msgspec
 
+from gloc3.errors import UNREADABLE
+
 T = TypeVar("T")
 
 
@@ -91,7 +93,7 @@ class DocumentFile(Generic[T]):
                 value = msgspec.json.decode(self._written, type=self._type)
             except FileNotFoundError:
                 continue
-            except (OSError, msgspec.DecodeError) as error:
+            except (OSError, *UNREADABLE) as error:
                 self._written, self.problem = None, f"{self._path} cannot be read: {error}"
             else:
                 self.problem = ""

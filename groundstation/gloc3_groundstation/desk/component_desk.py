@@ -10,7 +10,7 @@ from gloc3.component.component import FunctionEntry
 from gloc3.component.functions import GENERIC
 from gloc3.component.lci import CREATE, TABLE, Command, State, allowed
 from gloc3.documents.schema import in_words
-from gloc3.errors import Gloc3Error, Refused
+from gloc3.errors import UNREADABLE, Gloc3Error, Refused
 from gloc3.messages.command_interface import FORCE, AnyBody, CallFunction, CommandComponent, Outcome
 from gloc3.messages.envelope import Severity
 from gloc3.messages.summaries import WELL, Health
@@ -167,7 +167,7 @@ def _value(text: str) -> Any:
     if text[0] in '[{"':
         try:
             return msgspec.json.decode(text)
-        except msgspec.DecodeError as error:
+        except UNREADABLE as error:
             raise Refused(f"{text!r} is no JSON: {error}") from None
     return {"yes": "true", "no": "false"}.get(text.lower(), text)
 

@@ -14,7 +14,7 @@ from xml.etree import ElementTree as ET
 import msgspec
 
 from gloc3.documents.document import load_bytes
-from gloc3.errors import Finding, InputError
+from gloc3.errors import UNREADABLE, Finding, InputError
 
 MAX_BYTES: Final = 40_000_000
 """Of a description, unpacked."""
@@ -83,7 +83,7 @@ def _unpack(data: bytes, file: str) -> bytes:
 def _read_json(data: bytes, file: str) -> Iterator[tuple[str, ParameterInfo]]:
     try:
         value = msgspec.json.decode(data)
-    except (msgspec.DecodeError, RecursionError) as error:
+    except UNREADABLE as error:
         raise _refused(file, f"it is no JSON: {error}") from error
     rows = value.get("parameters")
     if isinstance(rows, list):  # PX4

@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 
 import msgspec
 
-from gloc3.errors import Gloc3Error, Refused
+from gloc3.errors import UNREADABLE, Gloc3Error, Refused
 
 if TYPE_CHECKING:
     from aiohttp import web
@@ -233,7 +233,7 @@ class WebServer:
         """Handles a message of textual-serve's page; unknown ones are ignored."""
         try:
             kind, *values = msgspec.json.decode(data, type=list[object])
-        except (msgspec.DecodeError, ValueError):
+        except (*UNREADABLE, ValueError):
             return
         is_shown, window = self._shown is glass, self._window()
         match kind, *values:

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 import msgspec
 
-from gloc3.errors import Refused
+from gloc3.errors import UNREADABLE, Refused
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.services.files.ftp import FtpError
 from gloc3.mavlink.services.files.ftp_client import FtpCall, FtpClient
@@ -111,7 +111,7 @@ class EventDictionary:
                 for group, modes in kept.navigation_mode_groups.groups.items()
                 for mode in modes
             }
-        except (lzma.LZMAError, msgspec.DecodeError) as error:
+        except (lzma.LZMAError, *UNREADABLE) as error:
             raise ValueError(str(error)) from error
         self._enums: Final = {name: one for kept in file.components.values() for name, one in kept.enums.items()}
 

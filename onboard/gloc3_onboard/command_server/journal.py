@@ -5,6 +5,7 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
+from gloc3.errors import UNREADABLE
 from gloc3.messages.command_interface import CiReply, CiRequest, Outcome
 from gloc3.store import Records
 
@@ -51,7 +52,7 @@ class Journal:
         for data in records:
             try:
                 record = decoder.decode(data)
-            except msgspec.DecodeError:
+            except UNREADABLE:
                 self.unreadable += 1
             else:
                 self._note(record)

@@ -1,10 +1,11 @@
 """Reports to stations, numbered and on disk, so that a station receives those it missed at the next contact."""
 
-from typing import Final
+from typing import Annotated, Final
 
 import msgspec
 from msgspec.structs import replace
 
+from gloc3.errors import UNREADABLE
 from gloc3.messages.envelope import Severity
 from gloc3.messages.summaries import CiEvent
 from gloc3.store import Records, RecordStore
@@ -17,14 +18,17 @@ MOST_TEXT: Final = 300
 """Characters of an event that are kept."""
 
 
+Count = Annotated[int, msgspec.Meta(ge=0)]
+
+
 class _Head(msgspec.Struct, frozen=True, array_like=True):
     """The first record."""
 
     store: int
     """Identifier of this store; a new store has another, under which numbers mean other events."""
-    last: int
+    last: Count
     """Highest number issued when this was written."""
-    delivered: int
+    delivered: Annotated[int, msgspec.Meta(ge=-1)]
     """Highest number delivered to a station; -1 before the first contact."""
     computer: str = ""
     """The computer's own start in which this was written."""
@@ -127,7 +131,7 @@ class ReportStore:
                     self._head = head.decode(data)
                 else:
                     self._events.append(event.decode(data))
-        except msgspec.MsgspecError as error:  # of another version of this program
+        except UNREADABLE as error:  # of another version of this program
             self._unreadable = f"the stored events cannot be read: {error}"
             self._events.clear()
             records = []

@@ -8,6 +8,7 @@ import msgspec
 
 from gloc3.component.settings import Bounds, Settings
 from gloc3.component.workers import ImmediateExecutor
+from gloc3.errors import UNREADABLE
 from gloc3.messages.envelope import Severity
 from gloc3.mission.executing.snapshot import Snapshot
 from gloc3.platform.platform import Platform
@@ -102,7 +103,7 @@ class Site:
         if records:
             try:
                 kept = msgspec.msgpack.decode(records[-1], type=_Kept)
-            except (msgspec.DecodeError, msgspec.ValidationError) as error:
+            except UNREADABLE as error:
                 self.problem = f"the stored mission progress cannot be read: {error}"
             else:
                 self.snapshot, self._home, self.holder = kept.snapshot, kept.home, kept.holder

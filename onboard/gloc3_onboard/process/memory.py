@@ -2,6 +2,7 @@
 
 import msgspec
 
+from gloc3.errors import UNREADABLE
 from gloc3.store import Records, RecordStore
 
 
@@ -24,7 +25,7 @@ class RecordMemory:
             return None
         try:
             computer, data = msgspec.msgpack.decode(records[-1], type=tuple[str, bytes])
-        except (msgspec.DecodeError, msgspec.ValidationError):
+        except UNREADABLE:
             return None
         return data if computer == self._computer else None
 

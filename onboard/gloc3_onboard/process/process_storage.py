@@ -10,7 +10,7 @@ import msgspec
 
 from gloc3.clock import Clock
 from gloc3.component.context import HostContext
-from gloc3.errors import Refused
+from gloc3.errors import UNREADABLE, Refused
 from gloc3.mavlink.services.files.ftp_files import Files
 from gloc3.mavlink.signing import MAY_BE_OFF, TICKS_PER_S, Signing, Stream, Streams, timestamp
 from gloc3.mavlink.signing_key import read_signing_key
@@ -101,7 +101,7 @@ class _Kept:
         problem = self._records.problem
         try:
             rows = msgspec.msgpack.decode(records[0], type=list[tuple[int, int, int, int]]) if records else []
-        except msgspec.DecodeError as error:
+        except UNREADABLE as error:
             problem = f"{self._path} cannot be read: {error}"
         if problem:
             self._reported(f"{problem}: a new one is started")

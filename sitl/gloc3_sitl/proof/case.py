@@ -5,7 +5,7 @@ from pathlib import Path
 
 import msgspec
 
-from gloc3.errors import Refused
+from gloc3.errors import UNREADABLE, Refused
 
 
 class FlightCase(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -68,5 +68,5 @@ def read_case(path: Path) -> FlightCase:
         return msgspec.json.decode(path.read_bytes(), type=FlightCase)
     except OSError as error:
         raise Refused(f"{path} cannot be read: {error.strerror or error}") from error
-    except msgspec.MsgspecError as error:
+    except UNREADABLE as error:
         raise Refused(f"{path} is no replay file: {error}") from error

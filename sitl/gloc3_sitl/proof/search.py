@@ -15,7 +15,7 @@ from typing import Final
 import msgspec
 
 from gloc3.component.workers import guard
-from gloc3.errors import Gloc3Error, Refused
+from gloc3.errors import UNREADABLE, Gloc3Error, Refused
 from gloc3_sitl.faults.fault_menu import PossibleFault, possible_faults
 from gloc3_sitl.flight.flight import Flight
 from gloc3_sitl.proof.case import FlightCase
@@ -123,7 +123,7 @@ class Search:
         for line in lines:
             try:
                 kept.append(msgspec.json.decode(line, type=SearchedFlight))
-            except msgspec.MsgspecError:
+            except UNREADABLE:
                 break  # the last line of a run that was killed
         return kept
 

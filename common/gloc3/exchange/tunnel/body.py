@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import msgspec
 
+from gloc3.errors import UNREADABLE
 from gloc3.exchange.tunnel.reader import ByteReader, TunnelFrameError, varint
 from gloc3.messages.envelope import Envelope, Message
 from gloc3.messages.wire import from_array, to_array
@@ -52,7 +53,7 @@ def unpack_payload(payload: bytes, message_type: type[Message]) -> Any:
     """
     try:
         array = msgspec.msgpack.decode(payload)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+    except UNREADABLE as error:
         raise TunnelFrameError(f"damaged payload: {error}") from error
     return from_array(array, message_type)
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import msgspec
 
-from gloc3.errors import Refused
+from gloc3.errors import UNREADABLE, Refused
 from gloc3.exchange.tunnel.layout import SEALED_ROOM
 from gloc3.exchange.tunnel.reader import TunnelFrameError
 from gloc3.messages.envelope import Envelope, Source
@@ -123,7 +123,7 @@ class PeerTable:
         """
         try:
             decoded = _DECODER.decode(rows)
-        except (msgspec.DecodeError, msgspec.ValidationError, UnicodeDecodeError, RecursionError) as error:
+        except UNREADABLE as error:
             raise TunnelFrameError(f"damaged table: {error}") from error
         for number, topic, type_text, platform, component, boot, frame in decoded:
             if not 0 <= number < MAX_ROWS:

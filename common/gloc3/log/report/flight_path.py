@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import msgspec
 
+from gloc3.errors import UNREADABLE
 from gloc3.log.reader import LoggedMessage, LogReader
 from gloc3.log.record import MISSION, REQUESTED_PATH
 from gloc3.messages.frames import Vector3
@@ -82,7 +83,7 @@ def _requested(reader: LogReader) -> list[Vector3]:
     text = (reader.metadata(REQUESTED_PATH) or {}).get("points_ned_m", "[]")
     try:
         return msgspec.json.decode(text, type=list[Vector3])
-    except msgspec.DecodeError:
+    except UNREADABLE:
         return []
 
 

@@ -7,7 +7,7 @@ from typing import Final
 import msgspec
 
 from gloc3.camera.model import CameraModel
-from gloc3.errors import Finding, InputError, Refused
+from gloc3.errors import UNREADABLE, Finding, InputError, Refused
 from gloc3.log.reader import LogReader, find_log
 from gloc3.log.record import PLATFORM_FILE
 from gloc3.log.report.flight_path import FlightPath, read_flight_path
@@ -111,7 +111,7 @@ def read_cameras(path: Path) -> dict[str, CameraModel]:
     """
     try:
         return msgspec.json.decode(path.read_bytes(), type=dict[str, CameraModel])
-    except (OSError, msgspec.DecodeError) as error:
+    except (OSError, *UNREADABLE) as error:
         hint = f"write it as {CAMERAS} of a run: a camera model in JSON under each name"
         raise InputError([Finding(file=path.name, message=str(error), hint=hint)]) from error
 
@@ -155,7 +155,7 @@ def _of_list(folder: Path) -> PictureRecording:
     for number, line in enumerate((folder / POSES).read_bytes().splitlines(), start=1):
         try:
             row = msgspec.json.decode(line, type=_Line)
-        except msgspec.DecodeError as error:
+        except UNREADABLE as error:
             raise InputError([Finding(file=POSES, line=number, message=str(error))]) from error
         camera = row.file.rpartition("-")[0] or row.file
         pictures.append(TakenPicture(camera, row.file, row.t_s, row.position_ned_m, row.ned_from_frd_wxyz))

@@ -176,10 +176,10 @@ class LogClient(Microservice[LogEvent]):
         listing._requested_s = now_s
         start, end = 0, ALL
         if listing._count is not None:
-            first_known = listing._last - listing._count + 1  # numbers usually follow each other
+            first_known = max(0, listing._last - listing._count + 1)  # numbers usually follow each other
             missing = [number for number in range(first_known, listing._last + 1) if number not in listing.entries]
             if missing:
-                start, end = max(missing[0], 0), missing[-1]
+                start, end = missing[0], missing[-1]
         self._send_to(listing.target, "LOG_REQUEST_LIST", start=start, end=end)
 
     def _receive_entry(self, listing: LogList, message: MavlinkMessage, now_s: float) -> None:

@@ -1,0 +1,47 @@
+"""Coverage-guided fuzzing of every parser that a stranger's bytes or files reach."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Final
+
+import msgspec
+from tests.evidence.page import Bar, Figure, Progress
+from tests.fuzz.__main__ import Fuzzed, fuzz
+from tests.fuzz.target import FOUND
+from tests.fuzz.targets import TARGETS
+
+SECONDS: Final = 60
+AT_LEAST: Final = 25
+"""Parsers of the stack."""
+
+
+def judge(progress: Progress) -> Sequence[Figure]:
+    """One figure for each target."""
+    rows, executions, findings = [], 0, 0
+    for target in TARGETS.values():
+        found = msgspec.convert(progress.part(target.name, partial(fuzz, target, SECONDS)), Fuzzed)
+        progress.report(f"{target.name}: {found.executions} executions, {len(found.findings)} findings")
+        executions, findings = executions + found.executions, findings + len(found.findings)
+        kept = len(list((FOUND / target.name).glob("*")))
+        value = f"{found.executions:,} executions, {found.edges:,} branches reached, {len(found.findings)} findings"
+        value += f"; {kept} of earlier runs are tests" if kept else ""
+        rows.append(Figure(f"`{target.name}`: {target.claim}", value, "0 findings", not found.findings))
+    return [
+        Figure("targets", str(len(TARGETS)), f"≥ {AT_LEAST}", len(TARGETS) >= AT_LEAST),
+        Figure("executions", f"{executions:,}"),
+        Figure("findings", str(findings), "0", not findings),
+        *rows,
+    ]
+
+
+BARS = (
+    Bar(
+        "fuzz",
+        "Bytes of strangers",
+        "Every parser that bytes or files of others reach is searched by atheris, guided by the branches of its code, for "
+        f"{SECONDS} s. An input breaks a promise if another error than the declared one comes out, a finding has no place, or "
+        "it takes more than 2 s of processor time or 200 MB. What was found is mended, and its input is a test.",
+        judge,
+        seeds="the corpora in tests/fuzz/corpus and what earlier runs have grown",
+    ),
+)

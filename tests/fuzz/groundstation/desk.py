@@ -1,0 +1,81 @@
+"""Targets of the station itself: its configuration, scripts, the gamepad, the browser's websocket."""
+
+from contextlib import suppress
+from typing import Any
+
+from tests.fuzz.target import as_file, fuzz_target, refuses
+
+from gloc3_groundstation.cli.script import parse_command
+from gloc3_groundstation.desk.gamepad import GamepadState
+from gloc3_groundstation.store.configuration import ConfigurationFile
+from gloc3_groundstation.web.server import LARGEST, WebOptions, WebServer, _Glass
+
+
+@fuzz_target("gloc3_groundstation.store.configuration", "tomllib")
+def configuration_file(data: bytes) -> None:
+    """A station's configuration is read, and written again with a change, or is refused with findings and places."""
+
+    def whole() -> None:
+        file = ConfigurationFile(as_file(data, "station.toml"))
+        found = file.read()
+        assert file.write(found.with_mission("other.yaml"))
+        assert ConfigurationFile(file.path).read() == found.with_mission("other.yaml")
+
+    refuses(whole)
+
+
+@fuzz_target("gloc3_groundstation.cli.script")
+def script_command(data: bytes) -> None:
+    """A line of a script is a command, or is refused with its form."""
+    refuses(lambda: parse_command(data.decode("utf-8", "replace")))
+
+
+@fuzz_target("gloc3_groundstation.desk.gamepad")
+def gamepad_events(data: bytes) -> None:
+    """Any bytes of a joystick leave every stick between -1 and 1."""
+    state = GamepadState()
+    for size in (1, 5, 8, 64):
+        for place in range(0, len(data), size):
+            state.feed(data[place : place + size])
+        assert all(-1.0 <= one <= 1.0 for one in state.sticks)
+
+
+class Window:
+    """A terminal that only checks what it is given."""
+
+    def attach(self, show: Any, columns: int, lines: int) -> None:
+        assert 0 < columns <= LARGEST
+        assert 0 < lines <= LARGEST
+
+    def detach(self) -> None:
+        """Nothing to do."""
+
+    def typed(self, text: str) -> None:
+        assert isinstance(text, str)
+
+    def resized(self, columns: int, lines: int) -> None:
+        self.attach(None, columns, lines)
+
+    def focused(self, is_focused: bool) -> None:
+        assert is_focused in (True, False)
+
+
+class Socket:
+    """The server's end of a websocket, as far as a message needs it."""
+
+    closed = False
+
+    async def send_str(self, text: str) -> None:
+        text.encode()
+
+
+@fuzz_target("gloc3_groundstation.web")
+def browser_message(data: bytes) -> None:
+    """Any message of a page is carried out within bounds, or ignored."""
+    text = data.decode("utf-8", "replace")
+    server = WebServer(Window, WebOptions(), lambda *_: None)
+    glass = _Glass(Socket(), 80, 24)  # type: ignore[arg-type] # a message needs no more of it
+    for _ in range(2):
+        with suppress(StopIteration):  # it never waits: the socket takes everything at once
+            server._reported_by(glass, text, "a browser").send(None)
+    assert 0 < glass.columns <= LARGEST

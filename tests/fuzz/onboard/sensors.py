@@ -1,0 +1,85 @@
+"""Targets of sensors: what comes over a line, the URLs that name them, and calibration files."""
+
+from contextlib import suppress
+from math import isfinite
+from typing import Final
+
+import numpy as np
+from tests.fuzz.target import as_file, fuzz_target, pieces, refuses
+
+from gloc3_onboard.calibration.reader import read_calibration
+from gloc3_onboard.sensors.registry import parse_source, source_kinds
+from gloc3_onboard.sensors.sources.doppler import A50Decoder, Pd6Decoder
+from gloc3_onboard.sensors.sources.laser import mounted_scan
+from gloc3_onboard.sensors.sources.rplidar import scan_of
+from gloc3_onboard.sensors.sources.scip import ScipError, ScipReader, measure, parameters_of, turn_of
+
+DEVICES: Final = ("ground_camera", "laser", "imu", "stereo_camera", "dvl", "height", "x")
+SCHEMES: Final = tuple(sorted(source_kinds()))
+
+
+@fuzz_target("gloc3_onboard.sensors.sources.scip")
+def scip_scanner(data: bytes) -> None:
+    """Bytes of a Hokuyo are turns of as many distances as were asked for, or are refused; what is waited for is bounded."""
+    reader = ScipReader()
+    with suppress(ScipError):
+        for piece in pieces(data, 67):
+            for reply in reader.receive(piece):
+                with suppress(ScipError):
+                    assert measure(parameters_of(reply))
+                for count in (1, 3, 11):
+                    with suppress(ScipError):
+                        assert len(turn_of(reply, count).ranges_mm) == count
+
+
+@fuzz_target("gloc3_onboard.sensors.sources.doppler")
+def doppler_log(data: bytes) -> None:
+    """Lines of a DVL of either kind are velocities of finite numbers, or are counted as damaged."""
+    for decoder in (A50Decoder(30.0), Pd6Decoder(30.0)):
+        for piece in pieces(data, 53):
+            for report in decoder.receive(piece):
+                velocity = report.bottom
+                assert all(map(isfinite, velocity.velocity_frd_m_s))
+                assert isfinite(velocity.std_m_s)
+                assert isfinite(velocity.altitude_m)
+                assert velocity.altitude_m >= 0.0
+                assert report.stamp_us is None or report.stamp_us > 0
+
+
+@fuzz_target("gloc3_onboard.sensors.sources.rplidar", "gloc3_onboard.sensors.sources.laser")
+def rplidar_turn(data: bytes) -> None:
+    """The points of an RPLIDAR's turn, whatever they are, become a scan of 360 beams within its range."""
+    numbers = np.frombuffer(data[: len(data) // 4 * 4], "<u2").astype(float).reshape(-1, 2)
+    points = [(angle / 64.0, distance / 4.0) for angle, distance in numbers]
+    scan = scan_of("laser", points, 0.1, 12.0)
+    assert len(scan.ranges_m) == 4 * 360
+    found = np.frombuffer(scan.ranges_m, np.float32)
+    assert np.isfinite(found).all()
+    assert (found >= 0.0).all()
+    mounted_scan(scan, parse_source("laser", "rplidar:///dev/null?yaw_deg=30"))
+
+
+@fuzz_target("gloc3_onboard.sensors")
+def source_url(data: bytes) -> None:
+    """Any text is a source with a place that its kind takes, or is refused with a reason."""
+    if not data:
+        return
+    text = data[1:].decode("utf-8", "replace")
+    for device in DEVICES:
+        for url in (text, f"{SCHEMES[data[0] % len(SCHEMES)]}://{text}"):
+            refuses(lambda device=device, url=url: parse_source(device, url))  # type: ignore[misc]
+
+
+@fuzz_target("gloc3_onboard.calibration", "gloc3.documents")
+def calibration_file(data: bytes) -> None:
+    """A calibration of any form gives cameras that can be used, or is refused with findings and places."""
+
+    def whole() -> None:
+        found = read_calibration(as_file(data), size=(640, 480))
+        assert found.cameras
+        for model in found.cameras.values():
+            assert min(model.focal_px) > 0.0
+            assert min(model.width, model.height) > 0
+            assert np.isfinite([*model.focal_px, *model.center_px]).all()
+
+    refuses(whole)

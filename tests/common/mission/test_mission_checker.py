@@ -1,6 +1,7 @@
 """The checker proves a mission against a platform and tells everything that is wrong at once."""
 
 import pytest
+from msgspec import structs
 
 from gloc3.errors import InputError
 from gloc3.messages.frames import GeoPoint, Vector3
@@ -310,3 +311,17 @@ tasks:
     report = check_text(text, "m.yaml", Circumstances(platform=pelican))
     assert not report.is_ok
     assert any("take_off" in str(finding) and finding.line == 7 for finding in report.findings)
+
+
+@pytest.mark.parametrize(("speed_m_s", "end_m", "is_told"), [(5.0, 16, True), (3.0, 16, False), (5.0, 2, False)])
+def test_a_fast_path_near_the_fence_is_told_with_what_a_late_pose_would_cost(
+    speed_m_s: float, end_m: float, is_told: bool, pelican: Platform
+) -> None:
+    fast = structs.replace(pelican, limits=structs.replace(pelican.limits, speed_m_s=6.0, acceleration_m_s2=3.0))
+    wide = "geofence: {polygon_m: [[-30, -30], [18, -30], [18, 30], [-30, 30]]}"
+    text = MISSION.replace(MISSION.splitlines()[2], wide).replace("speed_m_s: 0.5", f"speed_m_s: {speed_m_s}")
+    text = text.replace("[[2, 1, 2], [16, 1, 2]]", f"[[2, 1, 2], [{end_m}, 1, 2]]")
+    report = check_text(text, "m", Circumstances(platform=fast, home_ned_m=HOME))
+    assert report.is_ok
+    told = "at 5 m/s it flies 0.8 m before it brakes for a late pose, more than the margin of 0.5 m, and comes within 2.0 m"
+    assert any(told in one for one in reported(report)) is is_told

@@ -8,6 +8,7 @@ from gloc3.component.deployment import ComponentRow
 from gloc3.documents.document import Document, Where
 from gloc3.errors import Finding, Gloc3Error
 from gloc3.messages.frames import Vector3
+from gloc3.messages.standard_topics import POSE_LATE_S
 from gloc3.messages.vehicle import HeightAboveGround
 from gloc3.mission.checking.estimate import MissionEstimate
 from gloc3.mission.checking.option_check import kept_options
@@ -88,7 +89,31 @@ def space_findings(
             found += _height(leg.end, home, limits, document, place)
     if limits is not None:
         found += _speeds(mission, limits, document)
+        found += _late(mission, limits, document)
     return found
+
+
+def _late(mission: Mission, limits: Limits, document: Document) -> Iterator[Finding]:
+    """Paths near the fence so fast that a late pose takes the vehicle through the margin before it brakes.
+
+    The limiter plans to stop inside the margin, from the pose that it has; it brakes `POSE_LATE_S` after the last one.
+    """
+    if mission.fence is None or limits.turn_radius_m > 0.0:
+        return
+    for target, action in mission.actions().items():
+        order = action.order
+        if not isinstance(order, FollowWaypointsOrder) or order.speed_m_s > limits.speed_m_s:
+            continue
+        late_m = order.speed_m_s * POSE_LATE_S
+        stops_m = late_m + order.speed_m_s**2 / (2.0 * limits.acceleration_m_s2)
+        nearest_m = min(mission.fence.clearance_m(place) for place in order.waypoints_ned_m)
+        if late_m > limits.fence_margin_m and nearest_m < stops_m:
+            message = (
+                f"at {order.speed_m_s:g} m/s it flies {late_m:.1f} m before it brakes for a late pose, more than the margin of "
+                f"{limits.fence_margin_m:g} m, and comes within {nearest_m:.1f} m of the fence"
+            )
+            where = (*where_of(target), action.capability)
+            yield document.finding(where, message, "fly slower, or raise fence_margin_m", at_key=True, is_warning=True)
 
 
 def _speeds(mission: Mission, limits: Limits, document: Document) -> Iterator[Finding]:

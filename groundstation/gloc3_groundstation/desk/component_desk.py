@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 
@@ -14,11 +14,16 @@ from gloc3.errors import UNREADABLE, Gloc3Error, Refused
 from gloc3.messages.command_interface import FORCE, AnyBody, CallFunction, CommandComponent, Outcome
 from gloc3.messages.envelope import Severity
 from gloc3.messages.summaries import WELL, Health
+from gloc3.mission.model.model import Policies
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.missions.plans import known_platform
+from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.data_chain import Wiring
-from gloc3_groundstation.station.snapshots import ComponentSnapshot
+from gloc3_groundstation.station.snapshots import ComponentSnapshot, PlatformSnapshot
 from gloc3_groundstation.station.station import Station
+
+POSE: Final = "pose"
+"""The topic on which a vehicle's movement rests."""
 
 
 class ComponentReply(msgspec.Struct, frozen=True, kw_only=True):
@@ -58,6 +63,27 @@ class ComponentDesk:
             return {CREATE: "its host restarts it"}
         state = State(component.health.value)
         return {command.value: _effect(state, command) for command in allowed(state)}
+
+    def harm(self, platform: PlatformSnapshot, name: str, policies: Policies | None) -> str:
+        """What follows if a component stops working now; empty where it is not required, or nothing is armed.
+
+        Args:
+            platform: the vehicle.
+            name: of the component.
+            policies: of the loaded mission; None while they are not known.
+        """
+        components = platform.components(self._station.now_s())
+        component = next((one for one in components if one.name == name), None)
+        if (
+            component is None
+            or not platform.is_armed
+            or not component.is_required
+            or component.health is not Health.WORKING
+        ):
+            return ""
+        wiring = self.wiring(platform.name)
+        is_pose = POSE in wiring.gives(name) if wiring is not None else name == POSE
+        return wording.without_component(component, components, is_pose=is_pose, policies=policies)
 
     async def command(self, platform: str, component: str, command: str, *, is_forced: bool = False) -> ComponentReply:
         """Requests control, then commands a component's LCI."""

@@ -11,7 +11,7 @@ from gloc3.messages.envelope import Severity
 from gloc3.messages.summaries import MissionSummary
 from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.model.abilities import ARMING
-from gloc3.mission.model.model import GEO, digest_of
+from gloc3.mission.model.model import GEO, Policies, digest_of
 from gloc3.mission.model.states import ActionState
 from gloc3.platform.platform import Capability, Platform
 from gloc3_groundstation.desk import flights
@@ -20,6 +20,7 @@ from gloc3_groundstation.missions import forms
 from gloc3_groundstation.missions.draft import Draft
 from gloc3_groundstation.missions.outline import COMMANDS, Outline, outline_of, received_outline
 from gloc3_groundstation.missions.plans import CheckedPlan, known_platform
+from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.store.configuration import with_recent
@@ -58,6 +59,8 @@ class MissionDesk:
                 ),
                 None,
             )
+            if self.draft.outline is not None:
+                self._keep(self.draft.outline)
 
     # --- the mission at hand ---
 
@@ -191,6 +194,14 @@ class MissionDesk:
     def outline(self, mission: MissionSummary) -> Outline:
         """Outline of the mission whose states a platform reports, as far as it is known."""
         return received_outline(mission, self._outlines.get(mission.digest) if mission.digest else None)
+
+    def policies(self, platform: PlatformSnapshot) -> Policies | None:
+        """The policies of the mission that a platform holds, as far as they are known."""
+        return self.outline(platform.mission.value).policies if platform.mission is not None else None
+
+    def after_abort(self, platform: PlatformSnapshot) -> str:
+        """What follows when a platform's mission is aborted, in words."""
+        return wording.after_abort(self.policies(platform))
 
     def is_at_hand(self, mission: MissionSummary | None) -> bool:
         """Whether a platform holds the selected mission."""

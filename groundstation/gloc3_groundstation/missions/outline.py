@@ -9,9 +9,9 @@ from gloc3.messages.command_interface import Verb
 from gloc3.messages.summaries import MissionSummary
 from gloc3.mission.checking.checker import CheckReport
 from gloc3.mission.checking.estimate import MissionEstimate, MissionFigures
-from gloc3.mission.model.model import Action, Mission, Task, digest_of
+from gloc3.mission.model.model import Action, Mission, Policies, Task, digest_of
 from gloc3.mission.model.states import ENDED, ActionState, StateTrigger, allowed
-from gloc3.mission.showing.show import answers, summary, terms
+from gloc3.mission.showing.show import summary, terms
 from gloc3.platform.platform import Capability
 
 COMMANDED: Final = {
@@ -65,8 +65,8 @@ class Outline(msgspec.Struct, frozen=True, kw_only=True):
     """Of its text."""
     platforms: tuple[str, ...] = ()
     """Those that its tasks name, where it is for several."""
-    terms: tuple[str, ...] = ()
-    """Its policies."""
+    policies: Policies | None = None
+    """None while only the names are known."""
     duration_s: float | None = None
     length_m: float | None = None
     battery_share: float | None = None
@@ -99,7 +99,7 @@ def outline_of(report: CheckReport, capabilities: Mapping[str, Capability]) -> O
         stages=tuple(_stage(task, mission, figures, capabilities) for task in mission.tasks.values()),
         digest=digest_of(mission.text),
         platforms=mission.platforms,
-        terms=tuple(answers(mission.policies)),
+        policies=mission.policies,
         duration_s=figures.duration_s if figures is not None else None,
         length_m=figures.length_m if figures is not None else None,
         battery_share=(figures.battery_share or None) if figures is not None else None,

@@ -1,5 +1,6 @@
 """A platform's state in words, shared by the narration and the terminal's panels."""
 
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from gloc3.exchange.acoustic import action_of
@@ -7,8 +8,10 @@ from gloc3.messages.envelope import Severity
 from gloc3.messages.summaries import ContactSummary, Health, MissionSummary, VehicleSummary
 from gloc3.messages.vehicle import LandedState
 from gloc3.mission.checking.estimate import span
+from gloc3.mission.model.model import Policies, answer
+from gloc3.mission.model.policy import Policy, resolved
 from gloc3_groundstation.missions.outline import Outline
-from gloc3_groundstation.station.snapshots import Fleet, PlatformSnapshot
+from gloc3_groundstation.station.snapshots import ComponentSnapshot, Fleet, PlatformSnapshot
 
 REPORTED_LOSS: Final = 0.05
 
@@ -234,3 +237,45 @@ def farewell(fleet: Fleet) -> str:
         return "stopped"
     fly = "flies" if len(armed) == 1 else "fly"
     return f"stopped; {', '.join(armed)} {fly} on by the mission's policies (on_link_loss)"
+
+
+def after_abort(policies: Policies | None) -> str:
+    """What follows when a mission is aborted: `it then holds in place, and lands after 60 s without an operator`.
+
+    Args:
+        policies: the mission's; None while they are not known.
+    """
+    return "its on_failure policy then runs" if policies is None else _then(Policy.ABORT, policies)
+
+
+def without_component(
+    component: ComponentSnapshot, others: Sequence[ComponentSnapshot], *, is_pose: bool, policies: Policies | None
+) -> str:
+    """What follows when a required component no longer works in flight.
+
+    Args:
+        component: the component.
+        others: all components of its platform.
+        is_pose: whether the pose comes from it.
+        policies: of the loaded mission; None while they are not known.
+    """
+    standby = next((one.name for one in others if one.standby_for == component.name and one.is_well), None)
+    if standby is not None:
+        return f"{standby} takes over"
+    if is_pose:
+        follows = _then(answer(policies.on_pose_lost), policies) if policies else "the on_pose_lost policy then runs"
+        return f"the pose is lost: {follows}"
+    return f"nothing replaces it: actions that need it fail, and {after_abort(policies)}"
+
+
+def _then(policy: Policy, policies: Policies) -> str:
+    """What the vehicle does by a policy."""
+    match resolved(policy, policies.on_failure):
+        case Policy.HOLD:
+            return f"it then holds in place, and lands after {policies.hold_s:g} s without an operator"
+        case Policy.RETURN:
+            return "it then returns and lands"
+        case Policy.LAND:
+            return "it then lands here"
+        case _:
+            return "it then goes on"

@@ -245,7 +245,8 @@ class StationApp(App[End | None]):
             return
         work = partial(self.desk.make, platform.name, move)
         if move is Move.ABORT:
-            self.confirm(ABORT_QUESTION.format(platform.name), "abort", lambda: self.do(work()))
+            question = ABORT_QUESTION.format(platform.name, self.desk.missions.after_abort(platform))
+            self.confirm(question, "abort", lambda: self.do(work()))
         elif move is Move.START and not platform.is_armed:
             question = START_QUESTION.format(self.desk.mission_to_start(platform), platform.name)
             self.confirm(question, "start", lambda: self.do(work()))

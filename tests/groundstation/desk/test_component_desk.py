@@ -14,6 +14,8 @@ from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
 from gloc3.messages.command_interface import CallFunction, CommandComponent
 from gloc3.messages.summaries import Health
+from gloc3.mission.model.model import Policies
+from gloc3.mission.model.policy import Policy
 from gloc3.platform.reader import load_platform
 from gloc3_groundstation.desk.component_desk import arguments
 from gloc3_groundstation.desk.desk import Desk
@@ -133,3 +135,35 @@ def test_of_two_files_for_one_vehicle_the_one_counts_whose_components_it_has() -
 
 def names_of(file: str) -> list[str]:
     return [row.name for row in load_platform(file).components]
+
+
+def test_what_follows_is_named_before_an_armed_vehicle_loses_what_it_requires() -> None:
+    hold, home = Policies(), Policies(on_failure=Policy.RETURN, on_pose_lost="abort")
+
+    async def steps(desk: Desk, platform: ScriptedPlatform) -> None:
+        def harm(name: str, policies: Policies | None = hold) -> str:
+            known = desk.station.fleet.get("heron")
+            assert known is not None
+            return desk.components.harm(known, name, policies)
+
+        await asyncio.sleep(1.0)
+        platform.speak()
+        assert harm("pose") == "", "nothing is armed"
+        platform.fly(is_armed=True)
+        platform.speak()
+        assert harm("pose") == "pose_backup takes over"
+        platform.states["pose_backup"] = Health.FAULTY
+        platform.speak()
+        assert harm("pose") == "the pose is lost: it then lands here"
+        assert harm("pose", home) == "the pose is lost: it then returns and lands"
+        assert harm("pose", None) == "the pose is lost: the on_pose_lost policy then runs"
+        assert harm("autopilot") == (
+            "nothing replaces it: actions that need it fail, and it then holds in place, "
+            "and lands after 60 s without an operator"
+        )
+        platform.states["pose"] = Health.FAULTY
+        platform.speak()
+        assert harm("pose") == "", "it does not work anyway"
+        assert harm("nobody") == ""
+
+    play(steps)

@@ -2,6 +2,7 @@
 
 from unittest.mock import patch
 
+import msgspec
 import pytest
 from tests.groundstation.scripted_platform import ScriptedPlatform, refused
 from tests.groundstation.station_scene import Scene, scene
@@ -10,6 +11,7 @@ from textual.widgets import ContentSwitcher, Input, OptionList
 
 from gloc3.messages.command_interface import Emergency, EmergencyVerb, LoadMission, Steer, Verb
 from gloc3.messages.summaries import ControlState
+from gloc3.mission.model.model import digest_of
 from gloc3_groundstation.desk.flights import End
 from gloc3_groundstation.store.configuration import Configuration, LastSession
 from gloc3_groundstation.tui.dialogues.questions import TextQuestion, YesNoQuestion
@@ -68,13 +70,20 @@ async def test_a_mission_is_streamed_started_paused_resumed_and_aborted_by_keys(
         await here.until("mission", "depart")
         await here.press("p")
         await here.until("events", "pause: accepted")
+        digest = digest_of(here.platform.text)
+        here.platform.mission = msgspec.structs.replace(here.platform.mission, digest=digest)
         here.platform.advance("paused")
         here.app.show_fleet()
         await here.press("r")
         await here.until("events", "resume: accepted")
         here.platform.advance("running")
         here.app.show_fleet()
-        await here.press("a", "n", "a", "y")
+        await here.press("a")
+        await here.shows(YesNoQuestion)
+        question = here.app.screen
+        assert isinstance(question, YesNoQuestion)
+        assert "it then lands here" in question._question
+        await here.press("n", "a", "y")
         await here.until("events", "abort: accepted")
         verbs = (Verb.START, Verb.START, Verb.PAUSE, Verb.RESUME, Verb.ABORT)
         assert here.requested(Steer) == [Steer(verb=verb) for verb in verbs]

@@ -18,6 +18,7 @@ from gloc3_groundstation.tui.widgets.lines import Span, Tone, cut
 from gloc3_groundstation.tui.widgets.panel import ListPanel, Row
 
 DOC_WIDTH: Final = 40
+HARM_QUESTION: Final = "{} {}?\n{} is ARMED and requires it; {}."
 FORCE_QUESTION: Final = "{} {}?\n{}\nIf forced, actions that need it fail, and the mission's on_failure policy applies."
 
 

@@ -11,7 +11,12 @@ from textual.binding import Binding
 from gloc3.component.component import FunctionEntry
 from gloc3_groundstation.desk.component_desk import arguments
 from gloc3_groundstation.station.snapshots import ComponentSnapshot, PlatformSnapshot
-from gloc3_groundstation.tui.dialogues.component_dialogues import FORCE_QUESTION, ComponentMenu, FunctionForm
+from gloc3_groundstation.tui.dialogues.component_dialogues import (
+    FORCE_QUESTION,
+    HARM_QUESTION,
+    ComponentMenu,
+    FunctionForm,
+)
 from gloc3_groundstation.tui.keys import MISSION_KEYS
 from gloc3_groundstation.tui.screen import PaletteCommand, StationScreen
 from gloc3_groundstation.tui.view import StationView
@@ -46,7 +51,8 @@ class HealthScreen(StationScreen):
     overran their period. Details of the component under the cursor are below, with its last error.
 
     Enter offers the commands that its state allows, and its functions. A command to a component that a running action
-    needs is refused first; then you are asked whether to force it."""
+    needs is refused first; then you are asked whether to force it. If an armed vehicle requires the component, the
+    consequence is named before anything is sent."""
     BINDINGS = [
         Binding("k", "ask", "Command", key_display="enter", tooltip="commands of the component under the cursor"),
         *MISSION_KEYS,
@@ -124,7 +130,17 @@ class HealthScreen(StationScreen):
             self.app.push_screen(ComponentMenu(title, commands, functions), chosen)
 
     def _command(self, platform: str, component: str, command: str) -> None:
-        self.do(self._carry_out(platform, component, command))
+        """Sends a command; asks first where an armed vehicle would lose what it requires."""
+        known = self.desk.station.fleet.get(platform)
+        harm = self.desk.components.harm(known, component, self.desk.missions.policies(known)) if known else ""
+
+        def send() -> None:
+            self.do(self._carry_out(platform, component, command))
+
+        if harm:
+            self.confirm(HARM_QUESTION.format(command, component, platform, harm), command, send)
+        else:
+            send()
 
     async def _carry_out(self, platform: str, component: str, command: str) -> None:
         """Sends a command; offers to force one that a running action forbids."""

@@ -236,7 +236,8 @@ class MissionScreen(StationScreen):
         if verb != Verb.ABORT:
             steer()
             return
-        question = ITEM_ABORT_QUESTION.format(target, name) if target else ABORT_QUESTION.format(name)
+        then = self.desk.missions.after_abort(platform)
+        question = ITEM_ABORT_QUESTION.format(target, name) if target else ABORT_QUESTION.format(name, then)
         self.app.push_screen(YesNoQuestion(question, "abort"), lambda answer: steer() if answer else None)
 
     def action_other(self) -> None:

@@ -72,6 +72,28 @@ async def test_what_a_running_action_needs_is_forced_only_after_a_question() -> 
         assert [body.is_forced for body in forced] == [False, True]
 
 
+async def test_stopping_what_an_armed_vehicle_requires_names_what_follows_and_asks() -> None:
+    async with scene(None) as here:
+        here.platform.speak()
+        here.platform.fly(is_armed=True)
+        await here.go("2")
+        await here.until("components", "pose_backup")
+        await open_menu(here)
+        await here.press("down", "enter")
+        await here.shows(YesNoQuestion)
+        question = here.app.screen
+        assert isinstance(question, YesNoQuestion)
+        assert "heron is ARMED and requires it; nothing replaces it" in question._question
+        await here.press("n")
+        await here.pilot.pause()
+        assert not [body for body in here.platform.requests if isinstance(body, CommandComponent)]
+        await open_menu(here)
+        await here.press("down", "enter")
+        await here.shows(YesNoQuestion)
+        await here.press("y")
+        await here.wait(lambda: here.platform.states["autopilot"] is Health.STANDBY)
+
+
 async def test_a_functions_form_checks_what_is_typed_and_shows_the_reply() -> None:
     async with scene(None) as here:
         here.platform.speak()

@@ -2,6 +2,7 @@
 
 from gloc3.messages.summaries import MissionSummary
 from gloc3.mission.model.states import ActionState
+from gloc3.mission.showing.show import answers
 from gloc3_groundstation.missions.draft import NEW_NAME, Draft
 from gloc3_groundstation.missions.outline import COMMANDS, Outline, OutlineAction
 from gloc3_groundstation.station import wording
@@ -115,8 +116,8 @@ def _mission(outline: Outline, reported: MissionSummary | None, width: int) -> l
         lines += _text(f"policy {reported.policy} is running", Tone.WARN, width)
     if not outline.is_ordered:
         lines += _text("its graph is not known here yet; reading it back", Tone.DIM, width)
-    if outline.terms:
-        lines += _text(", ".join(outline.terms), Tone.DIM, width)
+    if outline.policies is not None:
+        lines += _text(", ".join(answers(outline.policies)), Tone.DIM, width)
     return lines
 
 

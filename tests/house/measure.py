@@ -35,6 +35,8 @@ class Measures(NamedTuple):
 
     files: int
     lines: int
+    statements: int
+    """Those of Python, however they are laid out, docstrings aside."""
     test_files: int
     test_lines: int
     largest_folder: tuple[str, int]
@@ -144,6 +146,7 @@ def measure(root: Path) -> Measures:
     return Measures(
         files=len(modules),
         lines=sum(module.lines for module in modules.values()),
+        statements=sum(_is_code(node) for module in modules.values() for node in ast.walk(module.tree)),
         test_files=len(tests),
         test_lines=sum(path.read_text(encoding="utf-8").count("\n") for path in tests),
         largest_folder=max(folders.items(), key=lambda item: item[1]),
@@ -170,6 +173,12 @@ def functions_of(tree: ast.AST, where: str) -> Iterator[tuple[str, ast.FunctionD
             yield from functions_of(node, f"{where}.{node.name}")
         else:
             yield from functions_of(node, where)
+
+
+def _is_code(node: ast.AST) -> bool:
+    """Whether a node is a statement, and not one that only documents."""
+    is_text = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+    return isinstance(node, ast.stmt) and not is_text
 
 
 def _parameters(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:

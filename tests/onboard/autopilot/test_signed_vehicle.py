@@ -2,8 +2,8 @@
 
 import asyncio
 import socket
-import time
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -22,25 +22,30 @@ ASK = message("COMMAND_LONG", target_system=1, target_component=1, command=512, 
 """The autopilot's version."""
 
 
-async def answers(port: int, key: bytes | None, reported: list[str], within_s: float) -> Counter[str]:
-    """What a station hears that asks the autopilot behind the onboard process, until it is answered or time is up."""
+LOCKED_OUT = "signs its messages, and this link has no key"
+
+
+async def answers(
+    port: int, setup: StationSetup, reported: list[str], is_over: Callable[[Counter[str]], bool], within_s: float
+) -> Counter[str]:
+    """What a station receives, for all or for itself, that asks the autopilot behind the onboard process until it is over."""
     received: Counter[str] = Counter()
 
     def receive(frame: Frame) -> None:
-        if frame.shape is not None:
+        if frame.shape is not None and frame.target_system in (0, setup.system):
             received[f"{frame.system}/{frame.component} {frame.shape.name}"] += 1
 
-    ground = GroundStation(StationSetup(boot=1, signing_key=key), report=reported.append)
+    ground = GroundStation(setup, report=reported.append)
     try:
         await ground.open([f"udpout://127.0.0.1:{port}"])
         ((_, link),) = ground.links.routes()
         link.listen(receive)
         for _ in range(round(within_s / 0.25)):
+            if is_over(received):
+                break
             if link.received():
                 link.send(ASK)
             await asyncio.sleep(0.25)
-            if received["1/1 AUTOPILOT_VERSION"]:
-                break
     finally:
         await ground.close()
     return received
@@ -71,14 +76,19 @@ def test_with_the_key_a_station_reaches_the_autopilot_and_without_it_nobody_does
         ) as onboard:
             onboard.await_line(lambda line: "components; log in" in line)
             reported: list[str] = []
-            knows = asyncio.run(answers(station, read_signing_key(Path(key)), reported, 60.0))
-            assert knows["1/1 AUTOPILOT_VERSION"]
-            assert knows["1/191 HEARTBEAT"]
+            wanted = {"1/1 AUTOPILOT_VERSION", "1/1 COMMAND_ACK", "1/191 HEARTBEAT"}
+            known = StationSetup(boot=1, signing_key=read_signing_key(Path(key)))
+            knows = asyncio.run(answers(station, known, reported, wanted.issubset, 60.0))
+            assert wanted <= set(knows)
             assert reported == []
-            time.sleep(2.0)  # what was asked several times is answered as often
-            stranger = asyncio.run(answers(station, None, reported, 3.0))
-            assert not stranger["1/1 AUTOPILOT_VERSION"]
-            assert any("signs its messages, and this link has no key" in text for text in reported)
+            stranger = StationSetup(boot=2, system=254)  # what the other has asked for is not answered to this one
+            asyncio.run(
+                answers(station, stranger, reported, lambda _: any(LOCKED_OUT in text for text in reported), 60.0)
+            )
+            assert any(LOCKED_OUT in text for text in reported)
+            learns = asyncio.run(answers(station, stranger, reported, lambda _: False, 3.0))
+            assert learns, "it receives what is sent to all"
+            assert not learns["1/1 COMMAND_ACK"]
             onboard.interrupt()
             assert onboard.end() == 0, onboard.text
         assert run(["signing", "remove", *link, "--yes"]) == 0

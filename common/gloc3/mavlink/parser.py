@@ -22,10 +22,14 @@ SIGNATURE_LENGTH: Final = 13
 _HEADER_1 = struct.Struct("<BBBBBB").unpack_from
 _HEADER_2 = struct.Struct("<xBBxBBBI").unpack_from
 """Length, flags, sequence, system, component, and the id in the lower three of four bytes."""
+_WITH_MAGIC_2 = struct.Struct("<BBBxBBBI").unpack_from
+"""The same behind the magic byte."""
 _ID_2: Final = 0xFFFFFF
 _LENGTH_1: Final = 6
 HEADER_LENGTH: Final = 10
 """Of MAVLink 2, the magic byte included."""
+_AROUND_2: Final = HEADER_LENGTH + 2
+"""Bytes of an unsigned MAVLink 2 frame beside its payload."""
 _NEXT_MAGIC = re.compile(rb"[\xfd\xfe]").search
 
 
@@ -113,14 +117,26 @@ class FrameParser:
         Args:
             data: a piece of the stream of any length, or one whole datagram.
         """
+        if self._is_datagram and len(data) >= _AROUND_2:  # mostly one plain frame: a third of the cost is saved
+            magic, length, flags, sequence, system, component, number = _WITH_MAGIC_2(data)
+            number &= _ID_2
+            if (
+                len(data) == length + _AROUND_2
+                and magic == MAGIC_2
+                and not flags
+                and (shape := self._shapes[number]) is not None
+                and checksum(data[1:-2] + shape.crc_extra) == data[-2] | data[-1] << 8
+            ):
+                self.frames_received += 1
+                return [Frame(data, system, component, sequence, number, 0, HEADER_LENGTH, length, shape)]
         data = self._remainder + data if self._remainder else data
         frames: list[Frame] = []
         position, size, shapes = 0, len(data), self._shapes
         while position < size:
-            if data[position] == MAGIC_2 and size - position >= HEADER_LENGTH + 2:
+            if data[position] == MAGIC_2 and size - position >= _AROUND_2:
                 length, flags, sequence, system, component, number = _HEADER_2(data, position)
                 number &= _ID_2
-                end = position + length + (HEADER_LENGTH + 2)
+                end = position + length + _AROUND_2
                 shape = shapes[number]
                 if flags == 0 and end <= size and shape is not None:
                     body = end - 2
@@ -164,7 +180,7 @@ class FrameParser:
         available = len(data) - position
         flags = 0
         if data[position] == MAGIC_2:
-            if available < HEADER_LENGTH + 2:
+            if available < _AROUND_2:
                 return _Suspect.INCOMPLETE
             length, flags, sequence, system, component, number = _HEADER_2(data, position)
             message_id, start = number & _ID_2, HEADER_LENGTH

@@ -9,9 +9,8 @@ and a frame that returns over another link, because of a second router, is dropp
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Final, TypeAlias
-
-import msgspec
 
 from gloc3.mavlink.fair_share import to_evict
 from gloc3.mavlink.message import Address
@@ -64,7 +63,8 @@ _RESTART_MS: Final = 1000
 """Decrease of a system's time since boot that means a restart, ms; less is a frame out of order."""
 
 
-class LinkCounts(msgspec.Struct):
+@dataclass(slots=True)
+class LinkCounts:
     """What has passed one link."""
 
     frames_in: int = 0
@@ -79,12 +79,13 @@ class LinkCounts(msgspec.Struct):
     """Frames of senders for whom there was no room, of stations in our autopilot's name, and keys: nobody passes these on."""
 
 
-class KnownSender(msgspec.Struct, gc=False):
+@dataclass(slots=True)
+class KnownSender:
     """State of one address on one link."""
 
     heard_s: float
-    sequence: int
-    """The number of its last frame."""
+    expected: int
+    """The number of its next frame."""
     since_s: float
     """When it was first heard."""
     boot_ms: int = 0
@@ -159,10 +160,11 @@ class Router:
 
     def route(self, source: RouterLink, frames: Sequence[Frame], now_s: float) -> None:
         """Forwards frames that a link has received together; where they share a destination, they are sent together."""
-        source.counts.frames_in += len(frames)
+        count = len(frames)
+        source.counts.frames_in += count
         if now_s > self._recent_until_s or len(self._recent) > MOST_RECENT:
             self._discard_recent(now_s)
-        if len(frames) == 1:
+        if count == 1:
             for link in self._routes(source, frames[0], now_s):
                 link.send(frames)
             return
@@ -176,7 +178,8 @@ class Router:
     def _routes(self, source: RouterLink, frame: Frame, now_s: float) -> Sequence[RouterLink]:
         """Where a frame is to go; keeps what it tells of its sender.
 
-        Every frame passes here: what nearly all have in common is done in place, what few need is called.
+        Every frame passes here: what nearly all have in common is done in place, what few need is called. So are
+        comprehensions: a function's own variables in them cost each of its calls.
         """
         raw, message_id, key = frame.raw, frame.message_id, frame.system << 8 | frame.component
         if key == self._own or (self._before.get(raw) or self._recent.setdefault(raw, source)) is not source:
@@ -187,20 +190,25 @@ class Router:
         ):
             source.counts.refused += 1
             return ()
-        if 0 < (gap := frame.sequence - sender.sequence - 1 & 0xFF) < MOST_GAP:
+        sequence = frame.sequence
+        if sequence != sender.expected and (gap := sequence - sender.expected & 0xFF) < MOST_GAP:
             source.counts.lost += gap
         if now_s - sender.heard_s >= MOVED_AFTER_S:
             self._changes += 1
-        sender.heard_s, sender.sequence = now_s, frame.sequence
+        sender.heard_s, sender.expected = now_s, sequence + 1 & 0xFF
         if message_id == _SYSTEM_TIME:
             self._check_restart(source, sender, key, frame)
         shape = frame.shape
         if shape is not None and shape.target_system_at >= 0 and (system := frame.target_system):
             return self._routes_to(source, key, system, frame.target_component, now_s)
         if sender.ways_of != self._changes or now_s > sender.ways_until_s:
-            sender.ways = tuple(link for link in self.links if link is not source and not _accepts(link, key, now_s))
-            sender.ways_of, sender.ways_until_s = self._changes, now_s + POLL_AGAIN_S
+            self._renew(sender, source, key, now_s)
         return sender.ways
+
+    def _renew(self, sender: KnownSender, source: RouterLink, key: int, now_s: float) -> None:
+        """Finds out where the broadcasts of a sender are to go."""
+        sender.ways = tuple(link for link in self.links if link is not source and not _accepts(link, key, now_s))
+        sender.ways_of, sender.ways_until_s = self._changes, now_s + POLL_AGAIN_S
 
     def _routes_to(
         self, source: RouterLink, key: int, system: int, component: int, now_s: float
@@ -228,7 +236,7 @@ class Router:
         for link in self.links:
             if link is not source and key in link.senders and not _accepts(link, key, now_s):
                 del link.senders[key]
-        sender = source.senders[key] = KnownSender(now_s, frame.sequence - 1 & 0xFF, now_s, origin=origin)
+        sender = source.senders[key] = KnownSender(now_s, frame.sequence, now_s, origin=origin)
         return sender
 
     def _check_restart(self, source: RouterLink, sender: KnownSender, key: int, frame: Frame) -> None:

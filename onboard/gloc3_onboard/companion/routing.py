@@ -74,16 +74,15 @@ class RoutedLink:
 
     def receive(self, data: bytes) -> None:
         """Handles received data: frames are forwarded first."""
-        now_s, gate = self._loop.time(), self._signed_only
+        now_s = self._loop.time()
         frames = self._parser.receive(data)
-        good = frames if gate is None else [frame for frame in frames if gate.passes(frame, now_s)]
+        good = frames if self._signed_only is None else _genuine(frames, self._signed_only, now_s)
         if good:
-            withheld = self._withheld
-            passed = good if withheld is None else [frame for frame in good if not withheld(frame)]
+            passed = good if self._withheld is None else _without(good, self._withheld)
             self._router.route(self.routed, passed, now_s)
-        if (keep := self._keep) is not None:
+        if self._keep is not None:
             for frame in frames:
-                keep(self.url, "in", frame.raw)
+                self._keep(self.url, "in", frame.raw)
         if good:
             for listener in self._listeners:
                 listener(good)
@@ -96,7 +95,8 @@ class RoutedLink:
 
     def _forward(self, frames: Sequence[Frame]) -> None:
         """Frames that came together leave a network together: one datagram costs as much as one frame."""
-        self.routed.counts.frames_out += len(frames)
+        count = len(frames)
+        self.routed.counts.frames_out += count
         if self._is_paced:
             now_s = self._loop.time()
             if self.outlet.rate_byte_s is None:
@@ -107,7 +107,7 @@ class RoutedLink:
                 self._wait()
         elif self._endpoint is None:
             return
-        elif len(frames) == 1:
+        elif count == 1:
             self._endpoint.send(frames[0].raw)
         else:
             for piece in _pieces(frames):
@@ -168,6 +168,16 @@ class RoutedLink:
     def _write(self, data: bytes) -> None:
         if self._endpoint is not None:
             self._endpoint.send(data)
+
+
+def _genuine(frames: list[Frame], gate: SignedOnly, now_s: float) -> list[Frame]:
+    """The frames that may be used."""
+    return [frame for frame in frames if gate.passes(frame, now_s)]
+
+
+def _without(frames: list[Frame], withheld: Callable[[Frame], bool]) -> list[Frame]:
+    """The frames that may be passed on."""
+    return [frame for frame in frames if not withheld(frame)]
 
 
 def _pieces(frames: Sequence[Frame]) -> Iterator[bytes]:

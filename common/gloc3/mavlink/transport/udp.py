@@ -90,10 +90,10 @@ class UdpEndpoint:
         now_s = self._now_s()
         left = DATAGRAMS_AT_ONCE if now_s < self._read_s + SOON_S else 1
         self._read_s = now_s
-        while left and self._socket is not None:  # a receiver may close it
+        while left and (opened := self._socket) is not None:  # a receiver may close it
             left -= 1
             try:
-                data, sender = self._socket.recvfrom(LARGEST_DATAGRAM_BYTES)
+                data, sender = opened.recvfrom(LARGEST_DATAGRAM_BYTES)
             except (BlockingIOError, InterruptedError):
                 break
             except OSError as error:  # the peer's port is closed; the next datagram may be received again

@@ -14,6 +14,28 @@ from gloc3_sitl.flight.flight import Flight
 from gloc3_sitl.flight.path_error import TruthSample
 from gloc3_sitl.flight.plan import FlightPlan
 
+SHORT_DIVE = """\
+mission: a short dive
+frame: bay
+geofence: {polygon_m: [[-40, -40], [60, -40], [60, 40], [-40, 40]], ceiling_m: 3}
+on_failure: land
+on_link_loss: continue
+on_low_battery: land
+on_pose_lost: land
+tasks:
+  down:
+    actions:
+      dive: {dive: {depth_m: 2}}
+  out:
+    after: [down]
+    actions:
+      line: {go_to: {position_m: [16, 4, -3], speed_m_s: 0.5}}
+  up:
+    after: [out]
+    actions:
+      surface: {land: {}}
+"""
+"""A mission under water in the bay, 16 m long."""
 UNDER_WATER_M = 1.0
 """Deeper than this it counts as diving."""
 _EVERY_M = 2.0

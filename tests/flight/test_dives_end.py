@@ -6,31 +6,11 @@ from typing import Any
 
 import pytest
 from tests.flight.card import Card
+from tests.flight.diving import SHORT_DIVE
 
 AFLOAT_M = 0.5
 """The middle of a vehicle that floats is less deep than this."""
 FENCE_M = 40.0
-DIVE = """\
-mission: a short dive
-frame: bay
-geofence: {polygon_m: [[-40, -40], [60, -40], [60, 40], [-40, 40]], ceiling_m: 3}
-on_failure: land
-on_link_loss: continue
-on_low_battery: land
-on_pose_lost: land
-tasks:
-  down:
-    actions:
-      dive: {dive: {depth_m: 2}}
-  out:
-    after: [down]
-    actions:
-      line: {go_to: {position_m: [16, 4, -3], speed_m_s: 0.5}}
-  up:
-    after: [out]
-    actions:
-      surface: {land: {}}
-"""
 
 Dive = Callable[..., Card]
 
@@ -41,7 +21,7 @@ def dive(tmp_path: Path) -> Iterator[Dive]:
     card = Card("ardupilot", tmp_path)
 
     def fly(platform: str, *faults: str, within_s: float = 120.0, **plan: Any) -> Card:
-        card.begin(DIVE, platform=platform, faults=faults, seed=1, **plan)
+        card.begin(SHORT_DIVE, platform=platform, faults=faults, seed=1, **plan)
         card.until(lambda: card.mission.state in ("done", "failed"), 200.0, "the mission ends")
         card.until(lambda: not card.autopilot.is_armed, within_s, "disarmed")
         assert -card.height_m < AFLOAT_M, card.story("not at the surface")

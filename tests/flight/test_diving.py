@@ -3,33 +3,11 @@
 from pathlib import Path
 
 import pytest
-from tests.flight.diving import dive
-
-MISSION = """\
-mission: a short dive
-frame: bay
-geofence: {polygon_m: [[-40, -40], [60, -40], [60, 40], [-40, 40]], ceiling_m: 3}
-on_failure: land
-on_link_loss: continue
-on_low_battery: land
-on_pose_lost: land
-tasks:
-  down:
-    actions:
-      dive: {dive: {depth_m: 2}}
-  out:
-    after: [down]
-    actions:
-      line: {go_to: {position_m: [16, 4, -3], speed_m_s: 0.5}}
-  up:
-    after: [out]
-    actions:
-      surface: {land: {}}
-"""
+from tests.flight.diving import SHORT_DIVE, dive
 
 
 def test_it_dives_by_its_own_reckoning_and_comes_up(tmp_path: Path) -> None:
-    found = dive(MISSION, "auv", 5, tmp_path)
+    found = dive(SHORT_DIVE, "auv", 5, tmp_path)
     assert (found.state, found.reason) == ("done", "")
     assert found.deepest_m == pytest.approx(3.0, abs=0.4)
     assert found.distance_m > 14.0
@@ -41,13 +19,13 @@ def test_without_its_dvl_it_says_that_it_is_adrift_and_the_same_seed_gives_the_s
     for name in ("one", "same"):
         (tmp_path / name).mkdir()
     faults = ("device:dvl=lost@20..300",)
-    found = dive(MISSION, "rov", 6, tmp_path / "one", faults=faults, out="flight")
+    found = dive(SHORT_DIVE, "rov", 6, tmp_path / "one", faults=faults, out="flight")
     assert any(reason.startswith("adrift: ") for reason in found.reasons)
     assert found.claimed_m > 2.0
-    dive(MISSION, "rov", 6, tmp_path / "same", faults=faults, out="flight")
+    dive(SHORT_DIVE, "rov", 6, tmp_path / "same", faults=faults, out="flight")
     assert (tmp_path / "one/flight/log.mcap").read_bytes() == (tmp_path / "same/flight/log.mcap").read_bytes()
 
 
 def test_in_waves_that_never_let_it_rest_it_surfaces_and_is_disarmed_all_the_same(tmp_path: Path) -> None:
-    found = dive(MISSION, "auv", 5, tmp_path, waves_m=0.3)
+    found = dive(SHORT_DIVE, "auv", 5, tmp_path, waves_m=0.3)
     assert (found.state, found.reason) == ("done", "")

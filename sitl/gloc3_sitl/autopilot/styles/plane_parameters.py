@@ -12,7 +12,7 @@ from gloc3_sitl.autopilot.parameters import AutopilotParameter, ParameterKind, r
 from gloc3_sitl.autopilot.styles.ardupilot_parameters import PARAMETERS as COPTERS
 from gloc3_sitl.autopilot.tuning import Exempt, FailsafeAction, Tuning
 
-_LONG: Final[Mapping[int, FailsafeAction]] = {
+LONG: Final[Mapping[int, FailsafeAction]] = {
     0: FailsafeAction.NONE,
     1: FailsafeAction.RETURN,
     2: FailsafeAction.BRAKE,
@@ -118,10 +118,16 @@ PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
 )  # fmt: skip
 
 
-def derive(request: Callable[[str], float], tuning: Tuning) -> None:
-    """What follows from several parameters, or from the bits and choices of one."""
+def derive(request: Callable[[str], float], tuning: Tuning, long: Mapping[int, FailsafeAction] = LONG) -> None:
+    """What follows from several parameters, or from the bits and choices of one.
+
+    Args:
+        request: gives the value of a parameter.
+        tuning: is set.
+        long: the actions of FS_LONG_ACTN.
+    """
     station = int(request("FS_GCS_ENABL"))
-    action = _LONG[int(request("FS_LONG_ACTN"))]
+    action = long[int(request("FS_LONG_ACTN"))]
     tuning.station_lost_action = action if station else FailsafeAction.NONE
     tuning.pilot_lost_action = action if request("THR_FAILSAFE") == 1 else FailsafeAction.NONE
     tuning.station_lost_exempt = Exempt.MISSION if station == 3 else 0

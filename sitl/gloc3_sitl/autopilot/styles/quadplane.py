@@ -12,6 +12,7 @@ from gloc3_sitl.autopilot.craft import Craft
 from gloc3_sitl.autopilot.modes import Behaviour, Mode
 from gloc3_sitl.autopilot.parameters import AutopilotParameter, ParameterKind, real, whole
 from gloc3_sitl.autopilot.styles.plane import PLANE
+from gloc3_sitl.autopilot.styles.plane_parameters import LONG
 from gloc3_sitl.autopilot.styles.plane_parameters import PARAMETERS as PLANES
 from gloc3_sitl.autopilot.styles.plane_parameters import derive as derive_plane
 from gloc3_sitl.autopilot.tuning import FailsafeAction, Tuning
@@ -26,14 +27,8 @@ _FAILED: Final[Mapping[int, FailsafeAction]] = {
     1: FailsafeAction.RETURN,
 }
 _RETURNS: Final[Mapping[int, bool]] = {0: False, 1: True, 2: True, 3: True}
-_LONG: Final[Mapping[int, FailsafeAction]] = {
-    0: FailsafeAction.NONE,
-    1: FailsafeAction.RETURN,
-    2: FailsafeAction.RETURN,
-    3: FailsafeAction.TERMINATE,
-    4: FailsafeAction.NONE,
-    5: FailsafeAction.LAND,
-}
+_LONG: Final[Mapping[int, FailsafeAction]] = {**LONG, 2: FailsafeAction.RETURN}
+"""Where a plane would glide, or circle, it returns."""
 _OWN: Final[Mapping[str, float]] = {
     "AIRSPEED_CRUISE": 25.0,
     "AIRSPEED_MIN": 20.0,
@@ -80,10 +75,7 @@ PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
 
 def derive(request: Callable[[str], float], tuning: Tuning) -> None:
     """What follows from several parameters, or from the bits and choices of one."""
-    derive_plane(request, tuning)
-    action = _LONG[int(request("FS_LONG_ACTN"))]
-    tuning.station_lost_action = action if request("FS_GCS_ENABL") else FailsafeAction.NONE
-    tuning.pilot_lost_action = action if request("THR_FAILSAFE") == 1 else FailsafeAction.NONE
+    derive_plane(request, tuning, _LONG)
     tuning.vtol.wings_m_s = request("AIRSPEED_MIN")
     tuning.vtol.wings_most_s = request("Q_TRANS_FAIL")
     tuning.vtol.gives_up = request("Q_TRANS_FAIL_ACT") >= 0.0

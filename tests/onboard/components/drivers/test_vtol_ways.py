@@ -5,17 +5,15 @@ from typing import Any
 
 import pytest
 from msgspec.structs import replace
-from tests.onboard.messages import pose
+from tests.onboard.components.drivers.winged import Plans, see
 from tests.onboard.stage import Stage
 
 from gloc3.errors import Refused
 from gloc3.messages.frames import Vector3
 from gloc3.messages.vehicle import (
-    AutopilotPose,
     AutopilotState,
     DriverState,
     FlightMode,
-    Home,
     LandedState,
     Manoeuvre,
     ManoeuvreKind,
@@ -25,7 +23,7 @@ from gloc3.messages.vehicle import (
 )
 from gloc3_onboard.autopilot.plan_upload import path_items
 from gloc3_onboard.components.drivers.vtol_plan import VtolPlan, VtolPlanSettings
-from gloc3_onboard.sensors.devices import CommandAnswer, GeoPath
+from gloc3_onboard.sensors.devices import GeoPath
 
 HOVERING = AutopilotState(
     is_connected=True,
@@ -41,39 +39,11 @@ TO_ROTORS, TO_WINGS = 3.0, 4.0
 FAR: Sequence[Vector3] = ((500.0, 0.0, -60.0), (500.0, 400.0, -60.0))
 
 
-class Plans:
-    """Takes every plan."""
-
-    def __init__(self) -> None:
-        self.routes: list[GeoPath] = []
-        self.places_reached = 0
-
-    def command_plan(self, way: GeoPath) -> int:
-        self.routes.append(way)
-        return len(self.routes)
-
-    def answer(self, ticket: int) -> CommandAnswer | None:
-        return CommandAnswer(True, "")
-
-
 def stage(state: AutopilotState, height_m: float = 60.0) -> tuple[Stage, Plans]:
     plans = Plans()
     found = Stage(VtolPlan(plans), VtolPlanSettings(arm=True, take_off_min_m=2.0, transition_m=120.0))
     see(found, state, height_m)
     return found, plans
-
-
-def see(found: Stage, state: AutopilotState, height_m: float = 60.0, driver: DriverState | None = None) -> None:
-    here = pose(1.0, 2.0, height_m)
-    own = AutopilotPose(
-        position_ned_m=here.position_ned_m,
-        velocity_ned_m_s=(0.0, 0.0, 0.0),
-        ned_from_frd=here.ned_from_frd,
-        rate_frd_rad_s=(0.0, 0.0, 0.0),
-        origin_geo=(47.0, 8.0, 500.0),
-    )
-    more: dict[str, Any] = {} if driver is None else {"driver": driver}
-    found.step(pose=here, autopilot_pose=own, autopilot=state, home=Home(position_ned_m=(0.0, 0.0, 0.0)), **more)
 
 
 def plan(way: GeoPath, style: Style) -> list[tuple[int, float]]:

@@ -4,15 +4,14 @@ from typing import Any
 
 import pytest
 from msgspec.structs import replace
-from tests.onboard.messages import grant, pose
+from tests.onboard.components.drivers.winged import Plans, see
+from tests.onboard.messages import grant
 from tests.onboard.stage import Stage
 
 from gloc3.errors import Refused
 from gloc3.messages.vehicle import (
-    AutopilotPose,
     AutopilotState,
     FlightMode,
-    Home,
     LandedState,
     Manoeuvre,
     ManoeuvreKind,
@@ -22,7 +21,7 @@ from gloc3_onboard.autopilot.plan_upload import path_items
 from gloc3_onboard.components.controllers.circle import CircleController
 from gloc3_onboard.components.drivers.winged_flier import WingedPlanSettings
 from gloc3_onboard.components.drivers.winged_plan import WingedPlan
-from gloc3_onboard.sensors.devices import CommandAnswer, GeoPath
+from gloc3_onboard.sensors.devices import GeoPath
 
 FLYING = AutopilotState(
     is_connected=True, is_armed=True, is_armable=True, landed=LandedState.IN_AIR, mode=FlightMode.MISSION
@@ -30,38 +29,11 @@ FLYING = AutopilotState(
 STANDING = replace(FLYING, is_armed=False, landed=LandedState.ON_GROUND, mode=FlightMode.MANUAL)
 
 
-class Plans:
-    """Takes every plan."""
-
-    def __init__(self) -> None:
-        self.routes: list[GeoPath] = []
-        self.places_reached = 0
-
-    def command_plan(self, way: GeoPath) -> int:
-        self.routes.append(way)
-        return len(self.routes)
-
-    def answer(self, ticket: int) -> CommandAnswer | None:
-        return CommandAnswer(True, "")
-
-
 def stage(state: AutopilotState, height_m: float = 60.0) -> tuple[Stage, Plans]:
     plans = Plans()
     found = Stage(WingedPlan(plans), WingedPlanSettings(arm=True))
     see(found, state, height_m)
     return found, plans
-
-
-def see(found: Stage, state: AutopilotState, height_m: float = 60.0) -> None:
-    here = pose(1.0, 2.0, height_m)
-    own = AutopilotPose(
-        position_ned_m=here.position_ned_m,
-        velocity_ned_m_s=(0.0, 0.0, 0.0),
-        ned_from_frd=here.ned_from_frd,
-        rate_frd_rad_s=(0.0, 0.0, 0.0),
-        origin_geo=(47.0, 8.0, 500.0),
-    )
-    found.step(pose=here, autopilot_pose=own, autopilot=state, home=Home(position_ned_m=(0.0, 0.0, 0.0)))
 
 
 def commands(way: GeoPath) -> list[int]:

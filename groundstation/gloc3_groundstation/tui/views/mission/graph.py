@@ -9,20 +9,12 @@ from gloc3_groundstation.station import wording
 from gloc3_groundstation.tui.graph.canvas import GraphCanvas
 from gloc3_groundstation.tui.graph.layout import Layout
 from gloc3_groundstation.tui.graph.rails import NODE, RailRow, rail_rows
+from gloc3_groundstation.tui.views.mission.lines import SIGNS
 from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, bar, cut, faded, spread
 
 NARROWEST: Final = 22
 """Columns of a box, frame included, at least."""
 WIDEST: Final = 46
-SIGNS: Final = {
-    ActionState.WAITING: ("·", Tone.DIM),
-    ActionState.RUNNING: ("►", Tone.BUSY),
-    ActionState.PAUSED: ("=", Tone.WARN),
-    ActionState.DONE: ("✓", Tone.GOOD),
-    ActionState.FAILED: ("✗", Tone.BAD),
-    ActionState.SKIPPED: ("»", Tone.DIM),
-    ActionState.ABORTED: ("■", Tone.BAD),
-}
 FRAMES: Final = {
     ActionState.RUNNING: Tone.BUSY,
     ActionState.PAUSED: Tone.WARN,
@@ -58,7 +50,7 @@ class Graph(NamedTuple):
 
 def sign_of(state: str) -> tuple[str, Tone]:
     """The sign of a state, and its tone."""
-    return SIGNS[ActionState(state)] if state in list(ActionState) else UNSTATED
+    return SIGNS.get(state, UNSTATED)
 
 
 def mission_graph(outline: Outline, reported: MissionSummary | None, width: int, *, is_stale: bool = False) -> Graph:

@@ -1,12 +1,15 @@
 """The mission: its tasks and actions in order, each with its state and progress."""
 
+from collections.abc import Mapping
+from typing import Final
+
 from gloc3.mission.model.states import ActionState
 from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, bar, cut, faded, wrapped
 
-SIGNS = {
+SIGNS: Final[Mapping[str, tuple[str, Tone]]] = {
     ActionState.WAITING: ("·", Tone.DIM),
     ActionState.RUNNING: ("►", Tone.BUSY),
     ActionState.PAUSED: ("=", Tone.WARN),
@@ -15,6 +18,7 @@ SIGNS = {
     ActionState.SKIPPED: ("»", Tone.DIM),
     ActionState.ABORTED: ("■", Tone.BAD),
 }
+"""By state, and its tone."""
 BAR_WIDTH = 10
 WIDEST = 60
 """On wide screens states stay near the names that they belong to."""
@@ -51,9 +55,7 @@ def mission_lines(platform: PlatformSnapshot | None, plan: CheckedPlan | None, n
 
 
 def _line(item: wording.ItemLabel, width: int) -> Line:
-    sign, tone = (
-        SIGNS.get(ActionState(item.state), ("?", Tone.WARN)) if item.state in list(ActionState) else ("?", Tone.WARN)
-    )
+    sign, tone = SIGNS.get(item.state, ("?", Tone.WARN))
     indent = " " if item.is_task else "   "
     state = f"{item.state} {item.times}".rstrip()
     if item.progress and item.state in (ActionState.RUNNING, ActionState.PAUSED):

@@ -4,7 +4,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from tests.flight.test_diving import MISSION
+from tests.flight.diving import SHORT_DIVE
 
 from gloc3.clock import Clock, run_virtual
 from gloc3.platform.reader import load_platform
@@ -21,7 +21,7 @@ pytestmark = [
 @pytest.mark.timeout(900)
 def test_it_dives_the_mission_that_the_embedded_autopilot_dives(tmp_path: Path) -> None:
     mission = tmp_path / "mission.yaml"
-    mission.write_text(MISSION)
+    mission.write_text(SHORT_DIVE)
     options = FlyOptions(
         mission=mission, platform="rov", autopilot="ardupilot", is_firmware=True, world="bay", out=tmp_path
     )

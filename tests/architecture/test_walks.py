@@ -5,8 +5,10 @@ from tests.house.walks import PAGE, WALKS, WITH_SCREEN, Function, files_on, func
 
 pytestmark = pytest.mark.flight
 
-LONGER = {"mission": 25}
-"""Files of a walk that is over its bar: nine of them are the link, which a mission has to cross. It may only get fewer."""
+LONGER = {"mission": 21}
+"""Files of a walk that is over its bar: it may only get fewer. A mission crosses the link, which is nine files, is checked on
+both sides by the same two, and starts through executor, flow, board and items, which are 1,505 lines. Any three of them in
+others would be files of two ideas, or over 500 lines."""
 
 
 def on_the_page(name: str) -> list[Function]:

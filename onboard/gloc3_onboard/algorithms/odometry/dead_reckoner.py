@@ -60,6 +60,7 @@ class DeadReckoner:
     def begin(self, north_m: float, east_m: float, std_m: float) -> None:
         """Sets the position, with this standard deviation along each axis; keeps the other errors."""
         self.x[_N], self.x[_E] = north_m, east_m
+        # A new position is independent of all other errors: its rows and columns of P are cleared.
         self.covariance[:2, :] = 0.0
         self.covariance[:, :2] = 0.0
         self.covariance[_N, _N] = self.covariance[_E, _E] = std_m**2
@@ -95,12 +96,13 @@ class DeadReckoner:
                 noise[axis] = change * max(0.0, errors.adrift_m_s**2 - self.covariance[axis, axis])
         noise[_TURN] = errors.heading_walk_rad**2 * dt_s
         noise[_SCALE] = errors.scale_walk**2 * dt_s
-        # Predict: x <- F x, P <- F P F^T + Q.
+        # Predict: x <- F x, P <- F P F^T + Q (Bar-Shalom, Li, Kirubarajan 2001, 5.2).
         self.x = step @ self.x
         self.covariance = step @ self.covariance @ step.T + np.diag(noise)
 
     def turned(self, angle_rad: float) -> None:
         """Adds heading variance after a turn, as a compass's deviation depends on the heading."""
+        # Deviations of two headings: as good as independent half a turn apart, 2 sigma^2; in proportion below.
         self.covariance[_TURN, _TURN] += 2.0 * self.errors.deviation_rad**2 * min(1.0, abs(angle_rad) / pi)
 
     def use_velocity(
@@ -135,6 +137,7 @@ class DeadReckoner:
 
     def use_fix(self, north_m: float, east_m: float, std_m: float) -> float:
         """Updates with a satellite position; returns as `use_velocity` does."""
+        # Measurement: residual z - p, H = I on the position.
         h = np.zeros((2, 6))
         h[0, _N] = h[1, _E] = 1.0
         return self._update(np.array([north_m, east_m]) - self.x[:2], h, (std_m**2, std_m**2))

@@ -92,6 +92,7 @@ class FeatureMatcher:
             return _nothing(t_s, reason)
         if t_s - self._t_s > _GAP_S:
             self.reset()
+        # Track from the anchor picture, then match along the epipolar lines (each in its own module).
         left, right = self._light.even(left), self._light.even(right)
         points = self._points
         if points.has_anchor:
@@ -101,12 +102,14 @@ class FeatureMatcher:
         offsets = self._known_offsets()
         right_px = self._stereo.match(left, points.pixels, points.contrast, right, points.pixels + offsets)
         is_matched = np.isfinite(right_px[:, 0])
+        # A bad pair: what was matched before is not any more; the tracks go back to the pair before.
         if points.has_anchor and is_matched.sum() < _MATCHED_SHARE * np.isfinite(offsets[:, 0]).sum():
             reason = points.undo(self._stereo.problem() or "the right picture does not show what the left one does")
             if reason:
                 return _nothing(t_s, reason)
             right_px = NO_PIXELS
         points.accept()
+        # Few points are left: this picture is the new anchor, with new corners in empty cells.
         if not points.has_anchor or self._is_poor or len(points.ids) < self._options.keep_share * points.anchored:
             right_px = self._anchor(left, right, right_px)
         self._offset_ids, self._offset_px = points.ids, right_px - points.pixels

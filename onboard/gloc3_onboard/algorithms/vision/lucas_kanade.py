@@ -53,6 +53,7 @@ class PatchTracker:
         """
         if len(points) == 0:
             return points, np.zeros(0, bool)
+        # Gauss-Newton on sum (I(x + d) - T(x))^2 over the window, from the coarsest level to the finest.
         found, status, error = self._cv2.calcOpticalFlowPyrLK(
             of,
             into,
@@ -63,6 +64,7 @@ class PatchTracker:
             criteria=self._criteria,
             flags=self._cv2.OPTFLOW_USE_INITIAL_FLOW,
         )
+        # Gate: mean grey difference against the patch's contrast, and inside of the picture.
         height, width = into.shape
         is_good = (status.ravel() == 1) & (error.ravel() < self._error_max * contrast) & np.isfinite(found).all(axis=1)
         is_good &= (found >= 1.0).all(axis=1) & (found[:, 0] <= width - 2.0) & (found[:, 1] <= height - 2.0)

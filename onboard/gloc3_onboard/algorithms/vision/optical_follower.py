@@ -77,11 +77,13 @@ class SpotFinder:
         is_whole = left > 0 and top > 0 and left + width < columns and top + height < rows
         if not is_whole or area > self._most_area_px or max(width, height) > 4 * min(width, height):
             return None
+        # Background: median of the border; its spread: 1.48 times the median absolute deviation, as for normal noise.
         x0, y0 = max(0, left - _RIM_PX), max(0, top - _RIM_PX)
         cut = picture[y0 : top + height + _RIM_PX, x0 : left + width + _RIM_PX].astype(float)
         border = np.concatenate((cut[0], cut[-1], cut[:, 0], cut[:, -1]))
         background = float(np.median(border))
         spread = 1.48 * float(np.median(np.abs(border - background)))
+        # Centre: first moments of the grey values above four spreads.
         above = np.maximum(cut - background - 4.0 * max(2.0, spread), 0.0)
         weight = float(above.sum())
         if weight <= 0.0:
@@ -195,12 +197,14 @@ class OpticalFollower:
         flat = unproject(self.camera, np.array([[spot.column, spot.row]]))[0]
         if not np.isfinite(flat).all():
             return self._nowhere("the lens cannot show a light there")
+        # Line of sight: r = R (x, y, 1) / |(x, y, 1)|, (x, y) undistorted (Hartley and Zisserman 2004, 6.1).
         ray = self._ned_from_rdf @ np.array([flat[0], flat[1], 1.0])
         ray = ray / np.linalg.norm(ray)
         range_m, range_std_m = self._range(float(ray[2]), down_m, down_std_m)
         if not range_m > 0.0:
             return self._nowhere("the height places the light behind the camera")
         self._range_m = range_m
+        # Place: eye + range r; across the ray, range times the angles of spot and stand, which are independent.
         spot_std_px = self.settings.spot_std_px + _OF_LENGTH * max(0, spot.longer_px - 1)
         across_m = range_m * math.hypot(spot_std_px / min(self.camera.focal_px), self.settings.pointing_std_rad)
         along_m2 = range_std_m**2 if self.settings.is_range_reported else UNKNOWN_VARIANCE
@@ -222,7 +226,7 @@ class OpticalFollower:
         usual = self.settings.range_std_m**-2
         if not (math.isfinite(down_m) and math.isfinite(down_std_m)) or down_std_m <= 0.0:
             return self.settings.range_m, self.settings.range_std_m
-        # Mean by information of the usual range and of the range (down - eye) / slope.
+        # Mean by information of the usual range and of the range (down - eye) / slope, deviation std / |slope|.
         reported = (slope / down_std_m) ** 2
         mean_m = (usual * self.settings.range_m + slope * (down_m - float(self._eye[2])) / down_std_m**2) / (
             usual + reported
@@ -314,7 +318,7 @@ class SpotTrack:
 
     def _follow(self, spot: Spot, ahead_s: float, t_s: float) -> None:
         previous, place = self._place or (spot.column, spot.row), (spot.column, spot.row)
-        # Alpha-beta filter with alpha = 1: v <- v + beta (dx / dt - v).
+        # Alpha-beta filter with alpha = 1: v <- v + beta (dx / dt - v) (Bar-Shalom, Li, Kirubarajan 2001, 6.5).
         gain = 1.0 if self._count == 1 else _VELOCITY_GAIN
         vx, vy = ((place[i] - previous[i]) / ahead_s for i in (0, 1))
         self._velocity = (

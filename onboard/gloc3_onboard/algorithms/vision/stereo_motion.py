@@ -198,6 +198,7 @@ class StereoMotion:
 
     def _predicted(self, t_s: float) -> tuple[Array, Array]:
         """Predicted pose of the camera for unchanged motion."""
+        # Constant velocity: p + v dt; the last step's turn once more, R dR, unless pictures are missing between.
         ahead_s = t_s - self._last_s
         turned = self._rotation @ self._turn if ahead_s < 1.5 * self._turn_s else self._rotation
         return self._position + self._speed_m_s * ahead_s, turned
@@ -241,11 +242,13 @@ class StereoMotion:
         count, share = int(fit.is_inlier.sum()), float(fit.is_inlier.mean())
         if count < _LEAST_POINTS or share < _LEAST_SHARE:
             return f"only {count} of {len(fit.is_inlier)} points agree on a motion"
+        # Uncertainty of the place: the root of its covariance's trace.
         std_m = float(np.sqrt(np.trace(fit.covariance[:3, :3])))
         if std_m > self._options.std_max_m:
             return f"the points determine the motion only to {std_m:.2f} m"
         if self._turn_s == 0.0:  # nothing is known yet of how it moves
             return ""
+        # Gate: an acceleration a between two steps changes the place by a dt^2 from the predicted one.
         jump_m = float(np.linalg.norm(fit.position_m - self._predicted(t_s)[0]))
         if jump_m > self._options.acceleration_max_m_s2 * (t_s - self._last_s) ** 2 + 5.0 * std_m:
             return f"a jump of {jump_m:.2f} m"
@@ -273,6 +276,7 @@ class StereoMotion:
         return float(np.linalg.norm(rival.position_m - self._predicted(t_s)[0])) < jump_m
 
     def _apply_fit(self, fit: PoseFit, t_s: float) -> None:
+        # Velocity and turn of the last step, in the axes of the key frame and of the step before.
         after_s = t_s - self._last_s
         self._speed_m_s = (fit.position_m - self._position) / after_s
         self._turn, self._turn_s = self._rotation.T @ fit.rotation, after_s

@@ -300,6 +300,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         if not step.is_valid or seconds <= 0.0:
             self._unlocked = self._unlocked or step.reason
             return
+        # Chord in the body's axes at its end, R^T p, over its time; deviations from the covariance over that time.
         ahead, right, down = rotate_back(step.reference_from_frd, step.position_m)
         vn, ve = self._filter.velocity_m_s
         speed_m_s, believed_m_s = hypot(ahead, right) / seconds, hypot(vn, ve)
@@ -319,6 +320,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
     def _add_velocity(self, source: str, velocity_frd_m_s: Vector3, stds_m_s: tuple[float, float], t_s: float) -> None:
         self._advance(t_s)
         yaw = yaw_of(self._attitude)
+        # Level axes, ahead and to the right: R_yaw^T R v; what points down is left out.
         level = rotate(from_yaw(-yaw), rotate(self._attitude, velocity_frd_m_s))
         if self._filter.use_velocity(level[0], level[1], yaw, *stds_m_s) <= 1.0:
             self._source, self._lock_s, self._unlocked = source, t_s, ""
@@ -332,6 +334,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         self._fix_s = t_s
         north, east, _ = self._plane.ned_from_geo(*fix.place_geo)
         std, self._common_m = max(fix.std_m, 0.05), fix.std_m
+        # Start: the mean of the first fixes. Their errors last longer than that: the deviation is that of one.
         if not self._is_begun:
             self._first.append((north, east, std))
             if len(self._first) >= self.settings.first_fixes:
@@ -339,9 +342,11 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
                 self._begin(sum(n for n, _, _ in self._first) / count, sum(e for _, e, _ in self._first) / count, std)
             return
         self._advance(t_s)
+        # Late fix: moved on by the velocity, z + v dt, as older states are not kept.
         late_s = 0.0 if self._now_s is None else min(max(0.0, self._now_s - t_s), _LATE_S)
         vn, ve = self._filter.velocity_m_s
         before = self._filter.position_m
+        # Gate and update; fixes that never fit are right in the end, and begin the reckoning again.
         fits = self._filter.use_fix(north + vn * late_s, east + ve * late_s, std) <= 1.0
         is_distrusted = self.settings.autopilot_std_m_s > 0.0 and self._trust.fix(fits=fits)
         if is_distrusted:

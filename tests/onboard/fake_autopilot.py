@@ -48,6 +48,8 @@ class FakeAutopilot:
         self._encoder = codec.Encoder(*own)
         self._parser = codec.Parser(is_datagram=True)
         end.on_data = self._receive
+        self.clock_rate = 1.0
+        """Its seconds in one of the loop's, as a simulation that runs faster."""
         self.has_clock = True
         """Answers TIMESYNC."""
         self.boot()
@@ -76,7 +78,7 @@ class FakeAutopilot:
     @property
     def boot_s(self) -> float:
         """Its own time."""
-        return self._loop.time() - self._booted_s
+        return (self._loop.time() - self._booted_s) * self.clock_rate
 
     def stall(self, seconds: float) -> None:
         """Its clock has not gone on for a while, as that of a simulation that is starved of its computer."""
@@ -116,7 +118,7 @@ class FakeAutopilot:
             for message in self._node.outgoing():
                 self._end.send(self._encoder.encode(message))
             for number in self._streams.due(now_s):
-                self._produce(codec.name_of(number) or "", int((now_s - self._booted_s) * 1e3))
+                self._produce(codec.name_of(number) or "", int(self.boot_s * 1e3))
         self._loop.call_later(TICK_S, self._tick)
 
     def _produce(self, name: str, boot_ms: int) -> None:

@@ -147,6 +147,10 @@ class Inspection(Microservice[AutopilotSetup]):
                 self._set(rally_points=len(transfer.items))
             self._follow(now_s)
 
+    def rated(self, clock_rate: float) -> None:
+        """Takes the rate of the autopilot's clock in."""
+        self._set(clock_rate=round(clock_rate, 1))
+
     def ended(self, call: CommandCall, now_s: float) -> None:
         """A command has come back from the client; those that are not from here are ignored."""
         if call is self._requested and call.result is not None:

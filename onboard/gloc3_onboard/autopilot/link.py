@@ -203,6 +203,7 @@ class AutopilotLink:
         self.commands.tick(now_s)
         is_alive = self._identification.is_alive
         self.telemetry.connected(is_alive)
+        self.inspection.rated(self.telemetry.clock_rate)
         if self.target is not None and is_alive:
             self._streams.tick(self.target, now_s)
             state = self.telemetry.state

@@ -42,6 +42,11 @@ _LANDED: Final = {
     4: LandedState.LANDING,
 }
 
+GAINED_S: Final = 2.5
+"""A clock that gains more than this on ours is too fast, s; simulations catch up delays of up to 2 s."""
+RATED_S: Final = 10.0
+"""Time after which the measurement of a clock's rate begins again, s."""
+
 
 class BootClock:
     """Maps the autopilot's time since boot to ours: the smallest difference seen is that of the fastest message."""
@@ -54,18 +59,33 @@ class BootClock:
         self._offset_s = math.inf
         self._last_s = 0.0
         self._last_boot_ms = 0.0
+        self.rate = 1.0
+        """Its seconds in one of ours, where it gains on ours; else 1."""
+        self._rated: tuple[float, float] | None = None
+        """Time and offset at the begin of the measurement of the rate."""
 
     def t_s(self, boot_ms: float, now_s: float) -> float:
         """Our time of an autopilot's time stamp; never later than now."""
         if boot_ms + RESTARTED_MS < self._last_boot_ms:
             self.restarts += 1
-            self._offset_s = math.inf
+            self._offset_s, self._rated = math.inf, None
             self._last_boot_ms = boot_ms
         self._last_boot_ms = max(self._last_boot_ms, boot_ms)
         drift_s = self.DRIFT * (now_s - self._last_s)
         self._offset_s = min(self._offset_s + drift_s, now_s - boot_ms * 1e-3)
         self._last_s = now_s
+        self._measure(now_s)
         return boot_ms * 1e-3 + self._offset_s
+
+    def _measure(self, now_s: float) -> None:
+        """The least difference only becomes less if its clock is faster than ours; no delay of messages makes it so."""
+        begin_s, offset_s = self._rated or (now_s, self._offset_s)
+        gained_s, duration_s = offset_s - self._offset_s, now_s - begin_s
+        if gained_s > GAINED_S and duration_s > 0.0:
+            self.rate = 1.0 + gained_s / duration_s
+        elif duration_s >= RATED_S:
+            self.rate = 1.0
+        self._rated = (now_s, self._offset_s) if duration_s >= RATED_S else (begin_s, offset_s)
 
     def t_s_of(self, boot_s: float) -> float | None:
         """Our time of a moment in the autopilot's time; None while unknown."""
@@ -79,7 +99,7 @@ class BootClock:
     def restart(self) -> None:
         """Restarts with the next stamp."""
         self.restarts += 1
-        self._offset_s, self._last_boot_ms = math.inf, 0.0
+        self._offset_s, self._last_boot_ms, self._rated = math.inf, 0.0, None
 
     def boot_s(self, now_s: float) -> float | None:
         """The autopilot's time of one of ours; None while unknown."""
@@ -135,6 +155,11 @@ class Telemetry:
     def restarts(self) -> int:
         """Times that the autopilot has restarted."""
         return self._clock.restarts
+
+    @property
+    def clock_rate(self) -> float:
+        """Its seconds in one of ours, where its clock is much too fast; else 1."""
+        return self._clock.rate
 
     @property
     def has_origin(self) -> bool:

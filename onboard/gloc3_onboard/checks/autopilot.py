@@ -38,6 +38,7 @@ def autopilot_checks(readings: Readings) -> Iterator[Check]:
     yield from _estimator(state)
     yield _battery(readings, state)
     yield _firmware(readings)
+    yield from _clock_rate(readings)
     yield _parameters(readings)
     yield from _arming_checks(readings)
 
@@ -96,6 +97,15 @@ def _firmware(readings: Readings) -> Check:
         advice = "install a release, unless you need this version"
         return Check(GROUP, "firmware", Verdict.WARNING, f"{setup.style} {version}, not a release", advice)
     return Check(GROUP, "firmware", Verdict.OK, f"{setup.style} {version}")
+
+
+def _clock_rate(readings: Readings) -> Iterator[Check]:
+    """Whether its seconds are ours: time limits, speeds and failsafes count in both."""
+    rate = readings.setup.clock_rate if readings.setup is not None else 1.0
+    if rate > 1.0:
+        finding = f"it runs {rate:.1f} times as fast as this computer's: a simulation at a higher speed"
+        advice = "run it at real time (gloc3 sitl without --speed), or use gloc3 fly, in which all clocks are one"
+        yield Check(GROUP, "clock", Verdict.RED, finding, advice)
 
 
 def _parameters(readings: Readings) -> Check:

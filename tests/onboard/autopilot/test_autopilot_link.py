@@ -268,6 +268,25 @@ def test_a_refusal_is_answered_with_what_the_autopilot_says_at_once_or_a_moment_
         assert elapsed_s < 0.6
 
 
+@pytest.mark.parametrize(("rate", "within_s"), [(1.0, 20.0), (1.2, 20.0), (2.0, 5.0), (5.0, 2.0)])
+def test_an_autopilot_whose_clock_is_too_fast_is_noticed(rate: float, within_s: float) -> None:
+    with Rig() as rig:
+        rig.autopilot.clock_rate = rate
+        rig.run(within_s)
+        found = rig.link.inspection.setup.clock_rate
+        assert found == pytest.approx(rate if rate >= 1.5 else 1.0, abs=0.3)
+
+
+def test_a_link_that_stalls_and_catches_up_is_no_fast_clock() -> None:
+    with Rig() as rig:
+        rig.run(2.0)
+        rig.wire.a.conditions = rig.wire.b.conditions = Conditions(latency_s=4.0)
+        rig.run(5.0)
+        rig.wire.a.conditions = rig.wire.b.conditions = Conditions(latency_s=0.02)
+        rig.run(15.0)
+        assert rig.link.inspection.setup.clock_rate == 1.0
+
+
 @STYLES
 def test_warnings_of_the_autopilot_are_told_as_it_says_them_and_not_over_and_over(style: str) -> None:
     with Rig(style) as rig:

@@ -105,6 +105,12 @@ def test_every_parameter_of_a_table_is_read_once(style: Style) -> None:
     assert all(0 < len(name) <= 16 for name in names)
 
 
+def test_a_clock_that_is_too_fast_keeps_from_starting() -> None:
+    line = found(setup=setup(clock_rate=5.0))["autopilot: clock"]
+    assert line.verdict is Verdict.RED
+    assert line.finding.startswith("it runs 5.0 times as fast as this computer's")
+
+
 def test_without_an_autopilot_one_line_says_what_to_do() -> None:
     lines = found(state={"is_connected": False})
     assert [title for title in lines if title.startswith("autopilot")] == ["autopilot: answers"]

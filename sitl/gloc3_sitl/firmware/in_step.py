@@ -67,9 +67,7 @@ class FirmwareInStep:
         out: Path | None = None,
     ) -> None:
         kind = kind_named(firmware)
-        if settings.vehicle not in kind.programs:
-            raise Refused(f"{kind.title} has no parameters for the vehicle {settings.vehicle!r} yet")
-        binary = find_binary(kind.programs[settings.vehicle], None)
+        binary = find_binary(kind.programs_for(settings.vehicle), None)
         self.world: Final = world
         self.texts: Final[deque[tuple[float, Severity, str]]] = deque()
         """Always empty: status texts are on its link and in `firmware.txt`."""

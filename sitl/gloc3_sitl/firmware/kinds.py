@@ -68,6 +68,20 @@ class FirmwareKind(msgspec.Struct, frozen=True, kw_only=True):
     by_hand: str
     """What a person would type, with {port}."""
 
+    def programs_for(self, vehicle: str) -> Sequence[str]:
+        """Returns the program names that fly a vehicle.
+
+        Raises:
+            Refused: none does, because nobody has tuned its parameters; the message says what flies it.
+        """
+        if vehicle in self.programs:
+            return self.programs[vehicle]
+        known = ", ".join(self.programs)
+        raise Refused(
+            f"{self.title} cannot fly the vehicle {vehicle} here: the order of its actuators and its gains are set up for "
+            f"{known} only. Leave out --firmware for the embedded autopilot, or choose one of these vehicles"
+        )
+
 
 def kind_named(name: str) -> FirmwareKind:
     """Returns the firmware of that name.

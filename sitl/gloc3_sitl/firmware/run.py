@@ -64,15 +64,14 @@ async def run_firmware(options: FirmwareOptions) -> int:
     """
     kind = kind_named(options.firmware)
     vehicle = options.body.vehicle
-    if vehicle not in kind.programs:
-        raise Refused(f"{kind.title} has no parameters for the vehicle {vehicle!r} yet")
+    programs = kind.programs_for(vehicle)
     if options.is_running and (options.links or options.parameters or options.binary is not None):
         raise Refused(
             f"--firmware-running: {kind.title} keeps its own links and parameters; omit --link, --param and binary"
         )
     if options.body.is_plain_gps and not kind.uses_fixes:
         raise Refused(f"--plain-gps: {kind.title} simulates its own satellite receiver; see docs/firmware.md")
-    binary = None if options.is_running else find_binary(kind.programs[vehicle], options.binary)
+    binary = None if options.is_running else find_binary(programs, options.binary)
     loop = asyncio.get_running_loop()
     stopped = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):

@@ -24,7 +24,15 @@ COMPANION, STATION = 14787, 14788
 @pytest.mark.thorough
 def test_the_onboard_process_refuses_to_start_on_a_clock_that_runs_five_times_as_fast(tmp_path: Path) -> None:
     (tmp_path / "mission.yaml").write_text(MISSION)
-    vehicle = ["--world", "open", f"--home={PLACE}", "--speed", "5", "--link", f"companion=udpout://127.0.0.1:{COMPANION}"]
+    vehicle = [
+        "--world",
+        "open",
+        f"--home={PLACE}",
+        "--speed",
+        "5",
+        "--link",
+        f"companion=udpout://127.0.0.1:{COMPANION}",
+    ]
     links = ["--autopilot", f"udpin://127.0.0.1:{COMPANION}", "--station", f"udpout://127.0.0.1:{STATION}"]
     ground = ["--headless", "--mission", "mission.yaml", "--link", f"udpin://127.0.0.1:{STATION}"]
     with (

@@ -240,3 +240,13 @@ def test_parameter_files_can_be_read_and_have_names_that_fit(name: str) -> None:
 def test_a_parameter_file_that_is_wrong_says_where() -> None:
     with pytest.raises(Refused, match=r"mine:2: 'B' is not NAME VALUE"):
         read_parameters("A 1  # one\nB\n", "mine")
+
+
+@pytest.mark.parametrize(("firmware", "vehicle"), [("px4", "quadplane"), ("px4", "rover"), ("ardupilot", "quadplane")])
+async def test_a_vehicle_for_which_nobody_has_tuned_a_firmware_is_refused_with_what_flies_it(
+    firmware: str, vehicle: str
+) -> None:
+    with pytest.raises(
+        Refused, match=f"cannot fly the vehicle {vehicle} here: .* set up for pelican.* Leave out --firmware"
+    ):
+        await run_firmware(options(firmware, body=BodySettings(vehicle=vehicle)))

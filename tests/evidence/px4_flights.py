@@ -11,12 +11,16 @@ from typing import Final
 import msgspec
 from tests.commands.programs import Program
 from tests.evidence.px4_beside import beside
-from tests.onboard.real_px4 import MISSION, RealPx4, under_way
+from tests.onboard.autopilot.test_real_vtols import MISSION as ON_WINGS
+from tests.onboard.autopilot.test_real_vtols import PLATFORM as VTOL
+from tests.onboard.autopilot.test_real_vtols import PX4 as VTOL_PARAMETERS
+from tests.onboard.real_px4 import MISSION, PLATFORM, RealPx4, under_way
 
 DONE, NOT_DONE, LANDED_BY_OTHERS = 0, 1, 3
 """Exit codes of a headless station."""
 STOPPED_S: Final = 4.0
 PLANE_S: Final = 400.0
+BOX_S: Final = 40.0
 
 
 class Told(msgspec.Struct, frozen=True):
@@ -309,6 +313,53 @@ def airplane(px4: RealPx4) -> str:
         return flight.end()
 
 
+BOX: Final = """\
+mission: a box
+frame: site
+on_failure: land
+on_link_loss: continue
+on_low_battery: return
+on_pose_lost: land
+tasks:
+  depart: {actions: {climb: {take_off: {height_m: 3}}}}
+  go:
+    after: [depart]
+    actions: {way: {follow_waypoints: {waypoints_m: [[5, 0, 3], [5, 5, 3], [0, 5, 3]], speed_m_s: 1.5}}}
+  recover: {after: [go], actions: {home: {return_home: {}}, down: {land: {}, after: [home]}}}
+"""
+
+
+def box(px4: RealPx4) -> str:
+    """How long it takes with the platform file that `gloc3 platform new` makes."""
+    px4.make_platform()
+    px4.write_mission(BOX)
+    with px4.onboard(), px4.station() as station:
+        assert station.end() == DONE, station.text
+
+        def at_s(words: str) -> float:
+            return float(next(line for line in station.lines if words in line).split()[0])
+
+        whole_s = float(station.lines[-1].split()[0]) - at_s("the mission is started")
+        legs_s = at_s("action go.way: done") - at_s("action go.way: running")
+    said = f"{whole_s:.0f} s from the start until it stands disarmed, {legs_s:.0f} s of them for the three legs"
+    assert whole_s <= BOX_S, said
+    return said
+
+
+def vtol(px4: RealPx4) -> str:
+    """The forms in which it flies, as the station names them."""
+    (px4.folder / f"{PLATFORM}.yaml").write_text(VTOL.format(cruise=10.0, least=7.0, most=12.0, transition=80.0))
+    px4.write_mission(ON_WINGS)
+    with px4.onboard(), px4.station() as station:
+        limit_s = time.monotonic() + PLANE_S
+        while station.process.poll() is None and time.monotonic() < limit_s:
+            time.sleep(1.0)
+        assert station.end() == DONE, station.text
+        modes = [line.partition(" mode ")[2].partition(",  ")[0] for line in station.lines if " mode " in line]
+        assert any("on wings" in mode for mode in modes), station.text
+        return f"{', then '.join(dict.fromkeys(modes))} · {plain(station.lines[-1])}"
+
+
 FLIGHTS: Final[Mapping[str, tuple[Callable[[RealPx4], str], str]]] = {
     "two missions in one boot": (two_missions, "both done"),
     "pause, and resume": (paused, "it stands; then done"),
@@ -331,12 +382,18 @@ FLIGHTS: Final[Mapping[str, tuple[Callable[[RealPx4], str], str]]] = {
     "PX4 does nothing at its fence": (fence_without_action, "not started; why, and what to set"),
     "plan flown by the autopilot": (plan, "in its mission mode; done"),
     "MAVSDK, parameters, files and ULog through the router": (services, "all of them beside a mission that is done"),
+    "a box of three legs of 5 m at 1.5 m/s": (box, f"done within {BOX_S:g} s, take-off and landing included"),
     "airplane: take-off, way, hold, return, landing": (airplane, "done"),
+    "standard VTOL: take-off on rotors, way on rotors and on wings, return, landing": (vtol, "done"),
 }
 """By what befalls it, with what must be. Those that are no quadrotors say so."""
-MODELS: Final = {"airplane: take-off, way, hold, return, landing": "sihsim_airplane"}
+MODELS: Final = {
+    "airplane: take-off, way, hold, return, landing": "sihsim_airplane",
+    "standard VTOL: take-off on rotors, way on rotors and on wings, return, landing": "sihsim_standard_vtol",
+}
 PARAMETERS: Final[Mapping[str, Mapping[str, float]]] = {
     "battery low": {"SIM_BAT_MIN_PCT": 5.0, "COM_LOW_BAT_ACT": 0.0},
+    "standard VTOL: take-off on rotors, way on rotors and on wings, return, landing": VTOL_PARAMETERS,
     "airplane: take-off, way, hold, return, landing": {"MIS_TKO_LAND_REQ": 0.0, "LNDFW_ROT_MAX": 5.0},
 }
 """What PX4 is to be set to for one of them. The noise of the plane's simulated gyros (0.1 to 0.8 °/s) is above the 0.5 °/s below

@@ -56,6 +56,8 @@ class VehicleKind(NamedTuple):
     """Of the greatest acceleration, with which it brakes; None where its autopilot flies the paths."""
     acceptance_m: float = 0.0
     """With plain satellites, waypoints are passed no more exactly; 0 where its controller says so itself."""
+    tolerance_m: float = 0.0
+    """The same of the height at which a take-off is done."""
     more: Mapping[str, tuple[float, str]] = {}
     """Further limits, with their meaning."""
 
@@ -64,6 +66,7 @@ KINDS: Final = {
     VehicleClass.COPTER: VehicleKind(
         "multirotor", ("quadrotor", "hexarotor"), 1.5, 3.0, 1.0, 0.5, 2.0, (0.3, 30.0), 1.0,
         "hover_w: 250, per_m_s_w: 4, climb_w_per_m_s: 16, avionics_w: 12", 74.0, braking_share=0.7, acceptance_m=1.0,
+        tolerance_m=0.5,
     ),
     VehicleClass.ROVER: VehicleKind(
         "wheeled", ("rover",), 5.0, 2.0, 1.0, 0.5, 1.0, (-0.5, 0.5), 2.0,
@@ -314,6 +317,7 @@ def _changes(
     rows = [] if answers.camera else [f"{{name: {name}, class: null}}" for name in CAMERA]
     cruise = readings.get("survey_speed_m_s")
     setting_off = ["arm: false"] * (not answers.arm) + ([f"cruise_m_s: {cruise.value:g}"] if cruise is not None else [])
+    setting_off += [f"tolerance_m: {kind.tolerance_m:g}"] * (kind.tolerance_m > 0.0)
     if setting_off:
         rows.append(f"{{name: {kind.sets_off}, settings: {{{', '.join(setting_off)}}}}}")
     if (braking := kind.braking_share) is not None:

@@ -139,6 +139,9 @@ def test_a_file_from_a_connected_autopilot_says_what_that_is_set_to(
     )
     assert platform.frames["site"].origin.geo[:2] == pytest.approx((39.5528, 2.6285), abs=1e-3)
     assert "record_images" not in platform.capabilities
+    rows = {row.name: row.settings for row in platform.components}
+    assert rows["setting_off"] == {"arm": True, "tolerance_m": 0.5}, "plain satellites know no better how high it is"
+    assert rows["waypoints"]["least_acceptance_m"] == 1.0
     assert "  speed_m_s: 1\n" in slow.read_text(), "an option wins"
     assert ", limited to 1\n" in slow.read_text(), "it climbs no faster than it flies"
 

@@ -128,6 +128,11 @@ MODELS: Final = (
     ),
     FirmwareModel(
         "PX4",
+        "acknowledges a position beyond a fence at which it acts, holds, and says so in a text",
+        ("test_missions_and_fences.py::test_px4_holds_and_says_so_where_it_is_sent_beyond_a_fence_at_which_it_acts",),
+    ),
+    FirmwareModel(
+        "PX4",
         "does nothing about a lost station by default; set to return, it holds for COM_FAIL_ACT_T first",
         (
             "test_failsafes.py::test_px4_does_nothing_about_a_lost_station_by_default",
@@ -145,6 +150,12 @@ MODELS: Final = (
         "planes circle down in Land wherever they are",
         (),
         "there is no plane in PX4's style; the driver's steps are tested against a scripted one",
+    ),
+    FirmwareModel(
+        "PX4",
+        "planes are taken for landed only while they turn slower than LNDFW_ROT_MAX, which the noise of SIH's gyros exceeds",
+        (),
+        "there is no plane in PX4's style; a landing that does not end is tested with COM_DISARM_LAND -1 (tests/flight)",
     ),
     FirmwareModel(
         "PX4",

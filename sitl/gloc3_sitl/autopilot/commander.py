@@ -15,6 +15,7 @@ from gloc3_sitl.autopilot.control.setpoint import Setpoint
 from gloc3_sitl.autopilot.craft import Craft, HomePosition
 from gloc3_sitl.autopilot.fence import FenceMonitor
 from gloc3_sitl.autopilot.modes import PILOTED, POSITIONED, Behaviour, Mode, Result, StyleTables
+from gloc3_sitl.autopilot.tuning import FailsafeAction
 from gloc3_sitl.autopilot.verdict import ACCEPTED, Author, RequestVerdict
 
 
@@ -241,7 +242,10 @@ class Commander:
             verdict = self.set_mode(wanted, Author.COMMAND)
             if not verdict.is_accepted:
                 return verdict
-        if isinstance(self.activity, GoesTo):
+        acts = not style.takeoff_in_streamed and craft.tuning.fence_action > FailsafeAction.WARN
+        if acts and self.fence.breach(craft, position_ned_m):  # PX4 acknowledges it all the same, and holds
+            craft.send_text(Severity.CRITICAL, "Reposition is outside geofence")
+        elif isinstance(self.activity, GoesTo):
             self.activity.go_to(position_ned_m, yaw_rad, speed_m_s)
         return ACCEPTED
 

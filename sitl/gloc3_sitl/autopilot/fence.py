@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from math import hypot
 
-from gloc3.messages.frames import TangentPlane
+from gloc3.messages.frames import TangentPlane, Vector3
 from gloc3_sitl.autopilot.craft import Craft
 from gloc3_sitl.autopilot.plans import StoredItem
 from gloc3_sitl.autopilot.tuning import FailsafeAction
@@ -83,13 +83,13 @@ class FenceMonitor:
         tuning = craft.tuning
         return self.is_present(craft) and tuning.fence_is_on and tuning.fence_action > FailsafeAction.WARN
 
-    def breach(self, craft: Craft) -> str:
-        """Returns which limit is breached; empty inside the fence."""
+    def breach(self, craft: Craft, place_ned_m: Vector3 | None = None) -> str:
+        """Returns which limit is breached at a position, or at the vehicle's; empty inside the fence."""
         tuning = craft.tuning
         if not tuning.fence_is_on:
             return ""
-        n, e, _ = craft.estimator.inertial.position_ned_m
-        height = craft.height_over_home_m
+        n, e, down = craft.estimator.inertial.position_ned_m if place_ned_m is None else place_ned_m
+        height = (0.0 if craft.home is None else craft.home.position_ned_m[2]) - down
         if tuning.fence_height_m > 0.0 and height > tuning.fence_height_m:
             return f"above the fence height of {tuning.fence_height_m:.0f} m"
         if tuning.fence_depth_m > 0.0 and height < -tuning.fence_depth_m:

@@ -1,6 +1,6 @@
 """Uploaded missions, fences and rally points, flown in virtual time in both styles."""
 
-from math import dist
+from math import dist, nan
 from typing import Any
 
 import pytest
@@ -9,7 +9,7 @@ from gloc3.mavlink.services.plan import PlanItem, PlanResult, PlanType
 from gloc3_sitl.autopilot.mission import MissionState
 from gloc3_sitl.autopilot.modes import Result
 
-from .bench import ARM, Bench
+from .bench import ARM, REPOSITION, Bench
 
 pytestmark = pytest.mark.flight
 
@@ -202,6 +202,21 @@ def test_leaving_an_uploaded_fence_holds_and_is_told() -> None:
     assert bench.mode == "Hold"
     assert "Failsafe: outside the fence" in bench.texts
     assert bench.position[0] < 7.0
+
+
+@pytest.mark.parametrize(("action", "goes"), [(2, False), (1, True)])
+def test_px4_holds_and_says_so_where_it_is_sent_beyond_a_fence_at_which_it_acts(action: int, goes: bool) -> None:
+    bench = Bench()
+    bench.set_parameter("GF_ACTION", action)
+    bench.take_off()
+    assert bench.upload(box(bench), PlanType.FENCE) is PlanResult.ACCEPTED
+    away = bench.item(WAYPOINT, 9.0, 0.0, 3.0)
+    target = {"frame": 0, "x": away.x, "y": away.y, "z": bench.sim.world.home.altitude_m + 3.0}
+    assert bench.command(REPOSITION, -1, 1, 0, nan, as_int=target) is Result.ACCEPTED
+    bench.run(8.0)
+    assert (bench.position[0] > 5.0) is goes
+    assert bench.mode == "Hold"
+    assert ("Reposition is outside geofence" in bench.texts) is not goes
 
 
 def test_arming_outside_the_fence_is_refused() -> None:

@@ -158,7 +158,7 @@ class FlightProcess:
         """The autopilot's inertial unit, as the process gets it."""
         self._ends: list[MemoryEnd] = []
         self.disk: Final = FlightDisk()
-        self._storage = Storage(
+        self.storage: Final = Storage(
             journal=FlightRecords(self.disk),
             progress=FlightRecords(self.disk),
             reports=FlightRecords(self.disk),
@@ -166,6 +166,7 @@ class FlightProcess:
             log_store=log.log_store(),
             pictures=NoPictures() if plan.out is None else PictureFolder(plan.out / "images", rig),
         )
+        """What outlives the process."""
         self._inputs = VehicleInputs(platform=platform, context=context)
         self.vehicle: VehicleSide
         """Its parts, in the life that is or was the last."""
@@ -189,7 +190,7 @@ class FlightProcess:
         sensors = self._sensors()
         watch = watch_sensors(vehicle.parts, sensors, self._context.loop.time)
         computer = SimulatedComputer(self._context.clock, watch.conditions)
-        self.onboard = vehicle.host(sensors, computer, self._storage, Hosting(create=self._create))
+        self.onboard = vehicle.host(sensors, computer, self.storage, Hosting(create=self._create))
         vehicle.begin()
 
     def kill(self) -> None:

@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 from tests.common.exchange.middlewares import until
 
-from gloc3.exchange.near import AHEAD, DEPTH, SLOTS, NearLink, NearServer, NearTopic, Slots
+from gloc3.exchange.near import AHEAD, DEPTH, NearLink, NearServer, NearTopic
+from gloc3.exchange.shared_slots import SLOTS, Slots
 
 pytestmark = [pytest.mark.sockets, pytest.mark.timeout(60)]
 NO_OWNER = 65534

@@ -3,4 +3,4 @@
 `faults` reads them from text and schedules them.
 """
 
-__all__ = ["device_faults", "fault_menu", "faults", "injection", "sabotage"]
+__all__ = ["device_faults", "fault_menu", "fault_text", "faults", "injection", "sabotage"]

@@ -9,7 +9,7 @@ import msgspec
 
 from gloc3_sitl.faults.fault_menu import PossibleFault
 from gloc3_sitl.proof.case import FlightCase
-from gloc3_sitl.proof.fault_text import FaultText, parse
+from gloc3_sitl.faults.fault_text import FaultText, parse
 
 MOST: Final = 3
 """Troubles of one flight."""

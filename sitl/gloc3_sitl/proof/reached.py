@@ -1,4 +1,7 @@
-"""What a flight has reached: states, modes, policies, events and their order, as a set of words that guides the search."""
+"""What a flight has reached: branches of the executor, states, modes, policies, events and their order, as a set of words.
+
+It guides the search: a flight is worth more tries the more it has reached for the first time.
+"""
 
 import re
 from typing import Any, Final
@@ -11,6 +14,13 @@ from gloc3_sitl.proof.invariant import TrueMoment
 TOPICS: Final = ("ci/event", "ci/mission", "driver", "pose", "components/*/status", "components/*/event")
 _NUMBER: Final = re.compile(r"[-+]?\d+(\.\d+)?")
 _LONGEST: Final = 80
+_WORTH: Final = {"branch": 4.0, "mode": 2.0, "mission": 2.0, "driver": 2.0, "then": 0.25}
+"""Tries that something new is worth by its kind, 1 for all others; of orders of two events there are very many."""
+
+
+def worth(word: str) -> float:
+    """How much a word that no flight before has reached is worth, in tries."""
+    return _WORTH.get(word.partition(" ")[0], 1.0)
 
 
 def plain(text: str) -> str:

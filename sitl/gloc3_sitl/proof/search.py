@@ -21,6 +21,7 @@ from gloc3_sitl.flight.flight import Flight
 from gloc3_sitl.proof.case import FlightCase
 from gloc3_sitl.proof.draw import Course, Draw
 from gloc3_sitl.proof.invariant import BrokenInvariant, Invariant
+from gloc3_sitl.proof.reached import worth
 from gloc3_sitl.proof.record import NoTraceback
 from gloc3_sitl.proof.trial import TrialResult, fly_case
 from gloc3_sitl.vehicles.table import vehicle_named, vehicle_of
@@ -30,7 +31,7 @@ ROUND: Final = 16
 FRESH: Final = 0.35
 """The share of cases that are drawn without looking at what was found."""
 STATE: Final = "search.jsonl"
-MOST_ENERGY: Final = 12
+MOST_ENERGY: Final = 24
 Invariants = tuple[type[Invariant], ...]
 FlyAll = Callable[[Sequence[FlightCase], Invariants], Iterator[TrialResult]]
 """Flies cases and judges them by invariants; the results come in the order of the cases."""
@@ -163,7 +164,7 @@ class Search:
     def _learn(self, case: FlightCase, new: Sequence[str]) -> None:
         self.reached.update(new)
         if new:
-            self._corpus.append(_Seed(case, min(MOST_ENERGY, 1.0 + len(new))))
+            self._corpus.append(_Seed(case, min(MOST_ENERGY, 1.0 + sum(map(worth, new)))))
 
     def _remember(self, made: Sequence[SearchedFlight]) -> None:
         if self._path is not None:

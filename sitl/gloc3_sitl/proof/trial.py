@@ -18,6 +18,7 @@ from gloc3_sitl.flight.flight import DEVICES, Flight
 from gloc3_sitl.flight.mission_file import read_mission_file
 from gloc3_sitl.flight.plan import FlightPlan
 from gloc3_sitl.physics.wind import CALM, Wind, gusty
+from gloc3_sitl.proof.branches import taken_branches
 from gloc3_sitl.proof.case import FlightCase
 from gloc3_sitl.proof.invariant import BrokenInvariant, Invariant
 from gloc3_sitl.proof.observer import Observer
@@ -93,9 +94,9 @@ def fly_case(
         trial = _Trial(case, Path(scratch), out, all_invariants() if kinds is None else kinds)
         trial.is_stopping, trial.prepare = is_stopping, prepare
         trial.wind = conditions.wind if conditions is not None else trial.wind
-        with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        with taken_branches() as taken, asyncio.Runner(loop_factory=VirtualLoop) as runner:
             try:
-                return runner.run(trial.fly())
+                return runner.run(trial.fly(taken))
             except InputError as error:
                 return TrialResult(case=case, refused=str(error).splitlines()[0])
             except Refused as error:
@@ -116,7 +117,8 @@ class _Trial:
         self._started_s = 0.0
         self.wind = gusty(case.wind_m_s, from_deg=270.0) if case.wind_m_s else CALM
 
-    async def fly(self) -> TrialResult:
+    async def fly(self, taken: set[str]) -> TrialResult:
+        """Flies; `taken` fills with the branches of the executor meanwhile."""
         case, mission = self._case, self._mission
         plan = FlightPlan(
             mission=mission.file,
@@ -157,7 +159,7 @@ class _Trial:
             return TrialResult(
                 case=case,
                 broken=tuple(observer.broken),
-                reached=tuple(sorted(observer.reached.words)),
+                reached=tuple(sorted(observer.reached.words | {f"branch {one}" for one in taken})),
                 state=observer.mission_state,
                 reason=observer.mission_reason,
                 ended_s=round(flight.loop.time(), 3),

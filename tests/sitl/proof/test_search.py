@@ -118,6 +118,39 @@ def test_what_reaches_something_new_is_varied(first_flights: tuple[Search, Path]
     assert len(heirs) > ROUND // 4
 
 
+def share_of_restarts(new: str) -> float:
+    """The share of flights with a restart in a search where each of them reaches something new of a kind.
+
+    All other flights reach another order of events each.
+    """
+    numbers = iter(range(10_000))
+
+    def pretend_to_reach(cases: Sequence[FlightCase], kinds: Invariants) -> Iterator[TrialResult]:
+        for case in cases:
+            kind = new if any("restart" in fault for fault in case.faults) else "then"
+            yield TrialResult(case=case, reached=(f"{kind} {next(numbers)}",), state="done", ended_s=20.0)
+
+    search = Search(HOP, pretend_to_reach, (NeverPaused,))
+    search.begin()
+    for _ in range(20):
+        search.round()
+    return sum(any("restart" in fault for fault in one.case.faults) for one in search.flights) / len(search.flights)
+
+
+def test_a_new_branch_of_the_executor_is_worth_more_tries_than_a_new_order_of_events() -> None:
+    assert share_of_restarts("branch") > 2.0 * share_of_restarts("then")
+
+
+def test_a_flight_tells_which_branches_of_the_executor_it_has_taken() -> None:
+    calm, paused = (
+        {word for word in fly_case(case, kinds=()).reached if word.startswith("branch ")}
+        for case in (HOP, msgspec.structs.replace(HOP, faults=("operator:pause@9.3", "operator:resume@9.8")))
+    )
+    assert len(calm) > 100
+    assert len(paused - calm) > 5
+    assert calm <= {word for word in fly_case(HOP, kinds=()).reached if word.startswith("branch ")}
+
+
 def test_everything_that_is_drawn_fits_the_flight(first_flights: tuple[Search, Path]) -> None:
     search, _ = first_flights
     kinds = {one.text.partition(":")[0].partition("=")[0] for one in search._menu}

@@ -4,7 +4,7 @@ from math import inf
 
 import pytest
 
-from gloc3_sitl.proof.fault_text import FaultText, parse
+from gloc3_sitl.faults.fault_text import FaultText, parse
 
 
 @pytest.mark.parametrize("text", ["crash:limiter@25", "link_loss@30..60", "wind=6/180@10..", "battery=0.15@40.5"])

@@ -56,6 +56,39 @@ class OnlyTableTransitions(Invariant):
         self._states[target] = to
 
 
+class PersonInControl:
+    """Whether a pilot or an operator who is there has the vehicle: it need not end by itself then."""
+
+    def __init__(self, facts: FlightFacts) -> None:
+        self._facts = facts
+        self._driver: DriverState | None = None
+        self.mission: MissionSummary | None = None
+        """As it was last told."""
+
+    def receive(self, payload: Any) -> None:
+        """Keeps what driver and mission say."""
+        if isinstance(payload, DriverState):
+            self._driver = payload
+        elif isinstance(payload, MissionSummary):
+            self.mission = payload
+
+    def has_one(self, moment: TrueMoment) -> bool:
+        """Whether somebody has it."""
+        if moment.has_transmitter and self._driver is not None and self._driver.has_pilot_control:
+            return True
+        return not self._facts.has_fault(moment.t_s, "link_loss", for_s=10.0) and self._is_an_operators()
+
+    def _is_an_operators(self) -> bool:
+        """Whether an operator has paused or ended the mission or a part of it, or has pressed the emergency key."""
+        mission = self.mission
+        if mission is None or mission.policy == "pilot":
+            return False
+        if mission.state == "running":
+            return "paused" in mission.tasks.values()
+        is_by_operator = mission.reason == BY_OPERATOR or mission.reason.startswith(EMERGENCY)
+        return is_by_operator and mission.state in ("paused", "skipped", "aborted")
+
+
 class ItEnds(Invariant):
     """What is so when the time that the flight was given is up."""
 
@@ -64,31 +97,25 @@ class ItEnds(Invariant):
         "Every flight ends: landed and disarmed, or surfaced and disarmed; or a pilot or an operator who is there has "
         "the vehicle."
     )
-    topics = ("driver", "ci/mission", "ci/request")
+    topics = ("driver", "ci/mission")
 
     def __init__(self, facts: FlightFacts) -> None:
         super().__init__(facts)
-        self._driver: DriverState | None = None
-        self._mission: MissionSummary | None = None
-        self._is_in_hand = False
+        self._control = PersonInControl(facts)
 
     def receive(self, topic: str, envelope: Envelope[Any], now_s: float) -> None:
         """Keeps who has the vehicle."""
-        payload = envelope.payload
-        if isinstance(payload, DriverState):
-            self._driver = payload
-        elif isinstance(payload, MissionSummary):
-            self._mission = payload
+        self._control.receive(envelope.payload)
 
     def end(self, flown: FlownMission) -> None:
         """Judges the end."""
         last = flown.last
         if last is None or (not last.is_armed and self._is_at_rest(last)):
             return
-        is_heard = not self.facts.has_fault(flown.t_s, "link_loss", for_s=10.0)
-        if last.is_armed and (self._is_a_pilots(last) or (is_heard and self._is_an_operators())):
+        if last.is_armed and self._control.has_one(last):
             return
-        policy = self._mission.policy if self._mission is not None else ""
+        mission = self._control.mission
+        policy = mission.policy if mission is not None else ""
         how = (
             "armed"
             if last.is_armed
@@ -107,16 +134,3 @@ class ItEnds(Invariant):
         if self.facts.platform.vehicle.type == "boat":
             return True
         return last.is_on_ground and last.speed_m_s < SLOW_M_S
-
-    def _is_a_pilots(self, last: TrueMoment) -> bool:
-        return last.has_transmitter and self._driver is not None and self._driver.has_pilot_control
-
-    def _is_an_operators(self) -> bool:
-        """Whether an operator has paused or ended the mission or a part of it, or has pressed the emergency key."""
-        mission = self._mission
-        if mission is None or mission.policy == "pilot":
-            return False
-        if mission.state == "running":
-            return "paused" in mission.tasks.values()
-        is_by_operator = mission.reason == BY_OPERATOR or mission.reason.startswith(EMERGENCY)
-        return is_by_operator and mission.state in ("paused", "skipped", "aborted")

@@ -39,19 +39,32 @@ class Draw:
 
     def __init__(self, base: FlightCase, menu: Sequence[PossibleFault], course: Course, *, swims: bool) -> None:
         self._base, self._course, self._swims = base, course, swims
+        self._changes_s: Sequence[float] = ()
         self._groups: dict[str, list[PossibleFault]] = {}
         for one in menu:
             self._groups.setdefault(one.group, []).append(one)
 
     def fresh(self, random: Random) -> FlightCase:
         """A case of one to three troubles."""
+        self._changes_s = ()
         faults: list[FaultText] = []
         for _ in range(random.choice((1, 1, 2, 2, 3))):
             self._add(faults, random)
         return self._case(faults, random)
 
-    def mutated(self, case: FlightCase, other: FlightCase, random: Random) -> FlightCase:
-        """A case like another one, with one or two things changed."""
+    def mutated(
+        self, case: FlightCase, other: FlightCase, changes_s: Sequence[float], random: Random
+    ) -> FlightCase:
+        """A case like another one, with one or two things changed.
+
+        Args:
+            case: the one that is changed.
+            other: one that gives a fault.
+            changes_s: when something changed in the flight of `case`: what is added begins there more often than elsewhere,
+                so that a policy that is flown meets trouble of its own.
+            random: draws.
+        """
+        self._changes_s = changes_s
         faults = [parse(text) for text in case.faults]
         for _ in range(random.choice((1, 1, 2))):
             self._mutate(faults, other, random)
@@ -98,7 +111,9 @@ class Draw:
 
     def _time(self, random: Random) -> float:
         course = self._course
-        if course.phases and random.random() < 0.6:
+        if self._changes_s and random.random() < 0.5:
+            begin_s = random.choice(self._changes_s) + random.uniform(-0.5, 4.0)
+        elif course.phases and random.random() < 0.6:
             begin_s = random.choice(course.phases)[0] + random.uniform(-1.0, 6.0)
         else:
             begin_s = random.uniform(course.started_s - 1.0, course.ended_s)

@@ -9,6 +9,7 @@ from gloc3.messages.topics import matches
 from gloc3_sitl.faults.faults import TimedFault
 from gloc3_sitl.flight.flight import Flight
 from gloc3_sitl.flight.messages import SimFault, SimTruth
+from gloc3_sitl.proof.course import PersonInControl
 from gloc3_sitl.proof.invariant import (
     BrokenInvariant,
     FlightFacts,
@@ -50,6 +51,14 @@ class Observer:
         self.story: Final[list[StoryLine]] = []
         self.last: TrueMoment | None = None
         self.mission_state, self.mission_reason = "", ""
+        self.mission_told_s = 0.0
+        """When the mission's state was last told."""
+        self.changes_s: Final[list[float]] = []
+        """Times at which the mission's state, its policy or the autopilot's mode has changed."""
+        self.settled_since_s: float | None = None
+        """Since when a person has the vehicle and no fault has begun or ended; None where that is not so."""
+        self._control = PersonInControl(facts)
+        self._conduct = ""
         self._flight = flight
         self._is_diving = flight.platform.vehicle.type in DIVING
         self._routes: dict[str, tuple[Invariant, ...]] = {}
@@ -87,14 +96,17 @@ class Observer:
             case SimTruth():
                 self._observe(payload, now_s)
             case SimFault():
+                self.settled_since_s = None
                 verb = "begins" if payload.is_present else "is over"
                 self.story.append(StoryLine(now_s, Severity.WARNING, f"fault {payload.fault} {verb}"))
             case CiEvent():
                 self.story.append(StoryLine(now_s, payload.severity, f"{payload.source}: {payload.text}"))
             case _:
                 pass
+        self._control.receive(payload)
         if topic == "ci/mission":
             self.mission_state, self.mission_reason = payload.state, payload.reason
+            self.mission_told_s = now_s
         routes = self._routes.get(topic)
         if routes is None:
             routes = self._routes[topic] = tuple(
@@ -132,9 +144,22 @@ class Observer:
             has_transmitter=autopilot.pilot.is_on,
         )
         self.last = moment
+        self._follow(moment)
         for invariant in self.invariants:
             invariant.observe(moment)
         self.reached.observe(moment)
+
+    def _follow(self, moment: TrueMoment) -> None:
+        """Keeps when something has changed, and since when a person has the vehicle."""
+        mission = self._control.mission
+        conduct = f"{mission.state} {mission.policy} {moment.mode_name}" if mission is not None else moment.mode_name
+        if conduct != self._conduct:
+            self._conduct = conduct
+            self.changes_s.append(round(moment.t_s, 1))
+        if not moment.is_armed or not self._control.has_one(moment):
+            self.settled_since_s = None
+        elif self.settled_since_s is None:
+            self.settled_since_s = moment.t_s
 
 
 def _floor_m(flight: Flight) -> float:

@@ -32,6 +32,7 @@ FRESH: Final = 0.35
 """The share of cases that are drawn without looking at what was found."""
 STATE: Final = "search.jsonl"
 MOST_ENERGY: Final = 24
+MOST_CHANGES: Final = 20
 Invariants = tuple[type[Invariant], ...]
 FlyAll = Callable[[Sequence[FlightCase], Invariants], Iterator[TrialResult]]
 """Flies cases and judges them by invariants; the results come in the order of the cases."""
@@ -47,6 +48,8 @@ class SearchedFlight(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=Tr
     state: str = ""
     refused: str = ""
     ended_s: float = 0.0
+    changes_s: tuple[float, ...] = ()
+    """When the mission's state, its policy or the autopilot's mode has changed; empty where nothing was new."""
 
 
 class _Seed(msgspec.Struct):
@@ -54,6 +57,7 @@ class _Seed(msgspec.Struct):
 
     case: FlightCase
     energy: float
+    changes_s: tuple[float, ...]
 
 
 class Search:
@@ -142,7 +146,7 @@ class Search:
         if len(kept) == ROUND and [one.case for one in kept] == cases:
             made = kept
             for one in made:
-                self._learn(one.case, one.new)
+                self._learn(one.case, one.new, one.changes_s)
         else:
             made = [self._judge(result) for result in self._fly(cases, self.kinds)]
             self._remember(made)
@@ -151,7 +155,8 @@ class Search:
 
     def _judge(self, result: TrialResult) -> SearchedFlight:
         new = tuple(word for word in result.reached if word not in self.reached)
-        self._learn(result.case, new)
+        changes_s = result.changes_s[:MOST_CHANGES] if new else ()
+        self._learn(result.case, new, changes_s)
         return SearchedFlight(
             case=result.case,
             broken=result.broken,
@@ -159,12 +164,13 @@ class Search:
             state=result.state,
             refused=result.refused,
             ended_s=result.ended_s,
+            changes_s=changes_s,
         )
 
-    def _learn(self, case: FlightCase, new: Sequence[str]) -> None:
+    def _learn(self, case: FlightCase, new: Sequence[str], changes_s: tuple[float, ...]) -> None:
         self.reached.update(new)
         if new:
-            self._corpus.append(_Seed(case, min(MOST_ENERGY, 1.0 + sum(map(worth, new)))))
+            self._corpus.append(_Seed(case, min(MOST_ENERGY, 1.0 + sum(map(worth, new))), changes_s))
 
     def _remember(self, made: Sequence[SearchedFlight]) -> None:
         if self._path is not None:
@@ -178,7 +184,7 @@ class Search:
         seed = random.choices(self._corpus, weights)[0]
         seed.energy = max(0.2, 0.9 * seed.energy)
         other = random.choice(self._corpus)
-        return self._draw.mutated(seed.case, other.case, random)
+        return self._draw.mutated(seed.case, other.case, seed.changes_s, random)
 
     @property
     def found(self) -> list[SearchedFlight]:

@@ -15,6 +15,8 @@ from gloc3.platform.platform import Capability, Platform
 
 POSE: Final = "pose"
 SERVER: Final = "command_server"
+LAST: Final = "if it stays away, the process itself commands the autopilot's landing"
+"""Of the onboard process, which has a watchdog that is no component."""
 OTHER_SOURCES: Final = "the position rests on its other sources and says how well"
 RETURN_HOME: Final = "return_home"
 FALLS_BACK_TO: Final = {Policy.RETURN: Policy.LAND, Policy.HOLD: Policy.LAND}
@@ -109,21 +111,9 @@ class _Reasoning:
         return StaticCell(component=row.name, phase=phase, answer=text, policy=flown, problem=problem)
 
     def _server(self, phase: str, again: str) -> StaticCell:
-        """The command interface: without it the action under way goes on, and then the hold; nobody carries out a policy."""
-        own = [
-            f"{row.action} {when}"
-            for row, when in (
-                (self._platform.failsafes.link_loss, "without a ground station"),
-                (self._platform.failsafes.low_battery, "at a low battery"),
-            )
-            if row is not None and row.action != "continue"
-        ]
-        last = f"the autopilot's own: {' and '.join(own)}" if own else ""
-        answer = f"{again or 'lost'}; meanwhile the action goes on and ends in the hold; then {last or 'nothing'}"
-        problem = (
-            "" if last else "nobody carries out a policy without it, and the autopilot is set to do nothing by itself"
-        )
-        return StaticCell(component=SERVER, phase=phase, answer=answer, policy=Policy.HOLD, problem=problem)
+        """The command interface: nobody carries out a policy without it, but its process watches over it and lands."""
+        answer = f"{again or 'lost'}; meanwhile the action goes on and ends in the hold; {LAST}"
+        return StaticCell(component=SERVER, phase=phase, answer=answer, policy=Policy.LAND)
 
     # --- which policy ---
 

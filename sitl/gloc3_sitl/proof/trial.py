@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
+from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
@@ -13,6 +14,7 @@ from gloc3.errors import Gloc3Error, InputError, Refused
 from gloc3.messages.summaries import MissionSummary
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform
+from gloc3_sitl.faults.fault_text import parse
 from gloc3_sitl.faults.faults import Injection, read_fault
 from gloc3_sitl.flight.flight import DEVICES, Flight
 from gloc3_sitl.flight.mission_file import read_mission_file
@@ -30,6 +32,10 @@ WAY_BACK_S: Final = 120.0
 """Beside three times its estimate and its policy's hold, a flight has so long to end."""
 SETTLED_S: Final = 4.0
 """A vehicle that stays disarmed for so long has ended its flight."""
+UNTOLD_S: Final = 30.0
+"""A mission of which nothing was told for so long does not run any more: its command server is lost."""
+IN_HAND_S: Final = 60.0
+"""A vehicle that a person has for so long, without a fault that begins or ends meanwhile, has ended its flight, too."""
 POLL_PERIOD_S: Final = 0.2
 AFTER_S: Final = 2.0
 """A flight goes on for so long after an invariant was broken, so that its log shows what follows."""
@@ -53,6 +59,8 @@ class TrialResult(msgspec.Struct, frozen=True, kw_only=True):
     """When the mission began to run; 0 where it never did."""
     phases: tuple[tuple[float, str], ...] = ()
     """When each action began: time and target."""
+    changes_s: tuple[float, ...] = ()
+    """When the mission's state, its policy or the autopilot's mode has changed."""
     story: tuple[str, ...] = ()
     """What happened, a line each."""
 
@@ -115,6 +123,8 @@ class _Trial:
         self._mission = read_mission_file(case.file(scratch), self._platform, out or scratch)
         self._phases: list[tuple[float, str]] = []
         self._started_s = 0.0
+        times = [t_s for fault in map(parse, case.faults) for t_s in (fault.begin_s, fault.end_s) if t_s is not None]
+        self._last_fault_s = max((t_s for t_s in times if t_s < inf), default=0.0)
         self.wind = gusty(case.wind_m_s, from_deg=270.0) if case.wind_m_s else CALM
 
     async def fly(self, taken: set[str]) -> TrialResult:
@@ -165,6 +175,7 @@ class _Trial:
                 ended_s=round(flight.loop.time(), 3),
                 started_s=self._started_s,
                 phases=tuple(self._phases),
+                changes_s=tuple(observer.changes_s),
                 story=tuple(str(line) for line in observer.story),
             )
 
@@ -193,8 +204,13 @@ class _Trial:
             if self.is_stopping and observer.broken:
                 await asyncio.sleep(AFTER_S)
                 return
+            settled_s = observer.settled_since_s
+            if settled_s is not None and now_s - max(settled_s, self._last_fault_s) >= IN_HAND_S:
+                return
             last = observer.last
-            is_at_rest = last is not None and not last.is_armed and observer.mission_state not in ("running", "")
+            is_untold = now_s - observer.mission_told_s > UNTOLD_S
+            is_over = is_untold or observer.mission_state not in ("running", "")
+            is_at_rest = last is not None and not last.is_armed and is_over
             is_at_rest = is_at_rest or (not self._started_s and (last is None or not last.is_armed))
             is_waiting = observer.mission_state == "running" and last is not None and not last.is_armed
             if is_at_rest:

@@ -55,7 +55,7 @@ from tests.evidence import (
     wheels,
     world,
 )
-from tests.evidence.page import Bar, Progress, commit, write
+from tests.evidence.page import Bar, Progress, basis, commit, write
 
 BARS: tuple[Bar, ...] = (
     *ablation.BARS,
@@ -122,7 +122,7 @@ def main(names: list[str]) -> int:
     of = commit()
     failed: list[str] = []
     for name in names or list(known):
-        progress = Progress(name, of)
+        progress = Progress(name, basis(known[name].run.__module__))
         progress.report("begins")
         if not write(known[name], known[name].run(progress), of):
             failed.append(name)

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,6 +17,7 @@ ABOUT = """\
 Each page states a claim, the command that shows it, the commit at which it ran, and its figures with their bars.
 `make evidence NAME=flight` writes one page again; `make evidence` writes all pages and this list."""
 SCRATCH = ROOT / "runs" / "evidence"
+SOURCES = ("common", "onboard", "groundstation", "sitl")
 
 
 class Figure(NamedTuple):
@@ -41,12 +43,17 @@ class Bar(NamedTuple):
 
 
 class Progress:
-    """Remembers the results of the parts of a long run, for the commit they belong to, so that it can be resumed."""
+    """Remembers the results of the parts of a long run, for the sources they belong to, so that it can be resumed.
 
-    def __init__(self, name: str, commit: str) -> None:
+    Args:
+        name: of the page.
+        basis: what the results belong to, as `basis` has it.
+    """
+
+    def __init__(self, name: str, basis: str) -> None:
         SCRATCH.mkdir(parents=True, exist_ok=True)
         self._name = name
-        self._file = SCRATCH / f"{name}-{commit}.jsonl"
+        self._file = SCRATCH / f"{name}-{basis}.jsonl"
         self._known: dict[str, Any] = {}
         if self._file.exists():
             for line in self._file.read_bytes().splitlines():
@@ -76,6 +83,20 @@ def commit() -> str:
     head = _git("rev-parse", "--short", "HEAD")
     dirty = _git("status", "--porcelain", "--untracked-files=no", "--", ".", ":!docs/evidence")
     return f"{head}-changed" if dirty else head
+
+
+def basis(module: str) -> str:
+    """What results of a page belong to: the sources, and the file that makes the page; marked when they are changed.
+
+    Commits of documents, of other pages and of tests change nothing, so that a run that takes hours goes on after them.
+
+    Args:
+        module: the name of the page's module, such as `tests.evidence.campaign`.
+    """
+    paths = [*SOURCES, f"{module.replace('.', '/')}.py"]
+    found = _git("rev-parse", *(f"HEAD:{path}" for path in paths))
+    dirty = _git("status", "--porcelain", "--untracked-files=no", "--", *paths)
+    return sha256(found.encode()).hexdigest()[:9] + ("-changed" if dirty else "")
 
 
 def _git(*arguments: str) -> str:

@@ -82,7 +82,7 @@ class ProveOptions:
     static: Annotated[bool, Parameter(negative=())] = False
     """From platform file and mission alone: who takes over, or which policy flies, if a component dies during an action."""
     fly: Annotated[bool, Parameter(negative=())] = False
-    """With --static: fly each answer, too."""
+    """With --static: fly the answers, too; actions of one capability share a flight where the answer is the same."""
     invariants: Annotated[bool, Parameter(negative=())] = False
     """List the invariants, and do nothing else."""
     json: Annotated[bool, Parameter(negative=())] = False
@@ -139,14 +139,15 @@ def _static(mission: str, options: ProveOptions) -> int:
     import msgspec
 
     from gloc3_sitl.proof.search import flying
-    from gloc3_sitl.proof.static_flights import FlownCell, fly_cells, prove_case
+    from gloc3_sitl.proof.static_flights import FlownCell, distinct_cells, fly_cells, prove_case
 
     base = _base(mission, options)
     proof = prove_case(base)
     flown: tuple[FlownCell, ...] = ()
     if options.fly:
         with flying(options.jobs or os.cpu_count() or 1) as fly:
-            flown = tuple(fly_cells(proof, base, fly, (lambda _: None) if options.quiet else narrate))
+            cells = distinct_cells(proof.cells)
+            flown = tuple(fly_cells(cells, base, fly, (lambda _: None) if options.quiet else narrate))
     if options.json:
         found = {"proof": proof, "flown": flown}
         sys.stdout.write(msgspec.json.format(msgspec.json.encode(found), indent=2).decode() + "\n")

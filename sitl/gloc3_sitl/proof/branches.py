@@ -7,7 +7,7 @@ code for the time of a flight. A note is one call at a branch that is taken, so 
 import ast
 import importlib
 import pkgutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from inspect import getsource
@@ -105,25 +105,20 @@ class _Notes(ast.NodeTransformer):
         call = ast.Call(ast.Name(NOTE, ast.Load()), [ast.Constant(f"{self._name}:{line}{word}")], [])
         return [ast.Expr(call), *body]
 
-    def visit_If(self, node: ast.If) -> ast.AST:
-        """Both ways, where the other one is not written, too."""
-        self.generic_visit(node)
-        is_chain = len(node.orelse) == 1 and isinstance(node.orelse[0], ast.If)
-        node.body = self._noted(node.body, node.lineno)
-        node.orelse = node.orelse if is_chain else self._noted(node.orelse, node.lineno, " not")
-        return node
-
-    def _loop(self, node: Any) -> ast.AST:
-        self.generic_visit(node)
-        node.body = self._noted(node.body, node.lineno)
-        return node  # type: ignore[no-any-return]
-
-    visit_For: Callable[[Any], ast.AST] = _loop
-    visit_While: Callable[[Any], ast.AST] = _loop
-    visit_ExceptHandler: Callable[[Any], ast.AST] = _loop
-
-    def visit_match_case(self, node: ast.match_case) -> ast.AST:
-        """A case of a `match`."""
-        self.generic_visit(node)
-        node.body = self._noted(node.body, node.pattern.lineno)
+    def generic_visit(self, node: ast.AST) -> ast.AST:
+        """Both ways of an `if`, where the other one is not written, too; and the bodies of all else that branches."""
+        super().generic_visit(node)
+        match node:
+            case ast.If(body=body, orelse=other, lineno=line):
+                is_chain = len(other) == 1 and isinstance(other[0], ast.If)
+                node.body = self._noted(body, line)
+                node.orelse = other if is_chain else self._noted(other, line, " not")
+            case ast.match_case(pattern=pattern, body=body):
+                node.body = self._noted(body, pattern.lineno)
+            case ast.For(body=body, lineno=line) | ast.While(body=body, lineno=line):
+                node.body = self._noted(body, line)
+            case ast.ExceptHandler(body=body, lineno=line):
+                node.body = self._noted(body, line)
+            case _:
+                pass
         return node

@@ -8,8 +8,8 @@ from typing import Final
 import msgspec
 
 from gloc3.clock import Clock
-from gloc3_sitl.proof.case import FlightCase
 from gloc3_sitl.faults.fault_text import parse
+from gloc3_sitl.proof.case import FlightCase
 from gloc3_sitl.proof.found import FoundCase, distinct, write_found
 from gloc3_sitl.proof.invariant import BrokenInvariant
 from gloc3_sitl.proof.search import Invariants, Search, flying

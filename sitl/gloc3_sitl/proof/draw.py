@@ -8,8 +8,8 @@ from typing import Final, NamedTuple
 import msgspec
 
 from gloc3_sitl.faults.fault_menu import PossibleFault
-from gloc3_sitl.proof.case import FlightCase
 from gloc3_sitl.faults.fault_text import FaultText, parse
+from gloc3_sitl.proof.case import FlightCase
 
 MOST: Final = 3
 """Troubles of one flight."""
@@ -52,9 +52,7 @@ class Draw:
             self._add(faults, random)
         return self._case(faults, random)
 
-    def mutated(
-        self, case: FlightCase, other: FlightCase, changes_s: Sequence[float], random: Random
-    ) -> FlightCase:
+    def mutated(self, case: FlightCase, other: FlightCase, changes_s: Sequence[float], random: Random) -> FlightCase:
         """A case like another one, with one or two things changed.
 
         Args:

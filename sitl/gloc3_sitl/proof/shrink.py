@@ -8,8 +8,8 @@ from typing import Final
 
 import msgspec
 
-from gloc3_sitl.proof.case import FlightCase
 from gloc3_sitl.faults.fault_text import FaultText, parse
+from gloc3_sitl.proof.case import FlightCase
 from gloc3_sitl.proof.invariant import Invariant
 from gloc3_sitl.proof.mission_cuts import shorter
 from gloc3_sitl.proof.search import FlyAll

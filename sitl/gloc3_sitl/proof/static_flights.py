@@ -1,6 +1,8 @@
 """The cells of a static proof in flight: the component dies for good, and what was answered has to happen."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final
 
 import msgspec
@@ -8,7 +10,7 @@ import msgspec
 from gloc3.documents.document import load_bytes
 from gloc3.errors import Gloc3Error
 from gloc3.platform.reader import check_platform, find_platform, read_document
-from gloc3_sitl.flight.mission_file import find_file, read_mission_file
+from gloc3_sitl.flight.mission_file import read_mission_file
 from gloc3_sitl.proof.case import FlightCase
 from gloc3_sitl.proof.search import FlyAll
 from gloc3_sitl.proof.standard_invariants import all_invariants
@@ -40,24 +42,38 @@ def prove_case(base: FlightCase) -> StaticProof:
     path = find_platform(base.platform)
     document = read_document(load_bytes(path), str(path))
     platform = check_platform(document, is_loading_classes=True)
-    file = find_file(base.mission)
-    mission = read_mission_file(file, platform, file.parent).mission
+    with TemporaryDirectory() as scratch:
+        file = base.file(Path(scratch))
+        mission = read_mission_file(file, platform, file.parent).mission
     return prove_statically(platform, mission, document)
 
 
-def fly_cells(proof: StaticProof, base: FlightCase, fly: FlyAll, report: Callable[[str], None]) -> Iterator[FlownCell]:
-    """Flies each cell.
+def distinct_cells(cells: Iterable[StaticCell], known: Iterable[tuple[str, ...]] = ()) -> list[StaticCell]:
+    """The first cell of each kind, without the kinds that are known."""
+    found: dict[tuple[str, ...], StaticCell] = {}
+    for cell in cells:
+        found.setdefault(cell.signature, cell)
+    for signature in known:
+        found.pop(signature, None)
+    return list(found.values())
+
+
+def fly_cells(
+    cells: Sequence[StaticCell], base: FlightCase, fly: FlyAll, report: Callable[[str], None]
+) -> Iterator[FlownCell]:
+    """Flies cells, one flight each. What the flight without a fault breaks is not judged in them.
 
     Raises:
-        Gloc3Error: the mission does not start without a fault.
+        Gloc3Error: the mission does not start without a fault, or an action of a cell does not begin in it.
     """
-    course = fly_case(base, kinds=())
+    course = fly_case(base, is_stopping=False)
     if not course.started_s:
         raise Gloc3Error(f"the mission does not start without any fault: {course.reason or course.refused}")
     begins = {target: t_s for t_s, target in course.phases}
-    at_rest = {one.invariant for one in fly_case(base, is_stopping=False).broken}
+    if missing := sorted({cell.phase for cell in cells} - set(begins)):
+        raise Gloc3Error(f"without any fault {', '.join(missing)} does not begin; the mission is {course.state}")
+    at_rest = {one.invariant for one in course.broken}
     kinds = tuple(kind for kind in all_invariants() if kind.name not in at_rest)
-    cells = [cell for cell in proof.cells if cell.phase in begins]
     for first in range(0, len(cells), AT_ONCE):
         part = cells[first : first + AT_ONCE]
         cases = [_case(base, cell, begins[cell.phase]) for cell in part]
@@ -73,6 +89,8 @@ def _case(base: FlightCase, cell: StaticCell, begin_s: float) -> FlightCase:
 
 def _problem(cell: StaticCell, result: TrialResult) -> str:
     """What was otherwise than the cell says."""
+    if result.refused:
+        return f"cannot be flown: {result.refused}"
     if result.broken:
         return str(result.broken[0]).strip()
     if cell.policy or result.is_done:

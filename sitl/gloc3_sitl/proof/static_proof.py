@@ -31,6 +31,8 @@ class StaticCell(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     component: str
     phase: str
     """`TASK.ACTION`."""
+    capability: str = ""
+    """Of the action."""
     answer: str
     """In words: who takes over, or which policy flies."""
     by: str = ""
@@ -39,6 +41,11 @@ class StaticCell(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """The policy that flies in the end; empty where the mission goes on."""
     problem: str = ""
     """Why there is no answer; empty where there is one."""
+
+    @property
+    def signature(self) -> tuple[str, ...]:
+        """What cells share that one flight shows for all of them: the component, what is being done, the answer."""
+        return self.component, self.capability, self.policy, self.by
 
 
 class StaticProof(msgspec.Struct, frozen=True, kw_only=True):
@@ -60,7 +67,9 @@ def prove_statically(platform: Platform, mission: Mission, document: Document) -
     """
     reasoning = _Reasoning(platform, mission)
     cells = [
-        reasoning.cell(row, f"{task.name}.{action.name}", task, action)
+        msgspec.structs.replace(
+            reasoning.cell(row, f"{task.name}.{action.name}", task, action), capability=action.ability
+        )
         for row in platform.components
         for task in mission.tasks.values()
         for action in task.actions.values()

@@ -12,9 +12,11 @@ from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.summaries import MissionSummary
 from gloc3_onboard.components.controllers.hold import HoldController
-from gloc3_sitl.faults.fault_menu import possible_faults
+from gloc3_sitl.faults.fault_menu import PossibleFault, possible_faults
+from gloc3_sitl.faults.fault_text import parse
 from gloc3_sitl.proof.campaign import SearchLimits, run_search
 from gloc3_sitl.proof.case import FlightCase, read_case
+from gloc3_sitl.proof.draw import Course, Draw
 from gloc3_sitl.proof.found import distinct, replay, write_found
 from gloc3_sitl.proof.invariant import BrokenInvariant, Invariant
 from gloc3_sitl.proof.record import NoTraceback
@@ -139,6 +141,37 @@ def share_of_restarts(new: str) -> float:
 
 def test_a_new_branch_of_the_executor_is_worth_more_tries_than_a_new_order_of_events() -> None:
     assert share_of_restarts("branch") > 2.0 * share_of_restarts("then")
+
+
+def test_what_is_added_to_a_case_begins_where_something_changed_in_its_flight() -> None:
+    """A policy's landing that begins at 40 s meets trouble of its own."""
+    menu = [PossibleFault("link_loss", group="link"), PossibleFault("cable_loss", group="cable")]
+    draw = Draw(HOP, menu, Course(3.0, 20.0, ()), swims=False)
+    case = msgspec.structs.replace(HOP, faults=("battery=0.1@12",))
+
+    def late(changes_s: tuple[float, ...]) -> int:
+        random = Random(1)
+        drawn = [draw.mutated(case, case, changes_s, random) for _ in range(400)]
+        return sum(39.0 <= parse(fault).begin_s <= 45.0 for one in drawn for fault in one.faults)
+
+    assert late((40.0,)) > 50
+    assert late(()) == 0
+
+
+@pytest.mark.flight
+def test_a_flight_that_an_operator_holds_is_not_watched_until_its_time_is_up() -> None:
+    held = fly_case(msgspec.structs.replace(HOP, faults=("operator:pause@9.3",)))
+    assert not held.broken
+    assert 9.3 + 60.0 < held.ended_s < 80.0
+    assert held.changes_s[-1] < 12.0
+
+
+@pytest.mark.flight
+def test_a_vehicle_that_has_landed_without_its_command_server_has_ended_its_flight() -> None:
+    """Its mission runs by the last that was told; so it was waited for until the time was up."""
+    alone = fly_case(msgspec.structs.replace(HOP, faults=("crash:command_server@8..",)))
+    assert not alone.broken
+    assert alone.ended_s < 100.0
 
 
 def test_a_flight_tells_which_branches_of_the_executor_it_has_taken() -> None:

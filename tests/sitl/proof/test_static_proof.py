@@ -1,13 +1,16 @@
 """The static proof: who takes over or which policy flies for every component and action, and what has no answer."""
 
+import msgspec
 import pytest
 from tests.sitl.proof.test_search import HOP
 
 from gloc3.mission.examples import find_mission
 from gloc3.mission.reading.reader import MissionReferences, load_mission
-from gloc3.platform.reader import check_platform, read_document, whole_text
+from gloc3.mission.templates import mission_from
+from gloc3.platform.reader import check_platform, load_platform, read_document, whole_text
+from gloc3_sitl.proof.case import FlightCase
 from gloc3_sitl.proof.search import flying
-from gloc3_sitl.proof.static_flights import fly_cells, prove_case
+from gloc3_sitl.proof.static_flights import distinct_cells, fly_cells, prove_case
 from gloc3_sitl.proof.static_proof import StaticCell, StaticProof, prove_statically
 
 
@@ -69,13 +72,29 @@ def test_a_chain_that_only_an_input_wakes_is_a_finding() -> None:
     assert all("stops permanently when" in one.message for one in stops)
 
 
+def test_one_flight_shows_all_cells_of_a_component_a_capability_and_an_answer() -> None:
+    cells = prove_case(msgspec.structs.replace(HOP, mission="patrol")).cells
+    few = distinct_cells(cells)
+    assert len(few) < len(cells)
+    assert {one.signature for one in few} == {one.signature for one in cells}
+    assert not distinct_cells(cells, [one.signature for one in cells])
+
+
+def test_a_mission_that_is_given_as_text_is_proven() -> None:
+    platform = load_platform("boat")
+    text = mission_from("transit", platform, "boat.mission.schema.json")
+    proof = prove_case(FlightCase(mission="transit.yaml", platform="boat", text=text))
+    assert proof.mission == "transit"
+    assert {"depart", "transit"} <= {one.capability for one in proof.cells}
+    assert not [one for one in proof.cells if one.problem]
+
+
 @pytest.mark.flight
 @pytest.mark.thorough
 def test_the_answers_are_what_happens() -> None:
     proof = prove_case(HOP)
     few = [cell(proof, name, "hop.stay") for name in ("limiter", "pose", "viewer")]
     with flying(1) as fly:
-        shortened = StaticProof(platform="", mission="", cells=tuple(few), findings=())
-        flown = list(fly_cells(shortened, HOP, fly, lambda text: None))
+        flown = list(fly_cells(few, HOP, fly, lambda text: None))
     assert [one.problem for one in flown] == ["", "", ""]
     assert [one.state for one in flown] == ["done", "failed", "done"]

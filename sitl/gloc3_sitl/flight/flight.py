@@ -44,7 +44,7 @@ from gloc3_sitl.flight.truth import FlightTruth
 from gloc3_sitl.physics.water import rough
 from gloc3_sitl.physics.wind import CALM
 from gloc3_sitl.vehicles.simulator import LinkKind, Simulator, SimulatorSettings
-from gloc3_sitl.vehicles.table import style_of, vehicle_of
+from gloc3_sitl.vehicles.table import style_of, vehicle_named, vehicle_of
 from gloc3_sitl.world import World
 
 WEST_DEG: Final = 270.0
@@ -103,7 +103,13 @@ class Flight:
         cable = self.links.cable.a
         cable.on_data = self.simulator.attach(cable.send, LinkKind.COMPANION)
         self.truth: Final = FlightTruth(
-            self.exchange, self.name, self.loop, random.getrandbits(32), self.simulator.truth, self.links.sink
+            self.exchange,
+            self.name,
+            self.loop,
+            random.getrandbits(32),
+            self.simulator.truth,
+            self.links.sink,
+            world.home.altitude_m if vehicle_named(vehicle_of(self.platform)).is_diving else None,
         )
 
     @property

@@ -60,7 +60,6 @@ class Observer:
         self._control = PersonInControl(facts)
         self._conduct = ""
         self._flight = flight
-        self._is_diving = flight.platform.vehicle.type in DIVING
         self._routes: dict[str, tuple[Invariant, ...]] = {}
         self._is_reaching: dict[str, bool] = {}
         self._prefix = len(flight.name) + 1
@@ -94,7 +93,7 @@ class Observer:
         payload = envelope.payload
         match payload:
             case SimTruth():
-                self._observe(payload, now_s)
+                self._observe(payload, envelope.t_s, now_s)
             case SimFault():
                 self.settled_since_s = None
                 verb = "begins" if payload.is_present else "is over"
@@ -118,7 +117,7 @@ class Observer:
         if self._is_reaching[topic]:
             self.reached.receive(topic, envelope)
 
-    def _observe(self, truth: SimTruth, now_s: float) -> None:
+    def _observe(self, truth: SimTruth, t_s: float, now_s: float) -> None:
         simulator = self._flight.simulator
         assert isinstance(simulator, Simulator)
         autopilot, commander, craft = simulator.autopilot, simulator.autopilot.commander, simulator.autopilot.craft
@@ -126,12 +125,9 @@ class Observer:
         mode = commander.mode.name
         if self.last is not None and self.last.mode_name != mode:
             self.story.append(StoryLine(now_s, Severity.NOTICE, f"autopilot: {mode} ({commander.mode_author})"))
-        position_ned_m = truth.position_ned_m
-        if self._is_diving:  # its pose counts from the surface, whatever a receiver says of the altitude there
-            position_ned_m = (*position_ned_m[:2], body.position_ned_m[2])
         moment = TrueMoment(
-            t_s=now_s,
-            position_ned_m=position_ned_m,
+            t_s=t_s,
+            position_ned_m=truth.position_ned_m,
             velocity_ned_m_s=truth.velocity_ned_m_s,
             height_above_ground_m=body.height_above_ground_m,
             is_on_ground=body.is_on_ground,

@@ -65,6 +65,21 @@ PLAIN_GPS: Final = Receiver(
 )
 """A code solution: 2.5 m of error in every second fix at most, 0.05 m/s (data sheet figures of the NEO-M8N class)."""
 
+ACOUSTIC: Final = Receiver(
+    kind=FixKind.THREE_D,
+    noise_horizontal_m=0.15,
+    noise_vertical_m=0.15,
+    wander_horizontal_m=0.25,
+    wander_vertical_m=0.25,
+    wander_time_constant_s=60.0,
+    speed_horizontal_m_s=0.05,
+    speed_vertical_m_s=0.05,
+    latency_s=0.2,
+    satellites=12,
+)
+"""Acoustic positions that the autopilot is given in place of a receiver's: 0.3 m within 30 m of the antennas (data sheet
+figure of the Water Linked Underwater GPS G2: 1 % of the range)."""
+
 
 class FixSensor(SimulatedSensor[FixReading]):
     """Position with white and slowly changing errors, velocity with white noise, after a latency."""

@@ -34,7 +34,7 @@ from gloc3_sitl.sensors.airspeed import Airspeed
 from gloc3_sitl.sensors.battery import Pack
 from gloc3_sitl.sensors.compass import Compass
 from gloc3_sitl.sensors.depth import DepthSensor, LeakSensor
-from gloc3_sitl.sensors.fix import SurfaceFix
+from gloc3_sitl.sensors.fix import ACOUSTIC, FixSensor, SurfaceFix
 from gloc3_sitl.sensors.range_finder import Altimeter
 from gloc3_sitl.sensors.sensor import SimulatedSensor
 from gloc3_sitl.sensors.wheels import WheelEncoders
@@ -142,6 +142,12 @@ def _diving_sensors(seed: int, home: GeoPoint) -> Sequence[SimulatedSensor[Any]]
     return DepthSensor(seed, home), Altimeter(seed), Compass(seed, home), SurfaceFix(seed, home), LeakSensor(seed)
 
 
+def _located_sensors(seed: int, home: GeoPoint) -> Sequence[SimulatedSensor[Any]]:
+    """The same with acoustic positions at any depth."""
+    acoustic = FixSensor(seed, home, ACOUSTIC, rate_hz=5.0)
+    return DepthSensor(seed, home), Altimeter(seed), Compass(seed, home), acoustic, LeakSensor(seed)
+
+
 def _submarine_row(kind: str, model: UnderwaterModel) -> VehicleRow:
     """What dives: an AUV or an ROV, under ArduSub."""
     return VehicleRow(
@@ -179,6 +185,7 @@ VEHICLES: Final[Mapping[str, VehicleRow]] = {
     ),
     "auv": _submarine_row("auv", AUV),
     "rov": _submarine_row("rov", ROV),
+    "submarine": replace(_submarine_row("", ROV), types=(), sensors=_located_sensors),
     "rover": VehicleRow(
         types=("rover",),
         body=partial(SkidRover, JACKAL),

@@ -102,15 +102,7 @@ class Flight:
         self.links: Final = self.process.links
         cable = self.links.cable.a
         cable.on_data = self.simulator.attach(cable.send, LinkKind.COMPANION)
-        self.truth: Final = FlightTruth(
-            self.exchange,
-            self.name,
-            self.loop,
-            random.getrandbits(32),
-            self.simulator.truth,
-            self.links.sink,
-            world.home.altitude_m if vehicle_named(vehicle_of(self.platform)).is_diving else None,
-        )
+        self.truth: Final = self._truth(world, random.getrandbits(32))
 
     @property
     def name(self) -> str:
@@ -160,6 +152,11 @@ class Flight:
             parameters=plan.parameters,
         )
         return Simulator(world, settings)
+
+    def _truth(self, world: World, boot: int) -> FlightTruth:
+        is_diving = vehicle_named(vehicle_of(self.platform)).is_diving
+        surface_m = world.home.altitude_m if is_diving else None
+        return FlightTruth(self.exchange, self.name, self.loop, boot, self.simulator.truth, self.links.sink, surface_m)
 
     # --- life ---
 

@@ -69,7 +69,8 @@ class MotionHasOneOwner(Invariant):
     name = "motion_has_one_owner"
     sentence = (
         "One component streams setpoints at a time; after a pilot has taken over nothing of ours changes the mode until an "
-        "operator says resume, or nobody has been heard for so long that a safety policy acts."
+        "operator says resume, or nobody has been heard for so long that a safety policy acts. A hold that a pilot chooses "
+        "during the autopilot's own climb is left out: nothing that it sends tells it from the hold in which the climb ends."
     )
     topics = ("setpoint", "ci/request", "ci/mission")
 
@@ -80,6 +81,8 @@ class MotionHasOneOwner(Invariant):
         self._resumed_s = -1e9
         self._policy = ""
         self._author: Author = Author.SELF
+        self._behaviour: Behaviour | None = None
+        self._is_ambiguous = False
         self._is_corrupted = facts.has_corrupted("setpoint")
 
     def receive(self, topic: str, envelope: Envelope[Any], now_s: float) -> None:
@@ -110,7 +113,10 @@ class MotionHasOneOwner(Invariant):
         author = moment.mode_author
         if author == Author.PILOT and self._author != Author.PILOT:
             self._pilot_s = moment.t_s
-        if author == Author.COMMAND and self._author == Author.PILOT and moment.is_under_way:
+            self._is_ambiguous = self._behaviour is Behaviour.TAKE_OFF and moment.behaviour is Behaviour.HOLD
+        self._behaviour = moment.behaviour
+        is_taken_back = author == Author.COMMAND and self._author == Author.PILOT and not self._is_ambiguous
+        if is_taken_back and moment.is_under_way:
             since_s = 0.0 if self._pilot_s is None else moment.t_s - self._pilot_s
             is_allowed = self._resumed_s >= (self._pilot_s or 0.0) or since_s < GIVEN_BACK_S or bool(self._policy)
             is_alone = not moment.has_transmitter

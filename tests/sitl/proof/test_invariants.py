@@ -198,6 +198,16 @@ def test_to_go_on_when_an_operator_says_so_or_the_pilot_is_gone_is_right() -> No
     assert not told(alone)
 
 
+def test_a_hold_that_a_pilot_chooses_in_the_autopilots_own_climb_may_be_taken_for_the_end_of_it() -> None:
+    for behaviour, is_broken in ((Behaviour.HOLD, False), (Behaviour.POSITION, True)):
+        judge = MotionHasOneOwner(facts())
+        judge.observe(moment(5.0, behaviour=Behaviour.TAKE_OFF))
+        for t_s in (6.0, 6.1):
+            judge.observe(moment(t_s, behaviour=behaviour, mode_author=Author.PILOT, has_transmitter=True))
+        judge.observe(moment(9.0, has_transmitter=True))
+        assert bool(told(judge)) is is_broken
+
+
 def arm(judge: NothingArmsByItself, state: str, policy: str = "") -> None:
     judge.receive("ci/mission", message(MissionSummary(name="hop", digest="1", state=state, policy=policy)), 4.0)
     judge.observe(moment(5.0, is_armed=False))

@@ -60,7 +60,7 @@ def host_components(
         "taps": parts.add("taps", ExchangeTaps(context.exchange, context.loop, name)),
         "catalogue": parts.add("catalogue", Catalogue(platform, context.topics)),
     }
-    onboard = Onboard(platform, context, everything, hosting.create, hosting.rows, hosting.agents)
+    onboard = Onboard(platform, context, everything, hosting.create, hosting.rows, hosting.placeholders)
     for component in onboard.hosts:
         parts.add(f"component {component}", onboard.hosts[component])
     return parts.add("components", onboard, onboard.close)

@@ -70,7 +70,7 @@ class Hosting(msgspec.Struct, frozen=True, kw_only=True):
     rows: Sequence[ComponentRow] | None = None
     """None for all of the platform."""
     create: Create = ComponentRow.create
-    agents: Sequence[HostMember] = ()
+    placeholders: Sequence[HostMember] = ()
     """The components of child processes."""
 
 

@@ -334,8 +334,8 @@ class Supervision:
             watched.due_s = now_s + KEEP_TRYING_S
             self._next_s = -inf
         policy = group.primary.on_fault.then
-        is_told = watched.is_lost or watched.attempts > (0 if plan is None else plan.times)
-        if group.in_charge is watched and policy is not FaultPolicy.IGNORE and not is_told:
+        is_reported = watched.is_lost or watched.attempts > (0 if plan is None else plan.times)
+        if group.in_charge is watched and policy is not FaultPolicy.IGNORE and not is_reported:
             watched.is_lost = True
             yield SupervisionVerdict(watched.row.name, policy, watched.reason)
 

@@ -156,10 +156,10 @@ def find_happening(happenings: Sequence[Happening], what: str) -> Happening:
         if found:
             return found[0]
         raise Refused(f"nothing in the log says {what!r}; `gloc3 log info --events` lists its events") from None
-    told = [one for one in happenings if one.t_s <= at_s + _AT_ONCE_S and one.topic == "ci/event"]
-    if not told:
+    shown = [one for one in happenings if one.t_s <= at_s + _AT_ONCE_S and one.topic == "ci/event"]
+    if not shown:
         raise Refused(f"nothing is told in the log until {at_s:g} s")
-    return told[-1]
+    return shown[-1]
 
 
 def causes_of(happenings: Sequence[Happening], seen: Happening) -> list[Happening]:

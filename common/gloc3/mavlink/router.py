@@ -89,11 +89,11 @@ class KnownSender:
     since_s: float
     """When it was first heard."""
     boot_ms: int = 0
-    ways: tuple[RouterLink, ...] = ()
+    routes: tuple[RouterLink, ...] = ()
     """Links to which its broadcasts are forwarded, cached until something changes."""
-    ways_of: int = -1
+    routes_of: int = -1
     """The router's count of changes when this was found out."""
-    ways_until_s: float = 0.0
+    routes_until_s: float = 0.0
     origin: str = ""
     """Behind which peer of the link it was heard first."""
 
@@ -201,14 +201,14 @@ class Router:
         shape = frame.shape
         if shape is not None and shape.target_system_at >= 0 and (system := frame.target_system):
             return self._routes_to(source, key, system, frame.target_component, now_s)
-        if sender.ways_of != self._changes or now_s > sender.ways_until_s:
+        if sender.routes_of != self._changes or now_s > sender.routes_until_s:
             self._renew(sender, source, key, now_s)
-        return sender.ways
+        return sender.routes
 
     def _renew(self, sender: KnownSender, source: RouterLink, key: int, now_s: float) -> None:
         """Finds out where the broadcasts of a sender are to go."""
-        sender.ways = tuple(link for link in self.links if link is not source and not _accepts(link, key, now_s))
-        sender.ways_of, sender.ways_until_s = self._changes, now_s + POLL_AGAIN_S
+        sender.routes = tuple(link for link in self.links if link is not source and not _accepts(link, key, now_s))
+        sender.routes_of, sender.routes_until_s = self._changes, now_s + POLL_AGAIN_S
 
     def _routes_to(
         self, source: RouterLink, key: int, system: int, component: int, now_s: float

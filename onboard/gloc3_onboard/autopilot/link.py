@@ -64,7 +64,7 @@ class AutopilotLink:
         clock: its time.
         system_id: MAVLink system of the vehicle; an autopilot of another system is accepted after it has been alone for
             some seconds.
-        say: called with events.
+        report: called with events.
         signing: signs sent and verifies received frames; None without a key.
         why_not_arm: returns the reason against arming for an authorization request; empty for none.
         more_names: returns further parameters to read besides those of the pre-flight checks, by family and class.

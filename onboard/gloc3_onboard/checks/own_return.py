@@ -111,9 +111,9 @@ def _places(mission: Mission, limits: Limits, home: Vector3) -> Iterator[tuple[s
             ends = tuple(leg.end for leg in order.legs(at, budget))
         points += [(target, end) for end in ends]
     points = points[:: max(1, ceil(len(points) / MOST_PLACES))]
-    ways = [(target, start, end) for (_, start), (target, end) in pairwise(points)]
-    every_m = max(EVERY_M, sum(dist(start, end) for _, start, end in ways) / MOST_PLACES)
-    for target, start, end in ways:
+    legs = [(target, start, end) for (_, start), (target, end) in pairwise(points)]
+    every_m = max(EVERY_M, sum(dist(start, end) for _, start, end in legs) / MOST_PLACES)
+    for target, start, end in legs:
         count = max(1, ceil(dist(start, end) / every_m))
         for step in range(1, count + 1):
             north, east, down = (a + step / count * (b - a) for a, b in zip(start, end, strict=True))

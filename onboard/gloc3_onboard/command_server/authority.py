@@ -148,7 +148,7 @@ class Authority:
 
     Args:
         kept_holder: holder of control when the previous process ended in flight; empty for none.
-        say: sends an event to the stations.
+        report: sends an event to the stations.
     """
 
     def __init__(self, kept_holder: str, report: Report) -> None:
@@ -228,7 +228,7 @@ class Demands:
 
     Args:
         authority: the holder of control.
-        say: sends warnings to stations.
+        report: sends warnings to stations.
     """
 
     def __init__(self, authority: ControlAuthority, report: Report) -> None:

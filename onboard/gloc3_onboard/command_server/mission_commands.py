@@ -74,7 +74,7 @@ class MissionCommands:
         observing: the observed state.
         authority: permissions.
         host: host of the executor.
-        say: sends an event to the stations.
+        report: sends an event to the stations.
     """
 
     def __init__(

@@ -68,7 +68,7 @@ class MissionHost:
         observing: the observed state.
         control: the holder of control.
         settings: the server's settings.
-        say: sends an event to the stations.
+        report: sends an event to the stations.
     """
 
     def __init__(
@@ -215,7 +215,7 @@ class MissionHost:
             executor.link(silent_s, now_s)
             executor.sensed(snapshot.readings(now_s) | {"link_silent_s": silent_s}, now_s)
         self._count_up(executor, now_s)
-        self._tell_uncertainty(executor)
+        self._report_uncertainty(executor)
         for verdict in known.verdicts:
             executor.component_lost(verdict.component, Policy(verdict.policy), verdict.reason, now_s)
         known.verdicts.clear()
@@ -243,7 +243,7 @@ class MissionHost:
             self._report(Severity.WARNING, text)
         self._gap_s = driver.held_after_gap_s
 
-    def _tell_uncertainty(self, executor: MissionExecutor) -> None:
+    def _report_uncertainty(self, executor: MissionExecutor) -> None:
         """Says once, at the end of a mission, where the position is less certain than its waypoints needed."""
         program, pose = executor.mission, self._observing.snapshot.pose
         if program is None or program is self._ended or not program.has_ended:

@@ -67,7 +67,7 @@ class Observing:
     Args:
         platform: the platform file.
         home: where the vehicle was armed, as the process before has left it.
-        say: has an event of the supervision told to the stations.
+        report: has an event of the supervision told to the stations.
         process: a random number of this process.
     """
 
@@ -116,13 +116,13 @@ class Observing:
         for setup in inbox.new(ObservingPorts.autopilot_setup):
             self.setup = setup.payload
         for computer in inbox.new(ObservingPorts.computer):
-            self._tell_of_logs(computer.payload)
+            self._report_logs(computer.payload)
             self.computer = computer.payload
         for height in inbox.new(ObservingPorts.height):
             self.height = height.payload
             snapshot.update_height(height)
 
-    def _tell_of_logs(self, computer: ComputerState) -> None:
+    def _report_logs(self, computer: ComputerState) -> None:
         """A log that has stopped does not end a flight, but nobody can look into it afterwards."""
         before = "" if self.computer is None else self.computer.log_problem
         if computer.log_problem and computer.log_problem != before:

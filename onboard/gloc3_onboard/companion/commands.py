@@ -50,12 +50,12 @@ class Commands:
 
     Args:
         own: MAVLink address of the companion.
-        asking: requests to the command interface server.
+        requesting: requests to the command interface server.
         control: operator control.
         streams: messages available on request.
         version: returns the component's version and capabilities.
         serves: whether a sender is served.
-        say: called with the reason of each refusal.
+        report: called with the reason of each refusal.
     """
 
     def __init__(

@@ -69,7 +69,7 @@ class Companion:
         own: its MAVLink address.
         platform: the platform file.
         context: shared context of the process.
-        look: reads the computer's vital signs.
+        poll: reads the computer's vital signs.
         parameters: parameters of the onboard computer itself.
         accepts_plans: whether it takes over plans that stations send to the autopilot.
     """
@@ -284,7 +284,7 @@ class Reasons:
     """Sends the reasons of refusals, rate-limited.
 
     Args:
-        tell: called with each reason.
+        report: called with each reason.
     """
 
     def __init__(self, report: Callable[[str], None]) -> None:

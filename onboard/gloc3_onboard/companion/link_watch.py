@@ -20,7 +20,7 @@ class LinkWatch:
     Args:
         loop: the event loop.
         endpoints: endpoints of the links; more may be added.
-        say: called with messages for people.
+        report: called with messages for people.
     """
 
     def __init__(

@@ -27,7 +27,7 @@ class OperatorControl:
     """Maps MAVLink's words for control to those of the command interface server.
 
     Args:
-        asking: reaches it.
+        requesting: reaches it.
         send: sends a message.
     """
 

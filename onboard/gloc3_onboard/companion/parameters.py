@@ -36,11 +36,11 @@ class CompanionParameters:
 
     Args:
         own: MAVLink address of the server.
-        asking: requests to the command interface server.
+        requesting: requests to the command interface server.
         exchange: source of other parties' changes.
         platform: the platform file.
         own_parameters: parameters of the onboard computer itself.
-        say: called with the reason of each refusal.
+        report: called with the reason of each refusal.
         changed: called when there is something to send.
     """
 

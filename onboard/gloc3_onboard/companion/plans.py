@@ -62,10 +62,10 @@ class PlanServer:
 
     Args:
         own: MAVLink address of the server.
-        asking: requests to the command interface server.
+        requesting: requests to the command interface server.
         platform: the platform file.
         serves: whether a sender is served.
-        say: called with messages for people, including reasons of refusals.
+        report: called with messages for people, including reasons of refusals.
     """
 
     def __init__(

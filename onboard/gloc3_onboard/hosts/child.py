@@ -79,7 +79,7 @@ class ChildProcess:
         rows: its components.
         context: context of the host's main process.
         order: makes the setup of the process, from the states to restore.
-        say: called with each line of its output.
+        report: called with each line of its output.
     """
 
     def __init__(

@@ -36,7 +36,7 @@ class HostAgent:
         host: name of the host.
         context: context of the main process.
         order: makes a child's setup, from its name and the states to restore.
-        say: called with each line of output.
+        report: called with each line of output.
         clock: returns the state of the platform's time.
         sensors: returns the conditions of the main process's sensors.
         vehicle_boot_s: returns the platform's time of the autopilot's boot.
@@ -73,7 +73,7 @@ class HostAgent:
         self._withdraw: Unsubscribe | None = None
 
     @property
-    def agent_exchange(self) -> list[ComponentPlaceholder]:
+    def placeholders(self) -> list[ComponentPlaceholder]:
         """The components of the child processes."""
         return [child.component(row.name) for child in self.children for row in child.rows]
 

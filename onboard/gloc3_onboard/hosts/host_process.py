@@ -145,19 +145,15 @@ class HostProcess:
             clock=self._clock_state,
             sensors=self._node.sensors,
         )
-        names = [
-            row.name for row in (*self._node.rows, *(placeholder.row for placeholder in self._agent.agent_exchange))
-        ]
+        names = [row.name for row in (*self._node.rows, *(placeholder.row for placeholder in self._agent.placeholders))]
         self._narration = EventNarration(shared.exchange.here, platform.platform, names, report)
 
     async def run(self, stopped: asyncio.Event) -> None:
         """Runs the components until the process is stopped or the clock host's time jumps."""
         self._agent.begin()
-        onboard = self._node.make(self._agent.agent_exchange)
+        onboard = self._node.make(self._agent.placeholders)
         onboard.begin()
-        names = [
-            row.name for row in (*self._node.rows, *(placeholder.row for placeholder in self._agent.agent_exchange))
-        ]
+        names = [row.name for row in (*self._node.rows, *(placeholder.row for placeholder in self._agent.placeholders))]
         self._report(Severity.INFO, f"{self._platform.platform}: {len(names)} components; log in {self._node.log}")
         tasks = [self._loop.create_task(self._feed()), self._loop.create_task(self._renew_on_request())]
         waits = [self._loop.create_task(event.wait()) for event in (stopped, self._jumped)]

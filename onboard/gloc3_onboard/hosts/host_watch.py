@@ -133,7 +133,7 @@ class HostWatch:
         context: of the clock host's main process.
         host: its name.
         names: all hosts in the platform file.
-        say: called with messages for people.
+        report: called with messages for people.
     """
 
     def __init__(

@@ -124,12 +124,12 @@ class HostNode:
         self.parts.add("run log", self._log)
         self.onboard: Onboard | None = None
 
-    def make(self, exchange: Sequence[HostMember] = ()) -> Onboard:
+    def make(self, placeholders: Sequence[HostMember] = ()) -> Onboard:
         """Creates the components, which accept commands from then on."""
         pictures = PictureFolder(self._options.logs / self.log.stem.replace("log", "images", 1), self._sensors.rig)
         memory = RecordMemory(RecordFile(self._options.logs / f"{self._stem}.memory"), start_of_computer())
         devices = {**self._sensors.devices, "rig": self._sensors.rig, "pictures": pictures, "memory": memory}
-        hosting = Hosting(rows=self.rows, agents=exchange)
+        hosting = Hosting(rows=self.rows, placeholders=placeholders)
         self.onboard = host_components(self.parts, self._platform, self.context, devices, hosting)
         return self.onboard
 

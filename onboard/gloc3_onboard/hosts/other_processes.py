@@ -79,9 +79,9 @@ class OtherProcesses:
         return self._agent.is_beginning
 
     @property
-    def exchange(self) -> Sequence[HostMember]:
+    def placeholders(self) -> Sequence[HostMember]:
         """The components of child processes."""
-        return self._agent.agent_exchange
+        return self._agent.placeholders
 
     def begin(self) -> None:
         """Begins the child processes."""

@@ -78,7 +78,7 @@ class Pipe:
         end: one of a pair of SOCK_SEQPACKET sockets; closed by this object.
         expected: type of received messages.
         loop: calls `heard`.
-        heard: called with each message.
+        received: called with each message.
     """
 
     def __init__(

@@ -153,7 +153,9 @@ class OnboardProcess:
         storage = self._storage.open(lambda: vehicle.path.points_ned_m, self._sensors.rig, vehicle.parts)
         vehicle.share(self._storage.files(vehicle.companion.metadata.files))
         self._others.begin()
-        vehicle.host(self._sensors, self._computer, storage, Hosting(rows=self._rows, agents=self._others.exchange))
+        vehicle.host(
+            self._sensors, self._computer, storage, Hosting(rows=self._rows, placeholders=self._others.placeholders)
+        )
         vehicle.begin()
         count, name = len(self.platform.components), self.platform.platform
         self.narrate(Severity.INFO, f"{name}: {count} components; log in {self._storage.log}")

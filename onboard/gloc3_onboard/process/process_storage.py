@@ -44,7 +44,7 @@ class SigningMemory:
     Args:
         folder: where the files are.
         clock: the process's clock.
-        told: is told once where it cannot be kept.
+        reported: is told once where it cannot be kept.
     """
 
     def __init__(self, folder: Path, clock: Clock, reported: Callable[[str], None]) -> None:

@@ -124,7 +124,7 @@ class RunLog:
         metadata: metadata of each file.
         platform_file: stored in each file.
         path: returns the path requested so far, stored at the end of each file.
-        say: called with messages for people.
+        report: called with messages for people.
         has_links: whether the process has MAVLink links, whose frames are kept.
 
     Raises:

@@ -119,7 +119,7 @@ class Onboard:
         devices: by name, as the rows refer to them.
         create: creates the component of a row.
         rows: rows of this process; None for all.
-        led: components of child processes.
+        placeholders: components of child processes.
     """
 
     def __init__(
@@ -129,7 +129,7 @@ class Onboard:
         devices: Mapping[str, Any],
         create: Create = ComponentRow.create,
         rows: Sequence[ComponentRow] | None = None,
-        exchange: Sequence[HostMember] = (),
+        placeholders: Sequence[HostMember] = (),
     ) -> None:
         self.platform = platform
         self.context = context
@@ -138,7 +138,7 @@ class Onboard:
             row.name: ComponentHost(row, partial(create, row, devices), context)
             for row in (platform.components if rows is None else rows)
         }
-        self._agent_exchange = tuple(exchange)
+        self._placeholders = tuple(placeholders)
         self._supervisor: ServiceSupervisor | None = None
 
     @classmethod
@@ -183,7 +183,7 @@ class Onboard:
         self._dismiss_supervisor()
         context = self.context
         publisher = Publisher(context.exchange, context.platform, "runner", context.random.getrandbits(32))
-        members: list[HostMember] = [*self.hosts.values(), *self._agent_exchange]
+        members: list[HostMember] = [*self.hosts.values(), *self._placeholders]
         for member in sorted(members, key=lambda member: LEAVES.get(member.kind, len(LEAVES))):
             reason = await self._shut_down(member, publisher)
             if reason:

@@ -36,7 +36,7 @@ class Departure:
         loop: of the process.
         boot: a random number for this start of the process.
         extend: asks the service manager for more seconds.
-        say: takes what a person should know.
+        report: takes what a person should know.
     """
 
     def __init__(

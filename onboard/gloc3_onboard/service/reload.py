@@ -38,7 +38,7 @@ class PlatformReload:
         loop: the process's event loop.
         boot: a random number for this start of the process.
         may_stop: whether a working component may be stopped now.
-        say: called with messages for people.
+        report: called with messages for people.
     """
 
     def __init__(

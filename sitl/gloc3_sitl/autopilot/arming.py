@@ -90,7 +90,7 @@ class Authorization:
 
     Args:
         craft: the vehicle, with clock and status texts.
-        ask_parameter: reads a COM_ARM_AUTH parameter; None for styles without them.
+        request_parameter: reads a COM_ARM_AUTH parameter; None for styles without them.
     """
 
     def __init__(self, craft: Craft, request_parameter: Callable[[str], float] | None) -> None:

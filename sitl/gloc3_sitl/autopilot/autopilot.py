@@ -41,7 +41,7 @@ class Autopilot:
 
     Args:
         style: PX4's or ArduPilot's.
-        say: called with each status text.
+        report: called with each status text.
         vehicle: the controlled vehicle.
         declination_rad: magnetic declination at home (a real autopilot has a table).
         surroundings: the simulation around it.

@@ -93,7 +93,7 @@ async def rig(rows: str, out: Path) -> AsyncIterator[Rig]:
         keeper = HostAgent(platform, "main", context, order, lambda _: None)
         devices = {"site": Site(platform, MemoryRecords(), MemoryRecords(), MemoryRecords())}
         onboard = Onboard(
-            platform, context, devices, rows=rows_at(platform, ProcessPlace("main")), exchange=keeper.agent_exchange
+            platform, context, devices, rows=rows_at(platform, ProcessPlace("main")), placeholders=keeper.placeholders
         )
         found = Rig(onboard, keeper, loop, out)
         shared.exchange.subscribe("probe/**", found.receive)

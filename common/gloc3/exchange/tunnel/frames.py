@@ -113,7 +113,7 @@ class TableRequest(msgspec.Struct, frozen=True):
 
     def encode(self, boot: int) -> bytes:
         """The frame."""
-        return seal(header(FrameKind.ASK, boot) + b"".join(varint(number) for number in self.numbers))
+        return seal(header(FrameKind.REQUEST, boot) + b"".join(varint(number) for number in self.numbers))
 
     @classmethod
     def decode(cls, reader: ByteReader) -> TableRequest:
@@ -311,7 +311,7 @@ TunnelFrame: TypeAlias = (
 _DECODERS: Final[Mapping[int, Callable[[ByteReader], TunnelFrame]]] = {
     FrameKind.HELLO: TunnelHello.decode,
     FrameKind.TABLE: TunnelTable.decode,
-    FrameKind.ASK: TableRequest.decode,
+    FrameKind.REQUEST: TableRequest.decode,
     FrameKind.STATUS: Status.decode,
     FrameKind.STATUS_PART: StatusPart.decode,
     FrameKind.SUMMARY: SummaryRows.decode,

@@ -27,7 +27,7 @@ class FrameKind(IntEnum):
 
     HELLO = 1
     TABLE = 2
-    ASK = 3
+    REQUEST = 3
     STATUS = 4
     STATUS_PART = 5
     SUMMARY = 6
@@ -57,7 +57,7 @@ DUTIES: Final = (Lane.URGENT, Lane.ORDINARY, Lane.BULK)
 """Lanes of messages that must arrive."""
 
 
-SEALED: Final = frozenset({FrameKind.HELLO, FrameKind.TABLE, FrameKind.ASK, FrameKind.ACK, FrameKind.REFUSAL})
+SEALED: Final = frozenset({FrameKind.HELLO, FrameKind.TABLE, FrameKind.REQUEST, FrameKind.ACK, FrameKind.REFUSAL})
 """Frames with their own checksum: one damaged frame that passed MAVLink's 16-bit checksum could do lasting harm."""
 
 

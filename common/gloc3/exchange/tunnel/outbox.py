@@ -95,7 +95,7 @@ class Outbox:
             if peer.receiver.has_refusal or peer.wanted or (not is_idle and any(map(sender.has_work, DUTIES))):
                 return line_s
             copy_s = None if is_idle or not peer.is_alive else sender.copy_s()
-            times_s += [t_s for t_s in (peer.receiver.ack_s(), peer.ask_s(), copy_s) if t_s is not None]
+            times_s += [t_s for t_s in (peer.receiver.ack_s(), peer.request_s(), copy_s) if t_s is not None]
         return max(line_s, min(times_s))
 
     def _view_s(self) -> float | None:
@@ -147,7 +147,7 @@ class Outbox:
         if self.changes:
             return EVERYBODY, self._rows(self.changes), None
         for peer in self._peers:
-            request_s = peer.ask_s()
+            request_s = peer.request_s()
             if request_s is not None and now_s >= request_s:
                 return peer.address, peer.request(now_s), None
             if peer.wanted:

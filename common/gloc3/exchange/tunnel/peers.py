@@ -92,7 +92,7 @@ class Peer:
         """Channel of a number of its table; None where its row has to be requested."""
         return self.table.find(number)
 
-    def ask_s(self) -> float | None:
+    def request_s(self) -> float | None:
         """When rows of its table have to be requested; None while none is missing."""
         if not self.is_alive or not self.table.missing(1):
             return None

@@ -32,7 +32,7 @@ PEER_EXPIRES_S: Final = 30.0
 PINNED_S: Final = 3.0
 """Silence after which another peer may take an autopilot's place, s: it restarted with another port, or the route
 changed."""
-INTRUDER_TOLD_S: Final = 30.0
+INTRUDER_REPORTED_S: Final = 30.0
 """How long a second peer that claims an autopilot's id is reported after its last frame, s."""
 AUTOPILOT: Final = 1
 """MAV_COMP_ID_AUTOPILOT1."""
@@ -150,7 +150,7 @@ class UdpServerEndpoint(UdpEndpoint):
         self._peers: dict[SocketAddress, UdpPeer] = {}
         self._pinned: dict[int, SocketAddress] = {}
         """Peer address of each system's autopilot."""
-        self._intruder, self._intruder_s = "", -INTRUDER_TOLD_S
+        self._intruder, self._intruder_s = "", -INTRUDER_REPORTED_S
         self._checked_s = 0.0
         self._parser = Parser(is_datagram=True)
 
@@ -196,7 +196,7 @@ class UdpServerEndpoint(UdpEndpoint):
     @property
     def intruder(self) -> str:
         """The recent peer that claims the id of another peer's autopilot; empty without one."""
-        return self._intruder if self._now_s() < self._intruder_s + INTRUDER_TOLD_S else ""
+        return self._intruder if self._now_s() < self._intruder_s + INTRUDER_REPORTED_S else ""
 
     def send(self, data: bytes) -> None:
         """Sends one datagram to each peer that it is for."""

@@ -95,20 +95,20 @@ def check(
         return _fail(error, WRONG_USE)
     except InputError as error:
         report = CheckReport(file=mission, findings=error.findings)
-    return _tell(report, _verdict(report), json_output=json_output, is_ok=report.is_ok)
+    return _print_report(report, _verdict(report), json_output=json_output, is_ok=report.is_ok)
 
 
 def _check_plan(path: Path, platform: Platform | None, *, json_output: bool) -> int:
     """Checks a plan of another program, or its fence or rally points alone."""
     _, report, _ = found = check_plan(path, Circumstances(platform=platform))
     if not found.is_parts_alone:
-        return _tell(report, _verdict(report), json_output=json_output, is_ok=report.is_ok)
+        return _print_report(report, _verdict(report), json_output=json_output, is_ok=report.is_ok)
     is_ok = all(finding.is_warning for finding in report.findings)
     verdict = f"{path} can be uploaded: {parts_summary(found.plan)}; it holds no mission"
-    return _tell(report, verdict if is_ok else _verdict(report), json_output=json_output, is_ok=is_ok)
+    return _print_report(report, verdict if is_ok else _verdict(report), json_output=json_output, is_ok=is_ok)
 
 
-def _tell(report: CheckReport, verdict: str, *, json_output: bool, is_ok: bool) -> int:
+def _print_report(report: CheckReport, verdict: str, *, json_output: bool, is_ok: bool) -> int:
     if json_output:
         _print(json.dumps(report.as_dict() | {"is_ok": is_ok}, indent=2))
     else:

@@ -54,7 +54,7 @@ class HealthScreen(StationScreen):
     needs is refused first; then you are asked whether to force it. If an armed vehicle requires the component, the
     consequence is named before anything is sent."""
     BINDINGS = [
-        Binding("k", "ask", "Command", key_display="enter", tooltip="commands of the component under the cursor"),
+        Binding("k", "command", "Command", key_display="enter", tooltip="commands of the component under the cursor"),
         *MISSION_KEYS,
     ]
     AUTO_FOCUS = "#components"
@@ -109,7 +109,7 @@ class HealthScreen(StationScreen):
         self.show_again()
 
     @on(ListPanel.Chosen, "#components")
-    def action_ask(self) -> None:
+    def action_command(self) -> None:
         """Opens the requests for the component under the cursor."""
         found = self._chosen()
         if found is None:

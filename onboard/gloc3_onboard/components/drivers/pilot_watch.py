@@ -24,7 +24,7 @@ BLIND_S: Final = 5.0
 """Interruption of the driver after which earlier mode changes cannot be attributed, s."""
 GAP_S: Final = 0.5
 """Silence after which the autopilot has not received our setpoints either, s; PX4 leaves offboard mode after 1 s."""
-GAP_TOLD_S: Final = 2.5
+GAP_REPORTED_S: Final = 2.5
 """So long after a gap a hold of the failsafe is taken for its consequence: the heartbeat that shows it comes once a second."""
 
 
@@ -79,7 +79,7 @@ class PilotWatch:
 
     def interrupt(self, now_s: float) -> None:
         """Notes a possible gap in our setpoints; a failsafe hold then follows from it."""
-        self._gap_until_s = now_s + GAP_TOLD_S
+        self._gap_until_s = now_s + GAP_REPORTED_S
 
     def yield_back(self) -> None:
         """Returns control to us on an operator's request; the present mode counts as ours."""
@@ -115,7 +115,7 @@ class PilotWatch:
         since_s, self._received_s = self._received_s, pose.t_s
         gap_s = max(pose.t_s, now_s - GAP_S) - since_s if since_s is not None else 0.0
         if gap_s > GAP_S:
-            self._gap_s, self._gap_until_s = gap_s, now_s + GAP_TOLD_S
+            self._gap_s, self._gap_until_s = gap_s, now_s + GAP_REPORTED_S
 
     def update(
         self,

@@ -30,7 +30,7 @@ class StreamSource:
         name: name of the thread.
         address: host and port.
         t_s_of: maps the vehicle's time to ours.
-        wish: requested sensors of the server.
+        request: requested sensors of the server.
     """
 
     def __init__(self, name: str, address: tuple[str, int], t_s_of: MapTime, request: tuple[str, ...]) -> None:

@@ -51,7 +51,7 @@ class Observer:
         self.story: Final[list[StoryLine]] = []
         self.last: TrueMoment | None = None
         self.mission_state, self.mission_reason = "", ""
-        self.mission_told_s = 0.0
+        self.mission_reported_s = 0.0
         """When the mission's state was last told."""
         self.changes_s: Final[list[float]] = []
         """Times at which the mission's state, its policy or the autopilot's mode has changed."""
@@ -105,7 +105,7 @@ class Observer:
         self._control.receive(payload)
         if topic == "ci/mission":
             self.mission_state, self.mission_reason = payload.state, payload.reason
-            self.mission_told_s = now_s
+            self.mission_reported_s = now_s
         routes = self._routes.get(topic)
         if routes is None:
             routes = self._routes[topic] = tuple(

@@ -208,7 +208,7 @@ class _Trial:
             if settled_s is not None and now_s - max(settled_s, self._last_fault_s) >= IN_HAND_S:
                 return
             last = observer.last
-            is_untold = now_s - observer.mission_told_s > UNTOLD_S
+            is_untold = now_s - observer.mission_reported_s > UNTOLD_S
             is_over = is_untold or observer.mission_state not in ("running", "")
             is_at_rest = last is not None and not last.is_armed and is_over
             is_at_rest = is_at_rest or (not self._started_s and (last is None or not last.is_armed))

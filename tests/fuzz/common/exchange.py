@@ -11,6 +11,7 @@ from gloc3.exchange.acoustic import MOST_BYTES, AcousticCode
 from gloc3.exchange.tunnel.endpoint import TunnelEndpoint
 from gloc3.exchange.tunnel.frames import TunnelHello
 from gloc3.exchange.tunnel.layout import MAX_PAYLOAD, PAYLOAD_TYPE, TunnelRole, seal
+from gloc3.log.payloads import PayloadEncoder
 from gloc3.mavlink.codec import message
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.messages.envelope import Envelope, Source
@@ -19,6 +20,7 @@ from gloc3.messages.watch import Sample, unpack
 from gloc3.messages.wire import WireError, type_name
 
 TOPICS: Final = TopicTable.installed()
+TYPES: Final = sorted(TOPICS.types, key=lambda one: one.__name__)
 BOOT: Final = 7
 SENDERS: Final = (Address(255, 190), Address(254, 190), Address(1, 191), Address(3, 191))
 
@@ -36,6 +38,22 @@ def zenoh_payload(data: bytes) -> None:
 
     refuses(lambda: whole(None), WireError)
     refuses(lambda: whole(body), WireError)
+
+
+@fuzz_target("gloc3.messages")
+def message_of_any_type(data: bytes) -> None:
+    """Whatever stands in the place of a message of a known type is such a message, or is refused."""
+    if not data:
+        return
+    kind = TYPES[data[0] % len(TYPES)]
+    head = msgspec.msgpack.encode(("p/t", ("p", "c", 1), 3, 1.5, "ned", type_name(kind), msgspec.Raw(data[1:])))
+
+    def whole() -> None:
+        found = TOPICS.types.decode(head)
+        assert isinstance(found.payload, kind)
+        PayloadEncoder(kind).encode(found, 0)
+
+    refuses(whole, WireError)
 
 
 @fuzz_target("gloc3.messages.watch", "gloc3.messages.wire")

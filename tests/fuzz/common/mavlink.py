@@ -7,8 +7,10 @@ from typing import Any, Final
 from fastcrc.crc16 import mcrf4xx as checksum
 from tests.fuzz.target import fuzz_target
 
-from gloc3.mavlink.codec import Encoder, MavlinkMessage, Parser, message, name_of, shape
+from gloc3.mavlink.codec import Encoder, MavlinkMessage, Parser, message, shape
 from gloc3.mavlink.message import Address
+from gloc3.mavlink.parser import Frame
+from gloc3.mavlink.router import Router
 from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.calibration import Calibration, CalibrationKind
 from gloc3.mavlink.services.calibration_ardupilot import ArduPilotCalibration
@@ -31,6 +33,15 @@ from gloc3.mavlink.signing import Signing, SigningVerdict, is_signed_with
 
 VEHICLE, STATION = Address(1, 1), Address(255, 190)
 KEY: Final = bytes(range(32))
+NAMES: Final = (
+    "HEARTBEAT",
+    "COMMAND_LONG",
+    "PARAM_SET",
+    "SYSTEM_TIME",
+    "FILE_TRANSFER_PROTOCOL",
+    "SETUP_SIGNING",
+    "TUNNEL",
+)
 MOST_SENT: Final = 1000
 """Messages that a service may answer one message with."""
 
@@ -52,6 +63,30 @@ def mavlink_stream(data: bytes) -> None:
     for frame in datagrams.receive(data):
         frame.decode()
         assert frame.sender.system == frame.system
+
+
+@fuzz_target("gloc3.mavlink.router", "gloc3.mavlink.fair_share")
+def router(data: bytes) -> None:
+    """Frames of anybody on three links are forwarded unchanged, never to where they came from, and few senders are kept."""
+    sent: dict[str, list[Frame]] = {"autopilot": [], "station": [], "network": []}
+    router = Router(Address(1, 191))
+    links = [router.attach(name, sent[name].extend) for name in sent]
+    place, now_s = 0, 0.0
+    while place + 6 <= len(data):
+        head, length = data[place], data[place + 1]
+        payload = data[place + 6 : place + 6 + length]
+        system, component, sequence = data[place + 2 : place + 5]
+        name = NAMES[data[place + 5] % len(NAMES)]
+        place, now_s = place + 6 + length, now_s + (head >> 2) / 20.0
+        source = links[head % len(links)]
+        frame = framed(name, payload, bytes((sequence, system, component)))
+        counts = {link: len(frames) for link, frames in sent.items()}
+        router.route(source, [frame], now_s)
+        for link, frames in sent.items():
+            added = frames[counts[link] :]
+            assert len(added) <= 1
+            assert all(one.raw == frame.raw for one in added)
+            assert not (added and link == source.name)
 
 
 @fuzz_target("gloc3.mavlink")
@@ -80,16 +115,20 @@ def messages_of(data: bytes, names: tuple[str, ...]) -> list[tuple[MavlinkMessag
     return found
 
 
-def decoded(name: str, payload: bytes) -> MavlinkMessage:
-    """A message of that name with such a payload, as it comes out of a frame."""
+def framed(name: str, payload: bytes, sender: bytes = b"\0\1\1") -> Frame:
+    """A frame of that message with such a payload: its sequence, system and component, and a right checksum."""
     layout = shape(name)
     body = payload[: layout.size].ljust(1, b"\0")
-    head = bytes([0xFD, len(body), 0, 0, 0, 1, 1]) + layout.id.to_bytes(3, "little") + body
+    head = bytes([0xFD, len(body), 0, 0]) + sender + layout.id.to_bytes(3, "little") + body
     check = checksum(head[1:] + layout.crc_extra)
     (frame,) = Parser(is_datagram=True).receive(head + check.to_bytes(2, "little"))
-    found = frame.decode()
+    return frame
+
+
+def decoded(name: str, payload: bytes) -> MavlinkMessage:
+    """A message of that name with such a payload, as it comes out of a frame."""
+    found = framed(name, payload).decode()
     assert found is not None
-    assert name_of(frame.message_id) == name
     return found
 
 

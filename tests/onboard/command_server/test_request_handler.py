@@ -75,8 +75,8 @@ ORIGIN = (39.5528, 2.6285, 2.0)
 class Desk:
     """A handler with a vehicle on the ground and every component working."""
 
-    def __init__(self) -> None:
-        self.platform: Platform = load_platform("pelican_rtk")
+    def __init__(self, platform: Platform | None = None) -> None:
+        self.platform: Platform = platform or load_platform("pelican_rtk")
         self.journal = MemoryRecords()
         self.said: list[str] = []
         self.sequence = -1

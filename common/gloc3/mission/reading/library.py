@@ -37,7 +37,8 @@ def bundled(text: str, file: Path) -> str:
     findings: list[Finding] = []
     for index, name in enumerate(block.value[:MAX_LIBRARIES]):
         try:
-            contents[_relative(name)] = load_bytes(file.parent / name).decode("utf-8-sig")
+            relative = _relative(name)
+            contents[relative] = load_bytes(file.parent / relative).decode("utf-8-sig")
         except UnicodeDecodeError:
             findings.append(document.finding(("include", index), f"{name} is not UTF-8 text"))
         except Refused as refusal:

@@ -4,7 +4,7 @@ import pytest
 from tests.flight.card import Card
 from tests.flight.missions import mission, platform
 
-from gloc3.messages.command_interface import CommandComponent, Outcome, RequestAction
+from gloc3.messages.command_interface import CommandComponent, Outcome, Preflight, RequestAction
 from gloc3.messages.vehicle import FlightMode, LandedState
 from gloc3_sitl.autopilot.modes import Behaviour
 from gloc3_sitl.autopilot.verdict import Author
@@ -103,6 +103,21 @@ def test_a_vehicle_that_hovers_with_nobody_in_charge_has_a_policy_and_a_time(fli
     flight.await_policy("land", 6.0)
     assert flight.was_told("neither a transmitter nor another station was heard for 30 s")
     flight.await_landed()
+
+
+def test_another_station_that_leaves_is_waited_for_once_and_not_twice(flight: Card) -> None:
+    sweep(flight, on_low_battery="land")
+    autopilot = flight.flight.simulator.autopilot
+    wanted = Behaviour.HOLD if flight.style == "px4" else Behaviour.BRAKE
+    hold = next(mode.custom_mode for mode in autopilot.style.modes if mode.behaviour is wanted)
+    autopilot.commander.set_mode(hold, Author.COMMAND)
+    flight.await_policy("pilot", 2.0)
+    flight.fault("battery=0.18")
+    flight.wait(10.0)
+    assert flight.as_station("7", Preflight()).outcome is Outcome.ACCEPTED, "it is there, and leaves"
+    flight.always(lambda: flight.mission.policy == "pilot", 28.0, "it may come back")
+    flight.await_policy("land", 4.0)
+    assert flight.was_told("neither a transmitter nor another station was heard for 30 s")
 
 
 def test_a_disarm_that_we_did_not_command_pauses_and_we_never_arm_again_by_ourselves(flight: Card) -> None:

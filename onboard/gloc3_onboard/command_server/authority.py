@@ -79,10 +79,10 @@ class ControlAuthority:
         """Whether a station was heard recently."""
         return now_s - self._received_s.get(station, float("-inf")) <= within_s
 
-    def is_another_there(self, now_s: float) -> bool:
-        """Whether a station other than the holder has been heard lately: it may be a pilot's."""
+    def others_received_s(self) -> float:
+        """When a station other than the holder, which may be a pilot's, was heard last; minus infinity for never."""
         others = self._received_s.keys() - {self.holder, OURSELVES}
-        return any(self.is_in_contact(name, now_s, THERE_S) for name in others)
+        return max((self._received_s[name] for name in others), default=float("-inf"))
 
     def silent_s(self, now_s: float) -> float:
         """Time since the holder was last heard, s; 0 without a holder."""

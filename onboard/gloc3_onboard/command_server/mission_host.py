@@ -230,10 +230,11 @@ class MissionHost:
                 executor.failsafe_landed(now_s)
             elif autopilot.mode is FlightMode.HOLD:
                 executor.failsafe_holds(now_s)
-        is_there = autopilot is None or autopilot.has_transmitter or self._control.is_another_there(now_s)
+        is_there = autopilot is None or autopilot.has_transmitter
         if not driver.has_pilot_control or is_there or self._attended_s is None:
             self._attended_s = now_s
-        elif now_s - self._attended_s >= UNATTENDED_S and not _brings_down(autopilot):
+        self._attended_s = max(self._attended_s, self._control.others_received_s())
+        if driver.has_pilot_control and now_s - self._attended_s >= UNATTENDED_S and not _brings_down(autopilot):
             is_held = autopilot is not None and autopilot.mode is FlightMode.HOLD
             executor.unattended(now_s - self._attended_s, now_s, is_held=is_held)
         if driver.held_after_gap_s not in (0.0, self._gap_s):

@@ -334,7 +334,9 @@ def box(px4: RealPx4) -> str:
     px4.make_platform()
     px4.write_mission(BOX)
     with px4.onboard(), px4.station() as station:
-        assert station.end() == DONE, station.text
+        code = station.end()
+        (px4.folder / "station.txt").write_text(station.text)
+        assert code == DONE, station.text
 
         def at_s(words: str) -> float:
             return float(next(line for line in station.lines if words in line).split()[0])
@@ -354,6 +356,7 @@ def vtol(px4: RealPx4) -> str:
         limit_s = time.monotonic() + PLANE_S
         while station.process.poll() is None and time.monotonic() < limit_s:
             time.sleep(1.0)
+        (px4.folder / "station.txt").write_text(station.text)
         assert station.end() == DONE, station.text
         modes = [line.partition(" mode ")[2].partition(",  ")[0] for line in station.lines if " mode " in line]
         assert any("on wings" in mode for mode in modes), station.text

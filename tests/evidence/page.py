@@ -53,6 +53,7 @@ class Progress:
     def __init__(self, name: str, basis: str) -> None:
         SCRATCH.mkdir(parents=True, exist_ok=True)
         self._name = name
+        self.basis = basis
         self._file = SCRATCH / f"{name}-{basis}.jsonl"
         self._known: dict[str, Any] = {}
         if self._file.exists():

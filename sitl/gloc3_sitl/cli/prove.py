@@ -2,8 +2,6 @@
 
 import os
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal
@@ -178,6 +176,7 @@ def _base(mission: str, options: ProveOptions) -> "FlightCase":
 def _search(mission: str, options: ProveOptions) -> int:
     import msgspec
 
+    from gloc3_sitl.cli.prove_table import shown
     from gloc3_sitl.proof.campaign import SearchLimits, run_search
     from gloc3_sitl.proof.standard_invariants import invariants_but
 
@@ -194,7 +193,7 @@ def _search(mission: str, options: ProveOptions) -> int:
     limits = SearchLimits(flights=flights, seconds=seconds, stops_at_first=options.first)
     jobs = options.jobs or os.cpu_count() or 1
     try:
-        with _shown(limits.flights, is_quiet=options.quiet) as report:
+        with shown(limits.flights, is_quiet=options.quiet) as report:
             progress = run_search(base, limits, jobs, options.out, report, kinds)
     except KeyboardInterrupt:
         narrate(f"gloc3 prove: interrupted; the same command with --out {options.out} goes on from here")
@@ -221,28 +220,3 @@ def as_lines(progress: "SearchProgress") -> list[str]:
         lines += [f"   gloc3 prove --replay {found.folder}/replay.json"] if found.folder else []
         lines += [f"   {line}" for line in found.cause]
     return lines
-
-
-@contextmanager
-def _shown(flights: int | None, *, is_quiet: bool) -> Iterator[Callable[["SearchProgress"], None]]:
-    """A bar and a live table on a terminal; else a line a round."""
-    from rich.console import Console
-    from rich.live import Live
-
-    console = Console(stderr=True)
-    if is_quiet:
-        yield lambda _: None
-    elif not console.is_terminal:
-        yield lambda progress: narrate(_line(progress))
-    else:
-        from gloc3_sitl.cli.prove_table import render
-
-        with Live(console=console, transient=True, refresh_per_second=4) as live:
-            yield lambda progress: live.update(render(progress, flights))
-
-
-def _line(progress: "SearchProgress") -> str:
-    if progress.shrinking:
-        return f"shrinking {progress.shrinking}"
-    broken = ", ".join(f"{count} {name}" for name, count in progress.broken.items()) or "nothing broken"
-    return f"{progress.flights} flights, {sum(progress.reached.values())} reached, {broken}"

@@ -1,16 +1,45 @@
 """The live picture of a search: a bar, what was reached, and which faults began in which phase."""
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Final
 
-from rich.console import Group, RenderableType
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from gloc3.cli.narration import narrate
 from gloc3_sitl.proof.campaign import SearchProgress
 from gloc3_sitl.proof.static_proof import StaticProof
 
 MOST_PHASES: Final = 6
+
+
+@contextmanager
+def shown(flights: int | None, *, is_quiet: bool = False) -> Iterator[Callable[[SearchProgress], None]]:
+    """Shows a search on stderr: a bar and a live table on a terminal, else a line a round.
+
+    Args:
+        flights: how many it flies at most; None where nobody knows.
+        is_quiet: shows nothing.
+    """
+    console = Console(stderr=True)
+    if is_quiet:
+        yield lambda _: None
+    elif not console.is_terminal:
+        yield lambda progress: narrate(_line(progress))
+    else:
+        with Live(console=console, transient=True, refresh_per_second=4) as live:
+            yield lambda progress: live.update(render(progress, flights))
+
+
+def _line(progress: SearchProgress) -> str:
+    if progress.shrinking:
+        return f"shrinking {progress.shrinking}"
+    broken = ", ".join(f"{count} {name}" for name, count in progress.broken.items()) or "nothing broken"
+    return f"{progress.flights} flights, {sum(progress.reached.values())} reached, {broken}"
 
 
 def render(progress: SearchProgress, flights: int | None) -> RenderableType:

@@ -41,6 +41,8 @@ class SearchProgress(msgspec.Struct, kw_only=True):
     broken: dict[str, int] = {}
     """Flights by broken invariant."""
     refused: int = 0
+    rough: int = 0
+    """Flights in wind, waves or a current from their beginning."""
     replaced: int = 0
     """Flights whose only fault is the death of a component that a standby or other sources stand in for."""
     replaced_done: int = 0
@@ -134,6 +136,7 @@ def _count(progress: SearchProgress, search: Search, replaced: frozenset[str]) -
     for one in new:
         progress.simulated_s = round(progress.simulated_s + one.ended_s, 1)
         progress.refused += bool(one.refused)
+        progress.rough += any((one.case.wind_m_s, one.case.waves_m, one.case.current_m_s))
         is_replaced = _dead(one.case) in replaced
         progress.replaced += is_replaced
         progress.replaced_done += is_replaced and one.state == "done"

@@ -16,6 +16,8 @@ MOST: Final = 3
 SHORTEST_S: Final = 0.3
 LONGEST_S: Final = 90.0
 SEEDS: Final = 20
+ROUGH: Final = 0.4
+"""The share of fresh cases in wind, waves or a current, from which that goes to the cases that are varied."""
 WIND_M_S: Final = (1.0, 6.0)
 
 
@@ -128,7 +130,7 @@ class Draw:
     def _case(self, faults: list[FaultText], random: Random) -> FlightCase:
         case = msgspec.structs.replace(self._base, faults=_texts(faults))
         case = msgspec.structs.replace(case, seed=self._base.seed + random.randrange(SEEDS))
-        return self._with_weather(case, random) if random.random() < 0.25 else case
+        return self._with_weather(case, random) if random.random() < ROUGH else case
 
     def _with_weather(self, case: FlightCase, random: Random) -> FlightCase:
         wind_m_s = round(random.uniform(*WIND_M_S), 1)

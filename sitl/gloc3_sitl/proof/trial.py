@@ -123,6 +123,7 @@ class _Trial:
         self._mission = read_mission_file(case.file(scratch), self._platform, out or scratch)
         self._phases: list[tuple[float, str]] = []
         self._started_s = 0.0
+        self._not_started = ""
         times = [t_s for fault in map(parse, case.faults) for t_s in (fault.begin_s, fault.end_s) if t_s is not None]
         self._last_fault_s = max((t_s for t_s in times if t_s < inf), default=0.0)
         self.wind = gusty(case.wind_m_s, from_deg=270.0) if case.wind_m_s else CALM
@@ -171,7 +172,7 @@ class _Trial:
                 broken=tuple(observer.broken),
                 reached=tuple(sorted(observer.reached.words | {f"branch {one}" for one in taken})),
                 state=observer.mission_state,
-                reason=observer.mission_reason,
+                reason=observer.mission_reason or self._not_started,
                 ended_s=round(flight.loop.time(), 3),
                 started_s=self._started_s,
                 phases=tuple(self._phases),
@@ -194,9 +195,9 @@ class _Trial:
             async with asyncio.timeout(START_WITHIN_S):
                 await flight.upload_and_start()
         except Gloc3Error as error:
-            observer.mission_reason = f"not started: {error}"
+            self._not_started = f"not started: {error}"
         except TimeoutError:
-            observer.mission_reason = f"not started: not ready within {START_WITHIN_S:g} s"
+            self._not_started = f"not started: not ready within {START_WITHIN_S:g} s"
         end_s = flight.loop.time() + given_s
         at_rest_s: float | None = None
         while flight.loop.time() < end_s:

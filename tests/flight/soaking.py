@@ -227,8 +227,9 @@ class _Soak:
         return platform is None or platform.vehicle is None or platform.vehicle.value.is_armed
 
     def _tidy(self, flight: Flight) -> None:
-        """The flight's own notes are not kept, and its log goes on in a new file; the oldest are deleted."""
+        """What the simulation notes in memory is not kept; the log goes on in a new file, and the oldest are deleted."""
         flight.truth.samples.clear()
+        flight.simulator.autopilot.logger.erase()
         flight.log.cut()
         logs = sorted(self._out.glob("log*.mcap"), key=lambda path: path.stat().st_mtime_ns)
         total = sum(path.stat().st_size for path in logs)

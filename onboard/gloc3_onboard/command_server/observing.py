@@ -37,7 +37,7 @@ STOOD_STILL_AGAIN_S: Final = 2.0
 """Not again so soon after it: a process that never has time is one that has no time."""
 OURS: Final = (FlightMode.GUIDED, FlightMode.HOLD, FlightMode.TAKE_OFF, FlightMode.LAND)
 """Modes in which a vehicle that a former life of a driver, or of this process, flew may be taken up again."""
-SETPOINTS_MISSED: Final = "no setpoint for 0.5 s: holding; setpoints are followed again after {:g} s without a gap"
+SETPOINTS_MISSED: Final = "no setpoint for 0.5 s: holding for {:g} s, and until setpoints come steadily"
 """Told once, and again after setpoints have been followed for half a minute; `DriverState.expired` counts."""
 TAKE_OVER_S: Final = 2.0
 """Time for which a driver is asked to resume, s."""

@@ -15,8 +15,10 @@ from gloc3.mavlink.transport.endpoints import open_endpoint
 from gloc3.messages.readiness import AutopilotSetup
 from gloc3.messages.vehicle import Style, VehicleClass
 from gloc3.platform.bases import platform_files
+from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform
 from gloc3_onboard.autopilot.inspection import AT_ONCE
+from gloc3_onboard.autopilot.setpoints import NEAR_M
 from gloc3_onboard.checks.tables import table_of
 from gloc3_onboard.cli.platform_new import KINDS, Answers, Found, platform_text
 from gloc3_onboard.cli.platform_readings import SOURCES, read_limits
@@ -259,6 +261,18 @@ def test_the_file_of_every_class_of_vehicle_can_be_used(
     assert report.is_ok, report.findings
     assert report.platform is not None
     assert ("record_images" in report.platform.capabilities) is bool(camera)
+    if vehicle_class in (VehicleClass.ROVER, VehicleClass.BOAT):
+        assert least_acceptance_m(report.platform) > NEAR_M
+
+
+def test_a_rover_that_stops_beside_a_place_has_come_to_it() -> None:
+    """Led by velocities it goes no nearer to a place at rest: a return home would never end."""
+    assert least_acceptance_m(load_platform("rover")) > NEAR_M
+
+
+def least_acceptance_m(platform: Platform) -> float:
+    (row,) = [row for row in platform.components if row.name == "waypoints"]
+    return float(row.settings.get("least_acceptance_m", 0.0))
 
 
 def test_what_no_mission_can_be_checked_against_stands_in_the_file_as_a_comment() -> None:

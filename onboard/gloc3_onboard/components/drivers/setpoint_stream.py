@@ -14,8 +14,10 @@ from gloc3_onboard.sensors.devices import AutopilotSetpoint
 
 EXPIRY_S: Final = 0.5
 """Time without a valid setpoint after which the stream stops and the autopilot's hold is commanded, s (DESIGN §7)."""
+MISSED_S: Final = 0.15
+"""Age of the newest setpoint from which the vehicle is braked until the next one comes, s."""
 STEADY_S: Final = 1.0
-"""Time of steady setpoints required after an expiry, s; doubled with each further expiry."""
+"""Time of steady setpoints required after an expiry, and shortest hold, s; the hold is doubled with each further expiry."""
 STEADY_MOST_S: Final = 8.0
 RECOVERED_S: Final = 30.0
 """Time of following after which earlier expiries no longer count, s."""
@@ -36,8 +38,8 @@ class SetpointStream:
         self.since_s: float | None = None
         """When it began; None while there is none."""
         self.steady_s = 0.0
-        """Required time of steady setpoints before the autopilot is asked to follow, s."""
-        self._valid_s = -math.inf
+        """Time from the last expiry until the autopilot is asked to follow again, s; 0 without one."""
+        self._valid_s = self._expired_s = -math.inf
         self._limiter: SetpointLimiter | None = None
         self._pose: Pose | None = None
         self._pose_s = -math.inf
@@ -48,8 +50,12 @@ class SetpointStream:
 
     @property
     def is_steady(self) -> bool:
-        """Whether setpoints have been steady for the required time after a gap."""
-        return self.since_s is not None and self._valid_s - self.since_s >= self.steady_s - 1e-9
+        """Whether it has held for the required time after a gap, and setpoints are steady since a second.
+
+        Gaps meanwhile do not prolong the hold: on a computer that is always late it would not end.
+        """
+        since_s = math.inf if self.since_s is None else max(self.since_s, self._expired_s + self.steady_s - STEADY_S)
+        return self._valid_s - since_s >= min(self.steady_s, STEADY_S) - 1e-9
 
     @property
     def pose(self) -> Pose | None:
@@ -93,6 +99,7 @@ class SetpointStream:
         if self._limiter is not None:
             if was_late or not is_guided:
                 self._limiter.restart(place, velocity, pose.t_s)
+                self._led = None
             self._limiter.set_vehicle(place, velocity, pose.t_s, pose.payload.reset_counter)
         if own is not None and abs(gap_s := own.t_s - pose.t_s) <= PAIRED_S:
             theirs = own.payload.position_ned_m
@@ -123,7 +130,16 @@ class SetpointStream:
             self.since_s = None
             self.expired += 1
             if is_guided:
+                self._expired_s = now_s
                 self.steady_s = min(max(2.0 * self.steady_s, STEADY_S), STEADY_MOST_S)
+        if (
+            may_fly
+            and is_guided
+            and self.since_s is not None
+            and now_s - self._valid_s > MISSED_S
+            and self._is_ready(now_s)
+        ):
+            return self._standing(now_s)  # else the autopilot goes on by the last velocity and acceleration
         return None
 
     def brake(self, now_s: float) -> AutopilotSetpoint | None:
@@ -149,6 +165,7 @@ class SetpointStream:
     def _standing(self, now_s: float) -> AutopilotSetpoint:
         """The next velocity setpoint while braking to rest."""
         assert self._limiter is not None
+        self._led = None
         standing = self._limiter.limit(Setpoint(action_id="", velocity_ned_m_s=_AT_REST), now_s).setpoint
         return AutopilotSetpoint(None, standing.velocity_ned_m_s, None)
 
@@ -166,7 +183,10 @@ class SetpointStream:
         return AutopilotSetpoint(position, setpoint.velocity_ned_m_s, setpoint.yaw_rad, acceleration)
 
     def _acceleration(self, setpoint: Setpoint, t_s: float) -> Vector3 | None:
-        """How the velocity of a moving place changes: without it a vehicle lags, then hurries, and flies past corners."""
+        """How a moving place slows down and turns: without it a vehicle lags, and flies past corners.
+
+        Never how it speeds up: if setpoints end just then, the autopilot would go on to speed up until its own time-out.
+        """
         before, velocity = self._led, setpoint.velocity_ned_m_s
         if setpoint.position_ned_m is None or velocity is None:
             self._led = None
@@ -179,4 +199,9 @@ class SetpointStream:
         most = self._limiter.limits.acceleration_m_s2 * duration_s
         share = (min(1.0, most / change) if change > 0.0 else 1.0) / duration_s
         (vn, ve, vd), (n, e, d) = velocity, before[0]
-        return ((vn - n) * share, (ve - e) * share, (vd - d) * share)
+        told = ((vn - n) * share, (ve - e) * share, (vd - d) * share)
+        square = vn * vn + ve * ve + vd * vd
+        faster = (
+            max(0.0, sum(one * other for one, other in zip(told, velocity, strict=True))) / square if square else 0.0
+        )
+        return (told[0] - faster * vn, told[1] - faster * ve, told[2] - faster * vd)

@@ -119,9 +119,13 @@ def test_a_stream_that_runs_dry_stops_after_half_a_second_and_hold_is_asked_unti
     assert rig.state.is_streaming
     rig.run(0.1)
     assert (rig.state.is_streaming, rig.state.expired) == (False, 1)
-    assert len(rig.autopilot.setpoints) == sent
+    braking = rig.autopilot.setpoints[sent:]
+    assert [one[1] for one in braking] == [None] * len(braking), "meanwhile it is braked"
+    assert 5 <= len(braking) <= 8
+    rig.run(0.2)
+    assert len(rig.autopilot.setpoints) == sent + len(braking)
     requested = len(rig.autopilot.modes_asked)
-    rig.run(2.5)
+    rig.run(2.3)
     assert rig.autopilot.modes_asked[requested - 1 :] == ["hold"] * 3
     rig.autopilot.is_deaf = False
     rig.run(3.0)
@@ -249,6 +253,23 @@ def test_after_each_stream_that_ran_dry_the_next_must_be_steady_for_longer(style
 
 
 @STYLES
+def test_gaps_while_it_holds_do_not_prolong_the_hold(style: str) -> None:
+    rig = DriverRig(style).in_flight()
+    stalled(rig, 3)
+    wants = rig.wants
+    rig.wants = lambda: None
+    rig.run(0.7)
+    begin_s, expired = rig.now_s, rig.state.expired
+    while not (rig.state.is_guided and rig.autopilot.state.mode is FlightMode.GUIDED):
+        is_away = (rig.now_s - begin_s) % 3.0 > 2.2
+        rig.wants = (lambda: None) if is_away else wants
+        rig.step()
+        assert rig.now_s < begin_s + 12.0, "it holds without end"
+    assert rig.now_s - begin_s > 7.0
+    assert rig.state.expired > expired + 1
+
+
+@STYLES
 @pytest.mark.parametrize(("has_stalled", "is_failsafe"), [(True, True), (True, False), (False, True), (False, False)])
 def test_only_a_failsafe_hold_that_follows_from_a_gap_of_ours_is_no_pilots_choice(
     style: str, has_stalled: bool, is_failsafe: bool
@@ -357,7 +378,7 @@ def test_an_emergency_disarm_goes_out_whoever_owns_motion() -> None:
     assert "disarm, forced" in rig.autopilot.commands
 
 
-def test_setpoints_that_go_faster_and_slower_tell_how_much_no_more_than_the_platform_may() -> None:
+def test_setpoints_that_go_slower_tell_how_much_no_more_than_the_platform_may_and_faster_ones_nothing() -> None:
     stream = SetpointStream()
     stream.adopt(LIMITS)
     place, told = 0.0, []
@@ -373,7 +394,58 @@ def test_setpoints_that_go_faster_and_slower_tell_how_much_no_more_than_the_plat
         told.append(sent.acceleration_ned_m_s2)
     assert told[0] is None
     known = [one[0] for one in told[1:] if one is not None]
-    assert known[10] == pytest.approx(2.0, abs=0.1)
+    assert known[10] == pytest.approx(0.0, abs=1e-9)
     assert known[30] == pytest.approx(0.0, abs=0.1)
     assert known[50] == pytest.approx(-2.0, abs=0.1)
     assert max(map(abs, known)) <= LIMITS.acceleration_m_s2 + 1e-9
+
+
+def test_a_turn_tells_its_acceleration() -> None:
+    stream = SetpointStream()
+    stream.adopt(LIMITS)
+    sent = None
+    for step in range(20):
+        angle, now_s = 0.05 * step, 1.0 + 0.05 * step
+        place, velocity = (math.sin(angle), 1.0 - math.cos(angle), -2.0), (math.cos(angle), math.sin(angle), 0.0)
+        here = at(now_s, pose(place[0], place[1], 2.0, velocity_ned_m_s=velocity))
+        stream.set_vehicle(here, at(now_s, autopilot_pose(place[0], place[1], 2.0)), is_guided=True)
+        sent = stream.next_setpoint([at(now_s, setpoint(place, velocity))], "go", now_s, may_fly=True, is_guided=True)
+    assert sent is not None
+    assert sent.acceleration_ned_m_s2 is not None
+    assert math.hypot(*sent.acceleration_ned_m_s2) == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_missed_setpoint_leaves_no_acceleration_and_no_velocity_to_go_on_by() -> None:
+    stream = SetpointStream()
+    stream.adopt(LIMITS)
+    sent = None
+    for step in range(20):
+        now_s, speed, place = 1.0 + 0.05 * step, 2.0 - 0.1 * step, 0.1 * step - 0.0025 * step * step
+        here = at(now_s, pose(place, 0.0, 2.0, velocity_ned_m_s=(speed, 0.0, 0.0)))
+        stream.set_vehicle(here, at(now_s, autopilot_pose(place, 0.0, 2.0)), is_guided=True)
+        wanted = [at(now_s, setpoint((place, 0.0, -2.0), (speed, 0.0, 0.0)))] if step < 12 else []
+        following = stream.next_setpoint(wanted, "go", now_s, may_fly=True, is_guided=True)
+        sent = sent if following is None else following
+        if step == 11:
+            assert sent is not None
+            assert sent.acceleration_ned_m_s2 is not None
+    assert sent is not None
+    assert (sent.position_ned_m, sent.acceleration_ned_m_s2) == (None, None)
+    assert sent.velocity_ned_m_s is not None
+    assert math.hypot(*sent.velocity_ned_m_s) < 1.0
+
+
+def test_a_stream_that_follows_the_vehicle_tells_no_acceleration() -> None:
+    stream = SetpointStream()
+    stream.adopt(LIMITS)
+    for step in range(20):
+        now_s, speed = 1.0 + 0.05 * step, 0.2 * (-1) ** step
+        stream.set_vehicle(
+            at(now_s, pose(0.0, 0.0, 2.0, velocity_ned_m_s=(speed, 0.0, 0.0))),
+            at(now_s, autopilot_pose(0.0, 0.0, 2.0)),
+            is_guided=False,
+        )
+        wanted = at(now_s, setpoint((0.0, 0.0, -2.0), (0.0, 0.0, 0.0)))
+        sent = stream.next_setpoint([wanted], "go", now_s, may_fly=True, is_guided=False)
+        assert sent is not None
+        assert sent.acceleration_ned_m_s2 is None

@@ -25,6 +25,8 @@ _AT_REST: Final = (0.0, 0.0, 0.0)
 SHORTEST_S: Final = 0.01
 LONGEST_S: Final = 0.2
 """Setpoints that follow each other within these times tell an acceleration."""
+FASTER_SHARE: Final = 0.5
+"""Part of the acceleration along the path that is told while the setpoint speeds up."""
 PAIRED_S: Final = 0.1
 """Largest time difference of two estimates that relate their frames, s."""
 
@@ -185,7 +187,7 @@ class SetpointStream:
     def _acceleration(self, setpoint: Setpoint, t_s: float) -> Vector3 | None:
         """How a moving place slows down and turns: without it a vehicle lags, and flies past corners.
 
-        Never how it speeds up: if setpoints end just then, the autopilot would go on to speed up until its own time-out.
+        How it speeds up, in part: if the whole process stalls just then, the autopilot speeds up until its own time-out.
         """
         before, velocity = self._led, setpoint.velocity_ned_m_s
         if setpoint.position_ned_m is None or velocity is None:
@@ -201,7 +203,6 @@ class SetpointStream:
         (vn, ve, vd), (n, e, d) = velocity, before[0]
         told = ((vn - n) * share, (ve - e) * share, (vd - d) * share)
         square = vn * vn + ve * ve + vd * vd
-        faster = (
-            max(0.0, sum(one * other for one, other in zip(told, velocity, strict=True))) / square if square else 0.0
-        )
+        along = sum(one * other for one, other in zip(told, velocity, strict=True)) / square if square else 0.0
+        faster = max(0.0, (1.0 - FASTER_SHARE) * along)
         return (told[0] - faster * vn, told[1] - faster * ve, told[2] - faster * vd)

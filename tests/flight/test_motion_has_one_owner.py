@@ -26,6 +26,8 @@ def sent(flight: Card, since_s: float) -> list[Any]:
     return [message for t_s, message in flight.to_autopilot if t_s >= since_s and message.name == SETPOINT]
 
 
+IGNORED_PLACE = 7 | 64 | 128 | 256
+"""Bits of a setpoint's mask: no position, no acceleration."""
 SETPOINT = "SET_POSITION_TARGET_LOCAL_NED"
 
 
@@ -89,8 +91,11 @@ def test_no_setpoints_at_all_stop_the_stream_within_half_a_second_and_hold_is_co
     begin_s = flight.now_s
     flight.fault("no_setpoints", for_s=4.0)
     flight.await_mode(FlightMode.HOLD, 2.0)
-    last_s = max(t_s for t_s, message in flight.to_autopilot if message.name == SETPOINT)
-    assert last_s - begin_s < 0.1
+    late = [(t_s, message) for t_s, message in flight.to_autopilot if message.name == SETPOINT and t_s - begin_s > 0.1]
+    assert all(message.type_mask & IGNORED_PLACE == IGNORED_PLACE for _, message in late), "it is braked meanwhile"
+    speeds = [math.hypot(message.vx, message.vy, message.vz) for _, message in late]
+    assert speeds == sorted(speeds, reverse=True)
+    assert late[-1][0] - begin_s < 0.55
     commands = [t_s for t_s, message in flight.to_autopilot if t_s > begin_s and message.name.startswith("COMMAND")]
     assert 0.45 < commands[0] - begin_s < 0.65
     flight.await_state("mission", "done", 30.0)

@@ -201,8 +201,9 @@ class SetpointStream:
         most = self._limiter.limits.acceleration_m_s2 * duration_s
         share = (min(1.0, most / change) if change > 0.0 else 1.0) / duration_s
         (vn, ve, vd), (n, e, d) = velocity, before[0]
-        told = ((vn - n) * share, (ve - e) * share, (vd - d) * share)
+        change_m_s2 = ((vn - n) * share, (ve - e) * share, (vd - d) * share)
         square = vn * vn + ve * ve + vd * vd
-        along = sum(one * other for one, other in zip(told, velocity, strict=True)) / square if square else 0.0
+        along = sum(one * other for one, other in zip(change_m_s2, velocity, strict=True)) / square if square else 0.0
         faster = max(0.0, (1.0 - FASTER_SHARE) * along)
-        return (told[0] - faster * vn, told[1] - faster * ve, told[2] - faster * vd)
+        north, east, down = change_m_s2
+        return (north - faster * vn, east - faster * ve, down - faster * vd)

@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
 COMMAND = re.compile(r"`(gloc3 [^`]+)`|^(?:\$ )?(gloc3 .+)$", re.MULTILINE)
 BARS = "".join(file.read_text() for file in (ROOT / "tests/evidence").glob("*.py"))
-EVIDENCE = set(re.findall(r"\bBar\(\s*(?:name=)?\"([\w-]+)\"", BARS))
+EVIDENCE = set(re.findall(r"(?:\bBar\(\s*(?:name=)?|^PAGE: Final = )\"([\w-]+)\"", BARS, re.MULTILINE))
 FUZZED = {path.name for path in (ROOT / "tests/fuzz/corpus").iterdir()}
 MAKE = re.compile(r"(?:`|^)make ([a-z]+)(?: NAME=([\w-]+))?", re.MULTILINE)
 

@@ -2,10 +2,14 @@
 
 import math
 import struct
+from collections.abc import Sequence
 from typing import Final
+
+import msgspec
 
 from gloc3.errors import Refused
 from gloc3.mavlink.services.plan import PlanItem, units_per_degree
+from gloc3.mission.formats.commands import JUMP, WAYPOINT
 from gloc3.mission.formats.items import MavItem
 
 _INT_MAX: Final = 2**31 - 1
@@ -37,6 +41,36 @@ def to_wire(item: MavItem, where: str, *, is_current: bool = False) -> PlanItem:
         y=_whole(item.y, scale, where),
         z=_single(item.z or 0.0, where),
     )
+
+
+def mission_to_wire(
+    items: Sequence[MavItem], home: tuple[float, float, float] | None, *, has_home: bool
+) -> tuple[PlanItem, ...]:
+    """The items of a mission as an autopilot wants them.
+
+    Args:
+        items: as in a file, whose jumps name them as if home were item 0.
+        home: as in a file.
+        has_home: whether the autopilot keeps home as item 0, as ArduPilot does.
+
+    Raises:
+        Refused: a number is out of the wire's range; with the item.
+    """
+    sent = list(items)
+    if has_home and sent:
+        x, y, z = home or (0.0, 0.0, 0.0)
+        sent.insert(0, MavItem(command=WAYPOINT, frame=0, x=x, y=y, z=z))
+    elif not has_home:
+        sent = [jump_moved(item, -1) for item in sent]
+    return tuple(to_wire(item, f"item {number}", is_current=number == 0) for number, item in enumerate(sent))
+
+
+def jump_moved(item: MavItem, by: int) -> MavItem:
+    """A jump to an item that is numbered otherwise; other items are left as they are."""
+    target = item.params[0]
+    if item.command != JUMP or target is None:
+        return item
+    return msgspec.structs.replace(item, params=(target + by, *item.params[1:]))
 
 
 def from_wire(item: PlanItem) -> MavItem:

@@ -53,6 +53,9 @@ class ScriptedAutopilot:
     def command_disarm(self, *, is_forced: bool = False) -> int:
         return self._command("disarm, forced" if is_forced else "disarm")
 
+    def command_mission_start(self) -> int:
+        return self._command("begin the mission")
+
     def command_take_off(self, height_m: float) -> int:
         return self._command(f"take off to {height_m:g}")
 

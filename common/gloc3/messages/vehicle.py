@@ -252,7 +252,9 @@ class Manoeuvre(Message, frozen=True):
     may_arm: bool = False
     """Take-off, and a plan that begins with one: whether the vehicle may be armed for it."""
     end_ned_m: Vector3 | None = None
-    """Plan: where it ends."""
+    """Plan: where it ends, or where its last item begins to come down."""
+    comes_down: bool = False
+    """Plan: whether its last item brings the vehicle to the ground, so that a return, a landing and the disarming follow."""
 
 
 class ManoeuvreState(StrEnum):

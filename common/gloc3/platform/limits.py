@@ -61,6 +61,11 @@ class Limits(PlatformRow, frozen=True, kw_only=True):
         if not self.speed_min_m_s <= (self.survey_speed_m_s or self.speed_m_s) <= self.speed_m_s:
             raise ValueError("speed_min_m_s must be no more than survey_speed_m_s and speed_m_s")
 
+    @property
+    def stays_down(self) -> bool:
+        """Whether the vehicle drives, floats or dives: it needs no take-off."""
+        return self.survey_height_m is not None and self.survey_height_m <= 0.0
+
     def is_on_wings(self, length_m: float, by: str | None = None) -> bool:
         """Whether a way of this length is flown on wings: as asked for, or where it is longer than two transitions.
 

@@ -12,9 +12,9 @@ import msgspec
 
 from gloc3.cli.counting import counted
 from gloc3.mavlink.services.plan import PlanItem, PlanType
-from gloc3.mission.formats.commands import JUMP, WAYPOINT
 from gloc3.mission.formats.items import ForeignPlan, MavItem, PlanEntry, fence_parts, rally_points
 from gloc3.plan_wire import from_wire as item_from_wire
+from gloc3.plan_wire import jump_moved, mission_to_wire
 from gloc3.plan_wire import to_wire as item_to_wire
 from gloc3_groundstation.services.snapshot import Firmware
 
@@ -55,16 +55,10 @@ def to_wire(plan: ForeignPlan, firmware: Firmware) -> PlanParts:
     Raises:
         Refused: a number does not fit the wire; with the item.
     """
-    items, home = list(plan.items), plan.home
     has_home = firmware is Firmware.ARDUPILOT
-    if has_home and items:
-        x, y, z = home or (0.0, 0.0, 0.0)
-        items.insert(0, MavItem(command=WAYPOINT, frame=0, x=x, y=y, z=z))
-    elif not has_home:
-        items = [_jump_moved(item, -1) for item in items]
     fence = plan if has_home else msgspec.structs.replace(plan, fence_return=None)  # a point that only ArduPilot knows
     return PlanParts(
-        mission=_items(items, "item"),
+        mission=mission_to_wire(plan.items, plan.home, has_home=has_home),
         fence=_items(fence.fence_items(), "fence item"),
         rally=_items(plan.rally_items(), "rally point"),
     )
@@ -82,7 +76,7 @@ def from_wire(parts: PlanParts, firmware: Firmware, vehicle_type: int = 2) -> Fo
         first = items.pop(0)
         home = (first.x or 0.0, first.y or 0.0, first.z or 0.0)
     elif firmware is not Firmware.ARDUPILOT:
-        items = [_jump_moved(item, 1) for item in items]
+        items = [jump_moved(item, 1) for item in items]
     fence = fence_parts([item_from_wire(item) for item in parts.fence])
     return ForeignPlan(
         entries=tuple(PlanEntry(items=(item,)) for item in items),
@@ -138,13 +132,6 @@ def _frame(item: PlanItem) -> int:
 def _plain(value: float) -> float:
     """Value for comparison: a parameter that is not given counts as 0, because ArduPilot stores it so."""
     return 0.0 if math.isnan(value) else value
-
-
-def _jump_moved(item: MavItem, by: int) -> MavItem:
-    target = item.params[0]
-    if item.command != JUMP or target is None:
-        return item
-    return msgspec.structs.replace(item, params=(target + by, *item.params[1:]))
 
 
 def _items(items: Sequence[MavItem], called: str) -> tuple[PlanItem, ...]:

@@ -4,24 +4,34 @@ Its methods may be called from any thread: readings are immutable, commands are 
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Final
 
 from gloc3.errors import Refused
 from gloc3.messages.readiness import AutopilotSetup
 from gloc3.messages.vehicle import AutopilotState, FlightMode, Pose, Style
+from gloc3.mission.formats.as_it_is import FlyFileOrder
 from gloc3.mission.formats.items import FenceArea
 from gloc3_onboard.autopilot.commands import NO_OWNER
 from gloc3_onboard.autopilot.health_words import FENCE_BIT
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.sensors import FIX_HZ, WHEELS_HZ
 from gloc3_onboard.autopilot.setpoints import ControlLead
-from gloc3_onboard.autopilot.style import ARM_DISARM, DO_SET_HOME, PROGRESS, SET_EKF_SOURCE_SET, MavCommand
+from gloc3_onboard.autopilot.style import (
+    ARM_DISARM,
+    DO_SET_HOME,
+    MISSION_START,
+    PROGRESS,
+    SET_EKF_SOURCE_SET,
+    MavCommand,
+)
 from gloc3_onboard.autopilot.vision import Spread, odometry_message, origin_message
 from gloc3_onboard.sensors.devices import (
     AutopilotBehaviour,
     AutopilotSetpoint,
     Bell,
     CommandAnswer,
+    FileProgress,
     GeoPath,
     Stamped,
     StampedFix,
@@ -208,6 +218,10 @@ class AutopilotDevice:
         force = FORCE if is_forced else 0.0
         return self._command(lambda: MavCommand(ARM_DISARM, (0.0, force, 0.0, 0.0, 0.0, 0.0, 0.0)))
 
+    def command_mission_start(self) -> int:
+        """Requests that the uploaded mission begins."""
+        return self._command(lambda: MavCommand(MISSION_START, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+
     def command_take_off(self, height_m: float) -> int:
         """Requests a take-off to a height above the current position."""
 
@@ -245,6 +259,23 @@ class AutopilotDevice:
 
     def command_plan(self, path: GeoPath) -> int:
         """Uploads the plan of a path and reads it back."""
+        return self._upload(partial(self._link.plan.begin, path=path))
+
+    def command_file(self, order: FlyFileOrder, *, continue_at: int) -> int:
+        """Uploads the items of a plan and reads them back; one that is there already is left as it is.
+
+        Args:
+            order: with the items.
+            continue_at: the item to continue at, from 1; 0 to begin anew.
+        """
+        return self._upload(partial(self._link.file.begin, order=order, continue_at=continue_at))
+
+    @property
+    def file_progress(self) -> FileProgress:
+        """What the autopilot reports of the items uploaded last."""
+        return self._link.file.poll()
+
+    def _upload(self, begin_upload: Callable[..., None]) -> int:
         ticket = self._link.commands.ticket()
 
         def begin() -> None:
@@ -253,7 +284,7 @@ class AutopilotDevice:
                 self._link.commands.put(ticket, CommandAnswer(False, NO_OWNER))
                 return
             try:
-                self._link.plan.begin(ticket, path, self._link.style.style, self._link.target, now_s)
+                begin_upload(ticket, style=self._link.style.style, target=self._link.target, now_s=now_s)
             except Refused as refusal:
                 self._link.commands.put(ticket, CommandAnswer(False, str(refusal)))
             else:

@@ -23,6 +23,7 @@ from gloc3.messages.vehicle import Style, VehicleClass
 from gloc3_onboard.autopilot.arm_authority import ArmPermissionRequest
 from gloc3_onboard.autopilot.commands import NO_OWNER, CommandDesk
 from gloc3_onboard.autopilot.events import AutopilotEvents
+from gloc3_onboard.autopilot.file_upload import FileUpload
 from gloc3_onboard.autopilot.identification import Identification, IdentityChange
 from gloc3_onboard.autopilot.inspection import Inspection
 from gloc3_onboard.autopilot.link_reports import AlertRelay
@@ -105,6 +106,7 @@ class AutopilotLink:
         self._more_names = more_names
         self.fence: Final = FenceUpload(self._plans)
         self.plan: Final = PlanUpload(self._plans)
+        self.file: Final = FileUpload(self._plans)
         self._streams = StreamRequests(self._client)
         self._prearm, self._origin = prearm_checks(self._client), origin_request(self._client)
         services: list[Microservice[Any]] = [
@@ -275,7 +277,7 @@ class AutopilotLink:
             if isinstance(event, Transfer):
                 self.inspection.transferred(event, now_s)
                 fenced, switch_on = self.fence.received(event, now_s), self.style.fence_on_command
-                ended = fenced or self.plan.received(event, now_s)
+                ended = fenced or self.plan.received(event, now_s) or self.file.received(event, now_s)
                 if fenced is not None and fenced[1].is_accepted and self.fence.is_set and switch_on is not None:
                     # its answer is that of the fence
                     self.commands.send(fenced[0], switch_on, self.target, now_s, patience_s=FENCE_LOAD_S)
@@ -283,6 +285,7 @@ class AutopilotLink:
                     self.commands.put(*ended)
             elif event.sender == self.target:
                 self.plan.follow(event)
+                self.file.follow(event)
 
     # --- what is requested ---
 

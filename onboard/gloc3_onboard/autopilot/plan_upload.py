@@ -52,6 +52,13 @@ class PlanUploader:
         else:
             self._transfer = self._client.clear(target, now_s=now_s, kind=self._kind)
 
+    def read(self, ticket: int, items: tuple[PlanItem, ...], target: Address, now_s: float) -> None:
+        """Reads the autopilot's plan and compares it with this one, without sending it."""
+        if self._transfer is not None and self._transfer.result is None:
+            self._client.cancel(self._transfer, now_s)
+        self._items, self._ticket, self._is_reading = items, ticket, True
+        self._transfer = self._client.download(target, now_s=now_s, kind=self._kind)
+
     def received(self, transfer: Transfer, now_s: float) -> tuple[int, CommandAnswer] | None:
         """A transfer has ended: the ticket and its answer once the plan is read back, or could not be sent."""
         if transfer is not self._transfer or transfer.result is None:
@@ -91,14 +98,14 @@ class PlanUpload(PlanUploader):
         self._has_begun = False
         """What the autopilot says of its progress is of this plan: until the first item is set it is of the one before."""
 
-    def begin(self, ticket: int, way: GeoPath, style: Style, target: Address, now_s: float) -> None:
+    def begin(self, ticket: int, *, path: GeoPath, style: Style, target: Address, now_s: float) -> None:
         """Sends the plan of a path.
 
         Raises:
             Refused: a number does not fit the wire.
         """
-        items = path_items(way, style)
-        planned = plan_of(way, style)
+        items = path_items(path, style)
+        planned = plan_of(path, style)
         self._begin = int(style is Style.ARDUPILOT)
         self._first = self._begin + next(number for number, (item, _) in enumerate(planned) if item.frame != NO_PLACE)
         self._passed, self.reached = tuple(accumulate((passes for _, passes in planned), initial=0)), 0

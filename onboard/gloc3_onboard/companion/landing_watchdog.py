@@ -24,6 +24,7 @@ from gloc3_onboard.components.drivers.manoeuvres import (
     ManoeuvreMachine,
     RestMeter,
     SetMode,
+    StartMission,
 )
 from gloc3_onboard.sensors.devices import AutopilotBehaviour, CommandAnswer, Stamped
 
@@ -182,7 +183,7 @@ class LandingWatch:
                 return self._device.command_mode(mode)
             case Disarm():
                 return self._device.command_disarm()
-            case Arm() | Climb():
+            case Arm() | Climb() | StartMission():
                 raise AssertionError("a landing neither arms nor climbs")
 
     def _away_m(self, pose: Stamped | None) -> float | None:

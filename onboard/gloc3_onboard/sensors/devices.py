@@ -296,6 +296,17 @@ class VtolWay(NamedTuple):
     """Place before the last one at which it leaves its wings; None for at once, where it is to hover."""
 
 
+class FileProgress(NamedTuple):
+    """What the autopilot reports of the items, numbered from 1."""
+
+    current: int = 0
+    """The item that it flies; 0 while it has reported none."""
+    reached: int = 0
+    """The last item that it has passed."""
+    is_complete: bool = False
+    """Whether it says that all are done."""
+
+
 class AutopilotBehaviour(NamedTuple):
     """Rules for commanding an autopilot of one family and class."""
 
@@ -349,6 +360,9 @@ class AutopilotControl(Protocol):
 
     def command_disarm(self, *, is_forced: bool = False) -> int:
         """Asks to disarm; the autopilot refuses it in flight, unless it is forced."""
+
+    def command_mission_start(self) -> int:
+        """Requests that the uploaded mission begins, which has an armed vehicle set off from the ground."""
 
     def command_take_off(self, height_m: float) -> int:
         """Asks to climb to a height above the present place, in the mode that this style needs."""

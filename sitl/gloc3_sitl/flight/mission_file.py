@@ -11,6 +11,7 @@ from gloc3.mission.checking.estimate import MissionEstimate
 from gloc3.mission.checking.plan_check import check_plan, planned_home
 from gloc3.mission.examples import find_mission
 from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, load_plan, mission_text
+from gloc3.mission.formats.as_it_is import FlyFileOrder
 from gloc3.mission.model.model import GEO, Mission
 from gloc3.platform.platform import Platform
 from gloc3_sitl.vehicles.table import vehicle_named
@@ -149,6 +150,8 @@ def home_of(mission: Mission) -> GeoPoint:
         Gloc3Error: the mission has no position.
     """
     for action in mission.actions().values():
+        if isinstance(action.order, FlyFileOrder) and (place := action.order.first_place) is not None:
+            return place._replace(altitude_m=place.altitude_m or DEFAULT_ALTITUDE_M)
         for field in ("waypoints", "position", "at", "area", "wall", "to"):
             value = getattr(action.arguments, field, None)
             if value:

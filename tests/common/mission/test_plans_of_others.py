@@ -166,7 +166,7 @@ def test_everything_that_is_dropped_is_a_warning_with_its_line() -> None:
 def test_a_refusal_names_the_command_and_the_line_in_the_users_file() -> None:
     found = refused(HEADER + HOME + CLIMB + "# again\n2 0 2 177 1 3 0 0 0 0 0 1\n")
     assert found[0].startswith(
-        "f:5:1: item 2, DO_JUMP: cannot be expressed in a mission (take it out of the plan, or fly"
+        "f:5:1: item 2, DO_JUMP: cannot be expressed in a mission (take it out, or have the autopilot fly"
     )
     plan = json.dumps(PLAN, indent=1)
     line = next(n for n, text in enumerate(plan.splitlines(), 1) if '"command": 82' in text)

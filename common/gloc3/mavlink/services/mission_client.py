@@ -120,6 +120,8 @@ class MissionClient(Microservice[MissionEvent]):
         super().__init__(own)
         self.current: dict[Address, int] = {}
         """Current item of each vehicle that reports it."""
+        self.states: dict[Address, int] = {}
+        """MISSION_STATE of each vehicle that reports it with its current item."""
         self._active: Transfer | None = None
         self._waiting: deque[Transfer] = deque()
         self._round_trips: dict[Address, RoundTrip] = {}
@@ -159,6 +161,7 @@ class MissionClient(Microservice[MissionEvent]):
             self._events.append(ItemReached(sender, message.seq))
             return
         if message.name == "MISSION_CURRENT":
+            self.states[sender] = getattr(message, "mission_state", 0)
             self._receive_current(message.seq, sender, now_s)
             return
         if not self._is_for_us(message):

@@ -29,9 +29,9 @@ from gloc3.mission.checking.space_check import (
 )
 from gloc3.mission.checking.turn_check import turn_findings
 from gloc3.mission.model.abilities import WAIT, abilities
-from gloc3.mission.model.arguments import SetOff, argument_kinds
+from gloc3.mission.model.arguments import argument_kinds
 from gloc3.mission.model.legs import Budget
-from gloc3.mission.model.model import Mission, Task, answer, part_of, where_of
+from gloc3.mission.model.model import FLY_FILE, Mission, Task, answer, part_of, where_of
 from gloc3.mission.model.structure import PartialOrder, structure_findings
 from gloc3.mission.reading.reader import MissionReferences, Reading, inspect_mission
 from gloc3.platform.bases import platform_files
@@ -81,10 +81,14 @@ class Circumstances:
         """The rows by name; without a platform one for each kind of arguments."""
         if self.platform is not None:
             return abilities(self.platform)
-        return dict(WAIT) | {
-            name: Capability(arguments=name, performed_by="", claims=kind.claims())
-            for name, kind in argument_kinds().items()
-        }
+        return (
+            dict(WAIT)
+            | {FLY_FILE: Capability(arguments=FLY_FILE, performed_by="", claims=("motion",))}
+            | {
+                name: Capability(arguments=name, performed_by="", claims=kind.claims())
+                for name, kind in argument_kinds().items()
+            }
+        )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -306,7 +310,7 @@ def _capabilities(mission: Mission, circumstances: Circumstances) -> Iterator[Fi
                 hint = nearest(str(value), possible)
                 message = f"{argument} {value!r} is not possible on {platform.platform}"
                 yield document.finding((*where, argument), message, hint)
-        if isinstance(action.order, SetOff) and not platform.arm:
+        if action.order.begins_flight and not platform.arm:
             message = f"{platform.platform} is not armed by GLOC3 (arm: false)"
             yield document.finding(where, message, "a pilot has to arm it", at_key=True, is_warning=True)
 

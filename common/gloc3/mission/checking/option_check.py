@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from gloc3.component.deployment import ComponentRow
 from gloc3.documents.document import Document, Where
 from gloc3.errors import Finding, Gloc3Error
+from gloc3.mission.formats.as_it_is import FlyFileOrder
 from gloc3.mission.model.abilities import abilities
 from gloc3.mission.model.arguments import FollowWaypointsOrder
 from gloc3.mission.model.conditions import QUANTITIES, Condition
@@ -115,6 +116,14 @@ def plan_findings(mission: Mission, platform: Platform | None) -> Iterator[Findi
             yield document.finding(where, message, "leave out flown_by")
             continue
         routes = [action for action in task.actions.values() if action.order.moves]
+        for action in routes:
+            if isinstance(action.order, FlyFileOrder) and action.order.never_ends:
+                message = f"{action.order.never_ends} never ends: the task runs until an operator or a policy ends it"
+                yield document.finding(
+                    (*where_of(name), "plan"), message, "set deadline_s for another end", is_warning=True
+                )
+        if task.options.plan is not None:
+            continue
         for action in routes:
             problem = _plan_problem(action)
             if problem:

@@ -12,8 +12,9 @@ from gloc3.messages.standard_topics import POSE_LATE_S
 from gloc3.messages.vehicle import HeightAboveGround
 from gloc3.mission.checking.estimate import MissionEstimate
 from gloc3.mission.checking.option_check import kept_options
+from gloc3.mission.formats.as_it_is import FlyFileOrder
 from gloc3.mission.model.abilities import abilities
-from gloc3.mission.model.arguments import FollowWaypointsOrder, LandOrder, ReturnHome, SetOff
+from gloc3.mission.model.arguments import FollowWaypointsOrder, LandOrder, ReturnHome
 from gloc3.mission.model.fence import TOLERANCE_M, Fence
 from gloc3.mission.model.legs import FlightLeg
 from gloc3.mission.model.model import FLY_PLAN, Action, Mission, where_of
@@ -29,7 +30,7 @@ def flight_findings(mission: Mission, order: PartialOrder, *, is_airborne: bool)
     moving = list(_unrolled(mission, [one for one in order.targets if one in actions and actions[one].order.moves]))
     if document is None or not moving:
         return
-    is_from_ground = any(isinstance(actions[target].order, SetOff) for target in moving)
+    is_from_ground = any(actions[target].order.begins_flight for target in moving)
     if not is_from_ground and not is_airborne:
         hint = "begin with take_off"
         yield document.finding(
@@ -39,13 +40,13 @@ def flight_findings(mission: Mission, order: PartialOrder, *, is_airborne: bool)
     for target in moving:
         kind = actions[target].order
         where = (*where_of(target), actions[target].capability)
-        if isinstance(kind, SetOff):
+        if kind.begins_flight:
             if in_air:
                 yield document.finding(where, f"{target} takes off while in the air", "land first", at_key=True)
             in_air = True
         elif not in_air:
             yield document.finding(where, f"{target} moves the vehicle on the ground", "take off first", at_key=True)
-        elif isinstance(kind, LandOrder):
+        if kind.ends_flight:
             in_air = False
     if in_air:
         yield document.finding(
@@ -85,7 +86,8 @@ def space_findings(
             fence = fence if placed.is_end_known else Fence(ceiling_m=fence.ceiling_m)
             margin_m = limits.fence_margin_m if limits is not None else 0.0
             found += _fence(leg, fence, margin_m, document, place, is_start_known=placed.is_start_known)
-        if limits is not None and not isinstance(action.order, LandOrder) and leg.length_m > 0.0:
+        lands = isinstance(action.order, LandOrder) or (action.order.ends_flight and leg.waypoint is None)
+        if limits is not None and not lands and leg.length_m > 0.0:
             found += _height(leg.end, home, limits, document, place)
     if limits is not None:
         found += _speeds(mission, limits, document)
@@ -152,7 +154,8 @@ def placed_legs(
     is_known = home_ned_m is not None or start_ned_m is not None
     for target, part in figures.actions.items():
         order, legs = actions[target].order, part.legs
-        has_places = isinstance(order, FollowWaypointsOrder) or getattr(order, "at_ned_m", None) is not None
+        has_places = isinstance(order, FollowWaypointsOrder | FlyFileOrder)
+        has_places = has_places or getattr(order, "at_ned_m", None) is not None
         if isinstance(order, FollowWaypointsOrder) and (not legs or legs[0].waypoint != 0):  # it begins at the first
             first = order.waypoints_ned_m[0]
             legs = (FlightLeg(start=first, end=first, duration_s=0.0, waypoint=0), *legs)
@@ -169,7 +172,10 @@ def placed_legs(
 
 
 def place_of(where: Where, action: Action, leg: FlightLeg, document: Document) -> Where:
-    """The location in the file of a leg's target."""
+    """The location in the file of a leg's target; for a plan of another program with the item's name behind it."""
+    if isinstance(action.order, FlyFileOrder):
+        number = leg.waypoint if leg.waypoint is not None else len(action.order.path) - 1
+        return (*where[:2], "plan", action.order.path[number].name if action.order.path else "the plan")
     for key in ("waypoints_m", "waypoints"):
         if getattr(action.arguments, key, None) is not None and leg.waypoint is not None:
             return (*where, key, leg.waypoint)
@@ -211,7 +217,9 @@ def _height(point: Vector3, home: Vector3, limits: Limits, document: Document, p
 
 
 def name_of(place: Where) -> str:
-    """A place for a person: a waypoint, or the end of an action."""
+    """A place for a person: a waypoint, an item of a plan, or the end of an action."""
+    if len(place) == 4 and place[2] == "plan":
+        return str(place[3])
     return f"waypoint {place[-1] + 1}" if isinstance(place[-1], int) else f"{place[3]}'s end"
 
 

@@ -4,7 +4,6 @@ from gloc3.messages.envelope import Severity
 from gloc3.mission.executing import manoeuvres
 from gloc3.mission.executing.board import Board
 from gloc3.mission.executing.items import ActionRun, MissionProgram, TaskRun
-from gloc3.mission.model.arguments import SetOff
 from gloc3.mission.model.model import attempts
 from gloc3.mission.model.policy import Policy, resolved
 from gloc3.mission.model.states import ActionState, StateTrigger
@@ -21,7 +20,7 @@ def fail_action(board: Board, run: ActionRun, reason: str, now_s: float, *, is_o
         is_over: whether its component has ended it already.
     """
     board.release(run, is_over=is_over)
-    if isinstance(run.action.order, SetOff) and is_over:
+    if run.action.order.begins_flight and is_over:
         board.air.is_taking_off = False
     board.move(run, StateTrigger.FAIL, now_s, reason)
     if run.has_attempts_left:

@@ -14,7 +14,7 @@ from gloc3.mission.executing.assignments import MOTION, Assignment, AssignmentPh
 from gloc3.mission.executing.board import BY_OPERATOR, Board, PolicyCondition, PolicyManoeuvre
 from gloc3.mission.executing.failures import fail_action, fail_program, fail_task
 from gloc3.mission.executing.items import ActionRun, MissionItem, MissionProgram, TaskRun
-from gloc3.mission.model.arguments import LandOrder, SetOff, TakeOff, Wait
+from gloc3.mission.model.arguments import TakeOff, Wait
 from gloc3.mission.model.model import Mission
 from gloc3.mission.model.policy import Policy
 from gloc3.mission.model.states import ActionState, StateTrigger
@@ -93,10 +93,10 @@ def check_readiness(board: Board, mission: Mission) -> None:
             raise Refused(f"{shared} is claimed by {holder.label}; pause or abort it first")
     targets = PartialOrder.of(mission).targets
     first = next((actions[one].order for one in targets if MOTION in board.rows[actions[one].ability].claims), None)
-    if isinstance(first, SetOff) and board.is_airborne:
+    if first is not None and first.begins_flight and board.is_airborne:
         at = "in the air" if isinstance(first, TakeOff) else "under way"
         raise Refused(f"the vehicle is already {at}, but the mission starts with a departure")
-    if first is not None and not isinstance(first, SetOff) and not board.is_airborne:
+    if first is not None and not first.begins_flight and not board.is_airborne:
         raise Refused("the vehicle is on the ground, but the mission does not begin with take_off, drive_off or dive")
 
 
@@ -296,7 +296,7 @@ def _assign(board: Board, run: ActionRun, now_s: float) -> None:
     """Hands a running action to its component, unless it needs none."""
     if not run.row.performed_by:
         return
-    if isinstance(run.action.order, SetOff):
+    if run.action.order.begins_flight:
         board.air.is_taking_off = not board.air.is_reported
         board.air.has_landed = False
     board.is_changed = True
@@ -317,7 +317,7 @@ def finish_action(board: Board, run: ActionRun, now_s: float) -> None:
     """An action's component says that it is done."""
     board.release(run, is_over=True)
     run.progress = 1.0
-    if isinstance(run.action.order, LandOrder):
+    if run.action.order.ends_flight:
         board.air.has_landed = True
     board.move(run, StateTrigger.FINISH, now_s)
 

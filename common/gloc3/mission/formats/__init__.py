@@ -3,11 +3,12 @@
 `load_plan` reads any of them and `exported` writes them; `items` is the form that they have in common.
 """
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-from gloc3.documents.document import load_bytes
+from gloc3.documents.document import dump, load_bytes
 from gloc3.errors import Finding, InputError
 from gloc3.messages.frames import LocalFrame
 from gloc3.mission.examples import find_mission
@@ -19,7 +20,7 @@ from gloc3.mission.formats.plan_source import MAX_BYTES
 from gloc3.mission.formats.source_lines import in_source
 from gloc3.mission.formats.to_mission import to_mission
 from gloc3.mission.formats.wpl import read_wpl, write_wpl
-from gloc3.mission.model.model import Mission
+from gloc3.mission.model.model import GEO, Mission
 from gloc3.mission.reading.library import bundled
 from gloc3.mission.reading.writer import write_mission
 from gloc3.platform.platform import Platform
@@ -79,6 +80,29 @@ def mission_text(name: str, platform: Platform | None = None) -> tuple[str, str,
     return str(path), text, warnings
 
 
+def as_it_is_text(path: Path, beside: Path) -> str:
+    """A mission whose one task has the autopilot fly a plan as it is.
+
+    Args:
+        path: the plan.
+        beside: the mission's file, to which the name of the plan is relative.
+
+    Raises:
+        InputError: the plan cannot be read, or has no items.
+    """
+    if not load_plan(path).items:
+        hint = "its fence and rally points go to the autopilot: upload it there"
+        raise InputError([Finding(file=str(path), message="it has no mission items", hint=hint)])
+    relative = os.path.relpath(path.absolute(), beside.absolute().parent)
+    return dump(
+        {
+            "mission": path.stem,
+            "frame": GEO,
+            "tasks": {"fly": {"flown_by": "autopilot", "plan": Path(relative).as_posix()}},
+        }
+    )
+
+
 def exported(
     mission: Mission, suffix: str, file: str, frames: Mapping[str, LocalFrame] | None = None
 ) -> tuple[str, list[Finding]]:
@@ -122,6 +146,8 @@ def lost_in_waypoints(plan: ForeignPlan, file: str) -> list[Finding]:
 
 __all__ = [
     "ForeignPlan",
+    "as_it_is",
+    "as_it_is_text",
     "commands",
     "exported",
     "from_mission",

@@ -22,7 +22,7 @@ DEFAULT_SPEED_M_S: Final = 5.0
 """Of a plan that says nothing of speed."""
 NEAR_M: Final = 1.0
 """A take-off position so near to the planned home is home."""
-FLY_IT_AS_IT_IS: Final = "take it out of the plan, or fly the plan as it is: flown_by: autopilot, plan: FILE"
+FLY_IT_AS_IT_IS: Final = "take it out, or have the autopilot fly the plan as it is: gloc3 mission convert --as-it-is"
 
 _HEIGHT_ABOVE: Final = {
     0: HeightAbove.SEA,

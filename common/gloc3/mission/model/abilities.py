@@ -10,6 +10,7 @@ from typing import Final
 import msgspec
 
 from gloc3.mission.model.arguments import argument_kinds
+from gloc3.mission.model.model import FLY_FILE, FLY_PLAN
 from gloc3.mission.model.patterns import ARRIVE, Depart, Pattern
 from gloc3.platform.platform import Capability, Platform
 
@@ -33,6 +34,8 @@ def abilities(platform: Platform) -> Mapping[str, Capability]:
             found[name] = _as(declared, by_kind[setting_off], name)
     if {"return_home", "land"} <= by_kind.keys():
         found[ARRIVE] = _as(declared, by_kind["land"], ARRIVE)
+    if FLY_PLAN in declared:
+        found[FLY_FILE] = msgspec.structs.replace(declared[FLY_PLAN], arguments=FLY_FILE, performed_as=FLY_FILE)
     return found | declared
 
 

@@ -79,6 +79,16 @@ class Arguments(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         """Whether the action runs until it is ended from outside."""
         return False
 
+    @property
+    def begins_flight(self) -> bool:
+        """Whether the vehicle sets off from the ground with it, for which it is armed."""
+        return False
+
+    @property
+    def ends_flight(self) -> bool:
+        """Whether the vehicle is on the ground and disarmed after it."""
+        return False
+
     def filled(self, limits: Limits | None) -> "Arguments":
         """Arguments with the platform's defaults filled in; `limits` is None for an unknown platform.
 
@@ -145,6 +155,11 @@ class SetOff(Arguments, frozen=True, kw_only=True):
 
     moves = True
 
+    @property
+    def begins_flight(self) -> bool:
+        """It does."""
+        return True
+
 
 class TakeOff(SetOff, frozen=True, kw_only=True):
     """Arm (where that is allowed) and climb straight up."""
@@ -197,6 +212,11 @@ class LandOrder(Arguments, frozen=True, kw_only=True):
 
     at_ned_m: Vector3 | None = None
     """The point to land at, whose height is ignored; None for the current position."""
+
+    @property
+    def ends_flight(self) -> bool:
+        """It does."""
+        return True
 
     def legs(self, start_ned_m: Vector3, budget: Budget) -> tuple[FlightLeg, ...]:
         """To above the place, then down to the height of home."""

@@ -27,6 +27,7 @@ PlatformName = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
 RestartPolicy = Literal["continue", "hold", "land"]
 FlownBy = Literal["companion", "autopilot"]
 FLY_PLAN: Final = "fly_plan"
+FLY_FILE: Final = "fly_file"
 """Capability of a platform whose autopilot can fly a path as a plan."""
 Corners = Annotated[tuple[tuple[Metres, Metres], ...], msgspec.Meta(min_length=3, max_length=200)]
 GeoCorners = Annotated[tuple[tuple[Latitude, Longitude], ...], msgspec.Meta(min_length=3, max_length=200)]
@@ -170,6 +171,9 @@ class TaskOptions(ItemFile, frozen=True, kw_only=True):
     flown_by: FlownBy = "companion"
     """What controls the vehicle on its paths; with `autopilot` each path is uploaded as a plan that needs no
     companion."""
+    plan: str | dict[str, str] | None = None
+    """In place of actions, with `flown_by: autopilot`: another program's plan, relative to this file, whose items the
+    autopilot flies unchanged; a mission that is sent contains its content."""
 
 
 Actions = Annotated[dict[Name, dict[str, Any]], msgspec.Meta(min_length=1)]
@@ -288,7 +292,7 @@ class Action:
     @property
     def ability(self) -> str:
         """The platform's capability by which it is done."""
-        return FLY_PLAN if self.is_planned else self.capability
+        return FLY_PLAN if self.is_planned and self.capability != FLY_FILE else self.capability
 
     @property
     def attempts(self) -> int:

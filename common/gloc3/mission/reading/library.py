@@ -1,17 +1,19 @@
-"""Libraries of definitions: files that a mission includes, and that are sent with it.
+"""Files that a mission names and that are sent with it: libraries of definitions, and plans of other programs.
 
 A mission is sent as one text. So its `include: [survey.yaml]` is replaced at the sender by `include: {survey.yaml:
-CONTENT}`, with the number of lines unchanged: onboard, findings have the same positions.
+CONTENT}`, and the `plan: field.plan` of a task likewise, with the number of lines unchanged: onboard, findings have the
+same positions.
 """
 
 import json
+from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 from typing import Final
 
 import yaml
 
 from gloc3.documents import schema
-from gloc3.documents.document import Document, load_bytes, parse
+from gloc3.documents.document import Document, Where, load_bytes, parse
 from gloc3.errors import Finding, InputError, Refused
 from gloc3.mission.model.model import LibraryFile
 
@@ -19,35 +21,58 @@ MAX_LIBRARIES: Final = 20
 
 
 def bundled(text: str, file: Path) -> str:
-    """The text of a mission with the libraries that it includes, each relative to the mission's own file.
+    """The text of a mission with the libraries that it includes and the plans of its tasks, each relative to its file.
 
     Raises:
-        InputError: a library is not there, or cannot be read; with the place where it is included.
+        InputError: one is not there, or cannot be read; with the place where it is named.
     """
-    if "include" not in text:
+    if "include" not in text and "plan:" not in text:
         return text
     try:
         document = parse(text, str(file))
     except InputError:
         return text  # what is wrong with it is found when it is read
-    block = document.root.children.get("include")
-    if block is None or not isinstance(block.value, list):
-        return text
-    contents: dict[str, str] = {}
     findings: list[Finding] = []
-    for index, name in enumerate(block.value[:MAX_LIBRARIES]):
-        try:
-            relative = _relative(name)
-            contents[relative] = load_bytes(file.parent / relative).decode("utf-8-sig")
-        except UnicodeDecodeError:
-            findings.append(document.finding(("include", index), f"{name} is not UTF-8 text"))
-        except Refused as refusal:
-            findings.append(document.finding(("include", index), str(refusal), "write it relative to the mission"))
-        except InputError as error:
-            findings.append(document.finding(("include", index), f"{name} {error.findings[0].message}"))
+    contents: list[tuple[Where, dict[str, str]]] = []
+    block = document.root.children.get("include")
+    if block is not None and isinstance(block.value, list):
+        names = [(("include", index), name) for index, name in enumerate(block.value[:MAX_LIBRARIES])]
+        contents.append((("include",), _contents(names, document, file, findings)))
+    for where, name in _named_plans(document):
+        contents.append((where, _contents([(where, name)], document, file, findings)))
     if findings:
         raise InputError(findings)
     return _carrying(text, contents)
+
+
+def _named_plans(document: Document) -> list[tuple[Where, str]]:
+    """The plans that tasks name by their files."""
+    found: list[tuple[Where, str]] = []
+    for group in ("tasks", "contingencies"):
+        tasks = document.root.children.get(group)
+        for name, task in tasks.children.items() if tasks is not None else ():
+            plan = task.children.get("plan")
+            if plan is not None and isinstance(plan.value, str):
+                found.append(((group, name, "plan"), plan.value))
+    return found
+
+
+def _contents(
+    names: Sequence[tuple[Where, object]], document: Document, file: Path, findings: list[Finding]
+) -> dict[str, str]:
+    """The content of files by their names; what cannot be read is a finding."""
+    found: dict[str, str] = {}
+    for where, name in names:
+        try:
+            relative = _relative(name)
+            found[relative] = load_bytes(file.parent / relative).decode("utf-8-sig")
+        except UnicodeDecodeError:
+            findings.append(document.finding(where, f"{name} is not UTF-8 text"))
+        except Refused as refusal:
+            findings.append(document.finding(where, str(refusal), "write it relative to the mission"))
+        except InputError as error:
+            findings.append(document.finding(where, f"{name} {error.findings[0].message}"))
+    return found
 
 
 def library_documents(document: Document) -> list[Document]:
@@ -93,11 +118,21 @@ def _relative(name: object) -> str:
     return name
 
 
-def _carrying(text: str, contents: dict[str, str]) -> str:
-    """The text with the value of `include` replaced; as many lines as before."""
+def _carrying(text: str, contents: Sequence[tuple[Where, dict[str, str]]]) -> str:
+    """The text with the values at some places replaced by mappings of names to contents; as many lines as before."""
     root = yaml.compose(text, Loader=yaml.SafeLoader)
-    assert isinstance(root, yaml.MappingNode)
-    value = next(value for key, value in root.value if key.value == "include")
-    start, end = value.start_mark.index, value.end_mark.index
-    lines = text[start:end].count("\n")
-    return text[:start] + json.dumps(contents, ensure_ascii=False) + "\n" * lines + text[end:]
+    assert root is not None
+    replaced = [(_node_at(root, where), carried) for where, carried in contents]
+    for value, carried in sorted(replaced, key=lambda one: one[0].start_mark.index, reverse=True):
+        start, end = value.start_mark.index, value.end_mark.index
+        lines = text[start:end].count("\n")
+        text = text[:start] + json.dumps(carried, ensure_ascii=False) + "\n" * lines + text[end:]
+    return text
+
+
+def _node_at(root: yaml.Node, where: Where) -> yaml.Node:
+    node = root
+    for step in where:
+        assert isinstance(node, yaml.MappingNode)
+        node = next(value for key, value in node.value if key.value == step)
+    return node

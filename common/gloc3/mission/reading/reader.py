@@ -11,10 +11,12 @@ from gloc3.documents.document import Document, Where, load_bytes, parse
 from gloc3.documents.yaml_nodes import YamlNode
 from gloc3.errors import Finding, InputError, Refused, nearest
 from gloc3.messages.frames import GeoPoint, LocalFrame
+from gloc3.mission.formats.as_it_is import PlanVehicle
 from gloc3.mission.model.abilities import abilities
 from gloc3.mission.model.arguments import Arguments, FollowWaypointsOrder, argument_kinds
 from gloc3.mission.model.fence import Area, Fence, polygon_problem
 from gloc3.mission.model.model import (
+    FLY_FILE,
     FLY_PLAN,
     GEO,
     Action,
@@ -35,6 +37,7 @@ from gloc3.mission.model.structure import Tasks, structure_findings
 from gloc3.mission.model.waypoint_options import WaypointOptions
 from gloc3.mission.reading.definitions import expanded
 from gloc3.mission.reading.library import bundled
+from gloc3.mission.reading.plan_tasks import Plans, fence_of, first_place, plan_action, plans_in
 from gloc3.platform.limits import Limits
 from gloc3.platform.platform import Platform
 
@@ -61,6 +64,15 @@ class MissionReferences:
     """Capability to kind of arguments; None where they are not known, and each kind is a capability."""
     limits: Limits | None = None
     """The platform's; None where they are not known."""
+    arm: bool = False
+    """Whether missions may arm the platform."""
+
+    def vehicle(self) -> PlanVehicle:
+        """What must be known for a plan of another program."""
+        limits = self.limits
+        if limits is None:
+            return PlanVehicle(self.arm)
+        return PlanVehicle(self.arm, limits.stays_down, is_level=limits.survey_height_m == 0.0)
 
     @classmethod
     def of(
@@ -83,6 +95,7 @@ class MissionReferences:
             home_altitude_m=home_altitude_m,
             capabilities=capabilities,
             limits=platform.limits if platform is not None else None,
+            arm=platform is not None and platform.arm,
         )
 
 
@@ -136,13 +149,16 @@ def inspect_mission(data: bytes | str, file: str, surroundings: MissionReference
         raise InputError([document.finding((), "a mission file is a mapping", "begin with 'mission: NAME'")])
     document = expanded(document, findings)
     written = schema.check(document.root, MissionFile, file, findings)
-    placement = _placement(document, surroundings, findings)
-    tasks = _tasks(document, surroundings, placement, findings)
-    ready = _tasks(document.seen_as("tasks", "contingencies"), surroundings, placement, findings)
+    plans = plans_in(document, findings)
+    placement = _placement(document, surroundings, first_place(plans), findings)
+    tasks = _tasks(document, surroundings, placement, plans, findings)
+    ready = _tasks(document.seen_as("tasks", "contingencies"), surroundings, placement, {}, findings)
     geofence = fence = None
     fence_node = document.root.children.get("geofence")
     if fence_node is not None and fence_node.value is not None:
         geofence = schema.check(fence_node, GeofenceFile, file, [])
+    elif plans:
+        geofence = fence_of(plans, document, findings)
     if geofence is not None and placement is not None:
         fence = read_fence(geofence, placement, document, findings)
     mission = None
@@ -165,7 +181,11 @@ def inspect_mission(data: bytes | str, file: str, surroundings: MissionReference
 
 
 def _tasks(
-    document: Document, surroundings: MissionReferences, placement: Placement | None, findings: list[Finding]
+    document: Document,
+    surroundings: MissionReferences,
+    placement: Placement | None,
+    plans: Plans,
+    findings: list[Finding],
 ) -> Tasks:
     """The tasks of a document, each with its actions as far as they can be used."""
     found = Tasks(document=document, read={}, skeleton={}, actions={})
@@ -174,10 +194,25 @@ def _tasks(
         options = _options(node, TaskOptions, document.file, [], name)
         platforms = (options.platform, surroundings.platform)
         is_elsewhere = None not in platforms and options.platform != surroundings.platform
-        if isinstance(node.value, dict) and not {"actions", "use"} & {*node.children}:
-            hint = "give it actions, or use a definition"
+        if isinstance(node.value, dict) and not {"actions", "use", "plan"} & {*node.children}:
+            hint = "give it actions, a plan, or use a definition"
             findings.append(document.finding(("tasks", name), f"'actions' is missing in {name}", hint))
         actions: dict[str, Action] = {}
+        can_fly = surroundings.capabilities is None or FLY_FILE in surroundings.capabilities
+        if options.plan is not None and not is_elsewhere and can_fly:  # a check says that it cannot
+            planned, wrong = plan_action(
+                name,
+                plans,
+                options,
+                document,
+                surroundings.origin or first_place(plans),
+                surroundings.home_altitude_m,
+                surroundings.vehicle(),
+            )
+            findings += wrong
+            if planned is not None:
+                actions[planned.name] = planned
+                found.actions[f"{name}.{planned.name}"] = planned.options
         for action_name, action_node in _entries(node, "actions"):
             target, where = f"{name}.{action_name}", where_of(f"{name}.{action_name}")
             if not isinstance(action_node.value, dict):
@@ -215,7 +250,9 @@ def _entries(node: YamlNode, key: str) -> Iterator[tuple[str, YamlNode]]:
         yield from ((str(name), child) for name, child in inner.children.items() if "." not in str(name))
 
 
-def _placement(document: Document, surroundings: MissionReferences, findings: list[Finding]) -> Placement | None:
+def _placement(
+    document: Document, surroundings: MissionReferences, planned: GeoPoint | None, findings: list[Finding]
+) -> Placement | None:
     frame = document.value.get("frame")
     if not isinstance(frame, str):
         return None
@@ -243,7 +280,8 @@ def _placement(document: Document, surroundings: MissionReferences, findings: li
         message = "the altitude of home is not known here; 0 m is assumed"
         findings.append(document.finding(("height_above",), message, is_warning=True))
     written = document.value
-    origin = surroundings.origin or _first_position(written.get("tasks")) or _first_position(written) or _EARTH
+    origin = surroundings.origin or planned or _first_position(written.get("tasks"))
+    origin = origin or _first_position(written) or _EARTH
     return GeoPlacement(origin, HeightAbove(above), surroundings.home_altitude_m)
 
 

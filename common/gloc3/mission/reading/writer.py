@@ -62,7 +62,8 @@ def _task(task: Task) -> dict[str, Any]:
     written: dict[str, Any] = {
         key: value for key, value in msgspec.to_builtins(task.options).items() if key != "actions"
     }
-    written["actions"] = {name: _action(action) for name, action in task.actions.items()}
+    if task.options.plan is None:
+        written["actions"] = {name: _action(action) for name, action in task.actions.items()}
     return written
 
 

@@ -19,6 +19,7 @@ from gloc3.mission.formats import (
     MISSION_SUFFIXES,
     PLAN_SUFFIXES,
     WPL_SUFFIXES,
+    as_it_is_text,
     exported,
     load_plan,
     lost_in_waypoints,
@@ -242,7 +243,7 @@ def schema(*, platform: OnPlatform = None, out: Path | None = None) -> int:
 
 
 @app.command
-def convert(source: Mission, target: Path, /, *, platform: OnPlatform = None) -> int:
+def convert(source: Mission, target: Path, /, *, platform: OnPlatform = None, as_it_is: bool = False) -> int:
     """Convert between missions (.yaml), plans (.plan) and waypoints (.waypoints, .txt), by suffix.
 
     Args:
@@ -250,6 +251,7 @@ def convert(source: Mission, target: Path, /, *, platform: OnPlatform = None) ->
         target: The file to write.
         platform: Its speed limit applies to a converted plan; its frames give local positions a place on Earth, so that
             a mission in one of them can become a plan, which the autopilot flies alone.
+        as_it_is: Make a mission that has the autopilot fly the plan unchanged, with all its commands.
     """
     known = (*MISSION_SUFFIXES, *PLAN_SUFFIXES, *WPL_SUFFIXES)
     if target.suffix not in known:
@@ -259,8 +261,11 @@ def convert(source: Mission, target: Path, /, *, platform: OnPlatform = None) ->
         path, on = find_mission(source), _platform(platform)
     except InputError as error:
         return _fail(error, WRONG_USE)
+    if as_it_is and not (_is_plan(path) and target.suffix in MISSION_SUFFIXES):
+        _report_problem("--as-it-is makes a mission (.yaml) of a plan (.plan, .waypoints, .txt)")
+        return WRONG_USE
     try:
-        text, warnings = _converted(path, target.suffix, on)
+        text, warnings = (as_it_is_text(path, target), []) if as_it_is else _converted(path, target.suffix, on)
     except InputError as error:
         return _fail(error, WRONG_USE if isinstance(error, NotFound) else FAILED)
     code = _write(target, text)

@@ -6,9 +6,11 @@ from typing import Final
 
 import msgspec
 
+from gloc3.cli.counting import counted
 from gloc3.messages.units import split_unit
 from gloc3.mission.checking.checker import CheckReport
 from gloc3.mission.checking.estimate import about
+from gloc3.mission.formats.as_it_is import FlyFileOrder
 from gloc3.mission.model.arguments import Arguments
 from gloc3.mission.model.model import Action, ItemFile, Mission, Policies, Task, TaskOptions
 from gloc3.platform.platform import Capability, Platform
@@ -163,6 +165,9 @@ def summary(action: Action) -> str:
 
 
 def _words(arguments: Arguments) -> Iterator[str]:
+    if isinstance(arguments, FlyFileOrder):
+        yield f"{arguments.file}, {counted(len(arguments.items), 'item')}"
+        return
     entries = msgspec.to_builtins(arguments).items()
     for key, value in sorted(entries, key=lambda entry: not isinstance(entry[1], list | tuple)):
         word, unit = split_unit(key)

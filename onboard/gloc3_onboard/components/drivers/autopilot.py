@@ -34,6 +34,7 @@ from gloc3_onboard.components.drivers.manoeuvres import (
     ManoeuvreMachine,
     RestMeter,
     SetMode,
+    StartMission,
 )
 from gloc3_onboard.components.drivers.pilot_watch import PilotWatch
 from gloc3_onboard.components.drivers.setpoint_stream import SetpointStream
@@ -173,6 +174,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
                 ticket = self._control.command_arm()
             case Disarm():
                 ticket = self._control.command_disarm()
+            case StartMission():
+                ticket = self._control.command_mission_start()
             case Climb(height_m=height_m):
                 ticket = self._control.command_take_off(height_m)
         self._unanswered[ticket] = command, self._now_s
@@ -229,6 +232,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
                 now_s,
                 is_shadow=self._is_quiet,
                 may_settle=may_settle,
+                comes_down=self._machine.comes_down,
                 may_return=self._stream.since_s is not None and behaviour.stream_before_guided_s > 0.0,
             )
             self._autopilot = state.payload
@@ -248,6 +252,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
                     self._watch.extend(mode, now_s)
                 case Climb():
                     self._watch.extend(FlightMode.TAKE_OFF, now_s)
+                case StartMission():
+                    self._watch.extend(FlightMode.MISSION, now_s)
                 case Arm():
                     self._watch.command_arm(now_s)
                 case Disarm():
@@ -260,6 +266,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         match write:
             case SetMode(mode=mode):
                 self._watch.command(mode, now_s)
+            case StartMission():
+                self._watch.command(FlightMode.MISSION, now_s)
             case Arm():
                 self._watch.command_arm(now_s)
             case Disarm() | ForcedDisarm():

@@ -77,7 +77,13 @@ class Climb(NamedTuple):
     words: str = "take off"
 
 
-AutopilotCommand = SetMode | Arm | Disarm | Climb
+class StartMission(NamedTuple):
+    """Ask an armed vehicle on the ground to begin its mission."""
+
+    words: str = "begin its mission"
+
+
+AutopilotCommand = SetMode | Arm | Disarm | Climb | StartMission
 ManoeuvreStep = AutopilotCommand | Settle | ComeHome
 
 
@@ -103,6 +109,7 @@ class ManoeuvreMachine:
         self._has_armed = False
         self._height_m = 0.0
         self._end_ned_m: Vector3 | None = None
+        self._comes_down = False
         self.away_m: float | None = None
         """Distance from home over ground, as the driver keeps it; None where it is not known."""
 
@@ -141,6 +148,7 @@ class ManoeuvreMachine:
         self.state, self.reason, self.ticket = ManoeuvreState.RUNNING, "", 0
         self._since_s, self._is_requested, self._has_armed = now_s, False, False
         self._height_m, self._behaviour, self._end_ned_m = manoeuvre.height_m, behaviour, manoeuvre.end_ned_m
+        self._comes_down = manoeuvre.comes_down
         match manoeuvre.kind:
             case ManoeuvreKind.TAKE_OFF | ManoeuvreKind.SET_OFF:
                 self._steps = [SetMode(behaviour.arm_in_mode)] if behaviour.arm_in_mode else []
@@ -157,6 +165,8 @@ class ManoeuvreMachine:
             case ManoeuvreKind.PLAN:
                 self._steps = [SetMode(FlightMode.MISSION)]
                 self._steps += [Arm()] if manoeuvre.may_arm else []
+                if manoeuvre.may_arm and behaviour.arm_in_mode is FlightMode.GUIDED:  # it does not arm in its mission
+                    self._steps = [SetMode(FlightMode.GUIDED), Arm(), SetMode(FlightMode.MISSION), StartMission()]
 
     def _refuse_what_it_cannot(self, behaviour: AutopilotBehaviour) -> None:
         if self.kind is ManoeuvreKind.SET_OFF and behaviour.climbs:
@@ -187,6 +197,11 @@ class ManoeuvreMachine:
         if self.kind is ManoeuvreKind.PLAN and self._end_ned_m is not None and position_ned_m is not None:
             return dist(position_ned_m, self._end_ned_m) <= ENDING_M
         return self.kind is ManoeuvreKind.TAKE_OFF and (climbed_m is None or climbed_m >= self._height_m - SETTLING_M)
+
+    @property
+    def comes_down(self) -> bool:
+        """Whether the autopilot flies a plan that ends on the ground."""
+        return self.is_running and self.kind is ManoeuvreKind.PLAN and self._comes_down
 
     def advance(
         self, now_s: float, autopilot: AutopilotState | None, answer: CommandAnswer | None, rested_s: float | None = 0.0

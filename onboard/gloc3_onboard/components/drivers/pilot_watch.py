@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from gloc3.messages.envelope import Envelope
-from gloc3.messages.vehicle import AutopilotPose, AutopilotState, FlightMode
+from gloc3.messages.vehicle import AutopilotPose, AutopilotState, FlightMode, LandedState
 
 FOLLOWS: Final[Mapping[FlightMode, frozenset[FlightMode]]] = {
     FlightMode.TAKE_OFF: frozenset({FlightMode.TAKE_OFF, FlightMode.GUIDED}),
@@ -17,6 +17,9 @@ FOLLOWS: Final[Mapping[FlightMode, frozenset[FlightMode]]] = {
 """Modes that may follow from our commands, by commanded mode."""
 OURS: Final = frozenset(FOLLOWS) - {FlightMode.RETURN}
 """The modes that are taken for ours when nothing is known of who commanded them: a return is more often a pilot's."""
+
+_COMING_DOWN: Final = frozenset({FlightMode.RETURN, FlightMode.LAND})
+"""Modes in which an autopilot flies the last item of its mission."""
 
 ANSWER_S: Final = 5.0
 """Time after our command (repetitions included) in which its mode is attributed to us, s."""
@@ -125,6 +128,7 @@ class PilotWatch:
         is_shadow: bool = False,
         may_settle: bool = False,
         may_return: bool = False,
+        comes_down: bool = False,
     ) -> None:
         """Handles the autopilot's state.
 
@@ -135,6 +139,7 @@ class PilotWatch:
             may_settle: our take-off is high enough, or our plan close enough to its end, for the autopilot to change to
                 hold.
             may_return: our stream restores guided mode.
+            comes_down: our plan ends with a return or a landing of the autopilot, and its disarming.
         """
         if self._begins and now_s - self._polled_s > BLIND_S:
             self._seen = None
@@ -154,16 +159,33 @@ class PilotWatch:
                 reason = f"the vehicle was armed, in mode {state.mode_name}, before this driver started"
                 self.lose(reason, is_failsafe=state.is_failsafe)
         else:
-            self._compare(before, state, now_s, may_settle=may_settle, may_return=may_return)
+            may_come_down = comes_down and (may_settle or self._expected in _COMING_DOWN)
+            self._compare(
+                before,
+                state,
+                now_s,
+                may_settle=may_settle,
+                may_return=may_return,
+                may_come_down=may_come_down,
+                may_disarm=comes_down and before.landed is LandedState.ON_GROUND,
+            )
 
     def _compare(
-        self, before: AutopilotState, state: AutopilotState, now_s: float, *, may_settle: bool, may_return: bool
+        self,
+        before: AutopilotState,
+        state: AutopilotState,
+        now_s: float,
+        *,
+        may_settle: bool,
+        may_return: bool,
+        may_come_down: bool,
+        may_disarm: bool,
     ) -> None:
         if state.is_armed and not before.is_armed and now_s > self._arm_until_s:
             self.lose("the vehicle was armed by another party")
         if before.is_armed and not state.is_armed:
             lands = self._expected in (FlightMode.LAND, FlightMode.RETURN) or FlightMode.LAND in self._commanded
-            if not lands and now_s > self._disarm_until_s:
+            if not (lands or may_disarm) and now_s > self._disarm_until_s:
                 self.lose("the vehicle was disarmed by another party")
         if state.mode is before.mode:
             return
@@ -180,6 +202,7 @@ class PilotWatch:
             settles = may_settle and state.mode is FlightMode.HOLD
             has_landed = self._expected is FlightMode.LAND and state.mode_name in self.lands_into
             returns = may_return and state.mode is FlightMode.GUIDED
+            settles = settles or (may_come_down and state.mode in _COMING_DOWN and not state.is_failsafe)
             if self._holds_after_gap(before, state, now_s):
                 self.held_after_gap_s = self._gap_s
             elif self.is_failsafe and not state.is_failsafe:  # a human takes over from it

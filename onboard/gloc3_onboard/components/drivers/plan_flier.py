@@ -10,12 +10,30 @@ from gloc3.component.settings import Bounds, Settings
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import GeoPoint, TangentPlane, Vector3
-from gloc3.messages.vehicle import AutopilotPose, DriverState, Manoeuvre, ManoeuvreKind, ManoeuvreState, Pose
+from gloc3.messages.standard_topics import AUTOPILOT_SILENT_S
+from gloc3.messages.vehicle import (
+    AutopilotPose,
+    AutopilotState,
+    DriverState,
+    Manoeuvre,
+    ManoeuvreKind,
+    ManoeuvreState,
+    Pose,
+)
+from gloc3.mission.formats.as_it_is import FlyFileOrder
 from gloc3.mission.model.arguments import FollowWaypointsOrder
 from gloc3.mission.model.states import ActionState
 from gloc3.mission.model.waypoint_options import IN_PLANS, refuse_unkept
 from gloc3_onboard.algorithms.paths.path_follower import next_ahead
-from gloc3_onboard.sensors.devices import CommandAnswer, GeoPath
+from gloc3_onboard.components.drivers.file_flight import (
+    FileControl,
+    FileFlight,
+    FileTimes,
+    SendFile,
+    last_item,
+    refuse_unready,
+)
+from gloc3_onboard.sensors.devices import GeoPath
 
 PROGRESS_M = 1.0
 """So far from a leg a vehicle that its autopilot leads may be."""
@@ -39,7 +57,7 @@ class PlanSettings(Settings, frozen=True):
 S = TypeVar("S", bound=PlanSettings)
 
 
-class PlanControl(Protocol):
+class PlanControl(FileControl, Protocol):
     """Interface for giving an autopilot a plan. Nothing blocks."""
 
     def command_plan(self, path: GeoPath) -> int:
@@ -48,9 +66,6 @@ class PlanControl(Protocol):
     @property
     def places_reached(self) -> int:
         """Number of positions of the latest path that the autopilot has passed."""
-
-    def answer(self, ticket: int) -> CommandAnswer | None:
-        """The answer to a command; None while there is none."""
 
 
 class SendPlan(NamedTuple):
@@ -72,6 +87,7 @@ class PlanFlier(ActionPerformer, Generic[S]):
     pose = Input(Pose)
     autopilot_pose = Input(AutopilotPose)
     driver = Input(DriverState)
+    autopilot = Input(AutopilotState)
     manoeuvre_wanted = Output(Manoeuvre)
 
     def __init__(self, device: PlanControl) -> None:
@@ -79,6 +95,9 @@ class PlanFlier(ActionPerformer, Generic[S]):
         self._control = device
         self.settings: S
         self._order: FollowWaypointsOrder | None = None
+        self._autopilot: AutopilotState | None = None
+        self._file: FileFlight | None = None
+        """Another program's plan that is flown as it is."""
         self._pose: Pose | None = None
         self._passed = 0
         """Waypoints passed before the upload of the rest."""
@@ -90,10 +109,28 @@ class PlanFlier(ActionPerformer, Generic[S]):
 
     def stop(self) -> None:
         """Forgets the action."""
+        self._file = None
         self.drop_action()
 
-    def begin_action(self, capability: str, arguments: FollowWaypointsOrder, now_s: float) -> None:
+    def begin_file(self, order: FlyFileOrder, now_s: float) -> None:
+        """Takes up another program's plan at the item where an earlier attempt was.
+
+        Raises:
+            Refused: it cannot begin where the vehicle is.
+        """
+        done = round(self.earlier_progress * last_item(order))
+        if not done:
+            refuse_unready(order, self._autopilot)
+        times = FileTimes(self.settings.upload_s, self.settings.repeat_s, self.settings.start_s)
+        self._file = FileFlight(self._control, order, done, now_s, times)
+        self.waypoint = done
+
+    def begin_action(self, capability: str, arguments: FollowWaypointsOrder | FlyFileOrder, now_s: float) -> None:
         """Takes up the waypoints that no earlier attempt has passed."""
+        self._file = None
+        if isinstance(arguments, FlyFileOrder):
+            self.begin_file(arguments, now_s)
+            return
         count = len(arguments.waypoints_ned_m)
         if not count:
             raise Refused("there is no waypoint")
@@ -108,7 +145,10 @@ class PlanFlier(ActionPerformer, Generic[S]):
 
     def resume_action(self, now_s: float) -> None:
         """Uploads the rest of the path."""
-        self._restart(now_s)
+        if self._file is not None:
+            self._file.restart(now_s)
+        else:
+            self._restart(now_s)
 
     def path(self, order: FollowWaypointsOrder, places: tuple[GeoPoint, ...]) -> GeoPath:
         """What the autopilot is to fly, through the places of an order that are left."""
@@ -129,13 +169,35 @@ class PlanFlier(ActionPerformer, Generic[S]):
         results: list[Result] = []
         latest = inbox.latest(self.pose)
         self._pose = latest.payload if latest is not None and latest.payload.is_valid else None
-        if self.is_running and self._order is not None:
+        self._autopilot = self._known_autopilot(inbox, now_s)
+        if self.is_running and self._file is not None:
+            results += self._fly_file(self._file, inbox, now_s)
+        elif self.is_running and self._order is not None:
             driver = inbox.latest(self.driver)
             if not self._is_held:
                 results += self._upload(self._order, inbox, now_s)
             else:
                 results += self._fly(self._order, driver.payload if driver is not None else None, now_s)
         return [*results, *self.action_reports(now_s)]
+
+    def _known_autopilot(self, inbox: Inbox, now_s: float) -> AutopilotState | None:
+        latest = inbox.latest(self.autopilot)
+        is_known = inbox.is_fresh(self.autopilot, now_s, AUTOPILOT_SILENT_S)
+        return latest.payload if latest is not None and is_known else None
+
+    def _fly_file(self, file: FileFlight, inbox: Inbox, now_s: float) -> list[Result]:
+        """One cycle of another program's plan."""
+        driver = inbox.latest(self.driver)
+        outcome = file.update(self.action_id, self._autopilot, driver.payload if driver is not None else None, now_s)
+        self.waypoint = outcome.achieved
+        if outcome.failure:
+            self.advance(now_s, outcome.progress, ActionState.FAILED, outcome.failure)
+        elif outcome.is_done:
+            self.advance(now_s, 1.0, ActionState.DONE, achieved=outcome.achieved)
+        else:
+            self.advance(now_s, outcome.progress, reason=outcome.reason, achieved=outcome.achieved)
+        wanted = [outcome.manoeuvre] if outcome.manoeuvre is not None else []
+        return [*wanted, *([Actuation(outcome.upload)] if outcome.upload is not None else [])]
 
     # --- the upload ---
 
@@ -227,7 +289,11 @@ class PlanFlier(ActionPerformer, Generic[S]):
 
     def actuate(self, write: Any) -> None:
         """Begins an upload."""
-        self._ticket = self._control.command_plan(write.path)
+        if isinstance(write, SendFile):
+            if self._file is not None:
+                self._file.ticket = self._control.command_file(write.order, continue_at=write.continue_at)
+        else:
+            self._ticket = self._control.command_plan(write.path)
         self.uploads += 1
 
     def make_safe(self) -> None:

@@ -10,6 +10,7 @@ from gloc3.component.settings import Bounds
 from gloc3.errors import Refused
 from gloc3.messages.frames import GeoPoint, TangentPlane, Vector3, yaw_of
 from gloc3.messages.vehicle import DriverState, ManoeuvreState, VtolForm
+from gloc3.mission.formats.as_it_is import FlyFileOrder
 from gloc3.mission.model.arguments import FollowWaypointsOrder, ReturnHome, TakeOff, VtolTransition
 from gloc3.mission.model.waypoint_options import IN_PLANS
 from gloc3_onboard.components.drivers.plan_flier import PlanControl
@@ -54,9 +55,15 @@ class VtolPlan(WingedFlier[VtolPlanSettings], ActuatorDriver[VtolPlanSettings]):
         self._has_left_rotors = self._was_on_wings = False
 
     def begin_action(
-        self, capability: str, arguments: FollowWaypointsOrder | ReturnHome | TakeOff | VtolTransition, now_s: float
+        self,
+        capability: str,
+        arguments: FollowWaypointsOrder | ReturnHome | TakeOff | VtolTransition | FlyFileOrder,
+        now_s: float,
     ) -> None:
         """Takes up the way, in the form that it asks for or that suits its length."""
+        if isinstance(arguments, FlyFileOrder):
+            super().begin_action(capability, arguments, now_s)
+            return
         pose = self._pose
         if pose is None:
             raise Refused("there is no valid pose")

@@ -9,9 +9,10 @@ from gloc3.component.ports import Inbox, Input, Result
 from gloc3.component.settings import Bounds
 from gloc3.errors import Refused
 from gloc3.messages.frames import GeoPoint, Vector3
-from gloc3.messages.standard_topics import AUTOPILOT_SILENT_S
-from gloc3.messages.vehicle import AutopilotState, Home, LandedState, Manoeuvre
+from gloc3.messages.vehicle import Home, LandedState, Manoeuvre
+from gloc3.mission.formats.as_it_is import FlyFileOrder
 from gloc3.mission.model.arguments import FollowWaypointsOrder, ReturnHome, TakeOff
+from gloc3.mission.model.model import FLY_FILE
 from gloc3.mission.model.waypoint_options import refuse_unkept
 from gloc3_onboard.components.drivers.plan_flier import PlanControl, PlanFlier, PlanSettings
 from gloc3_onboard.sensors.devices import GeoPath
@@ -48,22 +49,24 @@ class WingedFlier(PlanFlier[W], Generic[W]):
         "follow_waypoints": FollowWaypointsOrder,
         "go_to": FollowWaypointsOrder,
         "fly_plan": FollowWaypointsOrder,
+        FLY_FILE: FlyFileOrder,
         "return_home": ReturnHome,
     }
 
     home = Input(Home)
-    autopilot = Input(AutopilotState)
 
     def __init__(self, device: PlanControl) -> None:
         super().__init__(device)
         self._home_ned_m: Vector3 | None = None
-        self._autopilot: AutopilotState | None = None
         self._climbs = False
 
     def begin_action(
-        self, capability: str, arguments: FollowWaypointsOrder | ReturnHome | TakeOff, now_s: float
+        self, capability: str, arguments: FollowWaypointsOrder | ReturnHome | TakeOff | FlyFileOrder, now_s: float
     ) -> None:
         """Starts the path; that of a take-off leads to its height over the present position."""
+        if isinstance(arguments, FlyFileOrder):
+            super().begin_action(capability, arguments, now_s)
+            return
         if self._pose is None:
             raise Refused("there is no valid pose")
         match arguments:
@@ -111,10 +114,8 @@ class WingedFlier(PlanFlier[W], Generic[W]):
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Uploads, starts, and follows the plan."""
-        home, autopilot = inbox.latest(self.home), inbox.latest(self.autopilot)
+        home = inbox.latest(self.home)
         self._home_ned_m = home.payload.position_ned_m if home is not None else self._home_ned_m
-        is_known = inbox.is_fresh(self.autopilot, now_s, AUTOPILOT_SILENT_S)
-        self._autopilot = autopilot.payload if autopilot is not None and is_known else None
         return super().work(now_s, inbox)
 
     @property

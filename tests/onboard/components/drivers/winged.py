@@ -6,7 +6,8 @@ from tests.onboard.messages import pose
 from tests.onboard.stage import Stage
 
 from gloc3.messages.vehicle import AutopilotPose, AutopilotState, Home
-from gloc3_onboard.sensors.devices import CommandAnswer, GeoPath
+from gloc3.mission.formats.as_it_is import FlyFileOrder
+from gloc3_onboard.sensors.devices import CommandAnswer, FileProgress, GeoPath
 
 
 class Plans:
@@ -15,6 +16,10 @@ class Plans:
     def __init__(self) -> None:
         self.routes: list[GeoPath] = []
         self.places_reached = 0
+        self.file_progress = FileProgress()
+
+    def command_file(self, order: FlyFileOrder, *, continue_at: int) -> int:
+        raise AssertionError("no plan of another program is flown here")
 
     def command_plan(self, way: GeoPath) -> int:
         self.routes.append(way)

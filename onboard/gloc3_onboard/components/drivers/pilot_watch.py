@@ -185,7 +185,8 @@ class PilotWatch:
             self.lose("the vehicle was armed by another party")
         if before.is_armed and not state.is_armed:
             lands = self._expected in (FlightMode.LAND, FlightMode.RETURN) or FlightMode.LAND in self._commanded
-            if not (lands or may_disarm) and now_s > self._disarm_until_s:
+            lands = lands or may_disarm
+            if not lands and now_s > self._disarm_until_s:
                 self.lose("the vehicle was disarmed by another party")
         if state.mode is before.mode:
             return

@@ -8,11 +8,10 @@ from gloc3.documents.document import Document, Where
 from gloc3.documents.yaml_nodes import YamlNode
 from gloc3.errors import Finding, InputError
 from gloc3.messages.frames import GeoPoint
+from gloc3.mission.formats import read_plan, read_wpl
 from gloc3.mission.formats.as_it_is import PlanVehicle, file_order
 from gloc3.mission.formats.items import ForeignPlan
-from gloc3.mission.formats.plan import read_plan
 from gloc3.mission.formats.to_mission import geofence_of
-from gloc3.mission.formats.wpl import read_wpl
 from gloc3.mission.model.model import FLY_FILE, GEO, Action, GeofenceFile, TaskOptions
 
 Plans = Mapping[str, ForeignPlan]

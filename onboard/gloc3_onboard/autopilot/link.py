@@ -23,11 +23,10 @@ from gloc3.messages.vehicle import Style, VehicleClass
 from gloc3_onboard.autopilot.arm_authority import ArmPermissionRequest
 from gloc3_onboard.autopilot.commands import NO_OWNER, CommandDesk
 from gloc3_onboard.autopilot.events import AutopilotEvents
-from gloc3_onboard.autopilot.file_upload import FileUpload
 from gloc3_onboard.autopilot.identification import Identification, IdentityChange
 from gloc3_onboard.autopilot.inspection import Inspection
 from gloc3_onboard.autopilot.link_reports import AlertRelay
-from gloc3_onboard.autopilot.plan_upload import FenceUpload, PlanUpload
+from gloc3_onboard.autopilot.plan_upload import FenceUpload, FileUpload, PlanUpload
 from gloc3_onboard.autopilot.sensors import AutopilotSensors
 from gloc3_onboard.autopilot.streams import StreamRequests, origin_request, prearm_checks
 from gloc3_onboard.autopilot.style import AutopilotStyle, MessageStream

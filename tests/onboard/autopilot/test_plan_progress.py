@@ -7,8 +7,7 @@ from gloc3.messages.frames import GeoPoint
 from gloc3.messages.vehicle import Style
 from gloc3.mission.formats.as_it_is import FlyFileOrder
 from gloc3.mission.formats.items import MavItem
-from gloc3_onboard.autopilot.file_upload import FileUpload
-from gloc3_onboard.autopilot.plan_upload import PlanUpload
+from gloc3_onboard.autopilot.plan_upload import FileUpload, PlanUpload
 from gloc3_onboard.sensors.devices import GeoPath
 
 AUTOPILOT = Address(1, 1)

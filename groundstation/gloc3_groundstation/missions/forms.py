@@ -12,7 +12,7 @@ from gloc3.documents.document import parse
 from gloc3.documents.schema import in_words
 from gloc3.errors import Gloc3Error, InputError
 from gloc3.messages.units import split_unit
-from gloc3.mission.model.abilities import abilities
+from gloc3.mission.model.abilities import abilities, nameable
 from gloc3.mission.model.arguments import Arguments, argument_kinds
 from gloc3.mission.model.waypoint_options import options_of
 from gloc3.platform.platform import Capability, Platform
@@ -77,7 +77,7 @@ class FormError(Gloc3Error):
 def capabilities(platform: Platform | None) -> Mapping[str, Capability]:
     """Capabilities by name: of the platform, or all known ones where its file is not here."""
     if platform is not None:
-        return {name: row for name, row in abilities(platform).items() if name != "wait"}
+        return {name: row for name, row in nameable(abilities(platform)).items() if name != "wait"}
     return {name: Capability(arguments=name, performed_by="") for name in argument_kinds() if name != "wait"}
 
 

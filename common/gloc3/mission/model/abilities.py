@@ -39,6 +39,11 @@ def abilities(platform: Platform) -> Mapping[str, Capability]:
     return found | declared
 
 
+def nameable(rows: Mapping[str, Capability]) -> dict[str, Capability]:
+    """The rows that an action of a mission can name; plans of other programs are named by their task."""
+    return {name: row for name, row in rows.items() if name != FLY_FILE}
+
+
 def departure(platform: Platform) -> str:
     """The kind of setting off by which a platform departs; empty where it has none."""
     kinds = {row.arguments for row in platform.capabilities.values()}

@@ -6,6 +6,7 @@ from typing import Any, Final
 
 from gloc3.documents.json_schema import Schema, described, document, or_null, ref, struct_schema
 from gloc3.mission.checking.checker import Circumstances
+from gloc3.mission.model.abilities import nameable
 from gloc3.mission.model.arguments import Arguments, argument_kinds
 from gloc3.mission.model.model import GEO, ActionFile, MissionFile
 from gloc3.platform.platform import Capability, Platform
@@ -44,7 +45,7 @@ def _add_action(definitions: dict[str, Schema], rows: Mapping[str, Capability]) 
     """An action holds exactly one capability with its arguments, beside what every action takes."""
     action = struct_schema(ActionFile, definitions)
     kinds = argument_kinds()
-    for name, row in sorted(rows.items()):
+    for name, row in sorted(nameable(rows).items()):
         kind = kinds[row.arguments]
         arguments = _arguments(kind, row.options, definitions)
         definitions[f"capability {name}"] = arguments

@@ -12,11 +12,10 @@ from gloc3.documents.yaml_nodes import YamlNode
 from gloc3.errors import Finding, InputError, Refused, nearest
 from gloc3.messages.frames import GeoPoint, LocalFrame
 from gloc3.mission.formats.as_it_is import PlanVehicle
-from gloc3.mission.model.abilities import abilities
+from gloc3.mission.model.abilities import abilities, nameable
 from gloc3.mission.model.arguments import Arguments, FollowWaypointsOrder, argument_kinds
 from gloc3.mission.model.fence import Area, Fence, polygon_problem
 from gloc3.mission.model.model import (
-    FLY_FILE,
     FLY_PLAN,
     GEO,
     Action,
@@ -87,7 +86,7 @@ class MissionReferences:
         capabilities = None
         if platform is not None:
             frames = {**(frames or {}), **platform.local_frames()}
-            capabilities = {name: row.arguments for name, row in abilities(platform).items()}
+            capabilities = {name: row.arguments for name, row in nameable(abilities(platform)).items()}
         return cls(
             platform=platform.platform if platform is not None else None,
             frames=frames,
@@ -198,7 +197,7 @@ def _tasks(
             hint = "give it actions, a plan, or use a definition"
             findings.append(document.finding(("tasks", name), f"'actions' is missing in {name}", hint))
         actions: dict[str, Action] = {}
-        can_fly = surroundings.capabilities is None or FLY_FILE in surroundings.capabilities
+        can_fly = surroundings.capabilities is None or FLY_PLAN in surroundings.capabilities
         if options.plan is not None and not is_elsewhere and can_fly:  # a check says that it cannot
             planned, wrong = plan_action(
                 name,

@@ -12,6 +12,7 @@ from gloc3.component.description import fields_of
 from gloc3.errors import Gloc3Error, nearest
 from gloc3.messages.units import split_unit
 from gloc3.mission.checking.checker import Circumstances
+from gloc3.mission.model.abilities import nameable
 from gloc3.mission.model.arguments import Arguments, argument_kinds
 from gloc3.platform.platform import Capability, Platform
 
@@ -63,7 +64,7 @@ class CapabilityLine(msgspec.Struct, frozen=True, kw_only=True):
 
 def capability_lines(platform: Platform | None) -> tuple[CapabilityLine, ...]:
     """The capabilities of a platform, or (without one) the installed kinds of arguments, by name."""
-    return tuple(_lines(Circumstances(platform=platform).capabilities()))
+    return tuple(_lines(nameable(Circumstances(platform=platform).capabilities())))
 
 
 def capability_line(name: str, platform: Platform | None) -> CapabilityLine:

@@ -12,9 +12,11 @@ import ctypes
 import time
 from collections import deque
 from collections.abc import Callable, Coroutine
+from contextlib import suppress
 from contextvars import Context
 from datetime import UTC, datetime
 from heapq import heappop, heappush
+from pathlib import Path
 from typing import Any, Final, TypeVar, TypeVarTuple
 
 from gloc3.component.workers import guard
@@ -27,6 +29,7 @@ monotonic_s: Final = time.monotonic
 """What asyncio's loops have for their time."""
 VIRTUAL_EPOCH_S: Final = datetime(2026, 1, 1, tzinfo=UTC).timestamp()
 """UTC at which virtual time starts, in seconds since 1970."""
+TASKS: Final = Path("/proc/self/task")
 _TIMEX_BYTES: Final = 512
 """Room for `struct timex`; zeros change nothing."""
 _CLOCK_NOT_SYNCHRONISED: Final = 5
@@ -73,6 +76,23 @@ class Clock:
     def cost_s() -> float:
         """A stopwatch for measured costs, in seconds from an arbitrary start; never part of a log in virtual time."""
         return time.perf_counter()
+
+    def starved_s(self) -> float:
+        """Time for which threads of this process were ready and had no processor, in seconds, summed over them."""
+        return 0.0 if self.is_virtual else starved_s()
+
+
+def starved_s(tasks: Path = TASKS) -> float:
+    """Sum of what the kernel tells of a process's threads.
+
+    Args:
+        tasks: a folder with a folder for each thread; without one (not Linux) nothing is known, and it is 0.
+    """
+    waited_ns = 0
+    for file in tasks.glob("*/schedstat"):
+        with suppress(OSError, ValueError, IndexError):
+            waited_ns += int(file.read_text().split()[1])
+    return waited_ns * 1e-9
 
 
 def _is_synchronised() -> bool:

@@ -22,7 +22,9 @@ HUNG_FLOOR_S: Final = 0.2
 HUNG_POLLS: Final = 5
 """Pieces into which the wait for the end of a cycle is split, in wall time."""
 HUNG_SPARE_PIECES: Final = 15
-"""Pieces that are repeated, at most, because the whole process made no progress in them."""
+"""Pieces that are repeated, at most, because the whole process made no progress in them, or lacked a processor."""
+STARVED_SHARE: Final = 0.5
+"""Share of a piece for which a thread of the process waited for a processor that counts as lacking one."""
 SILENT_PERIODS: Final = 1.5
 """Periods without a triggered cycle after which the periodic cycles resume."""
 REST_PERIODS: Final = 0.5
@@ -322,20 +324,23 @@ class Cycler:
     def _await_end(self, pieces: int) -> None:
         """Waits in pieces for the longest duration of a cycle.
 
-        Time in which the whole process stood still does not count, because the component could not run either.
+        Time in which the whole process stood still, or waited for a processor, does not count: the component could not run
+        either. What it waited is asked from the second piece on, since nearly every cycle has ended before.
         """
-        self._await_piece(pieces, HUNG_SPARE_PIECES, self._limit_s / pieces)
+        self._await_piece(pieces, HUNG_SPARE_PIECES, self._limit_s / pieces, None)
 
-    def _await_piece(self, left: int, spare: int, piece_s: float) -> None:
+    def _await_piece(self, left: int, spare: int, piece_s: float, starved_s: float | None) -> None:
         due_s = self._loop.time() + piece_s
-        self._deadline = self._loop.call_at(due_s, self._expired, left, spare, piece_s, due_s)
+        self._deadline = self._loop.call_at(due_s, self._expired, left, spare, piece_s, due_s, starved_s)
 
-    def _expired(self, left: int, spare: int, piece_s: float, due_s: float) -> None:
+    def _expired(self, left: int, spare: int, piece_s: float, due_s: float, before_s: float | None) -> None:
         self._deadline = None
-        if spare and self._loop.time() - due_s > piece_s:
-            self._await_piece(left, spare - 1, piece_s)
+        starved_s = self._context.clock.starved_s()
+        is_starved = before_s is not None and starved_s - before_s > STARVED_SHARE * piece_s
+        if spare and (is_starved or self._loop.time() - due_s > piece_s):
+            self._await_piece(left, spare - 1, piece_s, starved_s)
         elif left > 1:
-            self._await_piece(left - 1, spare, piece_s)
+            self._await_piece(left - 1, spare, piece_s, starved_s)
         else:
             self._hung(self._limit_s)
 

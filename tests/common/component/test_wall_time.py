@@ -5,12 +5,13 @@ import threading
 import time
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from random import Random
 from typing import Any
 
 import pytest
 
-from gloc3.clock import Clock
+from gloc3.clock import Clock, starved_s
 from gloc3.component.context import HostContext
 from gloc3.component.host import ComponentHost
 from gloc3.component.lci import State
@@ -109,6 +110,41 @@ def test_a_stuck_cycle_is_hung_while_others_run_on_and_its_thread_does_nothing_w
             assert all(b > a for a, b in zip(diary.writes, diary.writes[1:], strict=False))
 
     in_wall_time(main)
+
+
+class StarvedClock(Clock):
+    """The clock of a process whose threads wait for a processor all the time."""
+
+    def starved_s(self) -> float:
+        return self.now_s()
+
+
+@pytest.mark.parametrize("blocked_s", [0.6, 60.0])
+def test_a_process_without_a_processor_makes_nothing_hung_within_a_second(blocked_s: float) -> None:
+    async def main() -> None:
+        release = threading.Event()
+        diary = Diary()
+        with site() as here:
+            here.context = here.context._replace(clock=StarvedClock(asyncio.get_running_loop()))
+            host = here.host(lambda: Driver(diary))
+            await here.until(lambda: len(diary.writes) > 3)
+            diary.acts["work"] = release.wait
+            writes = len(diary.writes)
+            asyncio.get_running_loop().call_later(blocked_s, release.set)
+            await here.until(lambda: host.state is State.FAULTY or len(diary.writes) > writes + 1)
+            assert host.state is (State.WORKING if blocked_s < 1.0 else State.FAULTY)
+            release.set()
+
+    in_wall_time(main)
+
+
+def test_what_threads_wait_for_a_processor_is_read_from_the_kernel(tmp_path: Path) -> None:
+    for thread, text in {"7": "5 2000000000 9\n", "8": "5 500000000 9\n", "9": "\n"}.items():
+        (tmp_path / thread).mkdir()
+        (tmp_path / thread / "schedstat").write_text(text)
+    assert starved_s(tmp_path) == pytest.approx(2.5)
+    assert starved_s(tmp_path / "none") == 0.0
+    assert starved_s() > 0.0
 
 
 def test_a_process_that_stands_still_for_a_moment_makes_nothing_hung() -> None:

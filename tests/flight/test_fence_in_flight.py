@@ -5,6 +5,8 @@ from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
 from gloc3.errors import Gloc3Error
+from gloc3.platform.reader import load_platform
+from gloc3_sitl.physics.wind import gusty
 
 FAST = "{out: {follow_waypoints: {waypoints_m: [[15, 0, 1.5]], speed_m_s: 3.0}}}"
 TIGHT = "{polygon_m: [[-2, -2], [16, -2], [16, 4], [-2, 4]], ceiling_m: 4}"
@@ -24,6 +26,20 @@ def test_setpoints_beyond_the_fence_end_before_it_at_full_speed(flight: Card) ->
     assert max(flown) < 16.0
     assert max(flown) > 14.0
     assert not flight.was_told("fence breached")
+
+
+@pytest.mark.both_styles
+def test_the_margin_is_left_in_the_wind_that_the_platform_file_states(flight: Card) -> None:
+    limits = load_platform("pelican_rtk").limits
+    edge_m = 5.0 + limits.margin_m
+    fence = f"{{polygon_m: [[-30, -{edge_m}], [60, -{edge_m}], [60, 40], [-30, 40]], ceiling_m: 8}}"
+    out = "{out: {follow_waypoints: {waypoints_m: [[0, -5, 3], [40, -5, 3], [0, -5, 3]], speed_m_s: 2.0}}}"
+    flight.begin(mission(out, fence=fence), wind=gusty(limits.wind_m_s, from_deg=270.0), seed=1)
+    flight.await_state("sweep.out", "done", 90.0)
+    inside_m = [edge_m - truth.position_ned_m[1] for truth in flight.since(0.0, "sim/truth")]
+    assert min(inside_m) >= limits.fence_margin_m
+    assert min(inside_m) < limits.margin_m - 0.05, "the wind displaces it"
+    assert not flight.was_told("fence")
 
 
 def test_a_keep_out_area_is_not_entered(flight: Card) -> None:
@@ -68,7 +84,7 @@ def test_a_vehicle_that_a_storm_blows_out_of_the_fence_comes_back(flight: Card) 
 
 def test_the_ceiling_is_kept(flight: Card) -> None:
     fence = "{polygon_m: [[-2, -2], [20, -2], [20, 12], [-2, 12]], ceiling_m: 3}"
-    out = "{out: {follow_waypoints: {waypoints_m: [[1, 0, 2.4], [8, 0, 2.4]], speed_m_s: 1}}}"
+    out = "{out: {follow_waypoints: {waypoints_m: [[1, 0, 2.1], [8, 0, 2.1]], speed_m_s: 1}}}"
     flight.begin(mission(out, fence=fence))
     flight.await_state("mission", "done", 40.0)
     heights = [-truth.position_ned_m[2] for truth in flight.since(0.0, "sim/truth")]

@@ -77,12 +77,12 @@ def test_a_mission_that_says_continue_holds_for_as_long_as_it_takes_and_goes_on(
 
 @ONE_STYLE
 def test_a_vehicle_beside_its_fence_stays_inside_while_it_waits(flight: Card) -> None:
-    fence = "{polygon_m: [[-2, -2], [6, -2], [6, 12], [-2, 12]], ceiling_m: 8}"
+    fence = "{polygon_m: [[-2, -2], [6.3, -2], [6.3, 12], [-2, 12]], ceiling_m: 8}"
     flight.begin(mission("{out: {follow_waypoints: {waypoints_m: [[5.4, 0, 1.5]], speed_m_s: 1.0}}}", fence=fence))
     flight.await_state("sweep", "running")
     flight.until(lambda: flight.position_m[0] > 4.4, 20.0, "near the fence")
     flight.fault("topic:pose=lost", for_s=1.8)
-    flight.always(lambda: flight.position_m[0] < 5.5, 1.8, "half a metre inside the fence")
+    flight.always(lambda: flight.position_m[0] < 5.5, 1.8, "0.8 m inside the fence")
     flight.await_state("mission", "done", 40.0)
 
 

@@ -151,7 +151,7 @@ def test_a_fence_that_cannot_be_switched_on_keeps_the_mission_from_being_loaded(
     ("parameters", "reason"),
     [
         ({"GF_ACTION": 1}, "GF_ACTION 1"),
-        ({"GF_MAX_HOR_DIST": 5}, "6.1 m away from home, with a margin of 0.5 m; the autopilot's limit is 5 m"),
+        ({"GF_MAX_HOR_DIST": 5}, "6.1 m away from home, with a margin of 0.86 m; the autopilot's limit is 5 m"),
     ],
 )
 def test_a_px4_whose_fence_does_not_act_or_is_nearer_than_the_mission_does_not_start(

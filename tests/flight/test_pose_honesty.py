@@ -5,7 +5,7 @@ from math import hypot
 from pathlib import Path
 
 import pytest
-from tests.flight.card import Card
+from tests.flight.card import ONE_STYLE, Card
 
 SIGMA = 4.0
 MOST_S = 0.3
@@ -41,6 +41,39 @@ def dishonest_s(card: Card) -> float:
         since_s = (since_s or envelope.t_s) if is_off and envelope.payload.is_valid else None
         longest_s = max(longest_s, 0.0 if since_s is None else envelope.t_s - since_s)
     return longest_s
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        "sensor:fix=stuck@25..",
+        "sensor:fix=stuck@12..",
+        "sensor:fix=biased/2@25..",
+        "topic:autopilot_pose=jump/2@25..32",
+    ],
+)
+@ONE_STYLE
+def test_a_position_has_a_second_opinion(flight: Card, fault: str) -> None:
+    flight.begin(HOVER, platform="pelican_rtk", faults=(fault,), seed=1)
+    flight.wait(34.0)
+    assert dishonest_s(flight) <= MOST_S
+    assert max(pose.position_std_m[0] for pose in flight.since(20.0, "pose")) > 0.5
+
+
+@ONE_STYLE
+def test_an_autopilot_that_follows_a_frozen_receiver_is_not_led_any_further(flight: Card) -> None:
+    flight.begin(HOVER, platform="pelican_rtk", faults=("sensor:fix=stuck@25..",), seed=1)
+    flight.until(lambda: not flight.last("pose").is_valid, 40.0, "the pose is invalid")
+    assert "the satellite receiver has been repeating one position for" in flight.last("pose").reason
+    flight.await_policy("land", 8.0)
+
+
+@ONE_STYLE
+def test_a_receiver_of_metres_is_no_better_than_it_claims(flight: Card) -> None:
+    flight.begin(HOVER, platform="pelican_rtk", is_plain_gps=True, seed=1)
+    flight.wait(25.0)
+    assert dishonest_s(flight) <= MOST_S
+    assert flight.last("pose").position_std_m[0] > 0.5
 
 
 @pytest.mark.both_styles

@@ -355,8 +355,10 @@ def _topic_problems(
                 elif not issubclass(ports[port].message, declared.message):
                     wanted, found = declared.message.__name__, ports[port].message.__name__
                     yield Problem(index, where, f"{topic!r} carries {wanted}, and the port {found}")
-                elif kind == "inputs" and not any(
-                    matches(topic, source) or matches(source, topic) for source in (*produced, *external)
+                elif (
+                    kind == "inputs"
+                    and not component.inputs[port].is_optional
+                    and not any(matches(topic, source) or matches(source, topic) for source in (*produced, *external))
                 ):
                     hint = nearest(topic, produced)
                     yield Problem(index, where, f"no component publishes {topic!r}", hint, is_warning=True)

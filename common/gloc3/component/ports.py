@@ -33,10 +33,16 @@ class Port(Generic[M]):
 
 
 class Input(Port[M]):
-    """A port that takes messages: `imu = Input(ImuSample)`."""
+    """A port that takes messages: `imu = Input(ImuSample)`.
 
-    def __init__(self, message: type[M], keep: Keep = Keep.LATEST, depth: int = 64) -> None:
+    Platform files in which no component publishes to it get a warning, unless it is optional.
+    """
+
+    def __init__(
+        self, message: type[M], keep: Keep = Keep.LATEST, depth: int = 64, *, is_optional: bool = False
+    ) -> None:
         super().__init__(message)
+        self.is_optional = is_optional
         self.keep = keep
         self.depth = depth if keep is Keep.ALL else 1
 

@@ -1,6 +1,6 @@
 """Limits and power model of a platform, against which motion and energy are checked."""
 
-from typing import Annotated
+from typing import Annotated, Final
 
 import msgspec
 
@@ -8,6 +8,11 @@ Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0.0, le=1e6)]
 Height = Annotated[float, msgspec.Meta(ge=-11_000.0, le=1e6)]
 Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+
+
+WIND_ERROR_S2_M: Final = 0.01
+"""Tracking error in gusty wind, m, for each (m/s)² of its mean speed: drag goes with its square. Both styles of the embedded
+autopilot, along an edge at 2 m/s: 0.07 m in 3 m/s, up to 0.32 m in 6 m/s, 0.52 m in 9 m/s."""
 
 
 class PlatformRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -31,7 +36,12 @@ class Limits(PlatformRow, frozen=True, kw_only=True):
     altitude_min_m: NotNegative = 0.5
     """Least height above the ground or the sea bed that a path may request."""
     fence_margin_m: NotNegative = 0.5
-    """Distance that waypoints and legs keep from the fence."""
+    """Distance that waypoints and legs keep from the fence, without wind."""
+    wind_m_s: NotNegative = 0.0
+    """Mean speed of the strongest gusty wind in which it flies: they keep so much farther away as that displaces it."""
+    wind_error_m: NotNegative | None = None
+    """Farthest that this wind displaces it from its path; None: 0.01 m times the square of the wind's speed in m/s, as
+    measured on the simulated Pelican."""
     survey_height_m: Height | None = None
     """Default height of patterns above home: 0 on the ground or the water, negative for underwater vehicles."""
     survey_speed_m_s: Positive | None = None
@@ -65,6 +75,17 @@ class Limits(PlatformRow, frozen=True, kw_only=True):
     def stays_down(self) -> bool:
         """Whether the vehicle drives, floats or dives: it needs no take-off."""
         return self.survey_height_m is not None and self.survey_height_m <= 0.0
+
+    @property
+    def margin_m(self) -> float:
+        """Distance that waypoints and legs keep from the fence, with the tracking error that the stated wind causes."""
+        error_m = WIND_ERROR_S2_M * self.wind_m_s**2 if self.wind_error_m is None else self.wind_error_m
+        return self.fence_margin_m + error_m
+
+    def margin_text(self) -> str:
+        """The margin, and how much of it is for the wind."""
+        wind_m = self.margin_m - self.fence_margin_m
+        return f"{self.margin_m:g} m" + (f", {wind_m:g} m of it for wind of {self.wind_m_s:g} m/s" if wind_m else "")
 
     def is_on_wings(self, length_m: float, by: str | None = None) -> bool:
         """Whether a way of this length is flown on wings: as asked for, or where it is longer than two transitions.

@@ -70,8 +70,9 @@ def _flies_on(
 
 
 def _run_on_m(speed_m_s: float, timeout_s: float, limits: Limits) -> float:
-    """How far it flies on and brakes."""
-    return speed_m_s * timeout_s + speed_m_s**2 / (2.0 * limits.acceleration_m_s2)
+    """How far it flies on, brakes, and is displaced by the stated wind."""
+    wind_m = limits.margin_m - limits.fence_margin_m
+    return speed_m_s * timeout_s + speed_m_s**2 / (2.0 * limits.acceleration_m_s2) + wind_m
 
 
 def _is_on(setup: AutopilotSetup, fence: FenceTable) -> bool:
@@ -147,11 +148,13 @@ def _limits(
     reaches = reach_m(mission, limits, home_ned_m)
     for one, value in acting.items():
         limit_m = -value if one.reach == "down" else value
-        needed_m = reaches[one.reach] + limits.fence_margin_m
+        needed_m = reaches[one.reach] + limits.margin_m
         if needed_m <= limit_m:
             continue
         reached = _REACHES[one.reach].format(reaches[one.reach])
-        finding = f"the mission goes {reached}, with a margin of {limits.fence_margin_m:g} m; the autopilot's limit is {value:g} m"
+        finding = (
+            f"the mission goes {reached}, with a margin of {limits.margin_m:g} m; the autopilot's limit is {value:g} m"
+        )
         yield Check(GROUP, one.parameter, Verdict.RED, finding, _advice(one, fence, needed_m, kinds))
 
 

@@ -71,9 +71,9 @@ def _height(
         return
     unit_m = own.heights[name]
     height_m = setup.parameters[name] * unit_m
-    if height_m > room_m - limits.fence_margin_m + 1e-6:
+    if height_m > room_m - limits.margin_m + 1e-6:
         finding = f"{why} climbs to {height_m:g} m above home; the mission's ceiling is {room_m:.1f} m above it"
-        most_m = max(floor(10.0 * (room_m - limits.fence_margin_m)) / 10.0, LEAST_HEIGHT_M)
+        most_m = max(floor(10.0 * (room_m - limits.margin_m)) / 10.0, LEAST_HEIGHT_M)
         advice = f"set {name} to {most_m / unit_m:g} or less, which is {most_m:g} m, or raise the ceiling"
         yield Check(GROUP, "own return: height", Verdict.RED, finding, advice)
     climb = next((one for one in own.climbs if one in setup.parameters), None)

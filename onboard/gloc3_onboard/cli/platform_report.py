@@ -91,7 +91,7 @@ def described(platform: Platform) -> list[str]:
     heights = f"heights {limits.height_min_m:g} to {limits.height_max_m:g} m"
     speeds = f"{limits.speed_m_s:g} m/s, climbs {limits.climb_m_s:g} m/s"
     lines = [f"{platform.platform}: {platform.vehicle.type}, {platform.vehicle.mass_kg:g} kg, missions {arms}"]
-    lines.append(f"  limits     {speeds}, {heights}, {limits.fence_margin_m:g} m from the fence")
+    lines.append(f"  limits     {speeds}, {heights}, {limits.margin_text()} from the fence")
     if power is not None:
         lines.append(f"  battery    {power.battery_wh:g} Wh, {100.0 * power.reserve:.0f} % kept as reserve")
     stated = msgspec.to_builtins(platform.failsafes)

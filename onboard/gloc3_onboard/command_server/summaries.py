@@ -198,7 +198,7 @@ def motion_limits(platform: Platform, snapshot: VehicleState, executor: MissionE
         height_min_m=limits.height_min_m,
         height_max_m=limits.height_max_m,
         fence=fence,
-        fence_margin_m=limits.fence_margin_m,
+        fence_margin_m=limits.margin_m,
         home_ned_m=snapshot.home_ned_m,
     )
 

@@ -120,6 +120,25 @@ def test_each_mistake_is_found(old: str, new: str, finding: str, pelican: Platfo
     assert report.is_ok is (not finding or "warning" in finding)
 
 
+def test_the_margin_covers_the_wind_that_the_platform_file_states(pelican: Platform) -> None:
+    near = MISSION.replace("[16, 1, 2]", "[19.4, 1, 2]", 1)
+    text = {
+        wind_m_s: reported(check_text(near, "m", Circumstances(platform=in_wind(pelican, wind_m_s), home_ned_m=HOME)))
+        for wind_m_s in (0.0, 6.0)
+    }
+    assert text[0.0] == []
+    assert text[6.0][0] == (
+        "m:13:60: waypoint 2 is 0.60 m inside the fence, less than the margin of 0.86 m, 0.36 m of it for wind of 6 m/s "
+        "(move it inwards)"
+    )
+    measured = structs.replace(pelican.limits, wind_m_s=6.0, wind_error_m=0.1)
+    assert measured.margin_m == 0.6
+
+
+def in_wind(platform: Platform, wind_m_s: float) -> Platform:
+    return structs.replace(platform, limits=structs.replace(platform.limits, wind_m_s=wind_m_s))
+
+
 def test_take_off_comes_first_and_once(pelican: Platform) -> None:
     circumstances = Circumstances(platform=pelican, home_ned_m=HOME)
     text = "mission: m\nframe: hold\ntasks:\n  t:\n    actions:\n      a: {go_to: {position_m: [1, 1, 2]}}\n"

@@ -86,7 +86,7 @@ def path_findings(
         return
     action, begin = first
     fence = mission.fence
-    margin_m = platform.limits.fence_margin_m if platform is not None else 0.0
+    margin_m = platform.limits.margin_m if platform is not None else 0.0
     where: Where = ("contingencies", name, "actions", action.name, action.capability)
     if fence is not None and fence.clearance_m(begin) >= margin_m - TOLERANCE_M:
         for target, leg in legs:

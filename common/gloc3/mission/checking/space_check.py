@@ -84,8 +84,7 @@ def space_findings(
         place = place_of((*where_of(placed.target), action.capability), action, leg, document)
         if fence is not None:
             fence = fence if placed.is_end_known else Fence(ceiling_m=fence.ceiling_m)
-            margin_m = limits.fence_margin_m if limits is not None else 0.0
-            found += _fence(leg, fence, margin_m, document, place, is_start_known=placed.is_start_known)
+            found += _fence(leg, fence, limits, document, place, is_start_known=placed.is_start_known)
         lands = isinstance(action.order, LandOrder) or (action.order.ends_flight and leg.waypoint is None)
         if limits is not None and not lands and leg.length_m > 0.0:
             found += _height(leg.end, home, limits, document, place)
@@ -186,21 +185,20 @@ def place_of(where: Where, action: Action, leg: FlightLeg, document: Document) -
 
 
 def _fence(
-    leg: FlightLeg, fence: Fence, margin_m: float, document: Document, place: Where, *, is_start_known: bool
+    leg: FlightLeg, fence: Fence, limits: Limits | None, document: Document, place: Where, *, is_start_known: bool
 ) -> Iterator[Finding]:
+    margin_m, margin = (0.0, "0 m") if limits is None else (limits.margin_m, limits.margin_text())
     clearance_m = fence.clearance_m(leg.end)
     if clearance_m < margin_m - TOLERANCE_M:
         if clearance_m < 0.0:
             message = f"{name_of(place)} is {-clearance_m:.1f} m outside the fence"
         else:
-            message = (
-                f"{name_of(place)} is {clearance_m:.2f} m inside the fence, less than the margin of {margin_m:g} m"
-            )
+            message = f"{name_of(place)} is {clearance_m:.2f} m inside the fence, less than the margin of {margin}"
         yield document.finding(place, message, "move it inwards")
     elif is_start_known and fence.clearance_m(leg.start) >= margin_m - TOLERANCE_M:
         along_m = fence.leg_clearance_m(leg.start, leg.end)
         if along_m < margin_m - TOLERANCE_M:
-            message = f"the straight path to {name_of(place)} leaves the fence or its margin of {margin_m:g} m"
+            message = f"the straight path to {name_of(place)} leaves the fence or its margin of {margin}"
             yield document.finding(place, message, "add a waypoint to go around")
 
 

@@ -185,7 +185,7 @@ def _circles(
         turn = pi / 2.0 if after is None or waits else min(_turn_rad(leg, after), pi / 2.0)
         needed_m = limits.turn_radius_m * (1.0 - cos(turn))
         clearance_m = fence.clearance_m(leg.end)
-        if leg not in unknown and limits.fence_margin_m <= clearance_m < needed_m:
+        if leg not in unknown and limits.margin_m <= clearance_m < needed_m:
             place = place_of(where, action, leg, document)
             does = "circles there" if after is None or waits else "turns there"
             message = (

@@ -7,10 +7,11 @@ from typing import Annotated, Final
 import msgspec
 
 from gloc3.component.component import DataProcessor
-from gloc3.component.ports import Inbox, Input, Output, Result
+from gloc3.component.ports import Inbox, Input, Keep, Output, Result
 from gloc3.component.settings import Bounds, Settings
 from gloc3.messages.frames import IDENTITY, GeoPoint, TangentPlane, Vector3
-from gloc3.messages.vehicle import AutopilotPose, Pose
+from gloc3.messages.perception import SatelliteFix
+from gloc3.messages.vehicle import AutopilotPose, AutopilotState, LandedState, Pose
 
 _NOWHERE: Final = Pose(
     position_ned_m=(0.0, 0.0, 0.0), velocity_ned_m_s=(0.0, 0.0, 0.0), ned_from_frd=IDENTITY, sources=["autopilot"]
@@ -25,6 +26,70 @@ WORTHLESS_M: Final = 10.0
 """A position in as much doubt has no quality left."""
 
 
+FROZEN_FIXES: Final = 4
+"""So many fixes of new times with the same digits are no measurements: noise alone changes them."""
+FROZEN_M_S2: Final = 0.4
+"""An autopilot that follows a frozen receiver drifts with up to this acceleration, m/s²: 0.16 were seen."""
+APART_SIGMA: Final = 4.0
+ANTENNA_M: Final = 0.3
+"""Distance of an antenna from the vehicle's origin, m, as far as nobody has measured it."""
+FIX_LATE_S: Final = 0.3
+"""Error of the time of a fix, s."""
+FIX_EXPIRES_S: Final = 3.0
+"""Age after which a fix says nothing about the present, s."""
+
+
+class ReceiverCheck:
+    """Second opinion on an autopilot's position, from the satellite receiver itself.
+
+    The autopilot's estimate is made of the receiver's fixes, among others: it is no better than the receiver claims, it
+    may reject fixes that are right, and follows a receiver that repeats its last fix.
+    """
+
+    def __init__(self) -> None:
+        self._fix: SatelliteFix | None = None
+        self._fix_s = self._changed_s = -math.inf
+        self._same = 0
+        """How many fixes have repeated the last one."""
+
+    def receive(self, fix: SatelliteFix, t_s: float, *, is_in_flight: bool) -> None:
+        """Handles a fix, valid or not; at rest on the ground receivers may hold their position."""
+        if self._fix is None or fix.place_geo != self._fix.place_geo or not fix.is_valid:
+            self._changed_s, self._same = t_s, 0
+        elif is_in_flight or self.frozen_s(t_s):
+            self._same += 1
+        else:
+            self._changed_s = t_s
+        self._fix, self._fix_s = fix, t_s
+
+    def std_m(self, t_s: float) -> float:
+        """What the receiver claims, m; 0 without a recent fix."""
+        fix = self._recent(t_s)
+        return 0.0 if fix is None else fix.std_m
+
+    def frozen_s(self, t_s: float) -> float:
+        """Since when the receiver has been repeating itself, s; 0 if it does not."""
+        return t_s - self._changed_s if self._same >= FROZEN_FIXES - 1 else 0.0
+
+    def doubt_m(self, position_ned_m: Vector3, velocity_ned_m_s: Vector3, t_s: float, plane: TangentPlane) -> float:
+        """How far the estimate may be off, horizontally: by a frozen receiver, or as far as both are apart."""
+        fix = self._recent(t_s)
+        if fix is None:
+            return 0.0
+        north, east, _ = plane.ned_from_geo(*fix.place_geo)
+        age_s = t_s - self._fix_s
+        apart_m = math.hypot(
+            position_ned_m[0] - velocity_ned_m_s[0] * age_s - north,
+            position_ned_m[1] - velocity_ned_m_s[1] * age_s - east,
+        )
+        allowed_m = APART_SIGMA * fix.std_m + ANTENNA_M + FIX_LATE_S * math.hypot(*velocity_ned_m_s[:2])
+        return max(0.5 * FROZEN_M_S2 * self.frozen_s(t_s) ** 2, apart_m if apart_m > allowed_m else 0.0)
+
+    def _recent(self, t_s: float) -> SatelliteFix | None:
+        fix = self._fix
+        return fix if fix is not None and fix.is_valid and t_s - self._fix_s <= FIX_EXPIRES_S else None
+
+
 class PoseSettings(Settings, frozen=True):
     """Settings of the pose processor."""
 
@@ -36,7 +101,10 @@ class PoseSettings(Settings, frozen=True):
     jump_m: Annotated[float, Bounds(0.05, 100.0)] = 0.5
     """A step of the position that its velocity does not explain by more than this is a jump."""
     std_m: Annotated[float, Bounds(0.001, 100.0)] = 0.05
-    """Standard deviation that is claimed along each axis, while the position moves as its velocity says."""
+    """Least standard deviation that is claimed along each axis, while the position moves as its velocity says; where the
+    satellite receiver claims a larger one, that is claimed."""
+    lost_m: Annotated[float, Bounds(0.5, 1000.0)] = WORTHLESS_M
+    """A position that the satellite receiver contradicts by as much is invalid."""
     is_level: bool = False
     """Whether the height is always 0: for vehicles on the ground or on the water, whose height estimate drifts and does
     not matter for the path."""
@@ -46,19 +114,27 @@ class PoseProcessor(DataProcessor[PoseSettings]):
     """Moves the autopilot's estimate into the platform's frame and counts its jumps.
 
     The position has a second opinion in the velocity: what that does not explain, a jump or a drift, is claimed as standard
-    deviation until it is taken back or forgotten, because nothing tells which of the two is right.
+    deviation until it is taken back or forgotten, because nothing tells which of the two is right. Where there is a
+    sampler of the satellite receiver, that is a third: see `ReceiverCheck`.
     """
 
     loggable = ("reset_counter", "reason", "doubt_m")
 
     autopilot_pose = Input(AutopilotPose)
+    satellites = Input(SatelliteFix, Keep.ALL, is_optional=True)
+    autopilot = Input(AutopilotState)
     pose = Output(Pose, frame="ned")
 
     def __init__(self) -> None:
         self.reset_counter = 0
         self.reason = ""
         self.doubt_m = 0.0
-        """Horizontal displacement of late that the velocity does not explain."""
+        """Horizontal displacement of late that the velocity does not explain, or that the receiver contradicts."""
+        self._receiver = ReceiverCheck()
+        self._receiver_m = 0.0
+        """How far the receiver contradicts."""
+        self._on_earth: tuple[tuple[float, float, float], TangentPlane] | None = None
+        """The autopilot's origin."""
         self._plane: TangentPlane | None = None
         self._offset_of: tuple[float, float, float] | None = None
         self._offset_ned_m: Vector3 = (0.0, 0.0, 0.0)
@@ -81,9 +157,14 @@ class PoseProcessor(DataProcessor[PoseSettings]):
         """Begins without a past."""
         self._last = None
         self._drift_ned_m, self._jump_m = (0.0, 0.0, 0.0), 0.0
+        self._receiver, self._receiver_m = ReceiverCheck(), 0.0
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """One pose for each of the autopilot's."""
+        state = inbox.latest(self.autopilot)
+        is_in_flight = state is not None and state.payload.landed is LandedState.IN_AIR
+        for fix in inbox.new(self.satellites):
+            self._receiver.receive(fix.payload, fix.t_s, is_in_flight=is_in_flight)
         return [
             self.pose.report(self._place(envelope.payload, envelope.t_s), t_s=envelope.t_s)
             for envelope in inbox.new(self.autopilot_pose)
@@ -110,7 +191,10 @@ class PoseProcessor(DataProcessor[PoseSettings]):
         position = (n + offset[0], e + offset[1], 0.0 if is_level else d + offset[2])
         velocity = (north_m_s, east_m_s, 0.0 if is_level else down_m_s)
         self._count_jump(position, velocity, t_s)
-        std_m = self._std_m()
+        self._receiver_m = self._contradiction_m(given, t_s)
+        std_m = self._std_m(t_s)
+        if not self.reason and self._receiver_m >= self.settings.lost_m:
+            self.reason = self._why_lost(t_s)
         pose = Pose(
             position_ned_m=position,
             velocity_ned_m_s=velocity,
@@ -162,12 +246,25 @@ class PoseProcessor(DataProcessor[PoseSettings]):
             self.reset_counter += 1
             self._jump_m = max(self._jump_m, size_m)
 
+    def _contradiction_m(self, given: AutopilotPose, t_s: float) -> float:
+        if given.origin_geo is None:
+            return 0.0
+        if self._on_earth is None or self._on_earth[0] != given.origin_geo:
+            self._on_earth = given.origin_geo, TangentPlane(GeoPoint(*given.origin_geo))
+        return self._receiver.doubt_m(given.position_ned_m, given.velocity_ned_m_s, t_s, self._on_earth[1])
+
+    def _why_lost(self, t_s: float) -> str:
+        if frozen_s := self._receiver.frozen_s(t_s):
+            return f"the satellite receiver has been repeating one position for {frozen_s:.0f} s"
+        return f"the autopilot's position is {self._receiver_m:.0f} m from its satellite receiver's"
+
     def _quality(self) -> float:
         return 1.0 if self.doubt_m <= self.settings.jump_m else max(0.05, 1.0 - self.doubt_m / WORTHLESS_M)
 
-    def _std_m(self) -> Vector3:
+    def _std_m(self, t_s: float) -> Vector3:
         """What is claimed: no less than what is in doubt. A jump that was taken back still shows how much may be wrong."""
         north, east, down = self._drift_ned_m
-        self.doubt_m = max(math.hypot(north, east), self._jump_m)
-        level_m = math.hypot(self.settings.std_m, self.doubt_m / math.sqrt(2.0))
+        self.doubt_m = max(math.hypot(north, east), self._jump_m, self._receiver_m)
+        own_m = max(self.settings.std_m, self._receiver.std_m(t_s))
+        level_m = math.hypot(own_m, self.doubt_m / math.sqrt(2.0))
         return level_m, level_m, math.hypot(self.settings.std_m, down)

@@ -328,7 +328,7 @@ def test_a_platform_is_shown_in_words(capsys: pytest.CaptureFixture[str]) -> Non
     assert run(["platform", "show", "copter"]) == 0
     shown = capsys.readouterr().out
     assert "copter: quadrotor, 1.5 kg, missions may arm it" in shown
-    assert "host       main: 19 components" in shown
+    assert "host       main: 20 components" in shown
 
 
 @pytest.mark.parametrize("name", sorted(platform_files()))

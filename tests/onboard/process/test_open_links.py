@@ -5,30 +5,14 @@ import socket
 from pathlib import Path
 
 import pytest
+from tests.onboard.process.replays import process_of
 
 from gloc3.mavlink.codec import Encoder, message
 from gloc3.mavlink.transport.endpoints import LOOPBACK
-from gloc3.platform.reader import load_platform
-from gloc3_onboard.process.options import ProcessOptions
-from gloc3_onboard.process.process import DEVICES, OnboardProcess
 
 pytestmark = pytest.mark.sockets
 
 OPEN = "is open to the network and not signed"
-
-
-def process_of(
-    folder: Path, key: bytes | None = None, port: int = 0, station: str = "udpin://0.0.0.0:0"
-) -> OnboardProcess:
-    platform = load_platform("pelican_rtk", is_loading_classes=True, devices=DEVICES)
-    options = ProcessOptions(
-        platform="pelican_rtk",
-        autopilot=f"udpin://:{port}",
-        stations=(station,),
-        out=folder,
-        signing_key=key,
-    )
-    return OnboardProcess(options, platform, asyncio.get_running_loop())
 
 
 @pytest.mark.parametrize("key", [None, bytes(32)])

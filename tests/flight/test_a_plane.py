@@ -79,6 +79,21 @@ def test_a_plane_whose_onboard_process_restarts_on_its_way_is_ours_and_not_a_pil
         plane.close()
 
 
+def test_a_plane_that_loses_its_station_after_an_onboard_restart_comes_home(plane: Card) -> None:
+    try:
+        plane.await_state("away.off", "done", 40.0)
+        plane.until(lambda: east_m(plane) > 100.0, 60.0, "it is on the line to the east")
+        plane.fault("restart", for_s=2.0)
+        plane.fault("link_loss")
+        plane.wait(2.5)
+        plane.await_policy("return", 15.0)
+        plane.until(lambda: dist(ned_m(plane)[:2], (0.0, 0.0)) < 100.0, 60.0, "it is over home")
+        plane.await_landed(120.0)
+        assert not plane.driver.has_pilot_control
+    finally:
+        plane.close()
+
+
 def test_a_plane_that_is_led_out_of_its_mission_s_fence_is_turned_back_by_its_autopilot(plane: Card) -> None:
     """Nothing of ours has a part in its path: the fence is the autopilot's, and has to be switched on."""
     try:

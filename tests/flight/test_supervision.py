@@ -77,6 +77,17 @@ def test_a_required_component_that_keeps_crashing_ends_in_its_failure_policy(fli
     flight.await_landed()
 
 
+def test_a_return_whose_controller_crashes_goes_on_when_it_is_back(flight: Card) -> None:
+    sweep(flight, on_low_battery="return")
+    flight.wait(2.0)
+    flight.fault("battery=0.18")
+    flight.await_policy("return", 2.0)
+    flight.fault("crash:waypoints", for_s=3.0)
+    flight.await_policy("land", 40.0)
+    assert flight.was_told("policy return: at home, landing")
+    flight.await_landed()
+
+
 def test_a_limiter_and_its_standby_that_were_both_lost_come_back_and_the_vehicle_lands(flight: Card) -> None:
     sweep(flight, on_failure="land")
     flight.fault("crash:limiter", for_s=8.0)

@@ -298,7 +298,7 @@ def test_the_most_severe_policy_wins_whatever_the_order(pelican: Platform) -> No
 def test_a_return_that_cannot_be_flown_becomes_a_landing(rig: Rig) -> None:
     rig.executor.available({"return_home": ("pose",)}, rig.now_s)
     rig.arise(PolicyCondition.LOW_BATTERY)
-    rig.pass_s(2.5)
+    rig.pass_s(5.5)
     assert rig.running() == ["policy.land"]
     rig = flying(rig.platform)
     rig.arise(PolicyCondition.LOW_BATTERY)
@@ -413,7 +413,7 @@ def test_a_return_waits_a_moment_for_what_performs_it(rig: Rig, is_under_way: bo
     if is_under_way:
         rig.executor.component_failed(component, "crashed", rig.now_s)
         rig.settle()
-    rig.pass_s(1.0)
+    rig.pass_s(4.0)
     assert "policy.return_home" not in rig.running()
     assert "policy.land" not in rig.running()
     rig.executor.available({}, rig.now_s)
@@ -421,5 +421,5 @@ def test_a_return_waits_a_moment_for_what_performs_it(rig: Rig, is_under_way: bo
     assert rig.running() == ["policy.return_home"]
     rig.executor.component_failed(component, "crashed again", rig.now_s)
     rig.settle()
-    rig.pass_s(2.5)
-    assert rig.running() == ["policy.land"], "what stays away for 2 s is not waited for"
+    rig.pass_s(5.5)
+    assert rig.running() == ["policy.land"], "what stays away for 5 s is not waited for"

@@ -341,6 +341,9 @@ def test_a_gap_in_the_numbers_is_told() -> None:
         judge.receive("pose", message(pose(0.0), component="pose", sequence=sequence), 5.0)
     assert told(judge) == "pose of pose: number 7 follows 5"
     judge = LogComplete(facts())
+    for sequence in (4, 6):
+        judge.receive("ci/request", message(pose(0.0), component="command_client", sequence=sequence), 5.0)
+    assert not told(judge), "lost on its way from a station"
     judge.end(flown(log_problem="3 messages were not recorded"))
     assert told(judge) == "3 messages were not recorded"
 

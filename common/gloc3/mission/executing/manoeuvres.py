@@ -15,8 +15,9 @@ AGAIN_S: Final = 1.0
 """Interval between attempts of a landing that cannot be started, without a limit on their number, s."""
 DIRECT_S: Final = 3.0
 """After so long without the components that land, the autopilot is asked for its own landing directly."""
-TIMEOUT_S: Final = 2.0
-"""How long a return survives the loss of a requirement, s; then it becomes a landing in place."""
+TIMEOUT_S: Final = 5.0
+"""How long a return waits for a lost requirement, s: a component is started three times meanwhile. Then it becomes a landing
+in place."""
 
 _CAPABILITY: Final[dict[Policy, tuple[str, Arguments]]] = {
     Policy.RETURN: ("return_home", ReturnHome()),

@@ -288,7 +288,8 @@ class AutopilotDevice:
             except Refused as refusal:
                 self._link.commands.put(ticket, CommandAnswer(False, str(refusal)))
             else:
-                self._link.request_stream(PROGRESS)
+                if self._link.style.style is Style.ARDUPILOT:  # PX4 sends it at its own rate, and refuses others
+                    self._link.request_stream(PROGRESS)
                 self._link.settle()
 
         self._link.post(begin)

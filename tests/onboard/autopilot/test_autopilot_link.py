@@ -13,16 +13,26 @@ from gloc3.clock import Clock, VirtualLoop
 from gloc3.mavlink import codec
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL
 from gloc3.mavlink.transport.memory import Conditions, MemoryLink
 from gloc3.messages.envelope import Severity
+from gloc3.messages.frames import GeoPoint
 from gloc3.messages.vehicle import FlightMode, LandedState, Style
 from gloc3_onboard.autopilot.commands import KEPT, NO_OWNER
 from gloc3_onboard.autopilot.device import AutopilotDevice
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.link_reports import SAID_S
-from gloc3_onboard.autopilot.style import ARM_DISARM, COMMON_STREAMS, NAV_LAND, NAV_TAKEOFF, SET_MODE, MavCommand
+from gloc3_onboard.autopilot.style import (
+    ARM_DISARM,
+    COMMON_STREAMS,
+    NAV_LAND,
+    NAV_TAKEOFF,
+    PROGRESS,
+    SET_MODE,
+    MavCommand,
+)
 from gloc3_onboard.companion.link_watch import RateWatch
-from gloc3_onboard.sensors.devices import AutopilotSetpoint
+from gloc3_onboard.sensors.devices import AutopilotSetpoint, GeoPath
 
 STYLES = pytest.mark.parametrize("style", ["px4", "ardupilot"])
 REQUEST_MESSAGE = 512
@@ -285,6 +295,18 @@ def test_a_link_that_stalls_and_catches_up_is_no_fast_clock() -> None:
         rig.wire.a.conditions = rig.wire.b.conditions = Conditions(latency_s=0.02)
         rig.run(15.0)
         assert rig.link.inspection.setup.clock_rate == 1.0
+
+
+@STYLES
+def test_the_item_under_way_is_requested_only_where_its_rate_can_be_chosen(style: str) -> None:
+    with Rig(style) as rig:
+        rig.run(4.0)
+        places = (GeoPoint(47.0, 8.0, 500.0), GeoPoint(47.001, 8.0, 500.0))
+        rig.device.command_plan(GeoPath(places, 5.0, 2.0, 0.0, None))
+        rig.run(1.0)
+        assert any(m.name == "MISSION_COUNT" for m in rig.autopilot.received)
+        requested = [params for params in rig.requested(SET_MESSAGE_INTERVAL) if params[0] == PROGRESS.message_id]
+        assert len(requested) == (style == "ardupilot"), "PX4 refuses, and sends it at its own rate"
 
 
 @STYLES

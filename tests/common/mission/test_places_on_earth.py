@@ -34,6 +34,11 @@ def test_a_mission_beside_the_vehicle_is_not_doubted() -> None:
     assert found(MISSION, None) == []
 
 
+def test_a_word_in_the_place_of_positions_is_none() -> None:
+    text = MISSION.replace("down: {land: {}, after: [way]}", "down: {transition: {to: rotors}, after: [way]}")
+    assert found(text, GeoPoint(39.5502, 2.6202, 0.0)) == []
+
+
 def test_a_first_place_kilometres_from_home_is_a_warning_and_on_another_continent_an_error() -> None:
     near = found(MISSION, GeoPoint(39.60, 2.62, 0.0))
     assert [str(one) for one in near] == [

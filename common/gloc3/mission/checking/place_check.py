@@ -94,7 +94,8 @@ def _places(mission: Mission) -> Iterator[tuple[Where, LatLon]]:
     for target, action in mission.actions().items():
         where = (*where_of(target), action.capability)
         for name in _POSITIONS:
-            for index, place in enumerate(getattr(action.arguments, name, None) or ()):
+            places = getattr(action.arguments, name, None) or ()
+            for index, place in enumerate(() if isinstance(places, str) else places):  # `to` of a transition is a word
                 yield (*where, name, index), (place[0], place[1])
         for name in ("position", "at"):
             place = getattr(action.arguments, name, None)

@@ -1,12 +1,14 @@
-"""Invariants of a flight's course: transitions of the mission, and that it ends."""
+"""Invariants of a flight's course: transitions of the mission, that it goes on, and that it ends."""
 
 import re
 from typing import Any, Final
 
+from gloc3.component.deployment import OnFault
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.summaries import CiEvent, MissionSummary
 from gloc3.messages.vehicle import DriverState
 from gloc3.mission.model.states import TABLE, ActionState
+from gloc3_sitl.faults.faults import TimedFault
 from gloc3_sitl.proof.invariant import FlightFacts, FlownMission, Invariant, TrueMoment
 
 _MOVE: Final = re.compile(
@@ -134,3 +136,46 @@ class ItEnds(Invariant):
         if self.facts.platform.vehicle.type == "boat":
             return True
         return last.is_on_ground and last.speed_m_s < SLOW_M_S
+
+
+SHORT_CUT_S: Final = 0.4
+"""The autopilot's cable may be cut for so long without that it leaves our setpoints."""
+_HARMLESS: Final = ("disk_full", "clock_jump", "link_twice", "cable_twice")
+_SERVER: Final = "command_server"
+
+
+class GoesOn(Invariant):
+    """The mission of a flight with troubles that the stack gets over, at most one of which takes something away."""
+
+    name = "goes_on"
+    sentence = (
+        "In calm weather a mission is done although one component fails once that is brought up again and performs none of "
+        f"its actions, or the cable is cut for less than {SHORT_CUT_S:g} s; although the radio is silent for less than the "
+        "mission waits, messages come twice, the disk is full or the date jumps."
+    )
+
+    def __init__(self, facts: FlightFacts) -> None:
+        super().__init__(facts)
+        taken = [fault for fault in facts.faults if fault.kind not in _HARMLESS]
+        self._is_judged = facts.is_calm and len(taken) <= 1 and all(map(self._is_covered, taken))
+
+    def _is_covered(self, fault: TimedFault) -> bool:
+        """Whether the mission has to go on although something is taken away."""
+        platform, lasts_s = self.facts.platform, fault.lasts_s
+        match fault.kind:
+            case "link_loss":
+                return lasts_s is not None and lasts_s < self.facts.mission.policies.link_loss_after_s - 0.5
+            case "cable_loss":
+                return lasts_s is not None and lasts_s < SHORT_CUT_S
+            case "crash":
+                performers = {row.performed_by for row in platform.capabilities.values()}
+                row = next((row for row in platform.components if row.name == fault.given.target), None)
+                is_mended = row is not None and isinstance(row.on_fault, OnFault)
+                return lasts_s is None and is_mended and fault.given.target not in {*performers, _SERVER}
+            case _:
+                return False
+
+    def end(self, flown: FlownMission) -> None:
+        """Judges the state at the end of a mission that has begun."""
+        if self._is_judged and flown.state not in ("", "waiting", "done"):
+            self.break_at(flown.t_s, f"the mission is {flown.state}" + (f": {flown.reason}" if flown.reason else ""))

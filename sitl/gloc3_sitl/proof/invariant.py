@@ -75,6 +75,8 @@ class FlightFacts(NamedTuple):
     faults: Sequence[TimedFault]
     floor_height_m: float = -inf
     """Height of the floor of the water in the frame of the pose; minus infinite where there is none."""
+    is_calm: bool = True
+    """Without wind, waves or a current at the beginning."""
 
     def has_fault(self, now_s: float, *kinds: str, target: str | None = None, for_s: float = 0.0) -> bool:
         """Whether a fault of such a kind is present now, or was within the last `for_s`."""

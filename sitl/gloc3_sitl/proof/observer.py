@@ -9,6 +9,7 @@ from gloc3.messages.topics import matches
 from gloc3_sitl.faults.faults import TimedFault
 from gloc3_sitl.flight.flight import Flight
 from gloc3_sitl.flight.messages import SimFault, SimTruth
+from gloc3_sitl.physics.wind import CALM
 from gloc3_sitl.proof.course import PersonInControl
 from gloc3_sitl.proof.invariant import (
     BrokenInvariant,
@@ -44,7 +45,9 @@ class Observer:
     """
 
     def __init__(self, flight: Flight, faults: tuple[TimedFault, ...], kinds: tuple[type[Invariant], ...]) -> None:
-        facts = FlightFacts(flight.platform, flight.mission, faults, _floor_m(flight))
+        plan = flight.plan
+        is_calm = plan.wind == CALM and not plan.waves_m and not plan.current_m_s
+        facts = FlightFacts(flight.platform, flight.mission, faults, _floor_m(flight), is_calm)
         self.invariants: Final = [kind(facts) for kind in kinds]
         self.reached: Final = Reached()
         self.path: Final = RequestedPath(flight.exchange, flight.name)

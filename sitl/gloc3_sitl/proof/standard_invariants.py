@@ -5,7 +5,7 @@ from typing import Final
 
 from gloc3.errors import Refused, nearest
 from gloc3_sitl.proof.command import CommandsAtMostOnce, MotionHasOneOwner, NothingArmsByItself, SetpointOrHold
-from gloc3_sitl.proof.course import ItEnds, OnlyTableTransitions
+from gloc3_sitl.proof.course import GoesOn, ItEnds, OnlyTableTransitions
 from gloc3_sitl.proof.invariant import Invariant, load_invariants
 from gloc3_sitl.proof.record import LogComplete, NoTraceback, OnlyNumbers
 from gloc3_sitl.proof.space import AboveFloor, DoneTrulyPassed, InsideFence, PoseHonest
@@ -19,6 +19,7 @@ STANDARD: Final[tuple[type[Invariant], ...]] = (
     CommandsAtMostOnce,
     OnlyTableTransitions,
     ItEnds,
+    GoesOn,
     DoneTrulyPassed,
     PoseHonest,
     OnlyNumbers,

@@ -15,10 +15,12 @@ PLATFORM = load_platform("pelican_rtk")
 MISSION = load_mission(str(find_mission("hop")), MissionReferences.of(PLATFORM))
 
 
-def facts(*faults: str, platform: str = "pelican_rtk", floor_height_m: float = -1e9) -> FlightFacts:
+def facts(
+    *faults: str, platform: str = "pelican_rtk", floor_height_m: float = -1e9, is_calm: bool = True
+) -> FlightFacts:
     """What is known of a flight of `hop`, with these faults."""
     known = PLATFORM if platform == "pelican_rtk" else load_platform(platform)
-    return FlightFacts(known, MISSION, [read_fault(text) for text in faults], floor_height_m)
+    return FlightFacts(known, MISSION, [read_fault(text) for text in faults], floor_height_m, is_calm)
 
 
 def moment(t_s: float, **changed: Any) -> TrueMoment:

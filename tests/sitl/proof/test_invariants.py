@@ -18,7 +18,7 @@ from gloc3_sitl.autopilot.modes import Behaviour
 from gloc3_sitl.autopilot.verdict import Author
 from gloc3_sitl.proof import invariant as invariant_module
 from gloc3_sitl.proof.command import CommandsAtMostOnce, MotionHasOneOwner, NothingArmsByItself, SetpointOrHold
-from gloc3_sitl.proof.course import ItEnds, OnlyTableTransitions
+from gloc3_sitl.proof.course import GoesOn, ItEnds, OnlyTableTransitions
 from gloc3_sitl.proof.invariant import Invariant, load_invariants
 from gloc3_sitl.proof.record import LogComplete, NoTraceback, OnlyNumbers
 from gloc3_sitl.proof.space import AboveFloor, DoneTrulyPassed, InsideFence, PoseHonest
@@ -312,6 +312,38 @@ def test_a_diver_ends_at_the_surface() -> None:
 
 
 # --- record ---
+
+
+@pytest.mark.parametrize(
+    ("faults", "is_judged"),
+    [
+        ((), True),
+        (("crash:pose@5",), True),
+        (("disk_full@5..", "clock_jump=1000@3", "link_twice=0.5@2..9", "crash:limiter@5"), True),
+        (("link_loss@5..9",), True),
+        (("cable_loss@5..5.3",), True),
+        (("link_loss@5..12",), False),
+        (("cable_loss@5..6",), False),
+        (("crash:pose@5..",), False),
+        (("crash:hold@5",), False),
+        (("crash:command_server@5",), False),
+        (("crash:pose@5", "link_loss@5..9"), False),
+        (("restart@5",), False),
+    ],
+)
+def test_a_mission_goes_on_through_what_the_stack_gets_over(faults: tuple[str, ...], *, is_judged: bool) -> None:
+    judge = GoesOn(facts(*faults))
+    judge.end(flown(state="failed", reason="pose is lost"))
+    assert told(judge) == ("the mission is failed: pose is lost" if is_judged else "")
+    done = GoesOn(facts(*faults))
+    done.end(flown())
+    assert not told(done)
+
+
+def test_wind_may_end_a_mission() -> None:
+    judge = GoesOn(facts("crash:pose@5", is_calm=False))
+    judge.end(flown(state="failed"))
+    assert not told(judge)
 
 
 def test_a_value_that_is_no_number_is_told() -> None:

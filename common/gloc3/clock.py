@@ -77,6 +77,11 @@ class Clock:
         """A stopwatch for measured costs, in seconds from an arbitrary start; never part of a log in virtual time."""
         return time.perf_counter()
 
+    @staticmethod
+    def processor_s() -> float:
+        """The same of this process's time on a processor, which the load of a machine does not change."""
+        return time.process_time()
+
     def starved_s(self) -> float:
         """Time for which threads of this process were ready and had no processor, in seconds, summed over them."""
         return 0.0 if self.is_virtual else starved_s()

@@ -73,6 +73,8 @@ class ProveOptions:
     """An invariant that is not judged, by name; may be repeated."""
     first: Annotated[bool, Parameter(negative=())] = False
     """Stop at the first broken invariant."""
+    shrink: int = 80
+    """So many flights, at most, to shrink each finding."""
     out: Path = OUT
     """Folder for the search's state and its findings."""
     replay: Path | None = None
@@ -184,13 +186,15 @@ def _search(mission: str, options: ProveOptions) -> int:
         raise Refused("--flights must be 1 or more")
     if options.minutes is not None and not options.minutes > 0.0:
         raise Refused("--minutes must be more than 0")
+    if options.shrink < 0:
+        raise Refused("--shrink must be 0 or more")
     if options.seed < 0:
         raise Refused("--seed must be 0 or more")
     kinds = invariants_but(options.ignore or ())
     base = _base(mission, options)
     flights = options.flights if options.flights or options.minutes else FLIGHTS
     seconds = 60.0 * options.minutes if options.minutes else None
-    limits = SearchLimits(flights=flights, seconds=seconds, stops_at_first=options.first)
+    limits = SearchLimits(flights=flights, seconds=seconds, stops_at_first=options.first, shrink_flights=options.shrink)
     jobs = options.jobs or os.cpu_count() or 1
     try:
         with shown(limits.flights, is_quiet=options.quiet) as report:

@@ -54,6 +54,8 @@ class SearchProgress(msgspec.Struct, kw_only=True):
     shrinking: str = ""
     search_s: float = 0.0
     """Wall time of the search, before shrinking; on one machine only a measure."""
+    processor_s: float = 0.0
+    """What its flights have cost, in seconds of one processor; those of an interrupted run before are not counted."""
 
 
 class SearchLimits(msgspec.Struct, frozen=True, kw_only=True):
@@ -130,6 +132,7 @@ def _count(progress: SearchProgress, search: Search, replaced: frozenset[str]) -
     """Brings the figures up to date."""
     new = search.flights[progress.flights :]
     progress.flights = len(search.flights)
+    progress.processor_s = round(search.processor_s, 1)
     progress.phases = [ON_THE_GROUND, *(target for _, target in search.course.phases)]
     progress.reached = dict(sorted(Counter(word.partition(" ")[0] for word in search.reached).items()))
     states, broken = Counter(progress.states), Counter(progress.broken)

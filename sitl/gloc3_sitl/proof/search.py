@@ -14,6 +14,7 @@ from typing import Final
 
 import msgspec
 
+from gloc3.clock import Clock
 from gloc3.component.workers import guard
 from gloc3.errors import UNREADABLE, Gloc3Error, Refused
 from gloc3_sitl.faults.fault_menu import PossibleFault, possible_faults
@@ -79,6 +80,8 @@ class Search:
         """What the flight without a fault breaks: it is not judged in the others, where it would hide everything else."""
         self.kinds = kinds
         """The invariants that are judged."""
+        self.processor_s = 0.0
+        """What the flights of this run have cost, in seconds of one processor."""
         self._fly, self._out = fly, out
         self._corpus: list[_Seed] = []
         self._kept: list[SearchedFlight] = []
@@ -154,6 +157,7 @@ class Search:
         return made
 
     def _judge(self, result: TrialResult) -> SearchedFlight:
+        self.processor_s += result.processor_s
         new = tuple(word for word in result.reached if word not in self.reached)
         changes_s = result.changes_s[:MOST_CHANGES] if new else ()
         self._learn(result.case, new, changes_s)
@@ -203,12 +207,14 @@ def _vehicle(base: FlightCase) -> str:
 
 def _fly_one(case: FlightCase, kinds: Invariants) -> TrialResult:
     """In a process of its own: a flight; one that ends with an error has broken an invariant, too."""
+    began_s = Clock.processor_s()
     result, error = guard(lambda: fly_case(case, kinds=kinds))
+    took_s = round(Clock.processor_s() - began_s, 3)
     if result is not None:
-        return result
+        return msgspec.structs.replace(result, processor_s=took_s)
     text = f"the flight ended with {type(error).__name__}: {error}"
     broken = BrokenInvariant(invariant=NoTraceback.name, t_s=0.0, text=text)
-    return TrialResult(case=case, broken=(broken,))
+    return TrialResult(case=case, broken=(broken,), processor_s=took_s)
 
 
 @contextmanager

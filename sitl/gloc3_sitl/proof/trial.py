@@ -63,6 +63,8 @@ class TrialResult(msgspec.Struct, frozen=True, kw_only=True):
     """When the mission's state, its policy or the autopilot's mode has changed."""
     story: tuple[str, ...] = ()
     """What happened, a line each."""
+    processor_s: float = 0.0
+    """What it has cost, where that was measured."""
 
     @property
     def is_done(self) -> bool:

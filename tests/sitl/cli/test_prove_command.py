@@ -65,6 +65,7 @@ def test_wrong_use_is_refused(options: ProveOptions, says: str) -> None:
         (ProveOptions(fly=True), "--fly goes with --static"),
         (ProveOptions(flights=0), "--flights must be 1 or more"),
         (ProveOptions(minutes=0.0), "--minutes must be more than 0"),
+        (ProveOptions(shrink=-1), "--shrink must be 0 or more"),
         (ProveOptions(seed=-1), "--seed must be 0 or more"),
         (ProveOptions(ignore=["it_end"]), "did you mean 'it_ends'"),
     ],

@@ -242,6 +242,7 @@ def test_a_search_that_flies_finds_and_shrinks(tmp_path: Path) -> None:
     assert [one.broken.invariant for one in progress.found] == ["never_hindered"]
     assert (tmp_path / "found" / "01-never_hindered" / "log.mcap").is_file()
     assert progress.reached["event"] > 20
+    assert progress.processor_s > 0.1
     assert seen[-1] == progress.flights
 
 

@@ -140,6 +140,8 @@ class ItEnds(Invariant):
 
 SHORT_CUT_S: Final = 0.4
 """The autopilot's cable may be cut for so long without that it leaves our setpoints."""
+SHORT_HANG_S: Final = 0.5
+"""A component that stands still for so long is replaced by a new one before anything is lost."""
 _HARMLESS: Final = ("disk_full", "clock_jump", "link_twice", "cable_twice")
 _SERVER: Final = "command_server"
 
@@ -149,8 +151,8 @@ class GoesOn(Invariant):
 
     name = "goes_on"
     sentence = (
-        "In calm weather a mission is done although one component fails once that is brought up again and performs none of "
-        f"its actions, or the cable is cut for less than {SHORT_CUT_S:g} s; although the radio is silent for less than the "
+        "In calm weather a mission is done although one component fails once, or stands still for "
+        f"{SHORT_HANG_S:g} s, that is brought up again and performs none of its actions, or the cable is cut for less than {SHORT_CUT_S:g} s; although the radio is silent for less than the "
         "mission waits, messages come twice, the disk is full or the date jumps."
     )
 
@@ -167,11 +169,12 @@ class GoesOn(Invariant):
                 return lasts_s is not None and lasts_s < self.facts.mission.policies.link_loss_after_s - 0.5
             case "cable_loss":
                 return lasts_s is not None and lasts_s < SHORT_CUT_S
-            case "crash":
+            case "crash" | "hang":
+                is_short = lasts_s is None or lasts_s <= SHORT_HANG_S
                 performers = {row.performed_by for row in platform.capabilities.values()}
                 row = next((row for row in platform.components if row.name == fault.given.target), None)
                 is_mended = row is not None and isinstance(row.on_fault, OnFault)
-                return lasts_s is None and is_mended and fault.given.target not in {*performers, _SERVER}
+                return is_short and is_mended and fault.given.target not in {*performers, _SERVER}
             case _:
                 return False
 

@@ -18,6 +18,10 @@ LONGEST_S: Final = 90.0
 SEEDS: Final = 20
 ROUGH: Final = 0.4
 """The share of fresh cases in wind, waves or a current, from which that goes to the cases that are varied."""
+BRIEFLY: Final = {"hang": (0.3, 0.5), "link_loss": (1.0, 4.0), "cable_loss": (0.1, 0.35)}
+"""How long a trouble lasts that comes alone and that the stack gets over, in seconds."""
+ALONE: Final = ("disk_full", "clock_jump", "link_twice", "cable_twice")
+"""Troubles that it gets over however long they last."""
 WIND_M_S: Final = (1.0, 6.0)
 
 
@@ -92,6 +96,24 @@ class Draw:
             faults.pop(at)
             self._add(faults, random)
 
+    # --- alone ---
+
+    def alone(self) -> list[PossibleFault]:
+        """The troubles that the stack gets over when they come alone and are short, in a fixed order."""
+        found = [one for group in sorted(self._groups) for one in self._groups[group]]
+        return [one for one in found if _kind(one) in (*BRIEFLY, *ALONE) or (one.is_event and _kind(one) == "crash")]
+
+    def single(self, possible: PossibleFault, random: Random) -> FlightCase:
+        """A case in calm weather with this trouble alone."""
+        self._changes_s = ()
+        begin_s, end_s = self._time(random), None
+        if not possible.is_event:
+            shortest_s, longest_s = BRIEFLY.get(_kind(possible), (1.0, 30.0))
+            end_s = round(begin_s + random.uniform(shortest_s, longest_s), 2)
+        value = "" if possible.values is None else _value(possible.values, random)
+        fault = FaultText(possible.text.replace("{}", value), begin_s, end_s)
+        return msgspec.structs.replace(self._base, faults=(str(fault),), seed=self._base.seed + random.randrange(SEEDS))
+
     # --- one trouble ---
 
     def _add(self, faults: list[FaultText], random: Random) -> None:
@@ -142,6 +164,12 @@ class Draw:
             waves_m=round(random.uniform(0.1, 0.4), 2) if random.random() < 0.5 else 0.0,
             current_m_s=round(random.uniform(0.05, 0.3), 2) if random.random() < 0.5 else 0.0,
         )
+
+
+def _kind(possible: PossibleFault) -> str:
+    """What a trouble is: with a value, such as the share of a link that is lost, it is another one."""
+    what = possible.text.partition(":")[0]
+    return what.removesuffix("={}") if what.startswith(ALONE) else what
 
 
 def _put(faults: list[FaultText], fault: FaultText) -> None:

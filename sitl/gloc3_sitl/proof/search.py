@@ -86,6 +86,7 @@ class Search:
         self._corpus: list[_Seed] = []
         self._kept: list[SearchedFlight] = []
         self._menu: list[PossibleFault] = []
+        self._alone: list[PossibleFault] = []
         self._draw: Draw
 
     # --- begin ---
@@ -113,6 +114,8 @@ class Search:
         self._menu = menu
         swims = vehicle_named(_vehicle(self.base)).swims
         self._draw = Draw(self.base, menu, self.course, swims=swims)
+        self._alone = self._draw.alone()
+        Random(self.base.seed).shuffle(self._alone)
         self.reached.update(flown.reached)
         self._kept = self._read()
         return flown
@@ -144,7 +147,7 @@ class Search:
     def round(self) -> list[SearchedFlight]:
         """Flies one round, or takes it from what is remembered; returns its flights."""
         first = len(self.flights)
-        cases = [self._next(Random(f"{self.base.seed}/{first + index}")) for index in range(ROUND)]
+        cases = [self._next(index, Random(f"{self.base.seed}/{index}")) for index in range(first, first + ROUND)]
         kept = self._kept[first : first + ROUND]
         if len(kept) == ROUND and [one.case for one in kept] == cases:
             made = kept
@@ -181,7 +184,10 @@ class Search:
             with self._path.open("ab") as file:
                 file.writelines(msgspec.json.encode(one) + b"\n" for one in made)
 
-    def _next(self, random: Random) -> FlightCase:
+    def _next(self, index: int, random: Random) -> FlightCase:
+        """The case of a flight: at first every other one has a single short trouble, each of them once."""
+        if index % 2 == 0 and index // 2 < len(self._alone):
+            return self._draw.single(self._alone[index // 2], random)
         if not self._corpus or random.random() < FRESH:
             return self._draw.fresh(random)
         weights = [seed.energy for seed in self._corpus]

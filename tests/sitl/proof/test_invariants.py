@@ -324,6 +324,8 @@ def test_a_diver_ends_at_the_surface() -> None:
         (("cable_loss@5..5.3",), True),
         (("link_loss@5..12",), False),
         (("cable_loss@5..6",), False),
+        (("hang:pose@5..5.5",), True),
+        (("hang:pose@5..6",), False),
         (("crash:pose@5..",), False),
         (("crash:hold@5",), False),
         (("crash:command_server@5",), False),

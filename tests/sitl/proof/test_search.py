@@ -113,6 +113,18 @@ def test_a_folder_of_another_search_is_refused(first_flights: tuple[Search, Path
         other.begin()
 
 
+def test_at_first_every_other_flight_has_one_short_trouble_each_once(first_flights: tuple[Search, Path]) -> None:
+    search, _ = first_flights
+    singles = [one.case for one in search.flights[::2]]
+    assert all(len(case.faults) == 1 and not case.wind_m_s for case in singles)
+    assert len({case.faults[0].partition("@")[0].partition("=")[0] for case in singles}) == len(singles)
+    kinds = {one.text.partition(":")[0].partition("=")[0] for one in search._alone}
+    assert kinds == {"crash", "hang", "link_loss", "cable_loss", "disk_full", "clock_jump", "link_twice", "cable_twice"}
+    fault = parse(next(case.faults[0] for case in singles if case.faults[0].startswith("hang:")))
+    assert fault.end_s is not None
+    assert 0.25 < fault.end_s - fault.begin_s < 0.55
+
+
 def test_what_reaches_something_new_is_varied(first_flights: tuple[Search, Path]) -> None:
     search, _ = first_flights
     first = {one.case.faults for one in search.flights[:ROUND]}

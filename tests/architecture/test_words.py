@@ -7,7 +7,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Final
 
-from tests.house.measure import read_modules
+from tests.house.measure import read_modules, statements_of
 
 ROOT: Final = Path(__file__).parents[2]
 PRIVATE: Final = frozenset(
@@ -42,13 +42,28 @@ Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
 def names_in(tree: ast.AST) -> Iterator[str]:
-    """The names that a module gives to classes, functions, parameters, variables and attributes."""
-    for node in ast.walk(tree):
-        match node:
-            case ast.ClassDef(name=name) | ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name):
-                yield name
-            case ast.arg(arg=name) | ast.Name(id=name, ctx=ast.Store()) | ast.Attribute(attr=name, ctx=ast.Store()):
-                yield name
+    """The names that a module's statements give to classes, functions, parameters, variables and attributes."""
+    for statement in statements_of(tree):
+        match statement:
+            case ast.ClassDef():
+                yield statement.name
+            case ast.FunctionDef() | ast.AsyncFunctionDef():
+                yield statement.name
+                yield from parameters_of(statement)
+            case ast.Assign():
+                yield from _given(*statement.targets)
+            case ast.AnnAssign() | ast.AugAssign() | ast.For() | ast.AsyncFor():
+                yield from _given(statement.target)
+            case ast.With() | ast.AsyncWith():
+                yield from _given(*(item.optional_vars for item in statement.items if item.optional_vars is not None))
+
+
+def _given(*targets: ast.expr) -> Iterator[str]:
+    for node in chain.from_iterable(map(ast.walk, targets)):
+        if isinstance(node, ast.Name):
+            yield node.id
+        elif isinstance(node, ast.Attribute):
+            yield node.attr
 
 
 def private_names(name: str, tree: ast.AST) -> set[str]:
@@ -90,15 +105,16 @@ def test_docstrings_describe_arguments_that_exist() -> None:
     found = [
         f"{module.path}:{node.lineno}: {', '.join(sorted(others))}"
         for module in read_modules(ROOT).values()
-        for node in ast.walk(module.tree)
+        for node in statements_of(module.tree)
         if isinstance(node, Function | ast.ClassDef) and (others := described(node) - parameters_of(node))
     ]
     assert found == []
 
 
 def test_both_would_be_found() -> None:
-    tree = ast.parse(
-        'def f(tell):\n    """A.\n\n    Args:\n        tell: b.\n        *more: c (d).\n        e (f): g.\n    """'
+    function = (
+        'def f(tell):\n    """A.\n\n    Args:\n        tell: b.\n        *more: c (d).\n        e (f): g.\n    """\n'
     )
-    assert private_names("m.herald", tree) == {"herald", "tell"}
+    tree = ast.parse(f"{function}a.told, b = 1, 2\n")
+    assert private_names("m.herald", tree) == {"herald", "tell", "told"}
     assert described(tree.body[0]) - parameters_of(tree.body[0]) == {"more", "e"}

@@ -146,7 +146,7 @@ def measure(root: Path) -> Measures:
     return Measures(
         files=len(modules),
         lines=sum(module.lines for module in modules.values()),
-        statements=sum(_is_code(node) for module in modules.values() for node in ast.walk(module.tree)),
+        statements=sum(_is_code(each) for module in modules.values() for each in statements_of(module.tree)),
         test_files=len(tests),
         test_lines=sum(path.read_text(encoding="utf-8").count("\n") for path in tests),
         largest_folder=max(folders.items(), key=lambda item: item[1]),
@@ -175,10 +175,18 @@ def functions_of(tree: ast.AST, where: str) -> Iterator[tuple[str, ast.FunctionD
             yield from functions_of(node, where)
 
 
-def _is_code(node: ast.AST) -> bool:
-    """Whether a node is a statement, and not one that only documents."""
-    is_text = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
-    return isinstance(node, ast.stmt) and not is_text
+def statements_of(tree: ast.AST) -> Iterator[ast.stmt]:
+    """All statements in a module or in another statement, at every depth."""
+    for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+        for node in getattr(tree, part, ()):
+            if isinstance(node, ast.stmt):
+                yield node
+            yield from statements_of(node)
+
+
+def _is_code(statement: ast.stmt) -> bool:
+    """Whether a statement does more than document."""
+    return not (isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant))
 
 
 def _parameters(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:

@@ -8,6 +8,8 @@ from tests.fuzz import target as targets
 from tests.fuzz.target import CORPUS, FOUND, FuzzTarget, judge, keep, smaller
 from tests.fuzz.targets import TARGETS
 
+pytestmark = pytest.mark.thorough  # imports every parser
+
 MOST_BYTES = 100_000_000
 """Memory that no input of at most 4 kB may need."""
 INPUTS = [(target.name, path) for target in TARGETS.values() for path in target.inputs]
@@ -18,7 +20,6 @@ def test_an_input_keeps_the_promise_of_its_target(name: str, path: Path) -> None
     TARGETS[name].run(path.read_bytes())
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("name", TARGETS)
 def test_no_input_of_a_target_needs_much_memory(name: str) -> None:
     for path in TARGETS[name].inputs:

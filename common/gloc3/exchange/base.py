@@ -3,7 +3,7 @@
 import asyncio
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 from gloc3.component.workers import guard
 from gloc3.messages.envelope import CommandRequest, Envelope, FunctionRequest, Message, Source
@@ -61,6 +61,10 @@ class Publisher:
         self._exchange.publish(Envelope(topic, self.source, sequence, t_s, frame, type_name(type(message)), message))
 
 
+MOST_ROUTES: Final = 10_000
+"""Topics whose subscribers are remembered; names of topics may come from others."""
+
+
 class LocalExchange:
     """Local exchange: inside one process, messages pass by reference.
 
@@ -112,6 +116,8 @@ class LocalExchange:
             row = None if self._topics is None else self._topics.row(envelope.topic)
             if row is not None and row.is_latched:
                 route = (self._keep, *route)
+            if len(self._routes) >= MOST_ROUTES:
+                self._routes.clear()
             self._routes[envelope.topic] = route
         self._hand_over(route, envelope)
 

@@ -173,7 +173,10 @@ class Authority:
             return f"station {request.sender} may look and not command: it is an observer"
         self.control.note_contact(request.sender, now_s)
         if isinstance(request.body, Hello | Control):
+            self._software.pop(request.sender, None)
             self._software[request.sender] = Software(request.body.version, request.body.protocol)
+            if len(self._software) > MOST_STATIONS:
+                del self._software[next(iter(self._software))]
         if doubled := self._senders.receive(request.sender, request.boot, now_s):
             self._report(Severity.WARNING, doubled)
         return ""
@@ -196,7 +199,9 @@ class Senders:
         lives = self._lives.pop(station, {})
         self._lives[station] = lives
         if len(self._lives) > MOST_STATIONS:
-            del self._lives[next(iter(self._lives))]
+            oldest = next(iter(self._lives))
+            del self._lives[oldest]
+            self._reported_s.pop(oldest, None)
         if not lives or boot == next(reversed(lives)):
             lives.setdefault(boot, 0)
             return ""

@@ -13,6 +13,8 @@ OUT_OF_CONTACT_S: Final = 5.0
 STATUS_PERIOD_S: Final = 30.0
 """Period at which the state is stored as an event while no station is in contact, s."""
 MOST_AT_ONCE: Final = 100
+MOST_STATIONS: Final = 32
+"""Number of stations whose last contact is remembered."""
 SOURCE: Final = "status"
 
 
@@ -35,7 +37,12 @@ class Contacts:
         if before_s is None or now_s - before_s >= OUT_OF_CONTACT_S:
             self._new[station] = -1.0 if before_s is None else now_s - before_s
             self._reports.owe()
+        self._received_s.pop(station, None)
         self._received_s[station] = now_s
+        if len(self._received_s) > MOST_STATIONS:
+            oldest = next(iter(self._received_s))
+            del self._received_s[oldest]
+            self._new.pop(oldest, None)
 
     def is_alone(self, now_s: float) -> bool:
         """Whether no station is in contact."""

@@ -52,6 +52,8 @@ URGENT_S: Final = 8.0
 """So long an emergency waits for a platform that is only just starting."""
 LONGEST_LIMIT_S: Final = 1800.0
 """Time limits of requests are shorter, those of the largest missions over the slowest links included."""
+MOST_LIVES: Final = 64
+"""Lives of stations whose last emergency is remembered."""
 OPEN_TO_ALL: Final = (ReadMission, Control, Emergency, Query, Hello)
 """What a station may ask for without holding control."""
 
@@ -183,7 +185,9 @@ class RequestHandler:
         """Refuses requests superseded by an emergency of the same sender, which overtakes them on the link."""
         life = (request.sender, request.boot)
         if isinstance(request.body, Emergency):
-            self._emergencies[life] = max(request.sequence, self._emergencies.get(life, -1))
+            self._emergencies[life] = max(request.sequence, self._emergencies.pop(life, -1))
+            if len(self._emergencies) > MOST_LIVES:
+                del self._emergencies[next(iter(self._emergencies))]
         elif request.sequence < self._emergencies.get(life, -1):
             raise Refused("superseded by an emergency; send it again if it is still wanted")
 

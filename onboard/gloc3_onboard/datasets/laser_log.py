@@ -92,14 +92,16 @@ class LaserLogLine:
 
 
 def scan_of(ranges_m: Array, angle_min_rad: float, angle_step_rad: float, range_max_m: float) -> LaserScan:
-    """A scan of a log."""
+    """A scan of a log; a range that is too large for its number is infinite."""
+    with np.errstate(over="ignore"):
+        ranges = ranges_m.astype("<f4").tobytes()
     return LaserScan(
         scanner="log",
         angle_min_rad=angle_min_rad,
         angle_step_rad=angle_step_rad,
         range_min_m=0.05,
         range_max_m=range_max_m,
-        ranges_m=ranges_m.astype("<f4").tobytes(),
+        ranges_m=ranges,
     )
 
 

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from gloc3.clock import run_virtual
-from gloc3.exchange import LocalExchange, Publisher, request
-from gloc3.messages.envelope import CommandReply, CommandRequest, Envelope, Message
+from gloc3.exchange import LocalExchange, Publisher, base, request
+from gloc3.messages.envelope import CommandReply, CommandRequest, Envelope, Message, Source
 
 
 class Word(Message, frozen=True):
@@ -163,3 +163,14 @@ def test_a_request_gets_the_reply_that_fits_and_leaves_no_subscription() -> None
         assert len(exchange._subscribers) == 1
 
     run_virtual(main())
+
+
+def test_topics_that_others_invent_take_room_for_a_while_only() -> None:
+    exchange = LocalExchange()
+    received: list[str] = []
+    exchange.subscribe("p/pose", lambda envelope: received.append(envelope.topic))
+    for number in range(base.MOST_ROUTES + 5):
+        exchange.publish(Envelope(f"invented/{number}", Source("p", "c", 1), 0, 0.0, "", "", None))
+    exchange.publish(Envelope("p/pose", Source("p", "c", 1), 0, 0.0, "", "", None))
+    assert received == ["p/pose"]
+    assert len(exchange._routes) < 10

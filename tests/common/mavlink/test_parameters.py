@@ -10,7 +10,13 @@ from gloc3.errors import Refused
 from gloc3.mavlink.codec import message
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.parameter import Parameter, ParameterEncoding, ParameterType, parameter, read_parameter
-from gloc3.mavlink.services.parameter_client import ParameterCall, ParameterClient, ParameterFetch, ParameterResult
+from gloc3.mavlink.services.parameter_client import (
+    MOST_VEHICLES,
+    ParameterCall,
+    ParameterClient,
+    ParameterFetch,
+    ParameterResult,
+)
 from gloc3.mavlink.services.parameter_server import (
     ParameterChanged,
     ParameterError,
@@ -313,3 +319,14 @@ def test_thousands_who_ask_for_the_list_do_not_keep_it_from_coming_to_its_end() 
         reported += [one.param_index for one in server.outgoing()]
     assert set(reported) == set(range(len(PARAMETERS)))
     assert len(reported) <= 400 * 4
+
+
+def test_parameters_of_senders_that_somebody_invents_take_bounded_room_and_the_vehicle_keeps_its_own() -> None:
+    client = ParameterClient(STATION)
+    client.fetch(VEHICLE, now_s=0.0)
+    value = message("PARAM_VALUE", param_id="A", param_value=0, param_type=6, param_count=9, param_index=0)
+    client.receive(value, VEHICLE, 0.0)
+    for number in range(1000):
+        client.receive(value, Address(2 + number % 250, number // 250), 0.0)
+    assert len(client.known) == MOST_VEHICLES
+    assert "A" in client.known[VEHICLE]

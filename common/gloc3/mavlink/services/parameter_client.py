@@ -15,6 +15,8 @@ from gloc3.mavlink.services.parameter import Parameter, ParameterEncoding, Param
 SILENT_S: Final = 6.0
 QUIET_S: Final = 0.5
 """Pause after which a list counts as sent and missing parameters are requested individually, s."""
+MOST_VEHICLES: Final = 256
+"""Senders whose parameters are kept."""
 AT_ONCE: Final = 8
 """Requests for single parameters under way at the same time."""
 DIFFERENT: Final = 3
@@ -174,7 +176,7 @@ class ParameterClient(Microservice[ParameterEvent]):
         reported = read_parameter(message.param_id, message.param_value, message.param_type, self.encoding)
         if reported is None:
             return
-        known = self.known.setdefault(sender, {})
+        known = self._known_of(sender)
         before = known.get(reported.name)
         if before is None and len(known) >= 10_000:
             return
@@ -312,6 +314,13 @@ class ParameterClient(Microservice[ParameterEvent]):
         del self._fetches[fetch.target]
         fetch.result = result
         self._events.append(fetch)
+
+    def _known_of(self, sender: Address) -> dict[str, Parameter]:
+        """What is known of a sender; one more than there is room for takes that of the first to which nothing was asked."""
+        if sender not in self.known and len(self.known) >= MOST_VEHICLES:
+            asked = {*self._fetches, *(target for target, _ in self._calls)}
+            del self.known[next((one for one in self.known if one not in asked), next(iter(self.known)))]
+        return self.known.setdefault(sender, {})
 
     def _round_trip(self, target: Address) -> RoundTrip:
         return self._round_trips.setdefault(target, RoundTrip())

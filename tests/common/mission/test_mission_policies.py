@@ -174,7 +174,9 @@ def test_a_component_that_does_not_answer_or_goes_silent_has_failed(pelican: Pla
     rig = Rig(pelican, MISSION)
     rig.deaf.add("flight")
     rig.start()
-    rig.pass_s(1.1)
+    rig.pass_s(1.9)
+    assert rig.state() == "running"
+    rig.pass_s(0.2)
     assert "depart.climb failed: flight does not answer" in rig.log
     rig = flying(pelican)
     rig.deaf.add("waypoints")

@@ -6,14 +6,15 @@ from typing import Any, Final
 
 import msgspec
 
+from gloc3.messages.standard_topics import POSE_LOST_S
 from gloc3.mission.executing.items import ActionRun
 from gloc3.mission.executing.requests import Cancel, Grant, Pause, Request, Resume, Start
 from gloc3.mission.model.arguments import Arguments
 from gloc3.platform.platform import Capability
 
 MOTION: Final = "motion"
-ANSWER_S: Final = 1.0
-"""A component that has not answered within this time is taken for one that cannot do it."""
+ANSWER_S: Final = POSE_LOST_S
+"""A component that has not answered within this time is taken for one that cannot do it; a busy computer may be as late."""
 SILENT_S: Final = 5.0
 """Time without a report after which a running action counts as failed, s."""
 

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 TIMEOUT_S = 120.0
+ROOT = Path(__file__).parents[2]
 
 
 class Program:

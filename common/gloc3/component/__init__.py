@@ -15,6 +15,7 @@ __all__ = [
     "host",
     "hosted",
     "lci",
+    "memory",
     "ports",
     "settings",
     "supervision",

@@ -6,6 +6,7 @@ from random import Random
 from typing import NamedTuple
 
 from gloc3.clock import Clock
+from gloc3.component.memory import MemoryReserve
 from gloc3.component.workers import InlineWorker, ThreadWorker, Worker
 from gloc3.exchange.base import Exchange
 from gloc3.messages.topics import TopicTable
@@ -25,7 +26,13 @@ class HostContext(NamedTuple):
     """Virtual time: cost of a cycle of the named component at a given time, by the fault model."""
     method_cost_s: Callable[[str, str, float], float] | None = None
     """Virtual time: cost of a command or function (component, its name, time), by the fault model."""
+    memory: MemoryReserve | None = None
+    """What is left for the others when memory is used up; None where it is not reserved."""
 
     def new_worker(self, name: str) -> Worker:
         """A worker for one component."""
-        return InlineWorker(self.loop) if self.clock.is_virtual else ThreadWorker(self.loop, name)
+        if self.clock.is_virtual:
+            return InlineWorker(self.loop)
+        return (
+            ThreadWorker(self.loop, name) if self.memory is None else ThreadWorker(self.loop, name, self.memory.release)
+        )

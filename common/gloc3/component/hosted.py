@@ -15,6 +15,7 @@ from gloc3.component.deployment import ComponentRow
 from gloc3.component.error_handler import CountedError, ErrorHandler, describe, reason_of
 from gloc3.component.jobs import CHECK_LEAVING, MAKE_SAFE, CycleJob, Gate, MethodJob
 from gloc3.component.lci import OPERATING, Command, State, Transition
+from gloc3.component.memory import OUT_OF_MEMORY, is_out_of_memory
 from gloc3.component.outlets import KEY, Outlets, Routed
 from gloc3.component.workers import JobQueue, guard
 from gloc3.exchange.base import Publisher, Unsubscribe
@@ -250,18 +251,43 @@ class HostedComponent:
         methods = [MAKE_SAFE] if self.is_device_live and not is_device_safe else []
         methods += ["stop"] if was in OPERATING and not is_stopped else []
         self.is_device_live = False
-        trace = self.errors.record(cause, self._loop.time(), error)
-        if methods:
-            self._clean_up(methods)
+        is_exhausted = is_out_of_memory(error)
+        if is_exhausted:
+            cause = self._memory_cause()
+            assert error is not None
+            error.__traceback__ = None  # its frames hold what the failed job had made
+        trace = self.errors.record(cause, self._loop.time(), None if is_exhausted else error)
+        if is_exhausted:
+            self._is_stuck = True
+        if methods or is_exhausted:
+            self._clean_up(methods, is_let_go=is_exhausted)
         self.event(Severity.ERROR, f"{was} -> faulty: {cause}", trace)
         self._notifier.changed()
 
-    def _clean_up(self, methods: list[str]) -> None:
+    def _memory_cause(self) -> str:
+        """Gives the reserve back, and tells once how large the process is."""
+        memory = self._context.memory
+        if memory is not None and memory.release():
+            self.event(Severity.CRITICAL, f"{memory.text()}; components that run into it start anew, by their policies")
+        return OUT_OF_MEMORY
+
+    def _clean_up(self, methods: list[str], *, is_let_go: bool = False) -> None:
+        """Calls methods of the component that has failed.
+
+        Args:
+            methods: in order; failures are counted.
+            is_let_go: whether the component is let go after them, with all that it holds; another one takes its place.
+        """
         job = MethodJob(self.component, methods, self.gate, tolerated=methods)
 
         def ended(_: MethodJob) -> None:
             for failure in job.failures:
                 self.count(failure)
+            if is_let_go:
+                fresh, _failure = guard(self._create)
+                if isinstance(fresh, Component):
+                    self.component, self._is_stuck, self._is_finish_left_out = fresh, False, True
+                    fresh.request_cycle = self._cycler.request
 
         self.jobs.run(job.run, ended, lambda _: None, what="stop", limit_s=self.row.timeout_s)
 
@@ -278,7 +304,10 @@ class HostedComponent:
 
     def count(self, failure: CountedError) -> None:
         """Counts an error that the component recovers from; the first of its kind is reported."""
-        self.count_cause(f"{failure.during}: {describe(failure.error)}", failure.error)
+        if is_out_of_memory(failure.error):
+            self.count_cause(f"{failure.during}: {self._memory_cause()}")
+        else:
+            self.count_cause(f"{failure.during}: {describe(failure.error)}", failure.error)
 
     def count_cause(self, cause: str, error: BaseException | None = None) -> None:
         """Counts an error; the first of its kind is reported. The displayed cause of being faulty is unchanged."""

@@ -114,17 +114,36 @@ class _Lane:
 class ThreadWorker:
     """Wall time: a daemon thread that lives until it is abandoned, so that a stuck job cannot keep a process alive."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, name: str) -> None:
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, name: str, make_room: Callable[[], bool] = lambda: False
+    ) -> None:
+        """Begins without a thread.
+
+        Args:
+            loop: where results are reported.
+            name: of the thread.
+            make_room: called when there is no memory for a thread; whether there may be now.
+        """
         self._loop = loop
-        self._name = name
+        self._name, self._make_room = name, make_room
         self._lane: _Lane | None = None
 
     def run(self, job: Callable[[], T], done: Callable[[T], None], cost_s: float = 0.0) -> None:
         """Queues the job for the thread."""
         if self._lane is None:
-            self._lane = _Lane()
-            threading.Thread(target=self._serve, args=(self._lane,), name=self._name, daemon=True).start()
+            self._lane = self._new_lane()
         self._lane.jobs.put((job, done))
+
+    def _new_lane(self) -> _Lane:
+        lane = _Lane()
+        while True:
+            try:
+                threading.Thread(target=self._serve, args=(lane,), name=self._name, daemon=True).start()
+            except RuntimeError:
+                if not self._make_room():
+                    raise
+            else:
+                return lane
 
     def abandon(self) -> None:
         """Leaves the thread to its fate: it ends after the job that it is in. The next job starts another."""

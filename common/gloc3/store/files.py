@@ -154,8 +154,8 @@ class DiskThread:
         with self._changed:
             self._requested += 1
             if not self._is_running:
+                threading.Thread(target=self._run, name=f"disk: {self._name}").start()  # there may be no memory for one
                 self._is_running = True
-                threading.Thread(target=self._run, name=f"disk: {self._name}").start()
 
     def mark(self) -> int:
         """A number for all requests so far."""

@@ -10,6 +10,7 @@ import msgspec
 
 from gloc3.clock import Clock
 from gloc3.component.context import HostContext
+from gloc3.component.memory import MemoryReserve
 from gloc3.errors import Refused
 from gloc3.exchange.base import Exchange
 from gloc3.messages.envelope import Envelope
@@ -96,7 +97,9 @@ class HostNode:
     ) -> None:
         self._platform, self._options = platform, options
         self.rows: Final = rows_at(platform, place)
-        self.context: Final = HostContext(platform.platform, exchange, Clock(loop), loop, topics, SystemRandom())
+        self.context: Final = HostContext(
+            platform.platform, exchange, Clock(loop), loop, topics, SystemRandom(), memory=MemoryReserve()
+        )
         self.parts: Final = Parts()
         folder, used = find_platform(options.platform).parent, devices_of(self.rows)
         boot = self.parts.add("boot time", BootTime(exchange, platform.platform))

@@ -6,12 +6,13 @@ import os
 from collections.abc import Mapping
 from functools import partial
 from random import SystemRandom
-from typing import Final
+from typing import Any, Final
 
 from gloc3.cli.narration import Narrator, narrate
 from gloc3.clock import Clock, utc_now
 from gloc3.component.context import HostContext
 from gloc3.component.host import ComponentHost
+from gloc3.component.memory import MemoryReserve, is_out_of_memory
 from gloc3.exchange.base import Exchange
 from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint, parse_url
 from gloc3.messages.envelope import Severity
@@ -108,7 +109,11 @@ class OnboardProcess:
         self._narrator = Narrator()
         self._endpoints: list[Endpoint] = []
         place = ProcessPlace(choose_host(platform, options.host))
-        context = HostContext(platform.platform, self.exchange, Clock(loop), loop, shared.topics, self._random)
+        self._memory = MemoryReserve()
+        loop.set_exception_handler(self._handle_failure)
+        context = HostContext(
+            platform.platform, self.exchange, Clock(loop), loop, shared.topics, self._random, memory=self._memory
+        )
         self._storage = storage = ProcessStorage(options, platform, place, context, self.narrate)
         inputs = self._inputs(context)
         self.vehicle: Final = VehicleSide(inputs, options.autopilot)
@@ -173,6 +178,13 @@ class OnboardProcess:
     def hosts(self) -> Mapping[str, ComponentHost]:
         """Its components, once it is open."""
         return {} if self.vehicle.onboard is None else self.vehicle.onboard.hosts
+
+    def _handle_failure(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """Handles what a callback of the loop raised; out of memory is told once, without tracebacks."""
+        if not is_out_of_memory(context.get("exception")):
+            loop.default_exception_handler(context)
+        elif self._memory.release():
+            self.narrate(Severity.CRITICAL, self._memory.text())
 
     def read_platform(self) -> Platform:
         """The platform file as it is now.

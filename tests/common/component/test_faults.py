@@ -1,7 +1,9 @@
 """Errors under the host: whatever an author's code does, its component turns faulty and nothing else happens."""
 
 import asyncio
+import gc
 from typing import Any
+from weakref import ReferenceType, ref
 
 import pytest
 
@@ -51,12 +53,35 @@ def test_whatever_a_method_raises_makes_its_component_faulty_and_harms_no_other(
         assert bench.state("specimen") is State.FAULTY
         status = bench.last("components/specimen/status")
         assert (status.state, status.errors >= 1) == (State.FAULTY, True)
-        assert status.cause.startswith(type(error).__name__)
+        assert status.cause.startswith("out of memory" if isinstance(error, MemoryError) else type(error).__name__)
         assert bench.state("other") is State.WORKING
         diary.errors.clear()
         assert bench.command("specimen", "initialize", None, "start").is_accepted
         bench.run(0.3)
         assert bench.last("other").value == pytest.approx(bench.loop.time(), abs=0.11)
+
+
+def test_a_component_that_runs_out_of_memory_is_let_go_with_all_that_it_holds() -> None:
+    diary = Diary()
+    made: list[ReferenceType[Specimen]] = []
+
+    def create() -> Specimen:
+        specimen = Specimen(diary)
+        made.append(ref(specimen))
+        return specimen
+
+    with Bench() as bench:
+        bench.host(row(), create)
+        bench.run(0.1)
+        diary.errors["work"] = MemoryError()
+        bench.run(0.2)
+        assert bench.state("specimen") is State.FAULTY
+        gc.collect()
+        assert [one() is not None for one in made] == [False, True], "another one has taken its place"
+        diary.errors.clear()
+        assert bench.command("specimen", "initialize", None, "start").is_accepted
+        assert bench.state("specimen") is State.WORKING
+        assert len(made) == 2
 
 
 def test_a_keyed_output_takes_reports_with_a_key_and_nothing_else() -> None:

@@ -70,8 +70,9 @@ def five_lines(result: TrialResult, kind: type[Invariant]) -> list[str]:
     before = [line for line in result.story if _time(line) <= broken.t_s]
     faults = [line for line in before if " fault " in line]
     others = [line for line in before if (line not in faults and " mission: " in line) or " autopilot: " in line]
-    chosen = sorted(dict.fromkeys([*faults[:2], *others[-_SHOWN:]][-_SHOWN:]), key=_time)
-    lines = [f"must hold: {kind.sentence}", f"was so:    {broken}".replace(f"{broken.invariant}: ", "")]
+    begun = [line for line in faults if line.endswith(" begins")][: _SHOWN - 1]
+    chosen = sorted(dict.fromkeys([*begun, *others[len(begun) - _SHOWN :]]), key=_time)
+    lines = [f"must hold: {kind.sentence}", f"was so:    {broken.t_s:.2f} s  {broken.text}"]
     return [*lines, *(f"before:    {line.strip()}" for line in chosen)]
 
 

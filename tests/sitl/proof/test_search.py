@@ -17,7 +17,7 @@ from gloc3_sitl.faults.fault_text import parse
 from gloc3_sitl.proof.campaign import SearchLimits, run_search
 from gloc3_sitl.proof.case import FlightCase, read_case
 from gloc3_sitl.proof.draw import Course, Draw
-from gloc3_sitl.proof.found import distinct, replay, write_found
+from gloc3_sitl.proof.found import distinct, five_lines, replay, write_found
 from gloc3_sitl.proof.invariant import BrokenInvariant, Invariant
 from gloc3_sitl.proof.record import NoTraceback
 from gloc3_sitl.proof.search import ROUND, STATE, Invariants, Search, flying
@@ -295,6 +295,24 @@ def test_one_of_each_kind_is_shrunk_the_simplest_first() -> None:
         ("pose_honest", case("crash:pose@3")),
     ]
     assert distinct(pairs, 10) == [pairs[1], pairs[3], pairs[0]]
+
+
+def test_the_fault_is_among_the_five_lines_of_cause_however_much_happened_after_it() -> None:
+    story = [
+        "    3.00 s  fault link_twice@3..4 begins",
+        "    4.00 s  fault link_twice@3..4 is over",
+        *(f"   {t_s:2d}.00 s  autopilot: mode {t_s}" for t_s in range(5, 20)),
+        "   30.00 s  fault battery=0.1@30 begins",
+    ]
+    broken = BrokenInvariant(invariant="never_paused", t_s=20.0, text="paused")
+    lines = five_lines(TrialResult(case=HOP, broken=(broken,), story=tuple(story)), NeverPaused)
+    assert lines == [
+        "must hold: The mission is never paused.",
+        "was so:    20.00 s  paused",
+        "before:    3.00 s  fault link_twice@3..4 begins",
+        "before:    18.00 s  autopilot: mode 18",
+        "before:    19.00 s  autopilot: mode 19",
+    ]
 
 
 def test_a_case_is_one_line_and_one_command() -> None:

@@ -1,6 +1,6 @@
 """DESIGN §6: in frame geo the fence is also given to the autopilot and read back before the mission starts."""
 
-from math import dist, nan
+from math import dist
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,6 @@ from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
 from gloc3.errors import Refused
-from gloc3.mavlink.codec import message
 from gloc3.messages.command_interface import Outcome, Steer, Verb
 from gloc3.platform.reader import load_platform
 from gloc3_sitl.flight.mission_file import read_mission_file
@@ -63,15 +62,12 @@ def test_a_vehicle_that_is_led_out_of_a_fence_in_a_local_frame_is_brought_back_b
     fence = "{polygon_m: [[-2, -2], [12, -2], [12, 3], [-2, 3]], ceiling_m: 8}"
     flight.begin(mission(fence=fence), parameters={"GF_ACTION": 3})
     flight.await_state("sweep.out", "running")
-    place = flight.flight.platform.local_frames()["hold"].to_geo((60.0, 0.0, 2.0))
-    out = message(
-        "COMMAND_INT", target_system=1, target_component=1, frame=6, command=192, param1=-1.0, param2=1.0,
-        param4=nan, x=round(place.latitude_deg * 1e7), y=round(place.longitude_deg * 1e7), z=2.0,
-    )  # fmt: skip
-    flight.flight.process.vehicle.autopilot.send_message(out)
-    flight.until(
-        lambda: any("outside the fence" in text for _, _, text in flight.flight.simulator.texts), 30.0, "the fence"
-    )
+    flight.fault("pilot:position")
+    simulator = flight.flight.simulator
+    simulator.pilot.sticks(pitch=-1.0)
+    flight.until(lambda: flight.position_m[0] > 11.5, 30.0, "it is near the fence")
+    simulator.pilot.sticks()
+    flight.until(lambda: any("outside the fence" in text for _, _, text in simulator.texts), 5.0, "the fence")
     flight.always(lambda: flight.position_m[0] < 22.0, 15.0, "it does not go on")
     flight.await_landed(60.0)
     assert dist(flight.position_m[:2], (0.0, 0.0)) < 1.0

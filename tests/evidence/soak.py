@@ -28,7 +28,7 @@ COURSES: Final = (
     Course(mission="hop", platform="pelican_rtk", autopilot="ardupilot"),
     Course(mission="survey", platform="boat"),
     Course(mission="survey", platform="rover"),
-    Course(mission="survey", platform="copter"),
+    Course(mission="survey", platform="copter", parameters={"COM_LOW_BAT_ACT": 0.0}),
     Course(mission="survey", platform="submarine"),
     Course(mission="survey", platform="auv"),
     Course(mission="survey", platform="rov"),

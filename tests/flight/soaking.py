@@ -59,6 +59,8 @@ class Course(msgspec.Struct, frozen=True, kw_only=True):
     platform: str
     autopilot: str = ""
     """Empty for the usual one of the vehicle."""
+    parameters: dict[str, float] = {}
+    """Of the autopilot, as the platform file wants them."""
 
     def __str__(self) -> str:
         return f"{self.mission} on {self.platform}" + (f" ({self.autopilot})" if self.autopilot else "")
@@ -176,6 +178,7 @@ class _Soak:
             platform=course.platform,
             autopilot=course.autopilot,
             home=mission.home,
+            parameters=course.parameters,
             seed=seed,
             out=out,
         )

@@ -1,6 +1,7 @@
 """Plans of other programs are flown as they are, by the autopilot, under our supervision and policies."""
 
 import json
+import math
 from math import dist
 
 import pytest
@@ -148,3 +149,42 @@ def test_a_plan_for_a_vehicle_that_drives_needs_no_take_off(tmp_path: object) ->
         assert dist(card.flight.truth.samples[-1].position_ned_m[:2], (10.0, 8.0)) < 3.5
     finally:
         card.close()
+
+
+CIRCLES = (
+    "QGC WPL 110\n"
+    f"0 1 0 16 0 0 0 0 {HOME[0]} {HOME[1]} 2 1\n"
+    + row(1, 22, up_m=4)
+    + row(2, 600, p1=7)
+    + row(3, 18, north_m=12, up_m=4, p1=2, p3=5)
+    + row(4, 211, p1=1)
+    + row(5, 601, p1=7, p2=1)
+    + row(6, 20)
+)
+
+
+def turns(flight: Card, north_m: float, east_m: float) -> float:
+    """How often the vehicle went round a place, within 7 m of it."""
+    total_rad, before = 0.0, None
+    for sample in flight.flight.truth.samples:
+        north, east = sample.position_ned_m[0] - north_m, sample.position_ned_m[1] - east_m
+        angle = math.atan2(east, north) if 3.0 < math.hypot(north, east) < 7.0 else None
+        if angle is not None and before is not None:
+            total_rad += math.remainder(angle - before, math.tau)
+        before = angle
+    return abs(total_rad) / math.tau
+
+
+@pytest.mark.parametrize("style", ["ardupilot"], indirect=True)
+def test_turns_a_gripper_and_a_jump_to_a_tag_are_flown_as_ardupilot_does(flight: Card) -> None:
+    flight.begin(mission(CIRCLES), platform="pelican_rtk")
+    flight.await_state("mission", "done", 300.0)
+    assert turns(flight, 12.0, 0.0) == pytest.approx(4.0, abs=0.6)
+
+
+@pytest.mark.parametrize("style", ["px4"], indirect=True)
+def test_what_px4_does_not_know_is_refused_by_it_and_the_reason_is_told(flight: Card) -> None:
+    flight.begin(mission(CIRCLES), platform="pelican_rtk")
+    flight.await_state("fly.plan", "failed", 30.0)
+    assert any("the plan could not be uploaded" in event.text for event in flight.events)
+    assert not flight.autopilot.is_armed

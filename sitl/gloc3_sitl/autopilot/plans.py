@@ -14,15 +14,19 @@ class MissionCommand(IntEnum):
 
     WAYPOINT = 16
     LOITER_UNLIMITED = 17
+    LOITER_TURNS = 18
     LOITER_TIME = 19
     RETURN = 20
     LAND = 21
     TAKE_OFF = 22
+    CHANGE_HEIGHT = 30
     LOITER_TO_HEIGHT = 31
     SPLINE_WAYPOINT = 82
     VTOL_TAKE_OFF = 84
     VTOL_LAND = 85
+    GUIDED_ENABLE = 92
     DELAY = 93
+    PAYLOAD_PLACE = 94
     CONDITION_DELAY = 112
     CONDITION_DISTANCE = 114
     CONDITION_YAW = 115
@@ -30,17 +34,37 @@ class MissionCommand(IntEnum):
     JUMP = 177
     CHANGE_SPEED = 178
     SET_HOME = 179
+    SET_RELAY = 181
+    REPEAT_RELAY = 182
     SET_SERVO = 183
+    REPEAT_SERVO = 184
+    SET_ACTUATOR = 187
     LAND_START = 189
     SET_ROI_LOCATION = 195
     SET_ROI_NONE = 197
+    CONTROL_VIDEO = 200
     DIGICAM_CONFIGURE = 202
     DIGICAM_CONTROL = 203
+    MOUNT_CONFIGURE = 204
     MOUNT_CONTROL = 205
     CAM_TRIGG_DIST = 206
     FENCE_ENABLE = 207
+    PARACHUTE = 208
+    INVERTED_FLIGHT = 210
+    GRIPPER = 211
+    AUTOTUNE_ENABLE = 212
+    CAM_TRIGG_INTERVAL = 214
+    RESUME_REPEAT_DIST = 215
+    SPRAYER = 216
+    SEND_SCRIPT_MESSAGE = 217
+    AUX_FUNCTION = 218
+    GUIDED_LIMITS = 222
+    ENGINE_CONTROL = 223
     SET_CAMERA_MODE = 530
     SET_CAMERA_ZOOM = 531
+    SET_CAMERA_FOCUS = 532
+    JUMP_TAG = 600
+    DO_JUMP_TAG = 601
     IMAGE_START_CAPTURE = 2000
     IMAGE_STOP_CAPTURE = 2001
     VTOL_TRANSITION = 3000
@@ -55,6 +79,7 @@ class MissionCommand(IntEnum):
     FENCE_CIRCLE_INCLUSION = 5003
     FENCE_CIRCLE_EXCLUSION = 5004
     RALLY_POINT = 5100
+    WINCH = 42600
 
 
 POSITIONED: Final = frozenset(
@@ -62,8 +87,10 @@ POSITIONED: Final = frozenset(
         MissionCommand.WAYPOINT,
         MissionCommand.SPLINE_WAYPOINT,
         MissionCommand.LOITER_UNLIMITED,
+        MissionCommand.LOITER_TURNS,
         MissionCommand.LOITER_TIME,
         MissionCommand.LOITER_TO_HEIGHT,
+        MissionCommand.PAYLOAD_PLACE,
         MissionCommand.LAND,
         MissionCommand.TAKE_OFF,
     }
@@ -96,6 +123,28 @@ INSTANT: Final = frozenset(
         MissionCommand.TRIGGER_CONTROL,
         MissionCommand.CONDITION_DISTANCE,
         MissionCommand.SET_MODE,
+        MissionCommand.CHANGE_HEIGHT,
+        MissionCommand.GUIDED_ENABLE,
+        MissionCommand.SET_RELAY,
+        MissionCommand.REPEAT_RELAY,
+        MissionCommand.REPEAT_SERVO,
+        MissionCommand.SET_ACTUATOR,
+        MissionCommand.CONTROL_VIDEO,
+        MissionCommand.MOUNT_CONFIGURE,
+        MissionCommand.PARACHUTE,
+        MissionCommand.INVERTED_FLIGHT,
+        MissionCommand.GRIPPER,
+        MissionCommand.AUTOTUNE_ENABLE,
+        MissionCommand.CAM_TRIGG_INTERVAL,
+        MissionCommand.RESUME_REPEAT_DIST,
+        MissionCommand.SPRAYER,
+        MissionCommand.SEND_SCRIPT_MESSAGE,
+        MissionCommand.AUX_FUNCTION,
+        MissionCommand.GUIDED_LIMITS,
+        MissionCommand.ENGINE_CONTROL,
+        MissionCommand.SET_CAMERA_FOCUS,
+        MissionCommand.JUMP_TAG,
+        MissionCommand.WINCH,
     }
 )
 """Items that are taken and done at once; there is no camera, gimbal or servo here that they could move."""
@@ -107,9 +156,33 @@ OTHER_MISSION: Final = frozenset(
         MissionCommand.CONDITION_DELAY,
         MissionCommand.CONDITION_YAW,
         MissionCommand.JUMP,
+        MissionCommand.DO_JUMP_TAG,
         MissionCommand.CHANGE_SPEED,
     }
 )
+ARDUPILOT_ONLY: Final = frozenset(
+    {
+        MissionCommand.LOITER_TURNS,
+        MissionCommand.CHANGE_HEIGHT,
+        MissionCommand.GUIDED_ENABLE,
+        MissionCommand.PAYLOAD_PLACE,
+        MissionCommand.SET_RELAY,
+        MissionCommand.REPEAT_RELAY,
+        MissionCommand.REPEAT_SERVO,
+        MissionCommand.PARACHUTE,
+        MissionCommand.INVERTED_FLIGHT,
+        MissionCommand.AUTOTUNE_ENABLE,
+        MissionCommand.RESUME_REPEAT_DIST,
+        MissionCommand.SPRAYER,
+        MissionCommand.SEND_SCRIPT_MESSAGE,
+        MissionCommand.AUX_FUNCTION,
+        MissionCommand.GUIDED_LIMITS,
+        MissionCommand.ENGINE_CONTROL,
+        MissionCommand.JUMP_TAG,
+        MissionCommand.DO_JUMP_TAG,
+    }
+)
+"""Items that PX4's mission knows nothing of (its mission feasibility checker)."""
 
 VTOL_COMMANDS: Final = frozenset(
     {MissionCommand.VTOL_TAKE_OFF, MissionCommand.VTOL_LAND, MissionCommand.VTOL_TRANSITION}
@@ -172,8 +245,12 @@ def _check_place(item: StoredItem) -> tuple[PlanResult, str]:
     return PlanResult.ACCEPTED, ""
 
 
-def check_mission_item(item: StoredItem, count: int, *, is_vtol: bool = False) -> tuple[PlanResult, str]:
+def check_mission_item(
+    item: StoredItem, count: int, *, is_vtol: bool = False, is_px4: bool = False
+) -> tuple[PlanResult, str]:
     """Judges an item of a mission of `count` items, for a vehicle with rotors and wings or another."""
+    if is_px4 and item.command in ARDUPILOT_ONLY:
+        return PlanResult.UNSUPPORTED, f"command {item.command} is not supported"
     if item.command not in MISSION_COMMANDS and not (is_vtol and item.command in VTOL_COMMANDS):
         return PlanResult.UNSUPPORTED, f"command {item.command} is not supported"
     if item.command in POSITIONED | TAKE_OFFS | LANDINGS:

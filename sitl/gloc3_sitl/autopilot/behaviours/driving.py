@@ -285,6 +285,11 @@ class MissionDrive(MissionFlight):
             self._stay(self.trajectory.target)
         return True
 
+    def _go_in_circles(self, item: StoredItem) -> None:
+        """Goes on at once: this rover has no circles."""
+        del item
+        self._wait_until_s = self.craft.now_s
+
     def _finish(self) -> None:
         super()._finish()
         is_there = self._helm.is_there(self.craft.tuning.acceptance_radius_m)

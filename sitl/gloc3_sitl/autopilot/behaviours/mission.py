@@ -1,13 +1,14 @@
 """Flies an uploaded mission, item by item."""
 
 from dataclasses import replace
-from math import atan2, hypot, isfinite, radians
+from math import atan2, hypot, isfinite, pi, radians
 
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3, wrap_pi
 from gloc3_sitl.autopilot.behaviours.base import Activity, FliesMission, Mover
 from gloc3_sitl.autopilot.behaviours.climb import ClimbToHeight
 from gloc3_sitl.autopilot.behaviours.land import LandInPlace
+from gloc3_sitl.autopilot.behaviours.orbit import Facing, Orbit, circle
 from gloc3_sitl.autopilot.behaviours.return_home import ReturnFlight
 from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
@@ -17,6 +18,8 @@ from gloc3_sitl.autopilot.plans import INSTANT, MissionCommand, StoredItem
 _MOST_INSTANT = 64
 """Items that are done at once in one period; a mission of nothing but jumps must not hang the vehicle."""
 _HEIGHT_RADIUS_M = 0.8
+CIRCLE_M, CIRCLING_M_S = 10.0, 2.0
+"""ArduPilot's usual circle, and a speed that suits it."""
 
 
 class MissionFlight(Mover, FliesMission):
@@ -107,8 +110,8 @@ class MissionFlight(Mover, FliesMission):
         progress = self.craft.mission
         index = progress.current
         match item.command:
-            case MissionCommand.JUMP:
-                target, repeats = int(item.parameters[0]), int(item.parameters[1])
+            case MissionCommand.JUMP | MissionCommand.DO_JUMP_TAG:
+                target, repeats = self._jump_target(item), int(item.parameters[1])
                 done = progress.jumps.get(index, 0)
                 if repeats < 0 or done < repeats:
                     progress.jumps[index] = done + 1
@@ -134,6 +137,15 @@ class MissionFlight(Mover, FliesMission):
         progress.reached.append(index)
         progress.current += 1
         return True
+
+    def _jump_target(self, item: StoredItem) -> int:
+        """Index of the item that a jump leads to; behind itself where its tag does not exist."""
+        number = int(item.parameters[0])
+        if item.command == MissionCommand.JUMP:
+            return number
+        items = enumerate(self.craft.plans.mission)
+        tags = (at for at, one in items if one.command == MissionCommand.JUMP_TAG and one.parameters[0] == number)
+        return next(tags, self.craft.mission.current + 1)
 
     def _start(self, item: StoredItem) -> None:
         """Sets out for an item."""
@@ -183,7 +195,11 @@ class MissionFlight(Mover, FliesMission):
         craft = self.craft
         if self._sub is not None:
             setpoint = self._sub.update()
-            if self._sub.is_done:
+            has_turned = self._wait_until_s is not None and craft.now_s >= self._wait_until_s
+            if has_turned and isinstance(self._sub, Orbit):
+                self.trajectory = self._sub.trajectory
+                self.trajectory.stop()
+            if self._sub.is_done or has_turned:
                 self._leave_sub()
             return setpoint
         setpoint = self.fly()
@@ -198,9 +214,23 @@ class MissionFlight(Mover, FliesMission):
                 self._sub = LandInPlace(craft, self.trajectory.target)
             case MissionCommand.LOITER_UNLIMITED:
                 pass
+            case MissionCommand.LOITER_TURNS:
+                self._go_in_circles(item)
             case _:
                 self._wait_until_s = craft.now_s + (max(0.0, item.parameters[0]) if holds(item) else 0.0)
         return setpoint
+
+    def _go_in_circles(self, item: StoredItem) -> None:
+        """Goes round the place as often as the item says, on its radius or ArduPilot's usual one."""
+        orbit, speed_m_s = Orbit(self.craft), min(CIRCLING_M_S, self.trajectory.limits.speed_xy_m_s)
+        largest_m = self.craft.tuning.orbit_radius_m
+        orbit.go_round(
+            circle(self.trajectory.target, abs(item.parameters[2]) or CIRCLE_M, speed_m_s, Facing.ALONG, largest_m)
+        )
+        self._sub = orbit
+        around_s = 2.0 * pi * orbit.circle.radius_m / max(0.1, abs(orbit.circle.speed_m_s))
+        away_s = orbit.circle.radius_m / speed_m_s
+        self._wait_until_s = self.craft.now_s + away_s + max(0.0, item.parameters[0]) * around_s
 
     def _leave_sub(self) -> None:
         """A take-off, landing or return inside the mission has ended."""

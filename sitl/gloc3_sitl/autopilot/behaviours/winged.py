@@ -1,6 +1,6 @@
 """The modes of a plane, as in ArduPilot's Plane; landings are in `touching_down.py`."""
 
-from math import nan
+from math import nan, pi
 from typing import Final
 
 from gloc3.messages.envelope import Severity
@@ -18,7 +18,12 @@ _STICK_CLIMB_M_S: Final = 3.0
 _HEIGHT_M: Final = 5.0
 """A height is reached so near."""
 _CIRCLES: Final = frozenset(
-    {MissionCommand.LOITER_UNLIMITED, MissionCommand.LOITER_TIME, MissionCommand.LOITER_TO_HEIGHT}
+    {
+        MissionCommand.LOITER_UNLIMITED,
+        MissionCommand.LOITER_TURNS,
+        MissionCommand.LOITER_TIME,
+        MissionCommand.LOITER_TO_HEIGHT,
+    }
 )
 
 
@@ -257,6 +262,11 @@ class MissionOnWings(MissionFlight):
         if holds(item) and item.parameters[0] > 0.0:
             self._go_round(target, self.craft.tuning.wings.circle_m)
         return True
+
+    def _go_in_circles(self, item: StoredItem) -> None:
+        """Stays on the circle for as long as its turns take."""
+        around_s = 2.0 * pi * abs(self._radius_m) / max(1.0, self.craft.airspeed_m_s)
+        self._wait_until_s = self.craft.now_s + max(0.0, item.parameters[0]) * around_s
 
     def _leave_sub(self) -> None:
         """A take-off, a landing or a return inside the mission has ended."""

@@ -63,7 +63,9 @@ class PlanSync:
 
     def _check(self, kind: PlanType, items: Plan) -> PlanResult:
         checks = {
-            PlanType.MISSION: lambda item: check_mission_item(item, len(items), is_vtol=self._is_vtol),
+            PlanType.MISSION: lambda item: check_mission_item(
+                item, len(items), is_vtol=self._is_vtol, is_px4=self._context.is_px4
+            ),
             PlanType.FENCE: check_fence_item,
             PlanType.RALLY: check_rally_item,
         }

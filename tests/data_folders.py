@@ -1,5 +1,6 @@
 """Where the data of the tests lie: our own, and those of other people, which tests with the mark `outside` need."""
 
+import os
 from pathlib import Path
 from typing import Final
 
@@ -10,4 +11,6 @@ LINKS: Final = OUTSIDE / "links"
 LASER_LOGS: Final = OUTSIDE / "lidar"
 MISSIONS: Final = OUTSIDE / "missions"
 PICTURES: Final = OUTSIDE / "images"
+PLANS: Final = Path(os.environ.get("GLOC3_PLANS", OUTSIDE / "plans"))
+"""Public plans of other programs, many more of them; by the environment, because they are of no use for tests."""
 REASON: Final = "needs data from outside the repository, and ../shared/data is not here"

@@ -1,5 +1,7 @@
 """Places that are not plausible: swapped, on another continent, kilometres from the vehicle."""
 
+import json
+
 import pytest
 
 from gloc3.errors import Finding
@@ -75,3 +77,15 @@ def test_a_plan_is_judged_by_its_own_home_with_its_lines() -> None:
             "(write latitude first, then longitude)"
         )
     ]
+
+
+def test_a_plan_that_is_flown_as_it_is_is_judged_by_its_home_too() -> None:
+    plan = "QGC WPL 110\n0 1 0 16 0 0 0 0 {} 100 1\n1 0 3 22 0 0 0 0 0 0 10 1\n2 0 3 16 0 0 0 0 47.0001 8.0001 10 1\n"
+
+    def judged(home: str) -> list[Finding]:
+        carried = json.dumps({"f.waypoints": plan.format(home)})
+        text = f"mission: m\nframe: geo\ntasks:\n  fly: {{flown_by: autopilot, plan: {carried}}}\n"
+        return found(text, None)
+
+    assert judged("47.0 8.0") == []
+    assert "from the place before it: latitude and longitude seem to be swapped" in judged("8.0 47.0")[0].message

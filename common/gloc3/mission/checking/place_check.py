@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 from gloc3.documents.document import Where
 from gloc3.errors import Finding
 from gloc3.messages.frames import GeoPoint
+from gloc3.mission.formats.as_it_is import FlyFileOrder
 from gloc3.mission.formats.commands import COMMANDS
 from gloc3.mission.formats.items import ForeignPlan
 from gloc3.mission.model.model import GEO, Mission, where_of
@@ -92,6 +93,9 @@ def first_place(mission: Mission) -> LatLon | None:
 
 def _places(mission: Mission) -> Iterator[tuple[Where, LatLon]]:
     for target, action in mission.actions().items():
+        if isinstance(action.order, FlyFileOrder):
+            yield from (((*where_of(target)[:2], "plan"), place) for place in action.order.places())
+            continue
         where = (*where_of(target), action.capability)
         for name in _POSITIONS:
             places = getattr(action.arguments, name, None) or ()

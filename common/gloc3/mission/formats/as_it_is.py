@@ -81,6 +81,15 @@ class FlyFileOrder(Arguments, frozen=True, kw_only=True):
             return GeoPoint(*self.home)
         return next((GeoPoint(item.x or 0.0, item.y or 0.0, 0.0) for item in self.items if item.has_position), None)
 
+    def places(self) -> Iterator[tuple[float, float]]:
+        """Latitude and longitude of the planned home and of all items that go somewhere, as written."""
+        if self.home is not None and any(self.home[:2]):
+            yield self.home[:2]
+        for item in self.items:
+            command = COMMANDS.get(item.command)
+            if command is not None and command.goes_to and item.has_position:
+                yield item.x or 0.0, item.y or 0.0
+
     @property
     def begins_flight(self) -> bool:
         """Whether it takes off, or drives off."""

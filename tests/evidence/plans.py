@@ -1,0 +1,274 @@
+"""Plans that are not ours: read beside MAVSDK and pymavlink, shown, checked, and flown as they are."""
+
+import json
+import math
+import tempfile
+from collections.abc import Sequence
+from functools import partial
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from mavsdk.plugins.mission_raw import MissionRaw, MissionRawError
+from pymavlink import mavwp
+from tests.data_folders import PLANS
+from tests.evidence.page import Bar, Figure, Progress
+from tests.flight.card import Card
+from tests.sitl.mavsdk_client import client_of
+
+from gloc3.errors import InputError
+from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text
+from gloc3.mission.formats import load_plan, read_plan, read_wpl, to_mission, write_plan, write_wpl
+from gloc3.mission.formats.as_it_is import FlyFileOrder
+from gloc3.mission.formats.items import ForeignPlan, MavItem
+from gloc3.mission.showing.plan_listing import plan_listing
+from gloc3.platform.reader import load_platform
+
+LEAST: Final = 60
+FLOWN: Final = {"copter": 7, "rover": 4, "plane": 3, "vtol": 2}
+"""So many files are flown with each platform, the shortest first."""
+LONGEST_S: Final = 260.0
+"""Estimate of the longest flight."""
+ENDED: Final = ("done", "failed", "aborted", "paused")
+
+
+def vehicle(name: str) -> str:
+    """The platform that flies a file, by the name of its folder."""
+    lower = name.lower()
+    for platform, words in (
+        ("vtol", ("vtol", "quadplane")),
+        ("rover", ("rover",)),
+        ("submarine", ("ardusub", "/sub")),
+        ("plane", ("plane", "fw_", "foamy")),
+    ):
+        if any(word in lower for word in words):
+            return platform
+    return "copter"
+
+
+class Theirs(NamedTuple):
+    """What another program reads."""
+
+    items: list[list[float]]
+    """Command, frame, four parameters, latitude, longitude and height of each; home included."""
+
+
+def _row(command: int, frame: int, params: Sequence[float | None], x: float, y: float, z: float) -> list[float]:
+    single = [_plain(value) for value in params]
+    return [command, frame, *single, round(x * 1e7), round(y * 1e7), _plain(z)]
+
+
+def _plain(value: float | None) -> float:
+    number = 0.0 if value is None or math.isnan(value) else value
+    return round(float(number), 4)
+
+
+def ours_as_rows(items: Sequence[MavItem]) -> list[list[float]]:
+    """Items as they are compared."""
+    return [_row(one.command, one.frame, one.params, one.x or 0.0, one.y or 0.0, one.z or 0.0) for one in items]
+
+
+def imported(raw: MissionRaw, path: Path) -> list[list[float]] | None:
+    """What MAVSDK's importer makes of a file: all items; None where it refuses it."""
+    read = (
+        raw.import_qgroundcontrol_mission_from_string
+        if path.suffix == ".plan"
+        else raw.import_mission_planner_mission_from_string
+    )
+    try:
+        data = read(path.read_text(errors="replace"))
+    except MissionRawError:
+        return None
+    rows = []
+    for one in (*data.mission_items, *data.geofence_items, *data.rally_items):
+        params = (one.param1, one.param2, one.param3, one.param4)
+        rows.append(_row(one.command, one.frame, params, one.x / 1e7, one.y / 1e7, one.z))
+    return rows
+
+
+def loaded(path: Path) -> list[list[float]] | None:
+    """What pymavlink's loader makes of a file of waypoints; None where it refuses it, or is not for it."""
+    if path.suffix == ".plan":
+        return None
+    loader = mavwp.MAVWPLoader()
+    try:
+        loader.load(str(path))
+    except mavwp.MAVWPError:
+        return None
+    found = []
+    for number in range(loader.count()):
+        one = loader.wp(number)
+        found.append(
+            _row(one.command, one.frame, (one.param1, one.param2, one.param3, one.param4), one.x, one.y, one.z)
+        )
+    return found
+
+
+def agrees(plan: ForeignPlan, theirs: list[list[float]] | None, called: str) -> str:
+    """Whether our reading is another program's, item by item."""
+    if theirs is None:
+        return f"{called} does not read it"
+    items = [*plan.items, *plan.fence_items(), *plan.rally_items()]
+    rows, others = ours_as_rows(items), theirs
+    if plan.is_from_waypoints and len(others) == len(rows) + 1:
+        others = others[1:]  # home, which is no item
+    if len(rows) != len(others):
+        return f"{called}: {len(others)} items, ours {len(rows)}: DIFFERENT"
+    for number, (one, other) in enumerate(zip(rows, others, strict=True), start=1):
+        if not _is_same(one, other):
+            return f"{called}: item {number} DIFFERENT: {one} and {other}"
+    return f"equal to {called}"
+
+
+def _is_same(one: list[float], other: list[float]) -> bool:
+    is_fence = one[0] >= 5000  # the height and the frame of a corner mean nothing
+    pairs = list(zip(one, other, strict=True))
+    kept = [pairs[index] for index in (0, 2, 6, 7)] if is_fence else pairs
+    return all(abs(a - b) <= max(1.0 if index >= 6 else 1e-4, 1e-6 * abs(a)) for index, (a, b) in enumerate(kept))
+
+
+def reading(path: Path, raw: MissionRaw) -> str:
+    """What becomes of a file when it is read, listed, and written and read again."""
+    theirs = imported(raw, path)
+    try:
+        plan = load_plan(path)
+    except InputError as error:
+        told = str(error.findings[0]).removeprefix(f"{path}")
+        also = "MAVSDK refuses it, too" if theirs is None else "MAVSDK reads it: DIFFERENT"
+        return f"refused{told}; {also}"
+    again = read_plan(write_plan(plan), "a") if path.suffix == ".plan" else read_wpl(write_wpl(plan), "a")
+    count = len(plan.items) + len(plan.fence) + len(plan.rally)
+    shown = "shown" if plan_listing(plan).count("\n") >= count else "NOT SHOWN: DIFFERENT"
+    lost = "" if again.items == plan.items or plan.is_from_waypoints else "; written and read again DIFFERENT"
+    parts = f"{len(plan.items)} items, {len(plan.fence)} fence areas, {len(plan.rally)} rally points"
+    others = [agrees(plan, theirs, "MAVSDK")]
+    if path.suffix != ".plan":
+        others.append(agrees(plan, loaded(path), "pymavlink"))
+    return f"read: {parts}, {shown}; {'; '.join(others)}{lost}; as a mission: {converted(plan, path)}"
+
+
+def converted(plan: ForeignPlan, path: Path) -> str:
+    """Whether it becomes a mission of ours, or the first reason why not, with its line."""
+    try:
+        _, warnings = to_mission(plan, path.stem, "", load_platform(vehicle(str(path))))
+    except InputError as error:
+        findings = [one for one in error.findings if not one.is_warning]
+        return "refused, " + str(findings[0]).removeprefix(":").partition(" (")[0]
+    return f"yes, {len(warnings)} warnings"
+
+
+def mission_of(path: Path) -> str:
+    """A mission that has the autopilot fly the file as it is."""
+    carried = json.dumps({path.name: path.read_text()})
+    return f"mission: as it is\nframe: geo\ntasks:\n  fly:\n    flown_by: autopilot\n    plan: {carried}\n"
+
+
+def check(path: Path) -> CheckReport:
+    """The check of that mission for the platform of its folder."""
+    return check_text(mission_of(path), "m", Circumstances(platform=load_platform(vehicle(str(path)))))
+
+
+def fitness(path: Path) -> dict[str, Any]:
+    """Whether it may be flown as it is: the estimate, or the first reason against it with the plan's line."""
+    report = check(path)
+    wrong = [finding.message for finding in report.findings if not finding.is_warning]
+    order = next((one.order for one in report.mission.actions().values()), None) if report.mission else None
+    ends = isinstance(order, FlyFileOrder) and not order.never_ends and bool(order.path)
+    return {
+        "wrong": wrong[:1],
+        "duration_s": report.estimate.duration_s if report.estimate is not None else 0.0,
+        "ends": ends,
+        "digest": sha256(path.read_bytes()).hexdigest(),
+    }
+
+
+def flight(path: Path) -> str:
+    """Flies it as it is on the embedded autopilot, in virtual time."""
+    style = "px4" if "px4" in str(path).lower() else "ardupilot"
+    with tempfile.TemporaryDirectory() as folder:
+        card = Card(style, Path(folder))
+        try:
+            card.begin(mission_of(path), platform=vehicle(str(path)))
+            card.until(lambda: card.state("mission") in ENDED, 1_200.0, "the mission has ended")
+            state = card.state("mission")
+            reasons = [event.text for event in card.events if "fly" in event.text and "failed" in event.text]
+            armed = ", disarmed" if not card.autopilot.is_armed else ""
+            return f"{state} after {card.now_s:.0f} s{armed}" + (f": {reasons[0]}" if reasons else "")
+        finally:
+            card.close()
+
+
+def plans(progress: Progress) -> list[Figure]:
+    """All files: read, shown, compared; then a part of them flown."""
+    paths = sorted(path for path in PLANS.rglob("*") if path.is_file())
+    names = {path: str(path.relative_to(PLANS)) for path in paths}
+    if any(not progress.knows(f"read {name}") for name in names.values()):
+        with client_of() as client:
+            raw = client.plugin(MissionRaw)
+            for path, name in names.items():
+                progress.part(f"read {name}", partial(reading, path, raw))
+    texts = {name: str(progress.part(f"read {name}", str)) for name in names.values()}
+    fit = {
+        path: progress.part(f"fit {name}", partial(fitness, path))
+        for path, name in names.items()
+        if texts[name].startswith("read")
+    }
+    chosen = _chosen(fit)
+    flown = {}
+    for path in chosen:
+        progress.report(f"flies {names[path]}")
+        flown[path] = str(progress.part(f"fly {names[path]}", partial(flight, path)))
+    refused = sum("wrong" in one and bool(one["wrong"]) for one in fit.values())
+    figures = [
+        Figure("files that are not ours", str(len(paths)), f">= {LEAST}", len(paths) >= LEAST),
+        Figure("read", str(len(fit)), "the others are refused with a reason", True),
+        Figure("equal to MAVSDK, item by item", str(sum("equal to MAVSDK" in text for text in texts.values()))),
+        Figure("equal to pymavlink, item by item", str(sum("equal to pymavlink" in text for text in texts.values()))),
+        Figure("become a mission of ours", str(sum("as a mission: yes" in text for text in texts.values()))),
+        Figure("fit to be flown as they are", str(len(fit) - refused), "the others name the reason", True),
+        Figure(
+            "flown as they are", str(len(flown)), f">= {sum(FLOWN.values()) - 2}", len(flown) >= sum(FLOWN.values()) - 2
+        ),
+    ]
+    for path, name in names.items():
+        text = texts[name]
+        if path in fit:
+            wrong = fit[path]["wrong"]
+            text += f"; as it is: {'refused, ' + wrong[0] if wrong else 'fit'}"
+        figures.append(Figure(name, text.replace("|", "\\|"), "read equal, or a reason", "DIFFERENT" not in text))
+    for path, text in flown.items():
+        figures.append(
+            Figure(
+                f"flown by {vehicle(str(path))}: {names[path]}",
+                text.replace("|", "\\|"),
+                "done",
+                text.startswith("done"),
+            )
+        )
+    return figures
+
+
+def _chosen(fit: dict[Path, Any]) -> list[Path]:
+    """The files that are flown: the shortest of each class that end, no content twice."""
+    left, seen, found = dict(FLOWN), set(), []
+    for path in sorted(fit, key=lambda one: (fit[one]["duration_s"], str(one))):
+        facts, platform = fit[path], vehicle(str(path))
+        if facts["wrong"] or not facts["ends"] or not 20.0 < facts["duration_s"] < LONGEST_S:
+            continue
+        if left.get(platform, 0) and facts["digest"] not in seen:
+            left[platform] -= 1
+            seen.add(facts["digest"])
+            found.append(path)
+    return found
+
+
+BARS = (
+    Bar(
+        "plans",
+        "Plans that are not ours",
+        "Public files of ArduPilot's, PX4's, MAVProxy's and MAVSDK's repositories (in the folder that the variable "
+        "GLOC3_PLANS names) are read item by item as MAVSDK's importer and pymavlink read them, or refused with a line and "
+        "a reason; shown; and flown as they are by the embedded autopilot, under GLOC3's supervision.",
+        plans,
+    ),
+)

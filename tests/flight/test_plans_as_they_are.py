@@ -3,6 +3,7 @@
 import json
 import math
 from math import dist
+from pathlib import Path
 
 import pytest
 from tests.flight.card import Card
@@ -139,8 +140,8 @@ DRIVE = (
 )
 
 
-def test_a_plan_for_a_vehicle_that_drives_needs_no_take_off(tmp_path: object) -> None:
-    card = Card("ardupilot", tmp_path)  # type: ignore[arg-type]
+def test_a_plan_for_a_vehicle_that_drives_needs_no_take_off(tmp_path: Path) -> None:
+    card = Card("ardupilot", tmp_path)
     try:
         card.begin(mission(DRIVE), platform="rover")
         card.await_mode(FlightMode.MISSION, 20.0)
@@ -188,3 +189,13 @@ def test_what_px4_does_not_know_is_refused_by_it_and_the_reason_is_told(flight: 
     flight.await_state("fly.plan", "failed", 30.0)
     assert any("the plan could not be uploaded" in event.text for event in flight.events)
     assert not flight.autopilot.is_armed
+
+
+def test_a_plan_that_drives_home_is_done_there_although_nothing_disarms(tmp_path: Path) -> None:
+    card = Card("ardupilot", tmp_path)
+    try:
+        card.begin(mission(DRIVE + row(4, 20)), platform="rover")
+        card.await_state("mission", "done", 160.0)
+        assert dist(card.flight.truth.samples[-1].position_ned_m[:2], (0.0, 0.0)) < 3.5
+    finally:
+        card.close()

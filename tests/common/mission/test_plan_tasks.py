@@ -150,7 +150,7 @@ def test_a_plan_without_take_off_is_fit_for_what_drives_alone() -> None:
         "without take_off it can only be started in the air" in one for one in told(checked(carried(plan)).findings)
     )
     report = checked(carried(plan), "rover")
-    assert not [one for one in told(report.findings) if "in the air" in one or "above home" in one]
+    assert not [one for one in told(report.findings) if "started in the air" in one or "above home" in one]
     assert order_of(carried(plan), "rover").sets_off
 
 
@@ -168,3 +168,10 @@ def test_a_plan_becomes_such_a_mission_by_a_word(tmp_path: Path, capsys: pytest.
     assert app(["show", str(target)], result_action="return_value") == 0
     assert "fly_file ../field.waypoints, 6 items" in capsys.readouterr().out
     assert app(["convert", str(target), str(plan), "--as-it-is"], result_action="return_value") == 2
+
+
+def test_a_return_on_wings_ends_in_a_circle_and_never_by_itself() -> None:
+    high = PLAN.replace(" 10 1", " 50 1").replace(" 25 1", " 50 1")
+    order = order_of(carried(high), "plane")
+    assert (order.comes_down, order.never_ends) == (False, "item 6, NAV_RETURN_TO_LAUNCH, line 8 of field.waypoints")
+    assert order_of(carried(high), "copter").comes_down

@@ -129,6 +129,8 @@ class PlanVehicle(NamedTuple):
     """Whether it needs no take-off, as what drives or dives."""
     is_level: bool = False
     """Whether its autopilot ignores heights, as what drives."""
+    circles_home: bool = False
+    """Whether its return ends in a circle round home, as on wings without rotors."""
 
 
 def file_order(
@@ -143,7 +145,7 @@ def file_order(
         home_altitude_m: of home above the sea; None for that of the origin.
         vehicle: that flies it.
     """
-    steps = _Steps(plan, file, is_level=vehicle.is_level)
+    steps = _Steps(plan, file, vehicle)
     placements = {above: GeoPlacement(origin, above, home_altitude_m) for above in HeightAbove}
     path = tuple(steps.places(placements))
     first = next((item for item in plan.items if _moves(item)), None)
@@ -155,7 +157,7 @@ def file_order(
         path=path,
         sets_off=takes_off or (vehicle.stays_down and first is not None),
         may_arm=vehicle.arm,
-        comes_down=steps.comes_down,
+        comes_down=steps.comes_down and not (vehicle.stays_down or steps.never_ends),
         never_ends=steps.never_ends,
     )
 
@@ -168,8 +170,8 @@ def _moves(item: MavItem) -> bool:
 class _Steps:
     """Follows the items of a plan as an autopilot does."""
 
-    def __init__(self, plan: ForeignPlan, file: str, *, is_level: bool) -> None:
-        self._plan, self._file, self._is_level = plan, file, is_level
+    def __init__(self, plan: ForeignPlan, file: str, vehicle: PlanVehicle) -> None:
+        self._plan, self._file, self._vehicle = plan, file, vehicle
         self.comes_down = False
         self.never_ends = ""
 
@@ -189,8 +191,8 @@ class _Steps:
             elif command is not None and command.goes_to and (item.has_position or here is not None):
                 here = (item.x or 0.0, item.y or 0.0) if item.has_position and item.command not in _TAKE_OFFS else here
                 place = here or (item.x or 0.0, item.y or 0.0)
-                above = HeightAbove.HOME if self._is_level else _ABOVE.get(item.frame, HeightAbove.HOME)
-                there = placements[above].ned_from((*place, 0.0 if self._is_level else item.z or 0.0))
+                above = HeightAbove.HOME if self._vehicle.is_level else _ABOVE.get(item.frame, HeightAbove.HOME)
+                there = placements[above].ned_from((*place, 0.0 if self._vehicle.is_level else item.z or 0.0))
                 is_level = item.command in _LANDINGS and last is not None  # it comes down afterwards
                 last = (there[0], there[1], last[2]) if is_level and last is not None else there
                 yield PlanPlace(position_ned_m=last, name=name, stay_s=stay_s, speed_m_s=speed_m_s)
@@ -219,7 +221,7 @@ class _Steps:
             else:
                 yield index + 1, item
             self.comes_down = item.command in _LANDINGS or (self.comes_down and not _moves(item))
-            if item.command == LOITER_UNLIMITED:
+            if item.command == LOITER_UNLIMITED or (item.command == RETURN and self._vehicle.circles_home):
                 self.never_ends = self._name(index + 1, item)
                 return
             if item.command in _LANDINGS:

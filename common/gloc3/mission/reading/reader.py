@@ -71,7 +71,12 @@ class MissionReferences:
         limits = self.limits
         if limits is None:
             return PlanVehicle(self.arm)
-        return PlanVehicle(self.arm, limits.stays_down, is_level=limits.survey_height_m == 0.0)
+        return PlanVehicle(
+            self.arm,
+            limits.stays_down,
+            is_level=limits.survey_height_m == 0.0,
+            circles_home=limits.speed_min_m_s > 0.0 and limits.rotors_speed_m_s <= 0.0,
+        )
 
     @classmethod
     def of(

@@ -27,11 +27,11 @@ from gloc3.plan_wire import to_wire
 from gloc3.platform.reader import load_platform
 
 LEAST: Final = 60
-FLOWN: Final = {"copter": 9, "rover": 6, "plane": 5, "vtol": 5}
+FLOWN: Final = {"copter": 5, "rover": 3, "plane": 2, "vtol": 2}
 """So many files are flown with each platform: the shortest, no content twice."""
-LEAST_FLOWN: Final = 24
-LONGEST_S: Final = 600.0
-"""Estimate of the longest flight."""
+LEAST_FLOWN: Final = 12
+LONGEST_S: Final = 400.0
+"""Longest flight, and estimate of one."""
 COPTER: Final = """platform: other_copter
 extends: copter
 failsafes: {low_battery: {action: return, at: 0.1}}
@@ -192,7 +192,7 @@ def flight(path: Path) -> str:
         try:
             platform = vehicle(str(path))
             card.begin(mission_of(path), platform=COPTER if platform == "copter" else platform)
-            card.until(lambda: card.state("mission") in ENDED, 1_200.0, "the mission has ended")
+            card.until(lambda: card.state("mission") in ENDED, LONGEST_S, "the mission has ended")
             state = card.state("mission")
             reasons = [event.text for event in card.events if "fly" in event.text and "failed" in event.text]
             armed = ", disarmed" if not card.autopilot.is_armed else ""
@@ -255,7 +255,7 @@ def _chosen(fit: dict[Path, Any]) -> list[Path]:
     seen: set[str] = set()
     for path in sorted(fit, key=lambda one: (fit[one]["duration_s"], str(one))):
         facts, platform = fit[path], vehicle(str(path))
-        if facts["wrong"] or not facts["ends"] or facts["duration_s"] > LONGEST_S or facts["digest"] in seen:
+        if facts["wrong"] or not facts["ends"] or facts["duration_s"] > 0.6 * LONGEST_S or facts["digest"] in seen:
             continue
         if left.get(platform, 0):
             left[platform] -= 1

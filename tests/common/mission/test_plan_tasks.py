@@ -68,6 +68,8 @@ def test_the_order_holds_the_items_unchanged_and_the_path_with_its_jumps() -> No
     assert order.path[1].stay_s == 3.0
     assert [place.speed_m_s for place in order.path[1:4]] == [0.0, 3.0, 3.0]
     assert (order.sets_off, order.comes_down, order.never_ends, order.may_arm) == (True, True, "", True)
+    assert order.last_item == 6
+    assert order_of(carried(PLAN + "7 0 3 17 0 0 0 0 47.0 8.0 9 1\n")).last_item == 6
     assert msgspec.convert(msgspec.to_builtins(order), FlyFileOrder) == order
 
 

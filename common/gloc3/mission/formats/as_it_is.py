@@ -71,6 +71,8 @@ class FlyFileOrder(Arguments, frozen=True, kw_only=True):
     """Whether the vehicle may be armed for it: the platform file's `arm`."""
     comes_down: bool = False
     """Whether it ends on the ground, or in the autopilot's return."""
+    last_item: int = 0
+    """Number of the item with which it ends: those behind a landing or a return are not reached."""
     never_ends: str = ""
     """The item that never ends, for people; empty where each does."""
 
@@ -158,6 +160,7 @@ def file_order(
         sets_off=takes_off or (vehicle.stays_down and first is not None),
         may_arm=vehicle.arm,
         comes_down=steps.comes_down and not (vehicle.stays_down or steps.never_ends),
+        last_item=steps.last_item,
         never_ends=steps.never_ends,
     )
 
@@ -173,6 +176,7 @@ class _Steps:
     def __init__(self, plan: ForeignPlan, file: str, vehicle: PlanVehicle) -> None:
         self._plan, self._file, self._vehicle = plan, file, vehicle
         self.comes_down = False
+        self.last_item = 0
         self.never_ends = ""
 
     def places(self, placements: dict[HeightAbove, GeoPlacement]) -> Iterator[PlanPlace]:
@@ -220,6 +224,8 @@ class _Steps:
                 jumped.pop(index)
             else:
                 yield index + 1, item
+            if _moves(item) or item.command == DELAY:
+                self.last_item = index + 1
             self.comes_down = item.command in _LANDINGS or (self.comes_down and not _moves(item))
             if item.command == LOITER_UNLIMITED or (item.command == RETURN and self._vehicle.circles_home):
                 self.never_ends = self._name(index + 1, item)

@@ -11,7 +11,7 @@ from gloc3.errors import Refused
 from gloc3.messages.frames import Vector3
 from gloc3.messages.vehicle import AutopilotState, DriverState, LandedState, Manoeuvre, ManoeuvreKind, ManoeuvreState
 from gloc3.mission.formats.as_it_is import FlyFileOrder
-from gloc3.mission.formats.commands import COMMANDS, DELAY, DO_JUMP_TAG, JUMP, RETURN, command_name
+from gloc3.mission.formats.commands import DO_JUMP_TAG, JUMP, command_name
 from gloc3_onboard.sensors.devices import CommandAnswer, FileProgress
 
 ON_THE_GROUND: Final = (LandedState.ON_GROUND, LandedState.UNKNOWN)
@@ -75,7 +75,7 @@ class FileFlight:
         self._passed = done
         self._item = done + 1 if done else 0
         self._has_jumps = any(item.command in (JUMP, DO_JUMP_TAG) for item in order.items)
-        self._last = last_item(order)
+        self._last = order.last_item
         self._was_armed = done > 0
         self.ticket: int | None = None
         """Of the upload, once it was written."""
@@ -170,16 +170,6 @@ class FileFlight:
     ) -> FileOutcome:
         share = min(1.0, self._passed / max(1, self._last))
         return FileOutcome(share, reason, self._passed, is_done, failure, upload, manoeuvre)
-
-
-def last_item(order: FlyFileOrder) -> int:
-    """Number of the last item that takes time."""
-    return max((n for n, item in enumerate(order.items, start=1) if _takes_time(item.command)), default=0)
-
-
-def _takes_time(command: int) -> bool:
-    known = COMMANDS.get(command)
-    return command in (RETURN, DELAY) or (known is not None and known.goes_to)
 
 
 def refuse_unready(order: FlyFileOrder, autopilot: AutopilotState | None) -> None:

@@ -30,7 +30,6 @@ from gloc3_onboard.components.drivers.file_flight import (
     FileFlight,
     FileTimes,
     SendFile,
-    last_item,
     refuse_unready,
 )
 from gloc3_onboard.sensors.devices import GeoPath
@@ -118,7 +117,7 @@ class PlanFlier(ActionPerformer, Generic[S]):
         Raises:
             Refused: it cannot begin where the vehicle is.
         """
-        done = round(self.earlier_progress * last_item(order))
+        done = round(self.earlier_progress * order.last_item)
         if not done:
             refuse_unready(order, self._autopilot)
         times = FileTimes(self.settings.upload_s, self.settings.repeat_s, self.settings.start_s)

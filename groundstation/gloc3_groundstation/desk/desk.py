@@ -8,7 +8,6 @@ from typing import Final
 from gloc3.errors import Gloc3Error
 from gloc3.messages.command_interface import EmergencyVerb, Verb
 from gloc3.messages.envelope import Severity
-from gloc3.mission.checking.place_check import place_doubt
 from gloc3.mission.model.states import ENDED, ActionState, allowed
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.desk.component_desk import ComponentDesk
@@ -146,18 +145,6 @@ class Desk:
                 await self.start(name)
             case Move.PAUSE | Move.RESUME | Move.ABORT:
                 await self.steer(name, Verb(move.value))
-
-    def place_doubt(self, name: str) -> str:
-        """Why the selected mission may be for another place than where the vehicle is; empty where nothing speaks for it."""
-        place = self.plan.first_place if self.plan is not None else None
-        texts = []
-        for one in self._crew(name) if place is not None else ():
-            platform = self.station.fleet.get(one)
-            here = platform.vehicle.value.geo if platform is not None and platform.vehicle is not None else None
-            doubt = place_doubt(place, here[:2], one) if place is not None and here is not None else None
-            if doubt is not None:
-                texts.append(f"The mission's first place {doubt.text}.")
-        return " ".join(texts)
 
     async def stream(self, name: str) -> bool:
         """Takes control and sends the selected mission."""

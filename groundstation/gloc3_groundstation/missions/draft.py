@@ -7,7 +7,6 @@ import msgspec
 
 from gloc3.errors import Finding, InputError, Refused
 from gloc3.mission.checking.checker import Circumstances, check_text
-from gloc3.mission.checking.place_check import first_place
 from gloc3.mission.examples import example_missions, find_mission
 from gloc3.mission.formats import MISSION_SUFFIXES, PLAN_SUFFIXES, WPL_SUFFIXES, exported, mission_text, written_text
 from gloc3.mission.reading.library import bundled
@@ -53,8 +52,6 @@ class Draft(msgspec.Struct, frozen=True, kw_only=True):
     """None where no order can be drawn."""
     carried: str = ""
     """The text as it is streamed: with the libraries that it includes."""
-    first_place: tuple[float, float] | None = None
-    """Latitude and longitude of its first place; None in a local frame."""
     platform: str = ""
     """Checked for; empty where the platform's file is not installed here."""
 
@@ -95,7 +92,6 @@ class Draft(msgspec.Struct, frozen=True, kw_only=True):
             text=self.carried,
             converted_from=untouched,
             platforms=self.outline.platforms,
-            first_place=self.first_place,
             warnings=tuple(str(warning) for warning in warnings),
         )
 
@@ -161,7 +157,6 @@ def checked(draft: Draft, platform: Platform | None) -> Draft:
         findings=findings,
         outline=outline_of(report, circumstances.capabilities()),
         carried=carried,
-        first_place=first_place(report.mission) if report.mission is not None else None,
         platform=platform.platform if platform is not None else "",
     )
 

@@ -11,7 +11,6 @@ from gloc3.documents.document import load_bytes
 from gloc3.errors import InputError, Refused
 from gloc3.messages.command_interface import Outcome, ReadMission
 from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text
-from gloc3.mission.checking.place_check import first_place
 from gloc3.mission.checking.plan_check import check_plan
 from gloc3.mission.examples import example_missions, find_mission
 from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, mission_text
@@ -44,8 +43,6 @@ class CheckedPlan(msgspec.Struct, frozen=True, kw_only=True):
     """Those that its tasks name, where it is for several; it is streamed to all of them."""
     warnings: tuple[str, ...] = ()
     """Found against the platform's file; nothing where that is not installed here."""
-    first_place: tuple[float, float] | None = None
-    """Latitude and longitude of its first place; None in a local frame."""
     platform_file: str = ""
     """The file of the platform that was named for the check; empty where none was, or an installed one by its name."""
 
@@ -164,7 +161,6 @@ def _plan(report: CheckReport) -> CheckedPlan:
         title=mission.name,
         text=mission.text,
         platforms=mission.platforms,
-        first_place=first_place(mission),
         warnings=tuple(str(warning) for warning in warnings),
     )
 

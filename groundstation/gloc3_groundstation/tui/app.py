@@ -21,7 +21,6 @@ from gloc3_groundstation.tui.browser_driver import BrowserDriver
 from gloc3_groundstation.tui.dialogues.questions import (
     ABORT_QUESTION,
     LEAVE_QUESTION,
-    PLACE_QUESTION,
     START_QUESTION,
     UNSAVED_QUESTION,
     EmergencyQuestion,
@@ -250,10 +249,7 @@ class StationApp(App[End | None]):
             self.confirm(question, "abort", lambda: self.do(work()))
         elif move is Move.START and not platform.is_armed:
             question = START_QUESTION.format(self.desk.mission_to_start(platform), platform.name)
-            doubt = self.desk.place_doubt(platform.name)
-            self.confirm(f"{doubt}\n\n{question}" if doubt else question, "start", lambda: self.do(work()))
-        elif move is Move.STREAM and (doubt := self.desk.place_doubt(platform.name)):
-            self.confirm(PLACE_QUESTION.format(doubt, platform.name), "upload", lambda: self.do(work()))
+            self.confirm(question, "start", lambda: self.do(work()))
         else:
             self.do(work())
 

@@ -4,4 +4,4 @@
 `place_check` judges places on Earth, and `estimate` computes times, path and energy.
 """
 
-__all__ = ["checker", "estimate", "place_check", "plan_check"]
+__all__ = ["checker", "estimate", "plan_check"]

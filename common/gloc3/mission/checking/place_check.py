@@ -86,11 +86,6 @@ def place_findings(mission: Mission, home: GeoPoint | None) -> Iterator[Finding]
         before, called, is_first = place, "the place before it", False
 
 
-def first_place(mission: Mission) -> LatLon | None:
-    """Latitude and longitude of the first place of a mission on Earth; None in a local frame, and without any."""
-    return next((place for _, place in _places(mission)), None) if mission.frame == GEO else None
-
-
 def _places(mission: Mission) -> Iterator[tuple[Where, LatLon]]:
     for target, action in mission.actions().items():
         if isinstance(action.order, FlyFileOrder):

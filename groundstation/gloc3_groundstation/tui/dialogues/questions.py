@@ -12,7 +12,6 @@ from textual.widgets import Input, Static
 from gloc3.messages.command_interface import EmergencyVerb
 
 START_QUESTION: Final = "Start {} on {}?\nIt arms and starts moving."
-PLACE_QUESTION: Final = "{}\nUpload it to {} all the same?"
 ABORT_QUESTION: Final = "Abort the mission of {}?\nIts actions are cancelled; {}."
 LEAVE_QUESTION: Final = (
     "{} is armed and controlled by this station.\nWithout it, the mission's on_link_loss policy applies."

@@ -340,34 +340,3 @@ async def test_ctrl_c_copies_what_is_selected_in_the_editor_and_closes_without_a
         await here.press("right", "ctrl+c")
         await here.wait(lambda: here.app._exit)
         assert here.app.return_code == 130
-
-
-ELSEWHERE = """mission: elsewhere
-frame: geo
-tasks:
-  t:
-    actions:
-      up: {take_off: {height_m: 5}}
-      way: {go_to: {position: [43.16, 9.2, 5], speed_m_s: 1}, after: [up]}
-      down: {land: {}, after: [way]}
-"""
-
-
-async def test_a_mission_for_another_place_is_uploaded_after_a_question(tmp_path: Path) -> None:
-    file = tmp_path / "elsewhere.yaml"
-    file.write_text(ELSEWHERE)
-    async with scene(None) as here:
-        await here.go("3")
-        await open_typed(here, str(file))
-        await here.press("u")
-        await here.wait(lambda: isinstance(here.app.screen, YesNoQuestion))
-        asked = here.app.screen
-        assert isinstance(asked, YesNoQuestion)
-        assert asked._question == (
-            "The mission's first place is 6.7 km from pelican.\nUpload it to pelican all the same?"
-        )
-        await here.press("n")
-        assert not here.requested(LoadMission)
-        file.write_text(ELSEWHERE.replace("43.16", "43.101"))
-        await open_typed(here, str(file))
-        assert here.app.desk.place_doubt("pelican") == ""

@@ -358,7 +358,11 @@ def vtol(px4: RealPx4) -> str:
             time.sleep(1.0)
         (px4.folder / "station.txt").write_text(station.text)
         assert station.end() == DONE, station.text
-        modes = [line.partition(" mode ")[2].partition(",  ")[0] for line in station.lines if " mode " in line]
+        modes = [
+            "AUTO" + line.partition(" mode AUTO")[2].partition(", autopilot")[0]
+            for line in station.lines
+            if " mode AUTO" in line
+        ]
         assert any("on wings" in mode for mode in modes), station.text
         return f"{', then '.join(dict.fromkeys(modes))} · {plain(station.lines[-1])}"
 

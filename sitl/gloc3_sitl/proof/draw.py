@@ -33,6 +33,14 @@ class Course(NamedTuple):
     phases: Sequence[tuple[float, str]]
 
 
+class Alone(NamedTuple):
+    """A trouble that comes alone in a phase of the flight."""
+
+    possible: PossibleFault
+    begin_s: float
+    end_s: float
+
+
 class Draw:
     """Draws cases of one mission.
 
@@ -98,15 +106,18 @@ class Draw:
 
     # --- alone ---
 
-    def alone(self) -> list[PossibleFault]:
-        """The troubles that the stack gets over when they come alone and are short, in a fixed order."""
+    def alone(self) -> list["Alone"]:
+        """The troubles that the stack gets over when they come alone and are short, in each phase, in a fixed order."""
         found = [one for group in sorted(self._groups) for one in self._groups[group]]
-        return [one for one in found if _kind(one) in (*BRIEFLY, *ALONE) or (one.is_event and _kind(one) == "crash")]
+        found = [one for one in found if _kind(one) in (*BRIEFLY, *ALONE) or (one.is_event and _kind(one) == "crash")]
+        begins = [begin_s for begin_s, _ in self._course.phases] or [self._course.started_s]
+        phases = list(zip(begins, [*begins[1:], self._course.ended_s], strict=True))
+        return [Alone(one, *phase) for one in found for phase in phases]
 
-    def single(self, possible: PossibleFault, random: Random) -> FlightCase:
+    def single(self, alone: "Alone", random: Random) -> FlightCase:
         """A case in calm weather with this trouble alone."""
-        self._changes_s = ()
-        begin_s, end_s = self._time(random), None
+        possible, end_s = alone.possible, None
+        begin_s = round(random.uniform(alone.begin_s, max(alone.begin_s, alone.end_s)), 1)
         if not possible.is_event:
             shortest_s, longest_s = BRIEFLY.get(_kind(possible), (1.0, 30.0))
             end_s = round(begin_s + random.uniform(shortest_s, longest_s), 2)

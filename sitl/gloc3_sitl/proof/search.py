@@ -20,7 +20,7 @@ from gloc3.errors import UNREADABLE, Gloc3Error, Refused
 from gloc3_sitl.faults.fault_menu import PossibleFault, possible_faults
 from gloc3_sitl.flight.flight import Flight
 from gloc3_sitl.proof.case import FlightCase
-from gloc3_sitl.proof.draw import Course, Draw
+from gloc3_sitl.proof.draw import Alone, Course, Draw
 from gloc3_sitl.proof.invariant import BrokenInvariant, Invariant
 from gloc3_sitl.proof.reached import worth
 from gloc3_sitl.proof.record import NoTraceback
@@ -86,7 +86,7 @@ class Search:
         self._corpus: list[_Seed] = []
         self._kept: list[SearchedFlight] = []
         self._menu: list[PossibleFault] = []
-        self._alone: list[PossibleFault] = []
+        self._alone: list[Alone] = []
         self._draw: Draw
 
     # --- begin ---
@@ -185,7 +185,7 @@ class Search:
                 file.writelines(msgspec.json.encode(one) + b"\n" for one in made)
 
     def _next(self, index: int, random: Random) -> FlightCase:
-        """The case of a flight: at first every other one has a single short trouble, each of them once."""
+        """The case of a flight: at first every other one has a single short trouble, each once in each phase."""
         if index % 2 == 0 and index // 2 < len(self._alone):
             return self._draw.single(self._alone[index // 2], random)
         if not self._corpus or random.random() < FRESH:

@@ -117,8 +117,11 @@ def test_at_first_every_other_flight_has_one_short_trouble_each_once(first_fligh
     search, _ = first_flights
     singles = [one.case for one in search.flights[::2]]
     assert all(len(case.faults) == 1 and not case.wind_m_s for case in singles)
-    assert len({case.faults[0].partition("@")[0].partition("=")[0] for case in singles}) == len(singles)
-    kinds = {one.text.partition(":")[0].partition("=")[0] for one in search._alone}
+    drawn = {(one.possible.text, one.begin_s) for one in search._alone}
+    assert len(drawn) == len(search._alone) > 3 * 40
+    begins = {t_s for t_s, _ in search.course.phases}
+    assert {begin_s for what, begin_s in drawn if what == "crash:pose"} == begins
+    kinds = {one.possible.text.partition(":")[0].partition("=")[0] for one in search._alone}
     assert kinds == {"crash", "hang", "link_loss", "cable_loss", "disk_full", "clock_jump", "link_twice", "cable_twice"}
     fault = parse(next(case.faults[0] for case in singles if case.faults[0].startswith("hang:")))
     assert fault.end_s is not None
@@ -127,8 +130,8 @@ def test_at_first_every_other_flight_has_one_short_trouble_each_once(first_fligh
 
 def test_what_reaches_something_new_is_varied(first_flights: tuple[Search, Path]) -> None:
     search, _ = first_flights
-    first = {one.case.faults for one in search.flights[:ROUND]}
-    heirs = [one for one in search.flights[ROUND:] if any(set(one.case.faults) & set(before) for before in first)]
+    faults = [set(one.case.faults) for one in search.flights]
+    heirs = [at for at in range(ROUND, len(faults)) if any(faults[at] & before for before in faults[:at])]
     assert len(heirs) > ROUND // 4
 
 

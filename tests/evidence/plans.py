@@ -44,7 +44,7 @@ def vehicle(name: str) -> str:
     """The platform that flies a file, by the name of its folder."""
     lower = name.lower()
     for platform, words in (
-        ("vtol", ("vtol", "quadplane")),
+        ("vtol", ("vtol", "quadplane", "shiplanding")),
         ("rover", ("rover",)),
         ("submarine", ("ardusub", "/sub")),
         ("plane", ("plane", "fw_", "foamy")),

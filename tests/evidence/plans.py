@@ -27,9 +27,9 @@ from gloc3.plan_wire import to_wire
 from gloc3.platform.reader import load_platform
 
 LEAST: Final = 60
-FLOWN: Final = {"copter": 5, "rover": 3, "plane": 2, "vtol": 2}
+FLOWN: Final = {"copter": 7, "rover": 4, "plane": 3, "vtol": 3}
 """So many files are flown with each platform: the shortest, no content twice."""
-LEAST_FLOWN: Final = 12
+LEAST_FLOWN: Final = 16
 LONGEST_S: Final = 400.0
 """Longest flight, and estimate of one."""
 COPTER: Final = """platform: other_copter
@@ -186,7 +186,11 @@ def fitness(path: Path) -> dict[str, Any]:
 
 def flight(path: Path) -> str:
     """Flies it as it is on the embedded autopilot, in virtual time."""
-    style = "px4" if "px4" in str(path).lower() else "ardupilot"
+    is_px4 = "px4" in str(path).lower() and vehicle(str(path)) in (
+        "copter",
+        "vtol",
+    )  # the classes that it has in its style
+    style = "px4" if is_px4 else "ardupilot"
     with tempfile.TemporaryDirectory() as folder:
         card = Card(style, Path(folder))
         try:

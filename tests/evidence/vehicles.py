@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any, Final, NamedTuple
 
 import msgspec
-from tests.evidence.page import SCRATCH, Bar, Figure, Progress, commit
+from tests.evidence.page import SCRATCH, Bar, Figure, Progress, basis
 from tests.onboard.real_journey import Led, lead
 from tests.onboard.real_vehicle import COPTER, PLANE, QUADPLANE, ROVER, SUB, Vehicle
 
@@ -121,7 +121,7 @@ BARS = (
 
 def main(names: Sequence[str]) -> int:
     """Flies those whose titles are given, or all."""
-    progress = Progress(PAGE, commit())
+    progress = Progress(PAGE, basis("tests.evidence.vehicles"))
     known = {journey.title: journey for journey in JOURNEYS}
     figures = [figure for name in names or known for figure in figures_of(known[name], progress)]
     return 0 if all(figure.is_met for figure in figures) else 1

@@ -63,7 +63,8 @@ def test_a_picture_comes_every_five_seconds_in_flight_and_status_once_a_second(f
     station.monitor.watch("test", flight.flight.name, [Want("camera/ground", 1.0, 64, 48), Want("pose", 5.0)])
     flight.run(asyncio.sleep(15.0))
     now_s = loop.time()
-    assert max(later - earlier for earlier, later in pairwise([begun_s, *previews_s, now_s])) <= 5.0
+    longest_s = 5.0 if loss == 0.0 else 5.5  # with one in five lost, a part of a picture is sent once more
+    assert max(later - earlier for earlier, later in pairwise([begun_s, *previews_s, now_s])) <= longest_s
     in_a_row_s = 2.0 if loss == 0.0 else 3.5  # with one in five lost, two in a row are now and then
     assert max(later - earlier for earlier, later in pairwise([begun_s, *summaries_s, now_s])) <= in_a_row_s
     assert len(summaries_s) >= now_s - begun_s

@@ -13,7 +13,7 @@ RETURNS = {"px4": {"COM_LOW_BAT_ACT": 3}, "ardupilot": {"BATT_FS_LOW_ACT": 2}}
 @pytest.mark.both_styles
 def test_a_mission_through_whose_ceiling_the_autopilot_would_return_does_not_start(flight: Card) -> None:
     name = HEIGHTS[flight.style]
-    with pytest.raises(Refused, match=rf"climbs to 15 m above home.*\n.*set {name} to 7.5 or less"):
+    with pytest.raises(Refused, match=rf"climbs to 15 m above home.*\n.*set {name} to 7.1 or less"):
         flight.begin(mission(), parameters={name: 15, **RETURNS[flight.style]})
 
 

@@ -11,7 +11,7 @@ from typing import Final
 from gloc3.mavlink import codec
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.messages.frames import GeoPoint, TangentPlane, Vector3, yaw_of
-from gloc3.messages.vehicle import AutopilotPose, FlightMode
+from gloc3.messages.vehicle import AutopilotPose, FlightMode, VehicleClass
 from gloc3_onboard.autopilot.style import ClassProperties, Form
 from gloc3_onboard.autopilot.telemetry import Telemetry
 from gloc3_onboard.sensors.devices import AutopilotSetpoint
@@ -157,6 +157,8 @@ class ControlLead:
         is_guided = self._telemetry.state.mode is FlightMode.GUIDED
         if snapshot.form is Form.REPOSITION and (not is_guided or now_s - self._sent_s < REPOSITION_S):
             return None  # in other modes it would be denied
+        if snapshot.vehicle is VehicleClass.PLANE and setpoint.position_ned_m is None:
+            return None  # it cannot be braked
         known = self._telemetry.pose
         pose = known.pose if known is not None and now_s - known.t_s < POSE_S else None
         message = setpoint_message(setpoint, snapshot.form, target, self._telemetry.boot_ms(now_s), pose)

@@ -46,6 +46,7 @@ def test_a_failsafe_that_is_set_otherwise_refuses_the_start_and_says_what_to_do(
     assert reply.outcome is Outcome.REFUSED
     assert "a check is red: failsafes: link loss (return after " in reply.reason
     assert f"set {name} to 0" in reply.text
+    assert reply.result == {"may_settle": False}
     flight.wait(2.0)
     assert not flight.autopilot.is_armed
     assert flight.state("mission") == "waiting"
@@ -151,6 +152,8 @@ def test_a_component_that_is_down_and_a_lost_position_are_named(flight: Card) ->
     found = checks(flight)
     assert found["components: waypoints"].verdict is Verdict.RED
     assert found["sensors: position"].verdict is Verdict.RED
+    reply = flight.request(Steer(verb=Verb.START))
+    assert (reply.outcome, reply.result) == (Outcome.REFUSED, {"may_settle": True})
 
 
 @ONE_STYLE

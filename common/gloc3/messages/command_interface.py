@@ -311,7 +311,8 @@ class CiReply(Message, frozen=True):
     text: str = ""
     """With `ReadMission`: the mission's text; with a failed check: the findings, one a line."""
     result: dict[str, Any] = {}
-    """With `CallFunction`: the function's reply; with `Preflight`: the `PreflightReport`."""
+    """With `CallFunction`: the function's reply; with `Preflight`: the `PreflightReport`; with a start that red checks
+    refused: `may_settle`, whether each of them often passes by itself."""
 
 
 class LogOnboard(msgspec.Struct, frozen=True, array_like=True):

@@ -47,6 +47,8 @@ class Check(msgspec.Struct, frozen=True, array_like=True):
     """What was found, in words, with figures."""
     advice: str = ""
     """What to do; empty where nothing need be done."""
+    may_settle: bool = False
+    """Such a finding often passes by itself, within a minute of power-up: a start may wait for it."""
 
     @property
     def title(self) -> str:

@@ -80,7 +80,7 @@ class Headless:
                     self.narrate(f"{name} still lacks {', '.join(missing)}; the vehicle decides whether it starts")
             await flights.stream_to_all(station, names, plan)
             began_s = station.now_s()
-            followers = await flights.start_all(station, names, override, author)
+            followers = await flights.start_all(station, names, override, author, wait_s)
             self._flying = names, station.now_s()
             self._send_due()
             end = await flights.follow_all(station, followers)

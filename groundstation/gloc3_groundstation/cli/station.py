@@ -94,7 +94,7 @@ class StationOptions:
     start it. In the terminal the key u queues it while the vehicle is out of contact."""
     wait: float = 60.0
     """With --headless: give up without contact to the platform within this time, s; it may take the same time again
-    to be ready."""
+    to be ready, and then for red checks that often pass by themselves, such as satellites."""
     station_id: int | None = None
     """The MAVLink system of this station: 255, and 254, 253 for further ones. Default: that of the
     configuration file, else 255."""

@@ -12,6 +12,7 @@ from gloc3.messages.envelope import Severity
 from gloc3.messages.summaries import WELL, MissionSummary
 from gloc3.mission.model.states import ENDED, ENDED_BY_FAILSAFE, ActionState
 from gloc3_groundstation.missions.plans import CheckedPlan, recheck
+from gloc3_groundstation.station.command_client import Declined
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.station.station import Station
 
@@ -22,6 +23,8 @@ GRANTED_WITHIN_S: Final = 12.0
 SETTLED_AFTER_S: Final = 3.0
 """An end that is reported sooner after the start, with nothing running in between, is that of the flight before."""
 POLL_PERIOD_S: Final = 0.5
+SETTLES_PERIOD_S: Final = 2.0
+"""A start that is refused for checks that may settle is requested again after this time."""
 LANDED_S: Final = 5.0
 """Time disarmed on the ground after which a flight taken over by a pilot counts as ended, s."""
 TAKEN_OVER: Final = {"pilot": "a pilot", "failsafe": "the autopilot's failsafe"}
@@ -157,13 +160,22 @@ async def stream_to_all(station: Station, platforms: Sequence[str], plan: Checke
 
 
 async def start_all(
-    station: Station, platforms: Sequence[str], override: str = "", author: str = ""
+    station: Station, platforms: Sequence[str], override: str = "", author: str = "", settles_s: float = 0.0
 ) -> "dict[str, Follower]":
-    """Starts the loaded mission on all platforms that take part in it, or on none; raises as `start`."""
+    """Starts the loaded mission on all platforms that take part in it, or on none; raises as `start`.
+
+    Args:
+        station: commands them.
+        platforms: their names.
+        override: reason to start although checks are red.
+        author: who says so.
+        settles_s: how long red checks that often pass by themselves are waited for, s; while no platform has started.
+    """
     followers: dict[str, Follower] = {}
     try:
         for platform in platforms:
-            followers[platform] = await start(station, platform, override, author)
+            waits_s = 0.0 if followers else settles_s
+            followers[platform] = await start(station, platform, override, author, waits_s)
     except Gloc3Error:
         for platform in followers:
             station.note(platform, Severity.WARNING, "the mission does not start everywhere: it is aborted here")
@@ -172,9 +184,22 @@ async def start_all(
     return followers
 
 
-async def start(station: Station, platform: str, override: str = "", author: str = "") -> "Follower":
-    """Starts the loaded mission; raises as `CommandClient.carry_out`. For an override see `CommandClient.steer`."""
-    await station.client.steer(platform, Verb.START, override=override, author=author)
+async def start(
+    station: Station, platform: str, override: str = "", author: str = "", settles_s: float = 0.0
+) -> "Follower":
+    """Starts the loaded mission; raises as `CommandClient.carry_out`. Arguments as of `start_all`."""
+    until_s, said = station.now_s() + settles_s, ""
+    while True:
+        try:
+            await station.client.steer(platform, Verb.START, override=override, author=author)
+            break
+        except Declined as refusal:
+            if station.now_s() >= until_s or not refusal.reply.result.get("may_settle", False):
+                raise
+            if refusal.reply.reason != said:
+                said = refusal.reply.reason
+                station.note(platform, Severity.INFO, f"waiting, since {said}")
+        await passed(station, SETTLES_PERIOD_S)
     station.note(platform, Severity.INFO, "the mission is started")
     return Follower(station.now_s())
 

@@ -59,7 +59,7 @@ def _arming(state: AutopilotState) -> Check:
         return Check(GROUP, "ready to arm", Verdict.OK, "its own checks have passed")
     reasons = "; ".join([*state.reasons, *state.doubts]) or "it gives no reason"
     advice = "correct what it reports" if state.reasons else "wait until it is ready; its own messages say more"
-    return Check(GROUP, "ready to arm", Verdict.RED, reasons, advice)
+    return Check(GROUP, "ready to arm", Verdict.RED, reasons, advice, may_settle=True)
 
 
 def _estimator(state: AutopilotState) -> Iterator[Check]:
@@ -105,7 +105,7 @@ def _clock_rate(readings: Readings) -> Iterator[Check]:
     if rate > 1.0:
         finding = f"it runs {rate:.1f} times as fast as this computer's: a simulation at a higher speed"
         advice = "run it at real time (gloc3 sitl without --speed), or use gloc3 fly, in which all clocks are one"
-        yield Check(GROUP, "clock", Verdict.RED, finding, advice)
+        yield Check(GROUP, "clock", Verdict.RED, finding, advice, may_settle=True)
 
 
 def _parameters(readings: Readings) -> Check:

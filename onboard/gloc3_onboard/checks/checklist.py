@@ -122,7 +122,7 @@ def component_checks(readings: Readings) -> Iterator[Check]:
         verdict = Verdict.RED if one.is_required else Verdict.WARNING
         why = f": {one.cause}" if one.cause else ""
         advice = "read its error on the Health screen, then initialize and start it"
-        yield Check(Group.COMPONENTS, one.name, verdict, f"{one.health}{why}", advice)
+        yield Check(Group.COMPONENTS, one.name, verdict, f"{one.health}{why}", advice, may_settle=True)
     well = len(readings.components) - len(unhealthy)
     if not any(one.is_required for one in unhealthy):
         finding = f"{well} of {len(readings.components)} work, with all {len(required)} that are required"

@@ -40,7 +40,8 @@ def _health(setup: AutopilotSetup) -> Iterator[Check]:
     good = [name for bit, name in SENSORS.items() if used & bit and setup.sensors_health & bit]
     if bad:
         advice = "wait until it has settled; if it does not, check wiring and calibration"
-        yield Check(GROUP, "autopilot's sensors", Verdict.RED, f"not well: {', '.join(bad)}", advice)
+        finding = f"not well: {', '.join(bad)}"
+        yield Check(GROUP, "autopilot's sensors", Verdict.RED, finding, advice, may_settle=True)
     else:
         yield Check(GROUP, "autopilot's sensors", Verdict.OK, ", ".join(good) or "none")
     doubtful = [name for bit, name in DOUBTFUL.items() if used & bit and not setup.sensors_health & bit]
@@ -68,11 +69,12 @@ def _calibration(setup: AutopilotSetup) -> Iterator[Check]:
 
 def _position(readings: Readings) -> Check:
     pose = readings.pose
-    if pose is None:
-        return Check(GROUP, "position", Verdict.RED, "no pose received", "wait for the estimate, or check its sources")
-    if not readings.is_pose_fresh:
-        finding = pose.reason or ("it is not valid" if not pose.is_valid else "it has stopped")
-        return Check(GROUP, "position", Verdict.RED, finding, "wait for the estimate, or check its sources")
+    if pose is None or not readings.is_pose_fresh:
+        finding = "no pose received"
+        if pose is not None:
+            finding = pose.reason or ("it is not valid" if not pose.is_valid else "it has stopped")
+        advice = "wait for the estimate, or check its sources"
+        return Check(GROUP, "position", Verdict.RED, finding, advice, may_settle=True)
     sources = f" from {', '.join(pose.sources)}" if pose.sources else ""
     finding = f"quality {100.0 * pose.quality:.0f} %{sources}"
     if pose.quality < LEAST_QUALITY:

@@ -175,8 +175,10 @@ class RequestHandler:
             self._refuse_overtaken(request)
             reply = carry_out()
         except Gloc3Error as refusal:
-            text = refusal.lines if isinstance(refusal, RedChecks) else ""
-            reply = answer(request, Outcome.REFUSED, str(refusal), text=text)
+            text, result = "", None
+            if isinstance(refusal, RedChecks):
+                text, result = refusal.lines, {"may_settle": refusal.may_settle}
+            reply = answer(request, Outcome.REFUSED, str(refusal), text=text, result=result)
         if reply is not None and not isinstance(request.body, Preflight):
             self._journal.end(reply)
         return reply

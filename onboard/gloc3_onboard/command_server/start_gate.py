@@ -40,6 +40,7 @@ class RedChecks(Refused):
         several = f"{len(checks)} checks are red" if len(checks) > 1 else "a check is red"
         super().__init__(f"{several}: {'; '.join(f'{one.title} ({one.finding})' for one in checks)}")
         self.lines: Final = "\n".join(str(one) for one in checks)
+        self.may_settle: Final = all(one.may_settle for one in checks)
 
 
 class StartGate:

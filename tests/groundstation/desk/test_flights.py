@@ -1,21 +1,24 @@
 """A mission from the station's side: readiness, streaming, and telling its end from everything that is none."""
 
 from collections.abc import Awaitable, Callable
+from contextlib import nullcontext
 from typing import TypeVar
 
 import msgspec
 import pytest
-from tests.groundstation.scripted_platform import VEHICLE, ScriptedPlatform, reply_to
+from msgspec.structs import replace
+from tests.groundstation.scripted_platform import VEHICLE, Answer, ScriptedPlatform, refused, reply_to
 
 from gloc3.clock import run_virtual
 from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
-from gloc3.messages.command_interface import Control
+from gloc3.messages.command_interface import Control, Steer
 from gloc3.messages.summaries import ControlState, Health, MissionSummary
 from gloc3.mission.model.states import ENDED_BY_FAILSAFE
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.desk.flights import End, Follower
 from gloc3_groundstation.missions.plans import CheckedPlan
+from gloc3_groundstation.station.command_client import Declined
 from gloc3_groundstation.station.snapshots import PlatformSnapshot, Timed
 from gloc3_groundstation.station.station import Station
 
@@ -190,3 +193,30 @@ def test_control_that_another_station_keeps_is_not_taken_for_granted() -> None:
 
     with pytest.raises(Refused, match="control of heron was requested and not granted: station 254 keeps it"):
         with_station(play)
+
+
+def declined(*, may_settle: bool) -> Answer:
+    """Refuses as a vehicle does that has a red check."""
+    result = {"may_settle": may_settle}
+    return lambda request: replace(refused("a check is red: GPS")(request), result=result)
+
+
+@pytest.mark.parametrize(
+    ("may_settle", "times", "settles_s", "starts"),
+    [(True, 3, 10.0, True), (True, 3, 0.0, False), (True, 30, 10.0, False), (False, 1, 10.0, False)],
+)
+def test_a_start_waits_for_checks_that_often_pass_by_themselves(
+    *, may_settle: bool, times: int, settles_s: float, starts: bool
+) -> None:
+    async def play(station: Station, platform: ScriptedPlatform) -> None:
+        await flights.stream(station, "heron", PLAN)
+        for _ in range(times):
+            platform.answer_next(Steer, declined(may_settle=may_settle))
+        began_s = station.now_s()
+        with nullcontext() if starts else pytest.raises(Declined, match="GPS"):
+            await flights.start(station, "heron", settles_s=settles_s)
+        assert station.now_s() - began_s <= settles_s + 3.0
+        said = [event for event in station.fleet.events if "waiting, since a check is red" in event.text]
+        assert len(said) == (may_settle and settles_s > 0.0), "it is said, and once"
+
+    with_station(play)

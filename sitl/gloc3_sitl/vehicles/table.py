@@ -164,13 +164,20 @@ def _submarine_row(kind: str, model: UnderwaterModel) -> VehicleRow:
     )
 
 
+_PELICAN: Final = VehicleRow(
+    types=("quadrotor", "hexarotor"),
+    body=_quadrotor(PELICAN),
+    pack=PELICAN,
+    vehicle_class=MULTIROTOR,
+    styles={"px4": PX4, "ardupilot": ARDUPILOT},
+)
 VEHICLES: Final[Mapping[str, VehicleRow]] = {
-    "pelican": VehicleRow(
-        types=("quadrotor", "hexarotor"),
-        body=_quadrotor(PELICAN),
-        pack=PELICAN,
-        vehicle_class=MULTIROTOR,
-        styles={"px4": PX4, "ardupilot": ARDUPILOT},
+    "pelican": _PELICAN,
+    "copter": replace(
+        _PELICAN,
+        types=(),
+        styles={"ardupilot": ARDUPILOT, "px4": PX4},
+        parameters={"ardupilot": {"BATT_FS_LOW_ACT": 0.0}, "px4": {"COM_LOW_BAT_ACT": 0.0}},
     ),
     "hummingbird": VehicleRow(
         types=(),

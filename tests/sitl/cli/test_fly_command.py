@@ -140,3 +140,16 @@ def test_the_report_for_a_person_names_what_was_kept(capsys: pytest.CaptureFixtu
     assert captured.out.startswith("hop: done\n  flown ")
     assert captured.out.endswith(f"kept     log.mcap, report.json, path.svg in {tmp_path}\n")
     assert captured.err == ""
+
+
+@pytest.mark.parametrize("style", ["px4", "ardupilot"])
+def test_a_copter_of_any_make_flies_in_simulation_as_its_platform_file_says_it_is_set_up(
+    style: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "up_and_down.yaml"
+    file.write_text(
+        "mission: up and down\nframe: site\ntasks:\n  all:\n    actions:\n      up: {take_off: {height_m: 3}}\n"
+        "      down: {land: {}, after: [up]}\n"
+    )
+    code, report, told = fly(capsys, str(file), "--platform", "copter", "--autopilot", style)
+    assert (code, report["mission_state"]) == (0, "done"), told

@@ -23,6 +23,9 @@ CAMERA: Final = ("ground_camera", "ground_recorder")
 ASSUMED: Final = "assumed"
 SHARE: Final = 0.6
 """Share of the greatest acceleration used on paths."""
+AT_REST_1_S: Final = 0.4
+"""Speed at which a vehicle counts as at rest, as a share of the accuracy of its position a second: the velocity of such
+an estimate is as restless."""
 TYPES: Final = {2: "quadrotor", 13: "hexarotor"}
 """Vehicle types by MAV_TYPE, where one has several."""
 RECORD_IMAGES: Final = "record_images"
@@ -322,7 +325,10 @@ def _changes(
         rows.append(f"{{name: {kind.sets_off}, settings: {{{', '.join(setting_off)}}}}}")
     if (braking := kind.braking_share) is not None:
         limit = f"acceleration_m_s2: {SHARE * acceleration_m_s2:g}"
-        least = f", least_acceptance_m: {kind.acceptance_m:g}" if kind.acceptance_m else ""
+        least = ""
+        if kind.acceptance_m:
+            at_rest_m_s = AT_REST_1_S * kind.acceptance_m
+            least = f", least_acceptance_m: {kind.acceptance_m:g}, at_rest_m_s: {at_rest_m_s:g}"
         note = "   # plain satellites know no better where it is" if least else ""
         rows.append(f"{{name: waypoints, settings: {{{limit}{least}}}}}{note}")
         rows.append(f"{{name: hold, settings: {{braking_m_s2: {braking * acceleration_m_s2:g}}}}}")

@@ -144,6 +144,7 @@ def test_a_file_from_a_connected_autopilot_says_what_that_is_set_to(
     rows = {row.name: row.settings for row in platform.components}
     assert rows["setting_off"] == {"arm": True, "tolerance_m": 0.5}, "plain satellites know no better how high it is"
     assert rows["waypoints"]["least_acceptance_m"] == 1.0
+    assert rows["waypoints"]["at_rest_m_s"] == 0.4
     assert "  speed_m_s: 1\n" in slow.read_text(), "an option wins"
     assert ", limited to 1\n" in slow.read_text(), "it climbs no faster than it flies"
 

@@ -132,6 +132,8 @@ class AutopilotPose(Message, frozen=True):
     rate_frd_rad_s: Vector3
     origin_geo: tuple[float, float, float] | None = None
     """The estimator's origin: latitude and longitude in degrees, altitude above mean sea level in metres."""
+    has_height: bool = True
+    """Whether anything measures the height; else it is reckoned from accelerations alone."""
 
 
 class HeightAboveGround(Message, frozen=True):

@@ -118,6 +118,8 @@ THREE_D: Final = 3
 """GPS_FIX_TYPE from which there is a place."""
 USUAL_STD_M: Final = 2.5
 """Taken where the receiver does not claim an accuracy."""
+USUAL_HEIGHT_STD_M: Final = 5.0
+"""The same for the altitude."""
 KEPT: Final = 256
 """Number of buffered samples of the inertial unit."""
 MILLI_G: Final = 1e-3 * GRAVITY_M_S2
@@ -248,11 +250,12 @@ class AutopilotSensors:
 
 def satellite_fix(message: MavlinkMessage) -> SatelliteFix:
     """The fix of a GPS_RAW_INT; its accuracy is the receiver's if reported, else a typical one."""
-    claimed_m = message.h_acc * 1e-3
+    claimed_m, claimed_height_m = message.h_acc * 1e-3, message.v_acc * 1e-3
     is_valid = message.fix_type >= THREE_D
     return SatelliteFix(
         place_geo=(message.lat * 1e-7, message.lon * 1e-7, message.alt * 1e-3),
         std_m=claimed_m if claimed_m > 0.0 else USUAL_STD_M,
+        height_std_m=claimed_height_m if claimed_height_m > 0.0 else USUAL_HEIGHT_STD_M,
         satellites=message.satellites_visible,
         is_valid=is_valid,
         reason="" if is_valid else "no satellites",

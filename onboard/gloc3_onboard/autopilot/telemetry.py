@@ -13,7 +13,7 @@ from gloc3.mavlink.services.heartbeat import ARMED
 from gloc3.mavlink.services.timesync import TimeSync
 from gloc3.messages.frames import Vector3, normalize, yaw_of
 from gloc3.messages.vehicle import VTOL_FORMS, AutopilotPose, AutopilotState, HeightAboveGround, LandedState
-from gloc3_onboard.autopilot.health_words import UNHEALTHY, estimator_problems, unhealthy
+from gloc3_onboard.autopilot.health_words import HEIGHT, UNHEALTHY, estimator_problems, unhealthy
 from gloc3_onboard.autopilot.style import AutopilotStyle
 from gloc3_onboard.sensors.devices import Stamped, StampedHeight
 
@@ -150,6 +150,7 @@ class Telemetry:
         """Reasons against arming, and when each was last reported."""
         self._is_unhealthy: list[str] = []
         self._estimator: list[str] = []
+        self._has_height = True
 
     @property
     def restarts(self) -> int:
@@ -218,7 +219,7 @@ class Telemetry:
     def _reset(self) -> None:
         """Discards the state after a restart: the estimator may have another origin."""
         self.pose = self.attitude = self.height = self.altitude_m = self._origin = None
-        self._has_attitude = False
+        self._has_attitude, self._has_height = False, True
         self._reasons.clear()
         self._set(reasons=[], has_home=False, landed=LandedState.UNKNOWN)
 
@@ -244,7 +245,7 @@ class Telemetry:
             case "SYS_STATUS":
                 self._system(message, now_s)
             case "EKF_STATUS_REPORT" | "ESTIMATOR_STATUS":
-                self._estimator = estimator_problems(message)
+                self._estimator, self._has_height = estimator_problems(message), bool(message.flags & HEIGHT)
                 self._set(doubts=[*self._is_unhealthy, *self._estimator])
             case "HOME_POSITION":
                 self._set(has_home=True)
@@ -331,6 +332,7 @@ class Telemetry:
             ned_from_frd=self._attitude,
             rate_frd_rad_s=self._rate,
             origin_geo=self._origin,
+            has_height=self._has_height,
         )
 
     def _distance(self, message: MavlinkMessage, now_s: float) -> None:

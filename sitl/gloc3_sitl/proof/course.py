@@ -8,6 +8,7 @@ from gloc3.messages.envelope import Envelope
 from gloc3.messages.summaries import CiEvent, MissionSummary
 from gloc3.messages.vehicle import DriverState
 from gloc3.mission.model.states import TABLE, ActionState
+from gloc3.platform.platform import Platform
 from gloc3_sitl.faults.faults import TimedFault
 from gloc3_sitl.proof.invariant import FlightFacts, FlownMission, Invariant, TrueMoment
 
@@ -18,6 +19,8 @@ _REPEATED: Final = re.compile(r"([\w-]+): \d+ of \d+")
 BY_OPERATOR: Final = "by an operator"
 """The reason of a mission that an operator has paused or ended."""
 EMERGENCY: Final = "emergency hold by "
+DIVING: Final = ("auv", "rov")
+"""Types of platforms that dive."""
 SURFACED_M: Final = 1.0
 SLOW_M_S: Final = 1.0
 
@@ -81,14 +84,23 @@ class PersonInControl:
         return not self._facts.has_fault(moment.t_s, "link_loss", for_s=10.0) and self._is_an_operators()
 
     def _is_an_operators(self) -> bool:
-        """Whether an operator has paused or ended the mission or a part of it, or has pressed the emergency key."""
+        """Whether an operator has paused, ended or skipped the mission or a part of it, or has pressed the emergency key."""
         mission = self.mission
         if mission is None or mission.policy == "pilot":
             return False
         if mission.state == "running":
             return "paused" in mission.tasks.values()
+        if mission.state == "done":
+            return "skipped" in mission.tasks.values() and any(one.kind == "operator" for one in self._facts.faults)
         is_by_operator = mission.reason == BY_OPERATOR or mission.reason.startswith(EMERGENCY)
         return is_by_operator and mission.state in ("paused", "skipped", "aborted")
+
+
+def is_at_rest(platform: Platform, moment: TrueMoment) -> bool:
+    """Whether a vehicle is on the ground, or at the surface, where it may drift; what is disarmed under water floats up."""
+    if platform.vehicle.type in DIVING:
+        return moment.position_ned_m[2] < SURFACED_M
+    return platform.vehicle.type == "boat" or (moment.is_on_ground and moment.speed_m_s < SLOW_M_S)
 
 
 class ItEnds(Invariant):
@@ -112,7 +124,7 @@ class ItEnds(Invariant):
     def end(self, flown: FlownMission) -> None:
         """Judges the end."""
         last = flown.last
-        if last is None or (not last.is_armed and self._is_at_rest(last)):
+        if last is None or (not last.is_armed and is_at_rest(self.facts.platform, last)):
             return
         if last.is_armed and self._control.has_one(last):
             return
@@ -128,14 +140,6 @@ class ItEnds(Invariant):
             flown.t_s,
             f"still {how} in {last.mode_name} after {flown.given_s:.0f} s; {state}, policy {policy or 'none'}",
         )
-
-    def _is_at_rest(self, last: TrueMoment) -> bool:
-        """On the ground, or at the surface, where it may drift."""
-        if self.facts.platform.vehicle.type in ("auv", "rov"):
-            return last.position_ned_m[2] < SURFACED_M
-        if self.facts.platform.vehicle.type == "boat":
-            return True
-        return last.is_on_ground and last.speed_m_s < SLOW_M_S
 
 
 SHORT_CUT_S: Final = 0.4

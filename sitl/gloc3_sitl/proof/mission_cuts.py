@@ -8,6 +8,16 @@ import yaml
 
 _LISTS: Final = ("waypoints", "waypoints_m")
 _SHORT_S: Final = 2.0
+_BOOL: Final = "tag:yaml.org,2002:bool"
+
+
+class _Loader(yaml.SafeLoader):
+    """Reads keys as missions do: `off` and `on` are names."""
+
+    yaml_implicit_resolvers = {  # noqa: RUF012
+        first: [(tag, pattern) for tag, pattern in resolvers if tag != _BOOL or first in "tTfF"]
+        for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
 
 
 def shorter(text: str) -> Iterator[str]:
@@ -15,7 +25,7 @@ def shorter(text: str) -> Iterator[str]:
 
     A mission that includes others is left as it is.
     """
-    document = yaml.safe_load(text)
+    document = yaml.load(text, Loader=_Loader)
     if not isinstance(document, dict) or "include" in document:
         return
     for cut in _cuts(document):

@@ -10,7 +10,7 @@ from gloc3_sitl.faults.faults import TimedFault
 from gloc3_sitl.flight.flight import Flight
 from gloc3_sitl.flight.messages import SimFault, SimTruth
 from gloc3_sitl.physics.wind import CALM
-from gloc3_sitl.proof.course import PersonInControl
+from gloc3_sitl.proof.course import DIVING, PersonInControl
 from gloc3_sitl.proof.invariant import (
     BrokenInvariant,
     FlightFacts,
@@ -20,8 +20,6 @@ from gloc3_sitl.proof.invariant import (
 )
 from gloc3_sitl.proof.reached import TOPICS, Reached
 from gloc3_sitl.vehicles.simulator import Simulator
-
-DIVING: Final = ("auv", "rov")
 
 
 class StoryLine(NamedTuple):

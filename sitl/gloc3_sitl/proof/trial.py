@@ -22,6 +22,7 @@ from gloc3_sitl.flight.plan import FlightPlan
 from gloc3_sitl.physics.wind import CALM, Wind, gusty
 from gloc3_sitl.proof.branches import taken_branches
 from gloc3_sitl.proof.case import FlightCase
+from gloc3_sitl.proof.course import is_at_rest
 from gloc3_sitl.proof.invariant import BrokenInvariant, Invariant
 from gloc3_sitl.proof.observer import Observer
 from gloc3_sitl.proof.standard_invariants import all_invariants
@@ -213,10 +214,11 @@ class _Trial:
             last = observer.last
             is_untold = now_s - observer.mission_reported_s > UNTOLD_S
             is_over = is_untold or observer.mission_state not in ("running", "")
-            is_at_rest = last is not None and not last.is_armed and is_over
-            is_at_rest = is_at_rest or (not self._started_s and (last is None or not last.is_armed))
-            is_waiting = observer.mission_state == "running" and last is not None and not last.is_armed
-            if is_at_rest:
+            is_disarmed = last is not None and not last.is_armed
+            has_ended = last is not None and not last.is_armed and is_over and is_at_rest(flight.platform, last)
+            has_ended = has_ended or (not self._started_s and (last is None or is_disarmed))
+            is_waiting = observer.mission_state == "running" and is_disarmed
+            if has_ended:
                 at_rest_s = now_s if at_rest_s is None else at_rest_s
                 if now_s - at_rest_s >= SETTLED_S:
                     return

@@ -6,13 +6,12 @@ from typing import TypeVar
 
 import msgspec
 import pytest
-from msgspec.structs import replace
-from tests.groundstation.scripted_platform import VEHICLE, Answer, ScriptedPlatform, refused, reply_to
+from tests.groundstation.scripted_platform import VEHICLE, Answer, ScriptedPlatform, reply_to
 
 from gloc3.clock import run_virtual
 from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
-from gloc3.messages.command_interface import Control, Steer
+from gloc3.messages.command_interface import Control, Outcome, Steer
 from gloc3.messages.summaries import ControlState, Health, MissionSummary
 from gloc3.mission.model.states import ENDED_BY_FAILSAFE
 from gloc3_groundstation.desk import flights
@@ -198,7 +197,7 @@ def test_control_that_another_station_keeps_is_not_taken_for_granted() -> None:
 def declined(*, may_settle: bool) -> Answer:
     """Refuses as a vehicle does that has a red check."""
     result = {"may_settle": may_settle}
-    return lambda request: replace(refused("a check is red: GPS")(request), result=result)
+    return lambda request: reply_to(request, Outcome.REFUSED, "a check is red: GPS", result=result)
 
 
 @pytest.mark.parametrize(

@@ -274,3 +274,34 @@ def test_headings_are_right_all_round() -> None:
         for step in range(250):
             estimator.imu(rotate_back(attitude, (0.0, 0.0, -9.80665)), (0.0, 0.0, 0.0), step * 0.004, 0.004)
         assert abs(wrap_pi(estimator.yaw_rad - heading)) < radians(0.5)
+
+
+def test_without_inertial_samples_there_is_no_position_of_the_present() -> None:
+    rig = Rig()
+    rig.run(3.0, flies=False)
+    rig.run(8.0)
+    assert rig.estimator.is_position_good(rig.now_s)
+    assert not rig.estimator.is_position_good(rig.now_s + 0.2)
+
+
+@pytest.mark.parametrize(("sources", "is_moved"), [(DEFAULT_SOURCES, False), (AidingSource.DEPTH, True)])
+def test_a_depth_that_is_back_is_believed_and_the_pressure_of_the_air_is_not(sources: int, *, is_moved: bool) -> None:
+    rig = Rig()
+    rig.run(3.0, flies=False)
+    estimator = rig.estimator
+    estimator.sources = sources | AidingSource.BAROMETER
+    down_m, altitude_m = estimator.position_ned_m[2], estimator.barometer_altitude_m
+    for step in range(60):
+        estimator.use_barometer(altitude_m - 30.0, rig.now_s + 1.0 + 0.04 * step)
+    assert estimator.position_ned_m[2] - down_m == pytest.approx(30.0 if is_moved else 0.0, abs=0.5)
+
+
+def test_the_first_reading_of_a_depth_is_that_of_a_vehicle_that_has_not_dived_yet() -> None:
+    rig = Rig()
+    rig.run(3.0, flies=False)
+    estimator = rig.estimator
+    estimator.sources = AidingSource.DEPTH | AidingSource.BAROMETER
+    estimator._barometer_offset_m = float("nan")
+    estimator.inertial.place((0.0, 0.0, -2.0), (0.0, 0.0, 0.0))
+    estimator.use_barometer(0.0, rig.now_s)
+    assert estimator.position_ned_m[2] == pytest.approx(estimator.boot_down_m)

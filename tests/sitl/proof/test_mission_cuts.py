@@ -64,3 +64,9 @@ def test_the_smallest_mission_has_no_shorter_one_without_end() -> None:
     while (cut := next(shorter(text), None)) is not None:
         text, steps = cut, steps + 1
     assert 0 < steps < 20
+
+
+def test_names_that_yaml_takes_for_yes_and_no_stay_names() -> None:
+    texts = list(shorter(TWO.replace("up:", "off:").replace("[up]", "[off]")))
+    assert texts
+    assert all("false" not in text for text in texts)

@@ -161,11 +161,19 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         return min(max(self.height_m / self._target_m, 0.0), 1.0) if self._target_m else 0.5
 
     def _manoeuvre(self, driver: Envelope[DriverState] | None) -> tuple[ManoeuvreState | None, str]:
-        """State of the manoeuvre; running until the driver can have received the request."""
+        """State of the manoeuvre; running until the driver can have received the request.
+
+        A driver that has failed and works again knows nothing of it: it is requested again.
+        """
         if self._requested_s is None:
             return None, ""
-        if driver is None or driver.payload.manoeuvre_id != self.action_id or driver.t_s < self._requested_s + REPORT_S:
+        if driver is None or driver.t_s < self._requested_s + REPORT_S:
             return ManoeuvreState.RUNNING, ""
+        if driver.payload.manoeuvre_id != self.action_id:
+            if driver.payload.action_id != self.action_id:
+                return ManoeuvreState.RUNNING, ""
+            self._requested_s = None
+            return None, ""
         return driver.payload.manoeuvre_state, driver.payload.manoeuvre_reason
 
     @property

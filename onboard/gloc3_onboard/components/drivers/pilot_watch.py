@@ -143,11 +143,12 @@ class PilotWatch:
         """
         if self._begins and now_s - self._polled_s > BLIND_S:
             self._seen = None
-        self._polled_s, self._begins = now_s, False
+        looked_s, self._polled_s, self._begins = self._polled_s, now_s, False
         if not state.is_connected:
             return
         before, self._seen = self._seen, state
-        for mode in [mode for mode, until_s in self._commanded.items() if now_s > until_s]:
+        # What was commanded before the last look, or meanwhile, may have been carried out while nobody looked.
+        for mode in [mode for mode, until_s in self._commanded.items() if looked_s > until_s]:
             del self._commanded[mode]
         if is_shadow:
             self._expected = state.mode
@@ -164,6 +165,7 @@ class PilotWatch:
                 before,
                 state,
                 now_s,
+                looked_s,
                 may_settle=may_settle,
                 may_return=may_return,
                 may_come_down=may_come_down,
@@ -175,18 +177,19 @@ class PilotWatch:
         before: AutopilotState,
         state: AutopilotState,
         now_s: float,
+        looked_s: float,
         *,
         may_settle: bool,
         may_return: bool,
         may_come_down: bool,
         may_disarm: bool,
     ) -> None:
-        if state.is_armed and not before.is_armed and now_s > self._arm_until_s:
+        if state.is_armed and not before.is_armed and looked_s > self._arm_until_s:
             self.lose("the vehicle was armed by another party")
         if before.is_armed and not state.is_armed:
             lands = self._expected in (FlightMode.LAND, FlightMode.RETURN) or FlightMode.LAND in self._commanded
             lands = lands or may_disarm
-            if not lands and now_s > self._disarm_until_s:
+            if not lands and looked_s > self._disarm_until_s:
                 self.lose("the vehicle was disarmed by another party")
         if state.mode is before.mode:
             return

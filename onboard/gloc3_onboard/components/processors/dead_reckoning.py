@@ -390,7 +390,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         has_satellites = t_s - self._seen_s < _AIDED_S
         is_guided = is_unlocked and has_satellites and self.settings.autopilot_std_m_s > 0.0 and is_finite
         is_guided &= has_position
-        if is_finite and has_position:
+        if is_finite and has_position and given.has_height:
             self._down_m, self._depth_s = given.position_ned_m[2], t_s
         if is_guided:
             self._lean_on(given)

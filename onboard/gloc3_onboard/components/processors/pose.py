@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Final
+from typing import Annotated, Final, NamedTuple
 
 import msgspec
 
@@ -29,7 +29,8 @@ WORTHLESS_M: Final = 10.0
 FROZEN_FIXES: Final = 4
 """So many fixes of new times with the same digits are no measurements: noise alone changes them."""
 FROZEN_M_S2: Final = 0.4
-"""An autopilot that follows a frozen receiver drifts with up to this acceleration, m/s²: 0.16 were seen."""
+"""An autopilot that follows a frozen receiver, or has no height, drifts with up to this acceleration, m/s²: 0.16 were
+seen."""
 APART_SIGMA: Final = 4.0
 ANTENNA_M: Final = 0.3
 """Distance of an antenna from the vehicle's origin, m, as far as nobody has measured it."""
@@ -37,6 +38,32 @@ FIX_LATE_S: Final = 0.3
 """Error of the time of a fix, s."""
 FIX_EXPIRES_S: Final = 3.0
 """Age after which a fix says nothing about the present, s."""
+
+
+class _Apart(NamedTuple):
+    contradicts_m: float
+    """The distance, where it is more than explains itself; else 0."""
+    std_m: float
+    """The least standard deviation with which both can be right."""
+
+
+def _apart(distance_m: float, std_m: float, speed_m_s: float) -> _Apart:
+    allowed_m = APART_SIGMA * std_m + ANTENNA_M + FIX_LATE_S * speed_m_s
+    return _Apart(distance_m if distance_m > allowed_m else 0.0, distance_m / APART_SIGMA)
+
+
+class ReceiverDoubt(NamedTuple):
+    """How far an estimate may be off by the satellite receiver."""
+
+    level_m: float
+    """Horizontally, where the receiver contradicts or is frozen; else 0."""
+    level_std_m: float
+    """The least standard deviation of the horizontal distance with which both can be right."""
+    height_m: float
+    """The least standard deviation of the height."""
+
+
+NO_DOUBT: Final = ReceiverDoubt(0.0, 0.0, 0.0)
 
 
 class ReceiverCheck:
@@ -71,19 +98,24 @@ class ReceiverCheck:
         """Since when the receiver has been repeating itself, s; 0 if it does not."""
         return t_s - self._changed_s if self._same >= FROZEN_FIXES - 1 else 0.0
 
-    def doubt_m(self, position_ned_m: Vector3, velocity_ned_m_s: Vector3, t_s: float, plane: TangentPlane) -> float:
-        """How far the estimate may be off, horizontally: by a frozen receiver, or as far as both are apart."""
+    def doubt(
+        self, position_ned_m: Vector3, velocity_ned_m_s: Vector3, t_s: float, plane: TangentPlane
+    ) -> ReceiverDoubt:
+        """How far the estimate may be off: by a frozen receiver, or as far as both are apart."""
         fix = self._recent(t_s)
         if fix is None:
-            return 0.0
-        north, east, _ = plane.ned_from_geo(*fix.place_geo)
-        age_s = t_s - self._fix_s
-        apart_m = math.hypot(
-            position_ned_m[0] - velocity_ned_m_s[0] * age_s - north,
-            position_ned_m[1] - velocity_ned_m_s[1] * age_s - east,
+            return NO_DOUBT
+        age_s, place = t_s - self._fix_s, plane.ned_from_geo(*fix.place_geo)
+        north, east, down = (
+            own - speed * age_s - other
+            for own, speed, other in zip(position_ned_m, velocity_ned_m_s, place, strict=True)
         )
-        allowed_m = APART_SIGMA * fix.std_m + ANTENNA_M + FIX_LATE_S * math.hypot(*velocity_ned_m_s[:2])
-        return max(0.5 * FROZEN_M_S2 * self.frozen_s(t_s) ** 2, apart_m if apart_m > allowed_m else 0.0)
+        frozen_m = 0.5 * FROZEN_M_S2 * self.frozen_s(t_s) ** 2
+        level = _apart(math.hypot(north, east), fix.std_m, math.hypot(*velocity_ned_m_s[:2]))
+        height = _apart(abs(down), fix.height_std_m, abs(velocity_ned_m_s[2]))
+        return ReceiverDoubt(
+            max(frozen_m, level.contradicts_m), level.std_m, max(frozen_m, height.contradicts_m, height.std_m)
+        )
 
     def _recent(self, t_s: float) -> SatelliteFix | None:
         fix = self._fix
@@ -131,8 +163,10 @@ class PoseProcessor(DataProcessor[PoseSettings]):
         self.doubt_m = 0.0
         """Horizontal displacement of late that the velocity does not explain, or that the receiver contradicts."""
         self._receiver = ReceiverCheck()
-        self._receiver_m = 0.0
+        self._contradiction = NO_DOUBT
         """How far the receiver contradicts."""
+        self._height_s = math.inf
+        """When anything has measured the height."""
         self._on_earth: tuple[tuple[float, float, float], TangentPlane] | None = None
         """The autopilot's origin."""
         self._plane: TangentPlane | None = None
@@ -157,7 +191,7 @@ class PoseProcessor(DataProcessor[PoseSettings]):
         """Begins without a past."""
         self._last = None
         self._drift_ned_m, self._jump_m = (0.0, 0.0, 0.0), 0.0
-        self._receiver, self._receiver_m = ReceiverCheck(), 0.0
+        self._receiver, self._contradiction, self._height_s = ReceiverCheck(), NO_DOUBT, math.inf
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """One pose for each of the autopilot's."""
@@ -191,9 +225,10 @@ class PoseProcessor(DataProcessor[PoseSettings]):
         position = (n + offset[0], e + offset[1], 0.0 if is_level else d + offset[2])
         velocity = (north_m_s, east_m_s, 0.0 if is_level else down_m_s)
         self._count_jump(position, velocity, t_s)
-        self._receiver_m = self._contradiction_m(given, t_s)
+        self._contradiction = self._contradicted(given, t_s)
+        self._height_s = t_s if given.has_height else min(self._height_s, t_s)
         std_m = self._std_m(t_s)
-        if not self.reason and self._receiver_m >= self.settings.lost_m:
+        if not self.reason and self._contradiction.level_m >= self.settings.lost_m:
             self.reason = self._why_lost(t_s)
         pose = Pose(
             position_ned_m=position,
@@ -246,17 +281,17 @@ class PoseProcessor(DataProcessor[PoseSettings]):
             self.reset_counter += 1
             self._jump_m = max(self._jump_m, size_m)
 
-    def _contradiction_m(self, given: AutopilotPose, t_s: float) -> float:
+    def _contradicted(self, given: AutopilotPose, t_s: float) -> ReceiverDoubt:
         if given.origin_geo is None:
-            return 0.0
+            return NO_DOUBT
         if self._on_earth is None or self._on_earth[0] != given.origin_geo:
             self._on_earth = given.origin_geo, TangentPlane(GeoPoint(*given.origin_geo))
-        return self._receiver.doubt_m(given.position_ned_m, given.velocity_ned_m_s, t_s, self._on_earth[1])
+        return self._receiver.doubt(given.position_ned_m, given.velocity_ned_m_s, t_s, self._on_earth[1])
 
     def _why_lost(self, t_s: float) -> str:
         if frozen_s := self._receiver.frozen_s(t_s):
             return f"the satellite receiver has been repeating one position for {frozen_s:.0f} s"
-        return f"the autopilot's position is {self._receiver_m:.0f} m from its satellite receiver's"
+        return f"the autopilot's position is {self._contradiction.level_m:.0f} m from its satellite receiver's"
 
     def _quality(self) -> float:
         return 1.0 if self.doubt_m <= self.settings.jump_m else max(0.05, 1.0 - self.doubt_m / WORTHLESS_M)
@@ -264,7 +299,10 @@ class PoseProcessor(DataProcessor[PoseSettings]):
     def _std_m(self, t_s: float) -> Vector3:
         """What is claimed: no less than what is in doubt. A jump that was taken back still shows how much may be wrong."""
         north, east, down = self._drift_ned_m
-        self.doubt_m = max(math.hypot(north, east), self._jump_m, self._receiver_m)
+        receiver = self._contradiction
+        self.doubt_m = max(math.hypot(north, east), self._jump_m, receiver.level_m)
         own_m = max(self.settings.std_m, self._receiver.std_m(t_s))
-        level_m = math.hypot(own_m, self.doubt_m / math.sqrt(2.0))
-        return level_m, level_m, math.hypot(self.settings.std_m, down)
+        level_m = math.hypot(own_m, max(self.doubt_m, receiver.level_std_m) / math.sqrt(2.0))
+        unseen_m = 0.5 * FROZEN_M_S2 * (t_s - self._height_s) ** 2
+        height_m = 0.0 if self.settings.is_level else max(receiver.height_m, unseen_m)
+        return level_m, level_m, math.hypot(self.settings.std_m, down, height_m)

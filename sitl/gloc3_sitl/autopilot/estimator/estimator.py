@@ -16,6 +16,8 @@ _FIRST_MEASUREMENTS: Final = 10
 _STUCK: Final = 10
 """So many equal readings of a magnetometer in a row: a working one has noise."""
 _FIX_LOST_S: Final = 0.5
+_IMU_LOST_S: Final = 0.1
+"""Age of the newest inertial sample from which there is no estimate of the present."""
 _BAROMETER_M2, _DEPTH_M2 = 0.25, 0.0025
 """Variance of a height by the pressure of air, and of a depth by that of water, which is a thousand times steeper."""
 _GYRO_ALONE_S: Final = 3.0
@@ -185,9 +187,11 @@ class Estimator:
         self.barometer_altitude_m = altitude_m
         if not self.is_aligned or not self.sources & AidingSource.BAROMETER:
             return
-        down = self.inertial.position_ned_m[2]
         if self._barometer_offset_m != self._barometer_offset_m:
-            self._barometer_offset_m = altitude_m + down
+            if self.sources & AidingSource.DEPTH:  # it has not dived yet: nothing does without a depth
+                self._place_vertical(self.boot_down_m, now_s, _DEPTH_M2)
+            self._barometer_offset_m = altitude_m + self.inertial.position_ned_m[2]
+        down = self.inertial.position_ned_m[2]
         innovation = self._barometer_offset_m - altitude_m - down
         if now_s - self.height_state.accepted_s < 1.0 and self._vertical.position_variance_m2 < 0.09:
             # A better source carries the height: the barometer only learns its drift.
@@ -200,7 +204,11 @@ class Estimator:
         if self.barometer_state.judge(ratio, now_s):
             self._correct_vertical(self._vertical.measure_position(variance), innovation)
         elif self.barometer_state.is_stuck(now_s):
-            self._barometer_offset_m = altitude_m + down
+            if self.sources & AidingSource.DEPTH:  # the pressure of water is the depth itself
+                self._place_vertical(down + innovation, now_s, variance)
+                self._barometer_offset_m -= innovation
+            else:
+                self._barometer_offset_m = altitude_m + down
 
     def use_magnetometer(self, field_frd: Vector3, now_s: float) -> None:
         """Magnetic field in the body, in any unit; one that stays the same to the last bit is stuck, and left out."""
@@ -273,10 +281,11 @@ class Estimator:
         )
 
     def is_position_good(self, now_s: float) -> bool:
-        """Whether the horizontal position may be flown by: aided within the last second, and converged."""
+        """Whether the horizontal position may be flown by: of the present, aided within the last second, and converged."""
         age = now_s - max(self.fix_state.accepted_s, self.external_state.accepted_s)
         enough = max(self.fix_state.accepted, self.external_state.accepted) >= _FIRST_MEASUREMENTS
-        return enough and age < 1.0 and self._horizontal.position_variance_m2 < 9.0
+        is_present = now_s - self.inertial.t_s < _IMU_LOST_S
+        return is_present and enough and age < 1.0 and self._horizontal.position_variance_m2 < 9.0
 
     def is_height_good(self, now_s: float) -> bool:
         """Whether a height source was accepted within the last second."""

@@ -313,3 +313,19 @@ def test_a_refusal_to_arm_says_what_the_autopilot_and_its_estimator_say() -> Non
         Refused, match="Need Position Estimate; not well: GPS; the estimator has no horizontal position"
     ):
         rig.begin()
+
+
+def test_a_driver_that_has_forgotten_the_manoeuvre_is_asked_again_on_the_ground_and_led_on_in_the_air() -> None:
+    rig = Rig().begin()
+    rig.says(RUNNING)
+    rig.run(1.0)
+    assert len(rig.requested) == 1
+    rig.driver = DriverState(action_id="go")
+    rig.run(1.0)
+    assert len(rig.requested) >= 2
+    rig.lift_off()
+    count = len(rig.requested)
+    rig.driver = DriverState(action_id="go")
+    rig.run(1.0)
+    assert rig.setpoints
+    assert len(rig.requested) == count

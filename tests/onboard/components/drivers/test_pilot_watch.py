@@ -302,3 +302,13 @@ def test_a_pilot_takes_over_from_the_failsafe_and_not_the_other_way() -> None:
     assert "another party" in story.watch.reason
     assert story.see(flying(RETURN, is_failsafe=True))
     assert not story.watch.is_failsafe
+
+
+def test_what_was_commanded_and_carried_out_while_nothing_was_seen_is_ours() -> None:
+    story = in_flight()
+    story.command(LAND)
+    assert not story.see(flying(LAND), after_s=ANSWER_S + 2.0)
+    other = in_flight()
+    other.command(LAND)
+    other.see(flying(GUIDED), after_s=ANSWER_S + 2.0)
+    assert other.see(flying(LAND), after_s=ANSWER_S), "it was seen meanwhile, and not in that mode"

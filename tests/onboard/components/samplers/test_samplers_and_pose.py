@@ -10,6 +10,7 @@ from tests.onboard.stage import Stage
 from gloc3.component.deployment import ComponentRow
 from gloc3.component.test_bench import Bench
 from gloc3.messages.frames import GeoPoint, TangentPlane
+from gloc3.messages.perception import SatelliteFix
 from gloc3.messages.vehicle import AutopilotState, HeightAboveGround, Image, Pose
 from gloc3_onboard.components.processors.pose import PoseProcessor, PoseSettings
 from gloc3_onboard.components.samplers.autopilot_pose import AutopilotPoseSampler
@@ -216,3 +217,32 @@ def test_a_position_that_drifts_against_its_velocity_is_in_doubt() -> None:
         stage.step(0.05, autopilot_pose=autopilot_pose(north=0.01 * step, origin_geo=HOLD))
     assert stage.all(Pose)[-1].reset_counter == 0
     assert math.hypot(*stage.all(Pose)[-1].position_std_m[:2]) > 0.9
+
+
+def told(stage: Stage, place_ned_m: tuple[float, float, float], seconds: float, **pose: Any) -> Pose:
+    """The last pose at HOLD's origin, beside fixes at that place."""
+    place = TangentPlane(GeoPoint(*HOLD)).geo_from_ned(place_ned_m)
+    for step in range(round(seconds / 0.1)):
+        digits = (place[0], place[1] + 1e-12 * step, place[2])
+        fix = SatelliteFix(place_geo=digits, std_m=0.02, height_std_m=0.03, satellites=12)
+        stage.step(0.1, satellites=fix, autopilot_pose=autopilot_pose(height=0.0, origin_geo=HOLD, **pose))
+    last: Pose = stage.all(Pose)[-1]
+    return last
+
+
+@pytest.mark.parametrize("apart_m", [0.2, 0.4, 1.0, 4.0])
+def test_a_receiver_apart_from_the_estimate_is_within_four_deviations_in_height_and_over_ground(apart_m: float) -> None:
+    above = told(processor(std_m=0.05), (0.0, 0.0, apart_m), 2.0)
+    assert 4.0 * above.position_std_m[2] >= apart_m
+    assert above.position_std_m[0] < 0.06
+    beside = told(processor(std_m=0.05), (0.0, apart_m, 0.0), 2.0)
+    assert 4.0 * math.hypot(*beside.position_std_m[:2]) >= apart_m
+    assert beside.position_std_m[2] < 0.06
+    assert told(processor(std_m=0.05, is_level=True), (0.0, 0.0, apart_m), 2.0).position_std_m[2] == 0.05
+
+
+def test_a_height_that_nothing_measures_is_claimed_with_a_growing_deviation() -> None:
+    stage = processor(std_m=0.05)
+    assert told(stage, (0.0, 0.0, 0.0), 1.0).position_std_m[2] < 0.06
+    assert told(stage, (0.0, 0.0, 0.0), 3.0, has_height=False).position_std_m[2] > 1.0
+    assert told(stage, (0.0, 0.0, 0.0), 0.2).position_std_m[2] < 0.06

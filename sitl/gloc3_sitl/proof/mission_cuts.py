@@ -14,7 +14,7 @@ _BOOL: Final = "tag:yaml.org,2002:bool"
 class _Loader(yaml.SafeLoader):
     """Reads keys as missions do: `off` and `on` are names."""
 
-    yaml_implicit_resolvers = {  # noqa: RUF012
+    yaml_implicit_resolvers = {
         first: [(tag, pattern) for tag, pattern in resolvers if tag != _BOOL or first in "tTfF"]
         for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
     }

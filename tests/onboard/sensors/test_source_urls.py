@@ -1,6 +1,7 @@
 """Sources of devices are URLs of one form; what is wrong in one is refused with the reason and an example."""
 
 import asyncio
+import sys
 from pathlib import Path
 from types import ModuleType
 from unittest.mock import Mock
@@ -12,7 +13,7 @@ from gloc3.component.test_bench import Bench
 from gloc3.errors import Misuse, Refused
 from gloc3.platform.reader import read_platform
 from gloc3_onboard.autopilot.sensors import AutopilotSensors
-from gloc3_onboard.sensors import registry
+from gloc3_onboard.sensors import registry, sources
 from gloc3_onboard.sensors.registry import (
     SourceHost,
     SourceKind,
@@ -184,3 +185,44 @@ def test_a_package_brings_a_kind_of_source(monkeypatch: pytest.MonkeyPatch) -> N
     finally:
         monkeypatch.undo()
         registry._rows.cache_clear()
+
+
+NEW_KIND = '''\
+"""A sensor of gas, in one file: its device, its replay, its scheme and its row."""
+
+from gloc3.messages.vehicle import HeightAboveGround
+from gloc3_onboard.sensors.registry import SensorKind, SourceKind
+from gloc3_onboard.sensors.sources.height import ReplayHeight
+
+
+class Nose:
+    """A device."""
+
+    def __init__(self, port: str) -> None:
+        self.port = port
+
+
+SENSORS = (SensorKind("gas", ReplayHeight, lambda log, part, device: ()),)
+SOURCES = (SourceKind("nose", ("gas",), "nose:///dev/ttyS0", lambda request: Nose(request.url.place)),)
+'''
+
+
+def test_a_new_kind_of_sensor_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "gas.py").write_text(NEW_KIND)
+    monkeypatch.setattr(sources, "__path__", [*sources.__path__, str(tmp_path)])
+    registry._rows.cache_clear()
+    loop = VirtualLoop()
+    try:
+        kind = sensor_of("bilge_gas")
+        assert kind is not None
+        assert kind.name == "gas"
+        made = make_sources({"bilge_gas": "nose:///dev/ttyS1", "other_gas": "none://"}, host(loop))
+        assert made["bilge_gas"].port == "/dev/ttyS1"
+        assert isinstance(made["other_gas"], ReplayHeight)
+        with pytest.raises(Refused, match="nose:// provides gas, but this is a laser"):
+            parse_source("laser", "nose:///dev/ttyS1")
+    finally:
+        loop.close()
+        monkeypatch.undo()
+        registry._rows.cache_clear()
+        sys.modules.pop(f"{sources.__name__}.gas", None)

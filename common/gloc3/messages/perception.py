@@ -164,8 +164,8 @@ class SatelliteFix(Message, frozen=True):
     """Latitude and longitude in degrees, altitude above mean sea level in metres."""
     std_m: float = 0.0
     """Standard deviation that the receiver claims along north and along east."""
-    height_std_m: float = 0.0
-    """Standard deviation that it claims of the altitude."""
     satellites: int = 0
     is_valid: bool = True
     reason: str = ""
+    height_std_m: float = 0.0
+    """Standard deviation that it claims of the altitude."""

@@ -5,6 +5,7 @@ import sys
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import msgspec
@@ -180,8 +181,9 @@ class MissionCommands:
         def judge(report: CheckReport, checked_s: float) -> CiReply | None:
             self._authority.control.require(request.sender)
             if not report.is_ok:
-                first = next(finding for finding in report.findings if not finding.is_warning)
-                return answer(request, Outcome.REFUSED, first.message, text=_lines(report.findings))
+                # The last one in the text is about the argument itself, the first about the flight as a whole.
+                *_, nearest = (finding for finding in report.findings if not finding.is_warning)
+                return answer(request, Outcome.REFUSED, nearest.message, text=_lines(report.findings))
             mission, rows = report.flyable(), abilities(self._platform)
 
             def begin(at_s: float) -> CiReply:
@@ -194,7 +196,9 @@ class MissionCommands:
                 raise Refused(self._snapshot.autopilot_problem)
             return self._start(request, begin, checked_s)
 
-        return self._checks.answer(request, text, "command", self._circumstances(), judge, now_s)
+        loaded = executor.mission
+        circumstances = replace(self._circumstances(), fence=loaded.mission.fence if loaded is not None else None)
+        return self._checks.answer(request, text, "command", circumstances, judge, now_s)
 
     def _as_mission(self, body: RequestAction) -> str:
         frames = list(self._platform.frames)

@@ -29,7 +29,8 @@ from gloc3.mission.checking.space_check import (
 )
 from gloc3.mission.checking.turn_check import turn_findings
 from gloc3.mission.model.abilities import WAIT, abilities
-from gloc3.mission.model.arguments import argument_kinds
+from gloc3.mission.model.arguments import FollowWaypointsOrder, argument_kinds
+from gloc3.mission.model.fence import Fence
 from gloc3.mission.model.legs import Budget
 from gloc3.mission.model.model import FLY_FILE, Mission, Task, answer, part_of, where_of
 from gloc3.mission.model.structure import PartialOrder, structure_findings
@@ -63,6 +64,8 @@ class Circumstances:
     """Where the vehicle was armed, else its position on the ground; None where it is unknown."""
     start_ned_m: Vector3 | None = None
     """Position of the vehicle; None for at home, on the ground."""
+    fence: Fence | None = None
+    """That of the loaded mission, where a single action beside it is checked: the places that it names are inside."""
 
     def surroundings(self) -> MissionReferences:
         """What the reader needs of the circumstances."""
@@ -167,6 +170,7 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Ch
     findings += flight_findings(mission, order, is_airborne=circumstances.start_ned_m is not None)
     path = _path(mission, figures, circumstances)
     findings += _space(mission, figures, path, circumstances)
+    findings += _outside(mission, path, circumstances)
     findings += turn_findings(mission, figures, path, platform)
     findings += budget_findings(mission, figures, platform)
     findings += guard_findings(mission, platform)
@@ -244,6 +248,14 @@ def _space(
         structs.replace(one, message=f"{one.message}, {left_out}", is_warning=True)
         for one in set(shorter).difference(found)
     ]
+
+
+def _outside(mission: Mission, path: list[PlacedLeg], circumstances: Circumstances) -> Iterator[Finding]:
+    """Places of a single action outside the fence of the loaded mission; the way home is always open."""
+    if circumstances.fence is not None and mission.fence is None:
+        limits = circumstances.platform.limits if circumstances.platform is not None else None
+        named = [placed for placed in path if isinstance(placed.action.order, FollowWaypointsOrder)]
+        yield from space_findings(replace(mission, fence=circumstances.fence), named, limits, circumstances.home_ned_m)
 
 
 def _check_contingency(part: Mission, circumstances: Circumstances, budget: Budget) -> Iterator[Finding]:

@@ -25,6 +25,7 @@ from gloc3.mission.model.policy import Policy
 from gloc3.mission.model.states import ENDED_BY_FAILSAFE, OURS, ActionState, StateTrigger
 from gloc3.platform.platform import Platform
 
+GO_TO: Final = "go_to"
 PROGRESS_STEP: Final = 0.05
 """Progress of an action after which it is written to disk; also written on each achievement."""
 
@@ -123,6 +124,8 @@ class MissionExecutor:
     def command(self, mission: Mission, now_s: float) -> str:
         """Runs a single task or action, given as a checked mission, at once; the loaded mission is unchanged.
 
+        A `go_to` takes the place of one that was commanded before.
+
         Returns:
             Its name, under which it can be steered: that of its first task.
 
@@ -132,9 +135,13 @@ class MissionExecutor:
         board = self.board
         flow.refuse_while_unfit(board)
         self._refuse_claimed(mission, list(board.programs.values()))
-        flow.check_readiness(board, mission)
+        before = self._redirected(mission)
+        flow.check_readiness(board, mission, replaced=before)
         manoeuvres.dismiss(board, now_s)
         name = next(iter(mission.tasks))
+        if before is not None:
+            board.end_all(before, StateTrigger.ABORT, now_s, f"redirected by {name}")
+            board.move(before, StateTrigger.ABORT, now_s, f"redirected by {name}")
         program = board.program(name, mission)
         if board.mission is None or not board.mission.is_open:
             board.policies = mission.policies
@@ -439,6 +446,13 @@ class MissionExecutor:
             provides: the topics that only it publishes, and the component that it substitutes.
         """
         return [assignment.label for assignment in self.board.users(component, provides)]
+
+    def _redirected(self, mission: Mission) -> MissionProgram | None:
+        """The commanded `go_to` under way, of which a command that is another one takes the place."""
+        if [one.ability for one in mission.actions().values()] != [GO_TO]:
+            return None
+        open_ones = [one for name, one in self.board.programs.items() if name != MISSION and one.is_open]
+        return next((one for one in open_ones if [run.action.ability for run in one.actions()] == [GO_TO]), None)
 
     def _refuse_claimed(self, mission: Mission, programs: list[MissionProgram]) -> None:
         """Makes room for new tasks: single commands that have ended go."""

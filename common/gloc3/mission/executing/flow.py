@@ -75,8 +75,13 @@ def busy(manoeuvre: PolicyManoeuvre) -> str:
     return f"the contingency {task} is under way ({manoeuvre.cause}); skip or abort it first"
 
 
-def check_readiness(board: Board, mission: Mission) -> None:
+def check_readiness(board: Board, mission: Mission, replaced: MissionProgram | None = None) -> None:
     """A mission starts only if everything that it uses is there, and the vehicle is where its first action needs it.
+
+    Args:
+        board: the state.
+        mission: the mission, or a single command.
+        replaced: what it takes the place of, and whose resources it may take.
 
     Raises:
         Refused: with the reason.
@@ -88,7 +93,7 @@ def check_readiness(board: Board, mission: Mission) -> None:
             raise Refused(f"{action.ability} is not available: it lacks {missing}")
         row = board.rows[action.ability]
         holder = board.assignments.holder(row)
-        if holder is not None:
+        if holder is not None and not (replaced is not None and any(one is holder.run for one in replaced.actions())):
             shared = next(name for name in row.claims if board.assignments.claims.get(name) is holder)
             raise Refused(f"{shared} is claimed by {holder.label}; pause or abort it first")
     targets = PartialOrder.of(mission).targets

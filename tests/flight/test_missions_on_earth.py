@@ -155,3 +155,15 @@ def test_a_px4_whose_fence_does_not_act_or_is_nearer_than_the_mission_does_not_s
 ) -> None:
     flight.begin(MISSION, is_started=False, parameters=parameters)
     assert reason in flight.refused_steer("start")
+
+
+@pytest.mark.both_styles
+def test_an_onboard_process_that_comes_late_flies_a_mission_on_earth(flight: Card) -> None:
+    flight.begin(MISSION, is_started=False)
+    flight.fault("restart", for_s=5.0)
+    flight.wait(15.0)
+    assert flight.last("pose").origin_geo is not None
+    flight.run(flight.flight.upload_and_start())
+    flight.await_state("mission", "done", 60.0)
+    truth = flight.flight.simulator.truth()
+    assert truth.longitude_deg == pytest.approx(EAST, abs=6e-6)

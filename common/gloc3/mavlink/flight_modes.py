@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Mapping
+from typing import Final, NamedTuple
 
 from gloc3.mavlink.codec import enum_name, enums
 
@@ -31,6 +32,7 @@ _PX4_MODES: Final = {
 _PLANES: Final = frozenset({1, 16, *range(19, 26)})
 _ROVERS: Final = frozenset({10, 11})
 _SUBMARINE: Final = 12
+_MOST_MODES: Final = 64
 _NOT_COPTERS: Final = frozenset({0, 5, 7, 8, 9})
 
 
@@ -48,17 +50,42 @@ def mode_name(autopilot: int, vehicle_type: int, custom_mode: int) -> str:
         return _PX4_MODES.get((main, sub)) or _PX4_MODES.get((main, 0)) or unknown
     if autopilot != ARDUPILOT or vehicle_type in _NOT_COPTERS:
         return unknown
-    family = (
-        "PLANE"
-        if vehicle_type in _PLANES
-        else "ROVER"
-        if vehicle_type in _ROVERS
-        else "SUB"
-        if vehicle_type == _SUBMARINE
-        else "COPTER"
-    )
+    family = _family(vehicle_type)
     name, prefix = enum_name(f"{family}_MODE", custom_mode), f"{family}_MODE_"
     return name.removeprefix(prefix) if name.startswith(prefix) and not name.endswith("_END") else unknown
+
+
+def _family(vehicle_type: int) -> str:
+    if vehicle_type in _PLANES:
+        return "PLANE"
+    if vehicle_type in _ROVERS:
+        return "ROVER"
+    return "SUB" if vehicle_type == _SUBMARINE else "COPTER"
+
+
+class ModeNumbers(NamedTuple):
+    """The modes of an autopilot."""
+
+    family: str
+    """ArduPilot's, as in the names of its enumerations; empty of others."""
+    numbers: Mapping[str, int]
+    """Custom modes by the autopilot's own names."""
+
+
+def mode_numbers(autopilot: int, vehicle_type: int) -> ModeNumbers:
+    """The modes that can be set by name; none where the autopilot or the vehicle is not known.
+
+    Args:
+        autopilot: MAV_AUTOPILOT.
+        vehicle_type: MAV_TYPE.
+    """
+    if autopilot == PX4:
+        return ModeNumbers("", {name: main << 16 | sub << 24 for (main, sub), name in _PX4_MODES.items()})
+    if autopilot != ARDUPILOT or vehicle_type in _NOT_COPTERS:
+        return ModeNumbers("", {})
+    family = _family(vehicle_type)
+    found = {mode_name(autopilot, vehicle_type, number): number for number in range(_MOST_MODES)}
+    return ModeNumbers(family, {name: number for name, number in found.items() if not name.startswith("mode ")})
 
 
 def autopilot_name(autopilot: int) -> str:

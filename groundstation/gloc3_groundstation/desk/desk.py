@@ -10,6 +10,7 @@ from gloc3.messages.command_interface import EmergencyVerb, Verb
 from gloc3.messages.envelope import Severity
 from gloc3.mission.model.states import ENDED, ActionState, allowed
 from gloc3_groundstation.desk import flights
+from gloc3_groundstation.desk.autopilot_desk import AutopilotDesk
 from gloc3_groundstation.desk.component_desk import ComponentDesk
 from gloc3_groundstation.desk.events_desk import EventsDesk
 from gloc3_groundstation.desk.fleet_desk import FleetDesk, LinkStore
@@ -80,6 +81,8 @@ class Desk:
         self.missions: Final = MissionDesk(station, plan)
         self.components: Final = ComponentDesk(station)
         self.services: Final = services or ServicesDesk(station)
+        self.autopilots: Final = AutopilotDesk(station, self.services)
+        """Commands vehicles without a companion, or with a silent one."""
         self.preflight: Final = PreflightDesk(station)
         self.queue: Final = queue or ContactQueue(station)
         """Missions that wait for the next contact."""
@@ -249,12 +252,10 @@ class Desk:
     async def emergency(self, name: str, verb: EmergencyVerb, confirmation: str = "") -> bool:
         """Requests hold, land or disarm, regardless of the holder of control."""
         platform = self.station.fleet.get(name)
-        if platform is not None and not platform.has_companion:
-            text = f"emergency {verb}: {name} has no GLOC3 companion; use its remote control"
-            self.station.note(name, Severity.ALERT, text)
-            return False
         self._held_s[name] = self.station.now_s()
         self.station.note(name, Severity.NOTICE, f"emergency {verb}")
+        if platform is not None and self.autopilots.is_its_own(platform):
+            return await self.autopilots.emergency(platform, verb)
         work = self.station.client.emergency(name, verb, confirmation)
         return await self._do(name, f"emergency {verb}", work)
 

@@ -54,7 +54,7 @@ class ServicesDesk:
         """Stops everything; to be awaited before the links are closed."""
         for services, desk in self._desks.values():
             await desk.close()
-            services.close()
+            await services.close()
         self._desks.clear()
 
 

@@ -65,13 +65,13 @@ class VehicleDesk:
         self.calibration: CalibrationState | None = None
         """The calibration that runs, or the last one."""
         self._station = station
-        self._services = services
+        self.services: Final = services
         self._learning = asyncio.get_running_loop().create_task(attempt(self._learn()))
 
     @property
     def snapshot(self) -> ServicesSnapshot:
         """What is known of the vehicle."""
-        return self._services.snapshots
+        return self.services.snapshots
 
     @property
     def is_armed(self) -> bool:
@@ -86,7 +86,7 @@ class VehicleDesk:
     @property
     def rates(self) -> RateTable:
         """Which messages come now."""
-        return self._services.rates.table
+        return self.services.rates.table
 
     def path(self, typed: str) -> Path:
         """Path of a typed file name: relative to the desk's folder, or to the home folder with `~`."""
@@ -102,7 +102,7 @@ class VehicleDesk:
         """Lists the vehicle's logs."""
 
         async def work(report: OnProgress) -> str:
-            self.logs = await self._services.logs.list(report)
+            self.logs = await self.services.logs.list(report)
             return counted(len(self.logs), "log") if self.logs else "the vehicle has no logs"
 
         self.begin(ServiceKind.LOGS, "listing the logs", work)
@@ -111,7 +111,7 @@ class VehicleDesk:
         """Downloads a log into the folder; resumes a partial download."""
 
         async def work(report: OnProgress) -> str:
-            return f"log {line.entry.number} is in {await self._services.logs.download(line, self.folder, report)}"
+            return f"log {line.entry.number} is in {await self.services.logs.download(line, self.folder, report)}"
 
         self.begin(ServiceKind.LOGS, f"downloading log {line.entry.number}", work)
 
@@ -119,7 +119,7 @@ class VehicleDesk:
         """Downloads the finished logs of the onboard computer, see `log_pull`; cancelling keeps partial logs."""
 
         async def work(report: OnProgress) -> str:
-            services, folder = self._services, self.folder / self.name
+            services, folder = self.services, self.folder / self.name
 
             pace = DownloadProgress()
 
@@ -153,7 +153,7 @@ class VehicleDesk:
 
         async def work(report: OnProgress) -> str:
             del report
-            self._services.logs.erase_all()
+            self.services.logs.erase_all()
             self.logs = None
             return "erasing all logs was requested; list them again to check"
 
@@ -174,7 +174,7 @@ class VehicleDesk:
         """Downloads a file into the folder; resumes a partial download."""
 
         async def work(report: OnProgress) -> str:
-            return f"{path} is in {await self._services.files.download(path, self.folder, report)}"
+            return f"{path} is in {await self.services.files.download(path, self.folder, report)}"
 
         self.begin(ServiceKind.FILES, f"downloading {path}", work)
 
@@ -182,7 +182,7 @@ class VehicleDesk:
         """Uploads a file into a folder of the vehicle."""
 
         async def work(report: OnProgress) -> str:
-            path = await self._services.files.upload(file, folder, report)
+            path = await self.services.files.upload(file, folder, report)
             await self._open_log(folder)
             return f"{path} is on the vehicle, checked"
 
@@ -193,7 +193,7 @@ class VehicleDesk:
 
         async def work(report: OnProgress) -> str:
             del report
-            files = self._services.files
+            files = self.services.files
             await (files.remove_folder(path) if is_folder else files.remove(path))
             if self.listing is not None:
                 await self._open_log(self.listing.path)
@@ -206,7 +206,7 @@ class VehicleDesk:
 
         async def work(report: OnProgress) -> str:
             del report
-            await self._services.files.make_folder(path)
+            await self.services.files.make_folder(path)
             if self.listing is not None:
                 await self._open_log(self.listing.path)
             return f"{path} is created"
@@ -214,7 +214,7 @@ class VehicleDesk:
         self.begin(ServiceKind.FILES, f"creating {path}", work, is_change=True)
 
     async def _open_log(self, path: str) -> str:
-        self.listing = await self._services.files.list(path)
+        self.listing = await self.services.files.list(path)
         folders = sum(entry.is_folder for entry in self.listing.entries)
         return f"{counted(folders, 'folder')}, {counted(len(self.listing.entries) - folders, 'file')}"
 
@@ -225,7 +225,7 @@ class VehicleDesk:
 
         async def work(report: OnProgress) -> str:
             del report
-            self.calibration = state = await self._services.calibration.run(kind, self._receive_calibration)
+            self.calibration = state = await self.services.calibration.run(kind, self._receive_calibration)
             if state.phase is not CalibrationPhase.DONE:
                 raise Refused(f"{kind}: {state.phase}{f', {state.reason}' if state.reason else ''}")
             return f"{kind}: calibrated{f'; {state.reason}' if state.reason else ''}"
@@ -236,7 +236,7 @@ class VehicleDesk:
     def confirm_calibration(self) -> None:
         """Confirms that the vehicle is in the requested position; without effect where none is requested."""
         with suppress(Refused):
-            self._services.calibration.confirm()
+            self.services.calibration.confirm()
 
     def _receive_calibration(self, state: CalibrationState) -> None:
         self.calibration = state
@@ -248,7 +248,7 @@ class VehicleDesk:
 
         async def work(report: OnProgress) -> str:
             del report
-            await self._services.rates.request(name, rate_hz)
+            await self.services.rates.request(name, rate_hz)
             wanted = "its usual rate" if rate_hz is None else f"{rate_hz:g} Hz" if rate_hz else "not at all"
             return f"{name}: requested, {wanted}"
 
@@ -261,7 +261,7 @@ class VehicleDesk:
         await self.jobs.close()
 
     async def _learn(self) -> str:
-        return (await self._services.learn()).title
+        return (await self.services.learn()).title
 
     def _note(self, outcome: JobOutcome) -> None:
         self._station.note(self.name, Severity.NOTICE if outcome.is_good else Severity.ERROR, outcome.text)

@@ -8,10 +8,12 @@ from gloc3.mavlink.services.files.ftp_client import FtpClient
 from gloc3.mavlink.services.files.log_client import LogClient
 from gloc3.mavlink.services.mission_client import MissionClient
 from gloc3.mavlink.services.parameter_client import ParameterClient
+from gloc3_groundstation.services.actions import ActionService
 from gloc3_groundstation.services.calibrations import CalibrationService
 from gloc3_groundstation.services.files import FileService
 from gloc3_groundstation.services.logs import LogService
 from gloc3_groundstation.services.machines import Machines, Wire
+from gloc3_groundstation.services.mavsdk.behind_link import MavsdkBehindLink
 from gloc3_groundstation.services.parameters import ParameterService
 from gloc3_groundstation.services.plans import PlanService
 from gloc3_groundstation.services.rates import FrameRateMeter, RateService
@@ -47,6 +49,8 @@ class VehicleServices:
         self.plans: Final = PlanService(self.machines, mission, self._snapshots)
         self.logs: Final = LogService(self.machines, logs, target, self._snapshots)
         self.calibration: Final = CalibrationService(wire, self.machines, self._snapshots)
+        self._mavsdk = MavsdkBehindLink(wire, target)
+        self.actions: Final = ActionService(self.machines, commands, self._mavsdk, self._snapshots)
         self.rates: Final = RateService(self.machines, commands, meter, target)
 
     @property
@@ -58,7 +62,8 @@ class VehicleServices:
         """Properties reported by the vehicle, requested if necessary; those that it does not report stay unknown."""
         return await self._snapshots.learn(self.machines)
 
-    def close(self) -> None:
-        """Ends what is under way, which is refused."""
+    async def close(self) -> None:
+        """Ends what is under way, which is refused, and MAVSDK's process."""
         self.calibration.close()
+        await self._mavsdk.close()
         self.machines.close()

@@ -239,12 +239,13 @@ class Vehicles:
         )
         problems = tuple(self._problems(name, key, now_s))
         if known is not None and known.has_companion:
-            if (known.autopilot, known.problems) == (autopilot, problems):
-                return fleet
-            return reducers.with_platform(fleet, replace(known, autopilot=autopilot, problems=problems))
+            shown = replace(known, autopilot=autopilot, problems=problems)
+            if known.is_quiet_link(now_s) and watch.received_s > known.received_s:
+                shown = replace(shown, vehicle=Timed(watch.summary(now_s), watch.reported_s(now_s)))
+            return fleet if shown == known else reducers.with_platform(fleet, shown)
         if known is None:
             what = f"{autopilot.firmware} {autopilot.vehicle_type}".rstrip()
-            text = f"is heard: {what}, system {system}, without a GLOC3 companion: services only"
+            text = f"is heard: {what}, system {system}, without a GLOC3 companion: commanded through its autopilot"
             fleet = reducers.note(fleet, name, Severity.INFO, text, now_s)
         elif known.is_quiet_link(now_s) and watch.received_s > known.received_s:
             silence = duration(watch.received_s - known.received_s)

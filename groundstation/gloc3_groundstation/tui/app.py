@@ -12,9 +12,11 @@ from textual.binding import Binding, BindingType
 from textual.widgets import Input, TextArea
 
 from gloc3.messages.command_interface import EmergencyVerb
+from gloc3_groundstation.desk.autopilot_desk import OFFERS
 from gloc3_groundstation.desk.desk import Desk, Move
 from gloc3_groundstation.desk.flights import End
 from gloc3_groundstation.mapping.tracks import Tracks
+from gloc3_groundstation.services.actions import Action
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.store.configuration import Configuration, ThemeName
 from gloc3_groundstation.tui.browser_driver import BrowserDriver
@@ -24,6 +26,7 @@ from gloc3_groundstation.tui.dialogues.questions import (
     START_QUESTION,
     UNSAVED_QUESTION,
     EmergencyQuestion,
+    TextQuestion,
     YesNoQuestion,
 )
 from gloc3_groundstation.tui.help import help_for
@@ -162,6 +165,7 @@ class StationApp(App[End | None]):
             started_s=station.started_s,
             station=station.id,
             moves=self.desk.moves(platform) if platform is not None else frozenset(),
+            actions=self.desk.autopilots.offers(platform) if platform is not None else (),
             plan=self.desk.plan,
             alerts=self.desk.alerts(),
             round_trip_s=station.round_trip_s(platform.name) if platform is not None else None,
@@ -262,11 +266,36 @@ class StationApp(App[End | None]):
             self.do(self.desk.emergency(platform.name, EmergencyVerb.HOLD))
             return
 
-        def chosen(choice: tuple[EmergencyVerb, str] | None) -> None:
-            if choice is not None:
+        def chosen(choice: tuple[EmergencyVerb, str] | Action | None) -> None:
+            if isinstance(choice, Action):
+                self.do(self.desk.autopilots.act(platform.name, choice))
+            elif choice is not None:
                 self.do(self.desk.emergency(platform.name, *choice))
 
-        self.push_screen(EmergencyQuestion(platform.name), chosen)
+        question = EmergencyQuestion(platform.name, returns=self.desk.autopilots.is_its_own(platform))
+        self.push_screen(question, chosen)
+
+    def action_act(self, name: str) -> None:
+        """Commands the autopilot of the selected vehicle; asks for values, and before what moves it."""
+        platform, action = self.platform, Action(name)
+        if platform is None:
+            return
+        vehicle, offer = platform.name, OFFERS[action]
+
+        def send(typed: str | None) -> None:
+            if typed is None:
+                return
+            work = partial(self.desk.autopilots.act, vehicle, action, typed)
+            if offer.question:
+                question = f"{offer.question.format(vehicle)}{f' ({typed})' if typed else ''}"
+                self.confirm(question, offer.title.lower(), lambda: self.do(work()))
+            else:
+                self.do(work())
+
+        if offer.values:
+            self.push_screen(TextQuestion(f"{offer.title}: {vehicle}", hint=offer.values), send)
+        else:
+            send("")
 
     def action_leave(self) -> None:
         """Closes; confirms first while this station controls an armed vehicle, or a mission is not saved."""

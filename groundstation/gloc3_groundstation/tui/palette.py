@@ -6,6 +6,7 @@ from typing import Protocol, cast
 
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 
+from gloc3_groundstation.desk.autopilot_desk import OFFERS
 from gloc3_groundstation.desk.desk import Move
 from gloc3_groundstation.tui.screen import Offer, PaletteCommand, StationScreen
 from gloc3_groundstation.tui.screens.table import SCREENS
@@ -38,6 +39,9 @@ class Commanded(Protocol):
 
     def action_move(self, name: str) -> None:
         """Asks the vehicle in view for something."""
+
+    def action_act(self, name: str) -> None:
+        """Commands the autopilot of the vehicle in view."""
 
     def action_emergency(self) -> None:
         """Has the vehicle in view hold."""
@@ -82,6 +86,10 @@ class StationCommands(Provider):
             for move, title in MOVES.items():
                 if move in view.moves:
                     yield PaletteCommand(f"{platform.name}: {title}", "", partial(app.action_move, move))
+            for action in view.actions:
+                offer = OFFERS[action]
+                title = f"{platform.name}: {offer.title}"
+                yield PaletteCommand(title, offer.values, partial(app.action_act, action))
             yield PaletteCommand(f"{platform.name}: HOLD (emergency)", "at once, without asking", app.action_emergency)
         if view.alerts.pending:
             yield PaletteCommand("Acknowledge all alerts", "", partial(app.action_acknowledge, True))

@@ -5,6 +5,7 @@ from typing import NamedTuple
 from gloc3_groundstation.desk.desk import Move
 from gloc3_groundstation.mapping.tracks import Tracks
 from gloc3_groundstation.missions.plans import CheckedPlan
+from gloc3_groundstation.services.actions import Action
 from gloc3_groundstation.station.alerts import Alerts
 from gloc3_groundstation.station.snapshots import Fleet, PlatformSnapshot
 
@@ -23,6 +24,8 @@ class StationView(NamedTuple):
     """The id of this station, such as `255`."""
     moves: frozenset[Move] = frozenset()
     """Actions that make sense for the selected vehicle."""
+    actions: tuple[Action, ...] = ()
+    """Commands to its autopilot itself that make sense."""
     plan: CheckedPlan | None = None
     """The selected mission."""
     alerts: Alerts = Alerts()

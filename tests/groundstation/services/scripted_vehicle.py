@@ -3,7 +3,6 @@
 import asyncio
 import random
 from collections.abc import Awaitable, Callable, Iterable
-from contextlib import closing
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -182,10 +181,11 @@ def over(
         )
         link = StationLinkCore(memory.a.send, LinkContext(loop=loop, exchange=LocalExchange(), topics=TOPICS, boot=1))
         memory.a.on_data = link.receive
+        services = VehicleServices(link, VEHICLE)
         try:
-            with closing(VehicleServices(link, VEHICLE)) as services:
-                return await play(Scene(services, vehicle, memory, link))
+            return await play(Scene(services, vehicle, memory, link))
         finally:
+            await services.close()
             link.close()
             vehicle.runner.stop()
 

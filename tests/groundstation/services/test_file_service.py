@@ -114,7 +114,7 @@ def test_the_services_that_are_closed_refuse_who_waits(top: Path) -> None:
         scene.cut()
         task = asyncio.ensure_future(scene.services.files.list())
         await scene.pass_s(0.1)
-        scene.services.close()
+        await scene.services.close()
         with pytest.raises(Refused, match="are closed"):
             await task
         with pytest.raises(Refused, match="are closed"):

@@ -75,7 +75,7 @@ def test_a_vehicle_that_falls_silent_is_a_refusal_in_bounded_time() -> None:
 def test_closed_services_refuse() -> None:
     async def play(scene: Scene) -> None:
         await scene.services.learn()
-        scene.services.close()
+        await scene.services.close()
         with pytest.raises(Refused, match="are closed"):
             await scene.services.plans.download()
 

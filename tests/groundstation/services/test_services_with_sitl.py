@@ -5,7 +5,7 @@ import re
 import subprocess
 import sys
 from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import asynccontextmanager, closing
+from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
 
 import pytest
@@ -44,24 +44,30 @@ PLAN = ForeignPlan(
 )
 
 
-@pytest.fixture(scope="module", params=sorted(FIRMWARES))
-def vehicle(request: pytest.FixtureRequest) -> Iterator[tuple[str, int]]:
-    """A simulated vehicle for all tests of one style: its style and the port of its link."""
+@contextmanager
+def simulated(style: str, *options: str) -> Iterator[int]:
+    """A simulated vehicle in a process of its own; the port of its link."""
     process = subprocess.Popen(
         [
-            *(sys.executable, "-c", PROGRAM, "--world", "open", "--home", "47.3977,8.5456,488.0,0"),
-            *("--autopilot", request.param, "--speed", "4", "--link", "station=udpin://127.0.0.1:0"),
+            *(sys.executable, "-c", PROGRAM, "--world", "open", "--home", "47.3977,8.5456,488.0,0", *options),
+            *("--autopilot", style, "--speed", "4", "--link", "station=udpin://127.0.0.1:0"),
         ],
         stderr=subprocess.PIPE,
         text=True,
     )
     try:
         assert process.stderr is not None
-        port = next(int(found[1]) for line in process.stderr if (found := re.search(r"port (\d+)", line)))
-        yield request.param, port
+        yield next(int(found[1]) for line in process.stderr if (found := re.search(r"port (\d+)", line)))
     finally:
         process.terminate()
         process.communicate(timeout=60)
+
+
+@pytest.fixture(scope="module", params=sorted(FIRMWARES))
+def vehicle(request: pytest.FixtureRequest) -> Iterator[tuple[str, int]]:
+    """A simulated vehicle for all tests of one style: its style and the port of its link."""
+    with simulated(request.param) as port:
+        yield request.param, port
 
 
 async def until(is_so: Callable[[], bool], within_s: float = 60.0) -> None:
@@ -78,8 +84,11 @@ async def at_hand(port: int) -> AsyncIterator[tuple[VehicleServices, StationLink
         await ground.open([f"udpout://127.0.0.1:{port}"])
         await until(lambda: bool(links.autopilots()))
         link, target = links.autopilots()[0]
-        with closing(VehicleServices(link, target)) as services:
+        services = VehicleServices(link, target)
+        try:
             yield services, link
+        finally:
+            await services.close()
     finally:
         await ground.close()
 

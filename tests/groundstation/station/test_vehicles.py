@@ -33,7 +33,7 @@ def test_a_bare_autopilot_appears_with_mode_arming_battery_and_place() -> None:
         assert (vehicle.landed, vehicle.heading_deg, vehicle.geo) == ("in_air", 90, (47.3977, 8.5456, 500.0))
         assert not bare.has_companion
         assert scene.vehicles.reach("ardupilot-1") == (scene.links[0][1], Address(1, 1))
-        text = "is heard: ArduPilot quadrotor, system 1, without a GLOC3 companion: services only"
+        text = "is heard: ArduPilot quadrotor, system 1, without a GLOC3 companion: commanded through its autopilot"
         assert scene.texts() == [text]
         assert list(alerts.causes(scene.station.fleet, scene.station.now_s())) == []
         autopilot.is_on = False
@@ -53,12 +53,8 @@ def test_a_bare_vehicle_gets_no_commands_and_says_so() -> None:
         desk = Desk(scene.station)
         assert desk.moves(scene.platform("px4-1")) == frozenset()
         assert not await desk.emergency("px4-1", EmergencyVerb.HOLD)
-        assert not desk.was_just_held("px4-1")
         (*_, event) = scene.station.fleet.events
-        assert (event.severity, event.text) == (
-            Severity.ALERT,
-            "emergency hold: px4-1 has no GLOC3 companion; use its remote control",
-        )
+        assert (event.severity, event.text) == (Severity.ERROR, "hold: this station has no link to px4-1")
         with pytest.raises(TimeoutError):
             async with asyncio.timeout(2.0):
                 await flights.await_platform(scene.station, None)

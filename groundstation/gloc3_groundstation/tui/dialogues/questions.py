@@ -10,6 +10,7 @@ from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
 from gloc3.messages.command_interface import EmergencyVerb
+from gloc3_groundstation.services.actions import Action
 
 START_QUESTION: Final = "Start {} on {}?\nIt arms and starts moving."
 ABORT_QUESTION: Final = "Abort the mission of {}?\nIts actions are cancelled; {}."
@@ -49,27 +50,35 @@ class YesNoQuestion(ModalScreen[bool]):
         self.dismiss(answer)
 
 
-class EmergencyQuestion(ModalScreen[tuple[EmergencyVerb, str] | None]):
-    """Asks for more than hold: land, or disarm after the platform's name has been typed."""
+class EmergencyQuestion(ModalScreen[tuple[EmergencyVerb, str] | Action | None]):
+    """Asks for more than hold: land, or disarm after the platform's name has been typed.
+
+    Args:
+        platform: its name.
+        returns: whether its autopilot is commanded, whose own return is another choice.
+    """
 
     BINDINGS = [
         Binding("space", "choose('hold')", "Hold"),
         Binding("l", "choose('land')", "Land"),
+        Binding("r", "come_home", "Return"),
         Binding("d", "type", "Disarm"),
         Binding("escape", "leave", "Leave"),
     ]
 
-    def __init__(self, platform: str) -> None:
+    def __init__(self, platform: str, *, returns: bool = False) -> None:
         super().__init__()
-        self._platform = platform
+        self._platform, self._returns = platform, returns
 
     def compose(self) -> ComposeResult:
         """The choices."""
+        home = [("r", "return home, by the autopilot itself")] if self._returns else []
         with Vertical(classes="question"):
             yield Static(f"Emergency: {self._platform}", markup=False)
             yield choices(
                 ("space", "hold again"),
                 ("l", "land here"),
+                *home,
                 ("d", "DISARM: motors stop; in flight it crashes"),
                 ("esc", "cancel"),
             )
@@ -77,6 +86,11 @@ class EmergencyQuestion(ModalScreen[tuple[EmergencyVerb, str] | None]):
     def action_choose(self, verb: str) -> None:
         """Closes with hold or land."""
         self.dismiss((EmergencyVerb(verb), ""))
+
+    def action_come_home(self) -> None:
+        """Closes with the autopilot's return, where there is that choice."""
+        if self._returns:
+            self.dismiss(Action.RETURN)
 
     def action_type(self) -> None:
         """Asks for the platform's name."""

@@ -100,7 +100,7 @@ def control(view: StationView) -> Span:
     if view.is_in_control:
         return Span("in control", Tone.TEXT)
     if view.platform is not None and not view.platform.has_companion:
-        return Span("services only", Tone.DIM)
+        return Span("autopilot only", Tone.DIM)
     if holder is None:
         return Span("control ?", Tone.STALE)
     return Span(f"{holder} controls" if holder else "watching", Tone.WARN if holder else Tone.DIM)

@@ -1,0 +1,133 @@
+"""Commands to an autopilot itself, for a vehicle without a GLOC3 companion or one whose companion is silent."""
+
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+from gloc3.errors import Gloc3Error, Refused
+from gloc3.messages.command_interface import EmergencyVerb
+from gloc3.messages.envelope import Severity
+from gloc3_groundstation.desk.services_desk import ServicesDesk
+from gloc3_groundstation.services.actions import Action
+from gloc3_groundstation.station.snapshots import PlatformSnapshot
+from gloc3_groundstation.station.station import Station
+
+BY_ITSELF: Final = (
+    "its onboard process is silent: this goes to the autopilot itself; when the process is back, it takes it for a "
+    "pilot's, and the mission stays paused until it is resumed"
+)
+EMERGENCIES: Final = {
+    EmergencyVerb.HOLD: Action.HOLD,
+    EmergencyVerb.LAND: Action.LAND,
+    EmergencyVerb.DISARM: Action.DISARM,
+}
+
+
+class ActionOffer(NamedTuple):
+    """A command as an operator sees it."""
+
+    title: str
+    question: str = ""
+    """Asked before it is sent, with the vehicle's name in place of {}; empty where it is sent at once."""
+    values: str = ""
+    """What has to be typed; empty without values."""
+
+
+OFFERS: Final[Mapping[Action, ActionOffer]] = {
+    Action.HOLD: ActionOffer("Hold"),
+    Action.RETURN: ActionOffer("Return home", "Return {} home?\nIts autopilot flies at its own return height."),
+    Action.LAND: ActionOffer("Land here", "Land {} where it is?"),
+    Action.ARM: ActionOffer("Arm", "Arm {}?\nIts motors may turn."),
+    Action.DISARM: ActionOffer("Disarm", "Disarm {}?\nIts autopilot refuses it in flight."),
+    Action.TAKE_OFF: ActionOffer("Arm and take off", "Arm {} and take off?", "height above home, m"),
+    Action.GO_TO: ActionOffer("Go to a place", "Send {} there?", "LATITUDE, LONGITUDE, HEIGHT ABOVE HOME in m"),
+    Action.SPEED: ActionOffer("Set the speed", values="speed over ground, m/s"),
+    Action.MODE: ActionOffer("Set the mode", "Set the mode of {}?", "the autopilot's own name of the mode"),
+    Action.START_PLAN: ActionOffer("Start the autopilot's plan", "Start the plan of {}?\nIt may arm and set off."),
+    Action.PAUSE_PLAN: ActionOffer("Pause the autopilot's plan"),
+    Action.REBOOT: ActionOffer("Restart the autopilot", "Restart the autopilot of {}?"),
+}
+
+
+class AutopilotDesk:
+    """Sends commands to autopilots; refusals become events, never exceptions.
+
+    Args:
+        station: is told what was sent and what became of it.
+        services: reach the autopilots.
+    """
+
+    def __init__(self, station: Station, services: ServicesDesk) -> None:
+        self._station, self._services = station, services
+
+    def is_its_own(self, platform: PlatformSnapshot) -> bool:
+        """Whether the vehicle is commanded through its autopilot: it has no companion, or that is silent."""
+        return not platform.has_companion or platform.is_quiet_link(self._station.now_s())
+
+    def offers(self, platform: PlatformSnapshot) -> tuple[Action, ...]:
+        """The commands that make sense now; none where a companion commands the vehicle."""
+        if not self.is_its_own(platform):
+            return ()
+        on_the_ground = (Action.ARM, Action.TAKE_OFF, Action.REBOOT)
+        under_way = (Action.RETURN, Action.LAND, Action.GO_TO, Action.SPEED, Action.PAUSE_PLAN, Action.DISARM)
+        left_out = on_the_ground if platform.is_armed else under_way
+        return tuple(action for action in OFFERS if action not in left_out)
+
+    async def emergency(self, platform: PlatformSnapshot, verb: EmergencyVerb) -> bool:
+        """The emergency key."""
+        return await self.act(platform.name, EMERGENCIES[verb])
+
+    async def act(self, name: str, action: Action, typed: str = "") -> bool:
+        """Commands a vehicle.
+
+        Args:
+            name: of the vehicle.
+            action: the command.
+            typed: its values, as `OFFERS` names them.
+
+        Returns:
+            Whether the autopilot has accepted it.
+        """
+        words = f"{action}{f' {typed}' if typed else ''}".replace("_", " ")
+        platform = self._station.fleet.get(name)
+        if platform is not None and platform.has_companion:
+            self._station.note(name, Severity.WARNING, BY_ITSELF)
+        try:
+            services = self._services.vehicle(name).services
+            await services.learn()
+            if action is Action.MODE:
+                await services.actions.set_mode(typed)
+            else:
+                values = _values(action, typed, platform)
+                if action is Action.TAKE_OFF:
+                    await services.actions.act(Action.ARM)
+                await services.actions.act(action, *values)
+        except Gloc3Error as error:
+            self._station.note(name, Severity.ERROR, f"{words}: {error}")
+            return False
+        self._station.note(name, Severity.NOTICE, f"{words}: accepted by the autopilot")
+        return True
+
+
+def _values(action: Action, typed: str, platform: PlatformSnapshot | None) -> tuple[float, ...]:
+    """The values of a command as they were typed.
+
+    Raises:
+        Refused: they are no numbers, or too few, or home's height is not known.
+    """
+    if not OFFERS[action].values:
+        return ()
+    try:
+        numbers = tuple(float(part) for part in typed.replace(",", " ").split())
+    except ValueError:
+        raise Refused(f"{typed!r}: {OFFERS[action].values} is expected") from None
+    if action is not Action.GO_TO:
+        if len(numbers) != 1:
+            raise Refused(f"{typed!r}: {OFFERS[action].values} is expected")
+        return numbers
+    if len(numbers) != 3:
+        raise Refused(f"{typed!r}: {OFFERS[action].values} is expected")
+    vehicle = platform.vehicle.value if platform is not None and platform.vehicle is not None else None
+    if vehicle is None or vehicle.geo is None:
+        raise Refused("where the vehicle is, is not known, so heights above home are not either")
+    home_m = vehicle.geo[2] - vehicle.position_m[2]
+    return numbers[0], numbers[1], home_m + numbers[2], float("nan")

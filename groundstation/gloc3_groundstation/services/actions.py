@@ -1,0 +1,169 @@
+"""Commands to an autopilot itself: for vehicles without a GLOC3 companion, and for those whose companion is silent.
+
+They go by MAVSDK's plugins, each tried on the embedded autopilots of every class. What MAVSDK 4.1 cannot do there goes by our
+own `DO_SET_MODE`: any mode by its name, a submarine's hold and surfacing, and a plane's landing, for which ArduPilot has no
+command.
+"""
+
+from collections.abc import Mapping
+from contextlib import suppress
+from enum import StrEnum
+from typing import Final
+
+from gloc3.errors import Refused, nearest
+from gloc3.mavlink.flight_modes import ARDUPILOT, PX4, mode_numbers
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.command_client import MavCommandClient
+from gloc3_groundstation.services.machines import Machines
+from gloc3_groundstation.services.mavsdk.behind_link import MavsdkBehindLink
+from gloc3_groundstation.services.mavsdk.messages import Plugin
+from gloc3_groundstation.services.snapshot import Firmware, SnapshotService
+
+DO_SET_MODE: Final = 176
+CUSTOM_MODE: Final = 1.0
+"""MAV_MODE_FLAG_CUSTOM_MODE_ENABLED."""
+HIGHEST_M: Final = 1000.0
+FASTEST_M_S: Final = 100.0
+
+
+class Action(StrEnum):
+    """What an autopilot can be commanded to do."""
+
+    ARM = "arm"
+    DISARM = "disarm"
+    TAKE_OFF = "take_off"
+    HOLD = "hold"
+    RETURN = "return"
+    LAND = "land"
+    GO_TO = "go_to"
+    SPEED = "speed"
+    MODE = "mode"
+    START_PLAN = "start_plan"
+    PAUSE_PLAN = "pause_plan"
+    REBOOT = "reboot"
+
+
+PLUGINS: Final[Mapping[Action, Plugin]] = {
+    Action.ARM: Plugin.ARM,
+    Action.DISARM: Plugin.DISARM,
+    Action.TAKE_OFF: Plugin.TAKE_OFF,
+    Action.HOLD: Plugin.HOLD,
+    Action.RETURN: Plugin.RETURN,
+    Action.LAND: Plugin.LAND,
+    Action.GO_TO: Plugin.GO_TO,
+    Action.SPEED: Plugin.SPEED,
+    Action.START_PLAN: Plugin.START_PLAN,
+    Action.PAUSE_PLAN: Plugin.PAUSE_PLAN,
+    Action.REBOOT: Plugin.REBOOT,
+}
+
+
+BY_MODE: Final[Mapping[tuple[str, Action], tuple[str, ...]]] = {
+    ("SUB", Action.HOLD): ("POSHOLD", "ALT_HOLD"),
+    ("SUB", Action.PAUSE_PLAN): ("POSHOLD", "ALT_HOLD"),
+    ("SUB", Action.LAND): ("SURFACE",),
+    ("PLANE", Action.LAND): ("AUTOLAND",),
+    ("VTOL", Action.LAND): ("QLAND",),
+}
+"""Of ArduPilot, by family and command: the modes that carry it out, the best first: without a position a submarine keeps its
+depth."""
+QUADPLANES: Final = frozenset(range(19, 26))
+"""MAV_TYPE_VTOL_…"""
+
+
+class ActionService:
+    """Commands one autopilot; each command is confirmed by the vehicle, or refused with its reason.
+
+    Args:
+        machines: run the command client.
+        commands: that client.
+        mavsdk: MAVSDK for the same autopilot.
+        snapshots: what is known of the vehicle.
+    """
+
+    def __init__(
+        self, machines: Machines, commands: MavCommandClient, mavsdk: MavsdkBehindLink, snapshots: SnapshotService
+    ) -> None:
+        self._machines, self._commands, self._mavsdk, self._snapshots = machines, commands, mavsdk, snapshots
+
+    async def act(self, action: Action, *arguments: float) -> None:
+        """Commands the vehicle.
+
+        Args:
+            action: anything but a mode.
+            arguments: of a take-off the height above home, m; of a go_to latitude and longitude in degrees, altitude
+                above the sea in m and, unless it is NaN, the heading in degrees; of a speed that over ground, m/s.
+
+        Raises:
+            Refused: an argument is out of bounds, or the vehicle refuses or does not answer.
+        """
+        _check(action, arguments)
+        snapshot = self._snapshots.snapshot
+        if snapshot.firmware is Firmware.ARDUPILOT:
+            family = mode_numbers(ARDUPILOT, snapshot.vehicle_type).family
+            family = "VTOL" if snapshot.vehicle_type in QUADPLANES else family
+            if (family, action) in BY_MODE:
+                await self._first_of(BY_MODE[family, action])
+                return
+            if (family, action) == ("ROVER", Action.LAND):
+                raise Refused("it does not land: hold stops it")
+        if action is Action.REBOOT and snapshot.is_armed:
+            raise Refused("the vehicle is armed; its autopilot is restarted on the ground, disarmed")
+        await self._mavsdk.act(PLUGINS[action], *arguments)
+
+    async def _first_of(self, modes: tuple[str, ...]) -> None:
+        for mode in modes[:-1]:
+            with suppress(Refused):
+                await self.set_mode(mode)
+                return
+        await self.set_mode(modes[-1])
+
+    async def set_mode(self, name: str) -> None:
+        """Sets a mode by the autopilot's own name for it.
+
+        Raises:
+            Refused: it has none of that name, or refuses it.
+        """
+        snapshot = self._snapshots.snapshot
+        autopilot = {Firmware.PX4: PX4, Firmware.ARDUPILOT: ARDUPILOT}.get(snapshot.firmware)
+        if autopilot is None:
+            raise Refused("the modes of this firmware are not known")
+        numbers = mode_numbers(autopilot, snapshot.vehicle_type).numbers
+        if name not in numbers:
+            raise Refused(f"it has no mode {name!r}; {nearest(name, sorted(numbers))}")
+        custom = numbers[name]
+        parts = (float(custom >> 16 & 0xFF), float(custom >> 24)) if autopilot == PX4 else (float(custom),)
+        machines = self._machines
+        call = self._commands.send_long(snapshot.address, DO_SET_MODE, (CUSTOM_MODE, *parts), now_s=machines.now_s)
+        try:
+            await machines.until(lambda: call.result is not None)
+        finally:
+            self._commands.abandon(call)
+        if call.result is not CommandResult.ACCEPTED:
+            raise Refused(f"mode {name}: {call.result.words if call.result is not None else 'cancelled'}")
+
+
+def _check(action: Action, arguments: tuple[float, ...]) -> None:
+    """Checks what a command takes.
+
+    Raises:
+        Refused: a value is missing or out of its bounds.
+    """
+    match action, arguments:
+        case Action.TAKE_OFF, (height_m,):
+            if not 0.0 < height_m <= HIGHEST_M:
+                raise Refused(f"a take-off goes to above 0 and up to {HIGHEST_M:g} m, not {height_m:g} m")
+        case Action.GO_TO, (latitude, longitude, altitude_m, _):
+            if not (-90.0 <= latitude <= 90.0 and -180.0 <= longitude <= 180.0):
+                raise Refused(
+                    f"{latitude:g}, {longitude:g} is no place: latitude up to 90, longitude up to 180 degrees"
+                )
+            if altitude_m != altitude_m:
+                raise Refused("a place needs an altitude")
+        case Action.SPEED, (speed_m_s,):
+            if not 0.0 < speed_m_s <= FASTEST_M_S:
+                raise Refused(f"a speed is above 0 and up to {FASTEST_M_S:g} m/s, not {speed_m_s:g} m/s")
+        case Action.TAKE_OFF | Action.GO_TO | Action.SPEED | Action.MODE, _:
+            raise Refused(f"{action} takes other values than {arguments}")
+        case _, (_, *_):
+            raise Refused(f"{action} takes no values")

@@ -90,8 +90,11 @@ class PersonInControl:
             return False
         if mission.state == "running":
             return "paused" in mission.tasks.values()
+        commands = {one.given.target for one in self._facts.faults if one.kind == "operator"}
         if mission.state == "done":
-            return "skipped" in mission.tasks.values() and any(one.kind == "operator" for one in self._facts.faults)
+            return "skipped" in mission.tasks.values() and bool(commands)
+        if mission.policy == "hold" and "hold" in commands:
+            return True  # the emergency key, which goes before any policy
         is_by_operator = mission.reason == BY_OPERATOR or mission.reason.startswith(EMERGENCY)
         return is_by_operator and mission.state in ("paused", "skipped", "aborted")
 

@@ -47,6 +47,7 @@ EXTRAS: Final = {
     "aiohttp": "groundstation",
     "jsbsim": "sitl",
     "matplotlib": "sitl",
+    "mavsdk": "groundstation",
     "textual": "groundstation",
     "textual_serve": "groundstation",
 }

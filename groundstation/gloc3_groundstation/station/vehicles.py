@@ -34,10 +34,12 @@ EXTRA_TIMEOUT_S: Final = 8.0
 """The same where a companion is received that has not yet reported whether it runs GLOC3."""
 REQUEST_COUNT: Final = 4
 REQUEST_PERIOD_S: Final = 5.0
+MISSED_S: Final = 2.5
+"""Age of the last heartbeat from which another route is preferred, s: two have been missed."""
 REPORTED_HZ: Final = 1.0
 MOST_VEHICLES: Final = 64
 _COMPANION: Final = 191
-_HEARTBEAT: Final = shape("HEARTBEAT").id
+_HEARTBEAT, _SYSTEM_TIME = shape("HEARTBEAT").id, shape("SYSTEM_TIME").id
 RESTARTED: Final = "its autopilot has restarted: mode and home are reset; check them and its plan before flight"
 _IDS_HINT: Final = "give one of them another id (PX4: MAV_SYS_ID, ArduPilot: SYSID_THISMAV or MAV_SYSID)"
 
@@ -145,12 +147,14 @@ class Vehicles:
         for name in dict.fromkeys(self._names.values()):
             known, best = self._station.fleet.get(name), self._route(name)
             if known is not None and not known.has_companion and best is not None:
-                self._request_streams(best)
+                self._request_streams(best, self._watches[best].missing)
+        for key, watch in self._watches.items():
+            if watch.boot_at_s is None and any(one[0] != key[0] and one[1] == key[1] for one in self._watches):
+                self._request_streams(key, [_SYSTEM_TIME])  # whether it is the same vehicle as on the other link
 
-    def _request_streams(self, key: SenderKey) -> None:
-        """Requests messages that a bare vehicle does not send by default."""
+    def _request_streams(self, key: SenderKey, missing: Sequence[int]) -> None:
+        """Requests messages that a vehicle does not send by default."""
         now_s, (times, last_s) = self._station.now_s(), self._requested.get(key, (0, float("-inf")))
-        missing = self._watches[key].missing
         if not missing or times >= REQUEST_COUNT or now_s < last_s + REQUEST_PERIOD_S:
             return
         self._requested[key] = times + 1, now_s
@@ -273,8 +277,12 @@ class Vehicles:
         """Best route to a vehicle: one with heartbeats, in the order in which the links were given."""
         routes = sorted(key for key, owner in self._names.items() if owner == name)
         now_s = self._station.now_s()
-        alive = [key for key in routes if now_s - self._watches[key].beat_s < BEATS_WITHIN_S]
-        return next(iter(alive or routes), None)
+
+        def silence(key: SenderKey) -> int:
+            age_s = now_s - self._watches[key].beat_s
+            return (age_s >= MISSED_S) + (age_s >= BEATS_WITHIN_S)
+
+        return min(routes, key=silence, default=None)
 
     def _problems(self, name: str, key: SenderKey, now_s: float) -> list[VehicleProblem]:
         """What is wrong with one autopilot."""

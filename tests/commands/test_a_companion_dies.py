@@ -12,6 +12,7 @@ import pytest
 from tests.commands.programs import program
 
 from gloc3.messages.command_interface import EmergencyVerb
+from gloc3.messages.summaries import VehicleSummary
 from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.desk.autopilot_desk import BY_ITSELF
@@ -49,8 +50,8 @@ async def test_hold_return_and_land_go_to_the_autopilot_itself(style: str, tmp_p
     (tmp_path / "mission.yaml").write_text(MISSION)
     vehicle = ("sitl", "--vehicle", "copter", "--autopilot", style, "--world", "open", f"--home={PLACE}")
     links = ("--link", f"companion=udpout://127.0.0.1:{companion}", "--link", f"station=udpout://127.0.0.1:{direct}")
-    onboard = ("onboard", "copter", "--autopilot", f"udpin://127.0.0.1:{companion}")
-    onboard = (*onboard, "--station", f"udpout://127.0.0.1:{station}", "--out", "out")
+    ends = ("--autopilot", f"udpin://127.0.0.1:{companion}", "--station", f"udpout://127.0.0.1:{station}")
+    onboard = ("onboard", "copter", *ends, "--out", "out")
     with program(*vehicle, *links, folder=tmp_path), program(*onboard, folder=tmp_path) as process:
         ground = GroundStation(StationSetup(boot=secrets.randbits(32), system=255))
         try:
@@ -65,23 +66,29 @@ async def test_hold_return_and_land_go_to_the_autopilot_itself(style: str, tmp_p
             def here() -> PlatformSnapshot:
                 return fleet.fleet.platforms[name]
 
-            def mode() -> str:
-                return here().vehicle.value.mode if here().vehicle is not None else ""
+            def seen() -> VehicleSummary:
+                vehicle = here().vehicle
+                assert vehicle is not None
+                return vehicle.value
+
+            def waits() -> bool:
+                mission = here().mission
+                return mission is not None and mission.value.tasks.get("wait") == "running"
 
             def told() -> list[str]:
                 return [event.text for event in fleet.fleet.events]
 
-            await comes(lambda: here().mission is not None and here().mission.value.tasks.get("wait") == "running")
+            await comes(waits)
             assert desk.autopilots.offers(here()) == ()
             os.killpg(process.process.pid, signal.SIGKILL)
             await comes(lambda: desk.autopilots.is_its_own(here()), 20.0)
             assert Action.RETURN in desk.autopilots.offers(here())
             assert await desk.emergency(name, EmergencyVerb.HOLD), "\n".join(told()[-6:])
             assert BY_ITSELF in told()
-            await comes(lambda: mode() in ("AUTO.LOITER", "BRAKE"))
+            await comes(lambda: seen().mode in ("AUTO.LOITER", "BRAKE"))
             assert await desk.autopilots.act(name, Action.RETURN), told()
-            await comes(lambda: mode() in ("AUTO.RTL", "RTL"))
+            await comes(lambda: seen().mode in ("AUTO.RTL", "RTL"))
             assert await desk.emergency(name, EmergencyVerb.LAND), told()
-            await comes(lambda: here().vehicle is not None and not here().vehicle.value.is_armed)
+            await comes(lambda: not seen().is_armed)
         finally:
             await ground.close()

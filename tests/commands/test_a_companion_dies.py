@@ -80,6 +80,7 @@ async def test_hold_return_and_land_go_to_the_autopilot_itself(style: str, tmp_p
 
             await comes(waits)
             assert desk.autopilots.offers(here()) == ()
+            assert not [text for text in told() if "another station" in text], "our own frames come back by the router"
             os.killpg(process.process.pid, signal.SIGKILL)
             await comes(lambda: desk.autopilots.is_its_own(here()), 20.0)
             assert Action.RETURN in desk.autopilots.offers(here())

@@ -60,8 +60,9 @@ class AutopilotDesk:
         self._station, self._services = station, services
 
     def is_its_own(self, platform: PlatformSnapshot) -> bool:
-        """Whether the vehicle is commanded through its autopilot: it has no companion, or that is silent."""
-        return not platform.has_companion or platform.is_quiet_link(self._station.now_s())
+        """Whether the vehicle is commanded through its autopilot: it has no companion, or that is silent, and it is heard."""
+        is_heard = platform.autopilot is not None and platform.autopilot.is_alive
+        return not platform.has_companion or (is_heard and platform.is_quiet_link(self._station.now_s()))
 
     def offers(self, platform: PlatformSnapshot) -> tuple[Action, ...]:
         """The commands that make sense now; none where a companion commands the vehicle."""

@@ -1,6 +1,7 @@
 """One MAVLink link of the station, without its socket: this station's heartbeat, the command link, and frames."""
 
 import asyncio
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 from typing import Final
@@ -15,6 +16,7 @@ from gloc3.exchange.tunnel.pacing import LinkBudget
 from gloc3.mavlink.codec import Encoder, Frame, Parser, enums, shape
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.node import MavlinkComponent
+from gloc3.mavlink.parser import HEADER_LENGTH
 from gloc3.mavlink.router import Gaps
 from gloc3.mavlink.services.heartbeat import Heartbeat, MavlinkPeer, MavlinkPeers
 from gloc3.mavlink.signing import SignedOnly, Signing, timestamp
@@ -28,11 +30,35 @@ MOST_LOCKED: Final = 16
 Tap = Callable[[bytes], None]
 """Called with every raw frame of a link, in and out."""
 
+ECHO_S: Final = 3.0
+"""Age up to which a frame of ours that comes back is an echo, s."""
+MOST_SENT: Final = 512
 Report = Callable[[str], None]
 """Called with text about a link for users."""
 
 GivenUp = Callable[[Undelivered], None]
 """Called with a message of the station that was given up."""
+
+
+class SentFrames:
+    """The frames that a station has sent within the last seconds: routers bring them back, by the same link or another."""
+
+    def __init__(self) -> None:
+        self._sent: deque[tuple[float, bytes]] = deque(maxlen=MOST_SENT)
+
+    def add(self, data: bytes, now_s: float) -> None:
+        """Notes a frame."""
+        self._sent.append((now_s, _unsigned(data)))
+
+    def has(self, data: bytes, now_s: float) -> bool:
+        """Whether a received frame is one of them; it may be signed by another link."""
+        unsigned = _unsigned(data)
+        return any(one == unsigned and now_s - at_s <= ECHO_S for at_s, one in self._sent)
+
+
+def _unsigned(data: bytes) -> bytes:
+    """A frame's sequence, sender, message and payload."""
+    return data[4 : HEADER_LENGTH + data[1]]
 
 
 class LinkContext(msgspec.Struct, frozen=True, kw_only=True):
@@ -57,6 +83,8 @@ class LinkContext(msgspec.Struct, frozen=True, kw_only=True):
     """Receives every frame, in and out."""
     routes: StationRoutes = msgspec.field(default_factory=StationRoutes)
     """Which message goes by which link, and which has come by another already."""
+    sent: SentFrames = msgspec.field(default_factory=SentFrames)
+    """What has been sent on all links."""
 
     @property
     def own(self) -> Address:
@@ -145,7 +173,8 @@ class StationLinkCore:
                 if message is not None:
                     self._tunnel.receive(message, frame.sender)
             elif frame.sender == self._own:
-                self._is_doubled()
+                if not self._context.sent.has(frame.raw, now_s):
+                    self._is_doubled()
             else:
                 self._node.receive(frame, now_s)
                 for listener in tuple(self._listeners):
@@ -234,6 +263,7 @@ class StationLinkCore:
 
     def _send(self, data: bytes) -> None:
         self.frames_sent += 1
+        self._context.sent.add(data, self._loop.time())
         self._tap(data)
         self._put(data)
 
@@ -263,4 +293,4 @@ class StationLinkCore:
         if not self._has_reported_double:
             self._has_reported_double = True
             system = self._own.system
-            self._report(f"another station is {system}, or the link echoes our frames; see --station-id")
+            self._report(f"another station is {system}, too; see --station-id")

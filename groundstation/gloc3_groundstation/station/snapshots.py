@@ -116,6 +116,8 @@ class AutopilotSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """`PX4`, `ArduPilot`, or the name that it reports."""
     vehicle_type: str = ""
     """`quadrotor`; empty where it does not say."""
+    is_alive: bool = True
+    """Whether its heartbeat comes."""
 
 
 class VehicleProblem(msgspec.Struct, frozen=True, kw_only=True):

@@ -216,11 +216,13 @@ class Vehicles:
         platform = self._platforms.get((number, system))
         if platform is not None and fleet.get(platform) is not None:
             return platform
+        for other, name in self._names.items():
+            known = fleet.get(name)
+            is_final = key not in self._names or (known is not None and known.has_companion)
+            if is_final and other[0] != number and other[1] == system and self._watches[other].is_same_life(watch):
+                return name
         if key in self._names:
             return self._names[key]
-        for other, name in self._names.items():
-            if other[0] != number and other[1] == system and self._watches[other].is_same_life(watch):
-                return name
         is_awaited = (number, system) in self._companions
         if now_s - watch.first_s < (EXTRA_TIMEOUT_S if is_awaited else TIMEOUT_S):
             return None
@@ -240,6 +242,7 @@ class Vehicles:
             component=component,
             firmware=autopilot_name(watch.autopilot),
             vehicle_type=type_name(watch.vehicle_type),
+            is_alive=now_s - watch.beat_s < BEATS_WITHIN_S,
         )
         problems = tuple(self._problems(name, key, now_s))
         if known is not None and known.has_companion:

@@ -123,7 +123,24 @@ def test_who_is_heard_is_told_and_a_second_station_of_the_same_id_too() -> None:
         scene.inject(b"\xfd garbage \xfe\xfd")
         await flights.await_platform(scene.station, None)
         assert scene.link.received() == ["autopilot 1/1"]
-        assert scene.reported == ["another station is 255, or the link echoes our frames; see --station-id"]
+        assert scene.reported == ["another station is 255, too; see --station-id"]
+
+    over(Conditions(), play)
+
+
+def test_our_own_frames_that_a_router_brings_back_are_no_other_station() -> None:
+    async def play(scene: Scene) -> None:
+        ended: asyncio.Future[None] = scene.platform.loop.create_future()
+        scene.platform.loop.call_later(5.0, ended.set_result, None)
+        await ended
+        beats = [frame.raw for frame in scene.received if frame.message_id == 0]
+        for raw in beats[-2:]:
+            scene.inject(raw)
+        await asyncio.sleep(0.5)
+        assert scene.reported == []
+        scene.inject(beats[0])
+        await asyncio.sleep(0.5)
+        assert len(scene.reported) == 1, "of 5 s ago: that is no echo"
 
     over(Conditions(), play)
 

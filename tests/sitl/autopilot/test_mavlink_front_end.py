@@ -338,3 +338,20 @@ def test_setpoints_with_any_numbers_leave_finite_throttles(values: list[float], 
 
 
 BARE_BENCH = Bench()
+
+
+@STYLES
+def test_what_a_station_on_two_links_asks_for_on_one_comes_on_that_one(style: str) -> None:
+    sim = Simulator(World.load("open"), SimulatorSettings(seed=1, style=style))
+    first, second = (Ear(sim, LinkKind.BARE, 255, 190) for _ in range(2))
+    sim.advance(3.0)
+    for ear in (first, second):
+        ear.report("HEARTBEAT", type=6, autopilot=8)
+    fields = {"target_system": 1, "target_component": 1, "command": SET_INTERVAL}
+    second.report("COMMAND_LONG", param1=float(shape("SYSTEM_TIME").id), param2=1e5, **fields)
+    first.counts.clear()
+    second.counts.clear()
+    sim.advance(5.0)
+    assert second.results == [Result.ACCEPTED]
+    assert second.counts["SYSTEM_TIME"] > 15
+    assert first.counts["SYSTEM_TIME"] < 5

@@ -171,6 +171,8 @@ class FrontContext:
         if before is not None:
             self.signing.load(before.signing)
         self.router: Final = AutopilotRouter(self.own, receive, self.signing.passes)
+        self._arriving: AutopilotPort | None = None
+        """The link of the frame that is being handled: what it asks for is answered there."""
         self._streams: dict[AutopilotPort, StreamScheduler] = {}
         self.producers: Final = producers(autopilot.style.name)
         """Messages that can be streamed or requested, by name."""
@@ -199,10 +201,20 @@ class FrontContext:
         if not self.is_px4:  # PX4's heartbeat comes once a second, whatever is asked for
             rates["HEARTBEAT"] = 0.0
         self._streams[link] = StreamScheduler(self.own, rates)
-        return receive
+
+        def arrive(data: bytes) -> None:
+            self._arriving = link
+            try:
+                receive(data)
+            finally:
+                self._arriving = None
+
+        return arrive
 
     def link_of(self, sender: Address) -> AutopilotPort | None:
-        """The link on which an address was heard; None if on none."""
+        """The link on which an address has just been heard, or else the first on which it was; None if on none."""
+        if self._arriving is not None and sender in self._arriving.peers:
+            return self._arriving
         return next((link for link in self.router.links if sender in link.peers), None)
 
     # -- out ----------------------------------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from gloc3.mission.model.policy import Policy
 from gloc3.mission.model.states import ActionState, StateTrigger
 from gloc3.mission.model.structure import PartialOrder
 
-GRACE_S: Final = 1.0
+GRACE_S: Final = 1.5
 """How long a running action survives the loss of a requirement, s: a standby takes over, or it is started a second time."""
 POSE_NEEDS: Final = frozenset({"pose", "autopilot_pose"})
 """What may be late for `POSE_LOST_S`; then `on_pose_lost` acts."""

@@ -77,11 +77,12 @@ async def until(is_so: Callable[[], bool], within_s: float = 60.0) -> None:
 
 
 @asynccontextmanager
-async def at_hand(port: int) -> AsyncIterator[tuple[VehicleServices, StationLinkCore]]:
+async def at(url: str) -> AsyncIterator[tuple[VehicleServices, StationLinkCore]]:
+    """The services of the autopilot on a link."""
     ground = GroundStation(StationSetup(boot=1))
     links = ground.links
     try:
-        await ground.open([f"udpout://127.0.0.1:{port}"])
+        await ground.open([url])
         await until(lambda: bool(links.autopilots()))
         link, target = links.autopilots()[0]
         services = VehicleServices(link, target)
@@ -91,6 +92,13 @@ async def at_hand(port: int) -> AsyncIterator[tuple[VehicleServices, StationLink
             await services.close()
     finally:
         await ground.close()
+
+
+@asynccontextmanager
+async def at_hand(port: int) -> AsyncIterator[tuple[VehicleServices, StationLinkCore]]:
+    """Those of the simulated vehicle."""
+    async with at(f"udpout://127.0.0.1:{port}") as found:
+        yield found
 
 
 async def test_parameters_are_listed_changed_and_refused(vehicle: tuple[str, int], tmp_path: Path) -> None:

@@ -1,0 +1,142 @@
+"""A flight by commands to the autopilot itself: each one, and what was seen of it."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+
+from gloc3.errors import Refused
+from gloc3.mavlink.codec import Frame, decode
+from gloc3.mavlink.flight_modes import mode_name
+from gloc3.mavlink.message import MavlinkMessage
+from gloc3.mission.formats.items import ForeignPlan, MavItem, PlanEntry
+from gloc3_groundstation.links.link import StationLinkCore
+from gloc3_groundstation.services.actions import Action
+from gloc3_groundstation.services.vehicle import VehicleServices
+
+NORTH_DEG = 1e-4
+"""11 m."""
+COMES_S = 60.0
+HOLDS = ("AUTO.LOITER", "BRAKE")
+RETURNS = ("AUTO.RTL", "RTL", "SMART_RTL")
+LANDS = ("AUTO.LAND", "LAND")
+MISSIONS = ("AUTO.MISSION", "AUTO")
+
+
+class Watch:
+    """The last message of each name, of the autopilot."""
+
+    def __init__(self, link: StationLinkCore) -> None:
+        self.last: dict[str, MavlinkMessage] = {}
+        self.unlisten = link.listen(self._receive)
+
+    def _receive(self, frame: Frame) -> None:
+        found = decode(frame)
+        if found is not None and frame.component == 1:
+            self.last[found.name] = found
+
+    def field(self, name: str, field: str) -> float:
+        return float(getattr(self.last.get(name), field, float("nan")))
+
+    @property
+    def mode(self) -> str:
+        beat = self.last.get("HEARTBEAT")
+        return "" if beat is None else mode_name(beat.autopilot, beat.type, beat.custom_mode)
+
+    @property
+    def is_armed(self) -> bool:
+        return bool(int(getattr(self.last.get("HEARTBEAT"), "base_mode", 0)) & 128)
+
+    @property
+    def place(self) -> tuple[float, float, float]:
+        """Latitude, longitude in degrees, altitude in m."""
+        latitude, longitude = (self.field("GLOBAL_POSITION_INT", name) * 1e-7 for name in ("lat", "lon"))
+        return latitude, longitude, self.field("GLOBAL_POSITION_INT", "alt") * 1e-3
+
+    @property
+    def height_m(self) -> float:
+        return self.field("GLOBAL_POSITION_INT", "relative_alt") * 1e-3
+
+    async def comes(self, is_so: Callable[[], bool], within_s: float = COMES_S) -> None:
+        async with asyncio.timeout(within_s):
+            while not is_so():
+                await asyncio.sleep(0.05)
+
+    async def enters(self, modes: tuple[str, ...]) -> str:
+        await self.comes(lambda: self.mode in modes)
+        return f"mode {self.mode}"
+
+
+async def patiently(work: Callable[[], Awaitable[None]], within_s: float = 90.0) -> None:
+    """Commands it again while the vehicle is not ready for it."""
+    loop = asyncio.get_running_loop()
+    end_s = loop.time() + within_s
+    while True:
+        try:
+            await work()
+            return
+        except Refused:
+            if loop.time() > end_s:
+                raise
+            await asyncio.sleep(1.0)
+
+
+def _plan(latitude: float, longitude: float) -> ForeignPlan:
+    items = (
+        MavItem(command=22, frame=3, params=(0.0, 0.0, 0.0, None), x=latitude, y=longitude, z=6.0),
+        MavItem(command=16, frame=3, params=(0.0, 0.0, 0.0, None), x=latitude + 3.0 * NORTH_DEG, y=longitude, z=6.0),
+        MavItem(command=20, frame=2),
+    )
+    return ForeignPlan(
+        entries=tuple(PlanEntry(items=(item,)) for item in items), home=(latitude, longitude, 0.0), raw={}
+    )
+
+
+async def fly(services: VehicleServices, link: StationLinkCore) -> dict[str, str]:
+    """Carries every command out once; by command what was seen.
+
+    Raises:
+        Refused, TimeoutError: one is not carried out.
+    """
+    act, seen = services.actions.act, {}
+    watch = Watch(link)
+    await services.learn()
+    await patiently(lambda: act(Action.ARM))
+    await watch.comes(lambda: watch.is_armed)
+    seen["arm"] = "armed"
+    await act(Action.DISARM)
+    await watch.comes(lambda: not watch.is_armed)
+    seen["disarm"] = "disarmed"
+    for name in ("GLOBAL_POSITION_INT",):
+        await services.rates.request(name, 4.0)
+    await patiently(lambda: act(Action.ARM))
+    await patiently(lambda: act(Action.TAKE_OFF, 5.0), 10.0)
+    await watch.comes(lambda: watch.height_m > 4.0)
+    seen["take off to 5 m"] = f"{watch.height_m:.1f} m above home"
+    latitude, longitude, altitude_m = watch.place
+    await act(Action.GO_TO, latitude + NORTH_DEG, longitude, altitude_m, float("nan"))
+    await watch.comes(lambda: abs(watch.place[0] - latitude - NORTH_DEG) < 1e-5)
+    seen["go to a place 11 m north"] = f"within {abs(watch.place[0] - latitude - NORTH_DEG) * 111_319.0:.1f} m of it"
+    await act(Action.SPEED, 2.0)
+    seen["speed of 2 m/s"] = "accepted"
+    await act(Action.HOLD)
+    seen["hold"] = await watch.enters(HOLDS)
+    await services.plans.upload(_plan(latitude, longitude))
+    await act(Action.START_PLAN)
+    seen["start the plan"] = await watch.enters(MISSIONS)
+    await act(Action.PAUSE_PLAN)
+    seen["pause the plan"] = await watch.enters((*HOLDS, "LOITER"))
+    try:
+        await act(Action.REBOOT)
+    except Refused as refusal:
+        seen["restart in the air"] = f"refused: {refusal}"
+    await act(Action.RETURN)
+    seen["return"] = await watch.enters(RETURNS)
+    await act(Action.LAND)
+    seen["land"] = await watch.enters(LANDS)
+    await watch.comes(lambda: not watch.is_armed)
+    seen["land"] += ", then disarmed"
+    mode = "AUTO.LOITER" if watch.mode.startswith("AUTO.") or "PX4" in str(services.snapshots.firmware) else "GUIDED"
+    await services.actions.set_mode(mode)
+    seen["mode"] = await watch.enters((mode,))
+    await act(Action.REBOOT)
+    seen["restart on the ground"] = "accepted"
+    return seen

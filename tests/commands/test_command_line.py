@@ -53,7 +53,7 @@ WRONG_USE: list[tuple[Sequence[str], str]] = [
     (["demo", "hop", "--out", "/proc/nowhere"], "the folder /proc/nowhere cannot be written"),
     (["sitl", "--world", "nosuch"], "no world named 'nosuch'"),
     (["sitl", "record", "kitti", "/proc/nowhere", "--speed", "0"], "--speed must be above 0"),
-    (["sitl", "--vehicle", "nosuch"], "known: auv, boat, hummingbird, pelican"),
+    (["sitl", "--vehicle", "nosuch"], "known: auv, boat, copter, hummingbird, pelican"),
     (
         ["sitl", "--vehicle", "rover", "--current", "1"],
         "need a vehicle in water (auv, rov, submarine, boat), not 'rover'",

@@ -20,7 +20,7 @@ from tests.onboard.real_vehicle import simulated as real_ardupilot
 from gloc3.errors import Gloc3Error
 
 INSTANCE: Final = 6
-COMMANDS: Final = 14
+COMMANDS: Final = 13
 JOURNEYS: Final = {
     "by keys and palette (tests/groundstation/tui/test_bare_vehicle_journey.py)": "tests/groundstation/tui/test_bare_vehicle_journey.py",
     "each class of ArduPilot (tests/groundstation/services/test_actions_with_sitl.py)": "tests/groundstation/services/test_actions_with_sitl.py",

@@ -22,7 +22,7 @@ async def test_every_command_is_carried_out_and_confirmed(vehicle: tuple[str, in
         with pytest.raises(Refused, match="is no place"):
             await services.actions.act(Action.GO_TO, 147.0, 8.0, 500.0, 0.0)
         seen = await fly(services, link)
-        assert len(seen) == 14
+        assert len(seen) == 13
         assert "is armed" in seen["restart in the air"]
         with pytest.raises(Refused, match="it has no mode"):
             await services.actions.set_mode("FLOAT")

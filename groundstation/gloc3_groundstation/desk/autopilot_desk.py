@@ -99,8 +99,6 @@ class AutopilotDesk:
                 await services.actions.set_mode(typed)
             else:
                 values = _values(action, typed, platform)
-                if action is Action.TAKE_OFF:
-                    await services.actions.act(Action.ARM)
                 await services.actions.act(action, *values)
         except Gloc3Error as error:
             self._station.note(name, Severity.ERROR, f"{words}: {error}")

@@ -90,7 +90,7 @@ class ActionService:
         """Commands the vehicle.
 
         Args:
-            action: anything but a mode.
+            action: anything but a mode; a take-off arms the vehicle first.
             arguments: of a take-off the height above home, m; of a go_to latitude and longitude in degrees, altitude
                 above the sea in m and, unless it is NaN, the heading in degrees; of a speed that over ground, m/s.
 
@@ -109,7 +109,16 @@ class ActionService:
                 raise Refused("it does not land: hold stops it")
         if action is Action.REBOOT and snapshot.is_armed:
             raise Refused("the vehicle is armed; its autopilot is restarted on the ground, disarmed")
+        if action is Action.TAKE_OFF:
+            await self._prepare()
         await self._mavsdk.act(PLUGINS[action], *arguments)
+
+    async def _prepare(self) -> None:
+        """Arms for a take-off: ArduPilot takes off on command in GUIDED alone."""
+        if self._snapshots.snapshot.firmware is Firmware.ARDUPILOT:
+            await self.set_mode("GUIDED")
+        if not self._snapshots.snapshot.is_armed:
+            await self._mavsdk.act(Plugin.ARM)
 
     async def _first_of(self, modes: tuple[str, ...]) -> None:
         for mode in modes[:-1]:

@@ -24,6 +24,7 @@ async def test_every_command_is_carried_out_and_confirmed(vehicle: tuple[str, in
         seen = await fly(services, link)
         assert len(seen) == 13
         assert "is armed" in seen["restart in the air"]
+        assert seen["restart on the ground"] == "accepted"
         with pytest.raises(Refused, match="it has no mode"):
             await services.actions.set_mode("FLOAT")
 

@@ -216,7 +216,7 @@ def arrival(platform: PlatformSnapshot) -> str:
 def holder(platform: PlatformSnapshot, station: str) -> str:
     """Who holds control, from this station's point of view."""
     if not platform.has_companion:
-        return "no companion: commanded through its autopilot"
+        return "autopilot only: ctrl+p"
     if platform.control is None:
         return "control unknown"
     held_by = platform.control.value.holder

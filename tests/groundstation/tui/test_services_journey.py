@@ -68,7 +68,7 @@ async def test_a_parameter_of_a_vehicle_without_a_companion_is_changed_by_keys(s
     async with terminal(style, tmp_path) as here:
         await here.until("title", name)
         await here.until("title", "autopilot only")
-        await here.until("facts", "no companion: commanded through its autopilot")
+        await here.until("facts", "autopilot only: ctrl+p")
         await here.until("title", "bat 100 %")
         await here.go("6")
         await here.until("services", f"{firmware} ")

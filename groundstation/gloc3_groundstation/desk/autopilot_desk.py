@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from gloc3.errors import Gloc3Error, Refused
-from gloc3.messages.command_interface import EmergencyVerb
+from gloc3.messages.command_interface import EmergencyVerb, StationRole
 from gloc3.messages.envelope import Severity
 from gloc3_groundstation.desk.services_desk import ServicesDesk
 from gloc3_groundstation.services.actions import Action
@@ -93,12 +93,12 @@ class AutopilotDesk:
         if platform is not None and platform.has_companion:
             self._station.note(name, Severity.WARNING, BY_ITSELF)
         try:
+            self._require_control(platform, action)
             services = self._services.vehicle(name).services
-            await services.learn()
             if action is Action.MODE:
                 await services.actions.set_mode(typed)
             else:
-                values = _values(action, typed, platform)
+                values = values_of(action, typed, platform)
                 await services.actions.act(action, *values)
         except Gloc3Error as error:
             self._station.note(name, Severity.ERROR, f"{words}: {error}")
@@ -106,9 +106,25 @@ class AutopilotDesk:
         self._station.note(name, Severity.NOTICE, f"{words}: accepted by the autopilot")
         return True
 
+    def _require_control(self, platform: PlatformSnapshot | None, action: Action) -> None:
+        """Checks who asks: in place of a silent companion the station that was in control, and every operator for hold.
 
-def _values(action: Action, typed: str, platform: PlatformSnapshot | None) -> tuple[float, ...]:
-    """The values of a command as they were typed.
+        Raises:
+            Refused: it is an observer, or another station was in control.
+        """
+        station = self._station
+        if station.client.role is StationRole.OBSERVER:
+            raise Refused(f"station {station.id} may look and not command: it is an observer")
+        if platform is None or not platform.has_companion or action is Action.HOLD:
+            return
+        holder = platform.control.value.holder if platform.control is not None else ""
+        if holder != station.id:
+            whose = f"station {holder} was" if holder else "nobody was"
+            raise Refused(f"{whose} in control when its onboard process fell silent: this station may send hold alone")
+
+
+def values_of(action: Action, typed: str, platform: PlatformSnapshot | None) -> tuple[float, ...]:
+    """The values of a command as they were typed, as the service takes them.
 
     Raises:
         Refused: they are no numbers, or too few, or home's height is not known.

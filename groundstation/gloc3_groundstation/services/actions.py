@@ -1,8 +1,8 @@
 """Commands to an autopilot itself: for vehicles without a GLOC3 companion, and for those whose companion is silent.
 
-They go by MAVSDK's plugins, each tried on the embedded autopilots of every class. What MAVSDK 4.1 cannot do there goes by our
-own `DO_SET_MODE`: any mode by its name, a submarine's hold and surfacing, and a plane's landing, for which ArduPilot has no
-command.
+What brings a vehicle to rest, home or down is a mode, set by our own `DO_SET_MODE`: it leaves at once, whatever else is under
+way, where MAVSDK's process has to be started first (2 to 3 s) and knows no such mode of submarines and no landing of planes.
+Everything else goes by MAVSDK's plugins.
 """
 
 from collections.abc import Mapping
@@ -47,28 +47,28 @@ PLUGINS: Final[Mapping[Action, Plugin]] = {
     Action.ARM: Plugin.ARM,
     Action.DISARM: Plugin.DISARM,
     Action.TAKE_OFF: Plugin.TAKE_OFF,
-    Action.HOLD: Plugin.HOLD,
-    Action.RETURN: Plugin.RETURN,
-    Action.LAND: Plugin.LAND,
     Action.GO_TO: Plugin.GO_TO,
     Action.SPEED: Plugin.SPEED,
     Action.START_PLAN: Plugin.START_PLAN,
-    Action.PAUSE_PLAN: Plugin.PAUSE_PLAN,
     Action.REBOOT: Plugin.REBOOT,
 }
 
 
-BY_MODE: Final[Mapping[tuple[str, Action], tuple[str, ...]]] = {
-    ("SUB", Action.HOLD): ("POSHOLD", "ALT_HOLD"),
-    ("SUB", Action.PAUSE_PLAN): ("POSHOLD", "ALT_HOLD"),
-    ("SUB", Action.LAND): ("SURFACE",),
-    ("PLANE", Action.LAND): ("AUTOLAND",),
-    ("VTOL", Action.LAND): ("QLAND",),
+BY_MODE: Final[Mapping[str, Mapping[Action, tuple[str, ...]]]] = {
+    "PX4": {Action.HOLD: ("AUTO.LOITER",), Action.RETURN: ("AUTO.RTL",), Action.LAND: ("AUTO.LAND",)},
+    "COPTER": {Action.HOLD: ("BRAKE",), Action.RETURN: ("RTL",), Action.LAND: ("LAND",)},
+    "PLANE": {Action.HOLD: ("LOITER",), Action.RETURN: ("RTL",), Action.LAND: ("AUTOLAND",)},
+    "VTOL": {Action.HOLD: ("LOITER",), Action.RETURN: ("RTL",), Action.LAND: ("QLAND",)},
+    "ROVER": {Action.HOLD: ("HOLD",), Action.RETURN: ("RTL",)},
+    "SUB": {Action.HOLD: ("POSHOLD", "ALT_HOLD"), Action.LAND: ("SURFACE",)},
 }
-"""Of ArduPilot, by family and command: the modes that carry it out, the best first: without a position a submarine keeps its
+"""By family: the modes that bring a vehicle to rest, home or down, the best first: without a position a submarine keeps its
 depth."""
+RESTS: Final = (Action.HOLD, Action.PAUSE_PLAN)
 QUADPLANES: Final = frozenset(range(19, 26))
 """MAV_TYPE_VTOL_…"""
+HEARD_S: Final = 3.0
+"""Longest time for a heartbeat to come, s."""
 
 
 class ActionService:
@@ -98,20 +98,21 @@ class ActionService:
             Refused: an argument is out of bounds, or the vehicle refuses or does not answer.
         """
         _check(action, arguments)
+        await self._heard()
         snapshot = self._snapshots.snapshot
-        if snapshot.firmware is Firmware.ARDUPILOT:
-            family = mode_numbers(ARDUPILOT, snapshot.vehicle_type).family
-            family = "VTOL" if snapshot.vehicle_type in QUADPLANES else family
-            if (family, action) in BY_MODE:
-                await self._first_of(BY_MODE[family, action])
-                return
-            if (family, action) == ("ROVER", Action.LAND):
-                raise Refused("it does not land: hold stops it")
+        if action in (*RESTS, Action.RETURN, Action.LAND):
+            await self._rest(Action.HOLD if action in RESTS else action)
+            return
         if action is Action.REBOOT and snapshot.is_armed:
             raise Refused("the vehicle is armed; its autopilot is restarted on the ground, disarmed")
-        if action is Action.TAKE_OFF:
-            await self._prepare()
-        await self._mavsdk.act(PLUGINS[action], *arguments)
+        if action is not Action.TAKE_OFF:
+            await self._mavsdk.act(PLUGINS[action], *arguments)
+            return
+        await self._prepare()
+        try:
+            await self._mavsdk.act(Plugin.TAKE_OFF, *arguments)
+        except Refused as refusal:
+            raise Refused(f"{refusal}; it is armed, and stands") from None
 
     async def _prepare(self) -> None:
         """Arms for a take-off: ArduPilot takes off on command in GUIDED alone."""
@@ -119,6 +120,30 @@ class ActionService:
             await self.set_mode("GUIDED")
         if not self._snapshots.snapshot.is_armed:
             await self._mavsdk.act(Plugin.ARM)
+
+    async def _heard(self) -> None:
+        """Waits for a heartbeat, which tells what it is."""
+        machines, snapshots = self._machines, self._snapshots
+        timer = machines.loop.call_later(HEARD_S, machines.settle)
+        end_s = machines.now_s + HEARD_S
+        try:
+            await machines.until(lambda: snapshots.snapshot.received_s is not None or machines.now_s >= end_s)
+        finally:
+            timer.cancel()
+        if snapshots.snapshot.received_s is None:
+            raise Refused("no heartbeat of its autopilot")
+
+    async def _rest(self, action: Action) -> None:
+        snapshot = self._snapshots.snapshot
+        family = "PX4" if snapshot.firmware is Firmware.PX4 else mode_numbers(ARDUPILOT, snapshot.vehicle_type).family
+        if family == "PLANE" and snapshot.vehicle_type in QUADPLANES:
+            family = "VTOL"
+        if snapshot.firmware is Firmware.OTHER or family not in BY_MODE:
+            raise Refused("the modes of this vehicle are not known")
+        modes = BY_MODE[family].get(action)
+        if modes is None:
+            raise Refused("it has no mode for that: hold stops it")
+        await self._first_of(modes)
 
     async def _first_of(self, modes: tuple[str, ...]) -> None:
         for mode in modes[:-1]:
@@ -133,6 +158,7 @@ class ActionService:
         Raises:
             Refused: it has none of that name, or refuses it.
         """
+        await self._heard()
         snapshot = self._snapshots.snapshot
         autopilot = {Firmware.PX4: PX4, Firmware.ARDUPILOT: ARDUPILOT}.get(snapshot.firmware)
         if autopilot is None:

@@ -234,7 +234,7 @@ class MavsdkBehindLink:
 
     def _end_idle(self) -> None:
         self._stop_listening()
-        process = self._process
+        process, self._process = self._process, None
         if process is not None and process.stdin is not None:
             process.stdin.close()  # it ends when its input does
 

@@ -17,14 +17,10 @@ class Plugin(StrEnum):
     ARM = "action.arm"
     DISARM = "action.disarm"
     TAKE_OFF = "action.takeoff"
-    HOLD = "action.hold"
-    RETURN = "action.return_to_launch"
-    LAND = "action.land"
     GO_TO = "action.goto_location"
     SPEED = "action.set_current_speed"
     REBOOT = "action.reboot"
     START_PLAN = "mission_raw.start_mission"
-    PAUSE_PLAN = "mission_raw.pause_mission"
 
 
 class LinkReceived(msgspec.Struct, frozen=True, tag=True):

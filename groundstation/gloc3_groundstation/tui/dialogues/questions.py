@@ -79,7 +79,7 @@ class EmergencyQuestion(ModalScreen[tuple[EmergencyVerb, str] | Action | None]):
                 ("space", "hold again"),
                 ("l", "land here"),
                 *home,
-                ("d", "DISARM: motors stop; in flight it crashes"),
+                ("d", "disarm: refused in flight" if self._returns else "DISARM: motors stop; in flight it crashes"),
                 ("esc", "cancel"),
             )
 

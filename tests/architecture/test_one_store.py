@@ -19,18 +19,30 @@ ALLOWED: Final = {
     "sitl/gloc3_sitl/proof/search.py": "the flights of a search, flown again where a line is lost",
 }
 """By module: why it does so itself."""
+OF_OS: Final = ("fsync", "fdatasync", "replace", "rename")
 
 
 def _does(tree: ast.AST) -> Iterator[str]:
     for node in ast.walk(tree):
-        if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Attribute):
+        if isinstance(node, ast.ImportFrom) and node.module == "os":
+            yield from (one.name for one in node.names if one.name in OF_OS)
+        if not isinstance(node, ast.Call):
             continue
-        name, given = node.func.attr, [one.value for one in node.args if isinstance(one, ast.Constant)]
-        if name in ("fsync", "fdatasync"):
+        name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+        given = [
+            one.value for one in (*node.args, *(one.value for one in node.keywords)) if isinstance(one, ast.Constant)
+        ]
+        is_of_os = isinstance(node.func, ast.Attribute) and getattr(node.func.value, "id", "") == "os"
+        if name in ("fsync", "fdatasync") or (is_of_os and name in OF_OS):
             yield name
-        elif name == "open" and any(isinstance(one, str) and one[:1] == "a" for one in given):
+        elif name == "open" and any(one in ("a", "ab", "a+", "ab+") for one in given):
             yield "append"
-        elif name in ("replace", "rename") and len(node.args) == 1 and not node.keywords:
+        elif (
+            isinstance(node.func, ast.Attribute)
+            and name in ("replace", "rename")
+            and len(node.args) == 1
+            and not node.keywords
+        ):
             yield name  # of a path: of a text it has two arguments
 
 

@@ -13,7 +13,7 @@ MAX_DEPTH: Final = 32
 MAX_NODES: Final = 50_000
 MAX_FINDINGS: Final = 50
 
-_LOADER: Final = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+LOADER: Final = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _WORDS: Final = {
     **dict.fromkeys(("", "~", "null", "Null", "NULL"), None),
     **dict.fromkeys(("true", "True", "TRUE", "yes", "Yes", "YES"), True),
@@ -69,7 +69,7 @@ def build(text: str, file: str) -> tuple[YamlNode | None, list[Finding]]:
     """The root of a YAML document (None if there is none), and everything that is wrong with it."""
     builder = _Builder(file)
     try:
-        for event in yaml.parse(text, Loader=_LOADER):
+        for event in yaml.parse(text, Loader=LOADER):
             builder.add_event(event)
     except _TooMuch:
         pass

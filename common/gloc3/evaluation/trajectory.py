@@ -12,6 +12,8 @@ from gloc3.errors import Finding, InputError
 Array = NDArray[np.float64]
 
 TUM_COLUMNS: Final = 8
+LONGEST: Final = 2.0
+"""Length from which a quaternion is none: those of files are rounded, not scaled."""
 KITTI_COLUMNS: Final = 12
 EUROC_COLUMNS: Final = 8
 """Time, position and attitude; the columns after them (velocity, biases) are not part of a pose."""
@@ -162,7 +164,9 @@ def _wrong(path: Path, line: int, message: str) -> InputError:
 
 
 def _of_quaternions(path: Path, t_s: Array, position_m: Array, wxyz: Array) -> Trajectory:
-    if not np.linalg.norm(wxyz, axis=1).min() > 0.5:
+    with np.errstate(over="ignore"):
+        lengths = np.linalg.norm(wxyz, axis=1)
+    if not (lengths.min() > 0.5 and lengths.max() < LONGEST):
         raise _wrong(path, 0, "a quaternion is no attitude: its length is not 1")
     return Trajectory(t_s=t_s, position_m=position_m, world_from_body=matrices_from_quaternions(wxyz))
 

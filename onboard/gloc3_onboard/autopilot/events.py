@@ -85,6 +85,17 @@ class DescribedEvent(NamedTuple):
     """Of a check: the groups of flight modes that it keeps from being flown, as bits."""
 
 
+def _group(text: str) -> int:
+    """Number of a group of flight modes.
+
+    Raises:
+        ValueError: it is none: a bit mask of 64 bits holds them.
+    """
+    if len(text) > 2 or not 0 <= int(text) < 64:
+        raise ValueError(f"there is no group {text[:20]!r} of flight modes")
+    return int(text)
+
+
 class EventDictionary:
     """The texts of events by their numbers.
 
@@ -106,7 +117,7 @@ class EventDictionary:
                 for number, event in events.events.items()
             }
             self._mode_bits: Final[Mapping[int, int]] = {
-                mode: 1 << int(group)
+                mode: 1 << _group(group)
                 for kept in file.components.values()
                 for group, modes in kept.navigation_mode_groups.groups.items()
                 for mode in modes

@@ -14,6 +14,7 @@ import yaml
 
 from gloc3.documents import schema
 from gloc3.documents.document import Document, Where, load_bytes, parse
+from gloc3.documents.yaml_nodes import LOADER
 from gloc3.errors import Finding, InputError, Refused
 from gloc3.mission.model.model import LibraryFile
 
@@ -120,7 +121,7 @@ def _relative(name: object) -> str:
 
 def _carrying(text: str, contents: Sequence[tuple[Where, dict[str, str]]]) -> str:
     """The text with the values at some places replaced by mappings of names to contents; as many lines as before."""
-    root = yaml.compose(text, Loader=yaml.SafeLoader)
+    root = yaml.compose(text, Loader=LOADER)  # as it was read: PyYAML's other one refuses other texts
     assert root is not None
     replaced = [(_node_at(root, where), carried) for where, carried in contents]
     for value, carried in sorted(replaced, key=lambda one: one[0].start_mark.index, reverse=True):

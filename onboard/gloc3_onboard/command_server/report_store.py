@@ -131,7 +131,10 @@ class ReportStore:
                     self._head = head.decode(data)
                 else:
                     self._events.append(event.decode(data))
-        except UNREADABLE as error:  # of another version of this program
+            first = self._events[0].number if self._events else 1
+            if first < 1 or any(one.number != first + index for index, one in enumerate(self._events)):
+                raise ValueError("their numbers do not count up from 1")
+        except (*UNREADABLE, ValueError) as error:  # of another version of this program, or damaged
             self._unreadable = f"the stored events cannot be read: {error}"
             self._events.clear()
             records = []

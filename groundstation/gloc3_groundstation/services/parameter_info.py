@@ -151,6 +151,8 @@ def _read_xml(data: bytes, file: str) -> Iterator[tuple[str, ParameterInfo]]:
         raise InputError(
             [Finding(file=file, line=line, column=column + 1, message=f"it is no XML: {words}")]
         ) from error
+    except LookupError as error:
+        raise _refused(file, f"it is no XML: {error}") from error
     for group in root.iter("parameters"):
         for param in group.iter("param"):
             name = param.get("name", "").rpartition(":")[2]
@@ -187,7 +189,7 @@ def _text(value: Any) -> str:
 def _number(value: Any) -> float | None:
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return None
     return number if abs(number) < float("inf") else None
 

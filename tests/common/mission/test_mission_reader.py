@@ -169,6 +169,24 @@ def test_each_mistake_is_found_at_its_place(old: str, new: str, finding: str) ->
     assert findings(DESIGN.replace(old, new)) == [finding]
 
 
+@pytest.mark.parametrize(
+    ("letter", "code"), [("\\e", "U+001B"), ("\\n", "U+000A"), ("\\u202E", "U+202E"), ("\\u2028", "U+2028")]
+)
+@pytest.mark.parametrize("key", ["mission", "frame"])
+def test_a_name_that_would_steer_a_terminal_is_refused(key: str, letter: str, code: str) -> None:
+    names = {"mission": "hold", "frame": "hold", key: f"hold{letter}[2J"}
+    text = "".join(f'{name}: "{value}"\n' for name, value in names.items())
+    text += "tasks:\n  up: {actions: {a: {take_off: {height_m: 2}}}}\n"
+    place = "m:1:10" if key == "mission" else "m:2:8"
+    found = findings(text, MissionReferences())
+    assert f"{place}: the name has the control character {code} (leave it out)" in found
+
+
+def test_a_name_may_have_letters_of_any_script() -> None:
+    text = DESIGN.replace("cargo hold inspection", "Küste \u05e9\u05dc\u05d5\u05dd 港")
+    assert read_mission(text, "m", EAST).name == "Küste \u05e9\u05dc\u05d5\u05dd 港"
+
+
 def test_actions_that_wait_for_what_they_end_with_are_a_cycle() -> None:
     text = DESIGN.replace("heading: {look_at: [10, 0, 3]}}}", "}, after: [photos]}")
     assert findings(text) == [

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from gloc3.errors import InputError
 from gloc3_groundstation.services import parameter_info
-from gloc3_groundstation.services.parameter_info import info_of, read_infos
+from gloc3_groundstation.services.parameter_info import ParameterInfo, info_of, read_infos
 
 PX4 = b"""{"version": 1, "parameters": [
  {"name": "NAV_DLL_ACT", "type": "Int32", "shortDesc": "Set data link loss failsafe mode", "group": "Mission",
@@ -62,6 +62,8 @@ def test_bits_of_ardupilots_xml_are_read() -> None:
     [
         (b"hello", "no description of parameters"),
         (b"{", "no JSON"),
+        (b'{"parameters":[{"name":"A\xff"}]}', "no JSON"),
+        (b'<?xml version="1.0" encoding="nope"?><a/>', "no XML: unknown encoding: nope"),
         (b"<a><b></a>", "x:1:9: it is no XML: mismatched tag$"),
         (b'<!DOCTYPE a [<!ENTITY b "c">]><a/>', "entities"),
         (lzma.compress(PX4)[:-8], "cut off"),
@@ -71,6 +73,11 @@ def test_bits_of_ardupilots_xml_are_read() -> None:
 def test_what_is_none_is_refused(data: bytes, complaint: str) -> None:
     with pytest.raises(InputError, match=complaint):
         read_infos(data, "x")
+
+
+def test_a_number_beyond_any_parameter_is_left_out() -> None:
+    row = b'{"parameters":[{"name":"A","min":%s,"max":5}]}' % (b"9" * 400)
+    assert read_infos(row, "x")["A"] == ParameterInfo(maximum=5.0)
 
 
 def test_what_becomes_huge_when_it_is_unpacked_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final, TypeVar
+from unicodedata import bidirectional, category
 
 from msgspec import structs
 
@@ -44,6 +45,9 @@ Item = TypeVar("Item", bound=ItemFile)
 
 _ACTION_KEYS: Final = ActionFile.__struct_fields__
 _POSITION_KEYS: Final = ("polygon", "waypoints", "position", "at", "center", "area", "wall", "to")
+_CONTROL_CATEGORIES: Final = ("Cc", "Zl", "Zp")
+_DIRECTION_CONTROLS: Final = ("LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI")
+"""Bidirectional classes of Unicode (UAX 9) that change the order of the text around them."""
 _EARTH: Final = GeoPoint(0.0, 0.0, 0.0)
 
 
@@ -153,6 +157,7 @@ def inspect_mission(data: bytes | str, file: str, surroundings: MissionReference
         raise InputError([document.finding((), "a mission file is a mapping", "begin with 'mission: NAME'")])
     document = expanded(document, findings)
     written = schema.check(document.root, MissionFile, file, findings)
+    findings += _name_findings(document)
     plans = plans_in(document, findings)
     placement = _placement(document, surroundings, first_place(plans), findings)
     tasks = _tasks(document, surroundings, placement, plans, findings)
@@ -182,6 +187,17 @@ def inspect_mission(data: bytes | str, file: str, surroundings: MissionReference
             document=document,
         )
     return Reading(document=document, findings=findings, mission=mission, tasks=tasks, contingencies=ready)
+
+
+def _name_findings(document: Document) -> Iterator[Finding]:
+    """Names with characters that steer a terminal or reverse text; tasks and actions have a pattern of their own."""
+    for key in ("mission", "frame"):
+        name = document.value.get(key)
+        for letter in name if isinstance(name, str) else "":
+            if category(letter) in _CONTROL_CATEGORIES or bidirectional(letter) in _DIRECTION_CONTROLS:
+                message = f"the name has the control character U+{ord(letter):04X}"
+                yield document.finding((key,), message, "leave it out")
+                break
 
 
 def _tasks(

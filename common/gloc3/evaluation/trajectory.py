@@ -12,11 +12,11 @@ from gloc3.errors import Finding, InputError
 Array = NDArray[np.float64]
 
 TUM_COLUMNS: Final = 8
-LONGEST: Final = 2.0
-"""Length from which a quaternion is none: those of files are rounded, not scaled."""
 KITTI_COLUMNS: Final = 12
 EUROC_COLUMNS: Final = 8
 """Time, position and attitude; the columns after them (velocity, biases) are not part of a pose."""
+LONGEST: Final = 2.0
+"""Length from which a quaternion is none: those of files are rounded, not scaled."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

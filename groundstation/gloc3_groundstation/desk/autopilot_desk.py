@@ -90,10 +90,10 @@ class AutopilotDesk:
         """
         words = f"{action}{f' {typed}' if typed else ''}".replace("_", " ")
         platform = self._station.fleet.get(name)
-        if platform is not None and platform.has_companion:
-            self._station.note(name, Severity.WARNING, BY_ITSELF)
         try:
             self._require_control(platform, action)
+            if platform is not None and platform.has_companion:
+                self._station.note(name, Severity.WARNING, BY_ITSELF)
             services = self._services.vehicle(name).services
             if action is Action.MODE:
                 await services.actions.set_mode(typed)
@@ -131,16 +131,15 @@ def values_of(action: Action, typed: str, platform: PlatformSnapshot | None) -> 
     """
     if not OFFERS[action].values:
         return ()
+    parts = typed.replace(",", " ").split()
     try:
-        numbers = tuple(float(part) for part in typed.replace(",", " ").split())
+        numbers = tuple(map(float, parts))
     except ValueError:
-        raise Refused(f"{typed!r}: {OFFERS[action].values} is expected") from None
-    if action is not Action.GO_TO:
-        if len(numbers) != 1:
-            raise Refused(f"{typed!r}: {OFFERS[action].values} is expected")
-        return numbers
-    if len(numbers) != 3:
+        numbers = ()
+    if len(numbers) != (3 if action is Action.GO_TO else 1):
         raise Refused(f"{typed!r}: {OFFERS[action].values} is expected")
+    if action is not Action.GO_TO:
+        return numbers
     vehicle = platform.vehicle.value if platform is not None and platform.vehicle is not None else None
     if vehicle is None or vehicle.geo is None:
         raise Refused("where the vehicle is, is not known, so heights above home are not either")

@@ -46,14 +46,11 @@ class Action(StrEnum):
 PLUGINS: Final[Mapping[Action, Plugin]] = {
     Action.ARM: Plugin.ARM,
     Action.DISARM: Plugin.DISARM,
-    Action.TAKE_OFF: Plugin.TAKE_OFF,
     Action.GO_TO: Plugin.GO_TO,
     Action.SPEED: Plugin.SPEED,
     Action.START_PLAN: Plugin.START_PLAN,
     Action.REBOOT: Plugin.REBOOT,
 }
-
-
 BY_MODE: Final[Mapping[str, Mapping[Action, tuple[str, ...]]]] = {
     "PX4": {Action.HOLD: ("AUTO.LOITER",), Action.RETURN: ("AUTO.RTL",), Action.LAND: ("AUTO.LAND",)},
     "COPTER": {Action.HOLD: ("BRAKE",), Action.RETURN: ("RTL",), Action.LAND: ("LAND",)},

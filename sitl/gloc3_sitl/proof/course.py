@@ -81,18 +81,19 @@ class PersonInControl:
         """Whether somebody has it."""
         if moment.has_transmitter and self._driver is not None and self._driver.has_pilot_control:
             return True
-        return not self._facts.has_fault(moment.t_s, "link_loss", for_s=10.0) and self._is_an_operators()
+        return not self._facts.has_fault(moment.t_s, "link_loss", for_s=10.0) and self._is_an_operators(moment.t_s)
 
-    def _is_an_operators(self) -> bool:
+    def _is_an_operators(self, t_s: float) -> bool:
         """Whether an operator has paused, ended or skipped the mission or a part of it, or has pressed the emergency key."""
         mission = self.mission
         if mission is None or mission.policy == "pilot":
             return False
         if mission.state == "running":
             return "paused" in mission.tasks.values()
-        commands = {one.given.target for one in self._facts.faults if one.kind == "operator"}
+        faults = self._facts.faults
+        commands = {one.given.target for one in faults if one.kind == "operator" and (one.begin_s or 0.0) <= t_s}
         if mission.state == "done":
-            return "skipped" in mission.tasks.values() and bool(commands)
+            return "skipped" in mission.tasks.values() and "skip" in commands
         if mission.policy == "hold" and "hold" in commands:
             return True  # the emergency key, which goes before any policy
         is_by_operator = mission.reason == BY_OPERATOR or mission.reason.startswith(EMERGENCY)

@@ -214,10 +214,12 @@ class _Trial:
             last = observer.last
             is_untold = now_s - observer.mission_reported_s > UNTOLD_S
             is_over = is_untold or observer.mission_state not in ("running", "")
-            is_disarmed = last is not None and not last.is_armed
-            has_ended = last is not None and not last.is_armed and is_over and is_at_rest(flight.platform, last)
-            has_ended = has_ended or (not self._started_s and (last is None or is_disarmed))
-            is_waiting = observer.mission_state == "running" and is_disarmed
+            disarmed = last if last is not None and not last.is_armed else None
+            if self._started_s:
+                has_ended = is_over and disarmed is not None and is_at_rest(flight.platform, disarmed)
+            else:
+                has_ended = last is None or disarmed is not None
+            is_waiting = observer.mission_state == "running" and disarmed is not None
             if has_ended:
                 at_rest_s = now_s if at_rest_s is None else at_rest_s
                 if now_s - at_rest_s >= SETTLED_S:

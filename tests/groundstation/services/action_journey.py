@@ -96,7 +96,14 @@ async def fly(services: VehicleServices, link: StationLinkCore) -> dict[str, str
     Raises:
         Refused, TimeoutError: one is not carried out.
     """
-    act, seen = services.actions.act, {}
+
+    async def act(action: Action, *values: float) -> None:
+        try:
+            await services.actions.act(action, *values)
+        except Refused as refusal:
+            raise Refused(f"{action}: {refusal}") from None
+
+    seen: dict[str, str] = {}
     watch = Watch(link)
     await services.learn()
     await patiently(lambda: act(Action.ARM))
@@ -105,8 +112,7 @@ async def fly(services: VehicleServices, link: StationLinkCore) -> dict[str, str
     await act(Action.DISARM)
     await watch.comes(lambda: not watch.is_armed)
     seen["disarm"] = "disarmed"
-    for name in ("GLOBAL_POSITION_INT",):
-        await services.rates.request(name, 4.0)
+    await services.rates.request("GLOBAL_POSITION_INT", 4.0)
     await patiently(lambda: act(Action.TAKE_OFF, 5.0), 60.0)
     await watch.comes(lambda: watch.height_m > 4.0)
     seen["take off to 5 m"] = f"{watch.height_m:.1f} m above home"

@@ -303,6 +303,27 @@ def test_a_pilot_or_an_operator_who_is_there_has_the_vehicle() -> None:
     assert told(judge), "nobody hears him"
 
 
+def _ends_aloft(summary: MissionSummary, *faults: str) -> bool:
+    """Whether a mission that is over, with the vehicle in the air, breaks the invariant."""
+    judge = ItEnds(facts(*faults))
+    judge.receive("ci/mission", message(summary), 9.0)
+    judge.end(flown(last=moment(20.0)))
+    return bool(told(judge))
+
+
+def test_what_an_operator_has_skipped_is_his() -> None:
+    done = MissionSummary(name="h", digest="1", state="done", tasks={"back": "skipped"})
+    assert not _ends_aloft(done, "operator:skip=back@5")
+    assert _ends_aloft(done, "operator:pause@5"), "he has skipped nothing"
+    assert _ends_aloft(done)
+
+
+def test_an_emergency_hold_is_the_operators_from_then_on() -> None:
+    held = MissionSummary(name="h", digest="1", state="paused", policy="hold", reason="pose is lost")
+    assert not _ends_aloft(held, "operator:hold@5")
+    assert _ends_aloft(held, "operator:hold@30"), "he comes later"
+
+
 def test_a_diver_ends_at_the_surface() -> None:
     judge = ItEnds(facts(platform="auv"))
     judge.end(flown(last=moment(20.0, is_armed=False, position_ned_m=(0.0, 0.0, 0.4))))

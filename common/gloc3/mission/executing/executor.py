@@ -25,7 +25,6 @@ from gloc3.mission.model.policy import Policy
 from gloc3.mission.model.states import ENDED_BY_FAILSAFE, OURS, ActionState, StateTrigger
 from gloc3.platform.platform import Platform
 
-GO_TO: Final = "go_to"
 PROGRESS_STEP: Final = 0.05
 """Progress of an action after which it is written to disk; also written on each achievement."""
 
@@ -135,7 +134,7 @@ class MissionExecutor:
         board = self.board
         flow.refuse_while_unfit(board)
         self._refuse_claimed(mission, list(board.programs.values()))
-        before = self._redirected(mission)
+        before = flow.redirected(board, mission)
         flow.check_readiness(board, mission, replaced=before)
         manoeuvres.dismiss(board, now_s)
         name = next(iter(mission.tasks))
@@ -446,13 +445,6 @@ class MissionExecutor:
             provides: the topics that only it publishes, and the component that it substitutes.
         """
         return [assignment.label for assignment in self.board.users(component, provides)]
-
-    def _redirected(self, mission: Mission) -> MissionProgram | None:
-        """The commanded `go_to` under way, of which a command that is another one takes the place."""
-        if [one.ability for one in mission.actions().values()] != [GO_TO]:
-            return None
-        open_ones = [one for name, one in self.board.programs.items() if name != MISSION and one.is_open]
-        return next((one for one in open_ones if [run.action.ability for run in one.actions()] == [GO_TO]), None)
 
     def _refuse_claimed(self, mission: Mission, programs: list[MissionProgram]) -> None:
         """Makes room for new tasks: single commands that have ended go."""

@@ -13,13 +13,14 @@ from gloc3.mission.executing import elsewhere, manoeuvres, reactions
 from gloc3.mission.executing.assignments import MOTION, Assignment, AssignmentPhase
 from gloc3.mission.executing.board import BY_OPERATOR, Board, PolicyCondition, PolicyManoeuvre
 from gloc3.mission.executing.failures import fail_action, fail_program, fail_task
-from gloc3.mission.executing.items import ActionRun, MissionItem, MissionProgram, TaskRun
+from gloc3.mission.executing.items import MISSION, ActionRun, MissionItem, MissionProgram, TaskRun
 from gloc3.mission.model.arguments import TakeOff, Wait
 from gloc3.mission.model.model import Mission
 from gloc3.mission.model.policy import Policy
 from gloc3.mission.model.states import ActionState, StateTrigger
 from gloc3.mission.model.structure import PartialOrder
 
+GO_TO: Final = "go_to"
 GRACE_S: Final = 1.5
 """How long a running action survives the loss of a requirement, s: a standby takes over, or it is started a second time."""
 POSE_NEEDS: Final = frozenset({"pose", "autopilot_pose"})
@@ -73,6 +74,14 @@ def busy(manoeuvre: PolicyManoeuvre) -> str:
     """Why nothing else begins while a contingency runs."""
     task = manoeuvre.contingency.task if manoeuvre.contingency is not None else ""
     return f"the contingency {task} is under way ({manoeuvre.cause}); skip or abort it first"
+
+
+def redirected(board: Board, mission: Mission) -> MissionProgram | None:
+    """The single `go_to` under way, of which a command takes the place that is another one."""
+    if [one.ability for one in mission.actions().values()] != [GO_TO]:
+        return None
+    commands = (one for name, one in board.programs.items() if name != MISSION and one.is_open)
+    return next((one for one in commands if [run.action.ability for run in one.actions()] == [GO_TO]), None)
 
 
 def check_readiness(board: Board, mission: Mission, replaced: MissionProgram | None = None) -> None:

@@ -34,7 +34,7 @@ from gloc3_groundstation.services.mavsdk.messages import (
 FIND_S: Final = 8.0
 """Longest time for the vehicle's heartbeat to come, s."""
 _WORDS: Final = {
-    "UNKNOWN": "MAVSDK knows no mode of this vehicle for it",
+    "UNKNOWN": "MAVSDK does not say why",
     "NO_SYSTEM": "the vehicle is not heard",
     "BUSY": "another command is under way",
     "COMMAND_DENIED": "the vehicle refuses it",
@@ -94,13 +94,13 @@ class MavsdkProcess:
                 task.add_done_callback(self._tasks.discard)
 
     async def _answer(self, act: Act) -> None:
+        from mavsdk.plugins.action import ActionError
+        from mavsdk.plugins.mission_raw import MissionRawError
+
         try:
             problem = await self._do(act)
-        except Exception as error:  # a class of errors for each plugin, without a common one
-            result = getattr(error, "result", None)
-            if result is None:
-                raise
-            problem = _WORDS.get(result.name, result.name.lower().replace("_", " "))
+        except (ActionError, MissionRawError) as error:
+            problem = _WORDS.get(error.result.name, error.result.name.lower().replace("_", " "))
         self._send(Failed(act.number, problem) if problem else Done(act.number))
 
     async def _do(self, act: Act) -> str:

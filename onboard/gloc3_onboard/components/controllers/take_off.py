@@ -135,6 +135,8 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
         return [*results, *self.action_reports(now_s)]
 
     def _fly(self, now_s: float, driver: Envelope[DriverState] | None) -> list[Result]:
+        if self._is_forgotten(driver):
+            self._requested_s = None
         state, reason = self._manoeuvre(driver)
         autopilot = self._autopilot
         is_up = autopilot is not None and autopilot.is_armed and autopilot.landed in IN_AIR
@@ -160,20 +162,19 @@ class TakeOffController(ActionPerformer, Controller[TakeOffSettings]):
     def _progress(self) -> float:
         return min(max(self.height_m / self._target_m, 0.0), 1.0) if self._target_m else 0.5
 
-    def _manoeuvre(self, driver: Envelope[DriverState] | None) -> tuple[ManoeuvreState | None, str]:
-        """State of the manoeuvre; running until the driver can have received the request.
+    def _is_forgotten(self, driver: Envelope[DriverState] | None) -> bool:
+        """Whether the driver, which has failed and works again, knows nothing of the manoeuvre that it was asked for."""
+        if self._requested_s is None or driver is None or driver.t_s < self._requested_s + REPORT_S:
+            return False
+        known = driver.payload
+        return known.action_id == self.action_id and known.manoeuvre_id != self.action_id
 
-        A driver that has failed and works again knows nothing of it: it is requested again.
-        """
+    def _manoeuvre(self, driver: Envelope[DriverState] | None) -> tuple[ManoeuvreState | None, str]:
+        """State of the manoeuvre; running until the driver can have received the request."""
         if self._requested_s is None:
             return None, ""
-        if driver is None or driver.t_s < self._requested_s + REPORT_S:
+        if driver is None or driver.payload.manoeuvre_id != self.action_id or driver.t_s < self._requested_s + REPORT_S:
             return ManoeuvreState.RUNNING, ""
-        if driver.payload.manoeuvre_id != self.action_id:
-            if driver.payload.action_id != self.action_id:
-                return ManoeuvreState.RUNNING, ""
-            self._requested_s = None
-            return None, ""
         return driver.payload.manoeuvre_state, driver.payload.manoeuvre_reason
 
     @property

@@ -38,9 +38,10 @@ fuzz: $(FUZZ)  ## every parser that a stranger's bytes reach, for SECONDS=60 eac
 evidence: $(FUZZ)  ## every bar in full, one page each under docs/evidence; NAME=… for one of them
 	$(BIN)/python -m tests.evidence $(NAME)
 
-schema: $(READY)  ## the JSON Schemas of mission and platform files, as they are published
+schema: $(READY)  ## the JSON Schemas of mission files, platform files and the station's lines, as they are published
 	$(BIN)/gloc3 mission schema --out docs/schema/mission.schema.json
 	$(BIN)/gloc3 platform schema --out docs/schema/platform.schema.json
+	$(BIN)/gloc3 station schema --out docs/schema/station-lines.schema.json
 
 docs: $(READY)  ## the pages that are made from the code: where things are, and the walks
 	$(BIN)/python -m tests.house

@@ -139,7 +139,7 @@ async def _dive(folder: Path) -> Dive:
         texts = [event.text for event in received]
         await flight.await_end(follower, 300.0)
         north, east, _ = flight.truth.samples[-1].position_ned_m
-        queued = await asyncio.wait_for(queue.ended(waiting), 120.0)
+        refusal = await asyncio.wait_for(queue.ended(waiting), 120.0)
         mission = station.fleet.platforms["auv"].mission
         is_there = mission is not None and mission.value.digest == digest_of(ONE_MORE)
         queue.close()
@@ -163,7 +163,7 @@ async def _dive(folder: Path) -> Dive:
         is_equal=hashlib.sha256(pulled.path.read_bytes()).hexdigest() == pulled.sha256,
         is_deleted=not (folder / "auv" / "log.mcap").exists(),
         pull_s=pull_s,
-        queued=queued or ("loaded at contact" if is_there else "not there"),
+        queued=str(refusal or "") or ("loaded at contact" if is_there else "not there"),
     )
 
 

@@ -7,11 +7,13 @@ from typing import Final
 
 from gloc3.errors import Gloc3Error, NoContact
 from gloc3.exchange.base import Unsubscribe
-from gloc3_groundstation.cli.narration import ChangeNarrator, NarrationLine
+from gloc3.messages.envelope import Severity
 from gloc3_groundstation.cli.script import ScriptCommand
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.desk.flights import End
 from gloc3_groundstation.missions.plans import CheckedPlan
+from gloc3_groundstation.reporting.lines import CommandData, NarrationLine, ResultData
+from gloc3_groundstation.reporting.narration import ChangeNarrator
 from gloc3_groundstation.station.snapshots import Fleet
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.station.wording import duration
@@ -40,7 +42,7 @@ class Headless:
         self._station = station
         self._report = report
         self._platform = platform
-        self._narrator = ChangeNarrator(station.now_s())
+        self._narrator = ChangeNarrator(station.now_s(), station.fleet.utc_offset_s)
         self._reported: dict[str, tuple[bool, bool, float]] = {}
         """Platform to whether it was silent and overdue at its last progress line, and when that was."""
         self._loop = asyncio.get_running_loop()
@@ -87,7 +89,7 @@ class Headless:
             used = duration(station.now_s() - began_s)
             await self._catch_up(names)
             reason = f" ({end.reason})" if end.reason else ""
-            data = {"mission": plan.title, "state": end.state, "reason": end.reason}
+            data = ResultData(mission=plan.title, state=end.state, reason=end.reason)
             landed = f"; {end.by} has landed the vehicle" if end.by else ""
             text = f"{plan.title!r}: {end.state}{reason} after {used}{landed}"
             whose = names[0] if len(names) == 1 else ""
@@ -121,7 +123,7 @@ class Headless:
             except Gloc3Error as error:
                 reason = str(error)
             outcome = f"refused: {reason}" if reason else "accepted"
-            data = {"verb": command.verb, "target": command.target, "is_accepted": not reason, "reason": reason}
+            data = CommandData(verb=command.verb, target=command.target, is_accepted=not reason, reason=reason)
             text = f"{'warning: ' if reason else ''}{command}: {outcome}"
             self._report(self._narrator.line(name, "command", text, station.now_s(), data))
 
@@ -166,9 +168,9 @@ class Headless:
         if self._timer is not None:
             self._timer.cancel()
 
-    def narrate(self, text: str) -> None:
+    def narrate(self, text: str, severity: Severity = Severity.INFO) -> None:
         """Tells something of the station's own."""
-        self._report(self._narrator.line("", "event", text, self._station.now_s()))
+        self._report(self._narrator.remark(text, self._station.now_s(), severity))
 
     def _begin(self) -> None:
         """Reports the present state, and changes from now on."""

@@ -7,7 +7,7 @@ import os
 import signal
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -17,9 +17,10 @@ from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages.envelope import Severity
 from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.cli.headless import Headless
-from gloc3_groundstation.cli.narration import NarrationLine
+from gloc3_groundstation.cli.run_output import RunOutput
 from gloc3_groundstation.cli.script import ScriptCommand, parse_command, read_lines
 from gloc3_groundstation.missions.plans import CheckedPlan
+from gloc3_groundstation.reporting.outcomes import RunOutcome, findings_of, outcome_of
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.store.configuration import Configuration, unsaved_folder
@@ -28,8 +29,6 @@ from gloc3_groundstation.web.server import Notify, TerminalWindow, WebOptions, W
 
 if TYPE_CHECKING:
     from gloc3_groundstation.desk.desk import Desk
-
-INTERRUPTED: Final = 128 + signal.SIGINT
 
 
 class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -90,27 +89,18 @@ class Session:
     def __init__(self, setup: StationSetup, options: SessionOptions) -> None:
         self._setup, self._options = setup, options
 
-    async def narrate(self, options: HeadlessOptions, data: Callable[[NarrationLine], None] | None = None) -> int:
-        """Flies the selected mission, or only monitors; narrates on stderr.
+    async def narrate(self, options: HeadlessOptions, output: RunOutput) -> RunOutcome:
+        """Flies the selected mission, or only monitors.
 
         Args:
             options: of the run.
-            data: called with each line as data.
-
-        Returns:
-            The exit code.
+            output: receives the lines.
         """
-
-        def report(line: NarrationLine) -> None:
-            narrate(str(line))
-            if data is not None:
-                data(line)
-
         requested = self._options
         async with self._ground() as ground:
-            run = Headless(ground.station, report, platform=requested.platform)
+            run = Headless(ground.station, output.line, platform=requested.platform)
             if requested.problem:
-                run.narrate(f"warning: {requested.problem}")
+                run.narrate(requested.problem, Severity.WARNING)
             run.narrate(f"listening on {ground.links.describe()}")
             work = asyncio.ensure_future(
                 run.watch()
@@ -124,10 +114,14 @@ class Session:
                 loop.add_signal_handler(number, work.cancel)
             with _commanded(run, options):
                 try:
-                    return await work or 0
+                    return await work or RunOutcome.DONE
+                except Gloc3Error as error:
+                    run.narrate(str(error), Severity.ERROR)
+                    output.findings(findings_of(error))
+                    return outcome_of(error)
                 except asyncio.CancelledError:
                     run.narrate(wording.farewell(ground.station.fleet))
-                    return 0 if requested.plan is None else INTERRUPTED
+                    return RunOutcome.DONE if requested.plan is None else RunOutcome.INTERRUPTED
 
     async def show(self, options: TerminalOptions, keep: Callable[[Configuration], bool]) -> int:
         """Opens the terminal.
@@ -194,23 +188,23 @@ class Session:
             author=operator(),
         )
 
-    async def _leave(self, run: Headless, plan: CheckedPlan, ground: GroundStation) -> int:
-        """Queues a mission, and waits until it is there or refused."""
-        name = self._options.platform or next(iter(plan.platforms), "")
-        if not name or len(plan.platforms) > 1:
-            raise Refused("--at-contact needs --platform, and a mission for one")
+    async def _leave(self, run: Headless, plan: CheckedPlan, ground: GroundStation) -> RunOutcome:
+        """Queues a mission, and waits until it is there.
+
+        Raises:
+            Gloc3Error: it is refused.
+        """
         queue = ground.begin_queue(is_kept=False)
         async with run.narrating():
-            return 1 if await queue.ended(queue.add(name, plan)) else 0
+            error = await queue.ended(queue.add(self._options.platform or "", plan))
+        if error is not None:
+            raise error
+        return RunOutcome.DONE
 
     @staticmethod
-    async def _fly(run: Headless, plan: CheckedPlan, options: HeadlessOptions) -> int:
+    async def _fly(run: Headless, plan: CheckedPlan, options: HeadlessOptions) -> RunOutcome:
         author = operator() if options.override else ""
-        try:
-            return (await run.fly(plan, options.wait_s, options.override, author)).exit_code
-        except Gloc3Error as error:
-            run.narrate(f"error: {error}")
-            return 1
+        return outcome_of(await run.fly(plan, options.wait_s, options.override, author))
 
     @asynccontextmanager
     async def _ground(self) -> AsyncIterator[GroundStation]:
@@ -238,7 +232,7 @@ def _commanded(run: Headless, options: HeadlessOptions) -> Iterator[None]:
         try:
             run.command(parse_command(line))
         except Refused as refusal:
-            run.narrate(f"warning: {refusal}")
+            run.narrate(str(refusal), Severity.WARNING)
 
     for command in options.commands:
         run.command(command)

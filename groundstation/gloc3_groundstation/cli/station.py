@@ -7,14 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
-import msgspec
 from cyclopts import App, Parameter
 
 from gloc3.cli.narration import narrate
-from gloc3.errors import InputError, Refused
+from gloc3.errors import Gloc3Error, InputError, Refused
 from gloc3.mission.examples import find_mission
+from gloc3_groundstation.cli.run_output import RunOutput, print_json
 from gloc3_groundstation.cli.script import parse_command
 from gloc3_groundstation.missions.plans import CheckedPlan, read_plan
+from gloc3_groundstation.reporting.outcomes import RunOutcome
 from gloc3_groundstation.web.server import HOST, PORT, WebOptions
 
 if TYPE_CHECKING:
@@ -49,8 +50,10 @@ app = App(
     - `gloc3 station --link serial:///dev/ttyUSB0:57600`: over a telemetry radio
     - `gloc3 station --web`: in a browser, with the same keys
 
-    Exit codes: 0 done; 1 the mission failed, was refused or did not pass the check; 2 wrong use; 3 a pilot or the autopilot's
-    failsafe has landed the vehicle in place of the mission; 130 interrupted.""",
+    Exit codes: 0 done; 1 the mission failed or did not pass the check; 2 wrong use; 3 a pilot or the autopilot's failsafe
+    has landed the vehicle in place of the mission; 4 the vehicle, or the station in control of it, refused; 5 the vehicle
+    was not heard or did not answer; 130 interrupted. With --json the last line has the same: {"event": "end", "outcome":
+    "done", "exit_code": 0, …}; gloc3 station schema prints the JSON Schema of the lines.""",
     help_format="markdown",
     version_flags=[],
 )
@@ -75,7 +78,7 @@ class StationOptions:
     headless: Annotated[bool, FLAG] = False
     """No terminal: narrate on stderr. Without --mission it monitors until Ctrl-C."""
     json: Annotated[bool, FLAG] = False
-    """With --headless: print one JSON object per line of narration on stdout."""
+    """With --headless: print one JSON object per line of narration on stdout; the last one has the outcome."""
     start: Annotated[bool, FLAG] = False
     """Start the mission without waiting for the key, once the platform is ready."""
     exit_when_done: Annotated[bool, FLAG] = False
@@ -135,6 +138,42 @@ class StationOptions:
 @app.default
 def station(options: StationOptions = StationOptions()) -> int:
     """Watch and command vehicles."""
+    output = RunOutput(print_json if options.headless and options.json else None)
+    try:
+        outcome = _run(options, output)
+    except Gloc3Error as error:
+        output.end(RunOutcome.WRONG_USE, str(error))
+        raise
+    if isinstance(outcome, int):
+        return outcome
+    output.end(outcome)
+    return outcome.exit_code
+
+
+@app.command
+def schema(*, out: Path | None = None) -> int:
+    """Print the JSON Schema of the lines of --headless --json.
+
+    Args:
+        out: The file to write; default: print the schema.
+    """
+    from gloc3.documents.json_schema import as_text
+    from gloc3_groundstation.reporting.schema import lines_schema
+
+    text = as_text(lines_schema())
+    if out is None:
+        sys.stdout.write(text)
+    else:
+        out.write_text(text, encoding="utf-8")
+    return 0
+
+
+def _run(options: StationOptions, output: RunOutput) -> RunOutcome | int:
+    """Runs the station: without a terminal to its outcome, in the terminal to its exit code.
+
+    Raises:
+        Gloc3Error: wrong use.
+    """
     _check(options)
     modems = tuple(_modem(text) for text in options.acoustic or ())
     plan: CheckedPlan | None = None
@@ -146,8 +185,11 @@ def station(options: StationOptions = StationOptions()) -> int:
         except InputError as error:
             if options.headless or options.start or options.exit_when_done:
                 narrate(f"{error}\nthe mission did not pass the check")
-                return 1
+                output.findings(error.findings)
+                return RunOutcome.FAILED if options.headless else RunOutcome.FAILED.exit_code
             opens = options.mission
+    if options.at_contact and plan is not None and len(plan.platforms) > 1:
+        raise Refused("--at-contact goes with a mission for one platform")
     from gloc3_groundstation.cli.session import HeadlessOptions, Session, SessionOptions, TerminalOptions
     from gloc3_groundstation.store.configuration import Configuration, ConfigurationFile, default_path
 
@@ -178,7 +220,7 @@ def station(options: StationOptions = StationOptions()) -> int:
             commands=tuple(parse_command(text) for text in options.command or ()),
             commands_from=sys.stdin.fileno() if options.commands else None,
         )
-        return asyncio.run(session.narrate(run, data=_print_json if options.json else None))
+        return asyncio.run(session.narrate(run, output))
     page = WebOptions(host=options.web_host, port=options.web_port) if options.web else None
     shown = TerminalOptions(is_starting=options.start, is_closing=options.exit_when_done, web=page, opens=opens)
     return asyncio.run(session.show(shown, keep=file.write))
@@ -291,8 +333,3 @@ def _modem(text: str) -> tuple[str, str]:
         raise Refused(f"--acoustic {text!r} is not PLATFORM=URL, such as auv=udpin://0.0.0.0:15000")
     parse_url(url)
     return name, url
-
-
-def _print_json(line: msgspec.Struct) -> None:
-    sys.stdout.write(msgspec.json.encode(line).decode() + "\n")
-    sys.stdout.flush()

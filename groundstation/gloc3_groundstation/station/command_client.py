@@ -1,11 +1,12 @@
 """Client of the command interface: a station's requests to platforms, over any exchange and clock."""
 
 import asyncio
+import re
 from typing import Any, Final, NamedTuple
 
 from msgspec.structs import replace
 
-from gloc3.errors import Gloc3Error, Refused
+from gloc3.errors import Finding, Gloc3Error, NoContact, Refused
 from gloc3.exchange.base import Exchange, Publisher
 from gloc3.exchange.tunnel.events import Undelivered
 from gloc3.messages.command_interface import (
@@ -43,11 +44,14 @@ EMERGENCY_TIMEOUT_S: Final = 6.0
 CLOCK_DRIFT: Final = 1e-3
 """Two clocks drift apart by less than this share of the time."""
 
+NOT_DELIVERED: Final = "not delivered"
+_FINDING: Final = re.compile(r"(?P<file>.+?):(?P<line>\d+):(?P<column>\d+): (?P<warning>warning: )?(?P<message>.*)")
+
 _Key = tuple[str, int]
 """Platform and sequence of a request."""
 
 
-class Unanswered(Gloc3Error):
+class Unanswered(NoContact):
     """The outcome of a request is unknown."""
 
 
@@ -62,6 +66,19 @@ class Declined(Refused):
         findings = f"\n{reply.text}" if reply.text and reply.text != reply.reason else ""
         super().__init__(f"{reply.reason or 'no reason was given'}{findings}")
         self.reply: Final = reply
+
+
+class NotDelivered(Declined, NoContact):
+    """A request has certainly never reached the platform."""
+
+
+class CheckFailed(Declined):
+    """The platform's own check has found errors in a mission."""
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What it has found, in the order of the mission."""
+        return tuple(map(_finding, self.reply.text.splitlines()))
 
 
 class _Pending:
@@ -198,7 +215,7 @@ class CommandClient:
         if reply.outcome is Outcome.ACCEPTED:
             return reply
         if reply.outcome is Outcome.REFUSED:
-            raise Declined(reply)
+            raise NotDelivered(reply) if reply.reason.startswith(NOT_DELIVERED) else Declined(reply)
         raise Unanswered(reply.reason or f"{platform} does not know the outcome of the request ({reply.outcome})")
 
     def undelivered(self, lost: Undelivered) -> None:
@@ -214,7 +231,7 @@ class CommandClient:
         if pending is None or pending.request != request:
             return
         if lost.is_certain and pending.times_sent == 1 and not pending.given_up:
-            self._end(key, self._ended_as(Outcome.REFUSED, request, f"not delivered: {lost.reason}"))
+            self._end(key, self._ended_as(Outcome.REFUSED, request, f"{NOT_DELIVERED}: {lost.reason}"))
         else:
             pending.given_up, pending.next_s = lost.reason, self._loop.time()
         self._tick()
@@ -225,10 +242,14 @@ class CommandClient:
         """Streams a mission, reads it back and compares.
 
         Raises:
+            CheckFailed: the platform has found errors in it.
             ReadBackDiffers: the platform holds something else.
         """
         timeout_s = 3.0 * (TIMEOUT_S + len(text.encode()) / SLOWEST_BYTES_S)
-        await self.carry_out(platform, LoadMission(name=name, text=text), timeout_s)
+        try:
+            await self.carry_out(platform, LoadMission(name=name, text=text), timeout_s)
+        except Declined as refusal:
+            raise CheckFailed(refusal.reply) if refusal.reply.text else refusal from None
         reply = await self.carry_out(platform, ReadMission(), timeout_s)
         if reply.text != text:
             raise ReadBackDiffers(
@@ -321,6 +342,20 @@ class CommandClient:
         """Nobody waits for this reply any more."""
         self._pending.pop(key, None)
         self._queries = {query: requested for query, requested in self._queries.items() if requested != key}
+
+
+def _finding(line: str) -> Finding:
+    """A finding from its line, as `Finding` writes it; a line in another form is its message."""
+    found = _FINDING.fullmatch(line)
+    if found is None:
+        return Finding(file="", message=line)
+    return Finding(
+        file=found["file"],
+        line=int(found["line"]),
+        column=int(found["column"]),
+        message=found["message"],
+        is_warning=found["warning"] is not None,
+    )
 
 
 def _differ(sent: str, held: str) -> str:

@@ -213,6 +213,22 @@ def arrival(platform: PlatformSnapshot) -> str:
     return f"status {(1.0 - loss) * 100.0:.0f} %" if loss >= REPORTED_LOSS else ""
 
 
+def components(platform: PlatformSnapshot, now_s: float) -> str:
+    """`3 components faulty: laser, pose, height; 1 absent: recorder`, or that all work."""
+    if not platform.has_companion:
+        return "no GLOC3 companion"
+    known = platform.components(now_s)
+    if not known:
+        return "components unknown"
+    parts: list[str] = []
+    for health in reversed(Health):
+        names = [one.name for one in known if one.health is health and not one.is_well]
+        if names:
+            what = "" if parts else " components" if len(names) > 1 else " component"
+            parts.append(f"{len(names)}{what} {health}: {', '.join(names)}")
+    return "; ".join(parts) or f"all {len(known)} components work"
+
+
 def holder(platform: PlatformSnapshot, station: str) -> str:
     """Who holds control, from this station's point of view."""
     if not platform.has_companion:

@@ -12,14 +12,14 @@ from typing import Final
 import msgspec
 from msgspec.structs import replace
 
-from gloc3.errors import Gloc3Error, InputError
+from gloc3.errors import Gloc3Error, InputError, Refused
 from gloc3.messages.envelope import Severity
 from gloc3.mission.model.model import digest_of
 from gloc3.mission.model.states import ActionState
 from gloc3.store import DocumentFile
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.missions.plans import CheckedPlan
-from gloc3_groundstation.station.command_client import Declined, Unanswered
+from gloc3_groundstation.station.command_client import Declined, NotDelivered, Unanswered
 from gloc3_groundstation.station.snapshots import Fleet
 from gloc3_groundstation.station.station import Station
 
@@ -52,7 +52,7 @@ class ContactQueue:
         self._waiting: list[Queued] = []
         self._count = 0
         self._tasks: dict[str, asyncio.Task[None]] = {}
-        self._ended: dict[int, str] = {}
+        self._ended: dict[int, Gloc3Error | None] = {}
         self._listeners: list[Callable[[], None]] = []
         self._load()
         self._unlisten = station.listen(self._send_on_contact)
@@ -79,12 +79,12 @@ class ContactQueue:
         waiting = self.of(platform)
         if not waiting or (len(waiting) == 1 and platform in self._tasks):
             return False
-        self._end(waiting[-1], "withdrawn")
+        self._end(waiting[-1], Refused("withdrawn"))
         self._note(platform, Severity.NOTICE, f"{waiting[-1].plan.title!r} is withdrawn: it is not sent")
         return True
 
-    async def ended(self, queued: Queued) -> str:
-        """Waits until one has been sent, refused or withdrawn; why it was not sent, or an empty text."""
+    async def ended(self, queued: Queued) -> Gloc3Error | None:
+        """Waits until one has been sent, refused or withdrawn; why it was not sent, or None."""
         changed = asyncio.Event()
         self._listeners.append(changed.set)
         try:
@@ -125,19 +125,18 @@ class ContactQueue:
                 self._note(name, Severity.WARNING, f"{queued.plan.title!r} stays queued: {error}")
                 await flights.passed(self._station, AGAIN_S)
             except InputError as error:
-                self._refuse(queued, str(error.findings[0]))
+                self._refuse(queued, error, str(error.findings[0]))
+            except NotDelivered:
+                await flights.passed(self._station, AGAIN_S)
             except Declined as error:
-                if "not delivered" in str(error):
-                    await flights.passed(self._station, AGAIN_S)
-                else:
-                    self._refuse(queued, str(error))
+                self._refuse(queued, error, str(error))
             except Gloc3Error as error:
                 if self._is_silent(name):
                     await flights.passed(self._station, AGAIN_S)
                 else:
-                    self._refuse(queued, str(error))
+                    self._refuse(queued, error, str(error))
             else:
-                self._end(queued, "")
+                self._end(queued, None)
 
     async def _bring(self, queued: Queued) -> None:
         """Sends one, unless the platform has it already from an attempt whose result was not received."""
@@ -158,15 +157,15 @@ class ContactQueue:
         platform = self._station.fleet.get(name)
         return platform is None or platform.is_quiet_link(self._station.now_s())
 
-    def _refuse(self, queued: Queued, reason: str) -> None:
-        self._end(queued, reason)
+    def _refuse(self, queued: Queued, error: Gloc3Error, reason: str) -> None:
+        self._end(queued, error)
         self._note(
             queued.platform, Severity.ERROR, f"{queued.plan.title!r} was refused, and is no longer queued: {reason}"
         )
 
-    def _end(self, queued: Queued, reason: str) -> None:
+    def _end(self, queued: Queued, error: Gloc3Error | None) -> None:
         self._waiting = [one for one in self._waiting if one.number != queued.number]
-        self._ended[queued.number] = reason
+        self._ended[queued.number] = error
         self._keep()
         for monitor in tuple(self._listeners):
             monitor()

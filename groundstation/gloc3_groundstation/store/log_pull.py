@@ -32,7 +32,7 @@ from gloc3_groundstation.desk import flights
 from gloc3_groundstation.services.files import FileService
 from gloc3_groundstation.services.machines import Machines, Wire
 from gloc3_groundstation.services.saving import PartFile
-from gloc3_groundstation.station.command_client import Declined, Unanswered
+from gloc3_groundstation.station.command_client import Declined, NotDelivered, Unanswered
 from gloc3_groundstation.station.station import Station
 
 TRY_AGAIN_S: Final = 1.0
@@ -317,7 +317,7 @@ class LogPuller:
             try:
                 return await self._station.client.carry_out(self._platform, body, timeout_s)
             except Gloc3Error as error:
-                if not isinstance(error, Unanswered) and "not delivered" not in str(error):
+                if not isinstance(error, Unanswered | NotDelivered):
                     raise
                 self._reported(f"{error}; requested again when {self._platform} is heard")
                 await self._note_contact()

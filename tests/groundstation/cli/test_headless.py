@@ -1,25 +1,31 @@
 """The headless station flies a mission on a scripted platform and narrates it; the narration is golden."""
 
 import asyncio
+import json
 from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import pytest
+from jsonschema import Draft202012Validator, FormatChecker
 from tests.groundstation.scripted_platform import ScriptedPlatform, refused, reply_to
 
 from gloc3.clock import run_virtual
-from gloc3.errors import Gloc3Error
+from gloc3.errors import Finding, Gloc3Error, InputError, Refused
 from gloc3.exchange import LocalExchange
-from gloc3.messages.command_interface import LoadMission, ReadReports, Steer
+from gloc3.messages.command_interface import CiReply, LoadMission, Outcome, ReadReports, Steer
 from gloc3.messages.envelope import Severity
-from gloc3.messages.summaries import CiEvent, ContactSummary, Health, MissionSummary
+from gloc3.messages.summaries import CiEvent, ContactSummary, ControlState, Health, MissionSummary
 from gloc3_groundstation.cli.headless import Headless
-from gloc3_groundstation.cli.narration import NarrationLine
+from gloc3_groundstation.desk.flights import End
 from gloc3_groundstation.missions.plans import CheckedPlan
-from gloc3_groundstation.station.command_client import Declined
+from gloc3_groundstation.reporting.lines import HealthData, ItemData, NarrationLine, ProgressData, ResultData
+from gloc3_groundstation.reporting.outcomes import RunOutcome, findings_of, outcome_of
+from gloc3_groundstation.station.command_client import CheckFailed, Declined, NotDelivered, Unanswered
 from gloc3_groundstation.station.station import Station
 
 PLAN = CheckedPlan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
+SCHEMA = Path(__file__).parents[3] / "docs" / "schema" / "station-lines.schema.json"
 GOLDEN = Path(__file__).parents[1] / "golden" / "narration.txt"
 
 
@@ -98,25 +104,89 @@ def test_what_is_told_is_also_data() -> None:
     reported: list[NarrationLine] = []
     fly([], reported)
     result = reported[-1]
-    assert (result.kind, result.data) == ("result", {"mission": "cargo hold", "state": "done", "reason": ""})
-    progress = next(line for line in reported if line.kind == "progress")
-    assert progress.data["vehicle"]["is_armed"] is True
-    assert {"target": "sweep.wall", "state": "running"} in [line.data for line in reported if line.kind == "action"]
+    assert (result.kind, result.data) == ("result", ResultData(mission="cargo hold", state="done", reason=""))
+    progress = next(line.data for line in reported if isinstance(line.data, ProgressData))
+    assert progress.vehicle is not None
+    assert progress.vehicle.is_armed
+    assert ItemData(target="sweep.wall", state="running") in [line.data for line in reported if line.kind == "action"]
+
+
+def test_each_line_has_its_time_in_utc_and_fits_the_published_schema() -> None:
+    reported: list[NarrationLine] = []
+    fly([], reported)
+    validator = Draft202012Validator(json.loads(SCHEMA.read_text()), format_checker=FormatChecker())
+    for line in reported:
+        assert [error.message for error in validator.iter_errors(json.loads(msgspec.json.encode(line)))] == []
+    assert {line.kind for line in reported} >= {"event", "health", "vehicle", "task", "action", "progress", "result"}
+    started = next(line for line in reported if line.text == "task depart: running")
+    assert (started.t_s, started.utc) == (3.0, "2026-01-01T00:00:03.000Z")
+
+
+def test_a_station_that_joins_late_first_tells_the_vehicle_s_health() -> None:
+    reported: list[NarrationLine] = []
+
+    async def main() -> None:
+        exchange = LocalExchange()
+        platform = ScriptedPlatform(exchange)
+        platform.mission = MissionSummary(name="other", digest="x", state="running", tasks={"a": "running"})
+        platform.fly(is_armed=True, landed="in_air", mode="OFFBOARD")
+        platform.control = ControlState(holder="254")
+        for name in ("pose", "height", "limiter"):
+            platform.states[name] = Health.FAULTY
+        platform.speak_every(0.5)
+        station = Station(exchange, platform.loop, "255", 11)
+        watching = asyncio.ensure_future(Headless(station, reported.append).watch())
+        platform.loop.call_later(3.0, watching.cancel)
+        with pytest.raises(asyncio.CancelledError):
+            await watching
+        station.close()
+
+    run_virtual(main())
+    own = [line for line in reported if line.platform == "heron" and line.text != "is heard"]
+    assert own[0].text == (
+        "3 components faulty: height, pose, limiter; mission 'other': running; mode OFFBOARD; armed, in air; "
+        "battery 97 %; station 254 in control"
+    )
+    assert isinstance(own[0].data, HealthData)
+    assert own[0].data.troubled == dict.fromkeys(("height", "pose", "limiter"), "faulty")
+    assert [line.kind for line in own].count("health") == 1
+    assert {line.kind for line in own} == {"health", "progress"}, "nothing of it is told twice"
 
 
 def test_a_platform_that_is_not_heard_is_said_after_the_wait() -> None:
-    with pytest.raises(Gloc3Error, match="heron did not respond within 20 s; is it running"):
+    with pytest.raises(Gloc3Error, match="heron did not respond within 20 s; is it running") as ended:
         fly(["silent"], [])
+    assert outcome_of(ended.value) is RunOutcome.NOT_HEARD
 
 
-def test_a_mission_that_does_not_pass_onboard_is_not_started() -> None:
-    with pytest.raises(Declined, match=r"does not fit\nhold\.yaml:1:1: no tasks"):
+def test_a_mission_that_does_not_pass_onboard_is_not_started_and_has_failed_the_check() -> None:
+    with pytest.raises(CheckFailed, match=r"does not fit\nhold\.yaml:1:1: no tasks") as ended:
         fly([], [], refusal="check")
+    assert outcome_of(ended.value) is RunOutcome.FAILED
+    assert findings_of(ended.value) == (Finding(file="hold.yaml", line=1, column=1, message="no tasks"),)
 
 
 def test_a_refused_start_is_told() -> None:
-    with pytest.raises(Declined, match="battery is at 12 %"):
+    with pytest.raises(Declined, match="battery is at 12 %") as ended:
         fly([], [], refusal="start")
+    assert (outcome_of(ended.value), findings_of(ended.value)) == (RunOutcome.REFUSED, ())
+
+
+@pytest.mark.parametrize(
+    ("end", "code"),
+    [
+        (End(state="done"), 0),
+        (End(state="failed", reason="pose lost"), 1),
+        (End(state="lost"), 1),
+        (End(state="paused", by="a pilot"), 3),
+        (InputError([Finding(file="hold.yaml", message="too far")]), 1),
+        (Refused("station 254 keeps it"), 4),
+        (NotDelivered(CiReply(sender="255", boot=1, sequence=0, outcome=Outcome.REFUSED, reason="no link")), 5),
+        (Unanswered("heron has not answered for 16 s"), 5),
+    ],
+)
+def test_the_exit_code_tells_what_has_happened(end: End | Gloc3Error, code: int) -> None:
+    assert outcome_of(end).exit_code == code
 
 
 def test_without_a_mission_it_narrates_until_it_is_stopped() -> None:
@@ -135,7 +205,7 @@ def test_without_a_mission_it_narrates_until_it_is_stopped() -> None:
         station.close()
 
     run_virtual(main())
-    assert "mission 'other': running" in [line.text for line in reported]
+    assert any("mission 'other': running" in line.text for line in reported)
 
 
 CONTACT = ContactSummary(

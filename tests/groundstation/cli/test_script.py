@@ -13,9 +13,9 @@ from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
 from gloc3.messages.command_interface import Steer, Verb
 from gloc3_groundstation.cli.headless import Headless
-from gloc3_groundstation.cli.narration import NarrationLine
 from gloc3_groundstation.cli.script import ScriptCommand, parse_command, read_lines
 from gloc3_groundstation.missions.plans import CheckedPlan
+from gloc3_groundstation.reporting.lines import CommandData, NarrationLine
 from gloc3_groundstation.station.station import Station
 
 PLAN = CheckedPlan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
@@ -65,7 +65,7 @@ def flown(*commands: str, arrange: Callable[[ScriptedPlatform, Headless], None] 
         finally:
             station.close()
         steered = [(one.verb, one.target) for one in platform.requests if isinstance(one, Steer)]
-        assert steered == [(Verb.START, ""), *((one.data["verb"], one.data["target"]) for one in told(reported))]
+        assert steered == [(Verb.START, ""), *((one.verb, one.target) for one in commands_of(reported))]
 
     run_virtual(main())
     return reported
@@ -73,6 +73,10 @@ def flown(*commands: str, arrange: Callable[[ScriptedPlatform, Headless], None] 
 
 def told(lines: list[NarrationLine]) -> list[NarrationLine]:
     return [line for line in lines if line.kind == "command"]
+
+
+def commands_of(lines: list[NarrationLine]) -> list[CommandData]:
+    return [line.data for line in lines if isinstance(line.data, CommandData)]
 
 
 def test_commands_are_sent_at_their_times_after_the_start_and_told() -> None:
@@ -84,7 +88,7 @@ def test_commands_are_sent_at_their_times_after_the_start_and_told() -> None:
         "skip sweep.wall: accepted",
     ]
     assert [line.t_s - started_s for line in told(lines)] == pytest.approx([10.0, 20.0, 30.0], abs=0.3)
-    assert told(lines)[2].data == {"verb": "skip", "target": "sweep.wall", "is_accepted": True, "reason": ""}
+    assert commands_of(lines)[2] == CommandData(verb="skip", target="sweep.wall", is_accepted=True, reason="")
 
 
 def test_a_refused_command_is_told_and_ends_nothing() -> None:
@@ -96,7 +100,7 @@ def test_a_refused_command_is_told_and_ends_nothing() -> None:
     lines = flown("resume@30s", arrange=arrange)
     (line,) = told(lines)
     assert line.text == "warning: resume the mission: refused: it is not paused"
-    assert (line.data["is_accepted"], line.data["reason"]) == (False, "it is not paused")
+    assert line.data == CommandData(verb="resume", target="", is_accepted=False, reason="it is not paused")
     assert lines[-1].text.startswith("'cargo hold': done")
 
 

@@ -7,9 +7,10 @@ import signal
 import pytest
 
 from gloc3_groundstation.assembly import StationSetup
-from gloc3_groundstation.cli.narration import NarrationLine
+from gloc3_groundstation.cli.run_output import RunOutput
 from gloc3_groundstation.cli.session import HeadlessOptions, Session, SessionOptions
 from gloc3_groundstation.missions.plans import CheckedPlan
+from gloc3_groundstation.reporting.lines import NarrationLine
 
 URL = "udpin://127.0.0.1:0"
 PLAN = CheckedPlan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
@@ -29,7 +30,7 @@ def test_ctrl_c_ends_it_with_a_word(plan: CheckedPlan | None, code: int, capsys:
         if "listening" in line.text:
             os.kill(os.getpid(), signal.SIGINT)
 
-    assert asyncio.run(session(plan=plan).narrate(HeadlessOptions(wait_s=10.0), report)) == code
+    assert asyncio.run(session(plan=plan).narrate(HeadlessOptions(wait_s=10.0), RunOutput(report))).exit_code == code
     assert reported[-1].text == "stopped"
     assert capsys.readouterr().err.count("\n") == len(reported)
 
@@ -43,5 +44,5 @@ def test_foxglove_is_served_where_it_was_asked_for_and_the_place_is_told() -> No
         if "Foxglove" in line.text:
             os.kill(os.getpid(), signal.SIGINT)
 
-    assert asyncio.run(session(foxglove_port=0).narrate(HeadlessOptions(wait_s=10.0), report)) == 0
+    assert asyncio.run(session(foxglove_port=0).narrate(HeadlessOptions(wait_s=10.0), RunOutput(report))).exit_code == 0
     assert any(text.startswith("Foxglove is served, view only: ws://127.0.0.1:") for text in reported)

@@ -1,11 +1,17 @@
 """The command `gloc3 station`: wrong use is told at once, before any link is opened."""
 
+import json
 from pathlib import Path
+from typing import Any
 
 import pytest
+from jsonschema import Draft202012Validator, FormatChecker
 
 from gloc3.errors import InputError, Refused
 from gloc3_groundstation.cli.station import app
+
+PUBLISHED = Path(__file__).parents[3] / "docs" / "schema" / "station-lines.schema.json"
+VALIDATOR = Draft202012Validator(json.loads(PUBLISHED.read_text()), format_checker=FormatChecker())
 
 
 def run(*arguments: str) -> object:
@@ -39,20 +45,58 @@ def test_a_mission_of_a_name_that_nothing_has_is_wrong_use() -> None:
         run("--headless", "--mission", "nope")
 
 
-def test_a_mission_that_does_not_pass_the_check_ends_with_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def lines_of(text: str) -> list[dict[str, Any]]:
+    """What is on stdout, each line by the published schema."""
+    lines = [json.loads(line) for line in text.splitlines()]
+    for line in lines:
+        assert [error.message for error in VALIDATOR.iter_errors(line)] == []
+    return lines
+
+
+def test_a_mission_that_does_not_pass_the_check_ends_with_1_and_its_findings_as_data(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     file = tmp_path / "bad.yaml"
     file.write_text("mission: x\nframe: hold\ntasks: {}\n")
-    assert run("--headless", "--mission", str(file)) == 1
-    assert "bad.yaml:3" in capsys.readouterr().err
+    assert run("--headless", "--json", "--mission", str(file)) == 1
+    reported = capsys.readouterr()
+    assert "bad.yaml:3" in reported.err
+    *findings, end = lines_of(reported.out)
+    assert {(one["kind"], one["data"]["file"]) for one in findings} == {("finding", str(file))}
+    assert 3 in [one["data"]["line"] for one in findings]
+    assert all(one["text"] in reported.err for one in findings)
+    assert (end["event"], end["outcome"], end["exit_code"]) == ("end", "failed", 1)
 
 
 @pytest.mark.sockets
-def test_a_platform_that_never_comes_ends_with_1(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("--headless", "--mission", "hop", "--link", "udpin://127.0.0.1:0", "--wait", "0.05") == 1
+def test_a_platform_that_never_comes_ends_with_5(capsys: pytest.CaptureFixture[str]) -> None:
+    link = ("--link", "udpin://127.0.0.1:0")
+    assert run("--headless", "--json", "--mission", "hop", *link, "--wait", "0.05") == 5
     reported = capsys.readouterr()
     assert "listening on udpin://127.0.0.1:0" in reported.err
     assert "a platform did not respond" in reported.err
-    assert reported.out == ""
+    *lines, end = lines_of(reported.out)
+    assert lines[-1]["data"]["severity"] == "error"
+    assert (end["event"], end["outcome"], end["exit_code"]) == ("end", "not_heard", 5)
+
+
+def test_wrong_use_is_the_last_line_too(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(Refused):
+        run("--headless", "--json", "--wait", "0")
+    (end,) = lines_of(capsys.readouterr().out)
+    assert (end["outcome"], end["exit_code"], end["text"]) == ("wrong_use", 2, "--wait must be above 0 seconds")
+
+
+def test_a_terminal_prints_no_data(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(Refused):
+        run("--json")
+    assert capsys.readouterr().out == ""
+
+
+def test_the_published_schema_is_what_the_command_makes(tmp_path: Path) -> None:
+    file = tmp_path / "lines.json"
+    assert run("schema", "--out", str(file)) == 0
+    assert file.read_text(encoding="utf-8") == PUBLISHED.read_text(encoding="utf-8"), "run `make schema`"
 
 
 @pytest.mark.sockets
@@ -62,7 +106,7 @@ def test_a_bad_configuration_file_is_told_with_its_place_and_the_defaults_are_us
     file = tmp_path / "station.toml"
     file.write_text('theme = "dark"\nlink = []\n')
     arguments = ("--config", str(file), "--link", "udpin://127.0.0.1:0", "--wait", "0.05")
-    assert run("--headless", "--mission", "hop", *arguments) == 1
+    assert run("--headless", "--mission", "hop", *arguments) == 5
     reported = capsys.readouterr().err
     assert f"warning: {file}:2:1: unknown setting 'link' (did you mean 'links'?); the station runs with" in reported
     assert file.read_text() == 'theme = "dark"\nlink = []\n'

@@ -112,8 +112,8 @@ def test_what_waits_is_sent_once_and_in_its_order_and_what_is_refused_is_told() 
         assert not far.requests[-1:] or far.loads == []
         assert [queued.plan.name for queued in queue.of("petrel")] == ["one", "two", "three"]
         far.is_here = True
-        assert [await queue.ended(queued) for queued in (one, three)] == ["", ""]
-        assert "abort it first" in await queue.ended(two)
+        assert [await queue.ended(queued) for queued in (one, three)] == [None, None]
+        assert "abort it first" in str(await queue.ended(two))
         await asyncio.sleep(30.0)
         queue.close()
 
@@ -147,7 +147,7 @@ def test_an_upload_whose_answer_is_lost_is_not_sent_twice() -> None:
         await asyncio.sleep(120.0)
         assert queue.of("petrel"), "it is not known whether it has arrived"
         far.is_here = True
-        assert await queue.ended(queued) == ""
+        assert await queue.ended(queued) is None
         queue.close()
 
     far = played(steps)
@@ -165,7 +165,7 @@ def test_what_waits_lets_the_mission_under_way_end_first() -> None:
         assert far.loads == []
         assert "'one' waits for the end of the running mission" in far.shown()
         far.state = "done"
-        assert await queue.ended(queued) == ""
+        assert await queue.ended(queued) is None
         queue.close()
 
     assert played(steps).loads == ["one"]

@@ -43,7 +43,7 @@ def browser(progress: Progress) -> list[Figure]:
     PICTURE.write_bytes(base64.b64decode(result["picture"]))
     own = urlsplit(result["url"]).netloc
     elsewhere = [url for url in result["requested"] if urlsplit(url).netloc != own]
-    last = result["said"].splitlines()[-2]
+    last = result["reported"].splitlines()[-2]
     return [
         Figure("exit code of the station after the key q", str(result["code"]), "0", result["code"] == 0),
         Figure("the mission that was started, held and landed by keys", last, "aborted", "'hop' is aborted" in last),

@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+import signal
 import time
 from pathlib import Path
 from typing import NamedTuple
@@ -11,7 +12,8 @@ from tests.commands.programs import program
 from .chromium import Browser, chromium
 from .real_terminal import real_vehicle
 
-MESSAGE_IS_SHOWN = "getComputedStyle(document.querySelector('.message')).display == 'flex'"
+IS_LOST = "getComputedStyle(document.getElementById('banner')).display == 'flex'"
+"""Whether the page says that the station does not answer."""
 
 
 class Flown(NamedTuple):
@@ -75,9 +77,47 @@ async def fly(folder: Path) -> Flown:
         async with chromium(folder / "browser") as browser:
             picture = await journey(browser, url)
             code = await asyncio.to_thread(station.end)
-            async with asyncio.timeout(10.0):
-                while not await browser.evaluate(MESSAGE_IS_SHOWN):
-                    await asyncio.sleep(0.05)
+            await browser.until_shown(IS_LOST, 3.0)
         received = browser.received_bytes
         elapsed_s = time.monotonic() - begin_s
         return Flown(url, code, station.text, picture, browser.requested, browser.problems, received, elapsed_s)
+
+
+class Frozen(NamedTuple):
+    """What the page of a station that stood still has shown."""
+
+    lost_s: float
+    """From the standstill to the banner."""
+    back_s: float
+    """From its end to a page that shows the station again."""
+    remark: str
+    """About the button HOLD, pressed meanwhile."""
+    picture: bytes
+    terminal: str
+    """What it shows in the end."""
+    problems: list[str]
+
+
+async def freeze(folder: Path, still_s: float) -> Frozen:
+    """Stops a station as its process, presses keys, and lets it go on."""
+    options = ("--link", "udpin://127.0.0.1:0", "--no-record", "--config", "station.toml")
+    with program("station", "--web", "--web-port", "0", *options, folder=folder) as station:
+        line = await asyncio.to_thread(station.await_line, lambda line: "the station is at" in line)
+        async with chromium(folder / "browser", 390, 844) as browser:
+            await browser.emulate(390, 844, is_touch=True)
+            await browser.open(line.split()[4])
+            await browser.until("Waiting for a platform")
+            station.process.send_signal(signal.SIGSTOP)
+            try:
+                await browser.press("2")
+                lost_s = await browser.until_shown(IS_LOST, 10.0)
+                await browser.tap("#touch .hold")
+                remark = await browser.evaluate("document.getElementById('remark').textContent")
+                picture = await browser.picture()
+                await asyncio.sleep(still_s - lost_s)
+            finally:
+                station.process.send_signal(signal.SIGCONT)
+            back_s = await browser.until_shown(f"!({IS_LOST})", 10.0)
+            await browser.until("Waiting for a platform")
+            problems = browser.problems
+        return Frozen(lost_s, back_s, remark, picture, browser.terminal.text(), problems)

@@ -57,12 +57,14 @@ class Browser:
                     self.terminal.feed(drawn)
                 case "Network.webSocketFrameSent", {"response": {"payloadData": data}}:
                     said = json.loads(data)
-                    if said[0] == "resize":
+                    if said[0] in ("hello", "resize"):
                         self.terminal.resize(said[1]["width"], said[1]["height"])
                 case "Network.requestWillBeSent", {"request": {"url": url}}:
                     self.requested.append(url)
                 case "Runtime.exceptionThrown", params:
                     self.problems.append(json.dumps(params))
+                case "Log.entryAdded", {"entry": {"source": "security" | "violation"} as entry}:
+                    self.problems.append(json.dumps(entry))
 
     async def call(self, method: str, **parameters: Any) -> dict[str, Any]:
         number = next(self._numbers)
@@ -95,6 +97,31 @@ class Browser:
         for kind in ("mousePressed", "mouseReleased"):
             await self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
+    async def tap(self, selector: str) -> None:
+        """Taps an element with a finger, in its middle."""
+        box = await self.evaluate(
+            f"(({{x, y, width, height}}) => [x + width / 2, y + height / 2])(document.querySelector({selector!r})"
+            ".getBoundingClientRect())"
+        )
+        await self.call("Input.dispatchTouchEvent", type="touchStart", touchPoints=[{"x": box[0], "y": box[1]}])
+        await self.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+
+    async def emulate(self, width: int, height: int, *, is_touch: bool, scale: float = 1.0) -> None:
+        """Makes the window as large as a device's, with a finger or a mouse."""
+        await self.call(
+            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=scale, mobile=is_touch
+        )
+        await self.call("Emulation.setTouchEmulationEnabled", enabled=is_touch)
+
+    async def until_shown(self, expression: str, within_s: float = READY_S) -> float:
+        """Waits until an expression in the page is true; how long that took, s."""
+        begin_s = asyncio.get_running_loop().time()
+        while not await self.evaluate(expression):
+            took_s = asyncio.get_running_loop().time() - begin_s
+            assert took_s < within_s, f"never true: {expression}"
+            await asyncio.sleep(0.05)
+        return asyncio.get_running_loop().time() - begin_s
+
     async def until(self, text: str, within_s: float = READY_S) -> None:
         """Waits until the terminal shows a text."""
         await self.wait(lambda: text in self.terminal.text(), within_s, text)
@@ -118,7 +145,8 @@ async def chromium(folder: Path, width: int = 1000, height: int = 600) -> AsyncI
     assert program is not None
     process = await asyncio.create_subprocess_exec(
         program,
-        *("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"),
+        *("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--disable-quic"),
+        *("--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"),
         *("--remote-debugging-port=0", f"--user-data-dir={folder}", f"--window-size={width},{height}", "about:blank"),
         env={**os.environ, "HOME": str(folder)},
         stdin=asyncio.subprocess.DEVNULL,
@@ -136,7 +164,7 @@ async def chromium(folder: Path, width: int = 1000, height: int = 600) -> AsyncI
         async with connect(f"{page}/devtools/page/{target}", max_size=None) as devtools:
             browser = Browser(devtools, 80, 24)
             listening = asyncio.create_task(browser.listen())
-            for domain in ("Page", "Network", "Runtime"):
+            for domain in ("Page", "Network", "Runtime", "Log"):
                 await browser.call(f"{domain}.enable")
             try:
                 yield browser

@@ -25,7 +25,8 @@ from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.store.configuration import Configuration, unsaved_folder
 from gloc3_groundstation.web.live_view import LiveView
-from gloc3_groundstation.web.server import Notify, TerminalWindow, WebOptions, WebServer, exposure
+from gloc3_groundstation.web.server import WebOptions, WebServer, exposure
+from gloc3_groundstation.web.terminal_view import Notify, TerminalWindow
 
 if TYPE_CHECKING:
     from gloc3_groundstation.desk.desk import Desk

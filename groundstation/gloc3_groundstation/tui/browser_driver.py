@@ -17,7 +17,7 @@ FIRST_SIZE: Final = (80, 24)
 
 
 class BrowserDriver(Driver):
-    """The end of a websocket, for Textual; see `gloc3_groundstation.web.server.Window`."""
+    """The end of a websocket, for Textual; see `gloc3_groundstation.web.terminal_view.TerminalWindow`."""
 
     def __init__(
         self, app: App[Any], *, debug: bool = False, mouse: bool = True, size: tuple[int, int] | None = None
@@ -31,6 +31,12 @@ class BrowserDriver(Driver):
     def is_web(self) -> bool:
         """It is."""
         return True
+
+    @property
+    def vehicle(self) -> str:
+        """Name of the vehicle in view; empty without one."""
+        platform = getattr(self._app, "platform", None)
+        return "" if platform is None else str(platform.name)
 
     # --- what a browser does ---
 

@@ -3,4 +3,4 @@
 Both are view servers on loopback unless an address is given.
 """
 
-__all__ = ["live_view", "server"]
+__all__ = ["live_view", "server", "terminal_view"]

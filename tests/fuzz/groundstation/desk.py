@@ -1,6 +1,5 @@
 """Targets of the station itself: its configuration, scripts, the gamepad, the browser's websocket."""
 
-from contextlib import suppress
 from typing import Any
 
 from tests.fuzz.target import as_file, fuzz_target, refuses
@@ -8,7 +7,7 @@ from tests.fuzz.target import as_file, fuzz_target, refuses
 from gloc3_groundstation.cli.script import parse_command
 from gloc3_groundstation.desk.gamepad import GamepadState
 from gloc3_groundstation.store.configuration import ConfigurationFile
-from gloc3_groundstation.web.server import LARGEST, WebOptions, WebServer, _Glass
+from gloc3_groundstation.web.terminal_view import LARGEST, Glass, TerminalView
 
 
 @fuzz_target("gloc3_groundstation.store.configuration", "tomllib")
@@ -43,6 +42,8 @@ def gamepad_events(data: bytes) -> None:
 class Window:
     """A terminal that only checks what it is given."""
 
+    vehicle = "heron"
+
     def attach(self, show: Any, columns: int, lines: int) -> None:
         assert 0 < columns <= LARGEST
         assert 0 < lines <= LARGEST
@@ -60,22 +61,13 @@ class Window:
         assert is_focused in (True, False)
 
 
-class Socket:
-    """The server's end of a websocket, as far as a message needs it."""
-
-    closed = False
-
-    async def send_str(self, text: str) -> None:
-        text.encode()
-
-
 @fuzz_target("gloc3_groundstation.web")
 def browser_message(data: bytes) -> None:
     """Any message of a page is carried out within bounds, or ignored."""
     text = data.decode("utf-8", "replace")
-    server = WebServer(Window, WebOptions(), lambda *_: None)
-    glass = _Glass(Socket(), 80, 24)  # type: ignore[arg-type] # a message needs no more of it
-    for _ in range(2):
-        with suppress(StopIteration):  # it never waits: the socket takes everything at once
-            server._reported_by(glass, text, "a browser").send(None)
-    assert 0 < glass.columns <= LARGEST
+    for may_command in (False, True):
+        view = TerminalView(Window, lambda *_: None, "station")
+        glass = Glass(None, lambda: 1.0, "a browser", may_command=may_command)  # type: ignore[arg-type] # it sends nothing
+        for _ in range(2):
+            view.receive(glass, text)
+        assert 0 < glass.columns <= LARGEST

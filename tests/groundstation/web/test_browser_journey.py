@@ -1,4 +1,4 @@
-"""An operator flies in a headless Chromium.
+"""An operator in a headless Chromium: a flight, and a station that stands still.
 
 Where none is installed this is skipped; what needs none, the page and its websocket, is tested in `test_web.py`.
 """
@@ -9,13 +9,16 @@ from urllib.parse import urlsplit
 import cv2
 import numpy as np
 import pytest
-from tests.groundstation.browser_journey import fly
+from tests.groundstation.browser_journey import fly, freeze
 from tests.groundstation.chromium import found
 
-pytestmark = [pytest.mark.sockets, pytest.mark.flight]
+pytestmark = [
+    pytest.mark.sockets,
+    pytest.mark.flight,
+    pytest.mark.skipif(found() is None, reason="no Chromium on PATH: apt-get install chromium"),
+]
 
 
-@pytest.mark.skipif(found() is None, reason="no Chromium is installed here")
 async def test_an_operator_flies_in_a_browser(tmp_path: Path) -> None:
     flown = await fly(tmp_path)
     assert flown.code == 0, flown.reported
@@ -27,3 +30,12 @@ async def test_an_operator_flies_in_a_browser(tmp_path: Path) -> None:
         "nothing from elsewhere"
     )
     assert flown.problems == []
+
+
+async def test_a_station_that_stands_still_is_reported_by_the_page_within_3_s_and_comes_back(tmp_path: Path) -> None:
+    frozen = await freeze(tmp_path, still_s=7.0)
+    assert frozen.lost_s < 3.0
+    assert frozen.remark == "HOLD NOT SENT: the station does not answer."
+    assert frozen.back_s < 6.0, "the longest back-off, and the time to connect"
+    assert "the data flows from end to end" not in frozen.terminal, "a key that was pressed as it stopped"
+    assert frozen.problems == []

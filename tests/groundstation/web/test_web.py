@@ -6,7 +6,7 @@ import signal
 import socket
 import sys
 import urllib.request
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,7 +29,8 @@ from gloc3_groundstation.cli import session
 from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.tui.app import Opening, StationApp
-from gloc3_groundstation.web.server import MOST_WAITING, WebOptions, WebServer, exposure
+from gloc3_groundstation.web.server import WebOptions, WebServer, exposure
+from gloc3_groundstation.web.terminal_view import MOST_WAITING
 
 pytestmark = pytest.mark.sockets
 
@@ -40,23 +41,51 @@ class Page:
     def __init__(self, websocket: ClientConnection, columns: int, lines: int) -> None:
         self.websocket = websocket
         self.terminal = Emulator(columns, lines)
+        self.messages: list[list[Any]] = []
+        """What was not drawn, but for beats."""
+        self.beat_ms = -1.0
 
     async def report(self, *message: object) -> None:
         await self.websocket.send(json.dumps(message))
 
+    async def introduce(self, **fields: object) -> None:
+        columns, lines = self.terminal.size
+        await self.report("hello", {"width": columns, "height": lines, **fields})
+        await self.wait(lambda: self.beat_ms >= 0.0, "a beat")
+
     async def press(self, text: str) -> None:
-        await self.report("stdin", text)
+        await self.report("stdin", text, self.beat_ms)
 
     async def until(self, text: str) -> None:
         """Waits until the terminal shows a text."""
+        await self.wait(lambda: text in self.terminal.text(), text)
+
+    async def message(self, kind: str) -> list[Any]:
+        """Waits for a message of a kind; what came with it."""
+        await self.wait(lambda: any(message[0] == kind for message in self.messages), kind)
+        found = next(message for message in self.messages if message[0] == kind)
+        self.messages.remove(found)
+        return found[1:]
+
+    async def wait(self, is_so: Callable[[], bool], what: str) -> None:
         try:
             async with asyncio.timeout(10.0):
-                while text not in self.terminal.text():
-                    data = await self.websocket.recv()
-                    if isinstance(data, bytes):
-                        self.terminal.feed(data)
+                while not is_so():
+                    await self.take()
         except TimeoutError:
-            raise AssertionError(f"never shown: {text!r}\n{self.terminal.text()}") from None
+            raise AssertionError(f"never shown: {what!r}\n{self.terminal.text()}") from None
+
+    async def take(self) -> None:
+        """Takes what comes next."""
+        data = await self.websocket.recv()
+        if isinstance(data, bytes):
+            self.terminal.feed(data)
+            return
+        message = json.loads(data)
+        if message[0] == "beat":
+            self.beat_ms = message[1]
+        else:
+            self.messages.append(message)
 
 
 class Served(NamedTuple):
@@ -67,11 +96,15 @@ class Served(NamedTuple):
     ended: asyncio.Task[Any]
 
     @asynccontextmanager
-    async def page(self, columns: int = 100, lines: int = 30, origin: str | None = None) -> AsyncIterator[Page]:
-        url = f"{self.url.replace('http', 'ws')}ws?width={columns}&height={lines}"
+    async def page(
+        self, columns: int = 100, lines: int = 30, origin: str | None = None, **hello: object
+    ) -> AsyncIterator[Page]:
+        url = f"{self.url.replace('http', 'ws')}ws"
         headers = {} if origin is None else {"Origin": origin}
         async with connect(url, additional_headers=headers, compression=None, open_timeout=60.0) as websocket:
-            yield Page(websocket, columns, lines)
+            page = Page(websocket, columns, lines)
+            await page.introduce(**hello)
+            yield page
 
 
 @asynccontextmanager
@@ -93,6 +126,10 @@ async def served(options: WebOptions = WebOptions(port=0)) -> AsyncIterator[Serv
             await ended
             platform.is_deaf = True
             station.close()
+
+
+def emergencies(here: Served) -> list[Emergency]:
+    return [body for body in here.platform.requests if isinstance(body, Emergency)]
 
 
 def no_progress(text: str, is_watched: bool) -> None:
@@ -133,8 +170,7 @@ async def test_a_browser_sees_the_station_and_its_keys_mouse_and_size_count() ->
         await page.press("1")
         await page.until("emergency hold")
         await page.report("ping", "17")
-        while (answer := await page.websocket.recv()) != '["pong","17"]':
-            assert isinstance(answer, bytes)
+        assert await page.message("pong") == ["17"]
 
 
 async def test_escape_alone_is_a_key_and_ctrl_c_asks_as_quitting_does() -> None:
@@ -149,7 +185,7 @@ async def test_escape_alone_is_a_key_and_ctrl_c_asks_as_quitting_does() -> None:
         await page.press("\x1b")
         async with asyncio.timeout(5.0):
             while "y  quit" in page.terminal.text():
-                page.terminal.feed(bytes(await page.websocket.recv()))  # type: ignore[arg-type]
+                await page.take()
         assert not here.ended.done()
 
 
@@ -167,6 +203,54 @@ async def test_the_station_runs_on_when_its_window_is_closed_and_is_whole_for_th
             await page.until("heron   OFFBOARD")
             await page.until("the data flows from end to end")
             assert here.reported[-1] == "the station is shown to 127.0.0.1"
+
+
+async def test_a_window_that_comes_again_has_the_terminal_again_and_another_does_not_take_it() -> None:
+    async with served() as here, here.page(window="one") as first:
+        await first.until("heron")
+        async with here.page(window="two") as second, here.page(window="one") as again:
+            await second.until("The station is shown in another window.")
+            await again.until("heron   HOLD   disarmed")
+            await first.until("The station is shown in another window.")
+        await first.websocket.close()
+        async with here.page(window="two", was_shown=False) as second:
+            await second.until("The station is shown in another window.")
+
+
+async def test_beats_come_while_nothing_changes_and_a_key_that_is_older_than_3_s_does_nothing() -> None:
+    async with served() as here, here.page() as page:
+        await page.until("heron")
+        first_ms = page.beat_ms
+        await page.wait(lambda: page.beat_ms >= first_ms + 1000.0, "further beats")
+        for beat_ms in (page.beat_ms - 3100.0, page.beat_ms + 1e6, -1.0, "17", None):
+            await page.report("stdin", " ", beat_ms)
+            (age_s,) = await page.message("dropped")
+            assert age_s > 3.0
+        await page.report("hold", page.beat_ms - 3100.0)
+        await page.message("dropped")
+        assert not emergencies(here)
+        await page.press("2")
+        await page.until("the data flows from end to end")
+
+
+async def test_hold_holds_while_typing_and_from_a_window_that_does_not_have_the_terminal() -> None:
+    async with served() as here, here.page() as first:
+        await first.until("heron")
+        await first.press("\x10")
+        await first.until("Search for commands")
+        await first.report("hold", first.beat_ms)
+        await first.message("hold")
+        async with asyncio.timeout(5.0):
+            while not emergencies(here):
+                await asyncio.sleep(0.01)
+        async with here.page() as second:
+            await second.until("The station is shown in another window.")
+            await second.report("hold", second.beat_ms)
+            await second.until("land here")
+            await second.report("hold", second.beat_ms)
+            async with asyncio.timeout(5.0):
+                while len(emergencies(here)) < 2:
+                    await asyncio.sleep(0.01)
 
 
 async def test_that_nobody_looks_at_an_armed_vehicle_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -312,8 +396,9 @@ async def test_the_program_serves_and_ctrl_c_ends_it_while_a_browser_looks(tmp_p
         assert url.startswith("http://127.0.0.1:"), "nobody else is served unless that is asked for"
         assert await status_of(url) == 200
         assert await status_of(f"{url}static/js/textual.js") == 200
-        async with connect(f"{url.replace('http', 'ws')}ws?width=90&height=30") as websocket:
+        async with connect(f"{url.replace('http', 'ws')}ws") as websocket:
             page = Page(websocket, 90, 30)
+            await page.introduce()
             await page.until("Waiting for a platform")
             station.interrupt()
             await asyncio.wait_for(websocket.wait_closed(), 10.0)

@@ -60,6 +60,7 @@ class EmergencyQuestion(ModalScreen[tuple[EmergencyVerb, str] | Action | None]):
 
     BINDINGS = [
         Binding("space", "choose('hold')", "Hold"),
+        Binding("ctrl+@,ctrl+space", "choose('hold')", "Hold", show=False, priority=True),
         Binding("l", "choose('land')", "Land"),
         Binding("r", "come_home", "Return"),
         Binding("d", "type", "Disarm"),

@@ -179,26 +179,24 @@ class LogReader:
             patterns: topics without the platform's name, where `*` is one level; none for all.
         """
         self._unreadable = 0
-        wanted = {identifier for identifier in self._scan.channels if self._is_wanted(identifier, patterns)}
-        infos = {identifier: self.channel(identifier) for identifier in wanted}
+        infos: dict[int, ChannelInfo | None] = {}
         for _, messages in self.chunks():
             for message in messages:
-                if message.channel in wanted:
-                    entry = self._restore(message, infos[message.channel])
-                    if entry is not None:
-                        yield entry
+                identifier = message.channel
+                if identifier not in infos:  # a chunk may describe its channels itself
+                    infos[identifier] = self.channel(identifier) if self._is_wanted(identifier, patterns) else None
+                info = infos[identifier]
+                entry = self._restore(message, info) if info is not None else None
+                if entry is not None:
+                    yield entry
 
     def frames(self) -> Iterator[MavlinkFrame]:
         """The raw MAVLink frames in the order of recording."""
-        links = {
-            identifier: record.metadata
-            for identifier, record in self._scan.channels.items()
-            if record.message_encoding == "mavlink"
-        }
         for _, messages in self.chunks():
             for message in messages:
-                if message.channel in links:
-                    meta = links[message.channel]
+                record = self._scan.channels[message.channel]
+                if record.message_encoding == "mavlink":
+                    meta = record.metadata
                     yield MavlinkFrame(
                         self.seconds(message.log_ns), meta.get("link", ""), meta.get("direction", ""), message.data
                     )

@@ -63,5 +63,7 @@ def recover(source: Path, target: Path, progress: Callable[[float], None] | None
 def _copy_channel(writer: McapWriter, scan: Scan, identifier: int) -> LogChannel:
     record = scan.channels[identifier]
     schema = scan.schemas.get(record.schema_id)
-    described = (schema.name, schema.data) if schema is not None and schema.encoding == "jsonschema" else None
-    return writer.add_channel(record.topic, record.message_encoding, record.metadata, described)
+    if schema is None:
+        return writer.add_channel(record.topic, record.message_encoding, record.metadata)
+    described = (schema.name, schema.data)
+    return writer.add_channel(record.topic, record.message_encoding, record.metadata, described, schema.encoding)

@@ -115,8 +115,7 @@ class Scan:
                 self.gaps.append(Gap(at, found or size, reason))
                 end = found
             at = end
-        if self.gaps:
-            self._summary()
+        self._summary()
 
     def _record(self, at: int) -> int:
         """Takes in the record at an offset; returns where it ends, 0 after the last one, -1 where there is none."""
@@ -166,7 +165,7 @@ class Scan:
                 self.attachments.append(record)
 
     def _summary(self) -> None:
-        """Reads channels and schemas from the end of a finished file whose middle could not be walked."""
+        """Reads the channels and schemas at the end of a finished file: of damaged parts, and of chunks."""
         if not self.is_finished:
             return
         at = int(struct.unpack_from("<Q", self._data, len(self._data) - FOOTER_BYTES + RECORD_HEAD.size)[0])

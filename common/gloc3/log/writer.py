@@ -67,7 +67,7 @@ class McapWriter:
         self._offset = 0
         self._crc = 0
         self._chunk = bytearray()
-        self._schemas: dict[tuple[str, bytes], Schema] = {}
+        self._schemas: dict[tuple[str, bytes, str], Schema] = {}
         self._channels: list[tuple[ChannelRecord, LogChannel]] = []
         self._indexes: dict[Opcode, list[McapRecord]] = {
             Opcode.CHUNK_INDEX: [],
@@ -79,15 +79,22 @@ class McapWriter:
         self._write_record(Header(profile="", library=f"gloc3 {__version__}"))
 
     def add_channel(
-        self, topic: str, encoding: str, metadata: Mapping[str, str], schema: tuple[str, bytes] | None = None
+        self,
+        topic: str,
+        encoding: str,
+        metadata: Mapping[str, str],
+        schema: tuple[str, bytes] | None = None,
+        schema_encoding: str = "jsonschema",
     ) -> LogChannel:
-        """Declares a channel; `schema` is the name and text of a JSON schema."""
+        """Declares a channel; `schema` is the name and text of a schema."""
         identifier = 0
         if schema is not None:
-            record = self._schemas.get(schema)
+            key = (*schema, schema_encoding)
+            record = self._schemas.get(key)
             if record is None:
-                record = Schema(id=len(self._schemas) + 1, name=schema[0], encoding="jsonschema", data=schema[1])
-                self._schemas[schema] = record
+                name, data = schema
+                record = Schema(id=len(self._schemas) + 1, name=name, encoding=schema_encoding, data=data)
+                self._schemas[key] = record
                 self._write_record(record)
             identifier = record.id
         channel = LogChannel(len(self._channels) + 1, topic)

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.writer import Writer
 
 from gloc3.errors import InputError
 from gloc3.log.reader import LogReader
@@ -149,3 +150,28 @@ def test_recovery_makes_a_finished_log_of_what_is_there(file: Path, tmp_path: Pa
         assert recovered.run == damaged.run
         assert report.messages == len(list(damaged.entries())) + 1
         assert recovered.metadata("recovered") == {"lost": "\n".join(report.losses)}
+
+
+@pytest.mark.parametrize("is_cut", [False, True])
+def test_a_log_that_another_program_has_written_anew_is_read_and_recovered_with_its_schemas(
+    file: Path, tmp_path: Path, is_cut: bool
+) -> None:
+    with file.open("wb") as stream:
+        writer = Writer(stream)  # it describes channels in its chunks
+        writer.start()
+        schema = writer.register_schema("pkg/Pose", "ros2msg", b"float64 x")
+        channel = writer.register_channel("pelican/pose", "json", schema, {"platform": "pelican", "type": "Other#1"})
+        for number in range(3):
+            writer.add_message(channel, number, b'{"_t_s":%d,"x":1}' % number, number, number)
+        writer.finish()  # type: ignore[no-untyped-call]
+    data = file.read_bytes()
+    if is_cut:
+        file.write_bytes(data[: Scan(data).chunks[0].end])
+    out = tmp_path / "recovered.mcap"
+    recover(file, out)
+    with LogReader(file, TYPES) as given, LogReader(out, TYPES) as recovered:
+        entries = list(given.entries())
+        assert [entry.envelope.payload for entry in entries] == [{"x": 1}] * 3
+        assert list(recovered.entries()) == entries
+        (kept,) = recovered.scan.schemas.values()
+        assert (kept.name, kept.encoding, kept.data) == ("pkg/Pose", "ros2msg", b"float64 x")

@@ -33,6 +33,8 @@ from gloc3_groundstation.store.event_store import EventStore
 from gloc3_groundstation.store.kept_state import SHOWN, SILENCES, FeedFile, SilenceFile
 from gloc3_groundstation.store.recording import SessionRecording
 
+DESCRIPTIONS: Final = "descriptions"
+"""Folder for descriptions of parameters that vehicles have sent, in that of the records."""
 NOT_IN_FLIGHTS: Final[Mapping[str, str]] = {
     "SessionRecording": "a flight's log already holds both ends; a test may give a folder",
     "FeedFile": "needs a folder that outlives the station; a test may give one",
@@ -93,7 +95,8 @@ class GroundStation:
         self.links: Final = Links(self._link_context(report or self._warn), setup.signing_key)
         self.station.round_trip_s = self.links.round_trip_s
         self.vehicles: Final = Vehicles(self.station, self.links.routes)
-        self.services: Final = ServicesDesk(self.station, self.vehicles.reach, setup.downloads)
+        descriptions = None if setup.record is None else setup.record / DESCRIPTIONS
+        self.services: Final = ServicesDesk(self.station, self.vehicles.reach, setup.downloads, descriptions)
         self._modems: list[Modem] = []
         self._queue: ContactQueue | None = None
         if self._recording is not None:

@@ -19,6 +19,16 @@ _TARGET: Final = (Field("target_system", _BYTE, 0), Field("target_component", _B
 
 _MESSAGES: Final[dict[str, tuple[int, tuple[Field, ...]]]] = {
     "COMMAND_CANCEL": (80, (*_TARGET, Field("command", "uint16_t", 0))),
+    "COMPONENT_INFORMATION": (
+        395,
+        (
+            Field("time_boot_ms", "uint32_t", 0),
+            Field("general_metadata_file_crc", "uint32_t", 0),
+            Field("general_metadata_uri", "char", 100),
+            Field("peripherals_metadata_file_crc", "uint32_t", 0),
+            Field("peripherals_metadata_uri", "char", 100),
+        ),
+    ),
     "COMPONENT_METADATA": (
         397,
         (Field("time_boot_ms", "uint32_t", 0), Field("file_crc", "uint32_t", 0), Field("uri", "char", 100)),

@@ -7,6 +7,7 @@ from typing import Final, Never, TypeAlias
 from gloc3.errors import Refused
 from gloc3.mavlink.message import Address
 from gloc3_groundstation.desk.vehicle_desk import VehicleDesk
+from gloc3_groundstation.services.descriptions.component_metadata import DescriptionCache
 from gloc3_groundstation.services.machines import Wire
 from gloc3_groundstation.services.vehicle import VehicleServices
 from gloc3_groundstation.station.station import Station
@@ -23,17 +24,21 @@ def nowhere(name: str) -> Never:
 class ServicesDesk:
     """The services of all vehicles, each opened when it is first asked for."""
 
-    def __init__(self, station: Station, reach: Reach = nowhere, folder: Path = Path()) -> None:
+    def __init__(
+        self, station: Station, reach: Reach = nowhere, folder: Path = Path(), kept: Path | None = None
+    ) -> None:
         """Creates a desk.
 
         Args:
             station: receives reports of changes on vehicles.
             reach: finds a vehicle.
             folder: for downloads, and base of typed file names.
+            kept: for descriptions of parameters that vehicles have sent; None to keep them in memory.
         """
         self.folder: Final = folder
         self._station = station
         self._reach = reach
+        self._descriptions = DescriptionCache(kept)
         self._desks: dict[tuple[Wire, Address], tuple[VehicleServices, VehicleDesk]] = {}
 
     def vehicle(self, name: str) -> VehicleDesk:
@@ -44,7 +49,7 @@ class ServicesDesk:
         """
         wire, target = self._reach(name)
         if (wire, target) not in self._desks:
-            services = VehicleServices(wire, target)
+            services = VehicleServices(wire, target, self._descriptions)
             self._desks[wire, target] = services, VehicleDesk(self._station, services, self.folder)
         _, desk = self._desks[wire, target]
         desk.name = name

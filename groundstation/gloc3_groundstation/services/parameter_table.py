@@ -9,8 +9,8 @@ import msgspec
 
 from gloc3.errors import Finding, Refused, nearest
 from gloc3.mavlink.services.parameter import Parameter, ParameterType, parameter
+from gloc3_groundstation.services.descriptions.parameter_info import Infos, ParameterInfo, info_of
 from gloc3_groundstation.services.parameter_files import FileParameter, SavedParameters, spell
-from gloc3_groundstation.services.parameter_info import Infos, ParameterInfo, info_of
 
 _NOTHING: Final = ParameterInfo()
 

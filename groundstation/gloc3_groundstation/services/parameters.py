@@ -15,10 +15,12 @@ from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange.base import Unsubscribe
 from gloc3.mavlink.services.parameter import Parameter
 from gloc3.mavlink.services.parameter_client import ParameterCall, ParameterClient, ParameterResult
+from gloc3_groundstation.services.descriptions.component_metadata import MetadataService, NotOffered
+from gloc3_groundstation.services.descriptions.parameter_info import Infos, load_infos, read_infos
+from gloc3_groundstation.services.descriptions.shipped import layered, shipped_infos
 from gloc3_groundstation.services.files import FileService
 from gloc3_groundstation.services.machines import Machines
 from gloc3_groundstation.services.parameter_files import ParameterFormat, load_parameter_file, write_parameter_file
-from gloc3_groundstation.services.parameter_info import Infos, load_infos, read_infos
 from gloc3_groundstation.services.parameter_table import ParameterChange, ParameterDiff, ParameterRow, ParameterTable
 from gloc3_groundstation.services.progress import OnProgress, Quietly
 from gloc3_groundstation.services.snapshot import SnapshotService
@@ -44,14 +46,20 @@ class ParameterService:
     """Reads and sets parameters. `table` holds what is known now; it is replaced at each change."""
 
     def __init__(
-        self, machines: Machines, client: ParameterClient, snapshot: SnapshotService, files: FileService
+        self,
+        machines: Machines,
+        client: ParameterClient,
+        snapshot: SnapshotService,
+        files: FileService,
+        metadata: MetadataService,
     ) -> None:
         self.table = ParameterTable()
         self._machines = machines
         self._client = client
         self._snapshot = snapshot
         self._files = files
-        self._infos: Infos = {}
+        self._metadata = metadata
+        self._own_infos: Infos = {}
         self._listeners: list[Callable[[ParameterTable], None]] = []
         machines.on_event(self._on_event)
 
@@ -82,7 +90,7 @@ class ParameterService:
             self._client.cancel(fetch)
         if fetch.result is not ParameterResult.DONE:
             raise Refused(f"the parameters were not listed: {fetch.result}")
-        self._set_table(ParameterTable.of(fetch.parameters, self._infos, is_complete=True))
+        self._set_table(ParameterTable.of(fetch.parameters, self._infos(), is_complete=True))
         return self.table
 
     async def read(self, name: str) -> ParameterRow:
@@ -189,27 +197,35 @@ class ParameterService:
         return self._use(load_infos(path))
 
     async def fetch_infos(self, on_progress: OnProgress | None = None) -> int:
-        """Reads the description of the parameters from the vehicle itself, if it has one.
+        """Reads the description of the parameters from the vehicle itself: by its component metadata, or from `INFO_PATHS`.
 
         Returns:
             The number of the vehicle's parameters that it describes.
 
         Raises:
-            Refused: the vehicle has no description.
+            Refused: the vehicle has no description, or a damaged one.
             InputError: its description is invalid.
         """
+        try:
+            return self._use(await self._metadata.parameters(on_progress))
+        except NotOffered as error:
+            reason = error
         for path in INFO_PATHS:
             try:
                 data = await self._files.read(path, on_progress)
             except Refused:
                 continue
             return self._use(read_infos(data, path))
-        raise Refused("the vehicle has no description of its parameters; load one from a file")
+        raise Refused(f"{reason}; load a description from a file")
+
+    def _infos(self) -> Infos:
+        snapshot = self._snapshot.snapshot
+        return layered(self._own_infos, shipped_infos(snapshot.firmware, snapshot.vehicle_type))
 
     def _use(self, infos: Infos) -> int:
-        self._infos = infos
-        self._set_table(self.table.with_infos(infos))
-        return sum(bool(row.info.title) for row in self.table)
+        self._own_infos = infos
+        self._set_table(self.table.with_infos(self._infos()))
+        return sum(bool(row.info.title) and not row.info.origin for row in self.table)
 
     async def _finish(self, call: ParameterCall, on_error: str) -> Parameter:
         try:

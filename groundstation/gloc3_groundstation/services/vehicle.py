@@ -10,6 +10,11 @@ from gloc3.mavlink.services.mission_client import MissionClient
 from gloc3.mavlink.services.parameter_client import ParameterClient
 from gloc3_groundstation.services.actions import ActionService
 from gloc3_groundstation.services.calibrations import CalibrationService
+from gloc3_groundstation.services.descriptions.component_metadata import (
+    DescriptionCache,
+    MetadataClient,
+    MetadataService,
+)
 from gloc3_groundstation.services.files import FileService
 from gloc3_groundstation.services.logs import LogService
 from gloc3_groundstation.services.machines import Machines, Wire
@@ -26,18 +31,20 @@ class VehicleServices:
     Args:
         wire: the link to the vehicle.
         target: its autopilot.
+        descriptions: keeps descriptions of parameters that vehicles have sent; None for a cache of its own.
     """
 
-    def __init__(self, wire: Wire, target: Address) -> None:
+    def __init__(self, wire: Wire, target: Address, descriptions: DescriptionCache | None = None) -> None:
         own = wire.own
         commands, parameters, files = MavCommandClient(own), ParameterClient(own), FtpClient(own)
         logs, mission = LogClient(own), MissionClient(own)
         self._snapshots = SnapshotService(own, target, commands)
+        metadata = MetadataClient(own, target)
         meter = FrameRateMeter()
         self.machines: Final = Machines(
             wire,
             target.system,
-            [commands, parameters, files, logs, mission, self._snapshots],
+            [commands, parameters, files, logs, mission, metadata, self._snapshots],
             received=meter.count,
         )
         self.ftp: Final = files
@@ -45,7 +52,20 @@ class VehicleServices:
         self.target: Final = target
         self.files: Final = FileService(self.machines, files, target)
         """The autopilot's files."""
-        self.parameters: Final = ParameterService(self.machines, parameters, self._snapshots, self.files)
+        self.parameters: Final = ParameterService(
+            self.machines,
+            parameters,
+            self._snapshots,
+            self.files,
+            MetadataService(
+                self.machines,
+                commands,
+                metadata,
+                target,
+                files=lambda owner: FileService(self.machines, files, owner),
+                cache=descriptions or DescriptionCache(None),
+            ),
+        )
         self.plans: Final = PlanService(self.machines, mission, self._snapshots)
         self.logs: Final = LogService(self.machines, logs, target, self._snapshots)
         self.calibration: Final = CalibrationService(wire, self.machines, self._snapshots)

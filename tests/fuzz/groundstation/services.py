@@ -5,10 +5,13 @@ import lzma
 from tests.fuzz.common.mavlink import messages_of
 from tests.fuzz.target import fuzz_target, refuses
 
+from gloc3.documents.characters import first_steering
+from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.plan import PlanItem
 from gloc3.mission.formats.plan import read_plan, write_plan
+from gloc3_groundstation.services.descriptions.component_metadata import MetadataFile, read_general
+from gloc3_groundstation.services.descriptions.parameter_info import info_of, read_infos
 from gloc3_groundstation.services.parameter_files import read_parameter_file
-from gloc3_groundstation.services.parameter_info import info_of, read_infos
 from gloc3_groundstation.services.plan_items import PlanParts, from_wire, to_wire
 from gloc3_groundstation.services.snapshot import Firmware
 
@@ -24,17 +27,25 @@ def parameter_file(data: bytes) -> None:
     refuses(whole)
 
 
-@fuzz_target("gloc3_groundstation.services.parameter_info", "xml")
+@fuzz_target("gloc3_groundstation.services.descriptions.parameter_info", "xml")
 def parameter_description(data: bytes) -> None:
     """A firmware's description of its parameters, JSON or XML, packed or not, is used as far as it goes, or refused."""
 
     def whole(given: bytes) -> None:
         infos = read_infos(given, "f")
-        for name in infos:
+        for name, info in infos.items():
             assert info_of(infos, name) is not None
+            assert not any(map(first_steering, (name, info.title, info.description, info.unit, info.group)))
 
     refuses(lambda: whole(data))
     refuses(lambda: whole(lzma.compress(data, preset=0)))
+
+
+@fuzz_target("gloc3_groundstation.services.descriptions.component_metadata")
+def general_metadata(data: bytes) -> None:
+    """A vehicle's general file of metadata names a file of its own, or is refused."""
+    general = MetadataFile(owner=Address(1, 1), path="general.json")
+    refuses(lambda: read_general(data, general))
 
 
 @fuzz_target("gloc3_groundstation.services.plan_items", "gloc3.mission.formats")

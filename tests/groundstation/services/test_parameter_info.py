@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gloc3.errors import InputError
-from gloc3_groundstation.services import parameter_info
-from gloc3_groundstation.services.parameter_info import ParameterInfo, info_of, read_infos
+from gloc3_groundstation.services.descriptions import parameter_info
+from gloc3_groundstation.services.descriptions.parameter_info import ParameterInfo, info_of, read_infos
 
 PX4 = b"""{"version": 1, "parameters": [
  {"name": "NAV_DLL_ACT", "type": "Int32", "shortDesc": "Set data link loss failsafe mode", "group": "Mission",
@@ -84,6 +84,27 @@ def test_what_becomes_huge_when_it_is_unpacked_is_refused(monkeypatch: pytest.Mo
     monkeypatch.setattr(parameter_info, "MAX_BYTES", 1000)
     with pytest.raises(InputError, match="too large"):
         read_infos(lzma.compress(PX4 + b" " * 1000), "x")
+
+
+@pytest.mark.parametrize("letter", ["\x1b", "\u202e", "\u2066", "\x00", "\u200f"])
+def test_no_name_or_text_steers_the_terminal(letter: str) -> None:
+    rows = [
+        {"name": f"A{letter}B", "shortDesc": "hidden"},
+        {"name": "C", "shortDesc": f"x{letter}y", "units": letter, "values": [{"value": 1, "description": letter}]},
+    ]
+    infos = read_infos(msgspec.json.encode({"parameters": rows}), "p")
+    assert list(infos) == ["C"], "a name is refused"
+    assert (infos["C"].title, infos["C"].unit, infos["C"].values[1.0]) == ("x\ufffdy", "\ufffd", "\ufffd")
+    groups = {f"G{letter}": {"D": {"DisplayName": f"x{letter}"}, f"E{letter}": {"DisplayName": "hidden"}}}
+    infos = read_infos(msgspec.json.encode(groups), "p")
+    assert {name: (info.title, info.group) for name, info in infos.items()} == {"D": ("x\ufffd", "G\ufffd")}
+
+
+def test_no_name_in_xml_steers_the_terminal() -> None:
+    text = ARDUPILOT_XML.replace(b"MASK", "MA\u202eSK".encode()).replace(b"RTL Altitude", "RTL \u202eA".encode())
+    infos = read_infos(text, "x")
+    assert sorted(infos) == ["FS_GCS_ENABLE", "RTL_ALT"]
+    assert infos["RTL_ALT"].title == "RTL \ufffdA"
 
 
 json = st.recursive(

@@ -4,8 +4,8 @@ import pytest
 
 from gloc3.errors import Refused
 from gloc3.mavlink.services.parameter import ParameterType, parameter
+from gloc3_groundstation.services.descriptions.parameter_info import ParameterInfo
 from gloc3_groundstation.services.parameter_files import read_parameter_file
-from gloc3_groundstation.services.parameter_info import ParameterInfo
 from gloc3_groundstation.services.parameter_table import DiffKind, ParameterChange, ParameterTable
 
 INFOS = {

@@ -123,6 +123,22 @@ async def test_parameters_are_listed_changed_and_refused(vehicle: tuple[str, int
         assert report.refused == {}
 
 
+async def test_parameters_are_described_by_the_vehicle_or_by_what_is_shipped(vehicle: tuple[str, int]) -> None:
+    style, port = vehicle
+    async with at_hand(port) as (services, _):
+        table = await services.parameters.fetch()
+        row = table[ACTION_PARAMETER[style]]
+        assert "return" in row.info.values.values()
+        assert row.info.origin.startswith(f"GLOC3's table for {FIRMWARES[style]}")
+        if style == "px4":
+            assert await services.parameters.fetch_infos() == len(table)
+            assert services.parameters.table[row.name].info.origin == ""
+            assert services.parameters.table["COM_DL_LOSS_T"].info.unit == "s"
+        else:
+            with pytest.raises(Refused, match="offers no component metadata"):
+                await services.parameters.fetch_infos()
+
+
 async def test_a_plan_is_uploaded_verified_downloaded_and_cleared(vehicle: tuple[str, int], tmp_path: Path) -> None:
     async with at_hand(vehicle[1]) as (services, _):
         seen: list[JobProgress] = []

@@ -10,7 +10,8 @@ import pytest
 from gloc3.mavlink.codec import message
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.services.files.ftp import checksum
-from gloc3_sitl.autopilot.mavlink.events import GENERAL, EventKind, EventLevel, EventSender
+from gloc3_sitl.autopilot.mavlink.events import EventKind, EventLevel, EventSender
+from gloc3_sitl.autopilot.mavlink.metadata import GENERAL
 from gloc3_sitl.autopilot.modes import Result
 
 from .bench import ARM, Bench
@@ -153,8 +154,10 @@ def test_the_metadata_names_every_event_and_the_modes_of_each_bit() -> None:
     told = bench.last("COMPONENT_METADATA")
     assert told.uri == f"mftp://{GENERAL}"
     general = unpacked(bench, told.uri, told.file_crc)
-    (row,) = general["metadataTypes"]
-    described = unpacked(bench, row["uri"], row["fileCrc"])["components"]["1"]
+    rows = {row["type"]: row for row in general["metadataTypes"]}
+    parameters = unpacked(bench, rows[1]["uri"], rows[1]["fileCrc"])["parameters"]
+    assert {row["name"] for row in parameters} == set(bench.sim.autopilot.parameters)
+    described = unpacked(bench, rows[4]["uri"], rows[4]["fileCrc"])["components"]["1"]
     numbers = {int(number) for group in described["event_groups"].values() for number in group["events"]}
     assert {event.id_ & 0xFFFFFF for event in events(bench)} <= numbers
     assert described["navigation_mode_groups"]["groups"]["4"] == [4 << 16 | 3 << 24]

@@ -3,11 +3,11 @@
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final, TypeVar
-from unicodedata import bidirectional, category
 
 from msgspec import structs
 
 from gloc3.documents import schema
+from gloc3.documents.characters import first_steering
 from gloc3.documents.document import Document, Where, load_bytes, parse
 from gloc3.documents.yaml_nodes import YamlNode
 from gloc3.errors import Finding, InputError, Refused, nearest
@@ -45,9 +45,6 @@ Item = TypeVar("Item", bound=ItemFile)
 
 _ACTION_KEYS: Final = ActionFile.__struct_fields__
 _POSITION_KEYS: Final = ("polygon", "waypoints", "position", "at", "center", "area", "wall", "to")
-_CONTROL_CATEGORIES: Final = ("Cc", "Zl", "Zp")
-_DIRECTION_CONTROLS: Final = ("LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI")
-"""Bidirectional classes of Unicode (UAX 9) that change the order of the text around them."""
 _EARTH: Final = GeoPoint(0.0, 0.0, 0.0)
 
 
@@ -193,11 +190,10 @@ def _name_findings(document: Document) -> Iterator[Finding]:
     """Names with characters that steer a terminal or reverse text; tasks and actions have a pattern of their own."""
     for key in ("mission", "frame"):
         name = document.value.get(key)
-        for letter in name if isinstance(name, str) else "":
-            if category(letter) in _CONTROL_CATEGORIES or bidirectional(letter) in _DIRECTION_CONTROLS:
-                message = f"the name has the control character U+{ord(letter):04X}"
-                yield document.finding((key,), message, "leave it out")
-                break
+        letter = first_steering(name) if isinstance(name, str) else ""
+        if letter:
+            message = f"the name has the control character U+{ord(letter):04X}"
+            yield document.finding((key,), message, "leave it out")
 
 
 def _tasks(

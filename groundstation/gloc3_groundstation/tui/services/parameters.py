@@ -182,7 +182,7 @@ class ParametersPane(ServicePane):
         vehicle = self.vehicle
         if vehicle is None:
             return
-        hint = "parameters.json or apm.pdef.xml; empty: from the vehicle (PX4)"
+        hint = "parameters.json or apm.pdef.xml; empty: from the vehicle"
         self.prompt(
             "describe the parameters",
             lambda text: vehicle.parameters.describe(vehicle.path(text) if text.strip() else None),

@@ -5,20 +5,17 @@ Wire format, numbers and metadata are those of libevents; the words are ours.
 
 from __future__ import annotations
 
-import lzma
 from collections import deque
 from collections.abc import Mapping
 from enum import IntEnum
 from struct import pack
 from typing import Any, Final, NamedTuple, Never
 
-import msgspec
-
 from gloc3.mavlink.codec import message as make
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.service import Microservice
-from gloc3.mavlink.services.files.ftp import checksum
 from gloc3_sitl.autopilot.autopilot import Autopilot
+from gloc3_sitl.autopilot.mavlink.metadata import packed
 
 _ARGUMENT_BYTES: Final = 40
 _FIRST_SEQUENCE: Final = 65525
@@ -140,10 +137,7 @@ class EventSender(Microservice[Never]):
 
 # -- metadata ---------------------------------------------------------------------------------------------------------
 
-GENERAL: Final = "etc/extras/component_general.json.xz"
-_EVENTS: Final = "etc/extras/all_events.json.xz"
-_EVENTS_TYPE: Final = 4
-"""COMP_METADATA_TYPE_EVENTS."""
+EVENTS: Final = "etc/extras/all_events.json.xz"
 _SUMMARIES: Final[Mapping[EventKind, tuple[tuple[str, str], ...]]] = {
     ARMING_SUMMARY: (
         ("chunk_idx", "uint8_t"),
@@ -162,8 +156,8 @@ _SUMMARIES: Final[Mapping[EventKind, tuple[tuple[str, str], ...]]] = {
 _CHECK_ARGUMENTS: Final = (("modes", "navigation_mode_group_t"), ("health_component_index", "uint8_t"))
 
 
-def metadata_files(mode_groups: Mapping[int, tuple[str, int]], components: Mapping[int, str]) -> dict[str, bytes]:
-    """The metadata files of the events, by path.
+def metadata_file(mode_groups: Mapping[int, tuple[str, int]], components: Mapping[int, str]) -> bytes:
+    """The metadata file of the events.
 
     Args:
         mode_groups: name and custom mode by the place of its bit in `navigation_mode_group_t`.
@@ -189,18 +183,12 @@ def metadata_files(mode_groups: Mapping[int, tuple[str, int]], components: Mappi
         "navigation_mode_groups": {"groups": {str(bit): [custom] for bit, (_, custom) in mode_groups.items()}},
         "supported_protocols": ["health_and_arming_check"],
     }
-    events = _packed({"version": 2, "components": {"1": own}})
-    types = [{"type": _EVENTS_TYPE, "uri": f"mftp://{_EVENTS}", "fileCrc": checksum([events])}]
-    return {_EVENTS: events, GENERAL: _packed({"version": 1, "metadataTypes": types})}
+    return packed({"version": 2, "components": {"1": own}})
 
 
 def _bits(names: Mapping[int, str]) -> dict[str, Any]:
     entries = {str(1 << bit): {"name": name, "description": name} for bit, name in names.items()}
     return {"type": "uint32_t", "description": "bits", "is_bitfield": True, "entries": entries}
-
-
-def _packed(content: object) -> bytes:
-    return lzma.compress(msgspec.json.encode(content), lzma.FORMAT_XZ, lzma.CHECK_CRC32)
 
 
 # -- health and arming report --------------------------------------------------------------------------------------------
@@ -261,8 +249,8 @@ class HealthReporter:
         self._sent_s = -_PERIOD_S
         self._sent: Report | None = None
         groups = {_BITS[mode.name]: (mode.name, mode.custom_mode) for mode in commander.style.modes}
-        self.files: Final = metadata_files(groups, _COMPONENTS)
-        """Metadata of the events, by path."""
+        self.metadata: Final = metadata_file(groups, _COMPONENTS)
+        """Metadata of the events."""
         commander.on_arming_refused = self._refused
 
     def tick(self, now_s: float) -> None:

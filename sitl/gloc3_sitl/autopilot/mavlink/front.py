@@ -5,14 +5,13 @@ from typing import Any, Final
 
 from gloc3.errors import Refused
 from gloc3.mavlink import codec
-from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.mavlink.message import Address
 from gloc3.mavlink.node import MavlinkComponent
 from gloc3.mavlink.parser import Frame
 from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_client import CommandCall, MavCommandClient
 from gloc3.mavlink.services.command_server import MavCommandRequest, MavCommandServer
-from gloc3.mavlink.services.files.ftp import checksum
 from gloc3.mavlink.services.files.ftp_server import FtpServer
 from gloc3.mavlink.services.files.log_server import LogServer
 from gloc3.mavlink.services.heartbeat import Heartbeat
@@ -24,9 +23,16 @@ from gloc3_sitl.autopilot.autopilot import Autopilot
 from gloc3_sitl.autopilot.craft import HomePosition
 from gloc3_sitl.autopilot.mavlink import commands
 from gloc3_sitl.autopilot.mavlink.context import FrontContext
-from gloc3_sitl.autopilot.mavlink.events import GENERAL, EventSender, HealthReporter
+from gloc3_sitl.autopilot.mavlink.events import EVENTS, EventSender, HealthReporter
 from gloc3_sitl.autopilot.mavlink.links import UARTS_BYTES, UARTS_FILE, LinkKind, Receive, Send, uarts
 from gloc3_sitl.autopilot.mavlink.listeners import LISTENERS
+from gloc3_sitl.autopilot.mavlink.metadata import (
+    GENERAL,
+    PARAMETERS,
+    general_file,
+    metadata_message,
+    parameters_file,
+)
 from gloc3_sitl.autopilot.mavlink.parameter_sync import (
     PACKED_BYTES_EACH,
     PACKED_FILE,
@@ -35,7 +41,6 @@ from gloc3_sitl.autopilot.mavlink.parameter_sync import (
     queried_parameters,
 )
 from gloc3_sitl.autopilot.mavlink.plan_sync import PlanSync
-from gloc3_sitl.autopilot.mavlink.units import boot_ms
 from gloc3_sitl.autopilot.modes import Result
 from gloc3_sitl.autopilot.onboard_files import OnboardFiles
 from gloc3_sitl.autopilot.verdict import RequestVerdict
@@ -100,25 +105,21 @@ class Front:
         autopilot.on_outer.append(self.tick)
 
     def _serve_files(self) -> None:
-        """Serves the style's generated files: PX4's event metadata, ArduPilot's virtual files."""
+        """Serves the style's generated files: PX4's metadata, ArduPilot's virtual files."""
         context, autopilot = self.context, self.autopilot
         if autopilot.style.reports_by_event:
             context.health = HealthReporter(autopilot, self._events)
-            for path, content in context.health.files.items():
+            files = {EVENTS: context.health.metadata, PARAMETERS: parameters_file(autopilot.parameters)}
+            files[GENERAL] = general_file(EVENTS, files)
+            for path, content in files.items():
                 self.files.serve(path, partial(bytes, content))
-            context.offer("COMPONENT_METADATA", self._metadata)
+            context.offer("COMPONENT_METADATA", partial(metadata_message, general=files[GENERAL]))
             return
         parameters, links = autopilot.parameters, context.router.links
         packed = partial(packed_parameters, parameters)
         queried = partial(queried_parameters, parameters)
         self.files.serve(PACKED_FILE, packed, lambda: PACKED_BYTES_EACH * len(parameters), queried)
         self.files.serve(UARTS_FILE, partial(uarts, links), lambda: UARTS_BYTES)
-
-    def _metadata(self, autopilot: Autopilot) -> MavlinkMessage:
-        crc = checksum([self.files.read(GENERAL, 0, self.files.size(GENERAL))])
-        return codec.message(
-            "COMPONENT_METADATA", time_boot_ms=boot_ms(autopilot), file_crc=crc, uri=f"mftp://{GENERAL}"
-        )
 
     def _services(self) -> tuple[Microservice[Any], ...]:
         own = self.context.own

@@ -11,9 +11,9 @@ from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEnt
 from gloc3_groundstation.desk.parameter_desk import judge
 from gloc3_groundstation.desk.plan_desk import PlanDesk, PlanFile
 from gloc3_groundstation.desk.service_jobs import JobOutcome, ServiceJob, ServiceKind
+from gloc3_groundstation.services.descriptions.parameter_info import read_infos
 from gloc3_groundstation.services.logs import LogLine
 from gloc3_groundstation.services.parameter_files import read_parameter_file
-from gloc3_groundstation.services.parameter_info import read_infos
 from gloc3_groundstation.services.parameter_table import ParameterTable
 from gloc3_groundstation.services.plans import PlanService
 from gloc3_groundstation.services.rates import RateRow, RateTable

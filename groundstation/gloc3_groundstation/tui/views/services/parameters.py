@@ -116,6 +116,8 @@ def parameter_lines(row: ParameterRow | None, width: int) -> list[Line]:
         lines += [(Span(f" {text}", Tone.BUSY),) for text in wrapped(", ".join(choices), width - 2)]
     if info.description and info.description != info.title:
         lines += [(Span(f" {text}", Tone.DIM),) for text in wrapped(info.description, width - 2)]
+    if info.origin:
+        lines.append((Span(f" by {info.origin}; i takes the vehicle's own description", Tone.DIM),))
     return lines
 
 

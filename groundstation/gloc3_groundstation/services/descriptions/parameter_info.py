@@ -8,11 +8,12 @@ import lzma
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeGuard
 from xml.etree import ElementTree as ET
 
 import msgspec
 
+from gloc3.documents.characters import first_steering, harmless
 from gloc3.documents.document import load_bytes
 from gloc3.errors import UNREADABLE, Finding, InputError
 
@@ -39,6 +40,8 @@ class ParameterInfo(msgspec.Struct, frozen=True, kw_only=True):
     group: str = ""
     is_read_only: bool = False
     needs_restart: bool = False
+    origin: str = ""
+    """Who describes it, where that is not the vehicle's own firmware."""
 
 
 Infos = Mapping[str, ParameterInfo]
@@ -56,11 +59,12 @@ def load_infos(path: Path) -> Infos:
 def read_infos(data: bytes, file: str) -> Infos:
     """Reads a firmware's description of its parameters, packed or not.
 
+    A parameter whose name has control characters is left out; in texts, each is replaced.
+
     Raises:
         InputError: it is none.
     """
-    if data.startswith(_XZ):
-        data = _unpack(data, file)
+    data = unpack(data, file)
     begin = data.lstrip()[:1]
     if begin == b"<":
         return dict(_read_xml(data, file))
@@ -69,7 +73,14 @@ def read_infos(data: bytes, file: str) -> Infos:
     raise _refused(file, "this is no description of parameters", "choose parameters.json or apm.pdef.xml")
 
 
-def _unpack(data: bytes, file: str) -> bytes:
+def unpack(data: bytes, file: str) -> bytes:
+    """A file as it is, or unpacked where it is packed with xz.
+
+    Raises:
+        InputError: it cannot be unpacked, or becomes too large.
+    """
+    if not data.startswith(_XZ):
+        return data
     unpacker = lzma.LZMADecompressor(memlimit=256_000_000)
     try:
         unpacked = unpacker.decompress(data, MAX_BYTES)
@@ -92,13 +103,13 @@ def _read_json(data: bytes, file: str) -> Iterator[tuple[str, ParameterInfo]]:
     for group, rows in value.items():  # ArduPilot: groups of names
         if isinstance(rows, dict):
             for name, row in rows.items():
-                if isinstance(row, dict):
+                if isinstance(row, dict) and _is_name(name):
                     yield name, _ardupilot(group, row)
 
 
 def _px4(row: dict[str, Any]) -> tuple[str, ParameterInfo] | None:
     name = row.get("name")
-    if not isinstance(name, str):
+    if not _is_name(name):
         return None
     values = [one for one in _rows(row.get("values")) if _number(one.get("value")) is not None]
     bits = [one for one in _rows(row.get("bitmask")) if isinstance(one.get("index"), int)]
@@ -134,7 +145,7 @@ def _ardupilot(group: str, row: Mapping[str, Any]) -> ParameterInfo:
         increment=_number(row.get("Increment")),
         values={number: text for number, text in numbered if number is not None},
         bits={int(number): text for number, text in flags if number is not None},
-        group=group,
+        group=_text(group),
         is_read_only=_text(row.get("ReadOnly")).lower() == "true",
         needs_restart=_text(row.get("RebootRequired")).lower() == "true",
     )
@@ -163,7 +174,7 @@ def _read_xml(data: bytes, file: str) -> Iterator[tuple[str, ParameterInfo]]:
                 "Bitmask": {one.get("code", ""): one.text for one in param.iter("bit")},
             }
             row |= {one.get("name", ""): one.text for one in param.findall("field") if one.get("name") != "Bitmask"}
-            if name:
+            if _is_name(name):
                 yield name, _ardupilot(group.get("name", ""), row)
 
 
@@ -182,8 +193,12 @@ def _rows(value: Any) -> list[dict[str, Any]]:
     return [one for one in value if isinstance(one, dict)] if isinstance(value, list) else []
 
 
+def _is_name(value: Any) -> TypeGuard[str]:
+    return isinstance(value, str) and value != "" and not first_steering(value)
+
+
 def _text(value: Any) -> str:
-    return value.strip() if isinstance(value, str) else ""
+    return harmless(value.strip()) if isinstance(value, str) else ""
 
 
 def _number(value: Any) -> float | None:

@@ -29,7 +29,7 @@ from gloc3_groundstation.services.progress import OnProgress
 
 ANSWER_S: Final = 5.0
 """Longest time for a vehicle to name its general file."""
-_ASKED: Final = ("COMPONENT_METADATA", "COMPONENT_INFORMATION")
+_MESSAGES: Final = ("COMPONENT_METADATA", "COMPONENT_INFORMATION")
 _PARAMETERS: Final = 1
 """COMP_METADATA_TYPE_PARAMETER."""
 _URI: Final = re.compile(r"mftp://(?:\[;comp=(\d{1,3})\])?(.+)")
@@ -105,7 +105,7 @@ def read_general(data: bytes, general: MetadataFile) -> MetadataFile:
 class MetadataClient(Microservice[Never]):
     """Receives where a vehicle's general file is."""
 
-    handles = frozenset(_ASKED)
+    handles = frozenset(_MESSAGES)
 
     def __init__(self, own: Address, target: Address) -> None:
         super().__init__(own)
@@ -188,15 +188,15 @@ class MetadataService:
             Refused: it has none that can be read; with the reason.
             InputError: its description is invalid.
         """
-        for name in _ASKED:
-            named = await self._ask(name)
+        for name in _MESSAGES:
+            named = await self._request(name)
             if named is not None:
                 general = read_uri(named[0], self._target, named[1])
                 found = read_general(await self._read(general, on_progress), general)
                 return read_infos(await self._read(found, on_progress), found.path)
         raise NotOffered("the vehicle offers no component metadata")
 
-    async def _ask(self, name: str) -> tuple[str, int] | None:
+    async def _request(self, name: str) -> tuple[str, int] | None:
         """Asks for a message, and waits for it or for a refusal."""
         self._client.named = None
         machines = self._machines
@@ -222,7 +222,7 @@ class MetadataService:
             data = await self._files(file.owner).read(file.path, on_progress)
             if file.crc:
                 if (crc := checksum([data])) != file.crc:
-                    told = f"its CRC-32 is {crc:08x}, and the vehicle says {file.crc:08x}"
-                    raise Refused(f"{file.path} is damaged: {told}; fetch it again")
+                    difference = f"its CRC-32 is {crc:08x}, and the vehicle says {file.crc:08x}"
+                    raise Refused(f"{file.path} is damaged: {difference}; fetch it again")
                 self._cache.keep(file.crc, data)
         return data

@@ -92,8 +92,8 @@ class VehicleSide:
         authority = ArmAuthority(exchange, name)
         parts.add("arm authority", authority, authority.close)
 
-        def autopilot_reports(severity: Severity, text: str) -> None:
-            events.report(severity, text)
+        def autopilot_reports(severity: Severity, text: str, /, *, cause: str = "") -> None:
+            events.report(severity, text, cause=cause)
             if severity > Severity.WARNING:  # below, the event is narrated
                 inputs.report(severity, text)
 

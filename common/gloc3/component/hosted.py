@@ -20,6 +20,7 @@ from gloc3.component.outlets import KEY, Outlets, Routed
 from gloc3.component.workers import JobQueue, guard
 from gloc3.exchange.base import Publisher, Unsubscribe
 from gloc3.messages.envelope import ComponentStatus, Envelope, Event, InternalState, Kind, Message, Severity
+from gloc3.messages.summaries import component_cause
 
 HUNG: Final = "hung"
 """First word of the cause of a component whose cycle has not ended."""
@@ -261,7 +262,7 @@ class HostedComponent:
             self._is_stuck = True
         if methods or is_exhausted:
             self._clean_up(methods, is_let_go=is_exhausted)
-        self.event(Severity.ERROR, f"{was} -> faulty: {cause}", trace)
+        self.event(Severity.ERROR, f"{was} -> faulty: {cause}", trace, cause=component_cause(self.row.name))
         self._notifier.changed()
 
     def _memory_cause(self) -> str:
@@ -322,9 +323,9 @@ class HostedComponent:
         """Publishes on one of the topics that every component has."""
         self._publisher.publish(self._base + topic, message, self._loop.time())
 
-    def event(self, severity: Severity, text: str, details: str = "") -> None:
+    def event(self, severity: Severity, text: str, details: str = "", *, cause: str = "") -> None:
         """Tells something that happened once."""
-        self.publish("event", Event(severity=severity, text=text, details=details))
+        self.publish("event", Event(severity=severity, text=text, details=details, cause=cause))
 
     def _report_status(self, is_periodic: bool) -> None:
         if is_periodic:

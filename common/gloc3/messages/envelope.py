@@ -151,6 +151,8 @@ class Event(Message, frozen=True):
     text: str
     details: str = ""
     """More lines, such as a traceback."""
+    cause: str = ""
+    """What it follows from, as a `gloc3.messages.summaries.Cause`; empty for what stands for itself."""
 
 
 class InternalState(Message, frozen=True):

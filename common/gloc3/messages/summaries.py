@@ -29,6 +29,24 @@ def health_of(state: State | None) -> Health:
     return Health.ABSENT if state is None else Health(state.value)
 
 
+class Cause(StrEnum):
+    """Causes of trouble that platforms and stations name alike: what follows from one carries its name."""
+
+    LINK = "link"
+    """Nothing is received of the vehicle: its link is down, or its process has stalled."""
+    AUTOPILOT = "autopilot"
+    BATTERY = "battery"
+    POSITION = "position"
+    PILOT = "pilot"
+    FAILSAFE = "failsafe"
+    EMERGENCY = "emergency"
+
+
+def component_cause(name: str) -> str:
+    """Name of the cause that a component is faulty or absent."""
+    return f"component {name}"
+
+
 class ComponentLine(msgspec.Struct, frozen=True, array_like=True):
     """One component in the summary, at most 16 bytes on the wire; after the state, the values of `ROW_FIELDS`."""
 
@@ -186,6 +204,8 @@ class CiEvent(Message, frozen=True):
     """Counts all events of a platform, over its restarts; 0 where they are not kept."""
     store: int = 0
     """Identifies the numbering: a platform that has lost its stored events starts a new one."""
+    cause: str = ""
+    """What it follows from, such as a `Cause`: events with one cause are one alert; empty for what stands for itself."""
 
 
 class ContactSummary(Message, frozen=True):

@@ -8,6 +8,7 @@ from typing import Final
 from gloc3.errors import Gloc3Error
 from gloc3.messages.command_interface import EmergencyVerb, Verb
 from gloc3.messages.envelope import Severity
+from gloc3.messages.summaries import Cause
 from gloc3.mission.model.states import ENDED, ActionState, allowed
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.desk.autopilot_desk import AutopilotDesk
@@ -101,7 +102,7 @@ class Desk:
     def alerts(self) -> Alerts:
         """The current alerts."""
         before, self._alerts = self._alerts, alerts.update(self._alerts, self.station.fleet, self.station.now_s())
-        for alert in alerts.began(self._alerts, before, alerts.LINK):  # of all else the vehicle itself tells an event
+        for alert in alerts.began(self._alerts, before, Cause.LINK):  # of all else the vehicle itself tells an event
             self.station.note(alert.platform, Severity.NOTICE, alert.text)
         return self._alerts
 

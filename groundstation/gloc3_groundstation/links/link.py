@@ -30,8 +30,10 @@ MOST_LOCKED: Final = 16
 Tap = Callable[[bytes], None]
 """Called with every raw frame of a link, in and out."""
 
-ECHO_S: Final = 3.0
-"""Age up to which a frame of ours that comes back is an echo, s."""
+ECHO_S: Final = 30.0
+"""Age up to which a frame of ours that comes back is an echo, s: a router that has stalled brings it back late."""
+DOUBLED_S: Final = 2.0
+"""For how long frames in our name that are not ours have to come, with gaps no longer, until another station is reported, s."""
 MOST_SENT: Final = 512
 Report = Callable[[str], None]
 """Called with text about a link for users."""
@@ -130,6 +132,8 @@ class StationLinkCore:
         self._peers = MavlinkPeers(own)
         self._node = MavlinkComponent(own, [Heartbeat(own, vehicle_type=enums.MAV_TYPE_GCS), self._peers])
         self._has_reported_double = False
+        self._doubled_s = (0.0, float("-inf"))
+        """When frames in our name that are not ours began to come, and when the last one came."""
         self._locked: set[int] = set()
         self._gaps = Gaps()
         self._context, self._url = context, settings.url
@@ -174,7 +178,7 @@ class StationLinkCore:
                     self._tunnel.receive(message, frame.sender)
             elif frame.sender == self._own:
                 if not self._context.sent.has(frame.raw, now_s):
-                    self._is_doubled()
+                    self._receive_double(now_s)
             else:
                 self._node.receive(frame, now_s)
                 for listener in tuple(self._listeners):
@@ -289,8 +293,11 @@ class StationLinkCore:
                 "see --signing-key"
             )
 
-    def _is_doubled(self) -> None:
-        if not self._has_reported_double:
+    def _receive_double(self, now_s: float) -> None:
+        """Reports another station of our address, which sends heartbeats; not a burst of frames that were held up."""
+        first_s, last_s = self._doubled_s
+        self._doubled_s = first_s, _ = (now_s if now_s - last_s > DOUBLED_S else first_s), now_s
+        if now_s - first_s >= DOUBLED_S and not self._has_reported_double:
             self._has_reported_double = True
             system = self._own.system
             self._report(f"another station is {system}, too; see --station-id")

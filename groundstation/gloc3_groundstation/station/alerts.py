@@ -1,8 +1,8 @@
 """Alerts for the operator: active causes and warnings, each kept until acknowledged and over.
 
 An active cause (a faulty component, an empty battery, a silent link) is an alert until it is over and acknowledged. A
-warning sent by a platform is over immediately, and is removed when it is acknowledged. An alert that gets worse has to
-be acknowledged again.
+warning sent by a platform is over immediately, and is removed when it is acknowledged. Warnings that follow from one
+cause are consequences in its alert. An alert that gets worse, or has a new consequence, has to be acknowledged again.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from gloc3.messages.envelope import Severity
 from gloc3.messages.preflight import Verdict
 from gloc3.messages.software import Software, compared
-from gloc3.messages.summaries import Health
+from gloc3.messages.summaries import Cause, Health, component_cause
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.snapshots import HEALTHS, Fleet, FleetEvent, PlatformSnapshot
 
@@ -26,8 +26,8 @@ SETTLE_S: Final = 5.0
 """Delay before the link and missing parts of a new or restarted platform are evaluated, s."""
 ANSWERED_S: Final = 10.0
 """How long a refusal of the operator's request is shown, s."""
-LINK: Final = "link"
-"""Name of the cause of a silent vehicle."""
+MOST_CONSEQUENCES: Final = 5
+"""The last ones are kept."""
 LABELS: Final = "event "
 """Prefix of the names of alerts from warnings."""
 _WELL: Final = frozenset(n for n, health in enumerate(HEALTHS) if health not in (Health.FAULTY, Health.ABSENT))
@@ -62,6 +62,10 @@ class Alert(msgspec.Struct, frozen=True, kw_only=True):
     is_acknowledged: bool = False
     count: int = 1
     """Number of occurrences."""
+    consequences: tuple[str, ...] = ()
+    """What followed from it, in a few words each, in order."""
+    is_condition: bool = True
+    """Whether it is or was an active cause; False while there are only warnings."""
 
     @property
     def key(self) -> tuple[str, str]:
@@ -71,7 +75,12 @@ class Alert(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def is_cleared(self) -> bool:
         """Whether it was a cause that is over; false for a warning, which is always over."""
-        return self.is_over and not self.what.startswith(LABELS)
+        return self.is_over and self.is_condition
+
+    @property
+    def story(self) -> str:
+        """Its text, and what followed from it."""
+        return "; ".join([self.text, *self.consequences])
 
 
 TWO_OF_ONE_NAME: Final = (
@@ -122,8 +131,8 @@ def update(alerts: Alerts, fleet: Fleet, now_s: float) -> Alerts:
     for event in fleet.events_after(alerts.events_seen):
         if event.severity > Severity.WARNING or is_answer(event):
             continue
-        if (event.platform, f"component {event.source}") not in standing:
-            alert = _text(found.get((event.platform, _what(event))), event)
+        if (event.platform, component_cause(event.source)) not in standing:
+            alert = _warned(found.get((event.platform, _what(event))), event)
             found[alert.key] = alert
     for key, alert in list(found.items()):
         if key in standing:
@@ -168,7 +177,9 @@ def causes(fleet: Fleet, now_s: float) -> Iterator[AlertCause]:
             text = _silence(
                 is_flying=platform.is_armed, has_companion=platform.has_companion, is_overdue=platform.is_overdue(now_s)
             )
-            yield AlertCause(platform.name, LINK, Severity.CRITICAL if platform.is_armed else Severity.ERROR, text)
+            yield AlertCause(
+                platform.name, Cause.LINK, Severity.CRITICAL if platform.is_armed else Severity.ERROR, text
+            )
             continue
         if platform.table is not None and platform.table.version:
             ends = compared("versions", Software(platform.table.version, platform.table.protocol), "onboard")
@@ -200,16 +211,16 @@ def _vehicle_causes(platform: PlatformSnapshot, now_s: float, *, is_settled: boo
         is_critical = vehicle.battery_percent <= BATTERY_CRITICAL_PERCENT
         limit = BATTERY_CRITICAL_PERCENT if is_critical else BATTERY_LOW_PERCENT
         severity = Severity.CRITICAL if is_critical else Severity.WARNING
-        yield AlertCause(name, "battery", severity, f"battery at or below {limit} %")
+        yield AlertCause(name, Cause.BATTERY, severity, f"battery at or below {limit} %")
     if is_settled and not vehicle.is_autopilot_connected:
         text = "no autopilot: the companion receives nothing from it; check its cable, and gloc3 onboard --autopilot"
-        yield AlertCause(name, "autopilot", Severity.CRITICAL, text)
+        yield AlertCause(name, Cause.AUTOPILOT, Severity.CRITICAL, text)
     if is_settled and vehicle.has_pilot_control:
         advice = "to take it back" if vehicle.is_failsafe else "when the vehicle is handed back"
         text = f"{wording.controller(vehicle)} has control; resume {advice}"
-        yield AlertCause(name, "failsafe" if vehicle.is_failsafe else "pilot", Severity.WARNING, text)
+        yield AlertCause(name, Cause.FAILSAFE if vehicle.is_failsafe else Cause.PILOT, Severity.WARNING, text)
     if is_settled and vehicle.is_armed and not vehicle.is_pose_valid and platform.has_companion:
-        yield AlertCause(name, "position", Severity.CRITICAL, "armed without a valid position")
+        yield AlertCause(name, Cause.POSITION, Severity.CRITICAL, "armed without a valid position")
 
 
 def _component_causes(platform: PlatformSnapshot, *, is_settled: bool) -> Iterator[AlertCause]:
@@ -226,11 +237,13 @@ def _component_causes(platform: PlatformSnapshot, *, is_settled: bool) -> Iterat
         problem = platform.troubles.get(row.name)
         cause = f": {problem.cause.strip().splitlines()[-1]}" if problem and problem.cause.strip() else ""
         severity = Severity.ERROR if row.is_required else Severity.WARNING
-        yield AlertCause(platform.name, f"component {row.name}", severity, f"{row.name} is {health}{cause}")
+        yield AlertCause(platform.name, component_cause(row.name), severity, f"{row.name} is {health}{cause}")
 
 
 def _standing(alert: Alert | None, cause: AlertCause, now_s: float) -> Alert:
     """Alert of an active cause; one that is new, has returned or got worse is not acknowledged."""
+    if alert is not None and not alert.is_condition:
+        return _confirmed(alert, cause)
     if alert is None or alert.is_over:
         count = alert.count + 1 if alert is not None else 1
         return Alert(
@@ -248,22 +261,57 @@ def _standing(alert: Alert | None, cause: AlertCause, now_s: float) -> Alert:
     )
 
 
-def _text(alert: Alert | None, event: FleetEvent) -> Alert:
-    """Alert of a warning that was received, perhaps repeatedly."""
-    return Alert(
-        platform=event.platform,
-        what=_what(event),
-        severity=event.severity,
-        text=f"{event.source}: {event.text}" if event.source else event.text,
-        since_s=alert.since_s if alert else event.received_s,
-        last_s=event.received_s,
-        is_over=True,
-        count=alert.count + 1 if alert else 1,
+def _confirmed(alert: Alert, cause: AlertCause) -> Alert:
+    """Alert of a cause of which warnings came first."""
+    own = alert.what == component_cause(alert.text.partition(":")[0])  # the component itself said that it is faulty
+    first = () if own else (_briefly(alert.text.partition(": ")[2]),)
+    return replace(
+        alert,
+        severity=min(alert.severity, cause.severity),
+        text=cause.text,
+        consequences=_bounded_words((*first, *alert.consequences)),
+        is_over=False,
+        is_condition=True,
     )
 
 
+def _warned(alert: Alert | None, event: FleetEvent) -> Alert:
+    """Alert of a warning that was received, perhaps repeatedly, or as the consequence of another one."""
+    text = f"{event.source}: {event.text}" if event.source else event.text
+    if alert is None or (text == alert.text and alert.is_over):
+        return Alert(
+            platform=event.platform,
+            what=_what(event),
+            severity=event.severity,
+            text=text,
+            since_s=alert.since_s if alert else event.received_s,
+            last_s=event.received_s,
+            is_over=True,
+            count=alert.count + 1 if alert else 1,
+            is_condition=False,
+        )
+    brief = _briefly(event.text)
+    is_known = brief in alert.consequences
+    return replace(
+        alert,
+        severity=min(alert.severity, event.severity),
+        last_s=event.received_s if alert.is_over else alert.last_s,
+        consequences=alert.consequences if is_known else _bounded_words((*alert.consequences, brief)),
+        is_acknowledged=alert.is_acknowledged and is_known,
+    )
+
+
+def _briefly(text: str) -> str:
+    """`policy hold` of `policy hold: sweep failed: ...`: the rest is in the alert already."""
+    return text.partition(": ")[0]
+
+
+def _bounded_words(consequences: tuple[str, ...]) -> tuple[str, ...]:
+    return consequences[-MOST_CONSEQUENCES:]
+
+
 def _what(event: FleetEvent) -> str:
-    return f"{LABELS}{event.source}: {event.text}"
+    return event.cause or f"{LABELS}{event.source}: {event.text}"
 
 
 def is_answer(event: FleetEvent) -> bool:

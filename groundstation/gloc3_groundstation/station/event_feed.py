@@ -25,6 +25,8 @@ class FeedEvent(msgspec.Struct, frozen=True):
     text: str
     age_s: float
     """Age of the event on arrival, as far as it is known; 0 for a current one."""
+    cause: str = ""
+    """What it follows from; empty for what stands for itself."""
 
 
 class _Row(msgspec.Struct, frozen=True, array_like=True):
@@ -33,6 +35,7 @@ class _Row(msgspec.Struct, frozen=True, array_like=True):
     source: str
     text: str
     t_s: float
+    cause: str = ""
 
 
 class Cursor(msgspec.Struct, frozen=True):
@@ -182,7 +185,7 @@ class EventFeed:
             line.shown = row.number
             age_s = 0.0 if platform_s is None else max(0.0, platform_s - row.t_s)
             if row.number not in line.at_once:
-                reported.append(FeedEvent(Severity(row.severity), row.source, row.text, age_s))
+                reported.append(FeedEvent(Severity(row.severity), row.source, row.text, age_s, row.cause))
         reported += self._drain(line)
         if not rows:
             line.last = max([line.shown, *line.early])
@@ -215,7 +218,7 @@ class EventFeed:
 
 
 def _now(event: CiEvent) -> FeedEvent:
-    return FeedEvent(event.severity, event.source, event.text, 0.0)
+    return FeedEvent(event.severity, event.source, event.text, 0.0, event.cause)
 
 
 def with_age(reported: FeedEvent, age: str) -> str:

@@ -96,6 +96,7 @@ def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
     else:
         platform = known
         if known.is_quiet_link(now_s):
+            platform = replace(known, began_s=now_s)
             fleet = note(fleet, name, Severity.NOTICE, f"is heard again after {_silent(known, now_s)}", now_s)
     if topic in _COUNTED:
         link = _counted(platform.link, topic, envelope.sequence)
@@ -112,7 +113,7 @@ def receive(fleet: Fleet, envelope: Envelope[Any], now_s: float) -> Fleet:
         platform = replace(platform, silence=_planned(platform, envelope, fleet.utc_offset_s, now_s))
     if isinstance(envelope.payload, CiEvent) and not envelope.payload.number:  # others have their turn: `EventFeed`
         event = envelope.payload
-        fleet = note(fleet, name, event.severity, event.text, now_s, source=event.source)
+        fleet = note(fleet, name, event.severity, event.text, now_s, source=event.source, cause=event.cause)
     return with_platform(fleet, platform)
 
 
@@ -138,10 +139,20 @@ def remembered(fleet: Fleet, name: str, silence: ReportedSilence, received_s: fl
     return with_platform(fleet, known)
 
 
-def note(fleet: Fleet, platform: str, severity: Severity, text: str, now_s: float, *, source: str = "") -> Fleet:
+def note(
+    fleet: Fleet, platform: str, severity: Severity, text: str, now_s: float, *, source: str = "", cause: str = ""
+) -> Fleet:
     """The fleet with one more event; without a source it is the station's own."""
     number = fleet.event_count + 1
-    event = FleetEvent(number=number, platform=platform, received_s=now_s, severity=severity, source=source, text=text)
+    event = FleetEvent(
+        number=number,
+        platform=platform,
+        received_s=now_s,
+        severity=severity,
+        source=source,
+        text=text,
+        cause=cause,
+    )
     return replace(fleet, events=(*fleet.events[1 - EVENTS_KEPT :], event), event_count=number)
 
 

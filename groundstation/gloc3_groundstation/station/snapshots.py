@@ -157,7 +157,7 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     received_s: float
     """When anything came from it last."""
     began_s: float = float("-inf")
-    """When its present life was first heard: it is new, or its command interface has begun again."""
+    """When it was heard for the first time, again after a silence, or after its command interface has begun again."""
     former_process: int = 0
     """The onboard process of the life before, until the table tells whether it is still the same; 0 where it has."""
     vehicle: Timed[VehicleSummary] | None = None
@@ -300,6 +300,8 @@ class FleetEvent(msgspec.Struct, frozen=True, kw_only=True):
     source: str
     """The component; empty for an event of the station itself."""
     text: str
+    cause: str = ""
+    """What it follows from, see `gloc3.messages.summaries.Cause`; empty for what stands for itself."""
 
 
 class Fleet(msgspec.Struct, frozen=True, kw_only=True):

@@ -167,7 +167,8 @@ class Station:
         for event in events:
             text = with_age(event, wording.duration(event.age_s))
             now_s = self.now_s()
-            self._change(reducers.note(self.fleet, name, event.severity, text, now_s, source=event.source), now_s)
+            fleet = reducers.note(self.fleet, name, event.severity, text, now_s, source=event.source, cause=event.cause)
+            self._change(fleet, now_s)
 
     def _request_events(self, name: str, now_s: float) -> None:
         """Asks a platform for the events that are missing here."""

@@ -1,13 +1,15 @@
 """Identifies the autopilot on a link: its family and vehicle class, and when it is lost or replaced."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from enum import Enum, auto
 from typing import Final
 
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.services.heartbeat import MavlinkPeers, PeerChange
 from gloc3.messages.envelope import Severity
+from gloc3.messages.summaries import Cause
 from gloc3_onboard.autopilot.families import NOT_SUPPORTED, style_of
+from gloc3_onboard.autopilot.link_reports import LinkReport
 from gloc3_onboard.autopilot.px4 import Px4
 from gloc3_onboard.autopilot.style import AutopilotStyle
 
@@ -34,7 +36,7 @@ class Identification:
         report: called with events.
     """
 
-    def __init__(self, own: Address, report: Callable[[Severity, str], None]) -> None:
+    def __init__(self, own: Address, report: LinkReport) -> None:
         self.peers: Final = MavlinkPeers(own, expires_after_s=2.5)
         """Service that receives heartbeats; driven by its owner."""
         self.target: Address | None = None
@@ -63,8 +65,10 @@ class Identification:
             if change.change is PeerChange.RESTARTED:
                 yield IdentityChange.RESTARTED
                 continue
-            self._report(Severity.WARNING, f"the autopilot has {change.change}")
-            if change.change is PeerChange.RETURNED:
+            is_back = change.change is PeerChange.RETURNED
+            severity = Severity.NOTICE if is_back else Severity.WARNING
+            self._report(severity, f"the autopilot has {change.change}", cause=Cause.AUTOPILOT)
+            if is_back:
                 yield IdentityChange.RETURNED
 
     def identify(self, now_s: float) -> Iterator[IdentityChange]:

@@ -25,7 +25,7 @@ from gloc3_onboard.autopilot.commands import NO_OWNER, CommandDesk
 from gloc3_onboard.autopilot.events import AutopilotEvents
 from gloc3_onboard.autopilot.identification import Identification, IdentityChange
 from gloc3_onboard.autopilot.inspection import Inspection
-from gloc3_onboard.autopilot.link_reports import AlertRelay
+from gloc3_onboard.autopilot.link_reports import AlertRelay, LinkReport
 from gloc3_onboard.autopilot.plan_upload import FenceUpload, FileUpload, PlanUpload
 from gloc3_onboard.autopilot.sensors import AutopilotSensors
 from gloc3_onboard.autopilot.streams import StreamRequests, origin_request, prearm_checks
@@ -39,6 +39,8 @@ COMPANION: Final = 191
 BEHIND_S: Final = 0.3
 """Time after another station's request for rates at which ours are restored, s."""
 TICK_S: Final = 0.1
+STALLED_S: Final = 0.5
+"""Lateness of a tick from which silence meanwhile is this process's own, s."""
 FENCE_LOAD_S: Final = 3.0
 """Time within which ArduPilot loads an uploaded fence, s; until then it answers that there is none to switch on."""
 ONE_RESTART_S: Final = 3.0
@@ -52,7 +54,7 @@ class FrameLink(Protocol):
         """Sends one frame of our own."""
 
 
-def _report_nothing(_severity: Severity, _text: str) -> None:
+def _report_nothing(_severity: Severity, _text: str, /, *, cause: str = "") -> None:
     """Discards the events of a link."""
 
 
@@ -75,7 +77,7 @@ class AutopilotLink:
         loop: asyncio.AbstractEventLoop,
         clock: Clock,
         system_id: int = 1,
-        report: Callable[[Severity, str], None] = _report_nothing,
+        report: LinkReport = _report_nothing,
         signing: Signing | None = None,
         why_not_arm: Callable[[], str] = lambda: "there is no arm authority here",
         more_names: Callable[[Style, VehicleClass], Sequence[str]] = lambda _style, _vehicle: (),
@@ -115,6 +117,7 @@ class AutopilotLink:
         self._node = MavlinkComponent(own, services)
         self._requests_at_once = 0
         self._restarts = 0
+        self._ticked_s = math.inf
         self._restarted_s = -math.inf
         self._timer: asyncio.TimerHandle | None = None
 
@@ -182,7 +185,12 @@ class AutopilotLink:
             self._link.send(self._encoder.frame(message))
 
     def _tick(self) -> None:
-        self._node.tick(self.loop.time())
+        now_s = self.loop.time()
+        late_s = now_s - self._ticked_s - TICK_S
+        if late_s >= STALLED_S:
+            self._identification.peers.stalled(late_s)
+        self._ticked_s = now_s
+        self._node.tick(now_s)
         self.settle()
         self.reports.ring()
         self._timer = self.loop.call_later(TICK_S, self._tick)

@@ -1,7 +1,7 @@
 """Link events: logged, narrated, and sent to the stations like those of a component."""
 
 from collections.abc import Callable
-from typing import Final
+from typing import Final, Protocol
 
 from gloc3.exchange import Publisher
 from gloc3.exchange.base import Exchange
@@ -12,6 +12,13 @@ SOURCE = "autopilot_link"
 SAID_S: Final = 30.0
 """A text of the autopilot that it repeats within this time is reported once, s."""
 MOST_TEXTS: Final = 32
+
+
+class LinkReport(Protocol):
+    """Publishes an event of the link; `cause` names what it follows from, see `gloc3.messages.summaries.Cause`."""
+
+    def __call__(self, severity: Severity, text: str, /, *, cause: str = "") -> None:
+        """Sends it."""
 
 
 class LinkReports:
@@ -32,9 +39,9 @@ class LinkReports:
         self._topic = f"{platform}/components/{source}/event"
         self._time_s = time_s
 
-    def report(self, severity: Severity, text: str) -> None:
-        """Tells one thing."""
-        self._publisher.publish(self._topic, Event(severity=severity, text=text), self._time_s())
+    def report(self, severity: Severity, text: str, /, *, cause: str = "") -> None:
+        """Publishes an event."""
+        self._publisher.publish(self._topic, Event(severity=severity, text=text, cause=cause), self._time_s())
 
 
 class AlertRelay:

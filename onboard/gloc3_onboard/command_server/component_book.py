@@ -79,6 +79,11 @@ class ComponentBook:
             else:
                 self._up_s.pop(status.name, None)
 
+    def stalled(self, by_s: float) -> None:
+        """The process has stalled for so long: no component could report in that time."""
+        self._received_s = {name: received_s + by_s for name, received_s in self._received_s.items()}
+        self._until_s = float("-inf")
+
     def lose(self, name: str) -> None:
         """Marks a component as unreachable: it counts as silent."""
         if name in self._received_s:

@@ -111,7 +111,7 @@ class Contacts:
         if body.store == reports.id and request.role is StationRole.OPERATOR:
             reports.deliver(body.after)
         found = reports.after(after, min(max(body.most, 1), MOST_AT_ONCE))
-        rows = [[e.number, int(e.severity), e.source, e.text, round(e.t_s, 2)] for e in found]
+        rows = [[e.number, int(e.severity), e.source, e.text, round(e.t_s, 2), e.cause] for e in found]
         return answer(request, result={"store": reports.id, "last": reports.last, "reports": rows})
 
 

@@ -6,6 +6,7 @@ from typing import Any, Final
 from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup, PortReport, Result
 from gloc3.messages.envelope import CommandReply, FunctionReply, FunctionRequest, Severity
 from gloc3.messages.frames import GeoPoint
+from gloc3.messages.summaries import Cause
 from gloc3.messages.vehicle import (
     AutopilotState,
     DriverState,
@@ -208,7 +209,7 @@ class MissionHost:
         fence = executor.mission.mission.fence if executor.mission is not None and executor.mission.is_open else None
         if is_silence_judged:
             if (report := snapshot.late_pose_report(now_s)) and not executor.board.has_pilot:
-                self._report(Severity.WARNING, report)
+                self._report(Severity.WARNING, report, cause=Cause.POSITION)
             for condition, is_on, reason in snapshot.conditions(fence, now_s):
                 executor.condition(condition, is_on, reason, now_s)
             silent_s = self._control.silent_s(now_s)
@@ -303,7 +304,7 @@ class MissionHost:
             case ReclaimMotion():
                 return [TakeOver(is_resumed=True)]
             case MissionEvent():
-                self._report(request.severity, request.text)
+                self._report(request.severity, request.text, cause=request.cause)
         return []
 
     def _clear(self, component: str) -> list[PortReport]:

@@ -10,7 +10,7 @@ from gloc3.component.supervision import LciRequest, Step, Supervision, Supervisi
 from gloc3.messages.envelope import CommandReply, CommandRequest, ComponentStatus, Envelope, Severity
 from gloc3.messages.hosts import HostPresence
 from gloc3.messages.readiness import AutopilotSetup, ComputerState
-from gloc3.messages.summaries import Health
+from gloc3.messages.summaries import Cause, Health, component_cause
 from gloc3.messages.vehicle import (
     AutopilotState,
     DriverState,
@@ -94,8 +94,9 @@ class Observing:
         """Takes everything in."""
         self.stalled_s = self._standstill.tick(now_s)
         if self.stalled_s:
-            self._report(Severity.WARNING, f"this process stalled for {self.stalled_s:.1f} s")
+            self._report(Severity.WARNING, f"this process stalled for {self.stalled_s:.1f} s", cause=Cause.LINK)
             self.snapshot.stalled(self.stalled_s)
+            self.book.stalled(self.stalled_s)
         snapshot = self.snapshot
         for status in inbox.new(ObservingPorts.status):
             self.book.receive(status.payload, status.t_s)
@@ -152,7 +153,7 @@ class Observing:
             match step:
                 case LciRequest(component=component, request=request, reason=reason):
                     words = ", ".join([request.command, *request.then])
-                    self._report(Severity.WARNING, f"{words} {component}: {reason}")
+                    self._report(Severity.WARNING, f"{words} {component}: {reason}", cause=component_cause(component))
                     commands.append(ObservingPorts.command.report(request, key=component))
                 case SupervisionVerdict():
                     self.verdicts.append(step)

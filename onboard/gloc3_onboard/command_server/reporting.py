@@ -70,13 +70,13 @@ class EventQueue:
         self._reports = site.reports
         self._events: list[CiEvent] = []
 
-    def report(self, severity: Severity, text: str, source: str = "mission") -> None:
+    def report(self, severity: Severity, text: str, /, source: str = "mission", *, cause: str = "") -> None:
         """Adds an event of this server."""
-        self.add(CiEvent(severity=severity, source=source, text=text, t_s=self.now_s))
+        self.add(CiEvent(severity=severity, source=source, text=text, t_s=self.now_s, cause=cause))
 
-    def report_supervision(self, severity: Severity, text: str) -> None:
+    def report_supervision(self, severity: Severity, text: str, /, *, cause: str = "") -> None:
         """Adds an event of the supervision."""
-        self.report(severity, text, "supervision")
+        self.report(severity, text, "supervision", cause=cause)
 
     def add(self, event: CiEvent) -> None:
         """Adds an event."""
@@ -117,7 +117,10 @@ class Reporting:
             event = envelope.payload
             if event.severity <= self._settings.event_severity:
                 component = envelope.source.component
-                self._events.add(CiEvent(severity=event.severity, source=component, text=event.text, t_s=envelope.t_s))
+                kept = CiEvent(
+                    severity=event.severity, source=component, text=event.text, t_s=envelope.t_s, cause=event.cause
+                )
+                self._events.add(kept)
 
     def repeat_all(self) -> None:
         """Reports everything again, for a new station."""

@@ -1,8 +1,7 @@
 """The command interface server's settings, its platform, and the files that survive the process."""
 
-from collections.abc import Callable
 from concurrent.futures import Executor
-from typing import Annotated, Final, NamedTuple
+from typing import Annotated, Final, NamedTuple, Protocol
 
 import msgspec
 
@@ -18,8 +17,13 @@ from gloc3_onboard.command_server.report_store import ReportStore
 from gloc3_onboard.command_server.vehicle_state import KeptHome
 
 Mark = tuple[int, ...]
-Report = Callable[[Severity, str], None]
-"""Sends an event to the stations."""
+
+
+class Report(Protocol):
+    """Sends an event to the stations; `cause` names what it follows from, see `gloc3.messages.summaries.Cause`."""
+
+    def __call__(self, severity: Severity, text: str, /, *, cause: str = "") -> None:
+        """Sends it."""
 
 
 class ServerSettings(Settings, frozen=True):

@@ -118,11 +118,16 @@ def test_one_heartbeat_a_second_leaves_as_that_of_a_ground_station() -> None:
 def test_who_is_heard_is_told_and_a_second_station_of_the_same_id_too() -> None:
     async def play(scene: Scene) -> None:
         scene.inject(Encoder(1, 1).encode(message("HEARTBEAT", type=2, autopilot=12)))
-        for _ in range(3):
-            scene.inject(Encoder(255, 190).encode(message("HEARTBEAT", type=6, autopilot=8)))
         scene.inject(b"\xfd garbage \xfe\xfd")
         await flights.await_platform(scene.station, None)
         assert scene.link.received() == ["autopilot 1/1"]
+        other = Encoder(255, 190)
+        for _ in range(100):
+            other.encode(message("HEARTBEAT", type=6, autopilot=8))
+        for _ in range(4):
+            assert scene.reported == []
+            scene.inject(other.encode(message("HEARTBEAT", type=6, autopilot=8)))
+            await asyncio.sleep(1.0)
         assert scene.reported == ["another station is 255, too; see --station-id"]
 
     over(Conditions(), play)
@@ -138,9 +143,22 @@ def test_our_own_frames_that_a_router_brings_back_are_no_other_station() -> None
             scene.inject(raw)
         await asyncio.sleep(0.5)
         assert scene.reported == []
-        scene.inject(beats[0])
-        await asyncio.sleep(0.5)
-        assert len(scene.reported) == 1, "of 5 s ago: that is no echo"
+        for raw in beats:  # all at once, from a router that has stalled
+            scene.inject(raw)
+        await asyncio.sleep(3.0)
+        assert scene.reported == []
+
+
+def test_a_burst_of_our_frames_of_long_ago_is_no_other_station() -> None:
+    async def play(scene: Scene) -> None:
+        await asyncio.sleep(5.0)
+        beats = [frame.raw for frame in scene.received if frame.message_id == 0]
+        await asyncio.sleep(60.0)
+        for raw in beats:
+            scene.inject(raw)
+            await asyncio.sleep(0.2)
+        await asyncio.sleep(5.0)
+        assert scene.reported == []
 
     over(Conditions(), play)
 

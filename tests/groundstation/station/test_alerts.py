@@ -4,7 +4,7 @@ from msgspec.structs import replace
 from tests.groundstation.scripted_platform import VEHICLE
 from tests.groundstation.tui.views.test_views import PLATFORM
 
-from gloc3.messages.envelope import Severity
+from gloc3.messages.envelope import Envelope, Severity, Source
 from gloc3.messages.software import own_software
 from gloc3.messages.summaries import ComponentLine, ComponentTrouble, Health
 from gloc3_groundstation.station import fleet as reducers
@@ -136,6 +136,50 @@ def test_warnings_that_are_said_again_are_counted_and_go_when_they_are_acknowled
     assert [(alert.text, alert.count) for alert in alerts.listed] == [("limiter: gust", 3)]
     assert update(alerts, fleet, 101.0) is alerts
     assert acknowledge(alerts, alerts.pending[0].key).all == {}
+
+
+def test_warnings_of_one_cause_are_one_alert_that_is_acknowledged_again_for_each_new_consequence() -> None:
+    def warned(fleet: Fleet, text: str) -> Fleet:
+        return reducers.note(fleet, "heron", Severity.WARNING, text, 100.0, source="mission", cause="failed sweep")
+
+    fleet = warned(fleet_of(), "sweep.wall failed: no answer")
+    first = update(Alerts(), fleet, 100.0)
+    fleet = warned(warned(fleet, "policy hold: sweep failed: no answer"), "policy hold: sweep failed: no answer")
+    second = update(first, fleet, 100.0)
+    (alert,) = second.pending
+    assert (alert.story, alert.count) == ("mission: sweep.wall failed: no answer; policy hold", 1)
+    assert acknowledge(second).all == {}
+    again = update(second, warned(fleet, "sweep.wall failed: no answer"), 100.0)
+    assert [(alert.story, alert.count) for alert in again.pending] == [("mission: sweep.wall failed: no answer", 2)]
+
+
+def test_warnings_that_follow_from_an_active_cause_are_in_its_alert_whichever_is_first() -> None:
+    def warned(fleet: Fleet) -> Fleet:
+        for text in ("low battery: 9 %; policy: land", "policy land: low battery"):
+            fleet = reducers.note(fleet, "heron", Severity.WARNING, text, 100.0, source="mission", cause="battery")
+        return fleet
+
+    low = fleet_of(battery_percent=9)
+    after = update(update(Alerts(), low, 100.0), warned(low), 100.1)
+    before = update(update(Alerts(), warned(fleet_of()), 100.0), replace(warned(low), events=()), 100.1)
+    for alerts in (after, before):
+        (alert,) = alerts.pending
+        assert alert.story == "battery at or below 15 %; low battery; policy land"
+        assert (alert.severity, alert.is_over) == (Severity.CRITICAL, False)
+    seen = acknowledge(after)
+    assert seen.pending == []
+    fleet = reducers.note(warned(low), "heron", Severity.WARNING, "landed hard", 101.0, cause="battery")
+    assert [alert.consequences[-1] for alert in update(seen, fleet, 101.0).pending] == ["landed hard"]
+
+
+def test_after_a_silence_a_vehicle_has_time_to_report_its_parts() -> None:
+    absent = ComponentLine(3, list(Health).index(Health.ABSENT), 0, 0, 0, 0)
+    ill = fleet_of(replace(PLATFORM, lines={**PLATFORM.lines, 3: (absent, 100.0)}))
+    summary = Envelope("heron/ci/vehicle", Source("heron", "ci", PLATFORM.boot), 1000, 0.0, "", "", VEHICLE)
+    back = reducers.receive(ill, summary, 120.0)
+    assert [alert.what for alert in update(Alerts(), back, 121.0).listed] == []
+    later = replace(back, platforms={"heron": replace(back.platforms["heron"], received_s=126.0)})
+    assert [alert.what for alert in update(Alerts(), later, 126.0).listed] == ["component pose"]
 
 
 def test_a_refusal_of_what_the_operator_asked_for_is_an_answer_and_no_alert() -> None:

@@ -55,7 +55,7 @@ class Rig:
         self.autopilot = FakeAutopilot(self.loop, self.wire.b, style, own, vehicle_type)
         self.routed = wire(self.link, self.wire.a, self.loop)
 
-    def _report(self, severity: Severity, text: str) -> None:
+    def _report(self, severity: Severity, text: str, /, *, cause: str = "") -> None:
         self.reported.append(text)
 
     def run(self, seconds: float) -> "Rig":

@@ -184,7 +184,7 @@ def test_the_simulated_autopilot_tells_its_inertial_unit_to_the_sampler(style: s
         cable = MemoryLink(bench.loop, Random(1), Conditions(latency_s=0.002))
         cable.a.on_data = simulator.attach(cable.a.send, LinkKind.COMPANION)
         said: list[str] = []
-        link = AutopilotLink(bench.loop, Clock(bench.loop), report=lambda _, text: said.append(text))
+        link = AutopilotLink(bench.loop, Clock(bench.loop), report=lambda _, text, /, *, cause="": said.append(text))
         wire(link, cable.b, bench.loop)
         simulator.start(bench.loop)
         bench.host(

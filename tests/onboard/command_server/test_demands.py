@@ -20,7 +20,7 @@ class Desk:
         authority.handle("255", Control(verb=ControlVerb.REQUEST), 5.0, 0.0)
         self.demands = Demands(authority, self._report)
 
-    def _report(self, severity: Severity, text: str, source: str = "") -> None:
+    def _report(self, severity: Severity, text: str, /, *, cause: str = "") -> None:
         assert severity is Severity.WARNING
         self.reported.append(text)
 

@@ -114,7 +114,7 @@ class Desk:
         components = ComponentRequests(observing, self.report)
         return RequestHandler(site, authority, missions, components, Contacts(site.reports))
 
-    def report(self, _: Severity, text: str) -> None:
+    def report(self, _: Severity, text: str, /, *, cause: str = "") -> None:
         self.said.append(text)
 
     def request(self, body: AnyBody, sender: str = "255", sequence: int | None = None, boot: int = 7) -> CiReply | None:

@@ -173,6 +173,11 @@ class MavlinkPeers(Microservice[PeerEvent]):
                 peer.is_alive = False
                 self._events.append(PeerEvent(PeerChange.LOST, peer))
 
+    def stalled(self, by_s: float) -> None:
+        """This process has stalled for so long: no peer could be received in that time."""
+        for peer in self._peers.values():
+            peer.last_s += by_s
+
     def next_tick_s(self) -> float | None:
         """When the next peer is lost unless it sends a heartbeat."""
         return min(

@@ -1,11 +1,13 @@
 """The executor's knowledge at one moment: programs, assignments, the vehicle, conditions, and the policy under way."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from enum import StrEnum
 from typing import Final
 
 from gloc3.errors import Misuse, Refused, nearest
 from gloc3.messages.envelope import Severity
+from gloc3.messages.summaries import Cause
 from gloc3.mission.executing.assignments import Assignment, AssignmentPhase, Assignments
 from gloc3.mission.executing.items import MISSION, ActionRun, MissionItem, MissionProgram, TaskRun
 from gloc3.mission.executing.requests import MissionEvent
@@ -35,6 +37,18 @@ class PolicyCondition(StrEnum):
     PLATFORM_LOST = "platform lost"
     """Another platform of the mission on whose tasks this one waits."""
 
+    @property
+    def cause(self) -> str:
+        """Name of what it follows from, which stations may know already."""
+        return _CAUSES.get(self, self.value)
+
+
+_CAUSES: Final = {
+    PolicyCondition.LINK_LOST: Cause.LINK,
+    PolicyCondition.OVERDUE: Cause.LINK,
+    PolicyCondition.LOW_BATTERY: Cause.BATTERY,
+    PolicyCondition.POSE_LOST: Cause.POSITION,
+}
 
 SAFETY: Final = frozenset(
     {PolicyCondition.LINK_LOST, PolicyCondition.LOW_BATTERY, PolicyCondition.POSE_LOST, PolicyCondition.FENCE_BREACHED}
@@ -163,6 +177,8 @@ class Board:
         """When the obstacle appeared in the path of the action that moves the vehicle; None without one."""
         self.air: Final = AirState()
         self.reported: list[MissionEvent] = []
+        self._cause = ""
+        """What reports follow from now."""
         self.is_changed = False
         """Something that must survive the process has changed."""
 
@@ -245,7 +261,16 @@ class Board:
 
     def report(self, severity: Severity, text: str) -> None:
         """Notes something for the operators and the log."""
-        self.reported.append(MissionEvent(severity=severity, text=text))
+        self.reported.append(MissionEvent(severity=severity, text=text, cause=self._cause))
+
+    @contextmanager
+    def because(self, cause: str) -> Iterator[None]:
+        """Reports within follow from one cause; within another one's they follow from that."""
+        before, self._cause = self._cause, self._cause or cause
+        try:
+            yield
+        finally:
+            self._cause = before
 
     def assignment(self, run: ActionRun) -> Assignment | None:
         """The component's end of an action."""

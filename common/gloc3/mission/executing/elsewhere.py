@@ -60,7 +60,8 @@ def watch(board: Board, now_s: float) -> None:
         board.report(Severity.INFO, f"{PolicyCondition.PLATFORM_LOST}: over")
     elif program is not None and lost and was is None and program.state is ActionState.RUNNING:
         board.conditions[PolicyCondition.PLATFORM_LOST] = lost
-        reactions.apply_policy(board, PolicyCondition.PLATFORM_LOST, lost, now_s)
+        with board.because(PolicyCondition.PLATFORM_LOST.cause):
+            reactions.apply_policy(board, PolicyCondition.PLATFORM_LOST, lost, now_s)
         if Policy(board.policies.on_platform_loss) is Policy.SKIP and not board.has_pilot:
             _leave_out(board, program, lost, now_s)
 

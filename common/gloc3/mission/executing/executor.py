@@ -12,6 +12,7 @@ from typing import Final, Literal
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3
+from gloc3.messages.summaries import Cause, component_cause
 from gloc3.mission.executing import elsewhere, flow, manoeuvres, reactions, steering
 from gloc3.mission.executing.assignments import Assignment
 from gloc3.mission.executing.board import BY_OPERATOR, SAFETY, Board, PolicyCondition
@@ -150,14 +151,13 @@ class MissionExecutor:
 
     def emergency(self, kind: Literal["hold", "land"], author: str, now_s: float) -> None:
         """The emergency command: overrides any policy and any mission."""
-        policy = Policy.HOLD if kind == "hold" else Policy.LAND
-        self.board.report(Severity.ALERT, f"emergency {kind} by {author}")
-        if self.board.has_pilot:
-            self.board.report(Severity.WARNING, f"{self.board.controller} has control: no action taken")
-            return
-        manoeuvres.apply(
-            self.board, policy, f"emergency {kind} by {author}", now_s, StateTrigger.ABORT, is_ordered=True
-        )
+        board, policy = self.board, Policy.HOLD if kind == "hold" else Policy.LAND
+        with board.because(Cause.EMERGENCY):
+            board.report(Severity.ALERT, f"emergency {kind} by {author}")
+            if board.has_pilot:
+                board.report(Severity.WARNING, f"{board.controller} has control: no action taken")
+                return
+            manoeuvres.apply(board, policy, f"emergency {kind} by {author}", now_s, StateTrigger.ABORT, is_ordered=True)
         self.settle(now_s)
 
     def free_name(self) -> str:
@@ -233,16 +233,18 @@ class MissionExecutor:
         board = self.board
         performed = {name: (component,) for name, row in board.rows.items() if row.performed_by == component}
         board.missing.add({name: missing for name, missing in performed.items() if name not in board.missing}, now_s)
-        for assignment in lost:
-            flow.lose(self.board, assignment, f"{component}: {reason}", now_s)
+        with board.because(component_cause(component)):
+            for assignment in lost:
+                flow.lose(board, assignment, f"{component}: {reason}", now_s)
         self.settle(now_s)
 
     def motion_lost(self, component: str, provides: tuple[str, ...], reason: str, now_s: float) -> None:
         """Handles a component that an operator takes away by force: the actions that need it fail; see `in_use`."""
         self.component_failed(component, reason, now_s)
-        for assignment in self.board.users(component, provides):
-            if assignment.action_id in self.board.assignments.by_id:
-                flow.lose(self.board, assignment, f"{component}: {reason}", now_s)
+        with self.board.because(component_cause(component)):
+            for assignment in self.board.users(component, provides):
+                if assignment.action_id in self.board.assignments.by_id:
+                    flow.lose(self.board, assignment, f"{component}: {reason}", now_s)
         self.settle(now_s)
 
     def component_lost(self, component: str, policy: Policy, reason: str, now_s: float) -> None:
@@ -255,10 +257,11 @@ class MissionExecutor:
             now_s: the time.
         """
         board = self.board
-        if board.has_pilot:
-            board.report(Severity.ERROR, f"{component} is lost ({reason}); {board.controller} has control")
-            return
-        reactions.lose_component(board, component, policy, reason, now_s)
+        with board.because(component_cause(component)):
+            if board.has_pilot:
+                board.report(Severity.ERROR, f"{component} is lost ({reason}); {board.controller} has control")
+                return
+            reactions.lose_component(board, component, policy, reason, now_s)
         self.settle(now_s)
 
     def vehicle(self, is_airborne: bool, now_s: float) -> None:
@@ -281,14 +284,15 @@ class MissionExecutor:
         self._reported = (has_control, is_failsafe)
         if has_control:
             board.has_pilot, board.is_failsafe, board.is_changed = True, is_failsafe, True
-            board.report(Severity.WARNING, f"{board.controller} has control: {reason}")
-            manoeuvres.clear(board, now_s)
-            why = "failsafe" if is_failsafe else "pilot"
-            for program in board.programs.values():
-                if program.is_mission:
-                    board.halt(program, program.level, now_s, f"{why}: {reason}")
-                else:
-                    manoeuvres.end_program(board, program, StateTrigger.ABORT, now_s, why)
+            why = Cause.FAILSAFE if is_failsafe else Cause.PILOT
+            with board.because(why):
+                board.report(Severity.WARNING, f"{board.controller} has control: {reason}")
+                manoeuvres.clear(board, now_s)
+                for program in board.programs.values():
+                    if program.is_mission:
+                        board.halt(program, program.level, now_s, f"{why}: {reason}")
+                    else:
+                        manoeuvres.end_program(board, program, StateTrigger.ABORT, now_s, why)
         self.settle(now_s)
 
     def failsafe_holds(self, now_s: float) -> None:
@@ -296,7 +300,8 @@ class MissionExecutor:
         board = self.board
         if board.has_pilot and board.is_failsafe:
             self._take_back()
-            manoeuvres.apply(board, Policy.HOLD, "held by the autopilot's failsafe", now_s)
+            with board.because(Cause.FAILSAFE):
+                manoeuvres.apply(board, Policy.HOLD, "held by the autopilot's failsafe", now_s)
             self.settle(now_s)
 
     def failsafe_landed(self, now_s: float) -> None:
@@ -327,11 +332,12 @@ class MissionExecutor:
             del board.unanswered[condition]
         self._take_back()
         who = "neither a transmitter nor another station"
-        board.report(Severity.WARNING, f"{who} was heard for {silent_s:.0f} s: the mission's policies apply")
-        for condition, reason in waiting.items():
-            reactions.apply_policy(board, condition, reason, now_s)
-        if is_over:
-            manoeuvres.apply(board, Policy.LAND, "held, and nobody in charge", now_s)
+        with board.because(Cause.PILOT):
+            board.report(Severity.WARNING, f"{who} was heard for {silent_s:.0f} s: the mission's policies apply")
+            for condition, reason in waiting.items():
+                reactions.apply_policy(board, condition, reason, now_s)
+            if is_over:
+                manoeuvres.apply(board, Policy.LAND, "held, and nobody in charge", now_s)
         self.settle(now_s)
 
     def _take_back(self) -> None:

@@ -19,6 +19,11 @@ def fail_action(board: Board, run: ActionRun, reason: str, now_s: float, *, is_o
         now_s: the time.
         is_over: whether its component has ended it already.
     """
+    with board.because(f"failed {run.target}"):
+        _fail_action(board, run, reason, now_s, is_over=is_over)
+
+
+def _fail_action(board: Board, run: ActionRun, reason: str, now_s: float, *, is_over: bool) -> None:
     board.release(run, is_over=is_over)
     if run.action.order.begins_flight and is_over:
         board.air.is_taking_off = False
@@ -37,6 +42,11 @@ def fail_action(board: Board, run: ActionRun, reason: str, now_s: float, *, is_o
 
 def fail_task(board: Board, task: TaskRun, reason: str, now_s: float, *, is_late: bool = False) -> None:
     """A task has failed because of one of its actions, or (`is_late`) because of its deadline."""
+    with board.because(f"failed {task.target}"):
+        _fail_task(board, task, reason, now_s, is_late=is_late)
+
+
+def _fail_task(board: Board, task: TaskRun, reason: str, now_s: float, *, is_late: bool) -> None:
     if is_late:
         for run in task.actions.values():
             if run.is_open:
@@ -79,10 +89,11 @@ def fail_task(board: Board, task: TaskRun, reason: str, now_s: float, *, is_late
 
 def fail_program(board: Board, program: MissionProgram, reason: str, now_s: float) -> None:
     """A mission, or a single task or action, has failed as a whole."""
-    board.end_all(program, StateTrigger.ABORT, now_s, reason)
-    board.move(program, StateTrigger.FAIL, now_s, reason)
-    on_failure = program.mission.policies.on_failure
-    manoeuvres.apply(board, resolved(Policy.ABORT, on_failure), reason, now_s)
+    with board.because(f"failed {program.name}"):
+        board.end_all(program, StateTrigger.ABORT, now_s, reason)
+        board.move(program, StateTrigger.FAIL, now_s, reason)
+        on_failure = program.mission.policies.on_failure
+        manoeuvres.apply(board, resolved(Policy.ABORT, on_failure), reason, now_s)
 
 
 def retry(board: Board, item: TaskRun | ActionRun, now_s: float) -> None:

@@ -8,6 +8,7 @@ from gloc3.errors import Refused
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3
 from gloc3.messages.standard_topics import POSE_LOST_S
+from gloc3.messages.summaries import component_cause
 from gloc3.mission.checking.checker import home_problem
 from gloc3.mission.executing import elsewhere, manoeuvres, reactions
 from gloc3.mission.executing.assignments import MOTION, Assignment, AssignmentPhase
@@ -119,7 +120,8 @@ def advance(board: Board, now_s: float) -> None:
     for assignment in list(board.assignments.by_id.values()):
         due_s = assignment.due_s()
         if due_s is not None and now_s >= due_s:
-            lose(board, assignment, _silence(assignment), now_s)
+            with board.because(component_cause(assignment.component)):
+                lose(board, assignment, _silence(assignment), now_s)
     for program in list(board.programs.values()):
         if program.is_open:
             _watch(board, program, now_s)

@@ -28,7 +28,8 @@ def set_condition(board: Board, condition: PolicyCondition, is_on: bool, reason:
         return
     if is_on:
         board.conditions[condition] = reason
-        apply_policy(board, condition, reason, now_s)
+        with board.because(condition.cause):
+            apply_policy(board, condition, reason, now_s)
     else:
         del board.conditions[condition]
         board.unanswered.pop(condition, None)

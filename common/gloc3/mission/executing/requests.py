@@ -64,3 +64,5 @@ class MissionEvent(Request, frozen=True, kw_only=True):
 
     severity: Severity
     text: str
+    cause: str = ""
+    """What it follows from; empty for what stands for itself."""

@@ -154,7 +154,7 @@ def alert_line(view: StationView, width: int) -> Line:
     alert, others = pending[0], f"  +{len(pending) - 1} more" if len(pending) > 1 else ""
     who = f"{alert.platform}: " if alert.platform else ""
     over = f", over since {wording.clock(alert.last_s - view.started_s)}" if alert.is_cleared else ""
-    text = f" {alert.severity.name.lower()}{over}: {who}{' '.join(alert.text.split())}"
+    text = f" {alert.severity.name.lower()}{over}: {who}{' '.join(alert.story.split())}"
     tails = (f"{others}   x acknowledges ", f"{others} ")  # the key stands in the last line too
     tail = next((tail for tail in tails if len(text) + len(tail) + 2 <= width), tails[-1])
     return spread((Span(cut(text, width - len(tail) - 2), tone_of(alert.severity)),), (Span(tail, Tone.DIM),), width)

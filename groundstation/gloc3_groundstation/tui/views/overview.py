@@ -126,7 +126,7 @@ def alert_lines(view: StationView, width: int) -> list[Line]:
         head = f" {sign} {wording.clock(alert.since_s - view.started_s)}  "
         name = alert.severity.name.lower()
         rest = Tone.DIM if alert.is_acknowledged else Tone.TEXT
-        text = f"{who}{alert.text}{times}"
+        text = f"{who}{alert.story}{times}"
         if width < NARROW_ALERTS:  # the severity stands before the text, which goes on below it
             first, *more = wrapped(f"{name}: {text}", width - len(head))
             lines.append((Span(head, Tone.DIM), Span(name, tone), Span(first[len(name) :], rest)))

@@ -45,7 +45,7 @@ MUTANTS = (
     Mutant("a restart begins to count anew", restore.restore, "count = snapshot.count", "count = 0"),
     Mutant("a pause does not reach the component", Board.halt, "self.assignments.pause(assignment, now_s)", "pass"),
     Mutant("what is ended goes on at its component", Board.release, "self.assignments.drop", "(lambda *_, **__: None)"),
-    Mutant("attempts never end", failures.fail_action, "if run.has_attempts_left:", "if True:", seed=30),
+    Mutant("attempts never end", failures._fail_action, "if run.has_attempts_left:", "if True:", seed=30),
     Mutant("failures have no consequence", failures._manoeuvre, "manoeuvres.apply(", "(lambda *_: None)(", seed=24),
     Mutant("a milder policy wins", manoeuvres.apply, "SEVERITY[current.policy] >= SEVERITY[policy]", "False", seed=72),
     Mutant(
